@@ -1,0 +1,31 @@
+# Compiler settings of our own code. Libraries come in as SYSTEM.
+find_program(SIGHTLINE_CCACHE ccache)
+if(SIGHTLINE_CCACHE)
+  set(CMAKE_CXX_COMPILER_LAUNCHER ${SIGHTLINE_CCACHE})
+endif()
+
+add_library(sightline_options INTERFACE)
+target_compile_options(sightline_options INTERFACE -Wall -Wextra -Wpedantic -Wshadow -Werror
+  # Same bytes on every machine: no fused multiply-add where one CPU has it and another has not.
+  -ffp-contract=off)
+target_include_directories(sightline_options INTERFACE ${PROJECT_SOURCE_DIR})
+
+if(SIGHTLINE_SANITIZE)
+  add_compile_options(-fsanitize=${SIGHTLINE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
+  add_link_options(-fsanitize=${SIGHTLINE_SANITIZE})
+  # GCC cannot emit resolvers of target_clones under sanitizers.
+  add_compile_definitions(SIGHTLINE_NO_TARGET_CLONES)
+endif()
+
+# sightline_test(NAME SOURCES... LIBRARIES...): one GoogleTest binary, registered with CTest.
+function(sightline_test name)
+  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBRARIES" ${ARGN})
+  add_executable(${name} ${ARG_SOURCES})
+  target_link_libraries(${name} PRIVATE sightline_options ${ARG_LIBRARIES} GTest::gmock GTest::gtest_main)
+  if(NOT ARG_TIMEOUT)
+    set(ARG_TIMEOUT 600)
+  endif()
+  add_test(NAME ${name} COMMAND ${name})
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT}
+    ENVIRONMENT "SIGHTLINE_SOURCE_DIR=${PROJECT_SOURCE_DIR};SIGHTLINE_BIN_DIR=${CMAKE_RUNTIME_OUTPUT_DIRECTORY};LP_NUM_THREADS=0")
+endfunction()

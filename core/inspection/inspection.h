@@ -1,0 +1,120 @@
+// inspection.json as validated values: SI units, radians, defaults filled in.
+#pragma once
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/rig/measurement.h"
+#include "core/rig/rig.h"
+#include "core/targets/target_set.h"
+#include "sightline/v1/inspection.pb.h"
+
+namespace sightline {
+
+// What one parameter may be. One fixed value is a list of one.
+struct ParameterDomain {
+  struct Range {
+    double min;
+    double max;
+  };
+  // Exactly one of the two is non-empty. Ranges are sorted and do not overlap.
+  std::vector<Range> ranges;
+  std::vector<double> values;
+  // Angle that wraps around at a full turn (azimuth, alpha, beta, gamma).
+  bool periodic = false;
+
+  bool Contains(double value) const;  // within 1e-9
+};
+
+struct RestingOrientation {
+  double part_alpha_rad;
+  double part_beta_rad;
+};
+
+// Same order as Measurement; angles in radians.
+struct MeasurementDomain {
+  std::array<ParameterDomain, kMeasurementParameters> parameters;
+  std::vector<RestingOrientation> resting_orientations;
+
+  bool Contains(const Measurement& measurement) const;
+};
+
+// Bounds of Table 2.1.
+MeasurementDomain ThesisDomain();
+
+enum class ObstacleFrame { kPart, kStage, kWorld };
+
+struct ObstacleSource {
+  std::string name;
+  std::string file;  // absolute, or relative to the working directory
+  std::string unit;
+  ObstacleFrame frame;
+};
+
+struct PlanningGoal {
+  double coverage = 0.95;
+  int max_scans = 40;
+  std::optional<double> max_time_s;
+  double min_gain = 0.0002;
+};
+
+struct CostModel {
+  std::optional<double> stage_speed_m_per_s;
+  std::optional<double> frame_rate_hz;
+  std::optional<double> reposition_time_s;
+  std::optional<double> reposition_speed_rad_per_s;
+  std::optional<double> reposition_speed_m_per_s;
+
+  // No field set: every scan costs 1.
+  bool IsUnit() const;
+};
+
+struct Inspection {
+  std::string name;
+  std::string part_file;  // resolved against the inspection file's folder
+  std::string part_unit;
+  Rig rig;
+  TargetSampling targets;
+  MeasurementDomain domain;
+  std::vector<ObstacleSource> obstacles;
+  PlanningGoal goal;
+  CostModel costs;
+};
+
+// Reads and validates an inspection file. INVALID_ARGUMENT names file, field path, value and
+// allowed range; unknown fields are errors that name the nearest known one. NOT_FOUND: no such
+// file.
+absl::StatusOr<Inspection> ReadInspection(const std::string& path);
+
+// Validates a message; `context` (e.g. the file name) starts every error message. File paths are
+// resolved against `base_folder`.
+absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& message,
+                                           const std::string& context,
+                                           const std::string& base_folder);
+
+// The parts of an inspection that the coverage service takes, each validated alone with the same
+// rules and messages.
+absl::StatusOr<Rig> ParseRig(const v1::Rig& rig, const v1::Camera& camera, const v1::Lens* lens,
+                             const v1::Laser& laser, const std::string& context);
+absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& message,
+                                                   const std::string& context);
+// Limits on targets need what they are computed from (a circle of confusion: lens and pixel pitch).
+// ParseInspection calls it; who parses rig and targets alone calls it too.
+absl::Status CheckLimitInputs(const Rig& rig, const TargetSampling& sampling,
+                              const std::string& context);
+
+// Conversions at the edge: degrees outside, radians inside. Finite values are not checked here.
+Measurement MeasurementFromProto(const v1::Measurement& message);
+v1::Measurement MeasurementToProto(const Measurement& measurement);
+
+// Back to messages, every default written out: what goes over the wire and into reports.
+v1::Camera CameraToProto(const Camera& camera);
+v1::Laser LaserToProto(const Laser& laser);
+v1::Rig RigToProto(const Rig& rig);
+v1::TargetSampling TargetSamplingToProto(const TargetSampling& sampling);
+
+}  // namespace sightline

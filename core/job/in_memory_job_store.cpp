@@ -1,0 +1,251 @@
+#include <algorithm>
+#include <cassert>
+#include <chrono>
+#include <condition_variable>
+#include <cstdint>
+#include <deque>
+#include <exception>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <random>
+#include <string>
+#include <thread>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/job/job_store.h"
+
+namespace sightline {
+namespace {
+
+constexpr size_t kKeptFinishedJobs = 1000;
+
+// std::mutex rather than absl::Mutex: the thread sanitizer sees into it without a rebuilt library.
+class InMemoryJobStore : public JobStore {
+ public:
+  explicit InMemoryJobStore(int workers) {
+    assert(workers > 0);
+    for (int i = 0; i < std::max(workers, 1); ++i) threads_.emplace_back([this] { Work(); });
+  }
+
+  ~InMemoryJobStore() override {
+    {
+      std::unique_lock lock(mutex_);
+      stopping_ = true;
+      const auto jobs = order_;  // finishing a job may drop an old one
+      for (const auto& [number, job] : jobs) {
+        if (!job->record.finished()) CancelLocked(*job);
+      }
+      queued_.notify_all();
+      changed_.notify_all();
+      // Whoever still waits for a change leaves before the members go.
+      changed_.wait(lock, [this] { return waiting_ == 0; });
+    }
+    for (std::thread& thread : threads_) thread.join();
+  }
+
+  absl::StatusOr<JobRecord> Create(const std::string& kind, const std::string& request_id,
+                                   const std::string& fingerprint, JobWork work) override {
+    std::lock_guard lock(mutex_);
+    if (!request_id.empty()) {
+      const auto known = requests_.find({kind, request_id});
+      if (known != requests_.end()) {
+        const Job& job = *jobs_.at(known->second);
+        if (job.fingerprint != fingerprint) {
+          return absl::AlreadyExistsError(
+              absl::StrCat("request_id \"", request_id, "\" was used for another ", kind));
+        }
+        return job.record;
+      }
+    }
+    if (stopping_) return absl::UnavailableError("the job store is shutting down");
+    auto job = std::make_shared<Job>();
+    job->number = next_number_++;
+    job->fingerprint = fingerprint;
+    job->work = std::move(work);
+    job->record.kind = kind;
+    job->record.request_id = request_id;
+    job->record.job_id = NewId(kind);
+    job->record.revision = 1;
+    jobs_[job->record.job_id] = job;
+    order_[job->number] = job;
+    if (!request_id.empty()) requests_[{kind, request_id}] = job->record.job_id;
+    queue_.push_back(job);
+    queued_.notify_one();
+    return job->record;
+  }
+
+  absl::StatusOr<JobRecord> Get(const std::string& job_id) const override {
+    std::lock_guard lock(mutex_);
+    const auto job = jobs_.find(job_id);
+    if (job == jobs_.end()) return Unknown(job_id);
+    return job->second->record;
+  }
+
+  std::vector<JobRecord> List(const std::string& kind) const override {
+    std::lock_guard lock(mutex_);
+    std::vector<JobRecord> records;
+    for (const auto& [number, job] : order_) {
+      if (kind.empty() || job->record.kind == kind) records.push_back(job->record);
+    }
+    return records;
+  }
+
+  absl::StatusOr<JobRecord> Cancel(const std::string& job_id) override {
+    std::lock_guard lock(mutex_);
+    const auto found = jobs_.find(job_id);
+    if (found == jobs_.end()) return Unknown(job_id);
+    const std::shared_ptr<Job> job = found->second;
+    if (!job->record.finished()) CancelLocked(*job);
+    return job->record;
+  }
+
+  absl::StatusOr<JobRecord> WaitForChange(const std::string& job_id, int64_t revision,
+                                          absl::Duration timeout) const override {
+    std::unique_lock lock(mutex_);
+    const auto found = jobs_.find(job_id);
+    if (found == jobs_.end()) return Unknown(job_id);
+    const std::shared_ptr<Job> job = found->second;  // stays, even if the store forgets it
+    const auto ready = [&] { return job->record.revision > revision || stopping_; };
+    ++waiting_;
+    // An endless wait is cut: the clock's arithmetic would overflow.
+    const auto bounded = absl::ToChronoMilliseconds(
+        std::clamp(timeout, absl::ZeroDuration(), absl::Hours(24 * 365)));
+    changed_.wait_until(lock, std::chrono::steady_clock::now() + bounded, ready);
+    --waiting_;
+    JobRecord record = job->record;
+    if (stopping_ && waiting_ == 0) changed_.notify_all();
+    return record;
+  }
+
+ private:
+  struct Job {
+    int64_t number = 0;
+    std::string fingerprint;
+    JobWork work;
+    JobRecord record;
+    std::atomic<bool> cancelled{false};
+  };
+
+  class Context : public JobContext {
+   public:
+    Context(InMemoryJobStore& store, Job& job) : store_(store), job_(job) {}
+    void ReportProgress(double progress, const std::string& message) override {
+      std::lock_guard lock(store_.mutex_);
+      // Progress never goes back; NaN changes nothing.
+      job_.record.progress = std::max(job_.record.progress, std::min(progress, 1.0));
+      job_.record.message = message;
+      store_.Changed(job_);
+    }
+    const std::atomic<bool>& cancelled() const override { return job_.cancelled; }
+
+   private:
+    InMemoryJobStore& store_;
+    Job& job_;
+  };
+
+  static absl::Status Unknown(const std::string& job_id) {
+    return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
+  }
+
+  // Random, so that an id from before a restart never names another job.
+  std::string NewId(const std::string& kind) {
+    return absl::StrFormat("%s-%08x%08x%08x", kind, random_(), random_(), random_());
+  }
+
+  // The functions below are called with the mutex held.
+  void Changed(Job& job) {
+    ++job.record.revision;
+    changed_.notify_all();
+  }
+
+  void CancelLocked(Job& job) {
+    if (job.cancelled.exchange(true)) return;
+    if (job.record.state != JobState::kQueued) {
+      Changed(job);  // Work() sets the state once the work has returned
+      return;
+    }
+    queue_.erase(std::remove_if(queue_.begin(), queue_.end(),
+                                [&](const auto& queued) { return queued.get() == &job; }),
+                 queue_.end());
+    Finish(job, absl::CancelledError("cancelled before it started"));
+  }
+
+  void Finish(Job& job, const absl::StatusOr<std::string>& result) {
+    job.work = nullptr;
+    if (job.cancelled) {
+      job.record.state = JobState::kCancelled;
+      job.record.error = absl::CancelledError("cancelled");
+    } else if (result.ok()) {
+      job.record.state = JobState::kSucceeded;
+      job.record.result_key = *result;
+      job.record.progress = 1;
+    } else {
+      job.record.state = JobState::kFailed;
+      job.record.error = result.status();
+    }
+    Changed(job);
+    finished_.push_back(job.number);
+    while (finished_.size() > kKeptFinishedJobs) {
+      const auto oldest = order_.find(finished_.front());
+      finished_.pop_front();
+      const std::shared_ptr<Job> dropped = oldest->second;
+      order_.erase(oldest);
+      jobs_.erase(dropped->record.job_id);
+      if (!dropped->record.request_id.empty()) {
+        requests_.erase({dropped->record.kind, dropped->record.request_id});
+      }
+    }
+  }
+
+  void Work() {
+    std::unique_lock lock(mutex_);
+    while (true) {
+      queued_.wait(lock, [this] { return stopping_ || !queue_.empty(); });
+      if (queue_.empty()) return;  // stopping: everything queued was cancelled
+      const std::shared_ptr<Job> job = queue_.front();
+      queue_.pop_front();
+      job->record.state = JobState::kRunning;
+      Changed(*job);
+      JobWork work = std::move(job->work);
+      lock.unlock();
+      absl::StatusOr<std::string> result = absl::InternalError("no result");
+      try {
+        Context context(*this, *job);
+        result = work(context);
+      } catch (const std::exception& e) {
+        result = absl::InternalError(absl::StrCat("exception: ", e.what()));
+      } catch (...) {
+        result = absl::InternalError("exception of unknown type");
+      }
+      work = nullptr;  // what it captured goes without the mutex
+      lock.lock();
+      Finish(*job, result);
+    }
+  }
+
+  mutable std::mutex mutex_;
+  std::condition_variable queued_;
+  mutable std::condition_variable changed_;
+  mutable int waiting_ = 0;
+  bool stopping_ = false;
+  int64_t next_number_ = 0;
+  std::random_device random_;
+  std::map<std::string, std::shared_ptr<Job>> jobs_;
+  std::map<int64_t, std::shared_ptr<Job>> order_;
+  std::map<std::pair<std::string, std::string>, std::string> requests_;
+  std::deque<std::shared_ptr<Job>> queue_;
+  std::deque<int64_t> finished_;
+  std::vector<std::thread> threads_;
+};
+
+}  // namespace
+
+std::unique_ptr<JobStore> MakeInMemoryJobStore(int workers) {
+  return std::make_unique<InMemoryJobStore>(workers);
+}
+
+}  // namespace sightline

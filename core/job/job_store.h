@@ -1,0 +1,64 @@
+// Long operations as jobs. One interface for every service; this store keeps them in memory.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+
+namespace sightline {
+
+enum class JobState { kQueued, kRunning, kSucceeded, kFailed, kCancelled };
+
+struct JobRecord {
+  std::string job_id;
+  std::string kind;
+  std::string request_id;
+  JobState state = JobState::kQueued;
+  double progress = 0;  // [0, 1]
+  std::string message;
+  std::string result_key;
+  absl::Status error;
+  int64_t revision = 0;  // grows with every change
+
+  bool finished() const { return state >= JobState::kSucceeded; }
+};
+
+// Handed to the running work.
+class JobContext {
+ public:
+  virtual ~JobContext() = default;
+  virtual void ReportProgress(double progress, const std::string& message) = 0;
+  // Work stops within 100 ms of this becoming true.
+  virtual const std::atomic<bool>& cancelled() const = 0;
+};
+
+// Returns the result key.
+using JobWork = std::function<absl::StatusOr<std::string>(JobContext&)>;
+
+class JobStore {
+ public:
+  virtual ~JobStore() = default;
+  // Queues `work` and returns at once. A known (kind, request_id) returns that job and drops
+  // `work`; ALREADY_EXISTS if it was made with another `fingerprint`. An empty request_id is
+  // always new.
+  virtual absl::StatusOr<JobRecord> Create(const std::string& kind, const std::string& request_id,
+                                           const std::string& fingerprint, JobWork work) = 0;
+  virtual absl::StatusOr<JobRecord> Get(const std::string& job_id) const = 0;
+  // In order of creation; empty kind: all.
+  virtual std::vector<JobRecord> List(const std::string& kind) const = 0;
+  virtual absl::StatusOr<JobRecord> Cancel(const std::string& job_id) = 0;
+  // Waits until the job's revision exceeds `revision` or the timeout passes; returns the job.
+  virtual absl::StatusOr<JobRecord> WaitForChange(const std::string& job_id, int64_t revision,
+                                                  absl::Duration timeout) const = 0;
+};
+
+// Runs at most `workers` jobs at a time. Keeps the last 1000 finished jobs. The destructor cancels
+// what runs and waits for it.
+std::unique_ptr<JobStore> MakeInMemoryJobStore(int workers);
+
+}  // namespace sightline

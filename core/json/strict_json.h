@@ -1,0 +1,33 @@
+// proto3 JSON files with errors a person can act on.
+#pragma once
+
+#include <google/protobuf/message.h>
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace sightline {
+
+// Parses `json` into `message` (original snake_case field names). INVALID_ARGUMENT names `file`,
+// the path of the field (e.g. "rig.scan_step_m", "obstacles[2].frame") and the reason; for an
+// unknown field or enum value also the nearest known name.
+absl::Status ParseStrictJson(const std::string& json, const std::string& file,
+                             google::protobuf::Message* message);
+
+// NOT_FOUND if the file cannot be read.
+absl::Status ReadStrictJsonFile(const std::string& path, google::protobuf::Message* message);
+
+// Indented JSON, snake_case names, fields with default values left out; the same message gives the
+// same bytes. int64 are written as numbers, not strings.
+std::string ToJson(const google::protobuf::Message& message);
+
+// Shortest text that reads back as the same number, without an exponent where that stays readable.
+// NaN and infinity: "NaN", "Infinity", "-Infinity".
+std::string NumberText(double value);
+
+// Writes by renaming a temporary file: no half-written file is ever seen.
+absl::Status WriteFileAtomically(const std::string& path, const std::string& contents);
+
+}  // namespace sightline

@@ -1,0 +1,266 @@
+#include "core/part/load_part.h"
+
+#include <algorithm>
+#include <bit>
+#include <cctype>
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstring>
+#include <filesystem>
+#include <limits>
+#include <optional>
+
+#include "absl/strings/str_cat.h"
+#include "core/json/strict_json.h"
+#include "core/part/mesh_readers.h"
+
+namespace sightline {
+namespace {
+
+constexpr uint64_t kMaxFileBytes = uint64_t{2} << 30;
+constexpr double kSmallestPart_m = 1e-3, kLargestPart_m = 10;
+
+std::optional<double> MetresPer(const std::string& unit) {
+  if (unit == "m") return 1;
+  if (unit == "cm") return 1e-2;
+  if (unit == "mm") return 1e-3;
+  if (unit == "um") return 1e-6;
+  if (unit == "inch") return 0.0254;
+  return std::nullopt;
+}
+
+// Lower-case extension without the dot.
+std::string FormatOf(const std::string& file_name) {
+  std::string format = std::filesystem::path(file_name).extension().string();
+  if (!format.empty()) format.erase(0, 1);
+  for (char& c : format) c = static_cast<char>(std::tolower(static_cast<unsigned char>(c)));
+  return format;
+}
+
+bool CarriesUnit(const std::string& format) { return format == "glb" || format == "gltf"; }
+
+absl::Status CheckUnit(const std::string& format, const std::string& unit) {
+  if (unit.empty()) {
+    if (CarriesUnit(format) || format.empty()) return absl::OkStatus();
+    return absl::InvalidArgumentError(absl::StrCat(
+        "is missing: a .", format, " file carries no unit, must be m, cm, mm, um or inch"));
+  }
+  if (MetresPer(unit)) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("is \"", unit.substr(0, 40), "\", must be m, cm, mm, um or inch"));
+}
+
+// Numbers vertices by position, in the order in which triangles first use them. Positions that
+// differ by no more than the rounding of float coordinates are one vertex: exporters write the same
+// corner once as 0 and once as 1e-9, and an exact comparison would tear the surface there.
+class Welder {
+ public:
+  Welder(size_t max_vertices, float tolerance_m, std::vector<Eigen::Vector3f>* positions)
+      : positions_(*positions),
+        tolerance_m_(tolerance_m),
+        mask_(std::bit_ceil(std::max<size_t>(16, 2 * max_vertices)) - 1),
+        table_(mask_ + 1) {}
+
+  uint32_t Add(const Eigen::Vector3f& position) {
+    const Cell low = CellOf(position.array() - tolerance_m_);
+    const Cell high = CellOf(position.array() + tolerance_m_);
+    uint32_t found = kNone;
+    for (int64_t x = low[0]; x <= high[0]; ++x) {
+      for (int64_t y = low[1]; y <= high[1]; ++y) {
+        for (int64_t z = low[2]; z <= high[2]; ++z) {
+          for (uint32_t i = table_[SlotOf({x, y, z})].first; i != kNone; i = next_[i]) {
+            const bool near = (positions_[i] - position).cwiseAbs().maxCoeff() <= tolerance_m_;
+            if (near) found = std::min(found, i);
+          }
+        }
+      }
+    }
+    if (found != kNone) return found;
+    const Cell cell = CellOf(position);
+    Slot& slot = table_[SlotOf(cell)];
+    const uint32_t index = static_cast<uint32_t>(positions_.size());
+    next_.push_back(slot.first);
+    slot = {cell, index};
+    positions_.push_back(position);
+    return index;
+  }
+
+ private:
+  using Cell = std::array<int64_t, 3>;
+  static constexpr uint32_t kNone = std::numeric_limits<uint32_t>::max();
+  struct Slot {
+    Cell cell{};
+    uint32_t first = kNone;  // kNone: free
+  };
+
+  // Cells much wider than the tolerance: nearly always one is enough to look at.
+  Cell CellOf(const Eigen::Vector3f& p) const {
+    Cell cell;
+    for (int axis = 0; axis < 3; ++axis) {
+      cell[axis] = static_cast<int64_t>(std::floor(p[axis] / (16.0 * tolerance_m_)));
+    }
+    return cell;
+  }
+  size_t SlotOf(const Cell& cell) const {
+    uint64_t hash = 0;
+    for (int64_t c : cell) {
+      hash = (hash ^ static_cast<uint64_t>(c)) * 0x9e3779b97f4a7c15u;
+      hash ^= hash >> 29;
+    }
+    size_t slot = hash & mask_;
+    while (table_[slot].first != kNone && table_[slot].cell != cell) slot = (slot + 1) & mask_;
+    return slot;
+  }
+
+  std::vector<Eigen::Vector3f>& positions_;
+  float tolerance_m_;
+  size_t mask_;
+  std::vector<Slot> table_;
+  std::vector<uint32_t> next_;
+};
+
+std::string Millimetres(double metres) { return absl::StrCat(metres * 1e3, " mm"); }
+
+absl::StatusOr<TriangleMesh> Finish(const RawMesh& raw, double metres_per_unit) {
+  if (raw.triangles.empty()) return absl::InvalidArgumentError("has no triangles");
+  constexpr uint32_t kUnused = std::numeric_limits<uint32_t>::max();
+  std::vector<uint32_t> welded(raw.positions.size(), kUnused);
+  TriangleMesh mesh;
+  std::vector<Eigen::Vector3f> scaled(raw.positions.size());
+  float largest_m = 0;
+  for (size_t i = 0; i < raw.positions.size(); ++i) {
+    // Adding zero turns -0 into 0: the same bytes for the digest.
+    scaled[i] = (raw.positions[i] * metres_per_unit).cast<float>() + Eigen::Vector3f::Zero();
+    if (!scaled[i].allFinite()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("vertex ", i, " is not finite (NaN or too large)"));
+    }
+    largest_m = std::max(largest_m, scaled[i].cwiseAbs().maxCoeff());
+  }
+  // Two units in the last place of the largest coordinate.
+  const float tolerance_m = std::max(largest_m * 0x1p-22f, std::numeric_limits<float>::min());
+  Welder welder(raw.positions.size(), tolerance_m, &mesh.positions_m);
+  mesh.triangles.reserve(raw.triangles.size());
+  for (const auto& triangle : raw.triangles) {
+    std::array<uint32_t, 3> out;
+    for (int corner = 0; corner < 3; ++corner) {
+      uint32_t& index = welded[triangle[corner]];
+      if (index == kUnused) index = welder.Add(scaled[triangle[corner]]);
+      out[corner] = index;
+    }
+    mesh.triangles.push_back(out);
+  }
+  const double extent_m = mesh.BoundingBox().sizes().maxCoeff();
+  if (extent_m > kLargestPart_m) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("its largest extent is ", extent_m,
+                     " m, must be in [0.001, 10] m: looks like millimetres read as metres; state "
+                     "the unit of the file"));
+  }
+  if (extent_m < kSmallestPart_m) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("its largest extent is ", Millimetres(extent_m),
+                     ", must be in [1, 10000] mm: looks like metres read as millimetres (or "
+                     "smaller); state the unit of the file"));
+  }
+  return mesh;
+}
+
+absl::StatusOr<std::string> ReadBytes(const std::string& path) {
+  std::error_code error;
+  const std::filesystem::file_status status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status)) {
+    return absl::NotFoundError(absl::StrCat(path, ": no such file"));
+  }
+  if (!std::filesystem::is_regular_file(status)) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": is no regular file"));
+  }
+  const uint64_t size = std::filesystem::file_size(path, error);
+  if (!error && size > kMaxFileBytes) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": has ", size >> 20, " MiB, at most 2048 MiB can be read"));
+  }
+  std::FILE* file = std::fopen(path.c_str(), "rb");
+  if (file == nullptr) {
+    return absl::NotFoundError(absl::StrCat(path, ": cannot be opened: ", std::strerror(errno)));
+  }
+  std::string bytes(error ? 0 : size, '\0');
+  const size_t count = std::fread(bytes.data(), 1, bytes.size(), file);
+  const bool failed = count != bytes.size() || std::ferror(file) != 0;
+  std::fclose(file);
+  if (failed) return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be read to its end"));
+  return bytes;
+}
+
+// `path` is empty for a part in memory.
+absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& format,
+                                  const std::string& unit, const std::string& name,
+                                  const std::string& path) {
+  const auto named = [&](const absl::Status& status) {
+    return absl::Status(status.code(), absl::StrCat(name, ": ", status.message()));
+  };
+  if (bytes.size() > kMaxFileBytes) {
+    return named(absl::InvalidArgumentError("has more than the 2048 MiB that can be read"));
+  }
+  if (absl::Status status = CheckUnit(format, unit); !status.ok()) {
+    return named(absl::InvalidArgumentError(absl::StrCat("unit ", status.message())));
+  }
+  absl::StatusOr<RawMesh> raw = absl::InvalidArgumentError(
+      absl::StrCat("unknown format \"", format, "\", must be glb, gltf, stl, ply or obj"));
+  if (format == "glb") raw = ReadGlb(bytes);
+  if (format == "gltf" && !path.empty()) raw = ReadGltfFile(bytes, path);
+  if (format == "stl") raw = ReadStl(bytes);
+  if (format == "ply") raw = ReadPly(bytes);
+  if (format == "obj") raw = ReadObj(bytes);
+  if (format == "step" || format == "stp") {
+    raw = absl::InvalidArgumentError("is a STEP file: convert it with step_import first");
+  }
+  if (!raw.ok()) return named(raw.status());
+  absl::StatusOr<TriangleMesh> mesh = Finish(*raw, MetresPer(unit).value_or(1));
+  if (!mesh.ok()) return named(mesh.status());
+  return mesh;
+}
+
+}  // namespace
+
+absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit) {
+  return CheckUnit(FormatOf(file_name), unit);
+}
+
+absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit) {
+  absl::StatusOr<std::string> bytes = ReadBytes(path);
+  if (!bytes.ok()) return bytes.status();
+  return Load(*bytes, FormatOf(path), unit, path, path);
+}
+
+absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const std::string& format,
+                                                const std::string& unit, const std::string& name) {
+  return Load(bytes, format, unit, name, "");
+}
+
+absl::Status WritePlyPoints(const std::string& path, const std::vector<Eigen::Vector3f>& points_m,
+                            const std::vector<Eigen::Vector3f>& normals) {
+  if (points_m.size() != normals.size()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": ", points_m.size(), " points but ", normals.size(), " normals"));
+  }
+  std::string bytes = absl::StrCat(
+      "ply\nformat binary_little_endian 1.0\ncomment unit: metre\nelement vertex ", points_m.size(),
+      "\nproperty float x\nproperty float y\nproperty float z\nproperty float nx\nproperty float "
+      "ny\nproperty float nz\nend_header\n");
+  bytes.reserve(bytes.size() + 24 * points_m.size());
+  const auto append = [&](const Eigen::Vector3f& v) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const uint32_t word = std::bit_cast<uint32_t>(v[axis]);
+      for (int shift = 0; shift < 32; shift += 8) bytes += static_cast<char>(word >> shift);
+    }
+  };
+  for (size_t i = 0; i < points_m.size(); ++i) {
+    append(points_m[i]);
+    append(normals[i]);
+  }
+  return WriteFileAtomically(path, bytes);
+}
+
+}  // namespace sightline

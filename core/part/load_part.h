@@ -1,0 +1,34 @@
+// Part files: glTF/GLB, STL, PLY, OBJ.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/part/mesh.h"
+
+namespace sightline {
+
+// `unit`: "m", "cm", "mm", "um", "inch"; empty means metres for glTF and is an error for formats
+// without units. Coordinates are taken as they are in the file (no axis swap); glTF node transforms
+// are applied, all meshes of the default scene are merged. Vertices that coincide within the
+// rounding of float coordinates (2^-22 of the largest one) are welded, unused ones left out;
+// triangles stay as they are. INVALID_ARGUMENT names file and reason: truncated, NaN, no triangles,
+// unsupported feature, unknown unit, implausible size (largest extent below 1 mm or above 10 m:
+// "looks like millimetres read as metres"). NOT_FOUND: no such file.
+absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit);
+
+// Checks a unit alone: known, and given if the name's extension is that of a format without units.
+// INVALID_ARGUMENT otherwise; the message starts with "is ...".
+absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit);
+
+// The same from memory; `format` is "glb", "stl", "ply" or "obj"; `name` is for messages.
+absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const std::string& format,
+                                                const std::string& unit, const std::string& name);
+
+// Binary little-endian PLY of points with normals, metres. For planned point clouds.
+absl::Status WritePlyPoints(const std::string& path, const std::vector<Eigen::Vector3f>& points_m,
+                            const std::vector<Eigen::Vector3f>& normals);
+
+}  // namespace sightline

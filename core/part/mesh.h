@@ -1,0 +1,32 @@
+// Triangle mesh of a part or obstacle.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace sightline {
+
+// Indexed triangles, counter-clockwise seen from outside; positions in metres.
+struct TriangleMesh {
+  std::vector<Eigen::Vector3f> positions_m;
+  std::vector<std::array<uint32_t, 3>> triangles;
+
+  // Of all vertices. Empty box for an empty mesh.
+  Eigen::AlignedBox3d BoundingBox() const;
+  // Corner c (0..2) of triangle t.
+  Eigen::Vector3d Corner(size_t t, int c) const {
+    return positions_m[triangles[t][c]].cast<double>();
+  }
+  // Outward unit normal of triangle t; zero vector for a degenerate triangle.
+  Eigen::Vector3d Normal(size_t t) const;
+  double Area(size_t t) const;
+};
+
+// SHA-256 (lower-case hex) of the mesh's canonical bytes: vertex count, positions, triangles.
+std::string PartDigest(const TriangleMesh& mesh);
+
+}  // namespace sightline

@@ -1,0 +1,72 @@
+// Readers of single file formats, for LoadPart. Each takes the whole file in memory and never
+// allocates more than a small multiple of its size, whatever counts the file claims.
+//
+// Only glTF is read by a library (tinygltf). STL, PLY and OBJ are read here: each is a page of
+// code, and Assimp, the usual library for them, repairs and drops silently (degenerate faces, bad
+// indices, what follows a truncation) where a metrology tool has to refuse and say where.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <cstdint>
+#include <span>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace sightline {
+
+// Geometry as it is in a file: file units, not welded. Every index is valid; positions may not be
+// finite.
+struct RawMesh {
+  std::vector<Eigen::Vector3d> positions;
+  std::vector<std::array<uint32_t, 3>> triangles;
+};
+
+// A mesh above this many triangles is refused.
+inline constexpr size_t kMaxTriangles = 20'000'000;
+
+// Messages of the returned errors are the reason only, without the file's name.
+absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes);
+// `bytes` are the JSON of the file at `path`, whose folder external buffers are read from.
+absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path);
+absl::StatusOr<RawMesh> ReadStl(std::string_view bytes);
+absl::StatusOr<RawMesh> ReadPly(std::string_view bytes);
+absl::StatusOr<RawMesh> ReadObj(std::string_view bytes);
+
+// Adds the triangles of a planar polygon given by indices into mesh->positions: a fan if it is
+// convex, otherwise by cutting off ears. Fewer than 3 corners add nothing.
+void AddPolygon(std::span<const uint32_t> corners, RawMesh* mesh);
+
+// Reads words of a text, separated by white space; knows the line for messages.
+class TextScanner {
+ public:
+  explicit TextScanner(std::string_view text) : text_(text) {}
+
+  // Next word, on whatever line; empty at the end.
+  std::string_view Word();
+  // Next word of the current line; empty at the end of the line.
+  std::string_view WordInLine();
+  // Steps over the rest of the line; false at the end of the text.
+  bool NextLine();
+  bool AtEnd() const { return position_ >= text_.size(); }
+  size_t line() const { return line_; }
+  size_t position() const { return position_; }
+
+ private:
+  std::string_view text_;
+  size_t position_ = 0;
+  size_t line_ = 1;
+};
+
+// At most 40 characters of a word, for messages.
+std::string Excerpt(std::string_view word);
+
+// Decimal point whatever the locale; the whole word must be the number. NaN and infinity parse.
+bool ParseNumber(std::string_view word, double* value);
+bool ParseInteger(std::string_view word, int64_t* value);
+
+}  // namespace sightline

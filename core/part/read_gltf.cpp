@@ -1,0 +1,408 @@
+// glTF 2.0 and GLB by tinygltf, which parses; everything an index or offset of the file points at
+// is checked here, because tinygltf checks little of it.
+#include <tiny_gltf.h>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cstring>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+#include "absl/strings/strip.h"
+#include "core/part/mesh_readers.h"
+
+namespace sightline {
+namespace {
+
+// tinygltf walks "extras" recursively: deeper nesting could overflow the stack.
+constexpr int kMaxJsonDepth = 64;
+
+absl::Status Refuse(const std::string& reason) { return absl::InvalidArgumentError(reason); }
+
+// What has to be known before tinygltf may see the JSON.
+absl::Status CheckJson(std::string_view json, bool binary) {
+  bool too_deep = false;
+  const auto callback = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
+    if (depth > kMaxJsonDepth) too_deep = true;
+    return depth <= kMaxJsonDepth;  // deeper values are dropped unread
+  };
+  const nlohmann::json root = nlohmann::json::parse(json.begin(), json.end(), callback, false);
+  if (too_deep) return Refuse(absl::StrCat("its JSON is nested deeper than ", kMaxJsonDepth));
+  if (root.is_discarded() || !root.is_object()) {
+    return Refuse("truncated or damaged: its JSON does not parse");
+  }
+  // Only the first buffer may be the GLB's own; each further one would copy it once more.
+  const auto buffers = root.find("buffers");
+  if (buffers != root.end() && buffers->is_array()) {
+    for (size_t i = 0; i < buffers->size(); ++i) {
+      const nlohmann::json& buffer = (*buffers)[i];
+      const bool has_uri = buffer.is_object() && buffer.contains("uri");
+      if (!has_uri && (!binary || i > 0))
+        return Refuse(absl::StrCat("buffers[", i, "] has no uri"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Images have no part in the geometry.
+bool IgnoreImage(tinygltf::Image*, int, std::string*, std::string*, int, int, const unsigned char*,
+                 int, void*) {
+  return true;
+}
+
+bool NoSuchFile(const std::string&, void*) { return false; }
+std::string SamePath(const std::string& path, void*) { return path; }
+bool ReadNoFile(std::vector<unsigned char>*, std::string* error, const std::string& path, void*) {
+  if (error != nullptr) *error += "external file " + path + " cannot be read from a GLB. ";
+  return false;
+}
+bool WriteNoFile(std::string*, const std::string&, const std::vector<unsigned char>&, void*) {
+  return false;
+}
+
+// One line, whatever tinygltf wrote.
+std::string OneLine(std::string text) {
+  text.resize(std::min<size_t>(text.size(), 400));
+  text = absl::StrReplaceAll(text, {{"\n", " "}, {"\r", " "}});
+  return std::string(absl::StripAsciiWhitespace(text));
+}
+
+class Converter {
+ public:
+  explicit Converter(const tinygltf::Model& model) : model_(model) {}
+
+  absl::StatusOr<RawMesh> Convert() {
+    if (absl::Status status = CheckExtensions(); !status.ok()) return status;
+    visited_.assign(model_.nodes.size(), false);
+    if (model_.scenes.empty()) {
+      // Without a scene every root node is meant.
+      std::vector<bool> is_child(model_.nodes.size(), false);
+      for (const tinygltf::Node& node : model_.nodes) {
+        for (int child : node.children) {
+          if (child >= 0 && static_cast<size_t>(child) < is_child.size()) is_child[child] = true;
+        }
+      }
+      for (size_t i = 0; i < model_.nodes.size(); ++i) {
+        if (is_child[i]) continue;
+        if (absl::Status status = AddTree(static_cast<int>(i)); !status.ok()) return status;
+      }
+    } else {
+      const int scene = std::max(model_.defaultScene, 0);
+      if (static_cast<size_t>(scene) >= model_.scenes.size()) {
+        return Refuse(absl::StrCat("its default scene ", scene, " does not exist"));
+      }
+      for (int node : model_.scenes[scene].nodes) {
+        if (absl::Status status = AddTree(node); !status.ok()) return status;
+      }
+    }
+    if (mesh_.triangles.empty() && skipped_primitives_ > 0) {
+      return Refuse("has only points and lines, no triangles");
+    }
+    return std::move(mesh_);
+  }
+
+ private:
+  absl::Status CheckExtensions() const {
+    for (const std::string& name : model_.extensionsUsed) {
+      if (name == "KHR_draco_mesh_compression" || absl::StrContains(name, "meshopt_compression")) {
+        return Refuse(absl::StrCat("uses ", name, ": export it without mesh compression"));
+      }
+    }
+    for (const std::string& name : model_.extensionsRequired) {
+      // Looks only, not shape.
+      const bool harmless = absl::StartsWith(name, "KHR_materials_") ||
+                            absl::StartsWith(name, "KHR_texture_") ||
+                            absl::StartsWith(name, "EXT_texture_") || name == "KHR_lights_punctual";
+      if (!harmless) return Refuse(absl::StrCat("requires the unsupported extension ", name));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status AddTree(int root) {
+    std::vector<std::pair<int, Eigen::Affine3d>> open = {{root, Eigen::Affine3d::Identity()}};
+    while (!open.empty()) {
+      const auto [index, parent] = open.back();
+      open.pop_back();
+      if (index < 0 || static_cast<size_t>(index) >= model_.nodes.size()) {
+        return Refuse(absl::StrCat("nodes[", index, "] does not exist"));
+      }
+      // The nodes of glTF are trees; this also stops cycles and exponential growth.
+      if (visited_[index]) return Refuse(absl::StrCat("nodes[", index, "] has several parents"));
+      visited_[index] = true;
+      const tinygltf::Node& node = model_.nodes[index];
+      absl::StatusOr<Eigen::Affine3d> local = LocalTransform(node, index);
+      if (!local.ok()) return local.status();
+      const Eigen::Affine3d transform = parent * *local;
+      if (node.mesh >= 0) {
+        if (node.skin >= 0) {
+          return Refuse(
+              absl::StrCat("nodes[", index, "] is skinned: apply the pose and export again"));
+        }
+        if (absl::Status status = AddMesh(node.mesh, transform); !status.ok()) return status;
+      }
+      for (auto child = node.children.rbegin(); child != node.children.rend(); ++child) {
+        open.emplace_back(*child, transform);
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  static absl::StatusOr<Eigen::Affine3d> LocalTransform(const tinygltf::Node& node, int index) {
+    const auto bad_size = [&](const char* field, size_t have, size_t need) {
+      return Refuse(
+          absl::StrCat("nodes[", index, "].", field, " has ", have, " numbers, must have ", need));
+    };
+    Eigen::Affine3d transform = Eigen::Affine3d::Identity();
+    if (!node.matrix.empty()) {
+      if (node.matrix.size() != 16) return bad_size("matrix", node.matrix.size(), 16);
+      transform.matrix() = Eigen::Map<const Eigen::Matrix4d>(node.matrix.data());  // column-major
+      if (transform.matrix().row(3) != Eigen::RowVector4d(0, 0, 0, 1)) {
+        return Refuse(absl::StrCat("nodes[", index, "].matrix is not affine"));
+      }
+      return transform;
+    }
+    if (!node.translation.empty()) {
+      if (node.translation.size() != 3) return bad_size("translation", node.translation.size(), 3);
+      transform.translate(Eigen::Map<const Eigen::Vector3d>(node.translation.data()));
+    }
+    if (!node.rotation.empty()) {
+      if (node.rotation.size() != 4) return bad_size("rotation", node.rotation.size(), 4);
+      const Eigen::Quaterniond rotation(node.rotation[3], node.rotation[0], node.rotation[1],
+                                        node.rotation[2]);
+      if (!(std::abs(rotation.norm() - 1) < 1e-3)) {
+        return Refuse(absl::StrCat("nodes[", index, "].rotation is no unit quaternion"));
+      }
+      transform.rotate(rotation.normalized());
+    }
+    if (!node.scale.empty()) {
+      if (node.scale.size() != 3) return bad_size("scale", node.scale.size(), 3);
+      transform.scale(Eigen::Map<const Eigen::Vector3d>(node.scale.data()));
+    }
+    return transform;
+  }
+
+  absl::Status AddMesh(int index, const Eigen::Affine3d& transform) {
+    if (static_cast<size_t>(index) >= model_.meshes.size()) {
+      return Refuse(absl::StrCat("meshes[", index, "] does not exist"));
+    }
+    const tinygltf::Mesh& mesh = model_.meshes[index];
+    for (size_t i = 0; i < mesh.primitives.size(); ++i) {
+      const std::string name = absl::StrCat("meshes[", index, "].primitives[", i, "]");
+      if (absl::Status status = AddPrimitive(mesh.primitives[i], name, transform); !status.ok()) {
+        return status;
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  // The bytes of an accessor, all inside its buffer.
+  struct View {
+    const unsigned char* data = nullptr;
+    size_t stride = 0;
+    size_t count = 0;
+  };
+
+  absl::StatusOr<View> ViewOf(int index, const std::string& name, size_t element_size) const {
+    const auto bad = [&](const std::string& reason) {
+      return Refuse(absl::StrCat(name, ": accessors[", index, "] ", reason));
+    };
+    if (index < 0 || static_cast<size_t>(index) >= model_.accessors.size()) {
+      return bad("does not exist");
+    }
+    const tinygltf::Accessor& accessor = model_.accessors[index];
+    if (accessor.sparse.isSparse) return bad("is sparse, which is not supported");
+    if (accessor.bufferView < 0 ||
+        static_cast<size_t>(accessor.bufferView) >= model_.bufferViews.size()) {
+      return bad("has no buffer view");
+    }
+    const tinygltf::BufferView& view = model_.bufferViews[accessor.bufferView];
+    if (view.buffer < 0 || static_cast<size_t>(view.buffer) >= model_.buffers.size()) {
+      return bad("has no buffer");
+    }
+    const std::vector<unsigned char>& buffer = model_.buffers[view.buffer].data;
+    const size_t stride = view.byteStride == 0 ? element_size : view.byteStride;
+    if (stride < element_size || stride > 252) {
+      return bad(absl::StrCat("has stride ", stride, ", must be in [", element_size, ", 252]"));
+    }
+    if (accessor.count == 0) return bad("is empty");
+    // Written so that nothing can overflow.
+    const bool inside =
+        view.byteOffset <= buffer.size() && view.byteLength <= buffer.size() - view.byteOffset &&
+        accessor.byteOffset <= view.byteLength &&
+        element_size <= view.byteLength - accessor.byteOffset &&
+        accessor.count - 1 <= (view.byteLength - accessor.byteOffset - element_size) / stride;
+    if (!inside) return bad("reaches beyond its buffer (truncated file?)");
+    return View{buffer.data() + view.byteOffset + accessor.byteOffset, stride, accessor.count};
+  }
+
+  absl::Status AddPrimitive(const tinygltf::Primitive& primitive, const std::string& name,
+                            const Eigen::Affine3d& transform) {
+    const int mode = primitive.mode == -1 ? TINYGLTF_MODE_TRIANGLES : primitive.mode;
+    if (mode != TINYGLTF_MODE_TRIANGLES && mode != TINYGLTF_MODE_TRIANGLE_STRIP &&
+        mode != TINYGLTF_MODE_TRIANGLE_FAN) {
+      ++skipped_primitives_;  // points and lines are no surface
+      return absl::OkStatus();
+    }
+    if (!primitive.targets.empty()) {
+      return Refuse(name + " has morph targets: apply them and export again");
+    }
+    const auto attribute = primitive.attributes.find("POSITION");
+    if (attribute == primitive.attributes.end()) return Refuse(name + " has no POSITION");
+    absl::StatusOr<View> positions = ViewOf(attribute->second, name, 3 * sizeof(float));
+    if (!positions.ok()) return positions.status();
+    const tinygltf::Accessor& accessor = model_.accessors[attribute->second];
+    if (accessor.type != TINYGLTF_TYPE_VEC3 ||
+        accessor.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT) {
+      return Refuse(name + ": POSITION is not made of 3 floats");
+    }
+
+    absl::StatusOr<std::vector<uint32_t>> indices = Indices(primitive, positions->count, name);
+    if (!indices.ok()) return indices.status();
+    if (mesh_.positions.size() + positions->count > 3 * kMaxTriangles ||
+        mesh_.triangles.size() + indices->size() > kMaxTriangles) {
+      return Refuse(absl::StrCat("has more than ", kMaxTriangles, " triangles"));
+    }
+
+    const uint32_t base = static_cast<uint32_t>(mesh_.positions.size());
+    mesh_.positions.reserve(mesh_.positions.size() + positions->count);
+    for (size_t i = 0; i < positions->count; ++i) {
+      float xyz[3];
+      std::memcpy(xyz, positions->data + i * positions->stride, sizeof(xyz));
+      mesh_.positions.push_back(transform * Eigen::Vector3d(xyz[0], xyz[1], xyz[2]));
+    }
+    // A mirroring transform turns the triangles inside out.
+    const bool flip = transform.linear().determinant() < 0;
+    const auto add = [&](uint32_t a, uint32_t b, uint32_t c) {
+      if (flip) std::swap(b, c);
+      mesh_.triangles.push_back({base + a, base + b, base + c});
+    };
+    const std::vector<uint32_t>& v = *indices;
+    if (mode == TINYGLTF_MODE_TRIANGLES) {
+      if (v.size() % 3 != 0) {
+        return Refuse(absl::StrCat(name, " has ", v.size(), " corners, no multiple of 3"));
+      }
+      for (size_t i = 0; i + 2 < v.size(); i += 3) add(v[i], v[i + 1], v[i + 2]);
+    } else if (mode == TINYGLTF_MODE_TRIANGLE_STRIP) {
+      for (size_t i = 0; i + 2 < v.size(); ++i) {
+        if (i % 2 == 0) {
+          add(v[i], v[i + 1], v[i + 2]);
+        } else {
+          add(v[i], v[i + 2], v[i + 1]);
+        }
+      }
+    } else {
+      for (size_t i = 1; i + 1 < v.size(); ++i) add(v[i], v[i + 1], v[0]);
+    }
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::vector<uint32_t>> Indices(const tinygltf::Primitive& primitive,
+                                                size_t vertex_count,
+                                                const std::string& name) const {
+    std::vector<uint32_t> indices;
+    if (primitive.indices < 0) {
+      indices.resize(vertex_count);
+      for (size_t i = 0; i < vertex_count; ++i) indices[i] = static_cast<uint32_t>(i);
+      return indices;
+    }
+    if (static_cast<size_t>(primitive.indices) >= model_.accessors.size()) {
+      return Refuse(name + ": its index accessor does not exist");
+    }
+    const tinygltf::Accessor& accessor = model_.accessors[primitive.indices];
+    size_t size = 0;
+    switch (accessor.componentType) {
+      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+        size = 1;
+        break;
+      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+        size = 2;
+        break;
+      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
+        size = 4;
+        break;
+      default:
+        return Refuse(absl::StrCat(name, ": indices have component type ", accessor.componentType,
+                                   ", must be unsigned 8, 16 or 32 bit"));
+    }
+    if (accessor.type != TINYGLTF_TYPE_SCALAR) return Refuse(name + ": indices are no scalars");
+    absl::StatusOr<View> view = ViewOf(primitive.indices, name, size);
+    if (!view.ok()) return view.status();
+    indices.reserve(view->count);
+    for (size_t i = 0; i < view->count; ++i) {
+      uint32_t index = 0;
+      for (size_t byte = size; byte > 0; --byte) {
+        index = index << 8 | view->data[i * view->stride + byte - 1];
+      }
+      if (index >= vertex_count) {
+        return Refuse(absl::StrCat(name, ": index ", index, " is out of range, there are ",
+                                   vertex_count, " vertices"));
+      }
+      indices.push_back(index);
+    }
+    return indices;
+  }
+
+  const tinygltf::Model& model_;
+  std::vector<bool> visited_;
+  RawMesh mesh_;
+  size_t skipped_primitives_ = 0;
+};
+
+// `load` calls tinygltf.
+template <typename Load>
+absl::StatusOr<RawMesh> LoadModel(tinygltf::TinyGLTF& loader, Load load) {
+  loader.SetImageLoader(IgnoreImage, nullptr);
+  tinygltf::Model model;
+  std::string error, warning;
+  try {
+    if (!load(&model, &error, &warning)) {
+      return Refuse(absl::StrCat("cannot be parsed: ", OneLine(error)));
+    }
+  } catch (const std::exception& e) {
+    return Refuse(absl::StrCat("cannot be parsed: ", OneLine(e.what())));
+  }
+  return Converter(model).Convert();
+}
+
+}  // namespace
+
+absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes) {
+  if (bytes.size() < 20 || bytes.substr(0, 4) != "glTF") {
+    return Refuse("is no GLB file or is truncated in its header");
+  }
+  const auto word = [&](size_t at) {
+    uint32_t value = 0;
+    for (int i = 3; i >= 0; --i) value = value << 8 | static_cast<unsigned char>(bytes[at + i]);
+    return value;
+  };
+  if (word(4) != 2) return Refuse(absl::StrCat("is glTF version ", word(4), ", must be 2"));
+  if (word(8) > bytes.size() || word(12) > bytes.size() - 20) {
+    return Refuse(absl::StrCat("truncated: claims ", word(8), " bytes, has ", bytes.size()));
+  }
+  if (absl::Status status = CheckJson(bytes.substr(20, word(12)), true); !status.ok()) {
+    return status;
+  }
+  tinygltf::TinyGLTF loader;
+  loader.SetFsCallbacks({NoSuchFile, SamePath, ReadNoFile, WriteNoFile, nullptr});
+  return LoadModel(loader, [&](tinygltf::Model* model, std::string* error, std::string* warning) {
+    return loader.LoadBinaryFromMemory(model, error, warning,
+                                       reinterpret_cast<const unsigned char*>(bytes.data()),
+                                       static_cast<unsigned int>(bytes.size()));
+  });
+}
+
+absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path) {
+  if (absl::Status status = CheckJson(bytes, false); !status.ok()) return status;
+  tinygltf::TinyGLTF loader;
+  return LoadModel(loader, [&](tinygltf::Model* model, std::string* error, std::string* warning) {
+    return loader.LoadASCIIFromString(model, error, warning, bytes.data(),
+                                      static_cast<unsigned int>(bytes.size()),
+                                      std::filesystem::path(path).parent_path().string());
+  });
+}
+
+}  // namespace sightline

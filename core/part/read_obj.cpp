@@ -1,0 +1,75 @@
+// Wavefront OBJ: vertices and faces; names, groups, materials, normals and texture coordinates are
+// of no concern here, lines and points are no surface.
+#include <algorithm>
+#include <array>
+
+#include "absl/strings/str_cat.h"
+#include "core/part/mesh_readers.h"
+
+namespace sightline {
+
+absl::StatusOr<RawMesh> ReadObj(std::string_view bytes) {
+  static constexpr std::array<std::string_view, 18> kIgnored = {
+      "vn", "vt", "vp",     "o",      "g",     "s",        "mg",       "usemtl", "mtllib",
+      "l",  "p",  "usemap", "maplib", "bevel", "c_interp", "d_interp", "lod",    "shadow_obj"};
+  static constexpr std::array<std::string_view, 5> kFreeForm = {"cstype", "deg", "curv", "curv2",
+                                                                "surf"};
+  RawMesh mesh;
+  TextScanner scanner(bytes);
+  std::vector<uint32_t> corners;
+  const auto error = [&](const std::string& reason) {
+    return absl::InvalidArgumentError(absl::StrCat("line ", scanner.line(), ": ", reason));
+  };
+  // A backslash at the end of a line continues it.
+  const auto next_word = [&] {
+    std::string_view word = scanner.WordInLine();
+    while (word == "\\") {
+      if (!scanner.NextLine()) return std::string_view();
+      word = scanner.WordInLine();
+    }
+    return word;
+  };
+  do {
+    const std::string_view keyword = scanner.WordInLine();
+    if (keyword.empty() || keyword[0] == '#') continue;
+    if (keyword == "v") {
+      Eigen::Vector3d position;
+      for (int axis = 0; axis < 3; ++axis) {
+        const std::string_view word = next_word();
+        if (word.empty()) return error("truncated: a vertex needs 3 coordinates");
+        if (!ParseNumber(word, &position[axis])) {
+          return error(absl::StrCat("\"", Excerpt(word), "\" is no coordinate"));
+        }
+      }
+      mesh.positions.push_back(position);
+    } else if (keyword == "f") {
+      corners.clear();
+      for (std::string_view word = next_word(); !word.empty() && word[0] != '#';
+           word = next_word()) {
+        int64_t index = 0;
+        if (!ParseInteger(word.substr(0, word.find('/')), &index) || index == 0) {
+          return error(absl::StrCat("\"", Excerpt(word), "\" is no vertex index"));
+        }
+        const int64_t count = static_cast<int64_t>(mesh.positions.size());
+        const int64_t resolved = index > 0 ? index - 1 : count + index;
+        // Forward references are refused too: no exporter writes them, a damaged file has them.
+        if (resolved < 0 || resolved >= count) {
+          return error(absl::StrCat("vertex index ", index, " is out of range, there are ", count,
+                                    " vertices so far"));
+        }
+        corners.push_back(static_cast<uint32_t>(resolved));
+      }
+      if (corners.size() < 3) return error("truncated: a face needs at least 3 vertices");
+      AddPolygon(corners, &mesh);
+      if (mesh.triangles.size() > kMaxTriangles) return error("too many triangles");
+    } else if (std::find(kFreeForm.begin(), kFreeForm.end(), keyword) != kFreeForm.end()) {
+      return error(absl::StrCat("free-form geometry (\"", Excerpt(keyword),
+                                "\") is not supported: export the part as triangles"));
+    } else if (std::find(kIgnored.begin(), kIgnored.end(), keyword) == kIgnored.end()) {
+      return error(absl::StrCat("unknown keyword \"", Excerpt(keyword), "\""));
+    }
+  } while (scanner.NextLine());
+  return mesh;
+}
+
+}  // namespace sightline

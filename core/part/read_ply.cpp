@@ -1,0 +1,260 @@
+// PLY: ASCII, binary little- and big-endian. Elements other than vertices and faces are stepped
+// over; so are their other properties.
+#include <algorithm>
+#include <bit>
+#include <cstring>
+#include <optional>
+
+#include "absl/strings/str_cat.h"
+#include "core/part/mesh_readers.h"
+
+namespace sightline {
+namespace {
+
+enum class Number { kInt8, kUint8, kInt16, kUint16, kInt32, kUint32, kFloat, kDouble };
+enum class Encoding { kAscii, kLittleEndian, kBigEndian };
+
+struct Property {
+  std::string name;
+  Number type = Number::kFloat;
+  std::optional<Number> count_type;  // of a list
+};
+
+struct Element {
+  std::string name;
+  uint64_t count = 0;
+  std::vector<Property> properties;
+};
+
+std::optional<Number> NumberNamed(std::string_view name) {
+  if (name == "char" || name == "int8") return Number::kInt8;
+  if (name == "uchar" || name == "uint8") return Number::kUint8;
+  if (name == "short" || name == "int16") return Number::kInt16;
+  if (name == "ushort" || name == "uint16") return Number::kUint16;
+  if (name == "int" || name == "int32") return Number::kInt32;
+  if (name == "uint" || name == "uint32") return Number::kUint32;
+  if (name == "float" || name == "float32") return Number::kFloat;
+  if (name == "double" || name == "float64") return Number::kDouble;
+  return std::nullopt;
+}
+
+size_t SizeOf(Number type) {
+  switch (type) {
+    case Number::kInt8:
+    case Number::kUint8:
+      return 1;
+    case Number::kInt16:
+    case Number::kUint16:
+      return 2;
+    case Number::kInt32:
+    case Number::kUint32:
+    case Number::kFloat:
+      return 4;
+    case Number::kDouble:
+      return 8;
+  }
+  return 1;
+}
+
+// Reads the numbers after the header one by one.
+class Body {
+ public:
+  Body(std::string_view bytes, Encoding encoding)
+      : bytes_(bytes), scanner_(bytes), encoding_(encoding) {}
+
+  // False: the data ends here, or is no number.
+  bool Read(Number type, double* value) {
+    if (encoding_ == Encoding::kAscii) return ParseNumber(scanner_.Word(), value);
+    const size_t size = SizeOf(type);
+    if (bytes_.size() - position_ < size) return false;
+    uint64_t word = 0;
+    for (size_t i = 0; i < size; ++i) {
+      const size_t at = encoding_ == Encoding::kBigEndian ? i : size - 1 - i;
+      word = word << 8 | static_cast<unsigned char>(bytes_[position_ + at]);
+    }
+    position_ += size;
+    switch (type) {
+      case Number::kInt8:
+        *value = static_cast<int8_t>(word);
+        break;
+      case Number::kInt16:
+        *value = static_cast<int16_t>(word);
+        break;
+      case Number::kInt32:
+        *value = static_cast<int32_t>(word);
+        break;
+      case Number::kUint8:
+      case Number::kUint16:
+      case Number::kUint32:
+        *value = static_cast<double>(word);
+        break;
+      case Number::kFloat:
+        *value = std::bit_cast<float>(static_cast<uint32_t>(word));
+        break;
+      case Number::kDouble:
+        *value = std::bit_cast<double>(word);
+        break;
+    }
+    return true;
+  }
+
+  // A count claimed by the file is believed only as far as that many bytes are left.
+  size_t Left() const {
+    return encoding_ == Encoding::kAscii ? bytes_.size() - scanner_.position()
+                                         : bytes_.size() - position_;
+  }
+
+ private:
+  std::string_view bytes_;
+  TextScanner scanner_;
+  Encoding encoding_;
+  size_t position_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
+  TextScanner header(bytes);
+  const auto header_error = [&](const std::string& reason) {
+    return absl::InvalidArgumentError(absl::StrCat("line ", header.line(), ": ", reason));
+  };
+  if (header.WordInLine() != "ply") return absl::InvalidArgumentError("is no PLY file");
+  std::optional<Encoding> encoding;
+  std::vector<Element> elements;
+  bool ended = false;
+  while (!ended && header.NextLine()) {
+    const std::string_view keyword = header.WordInLine();
+    if (keyword.empty() || keyword == "comment" || keyword == "obj_info") continue;
+    if (keyword == "end_header") {
+      ended = true;
+    } else if (keyword == "format") {
+      const std::string_view name = header.WordInLine();
+      if (name == "ascii") encoding = Encoding::kAscii;
+      if (name == "binary_little_endian") encoding = Encoding::kLittleEndian;
+      if (name == "binary_big_endian") encoding = Encoding::kBigEndian;
+      if (!encoding) return header_error("unknown format");
+    } else if (keyword == "element") {
+      Element element;
+      element.name = header.WordInLine();
+      int64_t count = -1;
+      if (!ParseInteger(header.WordInLine(), &count) || count < 0) {
+        return header_error("an element needs a name and a count");
+      }
+      element.count = static_cast<uint64_t>(count);
+      elements.push_back(std::move(element));
+    } else if (keyword == "property") {
+      if (elements.empty()) return header_error("a property before the first element");
+      Property property;
+      std::string_view type = header.WordInLine();
+      if (type == "list") {
+        property.count_type = NumberNamed(header.WordInLine());
+        if (!property.count_type || *property.count_type >= Number::kFloat) {
+          return header_error("a list needs an integer type for its count");
+        }
+        type = header.WordInLine();
+      }
+      const std::optional<Number> number = NumberNamed(type);
+      if (!number) return header_error(absl::StrCat("unknown type \"", Excerpt(type), "\""));
+      property.type = *number;
+      property.name = header.WordInLine();
+      elements.back().properties.push_back(std::move(property));
+    } else {
+      return header_error(absl::StrCat("unknown keyword \"", Excerpt(keyword), "\""));
+    }
+  }
+  if (!ended) return absl::InvalidArgumentError("truncated: the header does not end");
+  if (!encoding) return absl::InvalidArgumentError("the header has no format");
+  if (!header.NextLine()) return absl::InvalidArgumentError("truncated: no data after the header");
+
+  Body body(bytes.substr(header.position()), *encoding);
+  RawMesh mesh;
+  std::vector<double> indices;
+  std::vector<uint32_t> corners;
+  bool vertices_read = false;
+  for (const Element& element : elements) {
+    const auto truncated = [&](uint64_t i) {
+      return absl::InvalidArgumentError(absl::StrCat("truncated or damaged: element \"",
+                                                     Excerpt(element.name), "\" ", i, " of ",
+                                                     element.count, " cannot be read"));
+    };
+    const bool is_vertex = element.name == "vertex", is_face = element.name == "face";
+    if (element.name == "tristrips") {
+      return absl::InvalidArgumentError("triangle strips are not supported: export faces");
+    }
+    std::array<int, 3> axis_of = {-1, -1, -1};
+    int list_of_face = -1;
+    for (size_t k = 0; k < element.properties.size(); ++k) {
+      const Property& property = element.properties[k];
+      for (int axis = 0; axis < 3; ++axis) {
+        if (!property.count_type && property.name == std::string(1, "xyz"[axis])) {
+          axis_of[axis] = static_cast<int>(k);
+        }
+      }
+      if (property.count_type &&
+          (property.name == "vertex_indices" || property.name == "vertex_index")) {
+        list_of_face = static_cast<int>(k);
+      }
+    }
+    if (is_vertex && std::count(axis_of.begin(), axis_of.end(), -1) > 0) {
+      return absl::InvalidArgumentError("vertices have no x, y and z");
+    }
+    if (is_face && list_of_face < 0) {
+      return absl::InvalidArgumentError("faces have no list vertex_indices");
+    }
+    if (is_face && !vertices_read) {
+      return absl::InvalidArgumentError("faces come before vertices");
+    }
+    // An element takes a byte at least; without this a huge count of nothing would never end.
+    if (element.properties.empty() && element.count > 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("element \"", Excerpt(element.name), "\" has no properties"));
+    }
+    if (element.count > body.Left()) return truncated(0);
+    for (uint64_t i = 0; i < element.count; ++i) {
+      Eigen::Vector3d position = Eigen::Vector3d::Zero();
+      for (size_t k = 0; k < element.properties.size(); ++k) {
+        const Property& property = element.properties[k];
+        double value = 0;
+        if (!property.count_type) {
+          if (!body.Read(property.type, &value)) return truncated(i);
+          for (int axis = 0; axis < 3; ++axis) {
+            if (axis_of[axis] == static_cast<int>(k)) position[axis] = value;
+          }
+          continue;
+        }
+        double count = 0;
+        if (!body.Read(*property.count_type, &count)) return truncated(i);
+        if (!(count >= 0 && count <= static_cast<double>(body.Left()))) return truncated(i);
+        indices.clear();
+        for (uint64_t n = 0; n < static_cast<uint64_t>(count); ++n) {
+          if (!body.Read(property.type, &value)) return truncated(i);
+          indices.push_back(value);
+        }
+        if (!is_face || static_cast<int>(k) != list_of_face) continue;
+        if (indices.size() < 3) {
+          return absl::InvalidArgumentError(
+              absl::StrCat("face ", i, " has ", indices.size(), " vertices, needs at least 3"));
+        }
+        corners.clear();
+        for (double index : indices) {
+          if (!(index >= 0 && index < static_cast<double>(mesh.positions.size())) ||
+              index != static_cast<double>(static_cast<uint32_t>(index))) {
+            return absl::InvalidArgumentError(absl::StrCat("face ", i, " has vertex index ", index,
+                                                           ", there are ", mesh.positions.size(),
+                                                           " vertices"));
+          }
+          corners.push_back(static_cast<uint32_t>(index));
+        }
+        AddPolygon(corners, &mesh);
+        if (mesh.triangles.size() > kMaxTriangles) {
+          return absl::InvalidArgumentError("has too many triangles");
+        }
+      }
+      if (is_vertex) mesh.positions.push_back(position);
+    }
+    vertices_read = vertices_read || is_vertex;
+  }
+  return mesh;
+}
+
+}  // namespace sightline

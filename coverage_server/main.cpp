@@ -1,0 +1,13 @@
+#include <optional>
+
+#include "coverage_server/scene/coverage_scene.h"
+#include "coverage_server/service/server_main.h"
+#include "coverage_server/view/render_view.h"
+#include "coverage_server/visibility/field_worker.h"
+
+int main(int argc, char** argv) {
+  // First of all: this process may have been started as a worker of a server.
+  if (const std::optional<int> code = sightline::MaybeRunFieldWorker(argc, argv)) return *code;
+  return sightline::CoverageServerMain(argc, argv,
+                                       {sightline::CoverageScene::Build, sightline::RenderView});
+}

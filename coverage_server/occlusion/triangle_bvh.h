@@ -1,0 +1,71 @@
+// Bounding-volume hierarchy over a triangle mesh for the exact evaluator: any-hit segments, nearby
+// triangles, and overlap with convex bodies. Embree is kept out of the server so that the tests'
+// judge stays independent, and it knows neither swept bodies nor our bundles of rays.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "core/part/mesh.h"
+
+namespace sightline {
+
+// Convex, centrally symmetric solid: centre + sum of t_i * generator_i, t_i in [-1, 1]. A box has
+// three generators; swept along a segment it has four.
+struct Zonotope {
+  Eigen::Vector3d centre_m;
+  std::vector<Eigen::Vector3d> generators_m;
+
+  // Half extent along a direction (support function of the centred solid).
+  double HalfExtent(const Eigen::Vector3d& direction) const;
+};
+
+class TriangleBvh {
+ public:
+  explicit TriangleBvh(const TriangleMesh& mesh);
+
+  // Kay-Kajiya box and Moeller-Trumbore triangle tests in float, both sides of a triangle occlude.
+  // `from` is shared by eight segments; segment i ends at to[i] and hits only with parameter in
+  // (t_min, 1 - t_gap[i]). Lanes cleared in `active` are not tested. Returns the occluded lanes.
+  static constexpr int kLanes = 8;
+  struct Bundle {
+    alignas(32) float to_x[kLanes], to_y[kLanes], to_z[kLanes];
+    alignas(32) float gap[kLanes];  // fraction of the segment left out at its end
+  };
+  uint32_t Occluded(const Eigen::Vector3f& from, const Bundle& bundle, uint32_t active) const;
+
+  // One segment; `gap_m` is the length left out at its end.
+  bool Occluded(const Eigen::Vector3f& from, const Eigen::Vector3f& to, float gap_m) const;
+
+  // Calls visit(triangle index) for every triangle whose box meets the box.
+  void VisitBox(const Eigen::AlignedBox3f& box, const std::function<void(uint32_t)>& visit) const;
+
+  // True if a triangle touches the solid (separating axes, exact for triangles).
+  bool Overlaps(const Zonotope& solid) const;
+
+  const Eigen::AlignedBox3f& bounds() const { return bounds_; }
+  size_t bytes() const;
+
+ private:
+  struct Node {
+    float min[3];
+    float max[3];
+    // Leaf: first triangle and count; inner: index of the left child (right follows) and 0.
+    uint32_t first;
+    uint32_t count;
+  };
+  // Vertex and two edges, in leaf order.
+  struct Triangle {
+    float v[3], e1[3], e2[3];
+    uint32_t index;
+  };
+
+  std::vector<Node> nodes_;
+  std::vector<Triangle> triangles_;
+  Eigen::AlignedBox3f bounds_;
+};
+
+}  // namespace sightline

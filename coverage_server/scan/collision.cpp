@@ -1,0 +1,69 @@
+#include "coverage_server/scan/collision.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace sightline {
+namespace {
+
+Zonotope BodyInWorld(const Body& body, const SensorPose& pose) {
+  const auto to_world = [&](const Eigen::Vector3d& x) -> Eigen::Vector3d {
+    return x.x() * pose.x_axis + x.y() * pose.y_axis + x.z() * pose.z_axis;
+  };
+  Zonotope solid;
+  if (const auto* box = std::get_if<BoxBody>(&body)) {
+    solid.centre_m = pose.origin_m + to_world(box->centre_m);
+    solid.generators_m = {0.5 * box->size_m.x() * pose.x_axis, 0.5 * box->size_m.y() * pose.y_axis,
+                          0.5 * box->size_m.z() * pose.z_axis};
+  } else {
+    const auto& cylinder = std::get<CylinderBody>(body);
+    solid.centre_m = pose.origin_m + to_world(cylinder.centre_m);
+    solid.generators_m = {0.5 * cylinder.length_m * pose.z_axis};
+    // Four generators of equal length 45 degrees apart span a regular octagon; its inradius is
+    // g (1 + sqrt(2)).
+    const double g = cylinder.radius_m / (1 + std::numbers::sqrt2);
+    for (int k = 0; k < 4; ++k) {
+      const double angle = std::numbers::pi / 4 * k;
+      solid.generators_m.push_back(g * (std::cos(angle) * pose.x_axis + std::sin(angle) * pose.y_axis));
+    }
+  }
+  return solid;
+}
+
+// The solid as seen from something that moves with the stage.
+Zonotope Swept(Zonotope solid, double stage_start_m, double stage_end_m) {
+  solid.centre_m.x() -= 0.5 * (stage_start_m + stage_end_m);
+  solid.generators_m.push_back(Eigen::Vector3d(0.5 * (stage_end_m - stage_start_m), 0, 0));
+  return solid;
+}
+
+}  // namespace
+
+bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
+              const std::vector<Occluder>& occluders, double stage_start_m, double stage_end_m) {
+  const auto body_hits = [&](const Body& body, const SensorPose& pose) {
+    const Zonotope still = BodyInWorld(body, pose);
+    for (const Occluder& occluder : occluders) {
+      Zonotope solid = still;
+      if (occluder.frame != ObstacleFrame::kWorld) {
+        solid = Swept(std::move(solid), stage_start_m, stage_end_m);
+        solid.centre_m -= geometry.part_offset_m;
+      }
+      if (occluder.frame == ObstacleFrame::kPart) {
+        solid.centre_m = geometry.part_rotation.transpose() * solid.centre_m + part_centre_m;
+        for (auto& g : solid.generators_m) g = geometry.part_rotation.transpose() * g;
+      }
+      if (occluder.bvh.Overlaps(solid)) return true;
+    }
+    return false;
+  };
+  for (const Body& body : rig.camera_bodies) {
+    if (body_hits(body, geometry.camera)) return true;
+  }
+  for (const Body& body : rig.laser_bodies) {
+    if (body_hits(body, geometry.laser)) return true;
+  }
+  return false;
+}
+
+}  // namespace sightline

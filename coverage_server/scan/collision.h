@@ -1,0 +1,28 @@
+// Hard constraints of a scan: nothing may touch along the travel that is used (thesis section 2.4.2,
+// "death penalty").
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "core/inspection/inspection.h"
+#include "core/rig/rig.h"
+#include "core/rig/scan_geometry.h"
+#include "coverage_server/occlusion/triangle_bvh.h"
+
+namespace sightline {
+
+// A mesh that may be hit and that occludes, in the frame it is given in.
+struct Occluder {
+  ObstacleFrame frame;
+  TriangleBvh bvh;
+};
+
+// True if a body of camera or laser touches an occluder while the stage moves over
+// [stage_start_m, stage_end_m]. Exact for boxes: the body swept along the travel is a zonotope, and
+// zonotope against triangle is decided by separating axes (differs from the projection on yz that
+// the design first proposed: no grid, no resolution). Cylinders are enclosed in 8-sided prisms.
+bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
+              const std::vector<Occluder>& occluders, double stage_start_m, double stage_end_m);
+
+}  // namespace sightline

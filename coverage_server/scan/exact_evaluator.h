@@ -1,0 +1,31 @@
+// Measured points of a scan, frame by frame (the thesis's definition, sections 3.2 and 4.5).
+//
+// Frame k is taken at stage position k * scan_step. A rendered frame shows the laser line where the
+// sheet cuts the part; in image column j the line's sub-pixel position lies on the plane through
+// the camera and the column's centre. So the measurement points of a frame are the points of
+// (mesh cut by sheet) on the column planes that the laser lights and the camera sees. They are
+// computed directly instead of through a frame buffer: cutting is exact, and occlusion is decided
+// by segments to laser and camera. tests/coverage_server holds the literal renderer that proves it.
+#pragma once
+
+#include <atomic>
+#include <vector>
+
+#include "core/part/mesh.h"
+#include "core/rig/scan_geometry.h"
+#include "coverage_server/scan/collision.h"
+#include "coverage_server/scan/scan_in_part.h"
+#include "coverage_server/scene/coverage_scene.h"
+
+namespace sightline {
+
+// All measured points in order of frame, column, depth. `occluders[0]` is the part. Points lie on
+// triangles that face both camera and laser. Empty if the sheet holds the scan direction. Stops
+// early when *cancelled.
+std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
+                                          const Eigen::Vector3d& part_centre_m,
+                                          const std::vector<Occluder>& occluders,
+                                          const Measurement& measurement, const DepthInterval& depth,
+                                          const std::atomic<bool>* cancelled);
+
+}  // namespace sightline

@@ -1,0 +1,254 @@
+#include "coverage_server/scan/fast_evaluator.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+namespace sightline {
+
+// ScanInPart in single precision, with what the inner loop needs precomputed.
+struct FloatScan {
+  float cx, cy, cz;                    // camera at stage 0
+  float ex, ey, ez;                    // image x axis
+  float yx, yy, yz;                    // image y axis
+  float wx, wy, wz;                    // optical axis
+  float lx, ly, lz;                    // laser at stage 0
+  float lwx, lwy, lwz;                 // laser axis
+  float sx, sy, sz;                    // scan direction
+  float gx, gy, gz, lit_offset;        // lit stage position
+  float hx, hy, hz, normal_x;          // sheet normal, |n . e_x|
+  float focal_px, half_columns, half_rows, tan_x, tan_y, fan_tangent;
+  float max_range_squared, min_depth, max_depth;
+  float inverse_step, step, radius_squared;
+};
+
+struct FastEvaluator::Lanes {
+  alignas(64) int32_t valid[kTargetsPerBlock];
+  alignas(64) int32_t camera_cell[kTargetsPerBlock];
+  alignas(64) int32_t laser_cell[kTargetsPerBlock];
+  alignas(64) float stage[kTargetsPerBlock];
+};
+
+namespace {
+
+FloatScan ToFloat(const ScanInPart& scan, float radius) {
+  FloatScan f;
+  const auto set = [](const Eigen::Vector3d& v, float& x, float& y, float& z) {
+    x = static_cast<float>(v.x());
+    y = static_cast<float>(v.y());
+    z = static_cast<float>(v.z());
+  };
+  set(scan.camera.origin_m, f.cx, f.cy, f.cz);
+  set(scan.camera.x_axis, f.ex, f.ey, f.ez);
+  set(scan.camera.y_axis, f.yx, f.yy, f.yz);
+  set(scan.camera.z_axis, f.wx, f.wy, f.wz);
+  set(scan.laser.origin_m, f.lx, f.ly, f.lz);
+  set(scan.laser.z_axis, f.lwx, f.lwy, f.lwz);
+  set(scan.scan_direction, f.sx, f.sy, f.sz);
+  set(scan.lit_gradient, f.gx, f.gy, f.gz);
+  set(scan.sheet_normal, f.hx, f.hy, f.hz);
+  f.lit_offset = static_cast<float>(scan.lit_offset_m);
+  f.normal_x = static_cast<float>(scan.sheet_normal_x);
+  f.focal_px = static_cast<float>(scan.focal_length_px);
+  f.half_columns = static_cast<float>(scan.half_columns_px);
+  f.half_rows = static_cast<float>(scan.half_rows_px);
+  f.tan_x = f.half_columns / f.focal_px;
+  f.tan_y = f.half_rows / f.focal_px;
+  f.fan_tangent = static_cast<float>(scan.fan_tangent);
+  f.max_range_squared = static_cast<float>(scan.max_range_m * scan.max_range_m);
+  f.min_depth = static_cast<float>(std::max(scan.depth.min_m, 1e-4));
+  f.max_depth = static_cast<float>(scan.depth.max_m);
+  f.step = static_cast<float>(scan.scan_step_m);
+  f.inverse_step = 1 / f.step;
+  f.radius_squared = radius * radius;
+  return f;
+}
+
+// Nearest integer; plain arithmetic so that every instruction set gives the same bits.
+inline float Round(float x) {
+  constexpr float kMagic = 12582912.0f;  // 1.5 * 2^23
+  return (x + kMagic) - kMagic;
+}
+
+inline int32_t OctahedralCell(float x, float y, float z, int side) {
+  const float scale = 1 / (std::abs(x) + std::abs(y) + std::abs(z));
+  const float u = x * scale, v = y * scale;
+  const float fu = std::copysign(1 - std::abs(v), u), fv = std::copysign(1 - std::abs(u), v);
+  const float a = z < 0 ? fu : u, b = z < 0 ? fv : v;
+  const float half = 0.5f * static_cast<float>(side);
+  const int32_t column = std::min(std::max(static_cast<int32_t>((a + 1) * half), 0), side - 1);
+  const int32_t row = std::min(std::max(static_cast<int32_t>((b + 1) * half), 0), side - 1);
+  return row * side + column;
+}
+
+}  // namespace
+
+FastEvaluator::FastEvaluator(const TargetSet& targets, const TargetSampling& sampling,
+                             const VisibilityField& field)
+    : target_count_(targets.size()),
+      coverage_radius_m_(static_cast<float>(sampling.coverage_radius_m)),
+      field_(field) {
+  blocks_.resize(field.blocks());
+  for (size_t b = 0; b < blocks_.size(); ++b) {
+    Block& block = blocks_[b];
+    const size_t begin = b * kTargetsPerBlock;
+    const size_t end = std::min(begin + kTargetsPerBlock, target_count_);
+    Eigen::AlignedBox3f box;
+    Eigen::Vector3f mean = Eigen::Vector3f::Zero();
+    for (size_t i = 0; i < kTargetsPerBlock; ++i) {
+      // Padding repeats the last target; its bits are dropped at the end.
+      const size_t t = std::min(begin + i, end - 1);
+      const Eigen::Vector3f p = targets.positions_m[t], n = targets.normals[t];
+      block.x[i] = p.x(), block.y[i] = p.y(), block.z[i] = p.z();
+      block.nx[i] = n.x(), block.ny[i] = n.y(), block.nz[i] = n.z();
+      box.extend(p);
+      mean += n;
+    }
+    block.centre = box.center();
+    block.radius = 0.5f * box.sizes().norm();
+    block.cone_axis = mean.normalized();
+    float cosine = 1;
+    for (size_t t = begin; t < end; ++t) cosine = std::min(cosine, targets.normals[t].dot(block.cone_axis));
+    block.cone_sine = mean.norm() > 1e-3f && cosine > 0 ? std::sqrt(1 - std::min(cosine * cosine, 1.0f)) : 2.0f;
+  }
+}
+
+#if defined(__x86_64__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
+__attribute__((target_clones("avx512f", "avx2", "default")))
+#endif
+void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_side, Lanes& lanes) {
+  for (int i = 0; i < kTargetsPerBlock; ++i) {
+    const float x = block.x[i], y = block.y[i], z = block.z[i];
+    const float nx = block.nx[i], ny = block.ny[i], nz = block.nz[i];
+    const float s = f.gx * x + f.gy * y + f.gz * z + f.lit_offset;
+    // From the target to camera and laser at its lit moment.
+    const float vx = f.cx - s * f.sx - x, vy = f.cy - s * f.sy - y, vz = f.cz - s * f.sz - z;
+    const float lx = f.lx - s * f.sx - x, ly = f.ly - s * f.sy - y, lz = f.lz - s * f.sz - z;
+    const float depth = -(vx * f.wx + vy * f.wy + vz * f.wz);
+    const float image_x = -(vx * f.ex + vy * f.ey + vz * f.ez);
+    const float image_y = -(vx * f.yx + vy * f.yy + vz * f.yz);
+    const float range = vx * vx + vy * vy + vz * vz;
+    const float laser_depth = -(lx * f.lwx + ly * f.lwy + lz * f.lwz);
+    const float laser_x = -(lx * f.ex + ly * f.ey + lz * f.ez);
+    int32_t valid = (nx * vx + ny * vy + nz * vz > 0) & (nx * lx + ny * ly + nz * lz > 0) &
+                    (depth >= f.min_depth) & (depth <= f.max_depth) &
+                    (std::abs(image_x) <= depth * f.tan_x) & (std::abs(image_y) <= depth * f.tan_y) &
+                    (range <= f.max_range_squared) & (laser_depth > 0) &
+                    (std::abs(laser_x) <= laser_depth * f.fan_tangent);
+    // Nearest point of the grid of frames and columns on the tangent plane: across the lit line
+    // frames are step |n_x| / |n_t| apart, along it columns are one pixel's footprint apart.
+    const float hn = f.hx * nx + f.hy * ny + f.hz * nz;
+    const float tangential = std::max(1 - hn * hn, 1e-6f);  // |n_t|^2
+    const float frame = s * f.inverse_step;
+    const float across = (frame - Round(frame)) * f.step * f.normal_x;
+    const float tx = f.hy * nz - f.hz * ny, ty = f.hz * nx - f.hx * nz, tz = f.hx * ny - f.hy * nx;
+    const float inverse_depth = 1 / depth;
+    const float slope = image_x * inverse_depth;
+    const float te = tx * f.ex + ty * f.ey + tz * f.ez, tw = tx * f.wx + ty * f.wy + tz * f.wz;
+    const float column = f.focal_px * slope + f.half_columns - 0.5f;
+    const float off_centre = column - Round(column);
+    const float px_per_length = f.focal_px * (te - slope * tw) * inverse_depth;  // times |n_t|
+    // along = off_centre / (px_per_length / |n_t|); all squared, multiplied out.
+    const float along_squared = off_centre * off_centre * tangential / std::max(px_per_length * px_per_length, 1e-12f);
+    valid &= across * across / tangential + along_squared <= f.radius_squared;
+    lanes.valid[i] = valid;
+    lanes.stage[i] = s;
+    lanes.camera_cell[i] = OctahedralCell(vx, vy, vz, map_side);
+    lanes.laser_cell[i] = OctahedralCell(lx, ly, lz, map_side);
+  }
+}
+
+void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results,
+                             const std::atomic<bool>* cancelled) const {
+  std::vector<FloatScan> floats;
+  floats.reserve(scans.size());
+  for (const ScanInPart& scan : scans) floats.push_back(ToFloat(scan, coverage_radius_m_));
+  std::vector<float> start(scans.size(), std::numeric_limits<float>::infinity());
+  std::vector<float> end(scans.size(), -std::numeric_limits<float>::infinity());
+  for (FastScan& result : results) result.covered = TargetBits(target_count_);
+
+  const int side = field_.map().side;
+  // Two queries in flight: geometry of one, look-ups of the one before.
+  struct Pending {
+    size_t query = 0;
+    int count = 0;
+    uint8_t target[kTargetsPerBlock + 1];
+  };
+  Lanes pipeline[2];
+  Pending waiting[2];
+  int turn = 0;
+  const auto look_up = [&](int slot, const uint8_t* data, size_t b) {
+    Pending& pending = waiting[slot];
+    if (pending.count == 0) return;
+    const Lanes& lanes = pipeline[slot];
+    uint64_t bits = 0;
+    float low = start[pending.query], high = end[pending.query];
+    for (int k = 0; k < pending.count; ++k) {
+      const int i = pending.target[k];
+      const uint8_t seen = data[static_cast<size_t>(lanes.camera_cell[i]) * kTargetsPerBlock + i] &
+                           data[static_cast<size_t>(lanes.laser_cell[i]) * kTargetsPerBlock + i];
+      if (seen == 0) continue;
+      bits |= uint64_t{1} << i;
+      low = std::min(low, lanes.stage[i]);
+      high = std::max(high, lanes.stage[i]);
+    }
+    start[pending.query] = low;
+    end[pending.query] = high;
+    results[pending.query].covered.words()[b] = bits;
+    pending.count = 0;
+  };
+  for (size_t b = 0; b < blocks_.size(); ++b) {
+    if (cancelled != nullptr && cancelled->load(std::memory_order_relaxed)) return;
+    const Block& block = blocks_[b];
+    const uint8_t* data = field_.BlockData(b);
+    for (size_t q = 0; q < scans.size(); ++q) {
+      if (!scans[q].sweeps) continue;
+      const FloatScan& f = floats[q];
+      // Whole block outside: the camera's coordinates are linear in the point, so a sphere test on
+      // the lit moment of the centre would be wrong; bound the lit moment by the gradient instead.
+      const Eigen::Vector3f c = block.centre;
+      const float s = f.gx * c.x() + f.gy * c.y() + f.gz * c.z() + f.lit_offset;
+      const float reach = block.radius * (1 + 1 / f.normal_x);
+      const Eigen::Vector3f to_camera(f.cx - s * f.sx - c.x(), f.cy - s * f.sy - c.y(), f.cz - s * f.sz - c.z());
+      const float depth = -(to_camera.x() * f.wx + to_camera.y() * f.wy + to_camera.z() * f.wz);
+      if (depth < -reach) continue;
+      const float image_x = std::abs(to_camera.x() * f.ex + to_camera.y() * f.ey + to_camera.z() * f.ez);
+      if (image_x - depth * f.tan_x > reach * std::sqrt(1 + f.tan_x * f.tan_x)) continue;
+      const float image_y = std::abs(to_camera.x() * f.yx + to_camera.y() * f.yy + to_camera.z() * f.yz);
+      if (image_y - depth * f.tan_y > reach * std::sqrt(1 + f.tan_y * f.tan_y)) continue;
+      const float distance = to_camera.norm();
+      if (block.cone_sine < 1 &&
+          block.cone_axis.dot(to_camera) < -distance * block.cone_sine - reach) {
+        continue;
+      }
+      Lanes& lanes = pipeline[turn];
+      TestBlock(block, f, side, lanes);
+      Pending& pending = waiting[turn];
+      pending.query = q;
+      pending.count = 0;
+      for (int i = 0; i < kTargetsPerBlock; ++i) {
+        pending.target[pending.count] = static_cast<uint8_t>(i);
+        pending.count += lanes.valid[i];
+      }
+      // A row is one cache line; fetch it while the next query's geometry is computed.
+      for (int k = 0; k < pending.count; ++k) {
+        const int i = pending.target[k];
+        __builtin_prefetch(data + static_cast<size_t>(lanes.camera_cell[i]) * kTargetsPerBlock);
+        __builtin_prefetch(data + static_cast<size_t>(lanes.laser_cell[i]) * kTargetsPerBlock);
+      }
+      turn ^= 1;
+      look_up(turn, data, b);
+    }
+    look_up(turn ^ 1, data, b);
+    look_up(turn, data, b);
+  }
+  for (size_t q = 0; q < scans.size(); ++q) {
+    if (target_count_ % 64 != 0) {
+      results[q].covered.words().back() &= (uint64_t{1} << (target_count_ % 64)) - 1;
+    }
+    results[q].stage_start_m = start[q] <= end[q] ? start[q] : 1;
+    results[q].stage_end_m = start[q] <= end[q] ? end[q] : 0;
+  }
+}
+
+}  // namespace sightline

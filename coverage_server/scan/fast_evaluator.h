@@ -1,0 +1,52 @@
+// Gain estimates from the visibility field.
+#pragma once
+
+#include <atomic>
+#include <span>
+#include <vector>
+
+#include "core/targets/target_set.h"
+#include "coverage_server/scan/scan_in_part.h"
+#include "coverage_server/visibility/visibility_field.h"
+
+namespace sightline {
+
+// What one scan covers by the field's estimate.
+struct FastScan {
+  TargetBits covered;
+  // Stage positions at which the covered targets are lit; start > end if none is covered.
+  double stage_start_m = 1;
+  double stage_end_m = 0;
+};
+
+class FastEvaluator {
+ public:
+  // `targets` and `field` must outlive the evaluator.
+  FastEvaluator(const TargetSet& targets, const TargetSampling& sampling, const VisibilityField& field);
+
+  // A target counts as covered if it faces camera and laser, lies in field of view, fan, range and
+  // admissible depth at its lit moment, the grid of frames and columns is fine enough to put a
+  // point within the coverage radius, and one of its probes is seen from both. Evaluates the whole
+  // batch block by block, so that the field is read once a batch. Stops early when *cancelled.
+  void Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results,
+                const std::atomic<bool>* cancelled) const;
+
+ private:
+  struct Block {
+    alignas(64) float x[kTargetsPerBlock], y[kTargetsPerBlock], z[kTargetsPerBlock];
+    alignas(64) float nx[kTargetsPerBlock], ny[kTargetsPerBlock], nz[kTargetsPerBlock];
+    Eigen::Vector3f centre;
+    float radius;
+    Eigen::Vector3f cone_axis;
+    float cone_sine;  // sine of the half angle of the normals' cone; 2: no useful cone
+  };
+  struct Lanes;
+  static void TestBlock(const Block& block, const struct FloatScan& scan, int map_side, Lanes& lanes);
+
+  std::vector<Block> blocks_;
+  size_t target_count_;
+  float coverage_radius_m_;
+  const VisibilityField& field_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,211 @@
+#include "coverage_server/scene/coverage_scene.h"
+
+#include <algorithm>
+#include <chrono>
+#include <numbers>
+#include <thread>
+
+#include "core/targets/poisson_disk.h"
+#include "coverage_server/scan/collision.h"
+#include "coverage_server/scan/exact_evaluator.h"
+#include "coverage_server/scan/fast_evaluator.h"
+#include "coverage_server/scan/target_lookup.h"
+#include "coverage_server/visibility/measurability.h"
+#include "coverage_server/visibility/surface_probes.h"
+#include "coverage_server/visibility/visibility_field.h"
+
+namespace sightline {
+namespace {
+
+// Range of the triangulation angle (Table 2.1).
+constexpr double kMinTriangulationRad = 10 * std::numbers::pi / 180;
+constexpr double kMaxTriangulationRad = 80 * std::numbers::pi / 180;
+
+double SecondsSince(std::chrono::steady_clock::time_point start) {
+  return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+}
+
+class CoverageSceneImpl final : public CoverageScene {
+ public:
+  explicit CoverageSceneImpl(SceneDefinition definition)
+      : definition_(std::move(definition)),
+        part_centre_m_(definition_.part.BoundingBox().center()),
+        domain_(ThesisDomain()) {}
+
+  absl::Status Init(const SceneBuildOptions& options) {
+    const auto report = [&](double progress, const std::string& message) {
+      if (options.on_progress) options.on_progress(progress, message);
+    };
+    auto start = std::chrono::steady_clock::now();
+    report(0, "sampling targets");
+    auto targets = SampleTargets(definition_.part, definition_.sampling);
+    if (!targets.ok()) return targets.status();
+    targets_ = std::move(*targets);
+    timings_.targets_s = SecondsSince(start);
+    if (options.cancelled != nullptr && options.cancelled->load()) return absl::CancelledError("scene");
+
+    start = std::chrono::steady_clock::now();
+    report(0.05, "rendering the visibility field");
+    occluders_.push_back({ObstacleFrame::kPart, TriangleBvh(definition_.part)});
+    std::vector<const TriangleMesh*> fixtures;
+    for (const SceneObstacle& obstacle : definition_.obstacles) {
+      occluders_.push_back({obstacle.frame, TriangleBvh(obstacle.mesh)});
+      if (obstacle.frame == ObstacleFrame::kPart) fixtures.push_back(&obstacle.mesh);
+    }
+    const SurfaceProbes probes =
+        MakeSurfaceProbes(definition_.part, occluders_[0].bvh, targets_, definition_.sampling);
+    FieldBuildOptions field_options;
+    field_options.directions = definition_.field_directions;
+    field_options.processes = options.threads;
+    field_options.cancelled = options.cancelled;
+    field_options.on_progress = [&](double p) { report(0.05 + 0.9 * p, "rendering the visibility field"); };
+    auto field = BuildVisibilityField(definition_.part, fixtures, targets_, probes, field_options);
+    if (!field.ok()) return field.status();
+    field_ = std::move(*field);
+    fast_ = std::make_unique<FastEvaluator>(targets_, definition_.sampling, *field_);
+    lookup_ = std::make_unique<TargetLookup>(targets_, definition_.sampling);
+    timings_.field_s = SecondsSince(start);
+
+    start = std::chrono::steady_clock::now();
+    report(0.95, "deciding measurability");
+    measurable_ = TargetBits(targets_.size());
+    const size_t threads = options.threads > 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+    // Whole blocks per thread: no two threads write one word of the bit set.
+    const size_t share = (field_->blocks() + threads - 1) / threads * kTargetsPerBlock;
+    std::vector<std::thread> pool;
+    for (size_t i = 0; i < threads; ++i) {
+      const size_t begin = std::min(targets_.size(), i * share), end = std::min(targets_.size(), begin + share);
+      pool.emplace_back([this, begin, end] {
+        MarkMeasurable(targets_, *field_, kMinTriangulationRad, kMaxTriangulationRad, begin, end, measurable_);
+      });
+    }
+    for (auto& thread : pool) thread.join();
+    timings_.measurability_s = SecondsSince(start);
+    report(1, "ready");
+    return absl::OkStatus();
+  }
+
+  const TriangleMesh& part() const override { return definition_.part; }
+  const Rig& rig() const override { return definition_.rig; }
+  const std::vector<SceneObstacle>& obstacles() const override { return definition_.obstacles; }
+  const TargetSet& targets() const override { return targets_; }
+  const TargetBits& measurable() const override { return measurable_; }
+  Eigen::Vector3d part_centre_m() const override { return part_centre_m_; }
+  int64_t field_bytes() const override { return static_cast<int64_t>(field_->bytes()); }
+  const SceneTimings& timings() const override { return timings_; }
+
+  void EvaluateGains(std::span<const Measurement> measurements, const TargetBits* covered,
+                     std::span<const float> weights, std::span<FastGain> gains,
+                     const std::atomic<bool>* cancelled) const override {
+    std::vector<FastCoverage> coverages(measurements.size());
+    EvaluateFastCoverage(measurements, coverages, cancelled);
+    for (size_t i = 0; i < measurements.size(); ++i) {
+      FastGain& gain = gains[i];
+      gain = {.feasibility = coverages[i].feasibility};
+      if (gain.feasibility != Feasibility::kFeasible) continue;
+      TargetBits& bits = coverages[i].covered;
+      bits &= measurable_;
+      gain.covered_targets = static_cast<int32_t>(bits.Count());
+      if (covered != nullptr) bits.Subtract(*covered);
+      gain.new_targets = static_cast<int32_t>(bits.Count());
+      if (weights.empty()) continue;
+      for (size_t w = 0; w < bits.words().size(); ++w) {
+        for (uint64_t word = bits.words()[w]; word != 0; word &= word - 1) {
+          gain.weighted_gain += weights[w * 64 + std::countr_zero(word)];
+        }
+      }
+    }
+  }
+
+  void EvaluateFastCoverage(std::span<const Measurement> measurements, std::span<FastCoverage> coverages,
+                            const std::atomic<bool>* cancelled) const override {
+    // Small enough that scan data and results stay in cache while a block is worked on.
+    constexpr size_t kBatch = 128;
+    for (size_t begin = 0; begin < measurements.size(); begin += kBatch) {
+      const size_t count = std::min(kBatch, measurements.size() - begin);
+      std::vector<ScanInPart> scans;
+      scans.reserve(count);
+      for (size_t i = 0; i < count; ++i) {
+        const Measurement& m = measurements[begin + i];
+        scans.push_back(MakeScanInPart(definition_.rig, part_centre_m_, m, Depth(m)));
+      }
+      std::vector<FastScan> results(count);
+      fast_->Evaluate(scans, results, cancelled);
+      if (cancelled != nullptr && cancelled->load()) return;
+      for (size_t i = 0; i < count; ++i) {
+        FastCoverage& coverage = coverages[begin + i];
+        coverage.covered = std::move(results[i].covered);
+        coverage.feasibility =
+            CheckFeasibility(measurements[begin + i], results[i].stage_start_m, results[i].stage_end_m);
+        if (coverage.feasibility != Feasibility::kFeasible) coverage.covered = TargetBits(targets_.size());
+      }
+    }
+  }
+
+  ExactCoverage EvaluateExact(const Measurement& measurement, std::vector<MeasurementPoint>* points,
+                              const std::atomic<bool>* cancelled) const override {
+    ExactCoverage coverage;
+    coverage.covered = TargetBits(targets_.size());
+    coverage.covered_without_normal_gate = TargetBits(targets_.size());
+    if (!domain_.Contains(measurement)) {
+      coverage.feasibility = Feasibility::kOutOfBounds;
+      return coverage;
+    }
+    std::vector<MeasurementPoint> measured = MeasureScan(definition_.part, definition_.rig, part_centre_m_,
+                                                         occluders_, measurement, Depth(measurement), cancelled);
+    if (!measured.empty()) {
+      coverage.first_frame = measured.front().frame;
+      coverage.last_frame = measured.back().frame;
+      coverage.feasibility = CheckFeasibility(measurement, coverage.first_frame * definition_.rig.scan_step_m,
+                                              coverage.last_frame * definition_.rig.scan_step_m);
+    }
+    coverage.measurement_points = static_cast<int64_t>(measured.size());
+    if (coverage.feasibility == Feasibility::kFeasible) {
+      for (const MeasurementPoint& p : measured) {
+        lookup_->Mark(p.position_m, p.normal, coverage.covered, coverage.covered_without_normal_gate);
+      }
+    }
+    if (points != nullptr) *points = std::move(measured);
+    return coverage;
+  }
+
+ private:
+  DepthInterval Depth(const Measurement& m) const {
+    return AdmissibleDepth(definition_.rig, m.camera_distance_m, definition_.sampling.max_pixel_footprint_m,
+                           definition_.sampling.max_circle_of_confusion_px);
+  }
+
+  // A scan without points uses no travel and touches nothing.
+  Feasibility CheckFeasibility(const Measurement& m, double stage_start_m, double stage_end_m) const {
+    if (!domain_.Contains(m)) return Feasibility::kOutOfBounds;
+    if (stage_start_m > stage_end_m) return Feasibility::kFeasible;
+    if (stage_end_m - stage_start_m > definition_.rig.stage_travel_m) return Feasibility::kTravel;
+    if (Collides(definition_.rig, MakeScanGeometry(definition_.rig, m), part_centre_m_, occluders_,
+                 stage_start_m, stage_end_m)) {
+      return Feasibility::kCollision;
+    }
+    return Feasibility::kFeasible;
+  }
+
+  SceneDefinition definition_;
+  Eigen::Vector3d part_centre_m_;
+  MeasurementDomain domain_;
+  TargetSet targets_;
+  TargetBits measurable_;
+  std::vector<Occluder> occluders_;
+  std::unique_ptr<VisibilityField> field_;
+  std::unique_ptr<FastEvaluator> fast_;
+  std::unique_ptr<TargetLookup> lookup_;
+  SceneTimings timings_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<CoverageScene>> CoverageScene::Build(SceneDefinition definition,
+                                                                    const SceneBuildOptions& options) {
+  auto scene = std::make_unique<CoverageSceneImpl>(std::move(definition));
+  if (absl::Status status = scene->Init(options); !status.ok()) return status;
+  return scene;
+}
+
+}  // namespace sightline

@@ -1,0 +1,109 @@
+// A part on a rig with its targets: everything gain queries need.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+#include "core/part/mesh.h"
+#include "core/rig/measurement.h"
+#include "core/rig/rig.h"
+#include "core/targets/target_set.h"
+
+namespace sightline {
+
+enum class Feasibility { kFeasible, kCollision, kTravel, kOutOfBounds };
+
+struct SceneObstacle {
+  TriangleMesh mesh;
+  ObstacleFrame frame;
+};
+
+struct SceneDefinition {
+  TriangleMesh part;
+  Rig rig;
+  TargetSampling sampling;
+  std::vector<SceneObstacle> obstacles;
+  int field_directions = 4096;
+};
+
+struct SceneBuildOptions {
+  int threads = 0;  // 0: all cores
+  std::function<void(double progress, const std::string& message)> on_progress;
+  const std::atomic<bool>* cancelled = nullptr;
+};
+
+struct SceneTimings {
+  double targets_s = 0;
+  double field_s = 0;
+  double measurability_s = 0;
+};
+
+struct FastGain {
+  Feasibility feasibility = Feasibility::kFeasible;
+  int32_t new_targets = 0;      // measurable, not covered before
+  int32_t covered_targets = 0;  // measurable
+  double weighted_gain = 0;     // sum of weights of new targets
+};
+
+struct FastCoverage {
+  Feasibility feasibility = Feasibility::kFeasible;
+  TargetBits covered;
+};
+
+struct MeasurementPoint {
+  Eigen::Vector3f position_m;  // part coordinates
+  Eigen::Vector3f normal;
+  int32_t frame;  // stage position / scan step
+  int32_t column_px;
+};
+
+struct ExactCoverage {
+  Feasibility feasibility = Feasibility::kFeasible;
+  TargetBits covered;
+  TargetBits covered_without_normal_gate;
+  int32_t first_frame = 0;
+  int32_t last_frame = -1;
+  int64_t measurement_points = 0;
+};
+
+// Immutable once built; all queries may run in parallel from any number of threads.
+class CoverageScene {
+ public:
+  // INVALID_ARGUMENT, RESOURCE_EXHAUSTED as SampleTargets; CANCELLED.
+  static absl::StatusOr<std::unique_ptr<CoverageScene>> Build(SceneDefinition definition,
+                                                              const SceneBuildOptions& options);
+  virtual ~CoverageScene() = default;
+
+  virtual const TriangleMesh& part() const = 0;
+  virtual const Rig& rig() const = 0;
+  virtual const std::vector<SceneObstacle>& obstacles() const = 0;
+  virtual const TargetSet& targets() const = 0;
+  // Thesis section 6.1: some pair of unoccluded directions 10 to 80 degrees apart.
+  virtual const TargetBits& measurable() const = 0;
+  virtual Eigen::Vector3d part_centre_m() const = 0;
+  virtual int64_t field_bytes() const = 0;
+  virtual const SceneTimings& timings() const = 0;
+
+  // Visibility-field estimates. `covered` may be null; `weights` empty or one per target.
+  // Stops early (results unspecified) when *cancelled becomes true.
+  virtual void EvaluateGains(std::span<const Measurement> measurements, const TargetBits* covered,
+                             std::span<const float> weights, std::span<FastGain> gains,
+                             const std::atomic<bool>* cancelled) const = 0;
+  virtual void EvaluateFastCoverage(std::span<const Measurement> measurements,
+                                    std::span<FastCoverage> coverages,
+                                    const std::atomic<bool>* cancelled) const = 0;
+
+  // Frame-by-frame definition. `points` may be null; otherwise receives all measured points in
+  // order of frame, column, depth.
+  virtual ExactCoverage EvaluateExact(const Measurement& measurement,
+                                      std::vector<MeasurementPoint>* points,
+                                      const std::atomic<bool>* cancelled) const = 0;
+};
+
+}  // namespace sightline

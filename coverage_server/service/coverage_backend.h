@@ -1,0 +1,24 @@
+// What the service needs from the coverage engine. Tests put a formula in its place.
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "coverage_server/scene/coverage_scene.h"
+#include "coverage_server/view/render_view.h"
+
+namespace sightline {
+
+struct CoverageBackend {
+  // As CoverageScene::Build.
+  std::function<absl::StatusOr<std::unique_ptr<CoverageScene>>(SceneDefinition definition,
+                                                               const SceneBuildOptions& options)>
+      build_scene;
+  // As RenderView.
+  std::function<absl::StatusOr<std::string>(const CoverageScene& scene, const ViewRequest& request)>
+      render_view;
+};
+
+}  // namespace sightline

@@ -1,0 +1,469 @@
+#include "coverage_server/service/coverage_service.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "core/part/load_part.h"
+#include "coverage_server/service/job_service.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+constexpr size_t kMaxChunkBytes = 1 << 20;
+// Fast queries take tens of microseconds: a chunk is long against a thread's wake-up, and a batch
+// of 64 still keeps four threads busy.
+constexpr size_t kFastChunk = 16;
+// Exact queries take tens of milliseconds.
+constexpr size_t kExactChunk = 1;
+// At most about 40 bytes each on the wire: below 1 MiB.
+constexpr size_t kPointsPerMessage = 16384;
+// Part files that are received at the same time, in units of the largest allowed one.
+constexpr int64_t kConcurrentUploads = 2;
+constexpr int64_t kMaxCoverageResponseBytes = kMaxMessageBytes / 2;
+
+v1::Feasibility FeasibilityToProto(Feasibility feasibility) {
+  switch (feasibility) {
+    case Feasibility::kFeasible:
+      return v1::FEASIBILITY_FEASIBLE;
+    case Feasibility::kCollision:
+      return v1::FEASIBILITY_COLLISION;
+    case Feasibility::kTravel:
+      return v1::FEASIBILITY_TRAVEL;
+    case Feasibility::kOutOfBounds:
+      return v1::FEASIBILITY_OUT_OF_BOUNDS;
+  }
+  return v1::FEASIBILITY_UNSPECIFIED;
+}
+
+v1::PartHealth HealthToProto(const PartHealth& health) {
+  v1::PartHealth message;
+  message.set_triangle_count(health.triangle_count);
+  message.set_vertex_count(health.vertex_count);
+  message.set_area_m2(health.area_m2);
+  auto* box = message.mutable_bounding_box_m();
+  box->set_min_x_m(health.bounding_box_m.min().x());
+  box->set_min_y_m(health.bounding_box_m.min().y());
+  box->set_min_z_m(health.bounding_box_m.min().z());
+  box->set_max_x_m(health.bounding_box_m.max().x());
+  box->set_max_y_m(health.bounding_box_m.max().y());
+  box->set_max_z_m(health.bounding_box_m.max().z());
+  message.set_open_edge_count(health.open_edge_count);
+  message.set_non_manifold_edge_count(health.non_manifold_edge_count);
+  message.set_degenerate_triangle_count(health.degenerate_triangle_count);
+  message.set_duplicate_triangle_count(health.duplicate_triangle_count);
+  message.set_component_count(health.component_count);
+  message.set_flipped_component_count(health.flipped_component_count);
+  for (const std::string& finding : health.findings) message.add_findings(finding);
+  return message;
+}
+
+v1::Vector3 VectorToProto(const Eigen::Vector3d& vector) {
+  v1::Vector3 message;
+  message.set_x(vector.x());
+  message.set_y(vector.y());
+  message.set_z(vector.z());
+  return message;
+}
+
+void AddVector(const Eigen::Vector3f& vector, google::protobuf::RepeatedField<float>* field) {
+  field->Add(vector.x());
+  field->Add(vector.y());
+  field->Add(vector.z());
+}
+
+// What the fast evaluator would say, from an exact coverage.
+FastGain GainOfCoverage(const CoverageScene& scene, const ExactCoverage& coverage,
+                        const TargetBits* covered, std::span<const float> weights) {
+  FastGain gain{.feasibility = coverage.feasibility};
+  if (coverage.feasibility != Feasibility::kFeasible) return gain;
+  TargetBits bits = coverage.covered;
+  bits &= scene.measurable();
+  gain.covered_targets = static_cast<int32_t>(bits.Count());
+  if (covered != nullptr) bits.Subtract(*covered);
+  gain.new_targets = static_cast<int32_t>(bits.Count());
+  if (!weights.empty()) {
+    for (size_t i = 0; i < bits.size(); ++i) {
+      if (bits.Test(i)) gain.weighted_gain += weights[i];
+    }
+  }
+  return gain;
+}
+
+// Adds to a counter for as long as it lives.
+class Reservation {
+ public:
+  Reservation(std::atomic<int64_t>* counter, int64_t amount) : counter_(counter), amount_(amount) {
+    total_ = counter_->fetch_add(amount_) + amount_;
+  }
+  ~Reservation() { *counter_ -= amount_; }
+  Reservation(const Reservation&) = delete;
+  Reservation& operator=(const Reservation&) = delete;
+  int64_t total() const { return total_; }
+
+ private:
+  std::atomic<int64_t>* counter_;
+  int64_t amount_;
+  int64_t total_;
+};
+
+}  // namespace
+
+absl::Status CoverageServiceImpl::Evaluate(grpc::ServerContext* context, size_t items, size_t chunk,
+                                           const EvaluationPool::Body& body) {
+  return p_.pool->Run(
+      items, chunk, [this, context] { return p_.calls->CheckStop(context); }, body);
+}
+
+grpc::Status CoverageServiceImpl::UploadPart(grpc::ServerContext* context,
+                                             grpc::ServerReader<v1::UploadPartRequest>* reader,
+                                             v1::UploadPartResponse* response) {
+  return p_.calls->Run("UploadPart", context,
+                       [&] { return ReceivePart(context, reader, response); });
+}
+
+absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
+                                              grpc::ServerReader<v1::UploadPartRequest>* reader,
+                                              v1::UploadPartResponse* response) {
+  const auto too_large = [this](int64_t bytes) {
+    return WithErrorInfo(absl::ResourceExhaustedError(absl::StrCat(
+                             "part file of ", bytes, " bytes or more: the server accepts at most ",
+                             p_.max_part_file_bytes)),
+                         "PART_TOO_LARGE",
+                         {{"max_part_bytes", absl::StrCat(p_.max_part_file_bytes)}});
+  };
+  v1::UploadPartRequest message;
+  if (!reader->Read(&message) || !message.has_header()) {
+    return InvalidFields({{"header", "must be the first message"}});
+  }
+  const v1::UploadPartRequest::Header header = message.header();
+  const std::string name = header.file_name().empty()
+                               ? "part"
+                               : absl::Utf8SafeCEscape(header.file_name().substr(0, 200));
+  std::vector<FieldViolation> violations;
+  if (header.format() != "glb" && header.format() != "stl" && header.format() != "ply" &&
+      header.format() != "obj") {
+    violations.push_back({"header.format", "must be glb, stl, ply or obj"});
+  }
+  if (header.size_bytes() <= 0) {
+    violations.push_back({"header.size_bytes", absl::StrCat(header.size_bytes(), ": must be > 0")});
+  }
+  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  if (header.size_bytes() > p_.max_part_file_bytes) return too_large(header.size_bytes());
+  const Reservation reservation(&upload_bytes_, header.size_bytes());
+  if (reservation.total() > kConcurrentUploads * p_.max_part_file_bytes) {
+    return WithRetryDelay(
+        WithErrorInfo(absl::UnavailableError("overloaded: too many uploads"), "OVERLOADED"),
+        absl::Seconds(1));
+  }
+
+  std::string bytes;
+  const auto size = static_cast<size_t>(header.size_bytes());
+  while (reader->Read(&message)) {
+    if (message.content_case() != v1::UploadPartRequest::kChunk) {
+      return InvalidFields({{"chunk", "every message after the header must have one"}});
+    }
+    const std::string& chunk = message.chunk();
+    if (chunk.size() > kMaxChunkBytes) {
+      return InvalidFields(
+          {{"chunk", absl::StrCat(chunk.size(), " bytes: at most ", kMaxChunkBytes)}});
+    }
+    if (static_cast<int64_t>(bytes.size() + chunk.size()) > p_.max_part_file_bytes) {
+      return too_large(static_cast<int64_t>(bytes.size() + chunk.size()));
+    }
+    if (bytes.size() + chunk.size() > size) {
+      return InvalidFields({{"header.size_bytes", absl::StrCat(size, ": more bytes followed")}});
+    }
+    bytes += chunk;
+  }
+  if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
+  if (bytes.size() != size) {
+    return InvalidFields(
+        {{"header.size_bytes", absl::StrCat(size, ": only ", bytes.size(), " bytes followed")}});
+  }
+  absl::StatusOr<TriangleMesh> mesh =
+      LoadPartFromMemory(bytes, header.format(), header.unit(), name);
+  if (!mesh.ok()) {
+    if (absl::IsInvalidArgument(mesh.status())) {
+      return WithErrorInfo(mesh.status(), "PART_INVALID");
+    }
+    return mesh.status();
+  }
+  bytes = std::string();
+  auto part = std::make_shared<StoredPart>();
+  part->mesh = *std::move(mesh);
+  part->health = CheckPartHealth(part->mesh);
+  *response->mutable_health() = HealthToProto(part->health);
+  absl::StatusOr<std::string> digest = p_.registry->AddPart(part);
+  if (!digest.ok()) return digest.status();
+  response->set_part_digest(*digest);
+  spdlog::info("event=part_uploaded part={} bytes={} triangles={} name={:?}", *digest, size,
+               part->health.triangle_count, name);
+  return absl::OkStatus();
+}
+
+grpc::Status CoverageServiceImpl::CreateScene(grpc::ServerContext* context,
+                                              const v1::CreateSceneRequest* request,
+                                              v1::CreateSceneResponse* response) {
+  return p_.calls->Run("CreateScene", context, [&]() -> absl::Status {
+    absl::StatusOr<JobRecord> job =
+        p_.registry->CreateScene(request->request_id(), request->spec());
+    if (!job.ok()) return job.status();
+    *response->mutable_job() = JobToProto(*job);
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status CoverageServiceImpl::GetScene(grpc::ServerContext* context,
+                                           const v1::GetSceneRequest* request,
+                                           v1::GetSceneResponse* response) {
+  return p_.calls->Run("GetScene", context, [&]() -> absl::Status {
+    auto stored = p_.registry->FindScene(request->scene_digest());
+    if (!stored.ok()) return stored.status();
+    const CoverageScene& scene = *(*stored)->scene;
+    response->set_scene_digest(request->scene_digest());
+    *response->mutable_spec() = (*stored)->spec;
+    response->set_target_count(static_cast<int64_t>(scene.targets().size()));
+    response->set_measurable_count(scene.measurable().Count());
+    *response->mutable_part_centre_m() = VectorToProto(scene.part_centre_m());
+    *response->mutable_part_size_m() = VectorToProto(scene.part().BoundingBox().sizes());
+    response->set_field_bytes(scene.field_bytes());
+    response->set_targets_time_s(scene.timings().targets_s);
+    response->set_field_time_s(scene.timings().field_s);
+    response->set_measurability_time_s(scene.timings().measurability_s);
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status CoverageServiceImpl::StreamTargets(
+    grpc::ServerContext* context, const v1::StreamTargetsRequest* request,
+    grpc::ServerWriter<v1::StreamTargetsResponse>* writer) {
+  return p_.calls->Run("StreamTargets", context, [&]() -> absl::Status {
+    auto stored = p_.registry->FindScene(request->scene_digest());
+    if (!stored.ok()) return stored.status();
+    const TargetSet& targets = (*stored)->scene->targets();
+    const TargetBits& measurable = (*stored)->scene->measurable();
+    for (size_t begin = 0; begin < targets.size(); begin += kPointsPerMessage) {
+      if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
+      v1::StreamTargetsResponse response;
+      for (size_t i = begin; i < std::min(targets.size(), begin + kPointsPerMessage); ++i) {
+        AddVector(targets.positions_m[i], response.mutable_positions_m());
+        AddVector(targets.normals[i], response.mutable_normals());
+        response.add_measurable(measurable.Test(i));
+        response.add_regions(targets.regions[i]);
+      }
+      if (!writer->Write(response)) return absl::CancelledError("the client went away");
+    }
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status CoverageServiceImpl::EvaluateGains(grpc::ServerContext* context,
+                                                const v1::EvaluateGainsRequest* request,
+                                                v1::EvaluateGainsResponse* response) {
+  return p_.calls->Run("EvaluateGains", context,
+                       [&] { return Gains(context, *request, response); });
+}
+
+grpc::Status CoverageServiceImpl::StreamGains(
+    grpc::ServerContext* context,
+    grpc::ServerReaderWriter<v1::StreamGainsResponse, v1::StreamGainsRequest>* stream) {
+  return p_.calls->Run("StreamGains", context, [&]() -> absl::Status {
+    v1::StreamGainsRequest request;
+    while (p_.calls->WhileIdle([&] { return stream->Read(&request); })) {
+      if (p_.calls->draining()) {
+        return WithErrorInfo(absl::UnavailableError("the server is shutting down"), "DRAINING");
+      }
+      v1::StreamGainsResponse response;
+      absl::Status status = Gains(context, request.request(), response.mutable_response());
+      if (!status.ok()) return status;
+      if (!stream->Write(response)) return absl::CancelledError("the client went away");
+    }
+    return p_.calls->CheckStop(context);
+  });
+}
+
+absl::Status CoverageServiceImpl::Gains(grpc::ServerContext* context,
+                                        const v1::EvaluateGainsRequest& request,
+                                        v1::EvaluateGainsResponse* response) {
+  auto stored = p_.registry->FindScene(request.scene_digest());
+  if (!stored.ok()) return stored.status();
+  const CoverageScene& scene = *(*stored)->scene;
+  const size_t targets = scene.targets().size();
+  if (absl::Status status = CheckEvaluator(request.evaluator()); !status.ok()) return status;
+  absl::StatusOr<MeasurementBatch> batch = ParseMeasurements(request.measurements());
+  if (!batch.ok()) return batch.status();
+  absl::StatusOr<std::optional<TargetBits>> covered =
+      ParseTargetBits(request.covered_targets(), targets, "covered_targets");
+  if (!covered.ok()) return covered.status();
+  if (absl::Status status = CheckWeights(request.target_weights(), targets); !status.ok()) {
+    return status;
+  }
+  const TargetBits* covered_bits = covered->has_value() ? &**covered : nullptr;
+  const std::span<const float> weights(request.target_weights().data(),
+                                       static_cast<size_t>(request.target_weights().size()));
+  const std::span<const Measurement> inside(batch->inside);
+  std::vector<FastGain> gains(inside.size());
+  const bool fast = request.evaluator() == v1::EVALUATOR_FAST;
+  absl::Status status = Evaluate(
+      context, inside.size(), fast ? kFastChunk : kExactChunk,
+      [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
+        if (fast) {
+          scene.EvaluateGains(inside.subspan(begin, end - begin), covered_bits, weights,
+                              std::span(gains).subspan(begin, end - begin), &cancelled);
+          return;
+        }
+        for (size_t i = begin; i < end; ++i) {
+          gains[i] = GainOfCoverage(scene, scene.EvaluateExact(inside[i], nullptr, &cancelled),
+                                    covered_bits, weights);
+        }
+      });
+  if (!status.ok()) return status;
+  p_.metrics->CountQueries(fast ? "fast" : "exact", static_cast<int64_t>(inside.size()));
+
+  response->mutable_gains()->Reserve(static_cast<int>(batch->size));
+  for (size_t i = 0; i < batch->size; ++i) {
+    response->add_gains()->set_feasibility(v1::FEASIBILITY_OUT_OF_BOUNDS);
+  }
+  for (size_t i = 0; i < inside.size(); ++i) {
+    v1::Gain* gain = response->mutable_gains(static_cast<int>(batch->inside_index[i]));
+    gain->set_feasibility(FeasibilityToProto(gains[i].feasibility));
+    if (gains[i].feasibility != Feasibility::kFeasible) continue;
+    gain->set_new_targets(gains[i].new_targets);
+    gain->set_covered_targets(gains[i].covered_targets);
+    if (!weights.empty()) gain->set_weighted_gain(gains[i].weighted_gain);
+  }
+  return absl::OkStatus();
+}
+
+grpc::Status CoverageServiceImpl::EvaluateCoverage(grpc::ServerContext* context,
+                                                   const v1::EvaluateCoverageRequest* request,
+                                                   v1::EvaluateCoverageResponse* response) {
+  return p_.calls->Run("EvaluateCoverage", context,
+                       [&] { return Coverage(context, *request, response); });
+}
+
+absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
+                                           const v1::EvaluateCoverageRequest& request,
+                                           v1::EvaluateCoverageResponse* response) {
+  auto stored = p_.registry->FindScene(request.scene_digest());
+  if (!stored.ok()) return stored.status();
+  const CoverageScene& scene = *(*stored)->scene;
+  const size_t targets = scene.targets().size();
+  if (absl::Status status = CheckEvaluator(request.evaluator()); !status.ok()) return status;
+  absl::StatusOr<MeasurementBatch> batch = ParseMeasurements(request.measurements());
+  if (!batch.ok()) return batch.status();
+  const bool fast = request.evaluator() == v1::EVALUATOR_FAST;
+  const auto bytes_each = static_cast<int64_t>((targets + 7) / 8 * (fast ? 1 : 2) + 64);
+  if (static_cast<int64_t>(batch->size) * bytes_each > kMaxCoverageResponseBytes) {
+    return InvalidFields({{"measurements", absl::StrCat(batch->size, ": at most ",
+                                                        kMaxCoverageResponseBytes / bytes_each,
+                                                        " with ", targets, " targets")}});
+  }
+  const std::span<const Measurement> inside(batch->inside);
+  std::vector<ExactCoverage> coverages(inside.size());
+  absl::Status status =
+      Evaluate(context, inside.size(), fast ? kFastChunk : kExactChunk,
+               [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
+                 if (!fast) {
+                   for (size_t i = begin; i < end; ++i) {
+                     coverages[i] = scene.EvaluateExact(inside[i], nullptr, &cancelled);
+                   }
+                   return;
+                 }
+                 std::vector<FastCoverage> chunk(end - begin);
+                 scene.EvaluateFastCoverage(inside.subspan(begin, end - begin), chunk, &cancelled);
+                 for (size_t i = begin; i < end; ++i) {
+                   coverages[i].feasibility = chunk[i - begin].feasibility;
+                   coverages[i].covered = std::move(chunk[i - begin].covered);
+                 }
+               });
+  if (!status.ok()) return status;
+  p_.metrics->CountQueries(fast ? "fast" : "exact", static_cast<int64_t>(inside.size()));
+
+  const std::string none = TargetBits(targets).ToBytes();
+  for (size_t i = 0; i < batch->size; ++i) {
+    v1::Coverage* coverage = response->add_coverages();
+    coverage->set_feasibility(v1::FEASIBILITY_OUT_OF_BOUNDS);
+    coverage->set_covered_targets(none);
+    if (!fast) coverage->set_covered_targets_without_normal_gate(none);
+    coverage->set_last_frame(-1);
+  }
+  for (size_t i = 0; i < inside.size(); ++i) {
+    v1::Coverage* coverage = response->mutable_coverages(static_cast<int>(batch->inside_index[i]));
+    const ExactCoverage& result = coverages[i];
+    coverage->set_feasibility(FeasibilityToProto(result.feasibility));
+    if (result.feasibility != Feasibility::kFeasible) continue;
+    coverage->set_covered_targets(result.covered.ToBytes());
+    if (fast) continue;
+    coverage->set_covered_targets_without_normal_gate(result.covered_without_normal_gate.ToBytes());
+    coverage->set_first_frame(result.first_frame);
+    coverage->set_last_frame(result.last_frame);
+    coverage->set_measurement_points(result.measurement_points);
+  }
+  return absl::OkStatus();
+}
+
+grpc::Status CoverageServiceImpl::StreamMeasurementPoints(
+    grpc::ServerContext* context, const v1::StreamMeasurementPointsRequest* request,
+    grpc::ServerWriter<v1::StreamMeasurementPointsResponse>* writer) {
+  return p_.calls->Run("StreamMeasurementPoints", context, [&]() -> absl::Status {
+    auto stored = p_.registry->FindScene(request->scene_digest());
+    if (!stored.ok()) return stored.status();
+    const CoverageScene& scene = *(*stored)->scene;
+    absl::StatusOr<Measurement> measurement =
+        ParseMeasurement(request->measurement(), "measurement");
+    if (!measurement.ok()) return measurement.status();
+    std::vector<MeasurementPoint> points;
+    ExactCoverage coverage;
+    absl::Status status =
+        Evaluate(context, 1, 1, [&](size_t, size_t, const std::atomic<bool>& cancelled) {
+          coverage = scene.EvaluateExact(*measurement, &points, &cancelled);
+        });
+    if (!status.ok()) return status;
+    p_.metrics->CountQueries("exact", 1);
+    if (coverage.feasibility != Feasibility::kFeasible) {
+      const std::string reason = v1::Feasibility_Name(FeasibilityToProto(coverage.feasibility));
+      return WithErrorInfo(
+          absl::FailedPreconditionError(absl::StrCat("the scan is not feasible: ", reason)),
+          "SCAN_INFEASIBLE", {{"feasibility", reason}});
+    }
+    for (size_t begin = 0; begin < points.size(); begin += kPointsPerMessage) {
+      if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
+      v1::StreamMeasurementPointsResponse response;
+      for (size_t i = begin; i < std::min(points.size(), begin + kPointsPerMessage); ++i) {
+        AddVector(points[i].position_m, response.mutable_positions_m());
+        AddVector(points[i].normal, response.mutable_normals());
+        response.add_frames(points[i].frame);
+        response.add_columns_px(points[i].column_px);
+      }
+      if (!writer->Write(response)) return absl::CancelledError("the client went away");
+    }
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status CoverageServiceImpl::RenderView(grpc::ServerContext* context,
+                                             const v1::RenderViewRequest* request,
+                                             v1::RenderViewResponse* response) {
+  return p_.calls->Run("RenderView", context, [&]() -> absl::Status {
+    auto stored = p_.registry->FindScene(request->scene_digest());
+    if (!stored.ok()) return stored.status();
+    const CoverageScene& scene = *(*stored)->scene;
+    absl::StatusOr<ViewRequest> view = ParseViewRequest(*request, scene.targets().size());
+    if (!view.ok()) return view.status();
+    absl::StatusOr<std::string> png = absl::InternalError("not rendered");
+    absl::Status status = Evaluate(context, 1, 1, [&](size_t, size_t, const std::atomic<bool>&) {
+      png = p_.backend.render_view(scene, *view);
+    });
+    if (!status.ok()) return status;
+    if (!png.ok()) return png.status();
+    response->set_png(*std::move(png));
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace sightline

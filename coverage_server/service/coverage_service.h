@@ -1,0 +1,71 @@
+// CoverageService over a SceneRegistry.
+#pragma once
+
+#include <atomic>
+
+#include "coverage_server/service/call_tracker.h"
+#include "coverage_server/service/coverage_backend.h"
+#include "coverage_server/service/evaluation_pool.h"
+#include "coverage_server/service/query_validation.h"
+#include "coverage_server/service/scene_registry.h"
+#include "coverage_server/service/server_metrics.h"
+#include "sightline/v1/coverage_service.grpc.pb.h"
+
+namespace sightline {
+
+// Largest message either end accepts. Chunks of streams stay below 1 MiB.
+inline constexpr int kMaxMessageBytes = 64 << 20;
+
+class CoverageServiceImpl final : public v1::CoverageService::Service {
+ public:
+  struct Parts {
+    CoverageBackend backend;
+    SceneRegistry* registry;
+    EvaluationPool* pool;
+    CallTracker* calls;
+    ServerMetrics* metrics;
+    int64_t max_part_file_bytes;
+  };
+  explicit CoverageServiceImpl(Parts parts) : p_(std::move(parts)) {}
+
+  grpc::Status UploadPart(grpc::ServerContext* context,
+                          grpc::ServerReader<v1::UploadPartRequest>* reader,
+                          v1::UploadPartResponse* response) override;
+  grpc::Status CreateScene(grpc::ServerContext* context, const v1::CreateSceneRequest* request,
+                           v1::CreateSceneResponse* response) override;
+  grpc::Status GetScene(grpc::ServerContext* context, const v1::GetSceneRequest* request,
+                        v1::GetSceneResponse* response) override;
+  grpc::Status StreamTargets(grpc::ServerContext* context, const v1::StreamTargetsRequest* request,
+                             grpc::ServerWriter<v1::StreamTargetsResponse>* writer) override;
+  grpc::Status EvaluateGains(grpc::ServerContext* context, const v1::EvaluateGainsRequest* request,
+                             v1::EvaluateGainsResponse* response) override;
+  grpc::Status StreamGains(
+      grpc::ServerContext* context,
+      grpc::ServerReaderWriter<v1::StreamGainsResponse, v1::StreamGainsRequest>* stream) override;
+  grpc::Status EvaluateCoverage(grpc::ServerContext* context,
+                                const v1::EvaluateCoverageRequest* request,
+                                v1::EvaluateCoverageResponse* response) override;
+  grpc::Status StreamMeasurementPoints(
+      grpc::ServerContext* context, const v1::StreamMeasurementPointsRequest* request,
+      grpc::ServerWriter<v1::StreamMeasurementPointsResponse>* writer) override;
+  grpc::Status RenderView(grpc::ServerContext* context, const v1::RenderViewRequest* request,
+                          v1::RenderViewResponse* response) override;
+
+ private:
+  absl::Status ReceivePart(grpc::ServerContext* context,
+                           grpc::ServerReader<v1::UploadPartRequest>* reader,
+                           v1::UploadPartResponse* response);
+  absl::Status Gains(grpc::ServerContext* context, const v1::EvaluateGainsRequest& request,
+                     v1::EvaluateGainsResponse* response);
+  absl::Status Coverage(grpc::ServerContext* context, const v1::EvaluateCoverageRequest& request,
+                        v1::EvaluateCoverageResponse* response);
+  // Runs `body` on the pool; stops when the call does.
+  absl::Status Evaluate(grpc::ServerContext* context, size_t items, size_t chunk,
+                        const EvaluationPool::Body& body);
+
+  const Parts p_;
+  // Bytes of parts that are being received.
+  std::atomic<int64_t> upload_bytes_ = 0;
+};
+
+}  // namespace sightline

@@ -1,0 +1,105 @@
+#include "coverage_server/service/job_service.h"
+
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+v1::Job::State StateToProto(JobState state) {
+  switch (state) {
+    case JobState::kQueued:
+      return v1::Job::STATE_QUEUED;
+    case JobState::kRunning:
+      return v1::Job::STATE_RUNNING;
+    case JobState::kSucceeded:
+      return v1::Job::STATE_SUCCEEDED;
+    case JobState::kFailed:
+      return v1::Job::STATE_FAILED;
+    case JobState::kCancelled:
+      return v1::Job::STATE_CANCELLED;
+  }
+  return v1::Job::STATE_UNSPECIFIED;
+}
+
+absl::StatusOr<JobRecord> Known(absl::StatusOr<JobRecord> job) {
+  if (absl::IsNotFound(job.status())) return WithErrorInfo(job.status(), "JOB_UNKNOWN");
+  return job;
+}
+
+}  // namespace
+
+v1::Job JobToProto(const JobRecord& record) {
+  v1::Job job;
+  job.set_job_id(record.job_id);
+  job.set_kind(record.kind);
+  job.set_state(StateToProto(record.state));
+  job.set_progress(record.progress);
+  job.set_message(record.message);
+  job.set_result_key(record.result_key);
+  if (!record.error.ok()) {
+    // Through the mapping of every other status: limits its length, makes it valid UTF-8.
+    const grpc::Status error = ToGrpcStatus(record.error);
+    job.set_error_code(error.error_code());
+    job.set_error_message(error.error_message());
+  }
+  return job;
+}
+
+grpc::Status JobServiceImpl::GetJob(grpc::ServerContext* context, const v1::GetJobRequest* request,
+                                    v1::GetJobResponse* response) {
+  return calls_->Run("GetJob", context, [&]() -> absl::Status {
+    absl::StatusOr<JobRecord> job = Known(jobs_->Get(request->job_id()));
+    if (!job.ok()) return job.status();
+    *response->mutable_job() = JobToProto(*job);
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status JobServiceImpl::ListJobs(grpc::ServerContext* context,
+                                      const v1::ListJobsRequest* request,
+                                      v1::ListJobsResponse* response) {
+  return calls_->Run("ListJobs", context, [&]() -> absl::Status {
+    for (const JobRecord& job : jobs_->List(request->kind())) {
+      *response->add_jobs() = JobToProto(job);
+    }
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status JobServiceImpl::CancelJob(grpc::ServerContext* context,
+                                       const v1::CancelJobRequest* request,
+                                       v1::CancelJobResponse* response) {
+  return calls_->Run("CancelJob", context, [&]() -> absl::Status {
+    absl::StatusOr<JobRecord> job = Known(jobs_->Cancel(request->job_id()));
+    if (!job.ok()) return job.status();
+    *response->mutable_job() = JobToProto(*job);
+    return absl::OkStatus();
+  });
+}
+
+grpc::Status JobServiceImpl::WatchJob(grpc::ServerContext* context,
+                                      const v1::WatchJobRequest* request,
+                                      grpc::ServerWriter<v1::WatchJobResponse>* writer) {
+  return calls_->Run("WatchJob", context, [&]() -> absl::Status {
+    absl::StatusOr<JobRecord> job = Known(jobs_->Get(request->job_id()));
+    int64_t sent_revision = -1;
+    while (true) {
+      if (!job.ok()) return job.status();
+      // Before a job that the drain cancelled is reported as cancelled: elsewhere it can be done.
+      if (calls_->draining() && job->state != JobState::kSucceeded) {
+        return WithErrorInfo(absl::UnavailableError("the server is shutting down"), "DRAINING");
+      }
+      if (job->revision != sent_revision) {
+        v1::WatchJobResponse response;
+        *response.mutable_job() = JobToProto(*job);
+        if (!writer->Write(response)) return absl::CancelledError("the client went away");
+        sent_revision = job->revision;
+      }
+      if (job->finished()) return absl::OkStatus();
+      if (absl::Status stop = calls_->CheckStop(context); !stop.ok()) return stop;
+      job = Known(jobs_->WaitForChange(request->job_id(), sent_revision, absl::Milliseconds(50)));
+    }
+  });
+}
+
+}  // namespace sightline

@@ -1,0 +1,171 @@
+#include "coverage_server/service/query_validation.h"
+
+#include <cmath>
+#include <numbers>
+
+#include "absl/strings/str_cat.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kMinViewSize_px = 16;
+constexpr int kMaxViewSize_px = 4096;
+
+bool AllFinite(const Measurement& measurement) {
+  for (const double value : ToArray(measurement)) {
+    if (!std::isfinite(value)) return false;
+  }
+  return true;
+}
+
+// Measurement has nothing but doubles: reflection names the one at fault.
+std::vector<FieldViolation> NotFinite(const v1::Measurement& measurement,
+                                      const std::string& field) {
+  std::vector<FieldViolation> violations;
+  const auto* reflection = measurement.GetReflection();
+  const auto* descriptor = measurement.GetDescriptor();
+  for (int i = 0; i < descriptor->field_count(); ++i) {
+    const double value = reflection->GetDouble(measurement, descriptor->field(i));
+    if (!std::isfinite(value)) {
+      violations.push_back({absl::StrCat(field, ".", descriptor->field(i)->name()),
+                            absl::StrCat(value, ": must be finite")});
+    }
+  }
+  return violations;
+}
+
+const MeasurementDomain& Bounds() {
+  static const MeasurementDomain* const domain = new MeasurementDomain(ThesisDomain());
+  return *domain;
+}
+
+}  // namespace
+
+absl::StatusOr<MeasurementBatch> ParseMeasurements(
+    const google::protobuf::RepeatedPtrField<v1::Measurement>& measurements) {
+  if (measurements.size() > kMaxMeasurementsPerRequest) {
+    return InvalidFields({{"measurements", absl::StrCat(measurements.size(), ": at most ",
+                                                        kMaxMeasurementsPerRequest)}});
+  }
+  MeasurementBatch batch;
+  batch.size = static_cast<size_t>(measurements.size());
+  batch.inside.reserve(batch.size);
+  batch.inside_index.reserve(batch.size);
+  std::vector<FieldViolation> violations;
+  for (int i = 0; i < measurements.size(); ++i) {
+    const Measurement measurement = MeasurementFromProto(measurements[i]);
+    if (!AllFinite(measurement)) {
+      for (FieldViolation& violation :
+           NotFinite(measurements[i], absl::StrCat("measurements[", i, "]"))) {
+        violations.push_back(std::move(violation));
+      }
+    } else if (Bounds().Contains(measurement)) {
+      batch.inside.push_back(measurement);
+      batch.inside_index.push_back(static_cast<size_t>(i));
+    }
+  }
+  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  return batch;
+}
+
+absl::StatusOr<Measurement> ParseMeasurement(const v1::Measurement& measurement,
+                                             const std::string& field) {
+  if (absl::Status status = InvalidFields(NotFinite(measurement, field)); !status.ok()) {
+    return status;
+  }
+  const Measurement parsed = MeasurementFromProto(measurement);
+  if (!Bounds().Contains(parsed)) {
+    return InvalidFields({{field, "a parameter is outside Table 2.1"}});
+  }
+  return parsed;
+}
+
+absl::Status CheckEvaluator(v1::Evaluator evaluator) {
+  if (evaluator == v1::EVALUATOR_FAST || evaluator == v1::EVALUATOR_EXACT) {
+    return absl::OkStatus();
+  }
+  return InvalidFields({{"evaluator", "must be EVALUATOR_FAST or EVALUATOR_EXACT"}});
+}
+
+absl::StatusOr<std::optional<TargetBits>> ParseTargetBits(const std::string& bytes, size_t targets,
+                                                          const std::string& field) {
+  if (bytes.empty()) return std::optional<TargetBits>();
+  const size_t expected = (targets + 7) / 8;
+  if (bytes.size() != expected) {
+    return InvalidFields({{field, absl::StrCat(bytes.size(), " bytes; ", targets, " targets need ",
+                                               expected, " (or none)")}});
+  }
+  return std::optional<TargetBits>(TargetBits::FromBytes(targets, bytes));
+}
+
+absl::Status CheckWeights(const google::protobuf::RepeatedField<float>& weights, size_t targets) {
+  if (weights.empty()) return absl::OkStatus();
+  if (static_cast<size_t>(weights.size()) != targets) {
+    return InvalidFields(
+        {{"target_weights", absl::StrCat(weights.size(), " weights for ", targets, " targets")}});
+  }
+  for (int i = 0; i < weights.size(); ++i) {
+    if (!std::isfinite(weights[i]) || weights[i] < 0) {
+      return InvalidFields({{absl::StrCat("target_weights[", i, "]"),
+                             absl::StrCat(weights[i], ": must be finite and >= 0")}});
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<ViewRequest> ParseViewRequest(const v1::RenderViewRequest& request, size_t targets) {
+  ViewRequest view;
+  std::vector<FieldViolation> violations;
+  switch (request.view()) {
+    case v1::RenderViewRequest::VIEW_FREE:
+      view.kind = ViewKind::kFree;
+      break;
+    case v1::RenderViewRequest::VIEW_CAMERA:
+      view.kind = ViewKind::kCamera;
+      break;
+    case v1::RenderViewRequest::VIEW_COVERAGE:
+      view.kind = ViewKind::kCoverage;
+      break;
+    case v1::RenderViewRequest::VIEW_MEASURABILITY:
+      view.kind = ViewKind::kMeasurability;
+      break;
+    default:
+      violations.push_back({"view", "must be given"});
+  }
+  if (view.kind == ViewKind::kCamera && !request.has_measurement()) {
+    violations.push_back({"measurement", "must be given for VIEW_CAMERA"});
+  }
+  const auto number = [&violations](const char* field, double value, double min, double max) {
+    if (!(value >= min && value <= max)) {  // also NaN
+      violations.push_back({field, absl::StrCat(value, ": must be in [", min, ", ", max, "]")});
+    }
+  };
+  number("stage_position_m", request.stage_position_m(), -100, 100);
+  number("azimuth_deg", request.azimuth_deg(), -360, 360);
+  number("elevation_deg", request.elevation_deg(), -90, 90);
+  number("distance_m", request.distance_m(), 0, 100);
+  if (request.columns_px() != 0) view.columns_px = request.columns_px();
+  if (request.rows_px() != 0) view.rows_px = request.rows_px();
+  number("columns_px", view.columns_px, kMinViewSize_px, kMaxViewSize_px);
+  number("rows_px", view.rows_px, kMinViewSize_px, kMaxViewSize_px);
+  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+
+  if (request.has_measurement()) {
+    absl::StatusOr<Measurement> measurement =
+        ParseMeasurement(request.measurement(), "measurement");
+    if (!measurement.ok()) return measurement.status();
+    view.measurement = *measurement;
+  }
+  absl::StatusOr<std::optional<TargetBits>> covered =
+      ParseTargetBits(request.covered_targets(), targets, "covered_targets");
+  if (!covered.ok()) return covered.status();
+  view.covered = covered->has_value() ? **std::move(covered) : TargetBits(targets);
+  view.stage_m = request.stage_position_m();
+  view.azimuth_rad = request.azimuth_deg() * std::numbers::pi / 180;
+  view.elevation_rad = request.elevation_deg() * std::numbers::pi / 180;
+  view.distance_m = request.distance_m();
+  return view;
+}
+
+}  // namespace sightline

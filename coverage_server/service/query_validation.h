@@ -1,0 +1,48 @@
+// Requests checked once, at the edge.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+#include "core/targets/target_set.h"
+#include "coverage_server/view/render_view.h"
+#include "sightline/v1/coverage_service.pb.h"
+
+namespace sightline {
+
+inline constexpr int kMaxMeasurementsPerRequest = 4096;
+
+// The measurements of a batch; those outside Table 2.1 are set aside: they are answered
+// OUT_OF_BOUNDS without asking the scene.
+struct MeasurementBatch {
+  size_t size = 0;
+  std::vector<Measurement> inside;
+  std::vector<size_t> inside_index;  // position of inside[i] in the batch
+};
+
+// INVALID_ARGUMENT with field violations for a parameter that is not finite or more than 4096
+// measurements.
+absl::StatusOr<MeasurementBatch> ParseMeasurements(
+    const google::protobuf::RepeatedPtrField<v1::Measurement>& measurements);
+
+// One measurement that must be inside Table 2.1; `field` is its path in the request.
+absl::StatusOr<Measurement> ParseMeasurement(const v1::Measurement& measurement,
+                                             const std::string& field);
+
+// EVALUATOR_FAST or EVALUATOR_EXACT.
+absl::Status CheckEvaluator(v1::Evaluator evaluator);
+
+// Empty bytes: nullopt. Otherwise exactly (targets + 7) / 8 bytes.
+absl::StatusOr<std::optional<TargetBits>> ParseTargetBits(const std::string& bytes, size_t targets,
+                                                          const std::string& field);
+
+// Empty, or one finite weight >= 0 per target.
+absl::Status CheckWeights(const google::protobuf::RepeatedField<float>& weights, size_t targets);
+
+// `targets`: number of targets of the scene.
+absl::StatusOr<ViewRequest> ParseViewRequest(const v1::RenderViewRequest& request, size_t targets);
+
+}  // namespace sightline

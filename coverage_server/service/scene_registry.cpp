@@ -1,0 +1,199 @@
+#include "coverage_server/service/scene_registry.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+
+#include "absl/strings/str_cat.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+constexpr size_t kMaxRequestIdBytes = 128;
+constexpr size_t kRememberedRequests = 10000;
+constexpr int kMaxUnfinishedJobs = 64;
+
+int64_t MeshBytes(const TriangleMesh& mesh) {
+  return static_cast<int64_t>(mesh.positions_m.size() * sizeof(mesh.positions_m[0]) +
+                              mesh.triangles.size() * sizeof(mesh.triangles[0]));
+}
+
+int64_t SceneBytes(const CoverageScene& scene) {
+  const TargetSet& targets = scene.targets();
+  int64_t bytes =
+      scene.field_bytes() + MeshBytes(scene.part()) +
+      static_cast<int64_t>(targets.size() * (2 * sizeof(Eigen::Vector3f) + 2 * sizeof(int32_t)));
+  for (const SceneObstacle& obstacle : scene.obstacles()) bytes += MeshBytes(obstacle.mesh);
+  return bytes;
+}
+
+// Forgets the oldest entries of a map whose keys were added in `order`.
+template <typename Map>
+void Trim(Map* map, std::deque<std::string>* order) {
+  while (order->size() > kRememberedRequests) {
+    map->erase(order->front());
+    order->pop_front();
+  }
+}
+
+}  // namespace
+
+SceneRegistry::SceneRegistry(CoverageBackend backend, JobStore* jobs, ServerMetrics* metrics,
+                             int64_t max_part_bytes, int64_t max_scene_bytes)
+    : backend_(std::move(backend)),
+      jobs_(jobs),
+      metrics_(metrics),
+      parts_(max_part_bytes),
+      scenes_(max_scene_bytes) {}
+
+absl::StatusOr<std::string> SceneRegistry::AddPart(std::shared_ptr<const StoredPart> part) {
+  const std::string digest = PartDigest(part->mesh);
+  const int64_t bytes = MeshBytes(part->mesh);
+  if (absl::Status status = parts_.Put(digest, std::move(part), bytes); !status.ok()) {
+    return WithErrorInfo(absl::ResourceExhaustedError(absl::StrCat("part: ", status.message())),
+                         "PART_TOO_LARGE");
+  }
+  UpdateMetrics();
+  return digest;
+}
+
+absl::StatusOr<std::shared_ptr<const StoredPart>> SceneRegistry::FindPart(
+    const std::string& digest) {
+  auto part = parts_.Get(digest);
+  if (part == nullptr) {
+    return WithErrorInfo(
+        absl::NotFoundError(absl::StrCat("part ", digest, " is not on this server: upload it")),
+        kReasonPartUnknown, {{"part_digest", digest}});
+  }
+  return part;
+}
+
+absl::StatusOr<std::shared_ptr<const StoredScene>> SceneRegistry::FindScene(
+    const std::string& digest) {
+  auto scene = scenes_.Get(digest);
+  if (scene == nullptr) {
+    return WithErrorInfo(absl::NotFoundError(absl::StrCat("scene '", digest.substr(0, 64),
+                                                          "' is not on this server: create it")),
+                         kReasonSceneUnknown, {{"scene_digest", digest.substr(0, 64)}});
+  }
+  return scene;
+}
+
+absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& request_id,
+                                                     const v1::SceneSpec& spec) {
+  if (request_id.size() > kMaxRequestIdBytes) {
+    return InvalidFields({{"request_id", absl::StrCat("at most ", kMaxRequestIdBytes, " bytes")}});
+  }
+  absl::StatusOr<ParsedSceneSpec> parsed = ParseSceneSpec(spec);
+  if (!parsed.ok()) return parsed.status();
+  const std::string digest = parsed->digest;
+
+  std::lock_guard lock(mutex_);
+  if (const auto it = requests_.find(request_id); it != requests_.end()) {
+    if (it->second.digest != digest) {
+      return WithErrorInfo(absl::AlreadyExistsError(absl::StrCat("request_id '", request_id,
+                                                                 "' was used for another scene")),
+                           "REQUEST_ID_REUSED");
+    }
+    // A retry gets its job, even a failed one; only a scene that was dropped since is built anew.
+    absl::StatusOr<JobRecord> job = jobs_->Get(it->second.job_id);
+    if (job.ok() && (job->state != JobState::kSucceeded || scenes_.Get(digest) != nullptr)) {
+      return job;
+    }
+  }
+  const auto remember = [&](const std::string& job_id) {
+    if (request_id.empty()) return;
+    if (requests_.insert_or_assign(request_id, Request{digest, job_id}).second) {
+      request_order_.push_back(request_id);
+      Trim(&requests_, &request_order_);
+    }
+  };
+  if (const auto it = job_of_scene_.find(digest); it != job_of_scene_.end()) {
+    absl::StatusOr<JobRecord> job = jobs_->Get(it->second);
+    if (job.ok() && (!job->finished() ||
+                     (job->state == JobState::kSucceeded && scenes_.Get(digest) != nullptr))) {
+      remember(job->job_id);
+      return job;
+    }
+  }
+  // Parts are checked now so that the client learns at once what to upload, and looked up again
+  // when the job starts; both touch them, so that they are the last to be dropped in between.
+  if (absl::Status status = FindPart(parsed->part_digest).status(); !status.ok()) return status;
+  for (const auto& obstacle : parsed->obstacles) {
+    if (absl::Status status = FindPart(obstacle.part_digest).status(); !status.ok()) return status;
+  }
+  const std::vector<JobRecord> jobs = jobs_->List("scene");
+  if (std::count_if(jobs.begin(), jobs.end(),
+                    [](const JobRecord& job) { return !job.finished(); }) >= kMaxUnfinishedJobs) {
+    return WithRetryDelay(
+        WithErrorInfo(absl::UnavailableError(absl::StrCat("overloaded: ", kMaxUnfinishedJobs,
+                                                          " scenes are waiting to be built")),
+                      "OVERLOADED"),
+        absl::Seconds(5));
+  }
+  // The store's own check of request_id would bind the id to one job for good, but a scene that was
+  // dropped for lack of memory has to be built again by a new job.
+  absl::StatusOr<JobRecord> job = jobs_->Create(
+      "scene", "", digest, [this, spec_copy = *std::move(parsed)](JobContext& context) {
+        return BuildScene(spec_copy, context);
+      });
+  if (!job.ok()) return job.status();
+  remember(job->job_id);
+  if (job_of_scene_.insert_or_assign(digest, job->job_id).second) {
+    scene_order_.push_back(digest);
+    Trim(&job_of_scene_, &scene_order_);
+  }
+  return job;
+}
+
+absl::StatusOr<std::string> SceneRegistry::BuildScene(const ParsedSceneSpec& spec,
+                                                      JobContext& context) {
+  if (scenes_.Get(spec.digest) != nullptr) return spec.digest;
+  const absl::Time start = absl::Now();
+  SceneDefinition definition;
+  absl::StatusOr<std::shared_ptr<const StoredPart>> part = FindPart(spec.part_digest);
+  if (!part.ok()) return part.status();
+  definition.part = (*part)->mesh;
+  for (const auto& obstacle : spec.obstacles) {
+    absl::StatusOr<std::shared_ptr<const StoredPart>> body = FindPart(obstacle.part_digest);
+    if (!body.ok()) return body.status();
+    definition.obstacles.push_back({(*body)->mesh, obstacle.frame});
+  }
+  definition.rig = spec.rig;
+  definition.sampling = spec.sampling;
+  definition.field_directions = spec.field_directions;
+  SceneBuildOptions options;
+  options.on_progress = [&context](double progress, const std::string& message) {
+    context.ReportProgress(progress, message);
+  };
+  options.cancelled = &context.cancelled();
+  absl::StatusOr<std::unique_ptr<CoverageScene>> scene =
+      backend_.build_scene(std::move(definition), options);
+  if (context.cancelled()) return absl::CancelledError("scene was cancelled");
+  if (!scene.ok()) {
+    spdlog::warn("event=scene_failed scene={} code={} message={:?}", spec.digest,
+                 absl::StatusCodeToString(scene.status().code()),
+                 std::string(scene.status().message()));
+    return scene.status();
+  }
+  auto stored = std::make_shared<StoredScene>();
+  stored->scene = *std::move(scene);
+  stored->spec = spec.normalised;
+  const int64_t bytes = SceneBytes(*stored->scene);
+  const size_t targets = stored->scene->targets().size();
+  if (absl::Status status = scenes_.Put(spec.digest, std::move(stored), bytes); !status.ok()) {
+    return absl::ResourceExhaustedError(absl::StrCat("scene: ", status.message()));
+  }
+  UpdateMetrics();
+  spdlog::info("event=scene_built scene={} targets={} bytes={} seconds={:.3f}", spec.digest,
+               targets, bytes, absl::ToDoubleSeconds(absl::Now() - start));
+  return spec.digest;
+}
+
+void SceneRegistry::UpdateMetrics() {
+  metrics_->SetParts(parts_.count(), parts_.bytes());
+  metrics_->SetScenes(scenes_.count(), scenes_.bytes());
+}
+
+}  // namespace sightline

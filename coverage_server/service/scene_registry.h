@@ -1,0 +1,72 @@
+// Parts and scenes in memory, and the jobs that build scenes.
+#pragma once
+
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "core/job/job_store.h"
+#include "core/part/part_health.h"
+#include "coverage_server/scene/coverage_scene.h"
+#include "coverage_server/service/coverage_backend.h"
+#include "coverage_server/service/lru_store.h"
+#include "coverage_server/service/scene_spec.h"
+#include "coverage_server/service/server_metrics.h"
+#include "sightline/v1/coverage_service.pb.h"
+
+namespace sightline {
+
+struct StoredPart {
+  TriangleMesh mesh;
+  PartHealth health;
+};
+
+struct StoredScene {
+  std::unique_ptr<CoverageScene> scene;
+  v1::SceneSpec spec;  // normalised
+};
+
+// Thread-safe. `jobs` must outlive it, but run no more jobs when it ends.
+class SceneRegistry {
+ public:
+  SceneRegistry(CoverageBackend backend, JobStore* jobs, ServerMetrics* metrics,
+                int64_t max_part_bytes, int64_t max_scene_bytes);
+
+  // Returns the part's digest. RESOURCE_EXHAUSTED if it alone exceeds the limit.
+  absl::StatusOr<std::string> AddPart(std::shared_ptr<const StoredPart> part);
+
+  // The job (kind "scene") that builds or built this scene. Idempotent by request_id
+  // (ALREADY_EXISTS if it was used for another scene; empty: no such check) and by content: a scene
+  // that is built or being built has one job, which all who ask for it share. NOT_FOUND (reason
+  // PART_UNKNOWN, metadata part_digest) for a part that must be uploaded first.
+  absl::StatusOr<JobRecord> CreateScene(const std::string& request_id, const v1::SceneSpec& spec);
+
+  // NOT_FOUND (reason SCENE_UNKNOWN) if it must be created first.
+  absl::StatusOr<std::shared_ptr<const StoredScene>> FindScene(const std::string& digest);
+
+ private:
+  absl::StatusOr<std::string> BuildScene(const ParsedSceneSpec& spec, JobContext& context);
+  absl::StatusOr<std::shared_ptr<const StoredPart>> FindPart(const std::string& digest);
+  void UpdateMetrics();
+
+  const CoverageBackend backend_;
+  JobStore* const jobs_;
+  ServerMetrics* const metrics_;
+  LruStore<StoredPart> parts_;
+  LruStore<StoredScene> scenes_;
+
+  std::mutex mutex_;  // held while deciding which job a request belongs to
+  struct Request {
+    std::string digest;
+    std::string job_id;
+  };
+  std::map<std::string, Request> requests_;
+  std::deque<std::string> request_order_;
+  std::map<std::string, std::string> job_of_scene_;
+  std::deque<std::string> scene_order_;
+};
+
+}  // namespace sightline

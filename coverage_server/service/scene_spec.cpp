@@ -1,0 +1,140 @@
+#include "coverage_server/service/scene_spec.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+#include <openssl/evp.h>
+
+#include <cmath>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/string_view.h"
+#include "core/inspection/inspection.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kMinFieldDirections = 16;
+constexpr int kMaxFieldDirections = 65536;
+constexpr size_t kMaxObstacles = 64;
+
+bool IsDigest(const std::string& text) {
+  if (text.size() != 64) return false;
+  for (const char c : text) {
+    if (!(c >= '0' && c <= '9') && !(c >= 'a' && c <= 'f')) return false;
+  }
+  return true;
+}
+
+std::string Sha256Hex(const std::string& bytes) {
+  unsigned char digest[EVP_MAX_MD_SIZE];
+  unsigned int size = 0;
+  EVP_Digest(bytes.data(), bytes.size(), digest, &size, EVP_sha256(), nullptr);
+  return absl::BytesToHexString(absl::string_view(reinterpret_cast<const char*>(digest), size));
+}
+
+std::string DeterministicBytes(const google::protobuf::Message& message) {
+  std::string bytes;
+  google::protobuf::io::StringOutputStream stream(&bytes);
+  google::protobuf::io::CodedOutputStream coded(&stream);
+  coded.SetSerializationDeterministic(true);
+  message.SerializeToCodedStream(&coded);
+  coded.Trim();
+  return bytes;
+}
+
+// Degrees do not survive the way through radians and back bit by bit: 1e-9 degrees is what counts.
+double RoundDegrees(double degrees) { return std::round(degrees * 1e9) / 1e9; }
+
+// Rig and sampling of a spec whose own fields were checked. INVALID_ARGUMENT.
+absl::Status ParseSettings(const v1::SceneSpec& spec, Rig* rig, TargetSampling* sampling) {
+  absl::StatusOr<Rig> parsed_rig = ParseRig(
+      spec.rig(), spec.camera(), spec.has_lens() ? &spec.lens() : nullptr, spec.laser(), "spec");
+  if (!parsed_rig.ok()) {
+    return InvalidFields({{"spec", std::string(parsed_rig.status().message())}});
+  }
+  absl::StatusOr<TargetSampling> parsed_sampling = ParseTargetSampling(spec.targets(), "spec");
+  if (!parsed_sampling.ok()) {
+    return InvalidFields({{"spec.targets", std::string(parsed_sampling.status().message())}});
+  }
+  *rig = *std::move(parsed_rig);
+  *sampling = *std::move(parsed_sampling);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
+  ParsedSceneSpec parsed;
+  std::vector<FieldViolation> violations;
+  if (!IsDigest(spec.part_digest())) {
+    violations.push_back({"spec.part_digest", "must be 64 lower-case hexadecimal digits"});
+  }
+  if (static_cast<size_t>(spec.obstacles_size()) > kMaxObstacles) {
+    violations.push_back({"spec.obstacles", absl::StrCat("at most ", kMaxObstacles)});
+  }
+  for (int i = 0; i < spec.obstacles_size() && violations.size() < 10; ++i) {
+    const v1::SceneObstacle& obstacle = spec.obstacles(i);
+    const std::string path = absl::StrCat("spec.obstacles[", i, "]");
+    if (!IsDigest(obstacle.part_digest())) {
+      violations.push_back({path + ".part_digest", "must be 64 lower-case hexadecimal digits"});
+    }
+    ObstacleFrame frame = ObstacleFrame::kPart;
+    switch (obstacle.frame()) {
+      case v1::Obstacle::FRAME_PART:
+        frame = ObstacleFrame::kPart;
+        break;
+      case v1::Obstacle::FRAME_STAGE:
+        frame = ObstacleFrame::kStage;
+        break;
+      case v1::Obstacle::FRAME_WORLD:
+        frame = ObstacleFrame::kWorld;
+        break;
+      default:
+        violations.push_back({path + ".frame", "must be FRAME_PART, FRAME_STAGE or FRAME_WORLD"});
+    }
+    parsed.obstacles.push_back({obstacle.part_digest(), frame});
+  }
+  parsed.field_directions = spec.has_field_directions() ? spec.field_directions() : 4096;
+  const int root = static_cast<int>(std::lround(std::sqrt(std::max(0, parsed.field_directions))));
+  if (parsed.field_directions < kMinFieldDirections ||
+      parsed.field_directions > kMaxFieldDirections || root * root != parsed.field_directions) {
+    violations.push_back({"spec.field_directions",
+                          absl::StrCat(parsed.field_directions, ": must be a square number in [",
+                                       kMinFieldDirections, ", ", kMaxFieldDirections, "]")});
+  }
+  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+
+  if (absl::Status status = ParseSettings(spec, &parsed.rig, &parsed.sampling); !status.ok()) {
+    return status;
+  }
+  parsed.part_digest = spec.part_digest();
+
+  v1::SceneSpec& normalised = parsed.normalised;
+  normalised.set_part_digest(spec.part_digest());
+  *normalised.mutable_camera() = CameraToProto(parsed.rig.camera);
+  normalised.mutable_camera()->set_vertical_fov_deg(
+      RoundDegrees(normalised.camera().vertical_fov_deg()));
+  if (parsed.rig.lens) {
+    normalised.mutable_lens()->set_focal_length_m(parsed.rig.lens->focal_length_m);
+    normalised.mutable_lens()->set_f_number(parsed.rig.lens->f_number);
+  }
+  *normalised.mutable_laser() = LaserToProto(parsed.rig.laser);
+  normalised.mutable_laser()->set_fan_angle_deg(RoundDegrees(normalised.laser().fan_angle_deg()));
+  *normalised.mutable_rig() = RigToProto(parsed.rig);
+  *normalised.mutable_targets() = TargetSamplingToProto(parsed.sampling);
+  normalised.mutable_targets()->set_max_normal_angle_deg(
+      RoundDegrees(normalised.targets().max_normal_angle_deg()));
+  *normalised.mutable_obstacles() = spec.obstacles();
+  normalised.set_field_directions(parsed.field_directions);
+  parsed.digest = Sha256Hex(DeterministicBytes(normalised));
+  // What is built depends on the normal form alone: same digest, same scene, bit by bit.
+  if (absl::Status status = ParseSettings(normalised, &parsed.rig, &parsed.sampling);
+      !status.ok()) {
+    return status;
+  }
+  return parsed;
+}
+
+}  // namespace sightline

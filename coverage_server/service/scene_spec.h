@@ -1,0 +1,33 @@
+// What a scene is made of: validation, normal form and digest of a SceneSpec.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "coverage_server/scene/coverage_scene.h"
+#include "sightline/v1/coverage_service.pb.h"
+
+namespace sightline {
+
+struct ParsedSceneSpec {
+  v1::SceneSpec normalised;
+  std::string digest;
+  std::string part_digest;
+  // Everything but the meshes, which are named by their digests.
+  Rig rig;
+  TargetSampling sampling;
+  int field_directions = 4096;
+  struct ObstacleRef {
+    std::string part_digest;
+    ObstacleFrame frame;
+  };
+  std::vector<ObstacleRef> obstacles;
+};
+
+// Normal form: every default written out, so that equal scenes have equal bytes; normalising twice
+// changes nothing. Digest: SHA-256 (lower-case hex) of the deterministic serialization of the
+// normal form. INVALID_ARGUMENT with the fields at fault.
+absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec);
+
+}  // namespace sightline

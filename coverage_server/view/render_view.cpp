@@ -1,0 +1,391 @@
+#include "coverage_server/view/render_view.h"
+
+#include <png.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <functional>
+#include <nanoflann.hpp>
+#include <numbers>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/rig/scan_geometry.h"
+#include "coverage_server/gl/gl_context.h"
+
+namespace sightline {
+namespace {
+
+constexpr char kVertexShader[] = R"(#version 330 core
+layout(location = 0) in vec3 position;
+layout(location = 1) in vec3 normal;
+layout(location = 2) in vec4 colour;
+uniform mat4 to_clip;
+out vec3 shade_normal;
+out vec4 shade_colour;
+void main() {
+  gl_Position = to_clip * vec4(position, 1);
+  shade_normal = normal;
+  shade_colour = colour;
+}
+)";
+// Light from the viewer and a little from above; a zero normal means: do not shade.
+constexpr char kFragmentShader[] = R"(#version 330 core
+in vec3 shade_normal;
+in vec4 shade_colour;
+uniform vec3 to_viewer;
+out vec4 pixel;
+void main() {
+  float light = 1.0;
+  if (dot(shade_normal, shade_normal) > 0.25) {
+    light = 0.3 + 0.6 * abs(dot(normalize(shade_normal), to_viewer)) + 0.1 * shade_normal.z;
+  }
+  pixel = vec4(shade_colour.rgb * light, shade_colour.a);
+}
+)";
+
+using Colour = Eigen::Vector4f;
+const Colour kPartColour(0.72f, 0.74f, 0.77f, 1);
+const Colour kCoveredColour(0.36f, 0.20f, 0.56f, 1);
+const Colour kUncoveredColour(0.96f, 0.82f, 0.24f, 1);
+const Colour kUnmeasurableColour(0.87f, 0.37f, 0.20f, 1);
+const Colour kMeasurableColour(0.42f, 0.62f, 0.78f, 1);
+const Colour kCameraColour(0.20f, 0.40f, 0.80f, 1);
+const Colour kLaserColour(0.25f, 0.25f, 0.28f, 1);
+const Colour kFanColour(1.0f, 0.15f, 0.10f, 0.28f);
+const Colour kLineColour(1.0f, 0.05f, 0.05f, 1);
+const Colour kObstacleColour(0.55f, 0.50f, 0.42f, 1);
+
+struct Vertex {
+  float position[3], normal[3], colour[4];
+};
+
+class DrawList {
+ public:
+  void Triangle(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
+                const Colour& ca, const Colour& cb, const Colour& cc, bool shaded = true) {
+    Eigen::Vector3f n = shaded ? (b - a).cross(c - a).normalized() : Eigen::Vector3f::Zero();
+    Add(a, n, ca);
+    Add(b, n, cb);
+    Add(c, n, cc);
+  }
+  void Quad(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
+            const Eigen::Vector3f& d, const Colour& colour, bool shaded = true) {
+    Triangle(a, b, c, colour, colour, colour, shaded);
+    Triangle(a, c, d, colour, colour, colour, shaded);
+  }
+  // Parallelepiped centre +- x +- y +- z.
+  void Box(const Eigen::Vector3f& centre, const Eigen::Vector3f& x, const Eigen::Vector3f& y,
+           const Eigen::Vector3f& z, const Colour& colour) {
+    for (const float s : {-1.0f, 1.0f}) {
+      Quad(centre + s * x - y - z, centre + s * x + y - z, centre + s * x + y + z, centre + s * x - y + z, colour);
+      Quad(centre + s * y - x - z, centre + s * y + x - z, centre + s * y + x + z, centre + s * y - x + z, colour);
+      Quad(centre + s * z - x - y, centre + s * z + x - y, centre + s * z + x + y, centre + s * z - x + y, colour);
+    }
+  }
+  void Rod(const Eigen::Vector3f& a, const Eigen::Vector3f& b, float radius, const Colour& colour) {
+    const Eigen::Vector3f axis = b - a;
+    const Eigen::Vector3f x =
+        axis.cross(std::abs(axis.x()) < 0.7f * axis.norm() ? Eigen::Vector3f::UnitX() : Eigen::Vector3f::UnitY()).normalized() * radius;
+    Box(0.5f * (a + b), x, axis.cross(x).normalized() * radius, 0.5f * axis, colour);
+  }
+  const std::vector<Vertex>& vertices() const { return vertices_; }
+
+ private:
+  void Add(const Eigen::Vector3f& p, const Eigen::Vector3f& n, const Colour& c) {
+    vertices_.push_back({{p.x(), p.y(), p.z()}, {n.x(), n.y(), n.z()}, {c[0], c[1], c[2], c[3]}});
+  }
+  std::vector<Vertex> vertices_;
+};
+
+struct PointCloud {
+  std::vector<Eigen::Vector3f> points;
+  size_t kdtree_get_point_count() const { return points.size(); }
+  float kdtree_get_pt(size_t i, size_t axis) const { return points[i][static_cast<Eigen::Index>(axis)]; }
+  template <class Box>
+  bool kdtree_get_bbox(Box&) const {
+    return false;
+  }
+};
+using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointCloud>, PointCloud, 3>;
+
+// Distance to the nearest of the points; infinite if there is none.
+class NearestDistance {
+ public:
+  explicit NearestDistance(std::vector<Eigen::Vector3f> points)
+      : cloud_{std::move(points)}, tree_(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16)) {
+    if (!cloud_.points.empty()) tree_.buildIndex();
+  }
+  float operator()(const Eigen::Vector3f& p) const {
+    if (cloud_.points.empty()) return std::numeric_limits<float>::infinity();
+    size_t index;
+    float squared;
+    nanoflann::KNNResultSet<float> result(1);
+    result.init(&index, &squared);
+    tree_.findNeighbors(result, p.data(), nanoflann::SearchParams());
+    return std::sqrt(squared);
+  }
+
+ private:
+  PointCloud cloud_;
+  KdTree tree_;
+};
+
+// Adds the part, splitting triangles until edges are at most `edge_m`, so that colours given at
+// vertices follow a pattern of that size.
+void AddPart(const TriangleMesh& mesh, float edge_m,
+             const std::function<Colour(const Eigen::Vector3f&, const Eigen::Vector3f&)>& colour_at,
+             const std::function<Eigen::Vector3f(const Eigen::Vector3f&)>& place, DrawList& list) {
+  const std::function<void(const Eigen::Vector3f&, const Eigen::Vector3f&, const Eigen::Vector3f&,
+                           const Eigen::Vector3f&, int)>
+      split = [&](const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
+                  const Eigen::Vector3f& n, int depth) {
+        const float longest = std::max({(a - b).norm(), (b - c).norm(), (c - a).norm()});
+        if (longest <= edge_m || depth >= 8) {
+          list.Triangle(place(a), place(b), place(c), colour_at(a, n), colour_at(b, n), colour_at(c, n));
+          return;
+        }
+        const Eigen::Vector3f ab = 0.5f * (a + b), bc = 0.5f * (b + c), ca = 0.5f * (c + a);
+        split(a, ab, ca, n, depth + 1);
+        split(ab, b, bc, n, depth + 1);
+        split(ca, bc, c, n, depth + 1);
+        split(ab, bc, ca, n, depth + 1);
+      };
+  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
+    split(mesh.Corner(t, 0).cast<float>(), mesh.Corner(t, 1).cast<float>(), mesh.Corner(t, 2).cast<float>(),
+          mesh.Normal(t).cast<float>(), 0);
+  }
+}
+
+void AddBodies(const std::vector<Body>& bodies, const SensorPose& pose, const Colour& colour, DrawList& list) {
+  const Eigen::Vector3f x = pose.x_axis.cast<float>(), y = pose.y_axis.cast<float>(), z = pose.z_axis.cast<float>();
+  for (const Body& body : bodies) {
+    const Eigen::Vector3d c = std::visit([](const auto& b) { return b.centre_m; }, body);
+    const Eigen::Vector3f centre =
+        (pose.origin_m + c.x() * pose.x_axis + c.y() * pose.y_axis + c.z() * pose.z_axis).cast<float>();
+    if (const auto* box = std::get_if<BoxBody>(&body)) {
+      const Eigen::Vector3f half = 0.5f * box->size_m.cast<float>();
+      list.Box(centre, half.x() * x, half.y() * y, half.z() * z, colour);
+    } else {
+      const auto& cylinder = std::get<CylinderBody>(body);
+      const float r = static_cast<float>(cylinder.radius_m), h = 0.5f * static_cast<float>(cylinder.length_m);
+      constexpr int kSides = 32;
+      for (int k = 0; k < kSides; ++k) {
+        const float a0 = 2 * std::numbers::pi_v<float> * static_cast<float>(k) / kSides;
+        const float a1 = 2 * std::numbers::pi_v<float> * static_cast<float>(k + 1) / kSides;
+        const Eigen::Vector3f p = r * (std::cos(a0) * x + std::sin(a0) * y), q = r * (std::cos(a1) * x + std::sin(a1) * y);
+        list.Quad(centre + p - h * z, centre + q - h * z, centre + q + h * z, centre + p + h * z, colour);
+        for (const float end : {-h, h}) {
+          list.Triangle(centre + end * z, centre + p + end * z, centre + q + end * z, colour, colour, colour);
+        }
+      }
+    }
+  }
+}
+
+// Clip matrix of a pinhole at `pose` with image half sizes given as tangents.
+Eigen::Matrix4f ClipMatrix(const SensorPose& pose, double tan_x, double tan_y, double near_m, double far_m) {
+  Eigen::Matrix4d to_sensor = pose.Matrix().inverse();
+  Eigen::Matrix4d project = Eigen::Matrix4d::Zero();
+  project(0, 0) = 1 / tan_x;
+  project(1, 1) = -1 / tan_y;  // image rows grow downwards
+  project(2, 2) = (far_m + near_m) / (far_m - near_m);
+  project(2, 3) = -2 * far_m * near_m / (far_m - near_m);
+  project(3, 2) = 1;
+  return (project * to_sensor).cast<float>();
+}
+
+absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& translucent, const Eigen::Matrix4f& to_clip,
+                                      const Eigen::Vector3f& to_viewer, int columns, int rows) {
+  auto context = MakeOffscreenContext();
+  if (!context.ok()) return context.status();
+  const GlFunctions& gl = (*context)->gl();
+  constexpr int kSamples = 2;  // per axis; averaged below
+  auto framebuffer = Framebuffer::Make(gl, kSamples * columns, kSamples * rows, /*with_colour=*/true);
+  if (!framebuffer.ok()) return framebuffer.status();
+  auto program = MakeProgram(gl, kVertexShader, kFragmentShader);
+  if (!program.ok()) return program.status();
+  gl.Viewport(0, 0, kSamples * columns, kSamples * rows);
+  gl.ClearColor(1, 1, 1, 1);
+  gl.ClearDepth(1);
+  gl.Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
+  gl.Enable(GL_DEPTH_TEST);
+  gl.DepthFunc(GL_LESS);
+  gl.UseProgram(*program);
+  gl.UniformMatrix4fv(gl.GetUniformLocation(*program, "to_clip"), 1, GL_FALSE, to_clip.data());
+  gl.Uniform3f(gl.GetUniformLocation(*program, "to_viewer"), to_viewer.x(), to_viewer.y(), to_viewer.z());
+  GLuint array, buffer;
+  gl.GenVertexArrays(1, &array);
+  gl.BindVertexArray(array);
+  gl.GenBuffers(1, &buffer);
+  gl.BindBuffer(GL_ARRAY_BUFFER, buffer);
+  for (const DrawList* list : {&opaque, &translucent}) {
+    const auto& v = list->vertices();
+    if (v.empty()) continue;
+    gl.BufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(v.size() * sizeof(Vertex)), v.data(), GL_STREAM_DRAW);
+    const auto offset = [](size_t bytes) { return reinterpret_cast<const void*>(bytes); };
+    gl.VertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), offset(offsetof(Vertex, position)));
+    gl.VertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), offset(offsetof(Vertex, normal)));
+    gl.VertexAttribPointer(2, 4, GL_FLOAT, GL_FALSE, sizeof(Vertex), offset(offsetof(Vertex, colour)));
+    for (GLuint k = 0; k < 3; ++k) gl.EnableVertexAttribArray(k);
+    if (list == &translucent) {
+      gl.Enable(GL_BLEND);
+      gl.BlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
+      gl.DepthMask(GL_FALSE);
+    }
+    gl.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(v.size()));
+  }
+  std::vector<uint8_t> fine(static_cast<size_t>(kSamples * columns) * kSamples * rows * 4);
+  gl.PixelStorei(GL_PACK_ALIGNMENT, 1);
+  gl.ReadPixels(0, 0, kSamples * columns, kSamples * rows, GL_RGBA, GL_UNSIGNED_BYTE, fine.data());
+  if (gl.GetError() != GL_NO_ERROR) return absl::InternalError("OpenGL error while rendering a view");
+
+  std::vector<uint8_t> image(static_cast<size_t>(columns) * rows * 3);
+  for (int row = 0; row < rows; ++row) {
+    for (int column = 0; column < columns; ++column) {
+      for (int channel = 0; channel < 3; ++channel) {
+        int sum = 0;
+        for (int i = 0; i < kSamples; ++i) {
+          for (int j = 0; j < kSamples; ++j) {
+            const size_t fine_row = static_cast<size_t>(kSamples) * (rows - 1 - row) + i;  // GL is bottom-up
+            sum += fine[(fine_row * kSamples * columns + kSamples * column + j) * 4 + channel];
+          }
+        }
+        image[(static_cast<size_t>(row) * columns + column) * 3 + channel] = static_cast<uint8_t>(sum / (kSamples * kSamples));
+      }
+    }
+  }
+  png_image png{};
+  png.version = PNG_IMAGE_VERSION;
+  png.width = static_cast<png_uint_32>(columns);
+  png.height = static_cast<png_uint_32>(rows);
+  png.format = PNG_FORMAT_RGB;
+  png_alloc_size_t size = 0;
+  if (!png_image_write_get_memory_size(png, size, 0, image.data(), 0, nullptr)) {
+    return absl::InternalError(absl::StrCat("cannot encode PNG: ", png.message));
+  }
+  std::string bytes(size, '\0');
+  if (!png_image_write_to_memory(&png, bytes.data(), &size, 0, image.data(), 0, nullptr)) {
+    return absl::InternalError(absl::StrCat("cannot encode PNG: ", png.message));
+  }
+  bytes.resize(size);
+  return bytes;
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewRequest& request) {
+  for (const int size : {request.columns_px, request.rows_px}) {
+    if (size < 16 || size > 4096) {
+      return absl::InvalidArgumentError(absl::StrCat("image size ", request.columns_px, "x", request.rows_px, " is outside [16, 4096]"));
+    }
+  }
+  if (request.kind == ViewKind::kCamera && !request.measurement) {
+    return absl::InvalidArgumentError("the camera view needs a measurement");
+  }
+  const bool in_world = request.measurement.has_value() && request.kind != ViewKind::kCoverage && request.kind != ViewKind::kMeasurability;
+  ScanGeometry geometry;
+  if (in_world) geometry = MakeScanGeometry(scene.rig(), *request.measurement);
+  const Eigen::Vector3d part_centre = scene.part_centre_m();
+  const auto place = [&](const Eigen::Vector3f& p) -> Eigen::Vector3f {
+    return in_world ? PartToWorld(geometry, part_centre, p.cast<double>(), request.stage_m).cast<float>() : p;
+  };
+
+  // Colours of the part.
+  const TargetSet& targets = scene.targets();
+  const bool by_coverage = request.covered.size() == targets.size() && request.covered.size() > 0 && request.kind != ViewKind::kMeasurability;
+  const bool coloured = by_coverage || request.kind == ViewKind::kMeasurability || request.kind == ViewKind::kCoverage;
+  std::vector<Eigen::Vector3f> yes, no;
+  for (size_t t = 0; t < targets.size() && coloured; ++t) {
+    const bool set = request.kind == ViewKind::kMeasurability ? scene.measurable().Test(t) : by_coverage && request.covered.Test(t);
+    (set ? yes : no).push_back(targets.positions_m[t]);
+  }
+  const NearestDistance to_yes(std::move(yes)), to_no(std::move(no));
+  const auto colour_at = [&](const Eigen::Vector3f& p, const Eigen::Vector3f&) -> Colour {
+    if (!coloured) return kPartColour;
+    if (request.kind == ViewKind::kMeasurability) {
+      return to_yes(p) <= to_no(p) ? kMeasurableColour : kUnmeasurableColour;
+    }
+    // Purple within 3 mm of a measured target, yellow beyond 15 mm (as thesis Table 6.4).
+    const float mix = std::clamp((to_yes(p) - 0.003f) / 0.012f, 0.0f, 1.0f);
+    return (1 - mix) * kCoveredColour + mix * kUncoveredColour;
+  };
+  const Eigen::AlignedBox3d box = scene.part().BoundingBox();
+  const double diagonal = box.sizes().norm();
+  DrawList opaque, translucent;
+  AddPart(scene.part(), coloured ? static_cast<float>(std::max(0.004, diagonal / 200)) : 1e9f, colour_at, place, opaque);
+  for (const SceneObstacle& obstacle : scene.obstacles()) {
+    if (!in_world && obstacle.frame != ObstacleFrame::kPart) continue;
+    const auto place_obstacle = [&](const Eigen::Vector3f& p) -> Eigen::Vector3f {
+      if (obstacle.frame == ObstacleFrame::kPart) return place(p);
+      if (obstacle.frame == ObstacleFrame::kWorld) return p;
+      return p + (geometry.part_offset_m + Eigen::Vector3d(request.stage_m, 0, 0)).cast<float>();
+    };
+    AddPart(obstacle.mesh, 1e9f, [](const auto&, const auto&) { return kObstacleColour; }, place_obstacle, opaque);
+  }
+
+  if (in_world && request.measurement) {
+    // The laser line as measured in this frame.
+    std::vector<MeasurementPoint> points;
+    scene.EvaluateExact(*request.measurement, &points, nullptr);
+    const int frame = static_cast<int>(std::lround(request.stage_m / scene.rig().scan_step_m));
+    const float size = static_cast<float>(request.kind == ViewKind::kCamera ? 0.0008 : 0.003 * std::max(diagonal, 0.05));
+    for (const MeasurementPoint& p : points) {
+      if (p.frame != frame) continue;
+      const Eigen::Vector3f centre = place(p.position_m);
+      opaque.Box(centre, size * Eigen::Vector3f::UnitX(), size * Eigen::Vector3f::UnitY(), size * Eigen::Vector3f::UnitZ(), kLineColour);
+    }
+  }
+
+  SensorPose eye;
+  double tan_x, tan_y, near_m, far_m;
+  if (request.kind == ViewKind::kCamera) {
+    eye = geometry.camera;
+    const Camera& camera = scene.rig().camera;
+    tan_x = 0.5 * camera.columns_px / camera.FocalLengthPx();
+    tan_y = 0.5 * camera.rows_px / camera.FocalLengthPx();
+    near_m = 0.005;
+    far_m = 5 + diagonal;
+  } else {
+    Eigen::AlignedBox3d all;
+    for (int corner = 0; corner < 8; ++corner) {
+      all.extend(place(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)).cast<float>()).cast<double>());
+    }
+    if (in_world) {
+      AddBodies(scene.rig().camera_bodies, geometry.camera, kCameraColour, opaque);
+      AddBodies(scene.rig().laser_bodies, geometry.laser, kLaserColour, opaque);
+      const SensorPose& laser = geometry.laser;
+      // The fan reaches as far as the rig's origin needs.
+      const double length = laser.origin_m.norm() + 0.5 * diagonal;
+      const double half = std::min(std::tan(0.5 * scene.rig().laser.fan_angle_rad) * length, 0.5 * diagonal + 0.05);
+      const Eigen::Vector3f source = laser.origin_m.cast<float>();
+      const Eigen::Vector3f a = (laser.origin_m + length * laser.z_axis - half * laser.x_axis).cast<float>();
+      const Eigen::Vector3f b = (laser.origin_m + length * laser.z_axis + half * laser.x_axis).cast<float>();
+      translucent.Triangle(source, a, b, kFanColour, kFanColour, kFanColour, /*shaded=*/false);
+      const float axis = 0.25f * static_cast<float>(diagonal), rod = 0.004f * static_cast<float>(diagonal);
+      opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitX(), rod, Colour(0.85f, 0.1f, 0.1f, 1));
+      opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitY(), rod, Colour(0.1f, 0.65f, 0.1f, 1));
+      opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitZ(), rod, Colour(0.1f, 0.2f, 0.85f, 1));
+      all.extend(geometry.camera.origin_m - 0.1 * geometry.camera.z_axis);
+      all.extend(geometry.laser.origin_m - 0.1 * geometry.laser.z_axis);
+    }
+    const Eigen::Vector3d centre = all.center();
+    const double radius = 0.5 * all.sizes().norm();
+    tan_y = std::tan(0.5 * 30 * std::numbers::pi / 180);
+    tan_x = tan_y * request.columns_px / request.rows_px;
+    const double distance = request.distance_m > 0 ? request.distance_m : 0.92 * radius / std::min(tan_x, tan_y);
+    const double ce = std::cos(request.elevation_rad), se = std::sin(request.elevation_rad);
+    const Eigen::Vector3d direction(ce * std::cos(request.azimuth_rad), ce * std::sin(request.azimuth_rad), se);
+    eye.origin_m = centre + distance * direction;
+    eye.z_axis = -direction;
+    eye.x_axis = Eigen::Vector3d(-std::sin(request.azimuth_rad), std::cos(request.azimuth_rad), 0);
+    eye.y_axis = eye.z_axis.cross(eye.x_axis);
+    near_m = std::max(0.01 * distance, distance - 3 * radius);
+    far_m = distance + 3 * radius;
+  }
+  return Rasterize(opaque, translucent, ClipMatrix(eye, tan_x, tan_y, near_m, far_m),
+                   (-eye.z_axis).cast<float>(), request.columns_px, request.rows_px);
+}
+
+}  // namespace sightline

@@ -1,0 +1,54 @@
+// Renders the directions of a visibility field; runs in worker processes on shared memory.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+
+#include "absl/status/status.h"
+
+namespace sightline {
+
+// Input of all workers, in one shared mapping; arrays follow at the stated byte offsets. Plain
+// data: workers are other processes of the same program.
+struct FieldJob {
+  int32_t map_side;  // multiple of kTileSide
+  int32_t cull_back_faces;
+  int32_t coherent_occlusion;
+  float pixel_size_m;
+  float box_min[3], box_max[3];
+  uint32_t vertex_count;    // x, y, z floats
+  uint32_t triangle_count;  // three vertex indices, grouped by cluster
+  uint32_t cluster_count;
+  uint32_t cluster_vertex_count;
+  uint32_t target_count;  // padded to whole blocks
+  uint64_t vertices, triangles, triangle_normals, clusters, cluster_vertices;
+  // Six float arrays (x, y, z, nx, ny, nz) of kProbesPerTarget * target_count each, probe-major.
+  uint64_t probes;
+
+  std::atomic<int32_t> next_tile;
+  std::atomic<int32_t> directions_done;
+  std::atomic<int32_t> cancelled;
+
+  template <typename T>
+  const T* At(uint64_t offset) const {
+    return reinterpret_cast<const T*>(reinterpret_cast<const char*>(this) + offset);
+  }
+};
+
+// A group of neighbouring triangles that is drawn or skipped as a whole.
+struct FieldCluster {
+  uint32_t first_triangle, triangle_count;
+  uint32_t first_vertex, vertex_count;  // into cluster_vertices
+  // All its triangles face away from directions d with axis . d >= cutoff.
+  float cone_axis[3];
+  float cone_cutoff;
+};
+
+inline constexpr int kTileSide = 8;
+
+// Takes tiles until none is left; writes bytes [block][cell][target in block] to `field`.
+// Every tile starts afresh, so the bytes do not depend on who renders it.
+absl::Status RenderFieldTiles(FieldJob& job, uint8_t* field);
+
+}  // namespace sightline

@@ -1,0 +1,26 @@
+// Probe points around each target: where a measurement point would cover it.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "core/part/mesh.h"
+#include "core/targets/target_set.h"
+#include "coverage_server/occlusion/triangle_bvh.h"
+
+namespace sightline {
+
+inline constexpr int kProbesPerTarget = 8;
+
+// Probe 0 is the target; the others lie on the surface within the coverage radius, on triangles
+// that pass the normal gate. Where the surface ends, fewer distinct probes exist and the target is
+// repeated. Index: target * kProbesPerTarget + probe.
+struct SurfaceProbes {
+  std::vector<Eigen::Vector3f> positions_m;
+  std::vector<Eigen::Vector3f> normals;
+};
+
+SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh,
+                                const TargetSet& targets, const TargetSampling& sampling);
+
+}  // namespace sightline

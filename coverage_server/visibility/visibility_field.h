@@ -1,0 +1,77 @@
+// Directional visibility field: which probes around which target are seen from which direction.
+//
+// For every cell of an octahedral map one orthographic depth image of the part is rendered; every
+// probe is depth-tested in it. A gain query is then two byte look-ups per target instead of two
+// renderings (differs from the thesis, section 4.5, which renders every frame). Valid where the
+// sensor stands outside the part's hull; the exact evaluator decides everywhere else.
+#pragma once
+
+#include <atomic>
+#include <cstddef>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <span>
+
+#include "absl/status/statusor.h"
+#include "core/part/mesh.h"
+#include "core/targets/target_set.h"
+#include "coverage_server/visibility/octahedral_map.h"
+#include "coverage_server/visibility/surface_probes.h"
+
+namespace sightline {
+
+inline constexpr int kTargetsPerBlock = 64;
+
+// Bytes [block][cell][target in block]; bit k of a byte: probe k of the target is seen from the
+// cell's direction. Cells below a target's horizon hold the answer of the nearest direction above
+// it, so that directions just above the horizon do not read a hidden cell.
+class VisibilityField {
+ public:
+  VisibilityField(OctahedralMap map, size_t targets);
+
+  const OctahedralMap& map() const { return map_; }
+  size_t blocks() const { return blocks_; }
+  size_t bytes() const { return blocks_ * map_.cells() * kTargetsPerBlock; }
+  // kTargetsPerBlock bytes.
+  const uint8_t* Row(size_t block, int cell) const {
+    return data_.get() + (block * map_.cells() + cell) * kTargetsPerBlock;
+  }
+  const uint8_t* BlockData(size_t block) const { return Row(block, 0); }
+  uint8_t* mutable_data() { return data_.get(); }
+  uint8_t Probes(size_t target, int cell) const {
+    return Row(target / kTargetsPerBlock, cell)[target % kTargetsPerBlock];
+  }
+
+ private:
+  struct Unmap {
+    size_t bytes;
+    void operator()(uint8_t* data) const;
+  };
+  friend absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
+      const TriangleMesh&, std::span<const TriangleMesh* const>, const TargetSet&,
+      const SurfaceProbes&, const struct FieldBuildOptions&);
+
+  OctahedralMap map_;
+  size_t blocks_;
+  std::unique_ptr<uint8_t, Unmap> data_;
+};
+
+struct FieldBuildOptions {
+  int directions = 4096;     // rounded up to an even square
+  int processes = 0;         // 0: all cores
+  double pixel_size_m = 0;   // 0: 1/768 of the scene's diagonal
+  double simplification_m = 1e-4;  // 0: none
+  bool coherent_occlusion = true;
+  std::function<void(double)> on_progress;
+  const std::atomic<bool>* cancelled = nullptr;
+};
+
+// Depth images come from OSMesa in worker processes: llvmpipe contexts in one process hinder each
+// other. `obstacles` occlude too (part coordinates). Bytes do not depend on `processes`.
+// CANCELLED; INTERNAL if GL or a worker fails.
+absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
+    const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles,
+    const TargetSet& targets, const SurfaceProbes& probes, const FieldBuildOptions& options);
+
+}  // namespace sightline

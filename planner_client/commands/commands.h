@@ -1,0 +1,17 @@
+// The subcommands of `sightline`. Each adds its options to the application and returns what to run:
+// a function that returns the exit code.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+
+namespace sightline {
+
+using Command = std::function<int()>;
+
+Command AddPlanCommand(CLI::App& app);
+Command AddEvaluateCommand(CLI::App& app);
+Command AddCompareCommand(CLI::App& app);
+Command AddPartCommand(CLI::App& app);
+
+}  // namespace sightline

@@ -1,0 +1,268 @@
+#include "planner_client/commands/plan_document.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/json/strict_json.h"
+#include "core/part/load_part.h"
+#include "core/part/part_health_proto.h"
+#include "core/rig/scan_geometry.h"
+#include "planner_client/report/plan_csv.h"
+#include "planner_client/strategy/scan_order.h"
+
+namespace sightline {
+namespace {
+
+v1::Pose ToPose(const Eigen::Matrix4d& matrix) {
+  v1::Pose pose;
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) pose.add_matrix(matrix(row, column));
+  }
+  return pose;
+}
+
+v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& chosen) {
+  const Rig& rig = session.inspection.rig;
+  const Eigen::Vector3d centre = session.part->BoundingBox().center();
+  const ScanGeometry geometry = MakeScanGeometry(rig, chosen.measurement);
+  v1::PlannedScan scan;
+  *scan.mutable_measurement() = MeasurementToProto(chosen.measurement);
+  scan.set_locked(chosen.locked);
+  const int first = chosen.exact.first_frame, last = chosen.exact.last_frame;
+  const double start_m = last >= first ? first * rig.scan_step_m : 0;
+  scan.set_stage_start_m(start_m);
+  scan.set_stage_end_m(last >= first ? last * rig.scan_step_m : 0);
+  for (int frame = first; frame <= last; ++frame) scan.add_trigger_positions_m(frame * rig.scan_step_m);
+  *scan.mutable_camera_pose() = ToPose(WorldToPart(geometry, centre, geometry.camera, start_m).Matrix());
+  *scan.mutable_laser_pose() = ToPose(WorldToPart(geometry, centre, geometry.laser, start_m).Matrix());
+  Eigen::Matrix4d part = Eigen::Matrix4d::Identity();
+  part.topLeftCorner<3, 3>() = geometry.part_rotation;
+  part.topRightCorner<3, 1>() = geometry.part_offset_m - geometry.part_rotation * centre;
+  *scan.mutable_part_pose() = ToPose(part);
+  scan.set_fast_covered_targets(chosen.fast_covered);
+  scan.set_measurement_points(chosen.exact.measurement_points);
+  return scan;
+}
+
+}  // namespace
+
+v1::Plan::StopReason StopReasonToProto(StopReason reason) {
+  switch (reason) {
+    case StopReason::kGoalReached:
+      return v1::Plan::STOP_REASON_GOAL_REACHED;
+    case StopReason::kMaxScans:
+      return v1::Plan::STOP_REASON_MAX_SCANS;
+    case StopReason::kMaxTime:
+      return v1::Plan::STOP_REASON_MAX_TIME;
+    case StopReason::kStalled:
+      return v1::Plan::STOP_REASON_STALLED;
+    case StopReason::kInterrupted:
+      return v1::Plan::STOP_REASON_INTERRUPTED;
+  }
+  return v1::Plan::STOP_REASON_UNSPECIFIED;
+}
+
+PlanDocument MakePlanDocument(const PlanningSession& session, std::vector<ChosenScan> scans,
+                              const PlanSource& source) {
+  const CostModel& costs = session.inspection.costs;
+  const SceneInfo& scene = session.client->scene();
+  std::vector<Measurement> measurements;
+  int locked = 0;
+  for (const ChosenScan& scan : scans) {
+    measurements.push_back(scan.measurement);
+    locked += scan.locked ? 1 : 0;
+  }
+  PlanDocument document;
+  for (const int index : OrderScans(costs, measurements, locked)) document.scans.push_back(std::move(scans[index]));
+
+  v1::Plan& plan = document.plan;
+  plan.set_inspection_name(session.inspection.name);
+  plan.set_sightline_version(SIGHTLINE_VERSION);
+  plan.set_strategy(source.strategy);
+  plan.set_seed(source.seed);
+  plan.set_part_digest(scene.part_digest);
+  plan.set_scene_digest(scene.scene_digest);
+  plan.set_gain_evaluations(source.evaluations);
+  plan.set_stop_reason(source.stop_reason);
+
+  TargetBits covered(static_cast<size_t>(scene.target_count)), ungated = covered;
+  v1::PlanCost& cost = *plan.mutable_cost();
+  double error_sum = 0, error_max = 0;
+  for (size_t i = 0; i < document.scans.size(); ++i) {
+    const ChosenScan& chosen = document.scans[i];
+    v1::PlannedScan scan = DescribeScan(session, chosen);
+    scan.set_index(static_cast<int>(i + 1));
+    scan.set_covered_targets(chosen.exact.covered.Count());
+    scan.set_new_targets(chosen.exact.covered.CountNotIn(covered));
+    covered |= chosen.exact.covered;
+    if (chosen.exact.covered_without_normal_gate.size() == ungated.size()) ungated |= chosen.exact.covered_without_normal_gate;
+    scan.set_cumulative_targets(covered.Count());
+    scan.set_scan_time_s(ScanTimeS(costs, session.inspection.rig.scan_step_m, chosen.exact.first_frame, chosen.exact.last_frame));
+    if (i > 0) scan.set_reposition_time_s(RepositionTimeS(costs, document.scans[i - 1].measurement, chosen.measurement));
+    cost.set_scan_time_s(cost.scan_time_s() + scan.scan_time_s());
+    cost.set_reposition_time_s(cost.reposition_time_s() + scan.reposition_time_s());
+    const double error = std::abs(static_cast<double>(chosen.fast_covered - scan.covered_targets())) / static_cast<double>(scene.target_count);
+    error_sum += error;
+    error_max = std::max(error_max, error);
+    *plan.add_scans() = std::move(scan);
+  }
+  cost.set_unit_costs(costs.IsUnit());
+  cost.set_total(costs.IsUnit() ? static_cast<double>(document.scans.size()) : cost.scan_time_s() + cost.reposition_time_s());
+
+  v1::PlanCoverage& coverage = *plan.mutable_coverage();
+  coverage.set_targets(scene.target_count);
+  coverage.set_measurable_targets(scene.measurable_count);
+  coverage.set_covered_targets(covered.Count());
+  coverage.set_coverage(static_cast<double>(covered.Count()) / static_cast<double>(scene.measurable_count));
+  ungated &= session.client->measurable();
+  coverage.set_covered_targets_without_normal_gate(ungated.Count());
+  if (!document.scans.empty()) coverage.set_fast_mean_absolute_error(error_sum / static_cast<double>(document.scans.size()));
+  coverage.set_fast_max_absolute_error(error_max);
+  coverage.set_goal(session.inspection.goal.coverage);
+  return document;
+}
+
+void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan) {
+  v1::ScanCountBound& message = *plan.mutable_bound();
+  message.set_scans(bound.bound);
+  message.set_converged(bound.converged);
+  message.set_pricing_evaluations(bound.evaluations);
+  message.set_statement(bound.statement);
+}
+
+absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
+  PlanFileScans scans;
+  if (absl::Status status = ReadStrictJsonFile(path, &scans.plan); !status.ok()) return status;
+  const MeasurementDomain domain = ThesisDomain();
+  for (int i = 0; i < scans.plan.scans_size(); ++i) {
+    const v1::PlannedScan& scan = scans.plan.scans(i);
+    if (!scan.has_measurement()) {
+      return absl::InvalidArgumentError(absl::StrCat(path, ": scans[", i, "].measurement is missing"));
+    }
+    const Measurement measurement = MeasurementFromProto(scan.measurement());
+    const auto values = ToArray(measurement);
+    for (int p = 0; p < kMeasurementParameters; ++p) {
+      if (domain.parameters[p].Contains(values[p])) continue;
+      static constexpr const char* kNames[] = {"camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg",
+                                               "camera_polar_deg",  "part_alpha_deg",          "part_beta_deg",
+                                               "part_gamma_deg",    "offset_y_m",              "offset_z_m"};
+      const bool angle = p >= 1 && p <= 6;
+      std::string allowed;
+      for (const auto& range : domain.parameters[p].ranges) {
+        const double scale = angle ? 180 / std::numbers::pi : 1;
+        absl::StrAppend(&allowed, allowed.empty() ? "" : " or ", absl::StrFormat("[%.6g, %.6g]", scale * range.min, scale * range.max));
+      }
+      return absl::InvalidArgumentError(absl::StrFormat("%s: scans[%d].measurement.%s is %.9g, must be in %s", path, i, kNames[p],
+                                                        angle ? values[p] * 180 / std::numbers::pi : values[p], allowed));
+    }
+    scans.all.push_back(measurement);
+    scans.locked.push_back(scan.locked());
+  }
+  return scans;
+}
+
+absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return absl::InvalidArgumentError(absl::StrCat("cannot make folder ", folder, ": ", error.message()));
+  if (absl::Status status = WriteFileAtomically(folder + "/plan.json", ToJson(document.plan)); !status.ok()) return status;
+  return WriteFileAtomically(folder + "/plan.csv", PlanCsv(document.plan));
+}
+
+absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& document, const OutputOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
+  CoverageClient& client = *session.client;
+  ReportData data;
+  data.plan = document.plan;
+  data.health = PartHealthToProto(session.health);
+  data.part_name = std::filesystem::path(session.inspection.part_file).filename().string();
+  data.mesh = *session.part;
+  data.rig = session.inspection.rig;
+  data.targets = client.targets();
+  data.sampling = session.inspection.targets;
+  data.measurable = client.measurable();
+  data.comparison = options.comparison;
+
+  TargetBits covered(data.targets.size());
+  for (size_t i = 0; i < document.scans.size(); ++i) {
+    const ChosenScan& scan = document.scans[i];
+    covered |= scan.exact.covered;
+    ReportScan report;
+    report.covered = scan.exact.covered;
+    if (options.pictures) {
+      v1::RenderViewRequest request;
+      request.set_view(v1::RenderViewRequest::VIEW_FREE);
+      *request.mutable_measurement() = MeasurementToProto(scan.measurement);
+      const double middle = 0.5 * (scan.exact.first_frame + scan.exact.last_frame);
+      request.set_stage_position_m(std::round(middle) * session.inspection.rig.scan_step_m);
+      request.set_azimuth_deg(40);
+      request.set_elevation_deg(25);
+      request.set_columns_px(720);
+      request.set_rows_px(540);
+      request.set_covered_targets(covered.ToBytes());
+      auto png = client.RenderView(std::move(request));
+      if (!png.ok()) return png.status();
+      report.rendered_view_png = std::move(*png);
+    }
+    data.scans.push_back(std::move(report));
+    if (options.point_clouds) {
+      const std::string folder = options.folder + "/points";
+      std::error_code error;
+      std::filesystem::create_directories(folder, error);
+      if (error) return absl::InvalidArgumentError(absl::StrCat("cannot make folder ", folder, ": ", error.message()));
+      auto points = client.MeasurementPoints(scan.measurement);
+      if (absl::IsFailedPrecondition(points.status())) continue;  // a scan given by hand that collides
+      if (!points.ok()) return points.status();
+      std::vector<Eigen::Vector3f> positions, normals;
+      for (const ScanPoint& p : *points) {
+        positions.push_back(p.position_m);
+        normals.push_back(p.normal);
+      }
+      if (absl::Status status = WritePlyPoints(absl::StrFormat("%s/scan_%02d.ply", folder, i + 1), positions, normals); !status.ok()) {
+        return status;
+      }
+    }
+  }
+  if (options.pictures) {
+    for (const bool measurability : {true, false}) {
+      v1::RenderViewRequest request;
+      request.set_view(measurability ? v1::RenderViewRequest::VIEW_MEASURABILITY : v1::RenderViewRequest::VIEW_COVERAGE);
+      request.set_azimuth_deg(-60);
+      request.set_elevation_deg(35);
+      request.set_columns_px(960);
+      request.set_rows_px(640);
+      if (!measurability) request.set_covered_targets(covered.ToBytes());
+      auto png = client.RenderView(std::move(request));
+      if (!png.ok()) return png.status();
+      (measurability ? data.measurability_png : data.coverage_png) = std::move(*png);
+    }
+  }
+  data.timings = options.timings;
+  data.timings.push_back({"pictures and point clouds", std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
+  auto html = RenderReport(data);
+  if (!html.ok()) return html.status();
+  return WriteFileAtomically(options.folder + "/report.html", *html);
+}
+
+std::string SummarisePlan(const v1::Plan& plan) {
+  const v1::PlanCoverage& c = plan.coverage();
+  std::string text = absl::StrFormat(
+      "%d scans measure %.2f %% of the %d measurable targets (goal %.4g %%; without the gate on normals %.2f %%).\n"
+      "fast estimate against exact: mean |error| %.3f %%, largest %.3f %% of all targets, over this plan's scans.\n",
+      plan.scans_size(), 100 * c.coverage(), c.measurable_targets(), 100 * c.goal(),
+      100.0 * static_cast<double>(c.covered_targets_without_normal_gate()) / static_cast<double>(std::max<int64_t>(1, c.measurable_targets())),
+      100 * c.fast_mean_absolute_error(), 100 * c.fast_max_absolute_error());
+  if (!plan.bound().statement().empty()) absl::StrAppend(&text, plan.bound().statement(), "\n");
+  if (!plan.cost().unit_costs()) {
+    absl::StrAppendFormat(&text, "scanning takes %.1f s, repositioning %.1f s.\n", plan.cost().scan_time_s(), plan.cost().reposition_time_s());
+  }
+  return text;
+}
+
+}  // namespace sightline

@@ -1,0 +1,104 @@
+// Client of a coverage server: one scene, asked for gains, coverage, points and views.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "core/inspection/inspection.h"
+#include "core/part/mesh.h"
+#include "core/rig/rig.h"
+#include "core/targets/target_set.h"
+#include "planner_client/coverage_client/embedded_server.h"
+#include "planner_client/strategy/gain_oracle.h"
+#include "sightline/v1/coverage_service.pb.h"
+
+namespace sightline {
+
+// Everything coverage depends on; what the server is asked to build.
+struct CoverageTask {
+  std::shared_ptr<const TriangleMesh> part;  // from LoadPart
+  std::string part_name = "part";            // for messages
+  Rig rig;
+  TargetSampling sampling;
+  struct Obstacle {
+    std::shared_ptr<const TriangleMesh> mesh;
+    ObstacleFrame frame;
+    std::string name = "obstacle";
+  };
+  std::vector<Obstacle> obstacles;
+  int field_directions = 4096;
+};
+
+struct CoverageClientOptions {
+  // "unix:PATH" or "HOST:PORT". Not used with an embedded server.
+  std::string address;
+  // Restarted once if it ends; must outlive the client. May be null.
+  EmbeddedServer* embedded = nullptr;
+  // PEM texts. Root certificates turn on TLS; certificate and key are for mTLS.
+  std::string tls_root_certificates;
+  std::string tls_certificate;
+  std::string tls_key;
+  // Measurements per request of fast queries, [1, 4096], and requests under way at a time. Results
+  // do not depend on them.
+  int min_batch = 64;
+  int max_batch = 256;
+  int outstanding_requests = 3;
+  // Deadlines.
+  absl::Duration query_timeout = absl::Seconds(120);
+  absl::Duration build_timeout = absl::Minutes(60);
+  // UNAVAILABLE only is tried again, with growing pauses, for at most this long.
+  absl::Duration retry_for = absl::Seconds(10);
+  // Build progress in [0, 1].
+  std::function<void(double progress, const std::string& message)> on_progress;
+  // Ends the build (CANCELLED) when it becomes true. May be null.
+  const std::atomic<bool>* interrupted = nullptr;
+};
+
+struct SceneInfo {
+  std::string part_digest;
+  std::string scene_digest;
+  v1::SceneSpec spec;  // normalised by the server
+  int64_t target_count = 0;
+  int64_t measurable_count = 0;
+  Eigen::Vector3d part_centre_m;
+  Eigen::Vector3d part_size_m;
+  int64_t field_bytes = 0;
+  double targets_time_s = 0;
+  double field_time_s = 0;
+  double measurability_time_s = 0;
+};
+
+struct ScanPoint {
+  Eigen::Vector3f position_m;  // part coordinates
+  Eigen::Vector3f normal;
+  int32_t frame;  // stage position / scan step
+  int32_t column_px;
+};
+
+// Every call has a deadline. A server that was restarted and has forgotten the scene gets it again
+// without the caller noticing. Thread-safe. Errors of the server are passed on with its message;
+// UNAVAILABLE says when an embedded server died and why.
+class CoverageClient : public GainOracle {
+ public:
+  // Uploads what the server does not know, has the scene built and fetches its targets.
+  static absl::StatusOr<std::unique_ptr<CoverageClient>> Open(CoverageClientOptions options,
+                                                              CoverageTask task);
+
+  virtual const SceneInfo& scene() const = 0;
+  // TargetSet::triangles stays empty.
+  virtual const TargetSet& targets() const = 0;
+  // All measured points of one scan, exact. FAILED_PRECONDITION: the scan is not feasible.
+  virtual absl::StatusOr<std::vector<ScanPoint>> MeasurementPoints(
+      const Measurement& measurement) = 0;
+  // PNG bytes. `request.scene_digest` is filled in.
+  virtual absl::StatusOr<std::string> RenderView(v1::RenderViewRequest request) = 0;
+  // How often the scene was made again because the server had lost it.
+  virtual int recoveries() const = 0;
+};
+
+}  // namespace sightline

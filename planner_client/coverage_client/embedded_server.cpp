@@ -1,0 +1,288 @@
+#include "planner_client/coverage_client/embedded_server.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <mutex>
+#include <optional>
+#include <sstream>
+#include <system_error>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
+
+extern char** environ;
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kMaxSocketPathBytes = 107;
+constexpr size_t kStderrTailBytes = 2000;
+
+absl::StatusOr<std::string> FindBinary(const std::string& given) {
+  fs::path path = given;
+  if (given.empty()) {
+    std::error_code error;
+    const fs::path self = fs::read_symlink("/proc/self/exe", error);
+    path = self.parent_path() / "coverage_server";
+  }
+  if (access(path.c_str(), X_OK) != 0) {
+    return absl::NotFoundError(absl::StrCat("coverage server: no executable ", path.string(),
+                                            "; build it or give the address of a running one"));
+  }
+  return path.string();
+}
+
+// mkdtemp makes it mode 0700.
+absl::StatusOr<std::string> MakePrivateFolder() {
+  const char* given = std::getenv("TMPDIR");
+  std::string base = given != nullptr && *given != '\0' ? given : "/tmp";
+  if (base.size() + 40 > kMaxSocketPathBytes) base = "/tmp";
+  std::string folder = absl::StrCat(base, "/sightline-XXXXXX");
+  if (mkdtemp(folder.data()) == nullptr) {
+    return absl::InternalError(
+        absl::StrCat("cannot make a folder in ", base, ": ", std::strerror(errno)));
+  }
+  return folder;
+}
+
+std::string DescribeEnd(int wait_status) {
+  if (WIFSIGNALED(wait_status)) {
+    const int number = WTERMSIG(wait_status);
+    return absl::StrCat("was killed by signal ", number, " (", strsignal(number), ")");
+  }
+  return absl::StrCat("ended with exit code ", WEXITSTATUS(wait_status));
+}
+
+class ScopedFd {
+ public:
+  ScopedFd() = default;
+  explicit ScopedFd(int fd) : fd_(fd) {}
+  ~ScopedFd() { Reset(); }
+  ScopedFd(const ScopedFd&) = delete;
+  ScopedFd& operator=(const ScopedFd&) = delete;
+  ScopedFd& operator=(ScopedFd&& other) noexcept {
+    std::swap(fd_, other.fd_);
+    return *this;
+  }
+  ScopedFd(ScopedFd&& other) noexcept { std::swap(fd_, other.fd_); }
+  int get() const { return fd_; }
+  void Reset() {
+    if (fd_ >= 0) close(fd_);
+    fd_ = -1;
+  }
+
+ private:
+  int fd_ = -1;
+};
+
+struct Pipe {
+  ScopedFd read;
+  ScopedFd write;
+};
+
+absl::StatusOr<Pipe> MakePipe() {
+  int fds[2];
+  // Close-on-exec: no other child may keep the server's lifeline open.
+  if (pipe2(fds, O_CLOEXEC) != 0) {
+    return absl::InternalError(absl::StrCat("pipe: ", std::strerror(errno)));
+  }
+  return Pipe{ScopedFd(fds[0]), ScopedFd(fds[1])};
+}
+
+class EmbeddedServerImpl final : public EmbeddedServer {
+ public:
+  EmbeddedServerImpl(EmbeddedServerOptions options, std::string binary, std::string folder)
+      : options_(std::move(options)),
+        binary_(std::move(binary)),
+        folder_(std::move(folder)),
+        address_(absl::StrCat("unix:", folder_, "/coverage.sock")) {}
+
+  ~EmbeddedServerImpl() override {
+    std::lock_guard lock(mutex_);
+    Stop();
+    std::error_code ignored;
+    fs::remove_all(folder_, ignored);
+  }
+
+  const std::string& address() const override { return address_; }
+
+  int pid() const override {
+    std::lock_guard lock(mutex_);
+    return pid_;
+  }
+
+  absl::Status CheckAlive() override {
+    std::lock_guard lock(mutex_);
+    return CheckAliveLocked();
+  }
+
+  absl::Status Restart() override {
+    std::lock_guard lock(mutex_);
+    if (CheckAliveLocked().ok()) return absl::OkStatus();
+    return Launch();
+  }
+
+  absl::Status Launch() {
+    absl::StatusOr<Pipe> lifeline = MakePipe();
+    if (!lifeline.ok()) return lifeline.status();
+    absl::StatusOr<Pipe> output = MakePipe();
+    if (!output.ok()) return output.status();
+    const std::string stderr_file = folder_ + "/stderr.log";
+
+    constexpr int kLifelineFd = 3;
+    std::vector<std::string> arguments = {
+        binary_,       "--listen", address_, "--parent-fd", absl::StrCat(kLifelineFd),
+        "--log-level", "warning"};
+    arguments.insert(arguments.end(), options_.arguments.begin(), options_.arguments.end());
+    std::vector<char*> argv;
+    for (std::string& argument : arguments) argv.push_back(argument.data());
+    argv.push_back(nullptr);
+
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_addopen(&actions, 2, stderr_file.c_str(),
+                                     O_WRONLY | O_CREAT | O_TRUNC | O_APPEND, 0600);
+    posix_spawn_file_actions_adddup2(&actions, output->write.get(), 1);
+    // dup2 of a descriptor onto itself clears close-on-exec as well.
+    posix_spawn_file_actions_adddup2(&actions, lifeline->read.get(), kLifelineFd);
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes);
+    sigset_t none;
+    sigset_t all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setsigdefault(&attributes, &all);
+    posix_spawnattr_setpgroup(&attributes, 0);
+    posix_spawnattr_setflags(
+        &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+    pid_t child = -1;
+    const int error =
+        posix_spawn(&child, binary_.c_str(), &actions, &attributes, argv.data(), environ);
+    posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
+    if (error != 0) {
+      return absl::UnavailableError(
+          absl::StrCat("coverage server: cannot start ", binary_, ": ", std::strerror(error)));
+    }
+    pid_ = child;
+    wait_status_.reset();
+    lifeline_ = std::move(lifeline->write);
+    output->write.Reset();
+    absl::Status status = WaitUntilListening(output->read.get());
+    if (!status.ok()) Stop();
+    return status;
+  }
+
+ private:
+  absl::Status WaitUntilListening(int output_fd) {
+    const absl::Time deadline = absl::Now() + options_.start_timeout;
+    std::string text;
+    while (!absl::StrContains(text, "listening on ")) {
+      const int64_t left_ms = absl::ToInt64Milliseconds(deadline - absl::Now());
+      pollfd fd = {output_fd, POLLIN, 0};
+      if (left_ms <= 0) {
+        return absl::DeadlineExceededError(
+            absl::StrCat("coverage server ", binary_, " did not listen within ",
+                         absl::FormatDuration(options_.start_timeout), StderrTail()));
+      }
+      if (poll(&fd, 1, static_cast<int>(std::min<int64_t>(left_ms, 1000))) <= 0) continue;
+      char buffer[512];
+      const ssize_t got = read(output_fd, buffer, sizeof(buffer));
+      if (got < 0 && errno == EINTR) continue;
+      if (got <= 0) {
+        // Its end of the pipe is closed: it has ended or is about to.
+        int wait_status = 0;
+        if (waitpid(pid_, &wait_status, 0) == pid_) wait_status_ = wait_status;
+        return EndedError();
+      }
+      text.append(buffer, static_cast<size_t>(got));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status CheckAliveLocked() {
+    if (pid_ > 0 && !wait_status_) {
+      int wait_status = 0;
+      if (waitpid(pid_, &wait_status, WNOHANG) != pid_) return absl::OkStatus();
+      wait_status_ = wait_status;
+    }
+    return EndedError();
+  }
+
+  absl::Status EndedError() const {
+    return absl::UnavailableError(absl::StrCat("the coverage server that was started for this run ",
+                                               DescribeEnd(wait_status_.value_or(0)),
+                                               StderrTail()));
+  }
+
+  std::string StderrTail() const {
+    std::ifstream file(folder_ + "/stderr.log", std::ios::binary);
+    std::ostringstream text;
+    text << file.rdbuf();
+    std::string tail = text.str();
+    if (tail.size() > kStderrTailBytes) tail = "..." + tail.substr(tail.size() - kStderrTailBytes);
+    while (absl::EndsWith(tail, "\n")) tail.pop_back();
+    return tail.empty() ? "; it wrote nothing to stderr" : "; its last messages:\n" + tail;
+  }
+
+  void Stop() {
+    if (pid_ <= 0) return;
+    if (!wait_status_) {
+      kill(pid_, SIGTERM);
+      lifeline_.Reset();
+      const absl::Time deadline = absl::Now() + options_.stop_timeout;
+      int wait_status = 0;
+      pid_t ended = 0;
+      while ((ended = waitpid(pid_, &wait_status, WNOHANG)) == 0 && absl::Now() < deadline) {
+        absl::SleepFor(absl::Milliseconds(2));
+      }
+      if (ended == 0) {
+        kill(pid_, SIGKILL);
+        waitpid(pid_, &wait_status, 0);
+      }
+      wait_status_ = wait_status;
+    }
+    lifeline_.Reset();
+    pid_ = -1;
+  }
+
+  const EmbeddedServerOptions options_;
+  const std::string binary_;
+  const std::string folder_;
+  const std::string address_;
+  mutable std::mutex mutex_;
+  pid_t pid_ = -1;
+  std::optional<int> wait_status_;
+  ScopedFd lifeline_;  // the server ends when this is closed
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::Start(
+    EmbeddedServerOptions options) {
+  absl::StatusOr<std::string> binary = FindBinary(options.binary);
+  if (!binary.ok()) return binary.status();
+  absl::StatusOr<std::string> folder = MakePrivateFolder();
+  if (!folder.ok()) return folder.status();
+  auto server = std::make_unique<EmbeddedServerImpl>(std::move(options), *binary, *folder);
+  if (absl::Status status = server->Launch(); !status.ok()) return status;
+  return server;
+}
+
+}  // namespace sightline

@@ -1,0 +1,44 @@
+// A coverage server of one's own: started, watched and ended by this process.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+
+namespace sightline {
+
+struct EmbeddedServerOptions {
+  // Empty: coverage_server in the folder of the running executable.
+  std::string binary;
+  // Further arguments, e.g. {"--threads", "1"}.
+  std::vector<std::string> arguments;
+  absl::Duration start_timeout = absl::Seconds(20);
+  // How long it may take to end before it is killed.
+  absl::Duration stop_timeout = absl::Seconds(3);
+};
+
+// The server listens on a unix socket in a folder that only this user can enter. It runs in its own
+// process group (Ctrl-C reaches only us) and ends when this process ends, however that happens.
+// Thread-safe.
+class EmbeddedServer {
+ public:
+  // NOT_FOUND: no such binary. UNAVAILABLE, DEADLINE_EXCEEDED: it ended or did not listen in time;
+  // the message ends with what it wrote to stderr.
+  static absl::StatusOr<std::unique_ptr<EmbeddedServer>> Start(EmbeddedServerOptions options);
+  // Ends the server and removes the folder.
+  virtual ~EmbeddedServer() = default;
+
+  // "unix:PATH"; stays the same over restarts.
+  virtual const std::string& address() const = 0;
+  virtual int pid() const = 0;
+  // OK while it runs; UNAVAILABLE says how it ended and what it wrote last.
+  virtual absl::Status CheckAlive() = 0;
+  // Starts it anew if it has ended; the new one knows no parts and scenes.
+  virtual absl::Status Restart() = 0;
+};
+
+}  // namespace sightline

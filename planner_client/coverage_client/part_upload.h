@@ -1,0 +1,14 @@
+// A mesh as a file that a coverage server takes.
+#pragma once
+
+#include <string>
+
+#include "core/part/mesh.h"
+
+namespace sightline {
+
+// Binary little-endian PLY in metres. A mesh that came from LoadPart is read back vertex by vertex
+// as it is, so that both sides compute the same PartDigest.
+std::string EncodePly(const TriangleMesh& mesh);
+
+}  // namespace sightline

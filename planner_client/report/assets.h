@@ -1,0 +1,12 @@
+// Files of viewer/ inside the program.
+#pragma once
+
+#include "absl/strings/string_view.h"
+
+namespace sightline {
+
+absl::string_view ReportTemplate();  // report.html, with {{NAME}} where sections go
+absl::string_view ReportStyle();     // report.css
+absl::string_view ViewerScript();    // viewer.js and three, bundled and minified
+
+}  // namespace sightline

@@ -1,0 +1,14 @@
+// A plan as a table for spreadsheets and stage controllers.
+#pragma once
+
+#include <string>
+
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+// One header row, one row per scan in plan order, RFC 4180 with LF line ends. Every column's unit
+// is in its name. Numbers are the shortest decimals that read back as the same doubles.
+std::string PlanCsv(const v1::Plan& plan);
+
+}  // namespace sightline

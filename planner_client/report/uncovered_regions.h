@@ -1,0 +1,39 @@
+// Connected regions of the surface that a plan leaves unmeasured.
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "core/targets/target_set.h"
+
+namespace sightline {
+
+// One region, part coordinates, metres.
+struct UncoveredRegion {
+  std::vector<uint32_t> targets;  // ascending
+  double area_share = 0;          // of all targets' area, in [0, 1]
+  Eigen::Vector3d centroid_m;     // of the region's targets
+  Eigen::AlignedBox3d bounds_m;
+  Eigen::Vector3d mean_normal;  // not normalised: short where the region faces all ways
+};
+
+// Surface that one target stands for, relative to the others: the square of the spacing it was
+// sampled with.
+std::vector<double> TargetAreaWeights(const TargetSet& targets, const TargetSampling& sampling);
+
+// Clusters the targets in `selected` (one bit per target): two belong together if they are within
+// twice the larger of their spacings and their normals within 120 degrees, so that the two sides of
+// a thin wall stay apart but a region runs around an edge. Largest area first; equal ones by their
+// first target.
+std::vector<UncoveredRegion> FindUncoveredRegions(const TargetSet& targets,
+                                                  const TargetSampling& sampling,
+                                                  const TargetBits& selected);
+
+// Where in the part's bounding box a region lies and which way it faces, in words, e.g.
+// "at the y- side, 23 mm below the top, facing y-". z is taken as up.
+std::string DescribePlace(const UncoveredRegion& region, const Eigen::AlignedBox3d& part_bounds_m);
+
+}  // namespace sightline

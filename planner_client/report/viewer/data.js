@@ -1,0 +1,56 @@
+// Reads the numbers that viewer_data.cpp wrote.
+
+function bytes(text) {
+  const binary = atob(text);
+  const result = new Uint8Array(binary.length);
+  for (let i = 0; i < binary.length; ++i) result[i] = binary.charCodeAt(i);
+  return result;
+}
+
+const array = (Type, text) => new Type(bytes(text).buffer);
+
+/** Bit i of a little-endian bit set. */
+export const hasBit = (bits, i) => (bits[i >> 3] >> (i & 7)) & 1;
+
+export function readViewerData(json) {
+  const raw = JSON.parse(json);
+  const metres = (text) => {
+    const steps = array(Uint16Array, text);
+    const result = new Float32Array(steps.length);
+    for (let i = 0; i < steps.length; ++i) {
+      result[i] = raw.origin_m[i % 3] + steps[i] * raw.quantum_m;
+    }
+    return result;
+  };
+  return {
+    partMin: raw.part_min_m,
+    partMax: raw.part_max_m,
+    mesh: {
+      positions: metres(raw.mesh.positions),
+      normals: array(Int16Array, raw.mesh.normals),
+      triangles: array(Uint32Array, raw.mesh.triangles),
+      nearestTarget: array(Uint32Array, raw.mesh.nearest_target),
+      edges: metres(raw.mesh.edges),
+    },
+    targets: {
+      count: raw.targets.count,
+      spacing: raw.targets.spacing_m,
+      positions: metres(raw.targets.positions),
+      measurable: bytes(raw.targets.measurable),
+    },
+    rig: raw.rig,
+    scans: raw.scans.map((scan) => ({...scan, covered: bytes(scan.covered)})),
+    regions: raw.regions.map((region) => ({...region, targets: new Set(array(Uint32Array, region.targets))})),
+  };
+}
+
+/** Number of the first scan (1, 2, ...) that measures each target; 0: none. */
+export function firstScans(data) {
+  const first = new Uint16Array(data.targets.count);
+  data.scans.forEach((scan, index) => {
+    for (let i = 0; i < first.length; ++i) {
+      if (first[i] === 0 && hasBit(scan.covered, i)) first[i] = index + 1;
+    }
+  });
+  return first;
+}

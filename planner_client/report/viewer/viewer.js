@@ -1,0 +1,322 @@
+// The report page: controls of the 3-D view, tables that steer it, pictures that enlarge.
+import {Color, Vector3} from 'three';
+import {firstScans, hasBit, readViewerData} from './data.js';
+import {COVERED, LATER, NEVER, NEW, PartScene, UNMEASURABLE} from './scene.js';
+
+const $ = (selector) => document.querySelector(selector);
+const all = (selector) => [...document.querySelectorAll(selector)];
+const css = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const grouped = (n) => String(n).replace(/\B(?=(\d{3})+$)/g, '\u202f');
+
+function enlargePictures() {
+  const dialog = $('#picture');
+  for (const image of all('img.thumb, figure img')) {
+    image.addEventListener('click', (event) => {
+      event.stopPropagation();
+      dialog.querySelector('img').src = image.src;
+      dialog.querySelector('img').alt = image.alt;
+      dialog.querySelector('p').textContent = image.alt;
+      dialog.showModal();
+    });
+  }
+  dialog.addEventListener('click', (event) => {
+    if (event.target === dialog) dialog.close();
+  });
+}
+
+const STATES = [
+  [COVERED, '--covered', 'measured'],
+  [NEW, '--new', 'new with this scan'],
+  [LATER, '--later', 'measured by a later scan'],
+  [NEVER, '--never', 'not measured'],
+  [UNMEASURABLE, '--unmeasurable', 'not measurable'],
+];
+
+// Well apart for neighbours in number: the hue turns by the golden angle.
+const scanColour = (number) => new Color().setStyle(
+    `hsl(${Math.round(190 + 137.508 * (number - 1)) % 360}, 52%, ${number % 2 ? 54 : 64}%)`, '');
+
+class Viewer {
+  constructor(scene, data) {
+    this.scene = scene;
+    this.data = data;
+    this.first = firstScans(data);
+    this.count = data.scans.length;
+    this.shown = STATES.map(() => true);
+    this.scan = this.count;
+    this.colour = 'state';
+    this.connect();
+    this.applyPalette();
+    this.selectScan(this.count);
+    scene.onViewChange = (aspect) => {
+      const frame = $('#frame');
+      frame.hidden = aspect === null;
+      if (aspect !== null) frame.style.aspectRatio = aspect;
+    };
+    scene.view('part');
+  }
+
+  connect() {
+    document.body.classList.toggle('no-scans', this.count === 0);
+    for (const button of all('[data-view]')) {
+      if (this.count === 0) button.hidden = button.dataset.view !== 'part';
+      button.addEventListener('click', () => {
+        if (button.dataset.view !== 'part') this.useRig();
+        this.clearRegion();
+        this.scene.view(button.dataset.view);
+      });
+    }
+    const slider = $('#scan');
+    slider.max = this.count;
+    slider.min = Math.min(1, this.count);
+    slider.addEventListener('input', () => this.selectScan(Number(slider.value)));
+    $('#stage').addEventListener('input', () => {
+      this.stop();
+      this.useRig();
+    });
+    $('#play').addEventListener('click', () => {
+      this.useRig();
+      if (this.playing) this.stop();
+      else this.play();
+    });
+    $('#region-clear').addEventListener('click', () => this.clearRegion());
+    $('#show-rig').addEventListener('change', () => this.moveStage());
+    $('#show-edges').addEventListener('change', (event) => {
+      this.scene.edges.visible = event.target.checked;
+      this.scene.draw();
+    });
+    $('#show-targets').addEventListener('change', (event) => {
+      this.scene.points.visible = event.target.checked;
+      this.scene.draw();
+    });
+    for (const radio of all('input[name=colour]')) {
+      radio.addEventListener('change', () => {
+        this.colour = radio.value;
+        this.recolour();
+      });
+    }
+    for (const row of all('tr[data-scan], circle[data-scan]')) {
+      row.addEventListener('click', () => {
+        this.clearRegion();
+        this.selectScan(Number(row.dataset.scan));
+        this.useRig();
+        this.scene.view('scan');
+        if (row.tagName === 'TR') this.reveal();
+      });
+    }
+    for (const row of all('tr[data-region]')) {
+      row.addEventListener('click', () => {
+        this.focusRegion(Number(row.dataset.region));
+        this.reveal();
+      });
+    }
+    matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
+      this.applyPalette();
+      this.recolour();
+    });
+  }
+
+  reveal() {
+    $('#view').scrollIntoView({behavior: 'smooth', block: 'start'});
+  }
+
+  applyPalette() {
+    this.scene.setPalette(STATES.map(([, name]) => css(name)), css('--edge'), css('--edge-ghost'));
+  }
+
+  /** Scans 1 to `number` are done; the scanner of `number` is drawn. */
+  selectScan(number) {
+    this.scan = number;
+    $('#scan').value = number;
+    for (const row of all('tr[data-scan], circle[data-scan]')) {
+      row.classList.toggle('selected', Number(row.dataset.scan) === number);
+    }
+    this.scene.setScan(number > 0 ? number - 1 : null);
+    this.recolour();
+    this.moveStage();
+  }
+
+  /** What is drawn per target, and the numbers beside it. */
+  recolour() {
+    const {measurable} = this.data.targets;
+    const alone = this.colour === 'alone';
+    const states = new Uint8Array(this.first.length);
+    const counts = STATES.map(() => 0);
+    const perScan = new Array(this.count + 1).fill(0);
+    const covered = this.scan > 0 ? this.data.scans[this.scan - 1].covered : null;
+    for (let i = 0; i < states.length; ++i) {
+      const first = this.first[i];
+      let state = UNMEASURABLE;
+      if (hasBit(measurable, i)) {
+        if (alone) state = hasBit(covered, i) ? (first === this.scan ? NEW : COVERED) : LATER;
+        else if (first === 0) state = NEVER;
+        else if (first > this.scan) state = LATER;
+        else state = first === this.scan ? NEW : COVERED;
+        ++perScan[first];
+      }
+      states[i] = state;
+      ++counts[state];
+    }
+    let tints = null;
+    if (this.colour === 'first') {
+      const colours = [...Array(this.count + 1).keys()].map((n) => (n ? scanColour(n) : null));
+      tints = Array.from(states, (state, i) =>
+        (state === COVERED || state === NEW ? colours[this.first[i]] : this.scene.palette[state]));
+    }
+    const total = counts.reduce((a, b) => a + b, 0) - counts[UNMEASURABLE];
+    this.showLegend(counts, perScan, total);
+    this.scene.setShown(this.shown);
+    // Of the unmeasured ones, only those of the region being looked at.
+    const drawn = this.region ?
+      states.map((state, i) => (state === NEVER && !this.region.targets.has(i) ? UNMEASURABLE : state)) : states;
+    this.scene.setStates(drawn, tints);
+    const done = counts[COVERED] + counts[NEW];
+    const percent = (n) => (total ? (100 * n / total).toFixed(1) : '0.0') + '\u202f%';
+    $('#scan-output').textContent = this.scan;
+    $('#scan-hint').textContent = this.count === 0 ? '' : alone ?
+      `Scan ${this.scan} alone measures ${grouped(done)} targets, ${percent(done)}.` :
+      `${grouped(done)} targets measured, ${percent(done)}; scan ${this.scan} adds ${grouped(counts[NEW])}, ${percent(counts[NEW])}.`;
+  }
+
+  showLegend(counts, perScan, total) {
+    const legend = $('#legend');
+    legend.replaceChildren();
+    const swatch = (colour) => {
+      const element = document.createElement('span');
+      element.className = 'swatch';
+      element.style.background = colour;
+      return element;
+    };
+    for (const [state, name, text] of STATES) {
+      if (this.colour === 'first' && state === NEW) continue;
+      if (this.colour === 'alone' && state === NEVER) continue;
+      if (counts[state] === 0 && state !== NEVER) continue;
+      const label = document.createElement('label');
+      const box = document.createElement('input');
+      box.type = 'checkbox';
+      box.checked = this.shown[state];
+      box.dataset.state = state;
+      box.addEventListener('change', () => {
+        this.shown[state] = box.checked;
+        if (this.colour === 'first' && state === COVERED) this.shown[NEW] = box.checked;
+        this.recolour();
+      });
+      const words = document.createElement('span');
+      words.textContent = this.colour === 'alone' ?
+        {[COVERED]: 'measured before, too', [NEW]: 'new with this scan', [LATER]: 'not by this scan'}[state] ?? text : text;
+      const count = document.createElement('span');
+      count.className = 'count';
+      const sum = this.colour === 'first' && state === COVERED ? counts[COVERED] + counts[NEW] : counts[state];
+      count.textContent = grouped(sum);
+      label.append(box, swatch(`var(${STATES[state][1]})`), words, count);
+      legend.append(label);
+    }
+    if (this.colour !== 'first') return;
+    const grid = document.createElement('div');
+    grid.style.cssText = 'display:grid;grid-template-columns:repeat(auto-fill,minmax(58px,1fr));gap:2px 6px;margin-top:6px';
+    for (let n = 1; n <= this.scan; ++n) {
+      const label = document.createElement('label');
+      label.title = `scan ${n}: ${perScan[n]} targets measured first`;
+      label.append(swatch('#' + scanColour(n).getHexString('')), String(n));
+      grid.append(label);
+    }
+    legend.append(grid);
+  }
+
+  moveStage() {
+    if (this.scan === 0) return;
+    this.scene.showRig($('#show-rig').checked);
+    const fraction = Number($('#stage').value) / 1000;
+    const scan = this.data.scans[this.scan - 1];
+    const stage = scan.stage_start_m + fraction * (scan.stage_end_m - scan.stage_start_m);
+    $('#stage-output').textContent = (1000 * stage).toFixed(0).replace('-', '\u2212') + ' mm';
+    this.scene.setStage(fraction);
+  }
+
+  play() {
+    const slider = $('#stage');
+    if (Number(slider.value) >= 1000) slider.value = 0;
+    this.playing = true;
+    $('#play').textContent = '❚❚';
+    const scan = this.data.scans[this.scan - 1];
+    const perMillisecond = 1000 / Math.max(2000, 12000 * (scan.stage_end_m - scan.stage_start_m));
+    let last = performance.now();
+    let value = Number(slider.value);
+    const step = (now) => {
+      if (!this.playing) return;
+      value = Math.min(1000, value + (now - last) * perMillisecond);
+      last = now;
+      slider.value = value;
+      this.moveStage();
+      if (value >= 1000) this.stop();
+      else requestAnimationFrame(step);
+    };
+    requestAnimationFrame(step);
+  }
+
+  stop() {
+    this.playing = false;
+    $('#play').textContent = '▶';
+  }
+
+  /** The scanner is drawn from now on. */
+  useRig() {
+    $('#show-rig').checked = true;
+    this.moveStage();
+  }
+
+  /** Looks at an unmeasured region; everything else is faint. */
+  focusRegion(index) {
+    const region = this.data.regions[index];
+    this.region = region;
+    for (const row of all('tr[data-region]')) {
+      row.classList.toggle('selected', Number(row.dataset.region) === index);
+    }
+    $('#show-rig').checked = false;
+    $('input[name=colour][value=state]').checked = true;
+    this.colour = 'state';
+    this.shown = STATES.map(([state]) => state === NEVER);
+    this.selectScan(this.count);
+    $('#region-chip').hidden = false;
+    $('#region-name').textContent = `unmeasured region ${index + 1}`;
+    const min = new Vector3(...region.min_m), max = new Vector3(...region.max_m);
+    const normal = new Vector3(...region.normal);
+    const direction = normal.length() > 0.4 ? normal.normalize().add(new Vector3(-0.2, -0.35, 0.3)) : undefined;
+    this.scene.outline(region);
+    this.scene.lookAt(min.clone().add(max).multiplyScalar(0.5),
+                      Math.max(0.9 * min.distanceTo(max), 0.2 * this.scene.radius), direction);
+  }
+
+  clearRegion() {
+    if ($('#region-chip').hidden) return;
+    $('#region-chip').hidden = true;
+    this.region = null;
+    for (const row of all('tr[data-region]')) row.classList.remove('selected');
+    this.shown = STATES.map(() => true);
+    this.scene.outline(null);
+    this.recolour();
+  }
+}
+
+const hasWebGl = () => Boolean(document.createElement('canvas').getContext('webgl2'));
+
+function start() {
+  const notice = $('#fallback-notice');
+  if (!hasWebGl()) {
+    notice.textContent = 'The interactive view needs WebGL, which is not available here.';
+    return;
+  }
+  try {
+    $('#viewer').hidden = false;
+    const data = readViewerData($('#viewer-data').textContent);
+    new Viewer(new PartScene($('#canvas'), data), data);
+    $('#fallback').hidden = true;
+  } catch (error) {
+    $('#viewer').hidden = true;
+    notice.textContent = 'The interactive view could not start: ' + error.message;
+    console.error(error);
+  }
+}
+
+enlargePictures();
+start();

@@ -1,0 +1,16 @@
+// Counting kernels over target bit sets, compiled for CPUs with and without popcnt.
+#pragma once
+
+#include <cstdint>
+
+#include "core/targets/target_set.h"
+
+namespace sightline {
+
+// Number of targets in both sets. Equal sizes.
+int64_t CountInBoth(const TargetBits& a, const TargetBits& b);
+
+// Number of targets in `a` and not in `b`. Equal sizes. As a.CountNotIn(b), faster.
+int64_t CountOnlyIn(const TargetBits& a, const TargetBits& b);
+
+}  // namespace sightline

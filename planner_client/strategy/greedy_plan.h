@@ -1,0 +1,29 @@
+// Greedy next-best-scan planning (thesis algorithm 3).
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "planner_client/strategy/plan_run.h"
+
+namespace sightline {
+
+// Finds scans that cover many targets not yet `covered`; best first, several so that one that
+// exact evaluation rejects can be replaced. `scans` have been chosen so far.
+using NextBestScans = std::function<absl::StatusOr<std::vector<Measurement>>(
+    const TargetBits& covered, int64_t scans, uint64_t seed)>;
+
+// Adds the next best scan to locked and starting scans until the goal, the greatest number of
+// scans or the time is reached, or until two searches in a row find no scan that covers the least
+// number of new targets. Coverage and gains of chosen scans are exact.
+absl::StatusOr<PlannerResult> PlanGreedily(PlanRun& run, const NextBestScans& next_best);
+
+struct GreedySearch {
+  Method method = Method::kParticleSwarm;
+  MaximiseOptions options;
+};
+
+// Searches with an optimiser, request().evaluations_per_scan evaluations per scan.
+NextBestScans SearchWith(PlanRun& run, const GreedySearch& search);
+
+}  // namespace sightline

@@ -1,0 +1,162 @@
+#include "planner_client/strategy/plan_run.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "absl/strings/str_cat.h"
+#include "planner_client/strategy/cover_bits.h"
+
+namespace sightline {
+
+PlanRun::PlanRun(GainOracle& oracle, const PlannerRequest& request)
+    : oracle_(oracle),
+      request_(request),
+      space_(request.domain),
+      measurable_(oracle.measurable().Count()),
+      goal_targets_(static_cast<int64_t>(
+          std::ceil(request.goal.coverage * static_cast<double>(measurable_) - 1e-9))),
+      min_new_targets_(std::max<int64_t>(
+          1, static_cast<int64_t>(
+                 std::ceil(request.goal.min_gain * static_cast<double>(measurable_) - 1e-9)))),
+      evaluations_before_(oracle.evaluations()),
+      start_(std::chrono::steady_clock::now()) {}
+
+bool PlanRun::Stopped() const {
+  if (request_.interrupted != nullptr && *request_.interrupted) return true;
+  return request_.goal.max_time_s && std::chrono::steady_clock::now() - start_ >
+                                         std::chrono::duration<double>(*request_.goal.max_time_s);
+}
+
+StopReason PlanRun::stopped_reason() const {
+  return request_.interrupted != nullptr && *request_.interrupted ? StopReason::kInterrupted
+                                                                  : StopReason::kMaxTime;
+}
+
+void PlanRun::Report(const std::string& phase, int64_t scans, int64_t covered_targets,
+                     bool always) {
+  if (!request_.on_progress) return;
+  const auto now = std::chrono::steady_clock::now();
+  if (!always && now - last_report_ < std::chrono::milliseconds(100)) return;
+  last_report_ = now;
+  const double total = static_cast<double>(std::max<int64_t>(1, measurable_));
+  request_.on_progress({static_cast<int>(scans), static_cast<double>(covered_targets) / total,
+                        request_.goal.coverage, evaluations(), phase});
+}
+
+absl::StatusOr<std::vector<const ScanCoverage*>> PlanRun::Exact(
+    std::span<const Measurement> scans) {
+  std::vector<Measurement> missing;
+  for (const Measurement& scan : scans) {
+    if (!exact_.contains(ToArray(scan)) &&
+        std::find(missing.begin(), missing.end(), scan) == missing.end()) {
+      missing.push_back(scan);
+    }
+  }
+  if (!missing.empty()) {
+    auto coverage = oracle_.ExactCoverage(missing);
+    if (!coverage.ok()) return coverage.status();
+    if (coverage->size() != missing.size()) {
+      return absl::InternalError(
+          absl::StrCat("exact coverage of ", coverage->size(), " of ", missing.size(), " scans"));
+    }
+    for (size_t i = 0; i < missing.size(); ++i) {
+      exact_[ToArray(missing[i])] = std::move((*coverage)[i]);
+    }
+  }
+  std::vector<const ScanCoverage*> result;
+  for (const Measurement& scan : scans) result.push_back(&exact_.at(ToArray(scan)));
+  return result;
+}
+
+BatchObjective PlanRun::NewTargets(const TargetBits& covered, TopPoints* top, std::string phase,
+                                   int64_t scans) {
+  const int64_t covered_targets = covered.Count();
+  return [this, covered, top, phase = std::move(phase), scans, covered_targets](
+             std::span<const std::vector<double>> points) -> absl::StatusOr<std::vector<double>> {
+    if (Stopped()) return absl::CancelledError("planning was stopped");
+    std::vector<Measurement> measurements;
+    measurements.reserve(points.size());
+    for (const auto& x : points) measurements.push_back(space_.ToMeasurement(x));
+    auto gains = oracle_.Gains(measurements, covered);
+    if (!gains.ok()) return gains.status();
+    std::vector<double> values;
+    values.reserve(gains->size());
+    for (size_t i = 0; i < gains->size(); ++i) {
+      const ScanGain& gain = (*gains)[i];
+      values.push_back(gain.feasibility == ScanFeasibility::kFeasible ? gain.new_targets : -1);
+      if (top != nullptr && values.back() > 0) {
+        top->Add(space_.Normalise(points[i]), values.back());
+      }
+    }
+    Report(phase, scans, covered_targets);
+    return values;
+  };
+}
+
+absl::StatusOr<PlannerResult> PlanRun::Finish(std::span<const Measurement> movable,
+                                              StopReason reason) {
+  std::vector<Measurement> scans = request_.locked;
+  const size_t locked = scans.size();
+  scans.insert(scans.end(), movable.begin(), movable.end());
+  auto exact = Exact(scans);
+  if (!exact.ok()) return exact.status();
+
+  TargetBits covered(oracle_.measurable().size());
+  PlannerResult result;
+  result.stop_reason = reason;
+  std::vector<bool> used(scans.size(), false);
+  for (size_t place = 0; place < scans.size(); ++place) {
+    size_t best = scans.size();
+    int64_t best_gain = -1;
+    for (size_t i = place < locked ? place : locked;
+         i < (place < locked ? place + 1 : scans.size()); ++i) {
+      if (used[i] || (i >= locked && (*exact)[i]->feasibility != ScanFeasibility::kFeasible)) {
+        continue;
+      }
+      const int64_t gain = CountOnlyIn((*exact)[i]->covered, covered);
+      if (gain > best_gain) {
+        best_gain = gain;
+        best = i;
+      }
+    }
+    if (best == scans.size()) break;
+    used[best] = true;
+    covered |= (*exact)[best]->covered;
+    ChosenScan chosen;
+    chosen.measurement = scans[best];
+    chosen.locked = best < locked;
+    chosen.exact = *(*exact)[best];
+    result.scans.push_back(std::move(chosen));
+    result.coverage_curve.push_back(static_cast<double>(covered.Count()) /
+                                    static_cast<double>(std::max<int64_t>(1, measurable_)));
+  }
+  result.evaluations = evaluations();
+  if (!result.scans.empty()) {
+    // For the report only, after the count.
+    std::vector<Measurement> chosen;
+    for (const ChosenScan& scan : result.scans) chosen.push_back(scan.measurement);
+    auto fast = oracle_.FastCoverage(chosen);
+    if (!fast.ok()) return fast.status();
+    for (size_t i = 0; i < chosen.size(); ++i) {
+      result.scans[i].fast_covered = (*fast)[i].covered.Count();
+    }
+  }
+  Report("planned", static_cast<int64_t>(result.scans.size()), covered.Count(), true);
+  return result;
+}
+
+const char* FeasibilityName(ScanFeasibility feasibility) {
+  switch (feasibility) {
+    case ScanFeasibility::kFeasible:
+      return "feasible";
+    case ScanFeasibility::kCollision:
+      return "collision";
+    case ScanFeasibility::kTravel:
+      return "travel longer than the stage";
+    case ScanFeasibility::kOutOfBounds:
+      return "out of bounds";
+  }
+  return "unknown";
+}
+
+}  // namespace sightline

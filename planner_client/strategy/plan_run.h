@@ -1,0 +1,74 @@
+// What all strategies share while they plan: limits, exact coverage, progress, the finished plan.
+#pragma once
+
+#include <array>
+#include <chrono>
+#include <map>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "planner_client/optimise/maximise.h"
+#include "planner_client/optimise/search_space.h"
+#include "planner_client/strategy/planner.h"
+#include "planner_client/strategy/top_points.h"
+
+namespace sightline {
+
+class PlanRun {
+ public:
+  PlanRun(GainOracle& oracle, const PlannerRequest& request);
+
+  GainOracle& oracle() { return oracle_; }
+  const PlannerRequest& request() const { return request_; }
+  const SearchSpace& space() const { return space_; }
+  int64_t measurable() const { return measurable_; }
+  // Targets that must be covered: the smallest count that reaches the goal.
+  int64_t goal_targets() const { return goal_targets_; }
+  // Least number of new targets that a further scan must bring.
+  int64_t min_new_targets() const { return min_new_targets_; }
+  int64_t evaluations() const { return oracle_.evaluations() - evaluations_before_; }
+
+  // Interrupted, or out of time.
+  bool Stopped() const;
+  // kInterrupted or kMaxTime; only when Stopped().
+  StopReason stopped_reason() const;
+  // True for the CANCELLED that a stopped objective or oracle returns.
+  bool IsStop(const absl::Status& status) const {
+    return Stopped() && !status.ok() && status.code() != absl::StatusCode::kUnavailable;
+  }
+
+  // Passes progress on, not more often than every 0.1 s unless `always`.
+  void Report(const std::string& phase, int64_t scans, int64_t covered_targets,
+              bool always = false);
+
+  // Exact coverage, remembered per measurement. Pointers stay valid as long as the run.
+  absl::StatusOr<std::vector<const ScanCoverage*>> Exact(std::span<const Measurement> scans);
+
+  // Fast gains of points of the unit cube in batches, -1 for infeasible ones; keeps the best in
+  // `top` if given. CANCELLED once Stopped(). `phase` and the counts are for progress.
+  BatchObjective NewTargets(const TargetBits& covered, TopPoints* top, std::string phase,
+                            int64_t scans);
+
+  // The finished plan: locked scans first in their order, then the others by greatest exact gain.
+  // `movable` are dropped where they are infeasible; locked ones were checked before.
+  absl::StatusOr<PlannerResult> Finish(std::span<const Measurement> movable, StopReason reason);
+
+ private:
+  GainOracle& oracle_;
+  const PlannerRequest& request_;
+  SearchSpace space_;
+  int64_t measurable_;
+  int64_t goal_targets_;
+  int64_t min_new_targets_;
+  int64_t evaluations_before_;
+  std::chrono::steady_clock::time_point start_;
+  std::chrono::steady_clock::time_point last_report_;
+  std::map<std::array<double, kMeasurementParameters>, ScanCoverage> exact_;
+};
+
+const char* FeasibilityName(ScanFeasibility feasibility);
+
+}  // namespace sightline

@@ -1,0 +1,121 @@
+#include "planner_client/strategy/planner.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "planner_client/strategy/greedy_plan.h"
+#include "planner_client/strategy/matrix_plan.h"
+#include "planner_client/strategy/plan_run.h"
+#include "planner_client/strategy/refined_plan.h"
+
+namespace sightline {
+
+namespace {
+
+size_t EditDistance(const std::string& a, const std::string& b) {
+  std::vector<size_t> row(b.size() + 1);
+  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
+  for (size_t i = 1; i <= a.size(); ++i) {
+    size_t diagonal = row[0];
+    row[0] = i;
+    for (size_t j = 1; j <= b.size(); ++j) {
+      const size_t replace = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
+      diagonal = row[j];
+      row[j] = std::min({replace, row[j] + 1, row[j - 1] + 1});
+    }
+  }
+  return row[b.size()];
+}
+
+absl::Status UnknownStrategy(const std::string& name) {
+  std::string nearest;
+  size_t least = std::numeric_limits<size_t>::max();
+  std::vector<std::string> names;
+  for (const StrategyDescription& strategy : Strategies()) {
+    names.push_back(strategy.name);
+    if (const size_t distance = EditDistance(name, strategy.name); distance < least) {
+      least = distance;
+      nearest = strategy.name;
+    }
+  }
+  return absl::InvalidArgumentError(absl::StrCat("strategy: unknown name \"", name,
+                                                 "\"; nearest is \"", nearest, "\"; one of ",
+                                                 absl::StrJoin(names, ", ")));
+}
+
+absl::Status CheckRequest(const PlannerRequest& request) {
+  const auto bad = [](const char* field, const auto& value, const char* allowed) {
+    return absl::InvalidArgumentError(absl::StrCat(field, ": ", value, " is not ", allowed));
+  };
+  if (!(request.goal.coverage > 0 && request.goal.coverage <= 1)) {
+    return bad("goal.coverage", request.goal.coverage, "in (0, 1]");
+  }
+  if (request.goal.max_scans < 1) return bad("goal.max_scans", request.goal.max_scans, ">= 1");
+  if (!(request.goal.min_gain >= 0 && request.goal.min_gain <= 1)) {
+    return bad("goal.min_gain", request.goal.min_gain, "in [0, 1]");
+  }
+  if (request.evaluations_per_scan < 1) {
+    return bad("evaluations_per_scan", request.evaluations_per_scan, ">= 1");
+  }
+  if (request.matrix_samples < 1) return bad("matrix_samples", request.matrix_samples, ">= 1");
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+const std::vector<StrategyDescription>& Strategies() {
+  static const std::vector<StrategyDescription> strategies = {
+      {"refined", "pool of scans, exchange, continuous polishing, dropping scans"},
+      {"greedy-pso", "greedy next best scan, particle swarm, five restarts"},
+      {"greedy-pso-1", "greedy next best scan, one long particle swarm"},
+      {"greedy-ga", "greedy next best scan, genetic algorithm"},
+      {"greedy-sa", "greedy next best scan, simulated annealing"},
+      {"greedy-cmaes", "greedy next best scan, CMA-ES, five restarts"},
+      {"greedy-de", "greedy next best scan, self-adaptive differential evolution"},
+      {"matrix", "measurability matrix of random scans, lazy greedy choice"},
+  };
+  return strategies;
+}
+
+absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest& request) {
+  if (std::none_of(Strategies().begin(), Strategies().end(),
+                   [&](const auto& strategy) { return strategy.name == request.strategy; })) {
+    return UnknownStrategy(request.strategy);
+  }
+  if (auto status = CheckRequest(request); !status.ok()) return status;
+
+  PlanRun run(oracle, request);
+  auto locked = run.Exact(request.locked);
+  if (!locked.ok()) return locked.status();
+  for (size_t i = 0; i < locked->size(); ++i) {
+    if ((*locked)[i]->feasibility != ScanFeasibility::kFeasible) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("locked scan ", i + 1, ": ", FeasibilityName((*locked)[i]->feasibility)));
+    }
+  }
+
+  if (request.strategy == "refined") return PlanRefined(run);
+  if (request.strategy == "matrix") return PlanWithMatrix(run);
+  GreedySearch search;
+  if (request.strategy == "greedy-pso") {
+    search.options.restarts = 5;
+  } else if (request.strategy == "greedy-ga") {
+    search.method = Method::kGeneticAlgorithm;
+  } else if (request.strategy == "greedy-sa") {
+    search.method = Method::kSimulatedAnnealing;
+    search.options.step = 0.1;
+    // Table 6.1: k_B T_start = 5520 targets, of 19 080.
+    search.options.start_temperature =
+        5520.0 / 19080.0 * static_cast<double>(std::max<int64_t>(1, run.measurable()));
+  } else if (request.strategy == "greedy-cmaes") {
+    search.method = Method::kCmaEs;
+    search.options.restarts = 5;
+  } else if (request.strategy == "greedy-de") {
+    search.method = Method::kDifferentialEvolution;
+  }
+  return PlanGreedily(run, SearchWith(run, search));
+}
+
+}  // namespace sightline

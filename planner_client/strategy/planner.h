@@ -1,0 +1,67 @@
+// Planning strategies: which scans cover the part.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+#include "planner_client/strategy/gain_oracle.h"
+
+namespace sightline {
+
+enum class StopReason { kGoalReached, kMaxScans, kMaxTime, kStalled, kInterrupted };
+
+struct ChosenScan {
+  Measurement measurement;
+  bool locked = false;       // given by the engineer; never moved or dropped
+  ScanCoverage exact;        // exact coverage of this scan alone
+  int64_t fast_covered = 0;  // fast estimate of exact.covered.Count()
+};
+
+struct PlanProgress {
+  int scans;
+  double coverage;  // exact, fraction of measurable targets
+  double goal;
+  int64_t evaluations;
+  std::string phase;  // "searching scan 4", "polishing", "dropping a scan", ...
+};
+
+struct PlannerRequest {
+  MeasurementDomain domain;
+  PlanningGoal goal;
+  std::string strategy = "refined";
+  int64_t seed = 1;
+  // Gain evaluations per scan that greedy strategies may use; the refined strategy gets the same
+  // total as greedy would for as many scans.
+  int64_t evaluations_per_scan = 10000;
+  int64_t matrix_samples = 200000;    // measurability matrix only
+  std::vector<Measurement> locked;    // kept in the plan, first
+  std::vector<Measurement> starting;  // resumed or hand-edited scans: in the plan, may be moved
+  std::function<void(const PlanProgress&)> on_progress;
+  const std::atomic<bool>* interrupted = nullptr;  // set by Ctrl-C
+};
+
+struct PlannerResult {
+  std::vector<ChosenScan> scans;
+  StopReason stop_reason = StopReason::kStalled;
+  int64_t evaluations = 0;
+  // Exact cumulative coverage after each scan, fraction of measurable targets.
+  std::vector<double> coverage_curve;
+};
+
+// Names and one-line descriptions for --strategy and `sightline compare`.
+struct StrategyDescription {
+  std::string name;
+  std::string description;
+};
+const std::vector<StrategyDescription>& Strategies();
+
+// INVALID_ARGUMENT for an unknown strategy (names the nearest) or a locked scan outside its hard
+// limits; errors of the oracle are passed on. On interruption returns what is planned so far.
+absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest& request);
+
+}  // namespace sightline

@@ -1,0 +1,402 @@
+#include "planner_client/strategy/scan_count_bound.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <optional>
+#include <vector>
+
+#include "ClpSimplex.hpp"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "planner_client/optimise/maximise.h"
+#include "planner_client/optimise/random.h"
+#include "planner_client/optimise/search_space.h"
+#include "planner_client/strategy/cover_bits.h"
+#include "planner_client/strategy/top_points.h"
+
+namespace sightline {
+
+namespace {
+
+constexpr size_t kMaxGroups = 400;
+constexpr size_t kKeptPerSearch = 24;
+constexpr double kKeptSeparation = 0.02;
+constexpr int64_t kRoundEvaluations = 3000;
+constexpr int kFullRoundRestarts = 5;
+constexpr double kMixing = 0.5;
+// A scan that covers at most 1 + this weight changes the bound by less than the same fraction.
+constexpr double kTolerance = 0.005;
+
+// Targets by number; a target set as the list of its groups with counts is a row of the programme.
+struct Groups {
+  std::vector<int> of_target;  // -1: not measurable
+  std::vector<double> sizes;
+};
+
+// At most kMaxGroups groups of measurable targets that the same or nearly the same columns cover:
+// centres by farthest-first traversal in Hamming distance (Gonzalez 1985).
+Groups GroupTargets(const TargetBits& measurable, const std::vector<TargetBits>& columns) {
+  const size_t words = (columns.size() + 63) / 64;
+  std::vector<size_t> targets;
+  for (size_t t = 0; t < measurable.size(); ++t) {
+    if (measurable.Test(t)) targets.push_back(t);
+  }
+  std::vector<TargetBits> signatures(targets.size(), TargetBits(64 * words));
+  for (size_t c = 0; c < columns.size(); ++c) {
+    for (size_t i = 0; i < targets.size(); ++i) {
+      if (columns[c].Test(targets[i])) signatures[i].Set(c);
+    }
+  }
+  Groups groups;
+  groups.of_target.assign(measurable.size(), -1);
+  std::vector<int64_t> distance(targets.size(), std::numeric_limits<int64_t>::max());
+  std::vector<int> nearest(targets.size(), 0);
+  size_t centre = 0;
+  while (groups.sizes.size() < kMaxGroups && !targets.empty()) {
+    const int group = static_cast<int>(groups.sizes.size());
+    groups.sizes.push_back(0);
+    size_t farthest = 0;
+    for (size_t i = 0; i < targets.size(); ++i) {
+      if (distance[i] > 0) {
+        const int64_t d = CountOnlyIn(signatures[i], signatures[centre]) +
+                          CountOnlyIn(signatures[centre], signatures[i]);
+        if (d < distance[i]) {
+          distance[i] = d;
+          nearest[i] = group;
+        }
+      }
+      if (distance[i] > distance[farthest]) farthest = i;
+    }
+    if (distance[farthest] == 0) break;
+    centre = farthest;
+  }
+  for (size_t i = 0; i < targets.size(); ++i) {
+    groups.of_target[targets[i]] = nearest[i];
+    groups.sizes[nearest[i]] += 1;
+  }
+  return groups;
+}
+
+// The dual programme over groups; rows are added scan by scan.
+// Variables: pi_g (0 .. groups-1), mu_g (groups .. 2 groups - 1), lambda (last).
+class WeightProgramme {
+ public:
+  WeightProgramme(const Groups& groups, int64_t goal_targets) : groups_(groups) {
+    const int n = static_cast<int>(groups.sizes.size());
+    clp_.setLogLevel(0);
+    clp_.resize(0, 2 * n + 1);
+    clp_.setOptimizationDirection(-1);
+    for (int g = 0; g < n; ++g) {
+      // A target that some scan covers weighs at most 1.
+      clp_.setColumnBounds(g, 0, 1);
+      clp_.setColumnBounds(n + g, 0, 1);
+      clp_.setObjectiveCoefficient(n + g, -groups.sizes[g]);
+    }
+    clp_.setColumnBounds(2 * n, 0, 1);
+    clp_.setObjectiveCoefficient(2 * n, static_cast<double>(goal_targets));
+    for (int g = 0; g < n; ++g) {
+      const int indices[] = {g, n + g, 2 * n};
+      const double elements[] = {1, 1, -1};
+      clp_.addRow(3, indices, elements, 0, COIN_DBL_MAX);
+    }
+  }
+
+  void AddScan(const TargetBits& covered) {
+    std::vector<double> counts(groups_.sizes.size(), 0);
+    for (size_t w = 0; w < covered.words().size(); ++w) {
+      for (uint64_t word = covered.words()[w]; word != 0; word &= word - 1) {
+        const int g = groups_.of_target[64 * w + static_cast<size_t>(std::countr_zero(word))];
+        if (g >= 0) counts[g] += 1;
+      }
+    }
+    std::vector<int> indices;
+    std::vector<double> elements;
+    for (size_t g = 0; g < counts.size(); ++g) {
+      if (counts[g] == 0) continue;
+      indices.push_back(static_cast<int>(g));
+      elements.push_back(counts[g]);
+    }
+    clp_.addRow(static_cast<int>(indices.size()), indices.data(), elements.data(), -COIN_DBL_MAX,
+                1);
+  }
+
+  // Weight of each target; false when the solver fails.
+  bool Solve(std::vector<double>& weights) {
+    clp_.dual();
+    if (clp_.status() != 0) clp_.primal();
+    if (clp_.status() != 0) return false;
+    const double* x = clp_.getColSolution();
+    weights.assign(groups_.of_target.size(), 0);
+    for (size_t t = 0; t < weights.size(); ++t) {
+      if (groups_.of_target[t] >= 0) weights[t] = std::max(0.0, x[groups_.of_target[t]]);
+    }
+    return true;
+  }
+
+ private:
+  const Groups& groups_;
+  ClpSimplex clp_;
+};
+
+double WeightOf(const TargetBits& covered, const std::vector<double>& weights) {
+  double sum = 0;
+  for (size_t w = 0; w < covered.words().size(); ++w) {
+    for (uint64_t word = covered.words()[w]; word != 0; word &= word - 1) {
+      sum += weights[64 * w + static_cast<size_t>(std::countr_zero(word))];
+    }
+  }
+  return sum;
+}
+
+double SumOfSmallest(const TargetBits& measurable, const std::vector<double>& weights,
+                     int64_t count) {
+  std::vector<double> sorted;
+  for (size_t t = 0; t < weights.size(); ++t) {
+    if (measurable.Test(t)) sorted.push_back(weights[t]);
+  }
+  std::sort(sorted.begin(), sorted.end());
+  return std::accumulate(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(count), 0.0);
+}
+
+class BoundSearch {
+ public:
+  BoundSearch(GainOracle& oracle, const MeasurementDomain& domain, double goal, int64_t budget,
+              int64_t seed, const std::function<void(const ScanCountBoundProgress&)>& on_progress,
+              const std::atomic<bool>* interrupted)
+      : oracle_(oracle),
+        space_(domain),
+        measurable_(oracle.measurable()),
+        goal_targets_(static_cast<int64_t>(
+            std::ceil(goal * static_cast<double>(measurable_.Count()) - 1e-9))),
+        budget_(budget),
+        random_(DeriveSeed(static_cast<uint64_t>(seed), 17)),
+        on_progress_(on_progress),
+        interrupted_(interrupted),
+        evaluations_before_(oracle.evaluations()) {}
+
+  absl::StatusOr<ScanCountBoundResult> Run(std::span<const Measurement> initial) {
+    absl::Status status = Search(initial);
+    if (!status.ok() && !Interrupted()) return status;
+    result_.evaluations = Used();
+    result_.columns = static_cast<int64_t>(columns_.size());
+    result_.scans = static_cast<int>(std::ceil(result_.bound - 1e-6));
+    result_.statement = absl::StrFormat(
+        "At least %d scans (%.2f) are needed to cover %d of %d measurable targets, as far as the "
+        "pricing search could find: ",
+        result_.scans, result_.bound, goal_targets_, measurable_.Count());
+    if (result_.converged) {
+      absl::StrAppendFormat(
+          &result_.statement,
+          "its last round of %d evaluations found no scan that covers more than %.1f %% above the "
+          "permitted weight (%d evaluations in all, fast estimates).",
+          result_.last_round_evaluations, 100 * kTolerance, result_.evaluations);
+    } else {
+      absl::StrAppendFormat(
+          &result_.statement,
+          "it still found improving scans when its %d evaluations (fast estimates) were used up, "
+          "so a longer search may change the number.",
+          result_.evaluations);
+    }
+    return result_;
+  }
+
+ private:
+  int64_t Used() const { return oracle_.evaluations() - evaluations_before_; }
+  int64_t Left() const { return budget_ - Used(); }
+  bool Interrupted() const { return interrupted_ != nullptr && *interrupted_; }
+
+  absl::Status Search(std::span<const Measurement> initial) {
+    if (goal_targets_ == 0) return absl::OkStatus();
+    const int64_t full_round = std::max<int64_t>(1, budget_ / 10);
+    if (auto status = AddColumns({initial.begin(), initial.end()}); !status.ok()) return status;
+    if (auto status = SpreadColumns(); !status.ok()) return status;
+    double mixing = kMixing;
+    while (Left() > 3 * full_round) {
+      if (auto status = SolveProgramme(); !status.ok()) return status;
+      // Weights between the programme's and the best known ones jump less from round to round
+      // (Wentges 1997).
+      std::vector<double> weights = programme_weights_;
+      for (size_t t = 0; t < best_weights_.size(); ++t) {
+        weights[t] = mixing * best_weights_[t] + (1 - mixing) * weights[t];
+      }
+      auto priced = Price(weights, std::min(Left(), kRoundEvaluations), 1);
+      if (!priced.ok()) return priced.status();
+      if (*priced <= 1 + kTolerance) {
+        if (mixing == 0) break;
+        mixing = 0;
+      } else {
+        mixing = kMixing;
+      }
+    }
+    // The bound's own weights, searched with the full budget of a round. Groups by all columns.
+    programme_.reset();
+    while (Left() > 0) {
+      if (auto status = SolveProgramme(); !status.ok()) return status;
+      Consider(programme_weights_);
+      const int64_t evaluations = std::min(Left(), full_round);
+      auto priced = Price(best_weights_, evaluations, kFullRoundRestarts);
+      if (!priced.ok()) return priced.status();
+      if (*priced <= 1 + kTolerance && evaluations == full_round) {
+        result_.converged = true;
+        break;
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  // Weights of all targets from the programme over the columns so far.
+  absl::Status SolveProgramme() {
+    if (!programme_ || columns_.size() >= 2 * grouped_columns_) {
+      groups_ = GroupTargets(measurable_, columns_);
+      programme_.emplace(groups_, goal_targets_);
+      grouped_columns_ = columns_.size();
+      rows_ = 0;
+    }
+    for (; rows_ < columns_.size(); ++rows_) programme_->AddScan(columns_[rows_]);
+    if (!programme_->Solve(programme_weights_)) {
+      return absl::InternalError("the linear programme of the bound could not be solved");
+    }
+    return absl::OkStatus();
+  }
+
+  double MostWeight(const std::vector<double>& weights) const {
+    double most = 0;
+    for (const TargetBits& column : columns_) most = std::max(most, WeightOf(column, weights));
+    return most;
+  }
+
+  // Keeps the weights if, scaled so that no known scan covers more than 1, they give a greater
+  // bound than the best ones, which are held to the same standard.
+  void Consider(std::vector<double> weights) {
+    const auto scale = [&](std::vector<double>& w) {
+      const double most = MostWeight(w);
+      if (most > 0) {
+        for (double& weight : w) weight /= most;
+      }
+      return most > 0 ? SumOfSmallest(measurable_, w, goal_targets_) : 0.0;
+    };
+    result_.bound = best_weights_.empty() ? 0 : scale(best_weights_);
+    const double bound = scale(weights);
+    if (best_weights_.empty() || bound > result_.bound) {
+      result_.bound = bound;
+      best_weights_ = std::move(weights);
+    }
+    if (on_progress_) on_progress_({result_.bound, Used(), budget_});
+  }
+
+  // Fast coverage of scans; the feasible ones become columns.
+  absl::Status AddColumns(std::vector<Measurement> scans) {
+    scans.resize(std::min<size_t>(scans.size(), static_cast<size_t>(std::max<int64_t>(0, Left()))));
+    if (scans.empty()) return absl::OkStatus();
+    auto coverage = oracle_.FastCoverage(scans);
+    if (!coverage.ok()) return coverage.status();
+    for (ScanCoverage& c : *coverage) {
+      if (c.feasibility == ScanFeasibility::kFeasible && c.covered.Count() > 0) {
+        columns_.push_back(std::move(c.covered));
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  // Searches with `evaluations` evaluations the scan that covers most weight and returns that
+  // weight; the best different scans become columns, and the weights a candidate for the bound.
+  absl::StatusOr<double> Price(const std::vector<double>& weights, int64_t evaluations,
+                               int restarts) {
+    auto priced = PriceOnly(weights, evaluations, restarts);
+    if (!priced.ok()) return priced.status();
+    Consider(weights);
+    ++result_.rounds;
+    result_.last_round_evaluations = evaluations;
+    return priced;
+  }
+
+  absl::StatusOr<double> PriceOnly(const std::vector<double>& weights, int64_t evaluations,
+                                   int restarts) {
+    const std::vector<float> weights_f(weights.begin(), weights.end());
+    TopPoints top(kKeptPerSearch, kKeptSeparation);
+    const BatchObjective objective =
+        [&](std::span<const std::vector<double>> points) -> absl::StatusOr<std::vector<double>> {
+      if (Interrupted()) return absl::CancelledError("interrupted");
+      std::vector<Measurement> measurements;
+      for (const auto& x : points) measurements.push_back(space_.ToMeasurement(x));
+      auto gains = oracle_.WeightedGains(measurements, weights_f);
+      if (!gains.ok()) return gains.status();
+      std::vector<double> values;
+      for (size_t i = 0; i < gains->size(); ++i) {
+        const bool feasible = (*gains)[i].feasibility == ScanFeasibility::kFeasible;
+        values.push_back(feasible ? (*gains)[i].weighted_gain : -1);
+        if (values.back() > 0) top.Add(space_.Normalise(points[i]), values.back());
+      }
+      return values;
+    };
+    MaximiseOptions options;
+    options.periodic = space_.periodic();
+    options.restarts = restarts;
+    const int64_t searching =
+        std::max<int64_t>(1, evaluations - static_cast<int64_t>(kKeptPerSearch));
+    auto best = Maximise(Method::kParticleSwarm, space_.dimension(), objective, searching,
+                         random_.Bits(), options);
+    if (!best.ok()) return best.status();
+    std::vector<Measurement> scans;
+    for (const auto& entry : top.entries()) scans.push_back(space_.ToMeasurement(entry.x));
+    if (auto status = AddColumns(std::move(scans)); !status.ok()) return status;
+    return std::max(0.0, best->value);
+  }
+
+  // First columns: searches with weights that halve where the columns so far cover.
+  absl::Status SpreadColumns() {
+    std::vector<double> weights(measurable_.size(), 0);
+    for (size_t t = 0; t < weights.size(); ++t) weights[t] = measurable_.Test(t) ? 1 : 0;
+    const int64_t until = Left() * 4 / 5;
+    while (Left() > until) {
+      const size_t before = columns_.size();
+      auto best = PriceOnly(weights, std::min<int64_t>(Left(), 1000), 1);
+      if (!best.ok()) return best.status();
+      if (columns_.size() == before) break;
+      for (size_t t = 0; t < weights.size(); ++t) {
+        if (columns_[before].Test(t)) weights[t] *= 0.5;
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  GainOracle& oracle_;
+  SearchSpace space_;
+  const TargetBits& measurable_;
+  const int64_t goal_targets_;
+  const int64_t budget_;
+  Random random_;
+  const std::function<void(const ScanCountBoundProgress&)>& on_progress_;
+  const std::atomic<bool>* interrupted_;
+  const int64_t evaluations_before_;
+  std::vector<TargetBits> columns_;
+  Groups groups_;
+  std::optional<WeightProgramme> programme_;
+  size_t grouped_columns_ = 0;  // when the groups were made
+  size_t rows_ = 0;             // columns in the programme
+  std::vector<double> programme_weights_;
+  std::vector<double> best_weights_;  // no known scan covers more than 1 of them
+  ScanCountBoundResult result_;
+};
+
+}  // namespace
+
+absl::StatusOr<ScanCountBoundResult> BoundScanCount(
+    GainOracle& oracle, const MeasurementDomain& domain, double goal,
+    std::span<const Measurement> initial_scans, int64_t budget, int64_t seed,
+    const std::function<void(const ScanCountBoundProgress&)>& on_progress,
+    const std::atomic<bool>* interrupted) {
+  if (!(goal > 0 && goal <= 1)) {
+    return absl::InvalidArgumentError(absl::StrCat("goal: ", goal, " is not in (0, 1]"));
+  }
+  if (budget < 1) {
+    return absl::InvalidArgumentError(absl::StrCat("budget: ", budget, " is not >= 1"));
+  }
+  return BoundSearch(oracle, domain, goal, budget, seed, on_progress, interrupted)
+      .Run(initial_scans);
+}
+
+}  // namespace sightline

@@ -1,0 +1,63 @@
+// A lower bound on the number of scans that any plan needs.
+//
+// Give every measurable target t a weight pi_t >= 0 such that no scan covers targets of more
+// weight than 1. Then a plan of n scans that covers a set T of at least G targets satisfies
+//   n >= sum over its scans of sum_{t covered by the scan} pi_t >= sum_{t in T} pi_t
+//     >= sum of the G smallest pi_t,
+// the bound. It holds for any such weights; the best ones solve the dual of the linear relaxation
+// of partial set cover,
+//   max G lambda - sum_t mu_t   s.t.  mu_t >= lambda - pi_t,  sum_{t in scan} pi_t <= 1 for every
+//   scan,  pi, lambda, mu >= 0,
+// whose optimum at given pi is exactly the sum of the G smallest. There are infinitely many scans:
+// the rows are generated (column generation of the primal, Gilmore and Gomory 1961) by searching
+// the scan of most weight with swarms over the nine parameters. Targets that nearly the same known
+// scans cover share one weight, which keeps the linear programme small and the bound valid.
+//
+// "No scan covers more weight than 1" is known only as far as that search could find: the weights
+// are divided by the most found, and the bound is as good as the search.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+#include "planner_client/strategy/gain_oracle.h"
+
+namespace sightline {
+
+struct ScanCountBoundResult {
+  // Lower bound on the number of scans; `scans` is the smallest whole number not below it.
+  double bound = 0;
+  int scans = 0;
+  // A search of the bound's own weights with the full budget of a round (a tenth of all) found no
+  // scan of weight above 1 + 0.005. With or without it, `bound` takes the heaviest scan that was
+  // found anywhere into account.
+  bool converged = false;
+  int64_t evaluations = 0;  // of pricing and of the scans' coverage
+  int64_t last_round_evaluations = 0;
+  int64_t columns = 0;  // scans the weights were made from
+  int rounds = 0;
+  std::string statement;  // the result in words, with what it rests on
+};
+
+struct ScanCountBoundProgress {
+  double bound = 0;
+  int64_t evaluations = 0;
+  int64_t budget = 0;
+};
+
+// Lower bound on the number of scans that cover at least `goal` (0, 1] of the measurable targets,
+// by fast estimates. `initial_scans`, e.g. those of a plan, help; infeasible ones are ignored. At
+// most `budget` > 0 evaluations. Interrupted: the best bound so far. INVALID_ARGUMENT for a goal or
+// budget out of range; errors of the oracle are passed on.
+absl::StatusOr<ScanCountBoundResult> BoundScanCount(
+    GainOracle& oracle, const MeasurementDomain& domain, double goal,
+    std::span<const Measurement> initial_scans, int64_t budget, int64_t seed,
+    const std::function<void(const ScanCountBoundProgress&)>& on_progress = {},
+    const std::atomic<bool>* interrupted = nullptr);
+
+}  // namespace sightline

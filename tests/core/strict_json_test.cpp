@@ -1,0 +1,261 @@
+#include "core/json/strict_json.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <limits>
+#include <random>
+#include <thread>
+
+#include "google/protobuf/util/message_differencer.h"
+#include "sightline/v1/inspection.pb.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+std::string ErrorOf(const std::string& json) {
+  v1::Inspection message;
+  const absl::Status status = ParseStrictJson(json, "bracket.json", &message);
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << json;
+  return std::string(status.message());
+}
+
+TEST(StrictJson, ReadsAFullMessage) {
+  v1::Inspection message;
+  ASSERT_TRUE(ParseStrictJson(R"({
+    "name": "bracket",
+    "part": {"file": "a.stl", "unit": "mm"},
+    "camera": {"columns_px": 640, "vertical_fov_deg": 30},
+    "targets": {"seed": 9007199254740993, "regions": [{"name": "bore", "min_m": {"x": -1e-3}}]},
+    "obstacles": [{"frame": "FRAME_STAGE"}],
+    "measurement": {"part_beta_deg": {"values": [0, 90.5]}}
+  })",
+                              "bracket.json", &message)
+                  .ok());
+  EXPECT_EQ(message.part().unit(), "mm");
+  EXPECT_EQ(message.camera().columns_px(), 640);
+  EXPECT_EQ(message.targets().seed(), 9007199254740993);
+  EXPECT_EQ(message.targets().regions(0).min_m().x(), -1e-3);
+  EXPECT_EQ(message.obstacles(0).frame(), v1::Obstacle::FRAME_STAGE);
+  EXPECT_EQ(message.measurement().part_beta_deg().values(1), 90.5);
+}
+
+TEST(StrictJson, ReplacesWhatTheMessageHeld) {
+  v1::Inspection message;
+  message.set_name("old");
+  ASSERT_TRUE(ParseStrictJson("{}", "f", &message).ok());
+  EXPECT_EQ(message.name(), "");
+}
+
+TEST(StrictJson, UnknownFieldNamesFilePathAndNearest) {
+  EXPECT_THAT(
+      ErrorOf(R"({"rig": {"scan_stp_m": 1}})"),
+      AllOf(HasSubstr("bracket.json"), HasSubstr("rig.scan_stp_m"), HasSubstr("\"scan_step_m\"")));
+  EXPECT_THAT(ErrorOf(R"({"obstacles": [{}, {}, {"fraem": "x"}]})"),
+              AllOf(HasSubstr("obstacles[2].fraem"), HasSubstr("\"frame\"")));
+  // Only the original names: camelCase of proto3 JSON would be a second spelling of every file.
+  EXPECT_THAT(ErrorOf(R"({"rig": {"scanStepM": 1}})"), HasSubstr("\"scan_step_m\""));
+}
+
+TEST(StrictJson, WrongTypesNamePathAndWhatIsExpected) {
+  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": "1"}})"),
+              AllOf(HasSubstr("rig.scan_step_m"), HasSubstr("\"1\""), HasSubstr("number")));
+  EXPECT_THAT(ErrorOf(R"({"rig": 3})"), AllOf(HasSubstr("rig: is 3"), HasSubstr("an object")));
+  EXPECT_THAT(ErrorOf(R"({"name": true})"), HasSubstr("a string"));
+  EXPECT_THAT(ErrorOf(R"({"obstacles": {}})"), HasSubstr("an array"));
+  EXPECT_THAT(ErrorOf(R"({"rig": {"camera_bodies": [5]}})"), HasSubstr("rig.camera_bodies[0]"));
+  EXPECT_THAT(ErrorOf(R"({"name": null})"), HasSubstr("leave the field out"));
+  EXPECT_THAT(ErrorOf("[]"), HasSubstr("an object"));
+}
+
+TEST(StrictJson, IntegersAreIntegersInRange) {
+  EXPECT_THAT(ErrorOf(R"({"camera": {"rows_px": 512.5}})"),
+              AllOf(HasSubstr("camera.rows_px"), HasSubstr("512.5"), HasSubstr("integer")));
+  EXPECT_THAT(ErrorOf(R"({"camera": {"rows_px": 2147483648}})"), HasSubstr("2147483647"));
+  EXPECT_THAT(ErrorOf(R"({"camera": {"rows_px": -2147483649}})"), HasSubstr("-2147483648"));
+  EXPECT_THAT(ErrorOf(R"({"targets": {"seed": 9223372036854775808}})"), HasSubstr("targets.seed"));
+  EXPECT_THAT(ErrorOf(R"({"targets": {"seed": 1e300}})"), HasSubstr("targets.seed"));
+  v1::Inspection message;
+  EXPECT_TRUE(ParseStrictJson(R"({"camera": {"rows_px": 512.0}})", "f", &message).ok());
+  EXPECT_EQ(message.camera().rows_px(), 512);
+  EXPECT_TRUE(
+      ParseStrictJson(R"({"targets": {"seed": -9223372036854775808}})", "f", &message).ok());
+  EXPECT_EQ(message.targets().seed(), std::numeric_limits<int64_t>::min());
+}
+
+TEST(StrictJson, NumbersAreFinite) {
+  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": "NaN"}})"), HasSubstr("a finite number"));
+  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": "Infinity"}})"), HasSubstr("a finite number"));
+  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": NaN}})"), HasSubstr("line 1"));
+  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": 1e999}})"), HasSubstr("1e999"));
+}
+
+TEST(StrictJson, UnknownEnumValueNamesTheNearest) {
+  EXPECT_THAT(ErrorOf(R"({"obstacles": [{"frame": "FRAME_PRAT"}]})"),
+              AllOf(HasSubstr("obstacles[0].frame"), HasSubstr("\"FRAME_PRAT\""),
+                    HasSubstr("nearest known name is \"FRAME_PART\"")));
+  EXPECT_THAT(ErrorOf(R"({"obstacles": [{"frame": 1}]})"), HasSubstr("FRAME_STAGE"));
+}
+
+TEST(StrictJson, FieldGivenTwiceIsAnError) {
+  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": 1, "scan_step_m": 2}})"),
+              AllOf(HasSubstr("rig.scan_step_m"), HasSubstr("twice")));
+}
+
+TEST(StrictJson, TwoShapesOfOneBodyAreAnError) {
+  EXPECT_THAT(ErrorOf(R"({"rig": {"laser_bodies": [{"box": {}, "cylinder": {}}]}})"),
+              AllOf(HasSubstr("rig.laser_bodies[0].cylinder"), HasSubstr("box")));
+}
+
+TEST(StrictJson, SyntaxErrorNamesLineAndColumn) {
+  EXPECT_THAT(ErrorOf("{\n  \"name\": \"a\",\n  \"rig\" 3\n}"),
+              AllOf(HasSubstr("bracket.json"), HasSubstr("line 3, column 9")));
+  EXPECT_THAT(ErrorOf("{\"name\": \"a\""), HasSubstr("line 1, column 13"));
+  EXPECT_THAT(ErrorOf(""), HasSubstr("line 1, column 1"));
+  EXPECT_THAT(ErrorOf("{} {}"), HasSubstr("line 1"));
+  EXPECT_THAT(ErrorOf(std::string("{\"name\": \"\xff\xfe\"}")), HasSubstr("line 1"));
+}
+
+TEST(StrictJson, DeepNestingIsRefusedNotFatal) {
+  std::string deep;
+  for (int i = 0; i < 200000; ++i) deep += "[";
+  EXPECT_THAT(ErrorOf(deep), HasSubstr("nested"));
+}
+
+TEST(StrictJson, NoPrefixOfAFileIsAccepted) {
+  const std::string json = R"({"part": {"file": "a.stl", "unit": "mm"}, "targets": {"seed": 12}})";
+  for (size_t length = 0; length < json.size(); ++length) {
+    v1::Inspection message;
+    EXPECT_FALSE(ParseStrictJson(json.substr(0, length), "f", &message).ok()) << length;
+  }
+}
+
+TEST(StrictJson, WritesStableReadableText) {
+  v1::Inspection message;
+  message.set_name("a \"b\"\n");
+  message.mutable_rig()->set_scan_step_m(0.001);
+  message.mutable_targets()->set_seed(9007199254740993);
+  message.mutable_measurement()->mutable_part_beta_deg()->add_values(0);
+  message.mutable_measurement()->mutable_part_beta_deg()->add_values(0.1);
+  message.add_obstacles()->set_frame(v1::Obstacle::FRAME_WORLD);
+  message.add_obstacles();
+  EXPECT_EQ(ToJson(message), R"({
+  "name": "a \"b\"\n",
+  "rig": {
+    "scan_step_m": 0.001
+  },
+  "targets": {
+    "seed": 9007199254740993
+  },
+  "measurement": {
+    "part_beta_deg": {
+      "values": [0, 0.1]
+    }
+  },
+  "obstacles": [
+    {
+      "frame": "FRAME_WORLD"
+    },
+    {}
+  ]
+}
+)");
+  EXPECT_EQ(ToJson(v1::Inspection()), "{}\n");
+}
+
+TEST(StrictJson, EveryDoubleSurvivesTheRoundTrip) {
+  std::mt19937_64 random(3);
+  v1::PlannedScan scan;
+  for (double value : {0.0, -0.0, 1.0, -1.5, 1e300, 5e-324, 1.0 / 3, 123456789012345680.0,
+                       std::numeric_limits<double>::max(), std::numeric_limits<double>::min()}) {
+    scan.add_trigger_positions_m(value);
+  }
+  while (scan.trigger_positions_m_size() < 5000) {
+    const double value = std::bit_cast<double>(random());
+    if (std::isfinite(value)) scan.add_trigger_positions_m(value);
+  }
+  const std::string json = ToJson(scan);
+  v1::PlannedScan back;
+  const absl::Status status = ParseStrictJson(json, "f", &back);
+  ASSERT_TRUE(status.ok()) << status;
+  ASSERT_EQ(back.trigger_positions_m_size(), scan.trigger_positions_m_size());
+  for (int i = 0; i < scan.trigger_positions_m_size(); ++i) {
+    EXPECT_EQ(std::bit_cast<uint64_t>(back.trigger_positions_m(i)),
+              std::bit_cast<uint64_t>(scan.trigger_positions_m(i)))
+        << scan.trigger_positions_m(i);
+  }
+  EXPECT_EQ(ToJson(back), json);
+}
+
+TEST(NumberText, IsShortAndReadable) {
+  EXPECT_EQ(NumberText(0.0001), "0.0001");
+  EXPECT_EQ(NumberText(0.1), "0.1");
+  EXPECT_EQ(NumberText(-100000), "-100000");
+  EXPECT_EQ(NumberText(1e-9), "1e-09");
+  EXPECT_EQ(NumberText(1e300), "1e+300");
+  EXPECT_EQ(NumberText(1.0 / 3), "0.3333333333333333");
+}
+
+class StrictJsonFileTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::path(::testing::TempDir()) /
+              ("strict_json_" + std::to_string(std::random_device()()));
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::filesystem::path folder_;
+};
+
+TEST_F(StrictJsonFileTest, WritesAndReadsBack) {
+  v1::Inspection message, back;
+  message.set_name("über");
+  const std::string path = (folder_ / "a.json").string();
+  ASSERT_TRUE(WriteFileAtomically(path, ToJson(message)).ok());
+  ASSERT_TRUE(WriteFileAtomically(path, ToJson(message)).ok());  // over an old file
+  ASSERT_TRUE(ReadStrictJsonFile(path, &back).ok());
+  EXPECT_TRUE(google::protobuf::util::MessageDifferencer::Equals(message, back));
+}
+
+TEST_F(StrictJsonFileTest, MissingFileOrFolderIsNotFound) {
+  v1::Inspection message;
+  const std::string path = (folder_ / "none" / "a.json").string();
+  const absl::Status status = ReadStrictJsonFile(path, &message);
+  EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(std::string(status.message()), HasSubstr(path));
+  EXPECT_EQ(WriteFileAtomically(path, "x").code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(StrictJsonFileTest, ReadersNeverSeeHalfAFile) {
+  const std::string path = (folder_ / "a.json").string();
+  const std::string a(1 << 20, 'a'), b(1 << 20, 'b');
+  ASSERT_TRUE(WriteFileAtomically(path, a).ok());
+  std::atomic<bool> done{false};
+  std::thread writer([&] {
+    for (int i = 0; i < 20; ++i) EXPECT_TRUE(WriteFileAtomically(path, i % 2 ? a : b).ok());
+    done = true;
+  });
+  int reads = 0;
+  while (!done) {
+    std::ifstream stream(path, std::ios::binary);
+    const std::string seen((std::istreambuf_iterator<char>(stream)), {});
+    EXPECT_TRUE(seen == a || seen == b) << seen.size();
+    ++reads;
+  }
+  writer.join();
+  EXPECT_GT(reads, 0);
+  // Nothing is left lying about.
+  int files = 0;
+  for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder_)) ++files;
+  EXPECT_EQ(files, 1);
+}
+
+}  // namespace
+}  // namespace sightline

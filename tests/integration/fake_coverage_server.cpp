@@ -1,0 +1,22 @@
+// The real server process around the fake engine. SIGHTLINE_FAKE_QUERY_MS, SIGHTLINE_FAKE_BUILD_MS:
+// time of one query and of one build.
+#include <cstdlib>
+
+#include "coverage_server/service/server_main.h"
+#include "tests/integration/fake_scene.h"
+
+namespace {
+
+absl::Duration FromEnvironment(const char* name) {
+  const char* text = std::getenv(name);
+  return absl::Milliseconds(text == nullptr ? 0 : std::atoi(text));
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  sightline::FakeOptions options;
+  options.query_time = FromEnvironment("SIGHTLINE_FAKE_QUERY_MS");
+  options.build_time = FromEnvironment("SIGHTLINE_FAKE_BUILD_MS");
+  return sightline::CoverageServerMain(argc, argv, sightline::MakeFakeBackend(options));
+}

@@ -1,0 +1,92 @@
+#include "planner_client/strategy/scan_count_bound.h"
+
+#include <gtest/gtest.h>
+
+#include "planner_client/strategy/planner.h"
+#include "tests/planner_client/analytic_oracle.h"
+
+namespace sightline {
+namespace {
+
+TEST(ScanCountBoundTest, EqualsTheOptimumOfTheGreedyTrap) {
+  FunctionOracle oracle = GreedyTrapOracle();
+  const auto result = BoundScanCount(oracle, OffsetDomain(), 1.0, {}, 30000, 1);
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_LE(result->bound, 2 + 1e-9);
+  EXPECT_GT(result->bound, 1.98);
+  EXPECT_EQ(result->scans, 2);
+  EXPECT_TRUE(result->converged);
+  EXPECT_LE(result->evaluations, 30000);
+  EXPECT_EQ(result->evaluations, oracle.evaluations());
+}
+
+TEST(ScanCountBoundTest, PartialGoalNeedsFewerScans) {
+  // Ten discrete scans of disjoint sets of 1, 2, ..., 10 targets. Covering 40 of 55 takes the five
+  // largest exactly (10 + 9 + 8 + 7 + 6); a fraction of a scan may count in the bound.
+  std::vector<int> owner;
+  for (int set = 0; set < 10; ++set) owner.insert(owner.end(), static_cast<size_t>(set) + 1, set);
+  FunctionOracle oracle(55, [owner](const Measurement& m, size_t t) {
+    return owner[t] == static_cast<int>(m.offset_y_m);
+  });
+  MeasurementDomain domain = OffsetDomain();
+  domain.parameters[7] = {{}, {0, 1, 2, 3, 4, 5, 6, 7, 8, 9}, false};
+  const auto most = BoundScanCount(oracle, domain, 40.0 / 55, {}, 40000, 1);
+  ASSERT_TRUE(most.ok());
+  EXPECT_NEAR(most->bound, 5, 0.03);
+  EXPECT_LE(most->bound, 5 + 1e-9);
+  // 43 of 55: five scans and 3 of the 5 targets of the sixth.
+  const auto more = BoundScanCount(oracle, domain, 43.0 / 55, {}, 40000, 1);
+  ASSERT_TRUE(more.ok());
+  EXPECT_NEAR(more->bound, 5.6, 0.03);
+  EXPECT_EQ(more->scans, 6);
+  const auto all = BoundScanCount(oracle, domain, 1.0, {}, 40000, 1);
+  ASSERT_TRUE(all.ok());
+  EXPECT_NEAR(all->bound, 10, 0.05);
+}
+
+TEST(ScanCountBoundTest, NeverExceedsAPlanAndSaysWhatItRestsOn) {
+  FunctionOracle oracle = CastingOracle(300, 2);
+  PlannerRequest request;
+  request.domain = NineParameterDomain();
+  request.goal.coverage = 0.9;
+  request.evaluations_per_scan = 1500;
+  const auto plan = MakePlan(oracle, request);
+  ASSERT_TRUE(plan.ok());
+  ASSERT_EQ(plan->stop_reason, StopReason::kGoalReached);
+  std::vector<Measurement> scans;
+  for (const auto& scan : plan->scans) scans.push_back(scan.measurement);
+  int reports = 0;
+  const auto result = BoundScanCount(oracle, request.domain, 0.9, scans, 20000, 3,
+                                     [&](const ScanCountBoundProgress&) { ++reports; });
+  ASSERT_TRUE(result.ok());
+  EXPECT_LE(result->scans, static_cast<int>(plan->scans.size()));
+  EXPECT_GT(result->bound, 1);
+  EXPECT_LE(result->evaluations, 20000);
+  EXPECT_GT(reports, 0);
+  EXPECT_NE(result->statement.find("as far as the pricing search could find"), std::string::npos);
+  EXPECT_EQ(result->statement.find("found no scan") != std::string::npos, result->converged);
+}
+
+TEST(ScanCountBoundTest, SameSeedSameBound) {
+  FunctionOracle a = CastingOracle(200, 2), b = CastingOracle(200, 2);
+  const auto first = BoundScanCount(a, NineParameterDomain(), 0.9, {}, 10000, 3);
+  const auto second = BoundScanCount(b, NineParameterDomain(), 0.9, {}, 10000, 3);
+  ASSERT_TRUE(first.ok() && second.ok());
+  EXPECT_EQ(first->bound, second->bound);
+  EXPECT_EQ(first->statement, second->statement);
+}
+
+TEST(ScanCountBoundTest, InterruptionAndBadArguments) {
+  FunctionOracle oracle = GreedyTrapOracle();
+  EXPECT_EQ(BoundScanCount(oracle, OffsetDomain(), 0, {}, 100, 1).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(BoundScanCount(oracle, OffsetDomain(), 0.9, {}, 0, 1).status().code(),
+            absl::StatusCode::kInvalidArgument);
+  const std::atomic<bool> interrupted = true;
+  const auto result = BoundScanCount(oracle, OffsetDomain(), 0.9, {}, 10000, 1, {}, &interrupted);
+  ASSERT_TRUE(result.ok());
+  EXPECT_FALSE(result->converged);
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+class TopoDS_Shape;
+
+namespace sightline {
+
+// Indexed triangles in the coordinates of the model they came from. Counter-clockwise seen from
+// outside the material, also on the walls of closed cavities: the normal points out of the metal.
+struct TriangleMesh {
+  std::string name;
+  std::vector<std::array<double, 3>> positions_mm;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+};
+
+struct MeshingOptions {
+  // Largest distance between a triangle and the surface it stands for. Valid: > 0.
+  double chord_tolerance_mm = 0.05;
+  // Largest turn of the surface normal across one facet. Valid: (0, 90].
+  double angular_tolerance_deg = 15.0;
+};
+
+// What is wrong with a mesh, counted; all zero (area and volume apart) for a closed part.
+struct MeshHealth {
+  std::size_t boundary_edges = 0;        // used by one triangle only: a hole in the surface
+  std::size_t non_manifold_edges = 0;    // used by three or more triangles
+  std::size_t misoriented_edges = 0;     // used twice, both times in the same direction
+  std::size_t degenerate_triangles = 0;  // zero area once stored as float metres
+  std::size_t repeated_positions = 0;    // vertices equal to another one as float metres
+  double area_mm2 = 0.0;
+  double volume_mm3 = 0.0;  // signed; positive if the orientation is outward
+
+  // Every edge belongs to exactly two triangles that run along it in opposite directions.
+  bool watertight() const {
+    return boundary_edges == 0 && non_manifold_edges == 0 && misoriented_edges == 0;
+  }
+};
+
+// Meshes one solid (or any shape made of faces) and welds it. Vertices are shared along the edges
+// of the model, not by distance: a solid whose faces share edges gives a watertight mesh whatever
+// its tolerances. Triangles that collapse to a line are flipped away or dropped. Serial: same
+// shape, same bytes. Coordinates are those of the shape, taken to be millimetres. Throws
+// std::invalid_argument on options out of range, std::runtime_error if a face cannot be meshed.
+TriangleMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options);
+
+// Indices must be in range.
+MeshHealth CheckMesh(const TriangleMesh& mesh);
+
+}  // namespace sightline
