@@ -27,6 +27,7 @@ struct FastEvaluator::Lanes {
   alignas(64) int32_t camera_cell[kTargetsPerBlock];
   alignas(64) int32_t laser_cell[kTargetsPerBlock];
   alignas(64) float stage[kTargetsPerBlock];
+  alignas(64) int32_t sparse[kTargetsPerBlock];
 };
 
 namespace {
@@ -64,10 +65,46 @@ FloatScan ToFloat(const ScanInPart& scan, float radius) {
   return f;
 }
 
-// Nearest integer; plain arithmetic so that every instruction set gives the same bits.
-inline float Round(float x) {
-  constexpr float kMagic = 12582912.0f;  // 1.5 * 2^23
-  return (x + kMagic) - kMagic;
+// True if a measurement point falls within the coverage radius on the target's tangent plane, near
+// a probe that was seen (the plane may go on where the surface ends). Lit
+// stage position s and image column u are both functions on the surface; measurement points are
+// where s is a multiple of the step and u is the centre of a column. With t along the lit line and
+// q across it, a frame d away along q has its points at u(d) + multiples of one column along t.
+bool GridCovers(const FloatScan& f, const Eigen::Vector3f& point, const Eigen::Vector3f& normal,
+                float stage, const Eigen::Vector3f* probes, uint8_t seen) {
+  const Eigen::Vector3f h(f.hx, f.hy, f.hz), gradient(f.gx, f.gy, f.gz), scan(f.sx, f.sy, f.sz);
+  const Eigen::Vector3f e(f.ex, f.ey, f.ez), w(f.wx, f.wy, f.wz);
+  const Eigen::Vector3f along = h.cross(normal);
+  const float length = along.norm();
+  if (length < 1e-4f) return false;  // the sheet touches the surface: no line
+  const Eigen::Vector3f t = along / length, q = normal.cross(t);
+  const Eigen::Vector3f camera = Eigen::Vector3f(f.cx, f.cy, f.cz) - stage * scan;
+  const Eigen::Vector3f view = point - camera;
+  const float depth = view.dot(w), slope = view.dot(e) / depth;
+  // du = gradient_u . dx on the surface; moving the point also moves the stage to keep it lit.
+  const Eigen::Vector3f image = f.focal_px / depth * (e - slope * w);
+  const float u = f.focal_px * slope + f.half_columns - 0.5f;
+  const float u_along = image.dot(t);
+  const float u_across = image.dot(q) + image.dot(scan) * gradient.dot(q);
+  const float stage_across = gradient.dot(q);
+  const float radius = std::sqrt(f.radius_squared);
+  const float span = radius * std::abs(stage_across);
+  constexpr float kMaxFrames = 64;
+  const float first = std::ceil((stage - span) * f.inverse_step);
+  const float last = std::min(std::floor((stage + span) * f.inverse_step), first + kMaxFrames);
+  for (float frame = first; frame <= last; ++frame) {
+    const float across = (frame * f.step - stage) / stage_across;
+    const float column = u + u_across * across;
+    const float off_centre = column - std::nearbyint(column);
+    const float rest = f.radius_squared - across * across;
+    if (off_centre * off_centre > rest * u_along * u_along) continue;
+    const Eigen::Vector3f measured = point + across * q - off_centre / u_along * t;
+    // Probes are so close that every point of the disc is within half the radius of one.
+    for (int k = 0; k < kProbesPerTarget; ++k) {
+      if (((seen >> k) & 1) && (probes[k] - measured).squaredNorm() <= 0.25f * f.radius_squared) return true;
+    }
+  }
+  return false;
 }
 
 inline int32_t OctahedralCell(float x, float y, float z, int side) {
@@ -84,11 +121,13 @@ inline int32_t OctahedralCell(float x, float y, float z, int side) {
 }  // namespace
 
 FastEvaluator::FastEvaluator(const TargetSet& targets, const TargetSampling& sampling,
-                             const VisibilityField& field)
-    : target_count_(targets.size()),
+                             SurfaceProbes probes, const VisibilityField& field)
+    : probes_(std::move(probes.positions_m)),
+      target_count_(targets.size()),
       coverage_radius_m_(static_cast<float>(sampling.coverage_radius_m)),
       field_(field) {
   blocks_.resize(field.blocks());
+  probes_.resize(blocks_.size() * kTargetsPerBlock * kProbesPerTarget, Eigen::Vector3f::Zero());
   for (size_t b = 0; b < blocks_.size(); ++b) {
     Block& block = blocks_[b];
     const size_t begin = b * kTargetsPerBlock;
@@ -135,22 +174,19 @@ void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_si
                     (std::abs(image_x) <= depth * f.tan_x) & (std::abs(image_y) <= depth * f.tan_y) &
                     (range <= f.max_range_squared) & (laser_depth > 0) &
                     (std::abs(laser_x) <= laser_depth * f.fan_tangent);
-    // Nearest point of the grid of frames and columns on the tangent plane: across the lit line
-    // frames are step |n_x| / |n_t| apart, along it columns are one pixel's footprint apart.
+    // Across the lit line frames are step |n_x| / |n_t| apart on the surface, along it columns are
+    // one pixel's footprint apart. Where half of both fits into the coverage radius, some point of
+    // that grid covers the target; elsewhere GridCovers looks closer.
     const float hn = f.hx * nx + f.hy * ny + f.hz * nz;
     const float tangential = std::max(1 - hn * hn, 1e-6f);  // |n_t|^2
-    const float frame = s * f.inverse_step;
-    const float across = (frame - Round(frame)) * f.step * f.normal_x;
     const float tx = f.hy * nz - f.hz * ny, ty = f.hz * nx - f.hx * nz, tz = f.hx * ny - f.hy * nx;
-    const float inverse_depth = 1 / depth;
-    const float slope = image_x * inverse_depth;
+    const float slope = image_x / depth;
     const float te = tx * f.ex + ty * f.ey + tz * f.ez, tw = tx * f.wx + ty * f.wy + tz * f.wz;
-    const float column = f.focal_px * slope + f.half_columns - 0.5f;
-    const float off_centre = column - Round(column);
-    const float px_per_length = f.focal_px * (te - slope * tw) * inverse_depth;  // times |n_t|
-    // along = off_centre / (px_per_length / |n_t|); all squared, multiplied out.
-    const float along_squared = off_centre * off_centre * tangential / std::max(px_per_length * px_per_length, 1e-12f);
-    valid &= across * across / tangential + along_squared <= f.radius_squared;
+    const float px_per_length = f.focal_px * (te - slope * tw) / depth;  // times |n_t|
+    const float across = f.step * f.normal_x;
+    const float spacing_squared = across * across / tangential +
+                                  tangential / std::max(px_per_length * px_per_length, 1e-12f);
+    lanes.sparse[i] = 0.25f * spacing_squared > f.radius_squared;
     lanes.valid[i] = valid;
     lanes.stage[i] = s;
     lanes.camera_cell[i] = OctahedralCell(vx, vy, vz, map_side);
@@ -188,6 +224,14 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
       const uint8_t seen = data[static_cast<size_t>(lanes.camera_cell[i]) * kTargetsPerBlock + i] &
                            data[static_cast<size_t>(lanes.laser_cell[i]) * kTargetsPerBlock + i];
       if (seen == 0) continue;
+      if (lanes.sparse[i]) {
+        const Block& block = blocks_[b];
+        if (!GridCovers(floats[pending.query], {block.x[i], block.y[i], block.z[i]},
+                        {block.nx[i], block.ny[i], block.nz[i]}, lanes.stage[i],
+                        &probes_[(b * kTargetsPerBlock + i) * kProbesPerTarget], seen)) {
+          continue;
+        }
+      }
       bits |= uint64_t{1} << i;
       low = std::min(low, lanes.stage[i]);
       high = std::max(high, lanes.stage[i]);

@@ -21,8 +21,9 @@ struct FastScan {
 
 class FastEvaluator {
  public:
-  // `targets` and `field` must outlive the evaluator.
-  FastEvaluator(const TargetSet& targets, const TargetSampling& sampling, const VisibilityField& field);
+  // `field` must outlive the evaluator.
+  FastEvaluator(const TargetSet& targets, const TargetSampling& sampling, SurfaceProbes probes,
+                const VisibilityField& field);
 
   // A target counts as covered if it faces camera and laser, lies in field of view, fan, range and
   // admissible depth at its lit moment, the grid of frames and columns is fine enough to put a
@@ -44,6 +45,7 @@ class FastEvaluator {
   static void TestBlock(const Block& block, const struct FloatScan& scan, int map_side, Lanes& lanes);
 
   std::vector<Block> blocks_;
+  std::vector<Eigen::Vector3f> probes_;
   size_t target_count_;
   float coverage_radius_m_;
   const VisibilityField& field_;

@@ -52,7 +52,7 @@ class CoverageSceneImpl final : public CoverageScene {
       occluders_.push_back({obstacle.frame, TriangleBvh(obstacle.mesh)});
       if (obstacle.frame == ObstacleFrame::kPart) fixtures.push_back(&obstacle.mesh);
     }
-    const SurfaceProbes probes =
+    SurfaceProbes probes =
         MakeSurfaceProbes(definition_.part, occluders_[0].bvh, targets_, definition_.sampling);
     FieldBuildOptions field_options;
     field_options.directions = definition_.field_directions;
@@ -62,7 +62,7 @@ class CoverageSceneImpl final : public CoverageScene {
     auto field = BuildVisibilityField(definition_.part, fixtures, targets_, probes, field_options);
     if (!field.ok()) return field.status();
     field_ = std::move(*field);
-    fast_ = std::make_unique<FastEvaluator>(targets_, definition_.sampling, *field_);
+    fast_ = std::make_unique<FastEvaluator>(targets_, definition_.sampling, std::move(probes), *field_);
     lookup_ = std::make_unique<TargetLookup>(targets_, definition_.sampling);
     timings_.field_s = SecondsSince(start);
 
@@ -76,7 +76,7 @@ class CoverageSceneImpl final : public CoverageScene {
     for (size_t i = 0; i < threads; ++i) {
       const size_t begin = std::min(targets_.size(), i * share), end = std::min(targets_.size(), begin + share);
       pool.emplace_back([this, begin, end] {
-        MarkMeasurable(targets_, *field_, kMinTriangulationRad, kMaxTriangulationRad, begin, end, measurable_);
+        MarkMeasurable(targets_, *field_, occluders_, kMinTriangulationRad, kMaxTriangulationRad, begin, end, measurable_);
       });
     }
     for (auto& thread : pool) thread.join();

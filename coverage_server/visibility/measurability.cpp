@@ -1,28 +1,69 @@
 #include "coverage_server/visibility/measurability.h"
 
+#include <algorithm>
 #include <cmath>
 #include <vector>
 
 namespace sightline {
+namespace {
 
-void MarkMeasurable(const TargetSet& targets, const VisibilityField& field, double min_angle_rad,
+// Bit i: nothing between the point and infinity along directions[i].
+uint32_t OpenDirections(const std::vector<Occluder>& occluders, const Eigen::Vector3f& from,
+                        const std::vector<Eigen::Vector3f>& directions, const int* cells, int count) {
+  uint32_t open = (1u << count) - 1;
+  for (const Occluder& occluder : occluders) {
+    if (occluder.frame != ObstacleFrame::kPart) continue;
+    const float far = 2 * occluder.bvh.bounds().sizes().norm() + (occluder.bvh.bounds().center() - from).norm();
+    TriangleBvh::Bundle bundle;
+    for (int k = 0; k < TriangleBvh::kLanes; ++k) {
+      const Eigen::Vector3f to = from + far * directions[cells[std::min(k, count - 1)]];
+      bundle.to_x[k] = to.x();
+      bundle.to_y[k] = to.y();
+      bundle.to_z[k] = to.z();
+      bundle.gap[k] = 0;
+    }
+    open &= ~occluder.bvh.Occluded(from, bundle, open);
+  }
+  return open;
+}
+
+}  // namespace
+
+void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
+                    const std::vector<Occluder>& occluders, double min_angle_rad,
                     double max_angle_rad, size_t begin, size_t end, TargetBits& measurable) {
   const OctahedralMap& map = field.map();
   std::vector<Eigen::Vector3f> directions(map.cells());
   for (int c = 0; c < map.cells(); ++c) directions[c] = map.Direction(c);
   const float cos_min = static_cast<float>(std::cos(min_angle_rad));
   const float cos_max = static_cast<float>(std::cos(max_angle_rad));
-  std::vector<int> seen;
+  // Lifted off its own surface.
+  constexpr float kLiftM = 2e-5f;
+  std::vector<int> candidates, open;
   for (size_t t = begin; t < end; ++t) {
-    seen.clear();
+    candidates.clear();
+    open.clear();
+    const Eigen::Vector3f normal = targets.normals[t], from = targets.positions_m[t] + kLiftM * normal;
     for (int c = 0; c < map.cells(); ++c) {
-      if ((field.Probes(t, c) & 1) && targets.normals[t].dot(directions[c]) > 0) seen.push_back(c);
+      if (field.Probes(t, c) != 0 && normal.dot(directions[c]) > 0) candidates.push_back(c);
     }
     bool found = false;
-    for (size_t i = 0; i < seen.size() && !found; ++i) {
-      for (size_t j = i + 1; j < seen.size() && !found; ++j) {
-        const float cosine = directions[seen[i]].dot(directions[seen[j]]);
-        found = cosine <= cos_min && cosine >= cos_max;
+    // Take candidates far apart first: open targets are decided by their first bundle or two.
+    const size_t bundles = (candidates.size() + TriangleBvh::kLanes - 1) / TriangleBvh::kLanes;
+    for (size_t b = 0; b < bundles && !found; ++b) {
+      int cells[TriangleBvh::kLanes];
+      int count = 0;
+      for (size_t i = b; i < candidates.size() && count < TriangleBvh::kLanes; i += bundles) {
+        cells[count++] = candidates[i];
+      }
+      const uint32_t bits = OpenDirections(occluders, from, directions, cells, count);
+      for (int k = 0; k < count && !found; ++k) {
+        if (!((bits >> k) & 1)) continue;
+        for (const int other : open) {
+          const float cosine = directions[cells[k]].dot(directions[other]);
+          found = found || (cosine <= cos_min && cosine >= cos_max);
+        }
+        open.push_back(cells[k]);
       }
     }
     if (found) measurable.Set(t);

@@ -1,15 +1,20 @@
 // Which targets can be measured at all (thesis section 6.1).
 #pragma once
 
+#include <vector>
+
 #include "core/targets/target_set.h"
+#include "coverage_server/scan/collision.h"
 #include "coverage_server/visibility/visibility_field.h"
 
 namespace sightline {
 
 // A target is measurable if two unoccluded directions min_angle to max_angle apart reach it.
-// Candidates are the field's cells, so cones narrower than a cell (about 3 degrees at 4096) are
-// decided to that accuracy. `begin`, `end`: range of targets whose bits are written.
-void MarkMeasurable(const TargetSet& targets, const VisibilityField& field, double min_angle_rad,
+// Directions are the cells of the field's map (about 3 degrees apart at 4096; the thesis draws 2^16
+// random pairs); the field says which are worth asking and segments through `occluders` (those in
+// part coordinates) decide. `begin`, `end`: range of targets whose bits are written.
+void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
+                    const std::vector<Occluder>& occluders, double min_angle_rad,
                     double max_angle_rad, size_t begin, size_t end, TargetBits& measurable);
 
 }  // namespace sightline

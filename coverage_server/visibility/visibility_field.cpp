@@ -92,8 +92,34 @@ bool IsClosed(const TriangleMesh& mesh) {
   return true;
 }
 
+// Points inside a triangle and on its edges, `spacing_m` apart: the middle of a large triangle may be
+// seen while its corners are hidden.
+template <typename AddPoint>
+void AddInnerPoints(const Eigen::Vector3f* corner, float spacing_m, const AddPoint& add_point) {
+  int longest = 0;
+  float length = 0;
+  for (int k = 0; k < 3; ++k) {
+    const float edge = (corner[(k + 1) % 3] - corner[k]).norm();
+    if (edge > length) longest = k, length = edge;
+  }
+  if (length <= spacing_m) return;
+  const Eigen::Vector3f a = corner[longest], b = corner[(longest + 1) % 3], apex = corner[(longest + 2) % 3];
+  const float height = (b - a).cross(apex - a).norm() / length;
+  constexpr int kMaxSteps = 64;
+  const int columns = std::min(kMaxSteps, static_cast<int>(std::ceil(length / spacing_m)));
+  const int rows = std::min(kMaxSteps, static_cast<int>(std::ceil(height / spacing_m)));
+  for (int j = 0; j < rows; ++j) {
+    const float up = static_cast<float>(j) / static_cast<float>(rows);
+    const int steps = std::max(1, static_cast<int>(std::ceil(static_cast<float>(columns) * (1 - up))));
+    for (int i = j == 0 ? 1 : 0; i <= steps - (j == 0 ? 1 : 0); ++i) {
+      const float along = static_cast<float>(i) / static_cast<float>(steps);
+      add_point((1 - up) * (a + along * (b - a)) + up * apex);
+    }
+  }
+}
+
 OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles,
-                           double simplification_m) {
+                           double simplification_m, float point_spacing_m) {
   OccluderMesh result;
   std::vector<uint32_t> indices;
   std::vector<const TriangleMesh*> meshes = {&part};
@@ -130,10 +156,11 @@ OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMes
     cluster.first_triangle = static_cast<uint32_t>(result.triangles.size() / 3);
     cluster.triangle_count = m.triangle_count;
     cluster.first_vertex = static_cast<uint32_t>(result.cluster_vertices.size() / 3);
-    cluster.vertex_count = m.vertex_count;
+    const auto add_point = [&](const Eigen::Vector3f& p) {
+      result.cluster_vertices.insert(result.cluster_vertices.end(), {p.x(), p.y(), p.z()});
+    };
     for (unsigned v = 0; v < m.vertex_count; ++v) {
-      const float* p = &result.vertices[3 * meshlet_vertices[m.vertex_offset + v]];
-      result.cluster_vertices.insert(result.cluster_vertices.end(), p, p + 3);
+      add_point(Eigen::Map<const Eigen::Vector3f>(&result.vertices[3 * meshlet_vertices[m.vertex_offset + v]]));
     }
     for (unsigned t = 0; t < m.triangle_count; ++t) {
       Eigen::Vector3f corner[3];
@@ -144,7 +171,9 @@ OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMes
       }
       const Eigen::Vector3f n = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
       result.normals.insert(result.normals.end(), {n.x(), n.y(), n.z()});
+      AddInnerPoints(corner, point_spacing_m, add_point);
     }
+    cluster.vertex_count = static_cast<uint32_t>(result.cluster_vertices.size() / 3) - cluster.first_vertex;
     const meshopt_Bounds bounds =
         meshopt_computeMeshletBounds(&meshlet_vertices[m.vertex_offset], &meshlet_triangles[m.triangle_offset],
                                      m.triangle_count, result.vertices.data(), vertex_count, 12);
@@ -223,7 +252,13 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   const size_t padded = field->blocks() * kTargetsPerBlock;
   if (padded == 0) return absl::InvalidArgumentError("no targets");
 
-  const OccluderMesh mesh = MakeOccluders(part, obstacles, options.simplification_m);
+  Eigen::AlignedBox3d box = part.BoundingBox();
+  for (const TriangleMesh* obstacle : obstacles) box.extend(obstacle->BoundingBox());
+  constexpr double kPixelsPerDiagonal = 768;
+  const auto pixel_size_m = static_cast<float>(
+      options.pixel_size_m > 0 ? options.pixel_size_m : box.sizes().norm() / kPixelsPerDiagonal);
+  constexpr float kClusterPointSpacingPx = 8;
+  const OccluderMesh mesh = MakeOccluders(part, obstacles, options.simplification_m, kClusterPointSpacingPx * pixel_size_m);
   JobLayout layout;
   const uint64_t vertices = layout.Add(mesh.vertices.size() * 4);
   const uint64_t triangles = layout.Add(mesh.triangles.size() * 4);
@@ -245,14 +280,10 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
       *job_data, [&](void* data) { munmap(data, layout.bytes()); });
 
   FieldJob& job = *new (*job_data) FieldJob{};
-  Eigen::AlignedBox3d box = part.BoundingBox();
-  for (const TriangleMesh* obstacle : obstacles) box.extend(obstacle->BoundingBox());
   job.map_side = side;
   job.cull_back_faces = mesh.closed;
   job.coherent_occlusion = options.coherent_occlusion;
-  constexpr double kPixelsPerDiagonal = 768;
-  job.pixel_size_m = static_cast<float>(options.pixel_size_m > 0 ? options.pixel_size_m
-                                                                 : box.sizes().norm() / kPixelsPerDiagonal);
+  job.pixel_size_m = pixel_size_m;
   for (int k = 0; k < 3; ++k) {
     job.box_min[k] = static_cast<float>(box.min()[k]);
     job.box_max[k] = static_cast<float>(box.max()[k]);

@@ -1,0 +1,432 @@
+"""Feeds bad input to the real programs and shows what they answer."""
+
+import argparse
+import json
+import math
+import os
+import pathlib
+import re
+import signal
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+
+import bench_support as bench
+
+GIB = 1 << 30
+HEAD_PLAN = ["--goal", "0.9", "--bound-evaluations", "0", "--no-pictures", "--no-point-clouds"]
+
+# ---------------------------------------------------------------------------------------------
+# Parts and inspections
+
+
+def box_triangles(x, y, z):
+    """A closed box, outward normals."""
+    corner = [(i & 1) * x * 1.0 for i in range(8)], [(i >> 1 & 1) * y * 1.0 for i in range(8)], [
+        (i >> 2) * z * 1.0 for i in range(8)]
+    quads = [(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)]
+    point = lambda i: [corner[0][i], corner[1][i], corner[2][i]]
+    return [point(q[0]) + point(q[i]) + point(q[i + 1]) for q in quads for i in (1, 2)]
+
+
+def read_glb(path):
+    data = pathlib.Path(path).read_bytes()
+    json_bytes, _ = struct.unpack_from("<II", data, 12)
+    document = json.loads(data[20:20 + json_bytes])
+    return document, bytearray(data[20 + json_bytes + 8:])
+
+
+def write_glb(path, document, binary=b""):
+    text = json.dumps(document).encode()
+    text += b" " * (-len(text) % 4)
+    chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
+    if binary:
+        chunks += struct.pack("<II", len(binary), 0x004E4942) + bytes(binary)
+    pathlib.Path(path).write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks)
+
+
+def glb_with_nan(source, path):
+    document, binary = read_glb(source)
+    accessor = document["accessors"][document["meshes"][0]["primitives"][0]["attributes"]["POSITION"]]
+    view = document["bufferViews"][accessor["bufferView"]]
+    offset = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+    struct.pack_into("<f", binary, offset + 12 * 100 + 4, math.nan)
+    write_glb(path, document, binary)
+
+
+# ---------------------------------------------------------------------------------------------
+# Running programs
+
+
+class Outcome:
+    def __init__(self, code, text, seconds, hung=False):
+        self.code, self.text, self.seconds, self.hung = code, text, seconds, hung
+
+    def message(self):
+        lines = [line.strip() for line in self.text.splitlines() if line.strip()]
+        own = [line for line in lines if line.startswith("sightline:")]
+        return own[-1].removeprefix("sightline: ") if own else (lines[-1] if lines else "")
+
+
+def start(command):
+    return subprocess.Popen(
+        [str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+        start_new_session=True)
+
+
+def finish(process, timeout_s, began, text=""):
+    try:
+        out, err = process.communicate(timeout=timeout_s)
+        return Outcome(process.returncode, text + out + err, time.monotonic() - began)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        out, err = process.communicate()
+        return Outcome(process.returncode, text + out + err, time.monotonic() - began, hung=True)
+
+
+def run(command, timeout_s=60):
+    began = time.monotonic()
+    return finish(start(command), timeout_s, began)
+
+
+def read_until(process, pattern):
+    """What stderr said up to the line that matches; None if it ended before."""
+    text = ""
+    for line in process.stderr:
+        text += line
+        if re.search(pattern, line):
+            return text
+    return None
+
+
+def children(pid, word, without=None):
+    found = []
+    for task in pathlib.Path(f"/proc/{pid}/task").glob("*/children"):
+        try:
+            pids = task.read_text().split()
+        except OSError:
+            continue
+        for child in pids:
+            try:
+                line = pathlib.Path(f"/proc/{child}/cmdline").read_bytes().decode().replace("\0", " ")
+            except OSError:
+                continue
+            if word in line and not (without and without in line):
+                found.append(int(child))
+    return found
+
+
+def wait_for(condition, timeout_s=30):
+    end = time.monotonic() + timeout_s
+    while time.monotonic() < end:
+        value = condition()
+        if value:
+            return value
+        time.sleep(0.02)
+    return None
+
+
+class Server:
+    def __init__(self, folder, *options):
+        self.process = subprocess.Popen(
+            [str(bench.SERVER), "--listen", f"unix:{folder}/server.sock", "--log-level", "error", *options],
+            stdout=subprocess.PIPE, text=True, start_new_session=True)
+        line = self.process.stdout.readline().strip()
+        self.address = line.removeprefix("listening on ")
+
+    def peak_mib(self):
+        status = pathlib.Path(f"/proc/{self.process.pid}/status").read_text()
+        return int(re.search(r"VmHWM:\s+(\d+) kB", status).group(1)) / 1024
+
+    def stop(self):
+        self.process.terminate()
+        try:
+            self.process.wait(timeout=40)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
+        return self.process.returncode
+
+
+# ---------------------------------------------------------------------------------------------
+
+
+class Cases:
+    def __init__(self, folder):
+        self.folder = pathlib.Path(folder)
+        self.rows = []
+        self.head = bench.SOURCE / "examples/cylinder_head/cylinder_head.glb"
+        self.head_inspection = bench.SOURCE / "examples/cylinder_head/inspection.json"
+        bench.write_binary_stl(self.folder / "box.stl", box_triangles(100, 60, 40))
+        self.box_inspection = self.inspection("box", {"part": {"file": "box.stl", "unit": "mm"}})
+
+    def inspection(self, name, content):
+        path = self.folder / f"{name}.json"
+        path.write_text(content if isinstance(content, str) else json.dumps(content), encoding="utf-8")
+        return path
+
+    def plan_command(self, inspection, *options):
+        out = self.folder / "out" / re.sub(r"\W", "_", f"{pathlib.Path(inspection).stem}{len(self.rows)}")
+        return [bench.SIGHTLINE, "plan", inspection, "--out", out, *options]
+
+    def add(self, name, outcome, code, pattern, extra_error="", note=""):
+        problems = []
+        if outcome.hung:
+            problems.append("hangs")
+        elif outcome.code != code:
+            problems.append(f"expected exit code {code}")
+        if pattern and not re.search(pattern, outcome.text, re.IGNORECASE | re.DOTALL):
+            problems.append(f"message does not say /{pattern}/")
+        # A check of what was written, made only if the program did its work.
+        if callable(extra_error):
+            extra_error = "" if problems else extra_error()
+        if extra_error:
+            problems.append(extra_error)
+        message = note if note and not problems else outcome.message()
+        message = message.replace(str(self.folder) + "/", "").replace(str(bench.SOURCE) + "/", "")
+        self.rows.append({
+            "input": name, "exit_code": outcome.code, "seconds": round(outcome.seconds, 2),
+            "message": message, "problems": problems})
+        mark = "ok  " if not problems else "FAIL"
+        print(f"{mark} {name:<50}{outcome.code:>5}{outcome.seconds:>8.1f}  {message[:150]}", flush=True)
+        for problem in problems:
+            print(f"     -> {problem}")
+
+    def wrong_plan(self, name, inspection, pattern, *options):
+        self.add(name, run(self.plan_command(inspection, *options)), 2, pattern)
+
+    # -- files ----------------------------------------------------------------------------------
+
+    def files(self):
+        folder = self.folder
+        glb = self.head.read_bytes()
+        (folder / "half.glb").write_bytes(glb[:len(glb) // 2])
+        self.wrong_plan("truncated GLB", self.inspection("half", {"part": {"file": "half.glb"}}),
+                        r"half\.glb.*(truncat|size|length|bytes)")
+        glb_with_nan(self.head, folder / "nan.glb")
+        self.wrong_plan("NaN vertex in GLB", self.inspection("nan", {"part": {"file": "nan.glb"}}),
+                        r"nan\.glb.*(nan|finite)")
+        triangles = box_triangles(100, 60, 40)
+        triangles[3][4] = math.nan
+        bench.write_binary_stl(folder / "nan.stl", triangles)
+        self.wrong_plan("NaN vertex in STL",
+                        self.inspection("nan_stl", {"part": {"file": "nan.stl", "unit": "mm"}}),
+                        r"nan\.stl.*(nan|finite)")
+        bench.write_binary_stl(folder / "empty.stl", [])
+        self.wrong_plan("0 triangles, STL",
+                        self.inspection("empty", {"part": {"file": "empty.stl", "unit": "mm"}}),
+                        r"empty\.stl.*no triangles")
+        write_glb(folder / "empty.glb", {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{}]})
+        self.wrong_plan("0 triangles, GLB", self.inspection("empty_glb", {"part": {"file": "empty.glb"}}),
+                        r"empty\.glb.*no (triangles|meshes)")
+        self.wrong_plan("millimetres read as metres",
+                        self.inspection("metres", {"part": {"file": "box.stl", "unit": "m"}}),
+                        r"looks like millimetres read as metres")
+        self.wrong_plan("STL without unit", self.inspection("unitless", {"part": {"file": "box.stl"}}),
+                        r"unit")
+        self.wrong_plan("unknown unit",
+                        self.inspection("furlong", {"part": {"file": "box.stl", "unit": "furlong"}}),
+                        r"furlong")
+        self.wrong_plan("part file missing",
+                        self.inspection("missing", {"part": {"file": "nowhere.glb"}}), r"nowhere\.glb")
+        self.wrong_plan("inspection missing", folder / "nowhere.json", r"nowhere\.json")
+        with open(folder / "huge.stl", "wb") as file:
+            file.truncate(3 * GIB)
+        self.wrong_plan("STL of 3 GiB of zeros",
+                        self.inspection("huge", {"part": {"file": "huge.stl", "unit": "mm"}}),
+                        r"huge\.stl")
+        (folder / "huge.stl").unlink()
+
+    # -- inspection.json ------------------------------------------------------------------------
+
+    def inspections(self):
+        box = {"file": "box.stl", "unit": "mm"}
+        self.wrong_plan("misspelt field", self.inspection("misspelt", {"part": box, "rig": {"scan_setp_m": 0.001}}),
+                        r"rig\.scan_setp_m.*scan_step_m")
+        self.wrong_plan("not JSON", self.inspection("broken", '{"part": {"file": "box.stl",}'), r"broken\.json")
+        self.wrong_plan("camera distance beyond its bounds",
+                        self.inspection("bounds", {"part": box, "measurement": {
+                            "camera_distance_m": {"ranges": [{"min": 0.05, "max": 2}]}}}),
+                        r"camera_distance_m.*0\.1.*0\.8")
+        self.wrong_plan("scan step negative", self.inspection("step", {"part": box, "rig": {"scan_step_m": -1}}),
+                        r"rig\.scan_step_m.*-1")
+        self.wrong_plan("--goal 1.5", self.box_inspection, r"goal", "--goal", "1.5")
+        self.wrong_plan("--strategy gredy-pso", self.box_inspection, r"greedy-pso", "--strategy", "gredy-pso")
+        self.add("no server at the address given",
+                 run(self.plan_command(self.box_inspection, "--coverage-server", f"unix:{self.folder}/none.sock")),
+                 1, r"none\.sock")
+        hand = self.folder / "hand.json"
+        hand.write_text(json.dumps({"scans": [{"measurement": {
+            "camera_distance_m": 0.4, "triangulation_angle_deg": 5}}]}), encoding="utf-8")
+        outcome = run([bench.SIGHTLINE, "evaluate", self.box_inspection, hand, "--out", self.folder / "hand_out",
+                       "--no-pictures"])
+        self.add("evaluate: triangulation angle of 5 degrees", outcome, outcome.code if outcome.code in (0, 2) else 2,
+                 r"out of bounds|triangulation_angle_deg", note=next(
+                     (line for line in outcome.text.splitlines() if "bounds" in line), outcome.message()))
+
+    # -- servers --------------------------------------------------------------------------------
+
+    def uploads(self):
+        server = Server(self.folder)
+        upload = [bench.BIN / "bench_upload", server.address]
+        refused = run([*upload, "--announce-bytes", 3 * GIB, "--send-bytes", 3 * GIB])
+        late = "" if refused.seconds < 2 else f"refused only after {refused.seconds:.1f} s"
+        self.add("upload of 3 GiB to a server", refused, 2, r"code 8: .*limit|code 8: .*largest|code 8: .*bytes", late)
+        refused = run([*upload, "--announce-bytes", 1 << 20, "--send-bytes", 3 * GIB])
+        self.add("upload announces 1 MiB, sends 3 GiB", refused, 2, r"code (3|8): ")
+        refused = run([*upload, "--announce-bytes", 1 << 20, "--send-bytes", 1 << 20])
+        self.add("upload of 1 MiB of zeros as STL", refused, 2, r"code 3: ")
+        peak = server.peak_mib()
+        self.add("the same server afterwards plans a box",
+                 run(self.plan_command(self.box_inspection, "--coverage-server", server.address, *HEAD_PLAN), 120), 0,
+                 r"cold start to plan", "" if peak < 1024 else f"server peaked at {peak:.0f} MiB",
+                 f"plan made; server peaked at {peak:.0f} MiB by the uploads")
+        code = server.stop()
+        if code != 0:
+            self.rows[-1]["problems"].append(f"server ended with {code}")
+
+    def reference(self):
+        """An undisturbed plan of the head; its bytes."""
+        command = self.plan_command(self.head_inspection, *HEAD_PLAN)
+        outcome = run(command, 600)
+        self.add("undisturbed plan, for comparison", outcome, 0, r"cold start to plan")
+        return (pathlib.Path(command[4]) / "plan.json").read_bytes()
+
+    def killed_server(self, reference):
+        # While the scene is built.
+        command = self.plan_command(self.head_inspection, *HEAD_PLAN)
+        began = time.monotonic()
+        process = start(command)
+        pids = wait_for(lambda: children(process.pid, "coverage_server"))
+        time.sleep(2)
+        os.kill(pids[0], signal.SIGKILL)
+        self.add("server killed (-9) while it builds the scene", finish(process, 600, began), 0,
+                 r"killed by signal 9.*restarted", self.differs(command, reference), "says so, restarts it, same plan")
+
+        # A worker process of the server.
+        command = self.plan_command(self.head_inspection, *HEAD_PLAN)
+        began = time.monotonic()
+        process = start(command)
+        pids = wait_for(lambda: children(process.pid, "coverage_server"))
+        workers = wait_for(lambda: children(pids[0], "--field-worker"))
+        time.sleep(1)
+        os.kill(workers[0], signal.SIGKILL)
+        self.add("worker of the server killed (-9)", finish(process, 600, began), 1, r"worker died")
+
+        # While the plan is made, once and twice.
+        for kills in (1, 2):
+            command = self.plan_command(self.head_inspection, *HEAD_PLAN)
+            began = time.monotonic()
+            process = start(command)
+            text = read_until(process, r"ready after") or ""
+            killed = set()
+            for _ in range(kills):
+                time.sleep(1.5)
+                pids = wait_for(lambda: [p for p in children(process.pid, "coverage_server") if p not in killed]
+                                or process.poll() is not None)
+                if not isinstance(pids, list):
+                    break
+                os.kill(pids[0], signal.SIGKILL)
+                killed.add(pids[0])
+            outcome = finish(process, 600, began, text)
+            if kills == 1:
+                self.add("server killed (-9) mid-plan", outcome, 0, r"killed by signal 9.*restarted",
+                         self.differs(command, reference), "says so, restarts it, same plan")
+            else:
+                self.add("server killed (-9) mid-plan twice", outcome, 1,
+                         r"killed by signal 9.*restarted once before")
+
+    @staticmethod
+    def differs(command, reference):
+        """A check that the command made the same plan."""
+        return lambda: "" if (pathlib.Path(command[4]) / "plan.json").read_bytes() == reference else "another plan"
+
+    def interrupted(self):
+        command = self.plan_command(self.head_inspection, *HEAD_PLAN)
+        began = time.monotonic()
+        process = start(command)
+        wait_for(lambda: children(process.pid, "coverage_server"))
+        time.sleep(2)
+        process.send_signal(signal.SIGINT)
+        sent = time.monotonic()
+        outcome = finish(process, 60, began)
+        took = time.monotonic() - sent
+        self.add("Ctrl-C while the scene is built", outcome, 130, "", "" if took < 5 else f"took {took:.1f} s")
+
+        command = self.plan_command(self.head_inspection, *HEAD_PLAN[2:])
+        folder = pathlib.Path(command[4])
+        began = time.monotonic()
+        process = start(command)
+        text = read_until(process, r"\b([3-9]|\d\d) scans, ") or ""
+        process.send_signal(signal.SIGINT)
+        sent = time.monotonic()
+        outcome = finish(process, 120, began, text)
+        took = time.monotonic() - sent
+        problem = "" if took < 10 else f"took {took:.1f} s"
+        scans = 0
+        try:
+            plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+            scans = len(plan.get("scans", []))
+            if scans == 0 or plan["stop_reason"] != "STOP_REASON_INTERRUPTED":
+                problem = f"plan.json has {scans} scans and stop reason {plan['stop_reason']}"
+        except (OSError, ValueError) as error:
+            problem = f"plan.json: {error}"
+        self.add("Ctrl-C mid-plan", outcome, 130, "", problem,
+                 f"ends {took:.1f} s later, plan.json keeps {scans} scans")
+        outcome = run([*command, "--resume", "--goal", "0.9"], 600)
+        plan = json.loads((folder / "plan.json").read_text(encoding="utf-8"))
+        reached = plan["stop_reason"] == "STOP_REASON_GOAL_REACHED"
+        self.add("... and --resume", outcome, 0, r"cold start to plan", "" if reached else plan["stop_reason"],
+                 f"goes on to {100 * plan['coverage']['coverage']:.1f} % with {len(plan['scans'])} scans")
+
+    def two_clients(self, reference):
+        box = self.plan_command(self.box_inspection, *HEAD_PLAN)
+        box[4] = self.folder / "out/box_alone"
+        alone = run(box, 300)
+        self.add("a box alone, for comparison", alone, 0, r"cold start to plan")
+        server = Server(self.folder)
+        commands = []
+        for name, inspection in (("head", self.head_inspection), ("box", self.box_inspection)):
+            command = self.plan_command(inspection, "--coverage-server", server.address, *HEAD_PLAN)
+            command[4] = self.folder / f"out/together_{name}"
+            commands.append(command)
+        began = time.monotonic()
+        processes = [start(c) for c in commands]
+        outcomes = [finish(p, 600, began) for p in processes]
+        self.add("two clients at once: head", outcomes[0], 0, r"cold start to plan",
+                 self.differs(commands[0], reference), "same plan as alone")
+        self.add("two clients at once: box", outcomes[1], 0, r"cold start to plan",
+                 self.differs(commands[1], (self.folder / "out/box_alone/plan.json").read_bytes()),
+                 "same plan as alone")
+        server.stop()
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--json")
+    parser.add_argument("--quick", action="store_true", help="only what needs no plan of the head")
+    args = parser.parse_args()
+    bench.print_machine()
+    print(f"     {'input':<50}{'exit':>5}{'s':>8}  message")
+    with tempfile.TemporaryDirectory(prefix="sightline-bad-input-") as folder:
+        cases = Cases(folder)
+        cases.files()
+        cases.inspections()
+        cases.uploads()
+        if not args.quick:
+            reference = cases.reference()
+            cases.killed_server(reference)
+            cases.interrupted()
+            cases.two_clients(reference)
+    bench.write_results(args.json, "bad_input", cases.rows)
+    failed = [row["input"] for row in cases.rows if row["problems"]]
+    if failed:
+        print(f"{len(failed)} of {len(cases.rows)} not as expected: {', '.join(failed)}", file=sys.stderr)
+        sys.exit(1)
+    print(f"all {len(cases.rows)} as expected")
+
+
+if __name__ == "__main__":
+    main()
