@@ -76,11 +76,13 @@ std::unique_ptr<CoverageClient> Connect(const std::string& address, const Triang
 }
 
 Json ExactTimes(const CoverageScene& scene, const std::vector<Measurement>& scans) {
-  std::vector<double> ms;
+  std::vector<double> ms, cpu_ms;
   for (const Measurement& m : scans) {
     const Stopwatch watch;
+    const double cpu = OwnCpuSeconds();
     scene.EvaluateExact(m, nullptr, nullptr);
     ms.push_back(1e3 * watch.Seconds());
+    cpu_ms.push_back(1e3 * (OwnCpuSeconds() - cpu));
   }
   const Stopwatch watch;
   ParallelFor(2, scans.size(), [&](size_t i) { scene.EvaluateExact(scans[i], nullptr, nullptr); });
@@ -88,6 +90,8 @@ Json ExactTimes(const CoverageScene& scene, const std::vector<Measurement>& scan
           {"median_ms", Median(ms)},
           {"p95_ms", Quantile(ms, 0.95)},
           {"max_ms", Quantile(ms, 1)},
+          {"median_cpu_ms", Median(cpu_ms)},
+          {"p95_cpu_ms", Quantile(cpu_ms, 0.95)},
           {"two_threads_queries_per_s", static_cast<double>(scans.size()) / watch.Seconds()}};
 }
 
@@ -241,15 +245,16 @@ int Run(double seconds, int rounds, int targets, int exact_queries, const std::s
   }
   std::filesystem::remove_all(folder);
 
-  std::printf("\n%-32s %8s %11s %11s %11s %16s\n", "exact evaluator", "queries", "median ms",
-              "p95 ms", "max ms", "2 threads q/s");
+  std::printf("\n%-32s %8s %10s %10s %10s %12s %12s %14s\n", "exact evaluator", "queries",
+              "median ms", "p95 ms", "max ms", "median CPU", "p95 CPU", "2 threads q/s");
   for (size_t i = 0; i < mixes.size(); ++i) {
     const auto& [mix, scans] = mixes[i];
     const Json exact = ExactTimes(
         *scene, {scans.begin(), scans.begin() + std::min<size_t>(exact_queries, scans.size())});
-    std::printf("%-32s %8d %11.1f %11.1f %11.1f %16.1f\n", mix.c_str(), exact["queries"].get<int>(),
-                exact["median_ms"].get<double>(), exact["p95_ms"].get<double>(),
-                exact["max_ms"].get<double>(), exact["two_threads_queries_per_s"].get<double>());
+    const auto value = [&](const char* key) { return exact[key].get<double>(); };
+    std::printf("%-32s %8.0f %10.1f %10.1f %10.1f %12.1f %12.1f %14.1f\n", mix.c_str(),
+                value("queries"), value("median_ms"), value("p95_ms"), value("max_ms"),
+                value("median_cpu_ms"), value("p95_cpu_ms"), value("two_threads_queries_per_s"));
     results["mixes"][i]["exact"] = exact;
   }
   WriteResults(json, "gain_queries", results);

@@ -57,6 +57,11 @@ double OwnCpuSeconds() {
   return Seconds(usage.ru_utime) + Seconds(usage.ru_stime);
 }
 
+double ChildCpuSeconds() {
+  const rusage usage = Usage(RUSAGE_CHILDREN);
+  return Seconds(usage.ru_utime) + Seconds(usage.ru_stime);
+}
+
 double ProcessCpuSeconds(pid_t pid) {
   std::ifstream file("/proc/" + std::to_string(pid) + "/stat");
   std::string line;

@@ -25,6 +25,8 @@ class Stopwatch {
 
 // User and system time of this process with all its threads.
 double OwnCpuSeconds();
+// The same of ended children.
+double ChildCpuSeconds();
 // The same of another process; 0 if there is none.
 double ProcessCpuSeconds(pid_t pid);
 // Largest resident set of this process so far, and of the largest of its ended children.

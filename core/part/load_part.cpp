@@ -214,7 +214,7 @@ absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& f
   if (format == "ply") raw = ReadPly(bytes);
   if (format == "obj") raw = ReadObj(bytes);
   if (format == "step" || format == "stp") {
-    raw = absl::InvalidArgumentError("is a STEP file: convert it with step_import first");
+    raw = absl::InvalidArgumentError("is a STEP file: convert it with sightline_step_import first");
   }
   if (!raw.ok()) return named(raw.status());
   absl::StatusOr<TriangleMesh> mesh = Finish(*raw, MetresPer(unit).value_or(1));

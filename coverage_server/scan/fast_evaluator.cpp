@@ -65,6 +65,12 @@ FloatScan ToFloat(const ScanInPart& scan, float radius) {
   return f;
 }
 
+// Nearest integer; plain arithmetic, so inlined everywhere and the same on every machine.
+inline float Round(float x) {
+  constexpr float kMagic = 12582912.0f;  // 1.5 * 2^23
+  return (x + kMagic) - kMagic;
+}
+
 // True if a measurement point falls within the coverage radius on the target's tangent plane, near
 // a probe that was seen (the plane may go on where the surface ends). Lit
 // stage position s and image column u are both functions on the surface; measurement points are
@@ -87,17 +93,22 @@ bool GridCovers(const FloatScan& f, const Eigen::Vector3f& point, const Eigen::V
   const float u_along = image.dot(t);
   const float u_across = image.dot(q) + image.dot(scan) * gradient.dot(q);
   const float stage_across = gradient.dot(q);
-  const float radius = std::sqrt(f.radius_squared);
-  const float span = radius * std::abs(stage_across);
-  constexpr float kMaxFrames = 64;
-  const float first = std::ceil((stage - span) * f.inverse_step);
-  const float last = std::min(std::floor((stage + span) * f.inverse_step), first + kMaxFrames);
-  for (float frame = first; frame <= last; ++frame) {
-    const float across = (frame * f.step - stage) / stage_across;
-    const float column = u + u_across * across;
-    const float off_centre = column - std::nearbyint(column);
+  const float inverse_across = 1 / stage_across;
+  const float nearest = Round(stage * f.inverse_step);
+  const float u_along_squared = u_along * u_along;
+  // Frames in order of distance: 0, 1, -1, 2, -2, ... from the nearest one.
+  constexpr int kMaxFrames = 64;
+  for (int i = 0; i < kMaxFrames; ++i) {
+    const float frame = nearest + static_cast<float>(i % 2 == 0 ? -(i / 2) : (i + 1) / 2);
+    const float across = (frame * f.step - stage) * inverse_across;
     const float rest = f.radius_squared - across * across;
-    if (off_centre * off_centre > rest * u_along * u_along) continue;
+    if (rest < 0) {
+      if (i % 2 == 0) break;  // both neighbours at this distance are too far
+      continue;
+    }
+    const float column = u + u_across * across;
+    const float off_centre = column - Round(column);
+    if (off_centre * off_centre > rest * u_along_squared) continue;
     const Eigen::Vector3f measured = point + across * q - off_centre / u_along * t;
     // Probes are so close that every point of the disc is within half the radius of one.
     for (int k = 0; k < kProbesPerTarget; ++k) {

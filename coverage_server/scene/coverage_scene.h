@@ -29,7 +29,7 @@ struct SceneDefinition {
   Rig rig;
   TargetSampling sampling;
   std::vector<SceneObstacle> obstacles;
-  int field_directions = 4096;
+  int field_directions = kDefaultFieldDirections;
 };
 
 struct SceneBuildOptions {

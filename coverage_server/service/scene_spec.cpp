@@ -96,7 +96,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
     }
     parsed.obstacles.push_back({obstacle.part_digest(), frame});
   }
-  parsed.field_directions = spec.has_field_directions() ? spec.field_directions() : 4096;
+  parsed.field_directions = spec.has_field_directions() ? spec.field_directions() : kDefaultFieldDirections;
   const int root = static_cast<int>(std::lround(std::sqrt(std::max(0, parsed.field_directions))));
   if (parsed.field_directions < kMinFieldDirections ||
       parsed.field_directions > kMaxFieldDirections || root * root != parsed.field_directions) {

@@ -17,7 +17,7 @@ struct ParsedSceneSpec {
   // Everything but the meshes, which are named by their digests.
   Rig rig;
   TargetSampling sampling;
-  int field_directions = 4096;
+  int field_directions = kDefaultFieldDirections;
   struct ObstacleRef {
     std::string part_digest;
     ObstacleFrame frame;

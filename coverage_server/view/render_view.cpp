@@ -137,24 +137,45 @@ class NearestDistance {
 void AddPart(const TriangleMesh& mesh, float edge_m,
              const std::function<Colour(const Eigen::Vector3f&, const Eigen::Vector3f&)>& colour_at,
              const std::function<Eigen::Vector3f(const Eigen::Vector3f&)>& place, DrawList& list) {
-  const std::function<void(const Eigen::Vector3f&, const Eigen::Vector3f&, const Eigen::Vector3f&,
-                           const Eigen::Vector3f&, int)>
-      split = [&](const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
-                  const Eigen::Vector3f& n, int depth) {
-        const float longest = std::max({(a - b).norm(), (b - c).norm(), (c - a).norm()});
-        if (longest <= edge_m || depth >= 8) {
-          list.Triangle(place(a), place(b), place(c), colour_at(a, n), colour_at(b, n), colour_at(c, n));
+  struct Corner {
+    Eigen::Vector3f position;
+    Colour colour;
+  };
+  // Halving the longest edge keeps the long thin triangles of CAD meshes to few pieces.
+  const std::function<void(const Corner&, const Corner&, const Corner&, const Eigen::Vector3f&, int)> split =
+      [&](const Corner& a, const Corner& b, const Corner& c, const Eigen::Vector3f& n, int depth) {
+        const float ab = (a.position - b.position).squaredNorm(), bc = (b.position - c.position).squaredNorm(),
+                    ca = (c.position - a.position).squaredNorm();
+        if (std::max({ab, bc, ca}) <= edge_m * edge_m || depth >= 16) {
+          list.Triangle(place(a.position), place(b.position), place(c.position), a.colour, b.colour, c.colour);
           return;
         }
-        const Eigen::Vector3f ab = 0.5f * (a + b), bc = 0.5f * (b + c), ca = 0.5f * (c + a);
-        split(a, ab, ca, n, depth + 1);
-        split(ab, b, bc, n, depth + 1);
-        split(ca, bc, c, n, depth + 1);
-        split(ab, bc, ca, n, depth + 1);
+        const auto middle = [&](const Corner& p, const Corner& q) {
+          const Eigen::Vector3f m = 0.5f * (p.position + q.position);
+          return Corner{m, colour_at(m, n)};
+        };
+        if (ab >= bc && ab >= ca) {
+          const Corner m = middle(a, b);
+          split(a, m, c, n, depth + 1);
+          split(m, b, c, n, depth + 1);
+        } else if (bc >= ca) {
+          const Corner m = middle(b, c);
+          split(a, b, m, n, depth + 1);
+          split(a, m, c, n, depth + 1);
+        } else {
+          const Corner m = middle(c, a);
+          split(a, b, m, n, depth + 1);
+          split(m, b, c, n, depth + 1);
+        }
       };
   for (size_t t = 0; t < mesh.triangles.size(); ++t) {
-    split(mesh.Corner(t, 0).cast<float>(), mesh.Corner(t, 1).cast<float>(), mesh.Corner(t, 2).cast<float>(),
-          mesh.Normal(t).cast<float>(), 0);
+    const Eigen::Vector3f n = mesh.Normal(t).cast<float>();
+    Corner corner[3];
+    for (int k = 0; k < 3; ++k) {
+      corner[k].position = mesh.Corner(t, k).cast<float>();
+      corner[k].colour = colour_at(corner[k].position, n);
+    }
+    split(corner[0], corner[1], corner[2], n, 0);
   }
 }
 

@@ -37,34 +37,53 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
   for (int c = 0; c < map.cells(); ++c) directions[c] = map.Direction(c);
   const float cos_min = static_cast<float>(std::cos(min_angle_rad));
   const float cos_max = static_cast<float>(std::cos(max_angle_rad));
-  // Lifted off its own surface.
-  constexpr float kLiftM = 2e-5f;
-  std::vector<int> candidates, open;
-  for (size_t t = begin; t < end; ++t) {
-    candidates.clear();
+  // Between the field's directions lie those of a map twice as fine.
+  const OctahedralMap fine{2 * map.side};
+  std::vector<Eigen::Vector3f> fine_directions(fine.cells());
+  for (int c = 0; c < fine.cells(); ++c) fine_directions[c] = fine.Direction(c);
+  std::vector<int> candidates, refined, open;
+
+  // Some pair of the cells is open and far enough apart, but not too far.
+  const auto has_open_pair = [&](const Eigen::Vector3f& from, const std::vector<Eigen::Vector3f>& all,
+                                 const std::vector<int>& asked) {
     open.clear();
-    const Eigen::Vector3f normal = targets.normals[t], from = targets.positions_m[t] + kLiftM * normal;
-    for (int c = 0; c < map.cells(); ++c) {
-      if (field.Probes(t, c) != 0 && normal.dot(directions[c]) > 0) candidates.push_back(c);
-    }
-    bool found = false;
-    // Take candidates far apart first: open targets are decided by their first bundle or two.
-    const size_t bundles = (candidates.size() + TriangleBvh::kLanes - 1) / TriangleBvh::kLanes;
-    for (size_t b = 0; b < bundles && !found; ++b) {
+    // Cells far apart first: open targets are decided by their first bundle or two.
+    const size_t bundles = (asked.size() + TriangleBvh::kLanes - 1) / TriangleBvh::kLanes;
+    for (size_t b = 0; b < bundles; ++b) {
       int cells[TriangleBvh::kLanes];
       int count = 0;
-      for (size_t i = b; i < candidates.size() && count < TriangleBvh::kLanes; i += bundles) {
-        cells[count++] = candidates[i];
-      }
-      const uint32_t bits = OpenDirections(occluders, from, directions, cells, count);
-      for (int k = 0; k < count && !found; ++k) {
+      for (size_t i = b; i < asked.size() && count < TriangleBvh::kLanes; i += bundles) cells[count++] = asked[i];
+      const uint32_t bits = OpenDirections(occluders, from, all, cells, count);
+      for (int k = 0; k < count; ++k) {
         if (!((bits >> k) & 1)) continue;
         for (const int other : open) {
-          const float cosine = directions[cells[k]].dot(directions[other]);
-          found = found || (cosine <= cos_min && cosine >= cos_max);
+          const float cosine = all[cells[k]].dot(all[other]);
+          if (cosine <= cos_min && cosine >= cos_max) return true;
         }
         open.push_back(cells[k]);
       }
+    }
+    return false;
+  };
+
+  // Lifted off its own surface.
+  constexpr float kLiftM = 2e-5f;
+  for (size_t t = begin; t < end; ++t) {
+    const Eigen::Vector3f normal = targets.normals[t], from = targets.positions_m[t] + kLiftM * normal;
+    candidates.clear();
+    for (int c = 0; c < map.cells(); ++c) {
+      if (field.Probes(t, c) != 0 && normal.dot(directions[c]) > 0) candidates.push_back(c);
+    }
+    bool found = has_open_pair(from, directions, candidates);
+    if (!found) {
+      refined.clear();
+      for (const int c : candidates) {
+        for (int i = 0; i < 4; ++i) {
+          const int row = 2 * (c / map.side) + i / 2, column = 2 * (c % map.side) + i % 2;
+          if (normal.dot(fine_directions[row * fine.side + column]) > 0) refined.push_back(row * fine.side + column);
+        }
+      }
+      found = has_open_pair(from, fine_directions, refined);
     }
     if (found) measurable.Set(t);
   }

@@ -1,6 +1,7 @@
 #include "coverage_server/visibility/visibility_field.h"
 
 #include <fcntl.h>
+#include <malloc.h>
 #include <meshoptimizer.h>
 #include <signal.h>
 #include <spawn.h>
@@ -393,6 +394,9 @@ std::optional<int> MaybeRunFieldWorker(int argc, char** argv) {
       !absl::SimpleAtoi(argv[4], &field_fd) || !absl::SimpleAtoi(argv[5], &field_bytes)) {
     return 2;
   }
+  // OSMesa allocates and frees its buffers every frame: keep them instead of asking the kernel.
+  mallopt(M_MMAP_THRESHOLD, 1 << 30);
+  mallopt(M_TRIM_THRESHOLD, 1 << 30);
   auto job = Map(job_fd, job_bytes);
   auto field = Map(field_fd, field_bytes);
   if (!job.ok() || !field.ok()) return 2;

@@ -58,7 +58,7 @@ class VisibilityField {
 };
 
 struct FieldBuildOptions {
-  int directions = 4096;     // rounded up to an even square
+  int directions = kDefaultFieldDirections;  // rounded up to an even square
   int processes = 0;         // 0: all cores
   double pixel_size_m = 0;   // 0: 1/768 of the scene's diagonal
   double simplification_m = 1e-4;  // 0: none

@@ -17,7 +17,7 @@ struct SessionOptions {
   std::string inspection_file;
   // Empty: an embedded server is started.
   std::string coverage_server;
-  int field_directions = 4096;
+  int field_directions = kDefaultFieldDirections;
 };
 
 struct PlanningSession {

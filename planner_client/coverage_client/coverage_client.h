@@ -31,7 +31,7 @@ struct CoverageTask {
     std::string name = "obstacle";
   };
   std::vector<Obstacle> obstacles;
-  int field_directions = 4096;
+  int field_directions = kDefaultFieldDirections;
 };
 
 struct CoverageClientOptions {

@@ -8,7 +8,8 @@
 namespace sightline {
 namespace {
 
-RTCRay MakeRay(const Eigen::Vector3d& from, const Eigen::Vector3d& direction, double near_m, double far_m) {
+RTCRay MakeRay(const Eigen::Vector3d& from, const Eigen::Vector3d& direction, double near_m,
+               double far_m) {
   RTCRay ray{};
   ray.org_x = static_cast<float>(from.x());
   ray.org_y = static_cast<float>(from.y());
@@ -48,7 +49,8 @@ EmbreeJudge::~EmbreeJudge() {
   rtcReleaseDevice(device_);
 }
 
-bool EmbreeJudge::Occluded(const Eigen::Vector3d& from, const Eigen::Vector3d& to, double gap_m) const {
+bool EmbreeJudge::Occluded(const Eigen::Vector3d& from, const Eigen::Vector3d& to,
+                           double gap_m) const {
   const double length = (to - from).norm();
   RTCRay ray = MakeRay(from, (to - from) / length, 0, length - gap_m);
   RTCIntersectContext context;
@@ -57,7 +59,8 @@ bool EmbreeJudge::Occluded(const Eigen::Vector3d& from, const Eigen::Vector3d& t
   return ray.tfar < 0;
 }
 
-bool EmbreeJudge::Hidden(const Eigen::Vector3d& from, const Eigen::Vector3d& direction, double gap_m) const {
+bool EmbreeJudge::Hidden(const Eigen::Vector3d& from, const Eigen::Vector3d& direction,
+                         double gap_m) const {
   RTCRay ray = MakeRay(from, direction, gap_m, std::numeric_limits<float>::infinity());
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
@@ -66,7 +69,8 @@ bool EmbreeJudge::Hidden(const Eigen::Vector3d& from, const Eigen::Vector3d& dir
 }
 
 std::vector<EmbreeJudge::Hit> EmbreeJudge::Crossings(const Eigen::Vector3d& point,
-                                                     const Eigen::Vector3d& direction, double reach_m) const {
+                                                     const Eigen::Vector3d& direction,
+                                                     double reach_m) const {
   constexpr double kStepM = 1e-6;
   const Eigen::Vector3d d = direction.normalized();
   const Eigen::Vector3d from = point - reach_m * d;
@@ -83,7 +87,8 @@ std::vector<EmbreeJudge::Hit> EmbreeJudge::Crossings(const Eigen::Vector3d& poin
     // Embree's distance is a float; the barycentric coordinates place the hit on the triangle.
     const uint32_t t = query.hit.primID;
     const double u = query.hit.u, v = query.hit.v;
-    hits.push_back({(1 - u - v) * mesh_.Corner(t, 0) + u * mesh_.Corner(t, 1) + v * mesh_.Corner(t, 2), t});
+    hits.push_back(
+        {(1 - u - v) * mesh_.Corner(t, 0) + u * mesh_.Corner(t, 1) + v * mesh_.Corner(t, 2), t});
     near_m = query.ray.tfar + kStepM;
   }
   return hits;
@@ -93,7 +98,8 @@ std::vector<JudgePoint> EmbreeJudge::Frame(const Rig& rig, const Measurement& m,
   constexpr double kGapM = 2e-5;
   const auto stand = [&](double distance, double polar) -> Eigen::Vector3d {
     return distance * Eigen::Vector3d(std::sin(polar) * std::cos(m.camera_azimuth_rad),
-                                      std::sin(polar) * std::sin(m.camera_azimuth_rad), std::cos(polar));
+                                      std::sin(polar) * std::sin(m.camera_azimuth_rad),
+                                      std::cos(polar));
   };
   const Eigen::Vector3d camera = stand(m.camera_distance_m, m.camera_polar_rad);
   const Eigen::Vector3d laser = stand(rig.laser.distance_m.value_or(m.camera_distance_m),
@@ -133,7 +139,9 @@ std::vector<JudgePoint> EmbreeJudge::Frame(const Rig& rig, const Measurement& m,
       if (normal.dot(laser_in_part - hit.position_m) <= 0) continue;
       const Eigen::Vector3d x = rotation * (hit.position_m - centre) + shift;
       const double depth = (x - camera).dot(axis);
-      if (depth <= 1e-3 || std::abs((x - camera).dot(down)) > depth * 0.5 * rig.camera.rows_px / focal) continue;
+      if (depth <= 1e-3 ||
+          std::abs((x - camera).dot(down)) > depth * 0.5 * rig.camera.rows_px / focal)
+        continue;
       if ((x - camera).norm() > rig.max_range_m) continue;
       const double laser_depth = -(x - laser).dot(laser.normalized());
       if (laser_depth <= 0 ||

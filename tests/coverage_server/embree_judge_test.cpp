@@ -60,14 +60,16 @@ void ExpectSameOcclusion(const TriangleMesh& part, int bundles) {
       // Grazing if nudging the ends by a few roundings (1 um) changes Embree's own answer.
       bool changes = false;
       for (int n = 0; n < 16 && !changes; ++n) {
-        changes = judge.Occluded(a + 1e-6 * random.Direction(), b + 1e-6 * random.Direction(), 1e-5) == ours;
+        changes = judge.Occluded(a + 1e-6 * random.Direction(), b + 1e-6 * random.Direction(),
+                                 1e-5) == ours;
       }
       undecided += changes;
     }
   }
-  std::printf("%d segments, %d occluded, %d different, %d of them grazing\n", tests, occluded, different, undecided);
+  std::printf("%d segments, %d occluded, %d different, %d of them grazing\n", tests, occluded,
+              different, undecided);
   EXPECT_GT(occluded, tests / 10);
-  EXPECT_LT(occluded, tests * 9 / 10 + 1);
+  EXPECT_GT(tests - occluded, tests / 20);
   EXPECT_EQ(bundle_different, 0);
   EXPECT_LE(different, 1e-4 * tests);
   EXPECT_EQ(different, undecided);
@@ -87,8 +89,8 @@ TEST(EmbreeJudge, OcclusionOfTheCylinderHead) {
 }
 
 // Every measured point of whole scans and the targets they cover.
-void ExpectSameScans(const TriangleMesh& part, const Rig& rig, const TargetSampling& sampling, uint64_t seed,
-                     int scans, double max_distance_m) {
+void ExpectSameScans(const TriangleMesh& part, const Rig& rig, const TargetSampling& sampling,
+                     uint64_t seed, int scans, double max_distance_m) {
   const EmbreeJudge judge(part);
   const auto targets = SampleTargets(part, sampling);
   ASSERT_TRUE(targets.ok()) << targets.status();
@@ -103,9 +105,11 @@ void ExpectSameScans(const TriangleMesh& part, const Rig& rig, const TargetSampl
     if (i % 3 == 0) {
       m.offset_y_m = m.offset_z_m = 0;
     }
-    const auto exact = MeasureScan(part, rig, part.BoundingBox().center(), occluders, m, DepthInterval{}, nullptr);
+    const auto exact =
+        MeasureScan(part, rig, part.BoundingBox().center(), occluders, m, DepthInterval{}, nullptr);
     // Frames just outside must be empty for the judge too.
-    const int first = exact.empty() ? 0 : exact.front().frame - 2, last = exact.empty() ? 0 : exact.back().frame + 2;
+    const int first = exact.empty() ? 0 : exact.front().frame - 2,
+              last = exact.empty() ? 0 : exact.back().frame + 2;
     std::map<std::pair<int, int>, std::vector<Eigen::Vector3d>> cells, judge_cells;
     TargetBits exact_bits(targets->size()), judge_bits(targets->size()), ignored(targets->size());
     for (const auto& p : exact) {
@@ -114,7 +118,8 @@ void ExpectSameScans(const TriangleMesh& part, const Rig& rig, const TargetSampl
     }
     exact_points += static_cast<int64_t>(exact.size());
     // 5 um: rounding of float rays at this range, also where the line is 30 times oblique.
-    const auto has_partner = [](const std::vector<Eigen::Vector3d>& candidates, const Eigen::Vector3d& p) {
+    const auto has_partner = [](const std::vector<Eigen::Vector3d>& candidates,
+                                const Eigen::Vector3d& p) {
       for (const auto& q : candidates) {
         if ((p - q).norm() < 5e-6) return true;
       }
@@ -135,8 +140,10 @@ void ExpectSameScans(const TriangleMesh& part, const Rig& rig, const TargetSampl
     only_exact += exact_bits.CountNotIn(judge_bits);
     only_judge += judge_bits.CountNotIn(exact_bits);
   }
-  std::printf("points: exact %ld, judge %ld, alone %ld / %ld; targets: %ld, only exact %ld, only judge %ld\n",
-              exact_points, judge_points, exact_alone, judge_alone, covered, only_exact, only_judge);
+  std::printf(
+      "points: exact %ld, judge %ld, alone %ld / %ld; targets: %ld, only exact %ld, only judge "
+      "%ld\n",
+      exact_points, judge_points, exact_alone, judge_alone, covered, only_exact, only_judge);
   ASSERT_GT(exact_points, 10000);
   ASSERT_GT(covered, 1000);
   EXPECT_LE(static_cast<double>(exact_alone), 0.001 * static_cast<double>(exact_points));
@@ -184,9 +191,10 @@ class HeadVisibility : public testing::Test {
     auto targets = SampleTargets(data_->part, data_->sampling);
     ASSERT_TRUE(targets.ok()) << targets.status();
     data_->targets = *targets;
-    data_->probes = MakeSurfaceProbes(data_->part, TriangleBvh(data_->part), data_->targets, data_->sampling);
+    data_->probes =
+        MakeSurfaceProbes(data_->part, TriangleBvh(data_->part), data_->targets, data_->sampling);
     FieldBuildOptions options;
-    options.directions = 1024;
+    options.directions = 576;
     options.processes = 2;
     auto field = BuildVisibilityField(data_->part, {}, data_->targets, data_->probes, options);
     ASSERT_TRUE(field.ok()) << field.status();
@@ -214,10 +222,11 @@ HeadVisibility::Data* HeadVisibility::data_ = nullptr;
 TEST_F(HeadVisibility, BitsAreThoseOfRaysInEveryElevationClass) {
   constexpr double kEdges[] = {0, 3, 6, 15, 30, 60, 90.1};  // degrees above the surface
   struct Class {
-    int64_t seen = 0, hidden = 0, missed = 0, invented = 0;
-  } classes[6], all;
+    int64_t seen = 0, hidden = 0, missed = 0, invented = 0, clear_missed = 0, clear_invented = 0;
+  } classes[6], all, centre_probe;
   const auto& [part, sampling, targets, probes, field, judge] = *data_;
-  for (int cell = 0; cell < field->map().cells(); cell += 3) {
+  const double pixel_m = part.BoundingBox().sizes().norm() / 768;
+  for (int cell = 0; cell < field->map().cells(); cell += 2) {
     const Eigen::Vector3d d = field->map().Direction(cell).cast<double>();
     for (size_t t = 0; t < targets.size(); t += 2) {
       const int k = static_cast<int>((t / 2 + cell) % kProbesPerTarget);
@@ -227,67 +236,99 @@ TEST_F(HeadVisibility, BitsAreThoseOfRaysInEveryElevationClass) {
       if (elevation <= 0 || targets.normals[t].cast<double>().dot(d) < 0.05) continue;
       const Eigen::Vector3d p = probes.positions_m[t * kProbesPerTarget + k].cast<double>();
       const bool truth = !judge->Hidden(p, d, 2e-5), bit = (field->Probes(t, cell) >> k) & 1;
+      // A depth picture cannot decide what changes within a pixel: rays from a pixel around.
+      bool clear = true;
+      if (truth != bit) {
+        const Eigen::Vector3d u = n.unitOrthogonal(), v = n.cross(u);
+        for (int i = 0; i < 16 && clear; ++i) {
+          const double angle = std::numbers::pi / 8 * i;
+          const Eigen::Vector3d around =
+              p + pixel_m * (std::cos(angle) * u + std::sin(angle) * v) + 2e-5 * n;
+          clear = judge->Hidden(around, d, 0) != truth;
+        }
+      }
       int c = 0;
       while (elevation >= kEdges[c + 1]) ++c;
-      for (Class* e : {&classes[c], &all}) {
+      for (Class* e : {&classes[c], &all, &centre_probe}) {
+        if (e == &centre_probe && k != 0) continue;
         (truth ? e->seen : e->hidden) += 1;
         e->missed += truth && !bit;
         e->invented += !truth && bit;
+        e->clear_missed += truth && !bit && clear;
+        e->clear_invented += !truth && bit && clear;
       }
     }
   }
+  const auto rate = [](int64_t part_of, int64_t whole) {
+    return static_cast<double>(part_of) / static_cast<double>(whole);
+  };
+  const auto print = [&](const char* name, const Class& e) {
+    std::printf(
+        "%-18s %7ld seen, %7ld hidden; missed %.4f (%.4f clear) of seen, invented %.4f (%.4f "
+        "clear) of hidden\n",
+        name, e.seen, e.hidden, rate(e.missed, e.seen), rate(e.clear_missed, e.seen),
+        rate(e.invented, e.hidden), rate(e.clear_invented, e.hidden));
+  };
   for (int c = 0; c < 6; ++c) {
-    const Class& e = classes[c];
-    const double tests = static_cast<double>(e.seen + e.hidden);
-    std::printf("%4.0f to %3.0f degrees: %7ld seen, %7ld hidden; missed %.4f of seen, invented %.4f of hidden\n",
-                kEdges[c], kEdges[c + 1], e.seen, e.hidden, static_cast<double>(e.missed) / static_cast<double>(e.seen),
-                static_cast<double>(e.invented) / static_cast<double>(e.hidden));
-    if (kEdges[c] < 6) continue;
-    ASSERT_GT(tests, 2000);
-    EXPECT_LT(static_cast<double>(e.missed), 0.02 * static_cast<double>(e.seen)) << kEdges[c];
-    EXPECT_LT(static_cast<double>(e.invented), 0.02 * static_cast<double>(e.hidden)) << kEdges[c];
+    print((std::to_string(static_cast<int>(kEdges[c])) + " degrees and up").c_str(), classes[c]);
   }
+  print("centre probes", centre_probe);
+  print("all", all);
+  for (int c = 2; c < 6; ++c) {  // from 6 degrees up
+    const Class& e = classes[c];
+    ASSERT_GT(e.seen, 20000);
+    ASSERT_GT(e.hidden, 20000);
+    // The rim's probes slide onto edges of the surface, where half of a pixel sees the wall beside:
+    // measured 0.3, 0.6, 1.0 and 2.1 % missed, the latter below the wall of a pocket seen from
+    // above.
+    EXPECT_LT(rate(e.missed, e.seen), 0.03) << kEdges[c];
+    EXPECT_LT(rate(e.invented, e.hidden), 0.02) << kEdges[c];
+    EXPECT_LT(rate(e.clear_missed, e.seen), 0.002) << kEdges[c];
+    EXPECT_LT(rate(e.clear_invented, e.hidden), 0.002) << kEdges[c];
+  }
+  EXPECT_LT(rate(centre_probe.missed, centre_probe.seen), 0.02);
+  EXPECT_LT(rate(centre_probe.invented, centre_probe.hidden), 0.02);
   EXPECT_GT(all.seen, 50000);
   EXPECT_GT(all.hidden, 50000);
-  EXPECT_LT(static_cast<double>(all.missed + all.invented), 0.01 * static_cast<double>(all.seen + all.hidden));
+  EXPECT_LT(static_cast<double>(all.missed + all.invented),
+            0.01 * static_cast<double>(all.seen + all.hidden));
 }
 
 TEST_F(HeadVisibility, MeasurableTargetsAreThoseOfRandomPairs) {
   const auto& [part, sampling, targets, probes, field, judge] = *data_;
   TargetBits measurable(targets.size());
-  MarkMeasurable(targets, *field, PartOccluder(part), 10 * kDegree, 80 * kDegree, 0, targets.size(), measurable);
+  MarkMeasurable(targets, *field, PartOccluder(part), 10 * kDegree, 80 * kDegree, 0, targets.size(),
+                 measurable);
   Random random(5);
   int64_t tests = 0, yes = 0, only_rays = 0, only_field = 0;
   for (size_t t = 0; t < targets.size(); t += 4) {
-    const Eigen::Vector3d p = targets.positions_m[t].cast<double>(), n = targets.normals[t].cast<double>();
-    // 128 random directions above the horizon: 8 128 random pairs, of which 2^12 and more reach
-    // apart by 10 to 80 degrees.
+    const Eigen::Vector3d p = targets.positions_m[t].cast<double>(),
+                          n = targets.normals[t].cast<double>();
+    // Up to 1024 random directions above the horizon, all pairs of them.
     std::vector<Eigen::Vector3d> seen;
-    for (int i = 0; i < 128; ++i) {
+    bool found = false;
+    for (int i = 0; i < 1024 && !found; ++i) {
       Eigen::Vector3d d = random.Direction();
       if (d.dot(n) < 0) d = -d;
-      if (!judge->Hidden(p, d, 2e-5)) seen.push_back(d);
-    }
-    bool found = false;
-    for (size_t i = 0; i < seen.size() && !found; ++i) {
-      for (size_t j = i + 1; j < seen.size() && !found; ++j) {
-        const double angle = std::acos(std::clamp(seen[i].dot(seen[j]), -1.0, 1.0));
-        found = angle >= 10 * kDegree && angle <= 80 * kDegree;
+      if (judge->Hidden(p, d, 2e-5)) continue;
+      for (const auto& other : seen) {
+        const double angle = std::acos(std::clamp(other.dot(d), -1.0, 1.0));
+        found |= angle >= 10 * kDegree && angle <= 80 * kDegree;
       }
+      seen.push_back(d);
     }
     ++tests;
     yes += found;
     only_rays += found && !measurable.Test(t);
     only_field += !found && measurable.Test(t);
   }
-  std::printf("%ld targets: %ld measurable by rays; only by rays %ld, only by the field %ld\n", tests, yes, only_rays,
-              only_field);
+  std::printf("%ld targets: %ld measurable by rays; only by rays %ld, only by the field %ld\n",
+              tests, yes, only_rays, only_field);
   ASSERT_GT(tests, 500);
   EXPECT_GT(yes, tests / 2);
   EXPECT_LT(yes, tests);
   EXPECT_LE(static_cast<double>(only_rays), 0.01 * static_cast<double>(tests));
-  // 128 directions miss openings under a few degrees that the field's 512 above a horizon find.
-  EXPECT_LE(static_cast<double>(only_field), 0.03 * static_cast<double>(tests));
+  EXPECT_LE(static_cast<double>(only_field), 0.01 * static_cast<double>(tests));
 }
 
 }  // namespace

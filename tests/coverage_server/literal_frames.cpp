@@ -84,7 +84,8 @@ class LiteralScannerImpl final : public LiteralScanner {
     if (!context.ok()) return context.status();
     context_ = std::move(*context);
     const GlFunctions& gl = context_->gl();
-    auto seen = Framebuffer::Make(gl, rig_.camera.columns_px, sub_rows_ * rig_.camera.rows_px, true);
+    auto seen =
+        Framebuffer::Make(gl, rig_.camera.columns_px, sub_rows_ * rig_.camera.rows_px, true);
     if (!seen.ok()) return seen.status();
     camera_buffer_ = std::move(*seen);
     auto lit = Framebuffer::Make(gl, kLaserSamples, 1, true);
@@ -152,7 +153,8 @@ class LiteralScannerImpl final : public LiteralScanner {
     for (int c = c0 - 1; c <= c0 + 1; ++c) {
       for (int r = r0 - sub_rows_; r <= r0 + sub_rows_; ++r) {
         if (c < 0 || c >= seen_.columns || r < 0 || r + 1 >= seen_.rows) continue;
-        if (!Continuous(seen_, camera_, seen_.At(c, r), seen_.At(c, r + 1), footprint / sub_rows_)) return true;
+        if (!Continuous(seen_, camera_, seen_.At(c, r), seen_.At(c, r + 1), footprint / sub_rows_))
+          return true;
         if (c > c0 - 1 && c > 0 &&
             !Continuous(seen_, camera_, seen_.At(c, r), seen_.At(c - 1, r), footprint)) {
           return true;
@@ -176,7 +178,8 @@ class LiteralScannerImpl final : public LiteralScanner {
   }
   Eigen::Vector3d Normal(uint32_t triangle) const { return rotation_ * part_.Normal(triangle - 1); }
 
-  void Render(const Sensor& sensor, int columns, int rows, double tan_x, double tan_y, Picture& picture) {
+  void Render(const Sensor& sensor, int columns, int rows, double tan_x, double tan_y,
+              Picture& picture) {
     const GlFunctions& gl = context_->gl();
     vertices_.clear();
     double nearest = 1e9, farthest = 0;
@@ -217,7 +220,8 @@ class LiteralScannerImpl final : public LiteralScanner {
 
   // Two neighbouring samples show one surface: the same triangle, triangles that touch, or depths
   // no farther apart than the slopes there explain.
-  bool Continuous(const Picture& picture, const Sensor& sensor, size_t i, size_t j, double spacing_m) const {
+  bool Continuous(const Picture& picture, const Sensor& sensor, size_t i, size_t j,
+                  double spacing_m) const {
     const uint32_t a = picture.triangle[i], b = picture.triangle[j];
     if (a == b) return true;
     if (a == 0 || b == 0) return false;
@@ -267,17 +271,20 @@ class LiteralScannerImpl final : public LiteralScanner {
     if (l.z() <= 0 || std::abs(l.x()) > l.z() * std::tan(0.5 * rig_.laser.fan_angle_rad)) return;
     // Lit: not behind what the laser's picture shows there, by more than the surface's own slope
     // over half a sample.
-    const int sample = std::clamp(
-        static_cast<int>((l.x() / l.z() / lit_.tan_x + 1) * 0.5 * kLaserSamples), 0, kLaserSamples - 1);
+    const int sample =
+        std::clamp(static_cast<int>((l.x() / l.z() / lit_.tan_x + 1) * 0.5 * kLaserSamples), 0,
+                   kLaserSamples - 1);
     if (lit_.triangle[sample] == 0) return;
     const double width = 2 * lit_.tan_x * l.z() / kLaserSamples;
     // Along the fan the surface runs along sheet x surface.
     const Eigen::Vector3d line = sheet_normal_.cross(normal).normalized();
-    const double slope = std::min(std::abs(line.dot(laser_.z)) / std::max(std::abs(line.dot(laser_.x)), 1e-3), 20.0);
+    const double slope =
+        std::min(std::abs(line.dot(laser_.z)) / std::max(std::abs(line.dot(laser_.x)), 1e-3), 20.0);
     constexpr double kBiasM = 5e-5;
     if (l.z() > lit_.depth[sample] + kBiasM + width * (0.5 + slope)) return;
-    points.push_back({rotation_.transpose() * (p - offset_ - Eigen::Vector3d(stage_m_, 0, 0)) + centre_,
-                      part_.Normal(triangle - 1), column, sub_row / sub_rows_});
+    points.push_back(
+        {rotation_.transpose() * (p - offset_ - Eigen::Vector3d(stage_m_, 0, 0)) + centre_,
+         part_.Normal(triangle - 1), column, sub_row / sub_rows_});
   }
 
   const TriangleMesh& part_;

@@ -59,23 +59,31 @@ std::vector<Eigen::Vector2d> Subdivided(const std::vector<Eigen::Vector2d>& corn
 }  // namespace
 
 TriangleMesh SteppedPart() {
-  return Lathe(Subdivided({{0, 0}, {0.06, 0}, {0.06, 0.02}, {0.04, 0.02}, {0.04, 0.04}, {0.02, 0.04},
-                           {0.02, 0.06}, {0, 0.06}},
+  return Lathe(Subdivided({{0, 0},
+                           {0.06, 0},
+                           {0.06, 0.02},
+                           {0.04, 0.02},
+                           {0.04, 0.04},
+                           {0.02, 0.04},
+                           {0.02, 0.06},
+                           {0, 0.06}},
                           0.008),
                48);
 }
 
 TriangleMesh BlindHolePart() {
-  return Lathe(Subdivided({{0, 0}, {0.04, 0}, {0.04, 0.05}, {0.015, 0.05}, {0.015, 0.025}, {0, 0.025}},
-                          0.006),
-               48);
+  return Lathe(
+      Subdivided({{0, 0}, {0.04, 0}, {0.04, 0.05}, {0.015, 0.05}, {0.015, 0.025}, {0, 0.025}},
+                 0.006),
+      48);
 }
 
 TriangleMesh HolePart(double outer_m, double height_m, double hole_diameter_m, double hole_depth_m,
                       int sides) {
   const double r = 0.5 * hole_diameter_m, floor = height_m - hole_depth_m;
-  return Lathe({{0, 0}, {outer_m / 2, 0}, {outer_m / 2, height_m}, {r, height_m}, {r, floor}, {0, floor}},
-               sides);
+  return Lathe(
+      {{0, 0}, {outer_m / 2, 0}, {outer_m / 2, height_m}, {r, height_m}, {r, floor}, {0, floor}},
+      sides);
 }
 
 TriangleMesh CylinderHead() {

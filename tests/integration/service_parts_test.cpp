@@ -186,7 +186,7 @@ TEST(SceneSpec, DefaultsWrittenOutHaveTheSameDigest) {
   EXPECT_EQ(minimal->normalised.targets().max_normal_angle_deg(), 30);
   EXPECT_EQ(minimal->normalised.laser().fan_angle_deg(), 90);
   EXPECT_EQ(minimal->normalised.rig().scan_step_m(), 1e-3);
-  EXPECT_EQ(minimal->normalised.field_directions(), 4096);
+  EXPECT_EQ(minimal->normalised.field_directions(), kDefaultFieldDirections);
 
   v1::SceneSpec explicit_spec = MinimalSpec();
   explicit_spec.mutable_camera()->set_vertical_fov_deg(45);
