@@ -274,7 +274,7 @@ class Cases:
         server = Server(self.folder)
         upload = [bench.BIN / "bench_upload", server.address]
         refused = run([*upload, "--announce-bytes", 3 * GIB, "--send-bytes", 3 * GIB])
-        # By the client's clock: a gRPC client may take seconds more to end.
+        # By the clock of the call.
         after = re.search(r"after ([\d.]+) s", refused.text)
         late = "" if after and float(after.group(1)) < 2 else "not refused at once"
         self.add("upload of 3 GiB to a server", refused, 2, r"code 8: .*limit|code 8: .*largest|code 8: .*bytes", late)

@@ -69,7 +69,7 @@ def main():
                           f"{r['process_s']:>11.1f}{r['scans']:>7}{r['coverage']:>10.4f}"
                           f"{r['gain_evaluations']:>13}", flush=True)
                 print(f"{part:<14}{goal:>6}{'median':>6}"
-                      f"{bench.median([r['scene_ready_s'] for r in rows]):>8.1f}"
+                      f"{bench.median([r['scene_ready_s'] for r in rows]):>9.1f}"
                       f"{bench.median([r['to_plan_s'] for r in rows]):>9.1f}"
                       f"{bench.median([r['process_s'] for r in rows]):>11.1f}"
                       f"{bench.median([r['scans'] for r in rows]):>7g}", flush=True)

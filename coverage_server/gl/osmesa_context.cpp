@@ -1,6 +1,4 @@
 // First: glcorearb.h leaves out types that gl.h (through osmesa.h) would have claimed.
-#include "coverage_server/gl/gl_context.h"
-
 #include <GL/osmesa.h>
 
 #include <array>
@@ -10,6 +8,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
+#include "coverage_server/gl/gl_context.h"
 
 namespace sightline {
 namespace {
@@ -44,8 +43,8 @@ class OsMesaContext final : public GlContext {
     if (!OSMesaMakeCurrent(context_, dummy_.data(), GL_UNSIGNED_BYTE, 4, 4)) {
       return absl::InternalError("OSMesa cannot make its context current");
     }
-#define X(type, name)                                                          \
-  gl_.name = reinterpret_cast<type>(OSMesaGetProcAddress("gl" #name));         \
+#define X(type, name)                                                  \
+  gl_.name = reinterpret_cast<type>(OSMesaGetProcAddress("gl" #name)); \
   if (gl_.name == nullptr) return absl::InternalError("OSMesa lacks gl" #name);
     SIGHTLINE_GL_FUNCTIONS(X)
 #undef X

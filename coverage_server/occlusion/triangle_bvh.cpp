@@ -92,7 +92,8 @@ TriangleBvh::TriangleBvh(const TriangleMesh& mesh) {
       std::array<Eigen::AlignedBox3f, kBins> bin_box;
       std::array<uint32_t, kBins> bin_count{};
       for (uint32_t i = task.begin; i < task.end; ++i) {
-        const int bin = std::min(kBins - 1, static_cast<int>(kBins * (centres[order[i]][axis] - low) / size));
+        const int bin =
+            std::min(kBins - 1, static_cast<int>(kBins * (centres[order[i]][axis] - low) / size));
         bin_box[bin].extend(boxes[order[i]]);
         ++bin_count[bin];
       }
@@ -125,9 +126,10 @@ TriangleBvh::TriangleBvh(const TriangleMesh& mesh) {
     uint32_t middle;
     if (best_axis >= 0) {
       const float low = centre_box.min()[best_axis], size = centre_box.sizes()[best_axis];
-      const auto it = std::partition(
-          order.begin() + task.begin, order.begin() + task.end, [&](uint32_t t) {
-            return std::min(kBins - 1, static_cast<int>(kBins * (centres[t][best_axis] - low) / size)) <= best_bin;
+      const auto it =
+          std::partition(order.begin() + task.begin, order.begin() + task.end, [&](uint32_t t) {
+            return std::min(kBins - 1, static_cast<int>(kBins * (centres[t][best_axis] - low) /
+                                                        size)) <= best_bin;
           });
       middle = static_cast<uint32_t>(it - order.begin());
     } else {
@@ -164,8 +166,8 @@ size_t TriangleBvh::bytes() const {
 #if defined(__x86_64__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
 __attribute__((target_clones("avx2", "default")))
 #endif
-uint32_t TriangleBvh::Occluded(const Eigen::Vector3f& from, const Bundle& bundle,
-                               uint32_t active) const {
+uint32_t
+TriangleBvh::Occluded(const Eigen::Vector3f& from, const Bundle& bundle, uint32_t active) const {
   if (triangles_.empty() || active == 0) return 0;
   const Lanes dx = Load(bundle.to_x) - from.x();
   const Lanes dy = Load(bundle.to_y) - from.y();
@@ -313,7 +315,8 @@ bool TriangleBvh::Overlaps(const Zonotope& solid) const {
     bool apart = false;
     for (int k = 0; k < 3; ++k) apart |= node.min[k] > high[k] || node.max[k] < low[k];
     if (apart) continue;
-    const Eigen::Vector3d centre(0.5 * (node.min[0] + node.max[0]), 0.5 * (node.min[1] + node.max[1]),
+    const Eigen::Vector3d centre(0.5 * (node.min[0] + node.max[0]),
+                                 0.5 * (node.min[1] + node.max[1]),
                                  0.5 * (node.min[2] + node.max[2]));
     const Eigen::Vector3d half(0.5 * (node.max[0] - node.min[0]), 0.5 * (node.max[1] - node.min[1]),
                                0.5 * (node.max[2] - node.min[2]));

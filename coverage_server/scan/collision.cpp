@@ -24,7 +24,8 @@ Zonotope BodyInWorld(const Body& body, const SensorPose& pose) {
     const double g = cylinder.radius_m / (1 + std::numbers::sqrt2);
     for (int k = 0; k < 4; ++k) {
       const double angle = std::numbers::pi / 4 * k;
-      solid.generators_m.push_back(g * (std::cos(angle) * pose.x_axis + std::sin(angle) * pose.y_axis));
+      solid.generators_m.push_back(g *
+                                   (std::cos(angle) * pose.x_axis + std::sin(angle) * pose.y_axis));
     }
   }
   return solid;

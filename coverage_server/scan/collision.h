@@ -1,5 +1,5 @@
-// Hard constraints of a scan: nothing may touch along the travel that is used (thesis section 2.4.2,
-// "death penalty").
+// Hard constraints of a scan: nothing may touch along the travel that is used (thesis
+// section 2.4.2, "death penalty").
 #pragma once
 
 #include <Eigen/Core>

@@ -25,18 +25,19 @@ struct FrameChange {
   Eigen::Vector3f operator()(const Eigen::Vector3f& x) const { return rotation * x + shift; }
 };
 
-FrameChange FromPart(ObstacleFrame frame, const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
-                     double stage_m) {
+FrameChange FromPart(ObstacleFrame frame, const ScanGeometry& geometry,
+                     const Eigen::Vector3d& part_centre_m, double stage_m) {
   if (frame == ObstacleFrame::kPart) return {Eigen::Matrix3f::Identity(), Eigen::Vector3f::Zero()};
   Eigen::Vector3d shift = -(geometry.part_rotation * part_centre_m);
-  if (frame == ObstacleFrame::kWorld) shift += geometry.part_offset_m + Eigen::Vector3d(stage_m, 0, 0);
+  if (frame == ObstacleFrame::kWorld)
+    shift += geometry.part_offset_m + Eigen::Vector3d(stage_m, 0, 0);
   return {geometry.part_rotation.cast<float>(), shift.cast<float>()};
 }
 
 // Clears candidates that something hides from `from` (part coordinates).
 void RemoveOccluded(const std::vector<Occluder>& occluders, const ScanGeometry& geometry,
-                    const Eigen::Vector3d& part_centre_m, double stage_m, const Eigen::Vector3f& from,
-                    std::vector<Candidate>& candidates) {
+                    const Eigen::Vector3d& part_centre_m, double stage_m,
+                    const Eigen::Vector3f& from, std::vector<Candidate>& candidates) {
   for (const Occluder& occluder : occluders) {
     const FrameChange change = FromPart(occluder.frame, geometry, part_centre_m, stage_m);
     const Eigen::Vector3f source = change(from);
@@ -65,7 +66,8 @@ void RemoveOccluded(const std::vector<Occluder>& occluders, const ScanGeometry& 
 std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
                                           const Eigen::Vector3d& part_centre_m,
                                           const std::vector<Occluder>& occluders,
-                                          const Measurement& measurement, const DepthInterval& depth,
+                                          const Measurement& measurement,
+                                          const DepthInterval& depth,
                                           const std::atomic<bool>* cancelled) {
   std::vector<MeasurementPoint> points;
   const ScanInPart scan = MakeScanInPart(rig, part_centre_m, measurement, depth);
@@ -129,7 +131,8 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
   // Triangles by the frame they enter in; `active` holds those the sheet is passing through.
   std::vector<std::vector<uint32_t>> entering(static_cast<size_t>(last_frame - first_frame) + 1);
   for (size_t t = 0; t < triangle_count; ++t) {
-    if (ranges[t].first <= ranges[t].last) entering[ranges[t].first - first_frame].push_back(static_cast<uint32_t>(t));
+    if (ranges[t].first <= ranges[t].last)
+      entering[ranges[t].first - first_frame].push_back(static_cast<uint32_t>(t));
   }
   std::vector<uint32_t> active;
   std::vector<Candidate> candidates;
@@ -153,7 +156,8 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
       if (n.dot(camera_at - a) <= 0 || n.dot(laser_at - a) <= 0) continue;
       // The segment cut by the sheet: crossings of edges. "Above" includes equality, so a vertex on
       // the sheet belongs to one side and neighbouring triangles share their end points.
-      const double d[3] = {stage[corner[0]] - stage_m, stage[corner[1]] - stage_m, stage[corner[2]] - stage_m};
+      const double d[3] = {stage[corner[0]] - stage_m, stage[corner[1]] - stage_m,
+                           stage[corner[2]] - stage_m};
       const Eigen::Vector3d v[3] = {a, b, c};
       Eigen::Vector3d ends[2];
       int count = 0;
@@ -193,12 +197,14 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
         const Eigen::Vector3d point = ends[0] + u * (ends[1] - ends[0]);
         const Eigen::Vector3d q = point - camera_at;
         const double depth_m = q.dot(camera.z_axis);
-        if (depth_m < std::max(kNearPlaneM, scan.depth.min_m) || depth_m > scan.depth.max_m) continue;
+        if (depth_m < std::max(kNearPlaneM, scan.depth.min_m) || depth_m > scan.depth.max_m)
+          continue;
         if (std::abs(q.dot(camera.y_axis)) > reach_y * depth_m) continue;
         if (q.squaredNorm() > max_range_squared) continue;
         const Eigen::Vector3d l = point - laser_at;
         const double laser_depth = l.dot(scan.laser.z_axis);
-        if (laser_depth <= 0 || std::abs(l.dot(scan.laser.x_axis)) > scan.fan_tangent * laser_depth) continue;
+        if (laser_depth <= 0 || std::abs(l.dot(scan.laser.x_axis)) > scan.fan_tangent * laser_depth)
+          continue;
         candidates.push_back({point.cast<float>(), static_cast<float>(depth_m), t, column});
       }
     }
@@ -206,7 +212,8 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
       return std::tie(p.column, p.depth, p.triangle) < std::tie(q.column, q.depth, q.triangle);
     });
     RemoveOccluded(occluders, geometry, part_centre_m, stage_m, laser_at.cast<float>(), candidates);
-    RemoveOccluded(occluders, geometry, part_centre_m, stage_m, camera_at.cast<float>(), candidates);
+    RemoveOccluded(occluders, geometry, part_centre_m, stage_m, camera_at.cast<float>(),
+                   candidates);
     for (const Candidate& c : candidates) {
       points.push_back({c.point, part.Normal(c.triangle).cast<float>(), frame, c.column});
     }

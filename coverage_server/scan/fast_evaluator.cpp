@@ -8,18 +8,21 @@ namespace sightline {
 
 // ScanInPart in single precision, with what the inner loop needs precomputed.
 struct FloatScan {
-  float cx, cy, cz;                    // camera at stage 0
-  float ex, ey, ez;                    // image x axis
-  float yx, yy, yz;                    // image y axis
-  float wx, wy, wz;                    // optical axis
-  float lx, ly, lz;                    // laser at stage 0
-  float lwx, lwy, lwz;                 // laser axis
-  float sx, sy, sz;                    // scan direction
-  float gx, gy, gz, lit_offset;        // lit stage position
-  float hx, hy, hz, normal_x;          // sheet normal, |n . e_x|
+  float cx, cy, cz;              // camera at stage 0
+  float ex, ey, ez;              // image x axis
+  float yx, yy, yz;              // image y axis
+  float wx, wy, wz;              // optical axis
+  float lx, ly, lz;              // laser at stage 0
+  float lwx, lwy, lwz;           // laser axis
+  float sx, sy, sz;              // scan direction
+  float gx, gy, gz, lit_offset;  // lit stage position
+  float hx, hy, hz, normal_x;    // sheet normal, |n . e_x|
   float focal_px, half_columns, half_rows, tan_x, tan_y, fan_tangent;
-  float max_range_squared, min_depth, max_depth;
+  float max_range, min_depth, max_depth;
   float inverse_step, step, radius_squared;
+  // How far a probe may be from its target: as such, and across the planes that bound the image and
+  // the fan. The lit moments of the two differ too, which moves the sensors.
+  float reach, reach_x, reach_y, reach_fan;
 };
 
 struct FastEvaluator::Lanes {
@@ -28,6 +31,7 @@ struct FastEvaluator::Lanes {
   alignas(64) int32_t laser_cell[kTargetsPerBlock];
   alignas(64) float stage[kTargetsPerBlock];
   alignas(64) int32_t sparse[kTargetsPerBlock];
+  alignas(64) int32_t border[kTargetsPerBlock];
 };
 
 namespace {
@@ -56,12 +60,16 @@ FloatScan ToFloat(const ScanInPart& scan, float radius) {
   f.tan_x = f.half_columns / f.focal_px;
   f.tan_y = f.half_rows / f.focal_px;
   f.fan_tangent = static_cast<float>(scan.fan_tangent);
-  f.max_range_squared = static_cast<float>(scan.max_range_m * scan.max_range_m);
+  f.max_range = static_cast<float>(scan.max_range_m);
   f.min_depth = static_cast<float>(std::max(scan.depth.min_m, 1e-4));
   f.max_depth = static_cast<float>(scan.depth.max_m);
   f.step = static_cast<float>(scan.scan_step_m);
   f.inverse_step = 1 / f.step;
   f.radius_squared = radius * radius;
+  f.reach = radius * (1 + 1 / f.normal_x);
+  f.reach_x = f.reach * std::sqrt(1 + f.tan_x * f.tan_x);
+  f.reach_y = f.reach * std::sqrt(1 + f.tan_y * f.tan_y);
+  f.reach_fan = f.reach * std::sqrt(1 + f.fan_tangent * f.fan_tangent);
   return f;
 }
 
@@ -71,13 +79,41 @@ inline float Round(float x) {
   return (x + kMagic) - kMagic;
 }
 
+// Which of a target's probes face camera and laser and lie in view, each at its own lit moment.
+#if defined(__x86_64__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
+__attribute__((target_clones("avx2", "default")))
+#endif
+uint8_t
+ProbesInView(const FloatScan& f, const FastEvaluator::TargetProbes& p) {
+  int32_t passes[kProbesPerTarget];
+  for (int k = 0; k < kProbesPerTarget; ++k) {
+    const float s = f.gx * p.x[k] + f.gy * p.y[k] + f.gz * p.z[k] + f.lit_offset;
+    const float vx = f.cx - s * f.sx - p.x[k], vy = f.cy - s * f.sy - p.y[k],
+                vz = f.cz - s * f.sz - p.z[k];
+    const float lx = f.lx - s * f.sx - p.x[k], ly = f.ly - s * f.sy - p.y[k],
+                lz = f.lz - s * f.sz - p.z[k];
+    const float depth = -(vx * f.wx + vy * f.wy + vz * f.wz);
+    const float laser_depth = -(lx * f.lwx + ly * f.lwy + lz * f.lwz);
+    passes[k] = (p.nx[k] * vx + p.ny[k] * vy + p.nz[k] * vz > 0) &
+                (p.nx[k] * lx + p.ny[k] * ly + p.nz[k] * lz > 0) & (depth >= f.min_depth) &
+                (depth <= f.max_depth) &
+                (std::abs(vx * f.ex + vy * f.ey + vz * f.ez) <= depth * f.tan_x) &
+                (std::abs(vx * f.yx + vy * f.yy + vz * f.yz) <= depth * f.tan_y) &
+                (vx * vx + vy * vy + vz * vz <= f.max_range * f.max_range) & (laser_depth > 0) &
+                (std::abs(lx * f.ex + ly * f.ey + lz * f.ez) <= laser_depth * f.fan_tangent);
+  }
+  uint8_t in_view = 0;
+  for (int k = 0; k < kProbesPerTarget; ++k) in_view |= static_cast<uint8_t>(passes[k] << k);
+  return in_view;
+}
+
 // True if a measurement point falls within the coverage radius on the target's tangent plane, near
 // a probe that was seen (the plane may go on where the surface ends). Lit
 // stage position s and image column u are both functions on the surface; measurement points are
 // where s is a multiple of the step and u is the centre of a column. With t along the lit line and
 // q across it, a frame d away along q has its points at u(d) + multiples of one column along t.
 bool GridCovers(const FloatScan& f, const Eigen::Vector3f& point, const Eigen::Vector3f& normal,
-                float stage, const Eigen::Vector3f* probes, uint8_t seen) {
+                float stage, const FastEvaluator::TargetProbes& probes, uint8_t seen) {
   const Eigen::Vector3f h(f.hx, f.hy, f.hz), gradient(f.gx, f.gy, f.gz), scan(f.sx, f.sy, f.sz);
   const Eigen::Vector3f e(f.ex, f.ey, f.ez), w(f.wx, f.wy, f.wz);
   const Eigen::Vector3f along = h.cross(normal);
@@ -112,7 +148,9 @@ bool GridCovers(const FloatScan& f, const Eigen::Vector3f& point, const Eigen::V
     const Eigen::Vector3f measured = point + across * q - off_centre / u_along * t;
     // Probes are so close that every point of the disc is within half the radius of one.
     for (int k = 0; k < kProbesPerTarget; ++k) {
-      if (((seen >> k) & 1) && (probes[k] - measured).squaredNorm() <= 0.25f * f.radius_squared) return true;
+      if (!((seen >> k) & 1)) continue;
+      const Eigen::Vector3f probe(probes.x[k], probes.y[k], probes.z[k]);
+      if ((probe - measured).squaredNorm() <= 0.25f * f.radius_squared) return true;
     }
   }
   return false;
@@ -132,13 +170,20 @@ inline int32_t OctahedralCell(float x, float y, float z, int side) {
 }  // namespace
 
 FastEvaluator::FastEvaluator(const TargetSet& targets, const TargetSampling& sampling,
-                             SurfaceProbes probes, const VisibilityField& field)
-    : probes_(std::move(probes.positions_m)),
-      target_count_(targets.size()),
+                             const SurfaceProbes& probes, const VisibilityField& field)
+    : target_count_(targets.size()),
       coverage_radius_m_(static_cast<float>(sampling.coverage_radius_m)),
       field_(field) {
   blocks_.resize(field.blocks());
-  probes_.resize(blocks_.size() * kTargetsPerBlock * kProbesPerTarget, Eigen::Vector3f::Zero());
+  probes_.resize(blocks_.size() * kTargetsPerBlock);
+  for (size_t t = 0; t < target_count_; ++t) {
+    for (int k = 0; k < kProbesPerTarget; ++k) {
+      const Eigen::Vector3f& p = probes.positions_m[t * kProbesPerTarget + k];
+      const Eigen::Vector3f& n = probes.normals[t * kProbesPerTarget + k];
+      probes_[t].x[k] = p.x(), probes_[t].y[k] = p.y(), probes_[t].z[k] = p.z();
+      probes_[t].nx[k] = n.x(), probes_[t].ny[k] = n.y(), probes_[t].nz[k] = n.z();
+    }
+  }
   for (size_t b = 0; b < blocks_.size(); ++b) {
     Block& block = blocks_[b];
     const size_t begin = b * kTargetsPerBlock;
@@ -153,13 +198,21 @@ FastEvaluator::FastEvaluator(const TargetSet& targets, const TargetSampling& sam
       block.nx[i] = n.x(), block.ny[i] = n.y(), block.nz[i] = n.z();
       box.extend(p);
       mean += n;
+      block.horizon[i] = 0;
+      for (int k = 0; k < kProbesPerTarget; ++k) {
+        block.horizon[i] =
+            std::max(block.horizon[i], n.cross(probes.normals[t * kProbesPerTarget + k]).norm());
+      }
+      block.max_horizon = std::max(block.max_horizon, block.horizon[i]);
     }
     block.centre = box.center();
     block.radius = 0.5f * box.sizes().norm();
     block.cone_axis = mean.normalized();
     float cosine = 1;
-    for (size_t t = begin; t < end; ++t) cosine = std::min(cosine, targets.normals[t].dot(block.cone_axis));
-    block.cone_sine = mean.norm() > 1e-3f && cosine > 0 ? std::sqrt(1 - std::min(cosine * cosine, 1.0f)) : 2.0f;
+    for (size_t t = begin; t < end; ++t)
+      cosine = std::min(cosine, targets.normals[t].dot(block.cone_axis));
+    block.cone_sine =
+        mean.norm() > 1e-3f && cosine > 0 ? std::sqrt(1 - std::min(cosine * cosine, 1.0f)) : 2.0f;
   }
 }
 
@@ -180,11 +233,24 @@ void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_si
     const float range = vx * vx + vy * vy + vz * vz;
     const float laser_depth = -(lx * f.lwx + ly * f.lwy + lz * f.lwz);
     const float laser_x = -(lx * f.ex + ly * f.ey + lz * f.ez);
-    int32_t valid = (nx * vx + ny * vy + nz * vz > 0) & (nx * lx + ny * ly + nz * lz > 0) &
-                    (depth >= f.min_depth) & (depth <= f.max_depth) &
-                    (std::abs(image_x) <= depth * f.tan_x) & (std::abs(image_y) <= depth * f.tan_y) &
-                    (range <= f.max_range_squared) & (laser_depth > 0) &
-                    (std::abs(laser_x) <= laser_depth * f.fan_tangent);
+    // `loose` holds if some probe can pass, `tight` if every probe does: probes lie within the
+    // coverage radius and their normals differ little from the target's.
+    const float horizon = block.horizon[i];
+    const float facing = nx * vx + ny * vy + nz * vz, lit = nx * lx + ny * ly + nz * lz;
+    const float camera_margin = horizon * std::sqrt(range);
+    const float laser_margin = horizon * std::sqrt(lx * lx + ly * ly + lz * lz);
+    const float out_x = std::abs(image_x) - depth * f.tan_x,
+                out_y = std::abs(image_y) - depth * f.tan_y;
+    const float out_fan = std::abs(laser_x) - laser_depth * f.fan_tangent;
+    const float far = std::sqrt(range) - f.max_range;
+    const int32_t loose = (facing > -camera_margin) & (lit > -laser_margin) &
+                          (depth >= f.min_depth - f.reach) & (depth <= f.max_depth + f.reach) &
+                          (out_x <= f.reach_x) & (out_y <= f.reach_y) & (far <= f.reach) &
+                          (laser_depth > 0) & (out_fan <= f.reach_fan);
+    const int32_t tight = (facing > camera_margin) & (lit > laser_margin) &
+                          (depth >= f.min_depth + f.reach) & (depth <= f.max_depth - f.reach) &
+                          (out_x <= -f.reach_x) & (out_y <= -f.reach_y) & (far <= -f.reach) &
+                          (out_fan <= -f.reach_fan);
     // Across the lit line frames are step |n_x| / |n_t| apart on the surface, along it columns are
     // one pixel's footprint apart. Where half of both fits into the coverage radius, some point of
     // that grid covers the target; elsewhere GridCovers looks closer.
@@ -195,10 +261,11 @@ void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_si
     const float te = tx * f.ex + ty * f.ey + tz * f.ez, tw = tx * f.wx + ty * f.wy + tz * f.wz;
     const float px_per_length = f.focal_px * (te - slope * tw) / depth;  // times |n_t|
     const float across = f.step * f.normal_x;
-    const float spacing_squared = across * across / tangential +
-                                  tangential / std::max(px_per_length * px_per_length, 1e-12f);
+    const float spacing_squared =
+        across * across / tangential + tangential / std::max(px_per_length * px_per_length, 1e-12f);
     lanes.sparse[i] = 0.25f * spacing_squared > f.radius_squared;
-    lanes.valid[i] = valid;
+    lanes.valid[i] = loose;
+    lanes.border[i] = loose & (1 - tight);
     lanes.stage[i] = s;
     lanes.camera_cell[i] = OctahedralCell(vx, vy, vz, map_side);
     lanes.laser_cell[i] = OctahedralCell(lx, ly, lz, map_side);
@@ -232,14 +299,16 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
     float low = start[pending.query], high = end[pending.query];
     for (int k = 0; k < pending.count; ++k) {
       const int i = pending.target[k];
-      const uint8_t seen = data[static_cast<size_t>(lanes.camera_cell[i]) * kTargetsPerBlock + i] &
-                           data[static_cast<size_t>(lanes.laser_cell[i]) * kTargetsPerBlock + i];
+      uint8_t seen = data[static_cast<size_t>(lanes.camera_cell[i]) * kTargetsPerBlock + i] &
+                     data[static_cast<size_t>(lanes.laser_cell[i]) * kTargetsPerBlock + i];
+      if (seen == 0) continue;
+      const TargetProbes& probes = probes_[b * kTargetsPerBlock + i];
+      if (lanes.border[i]) seen &= ProbesInView(floats[pending.query], probes);
       if (seen == 0) continue;
       if (lanes.sparse[i]) {
         const Block& block = blocks_[b];
         if (!GridCovers(floats[pending.query], {block.x[i], block.y[i], block.z[i]},
-                        {block.nx[i], block.ny[i], block.nz[i]}, lanes.stage[i],
-                        &probes_[(b * kTargetsPerBlock + i) * kProbesPerTarget], seen)) {
+                        {block.nx[i], block.ny[i], block.nz[i]}, lanes.stage[i], probes, seen)) {
           continue;
         }
       }
@@ -263,17 +332,20 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
       // the lit moment of the centre would be wrong; bound the lit moment by the gradient instead.
       const Eigen::Vector3f c = block.centre;
       const float s = f.gx * c.x() + f.gy * c.y() + f.gz * c.z() + f.lit_offset;
-      const float reach = block.radius * (1 + 1 / f.normal_x);
-      const Eigen::Vector3f to_camera(f.cx - s * f.sx - c.x(), f.cy - s * f.sy - c.y(), f.cz - s * f.sz - c.z());
+      const float reach = block.radius * (1 + 1 / f.normal_x) + f.reach;
+      const Eigen::Vector3f to_camera(f.cx - s * f.sx - c.x(), f.cy - s * f.sy - c.y(),
+                                      f.cz - s * f.sz - c.z());
       const float depth = -(to_camera.x() * f.wx + to_camera.y() * f.wy + to_camera.z() * f.wz);
       if (depth < -reach) continue;
-      const float image_x = std::abs(to_camera.x() * f.ex + to_camera.y() * f.ey + to_camera.z() * f.ez);
+      const float image_x =
+          std::abs(to_camera.x() * f.ex + to_camera.y() * f.ey + to_camera.z() * f.ez);
       if (image_x - depth * f.tan_x > reach * std::sqrt(1 + f.tan_x * f.tan_x)) continue;
-      const float image_y = std::abs(to_camera.x() * f.yx + to_camera.y() * f.yy + to_camera.z() * f.yz);
+      const float image_y =
+          std::abs(to_camera.x() * f.yx + to_camera.y() * f.yy + to_camera.z() * f.yz);
       if (image_y - depth * f.tan_y > reach * std::sqrt(1 + f.tan_y * f.tan_y)) continue;
       const float distance = to_camera.norm();
-      if (block.cone_sine < 1 &&
-          block.cone_axis.dot(to_camera) < -distance * block.cone_sine - reach) {
+      if (block.cone_sine < 1 && block.cone_axis.dot(to_camera) <
+                                     -distance * (block.cone_sine + block.max_horizon) - reach) {
         continue;
       }
       Lanes& lanes = pipeline[turn];

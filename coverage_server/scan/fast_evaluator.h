@@ -21,14 +21,20 @@ struct FastScan {
 
 class FastEvaluator {
  public:
-  // `field` must outlive the evaluator.
-  FastEvaluator(const TargetSet& targets, const TargetSampling& sampling, SurfaceProbes probes,
-                const VisibilityField& field);
+  // A target's probes, one array per coordinate.
+  struct alignas(32) TargetProbes {
+    float x[kProbesPerTarget] = {}, y[kProbesPerTarget] = {}, z[kProbesPerTarget] = {};
+    float nx[kProbesPerTarget] = {}, ny[kProbesPerTarget] = {}, nz[kProbesPerTarget] = {};
+  };
 
-  // A target counts as covered if it faces camera and laser, lies in field of view, fan, range and
-  // admissible depth at its lit moment, the grid of frames and columns is fine enough to put a
-  // point within the coverage radius, and one of its probes is seen from both. Evaluates the whole
-  // batch block by block, so that the field is read once a batch. Stops early when *cancelled.
+  // `field` must outlive the evaluator.
+  FastEvaluator(const TargetSet& targets, const TargetSampling& sampling,
+                const SurfaceProbes& probes, const VisibilityField& field);
+
+  // A target counts as covered if one of its probes faces camera and laser, lies in field of view,
+  // fan, range and admissible depth when it is lit, and is seen from both, and if the grid of
+  // frames and columns is fine enough to put a point there. Evaluates the whole batch block by
+  // block, so that the field is read once a batch. Stops early when *cancelled.
   void Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results,
                 const std::atomic<bool>* cancelled) const;
 
@@ -36,16 +42,20 @@ class FastEvaluator {
   struct Block {
     alignas(64) float x[kTargetsPerBlock], y[kTargetsPerBlock], z[kTargetsPerBlock];
     alignas(64) float nx[kTargetsPerBlock], ny[kTargetsPerBlock], nz[kTargetsPerBlock];
+    // Sine of the largest angle between a probe's normal and the target's: 0 on flat surfaces.
+    alignas(64) float horizon[kTargetsPerBlock];
+    float max_horizon = 0;
     Eigen::Vector3f centre;
     float radius;
     Eigen::Vector3f cone_axis;
     float cone_sine;  // sine of the half angle of the normals' cone; 2: no useful cone
   };
   struct Lanes;
-  static void TestBlock(const Block& block, const struct FloatScan& scan, int map_side, Lanes& lanes);
+  static void TestBlock(const Block& block, const struct FloatScan& scan, int map_side,
+                        Lanes& lanes);
 
   std::vector<Block> blocks_;
-  std::vector<Eigen::Vector3f> probes_;
+  std::vector<TargetProbes> probes_;
   size_t target_count_;
   float coverage_radius_m_;
   const VisibilityField& field_;

@@ -4,7 +4,8 @@
 
 namespace sightline {
 
-TargetLookup::TargetLookup(const TargetSet& targets, const TargetSampling& sampling) : targets_(targets) {
+TargetLookup::TargetLookup(const TargetSet& targets, const TargetSampling& sampling)
+    : targets_(targets) {
   const float radius = static_cast<float>(sampling.coverage_radius_m);
   radius_squared_ = radius * radius;
   cos_gate_ = static_cast<float>(std::cos(sampling.max_normal_angle_rad));
@@ -25,12 +26,15 @@ TargetLookup::TargetLookup(const TargetSet& targets, const TargetSampling& sampl
     size_t low[3], high[3];
     for (int k = 0; k < 3; ++k) {
       low[k] = static_cast<size_t>(std::max(0.0f, (p[k] - radius - origin_[k]) * inverse_cell_));
-      high[k] = std::min(size_[k] - 1, static_cast<size_t>((p[k] + radius - origin_[k]) * inverse_cell_));
+      high[k] =
+          std::min(size_[k] - 1, static_cast<size_t>((p[k] + radius - origin_[k]) * inverse_cell_));
     }
     for (size_t z = low[2]; z <= high[2]; ++z) {
       for (size_t y = low[1]; y <= high[1]; ++y) {
         for (size_t x = low[0]; x <= high[0]; ++x) {
-          const Eigen::Vector3f a = origin_ + cell * Eigen::Vector3f(static_cast<float>(x), static_cast<float>(y), static_cast<float>(z));
+          const Eigen::Vector3f a =
+              origin_ + cell * Eigen::Vector3f(static_cast<float>(x), static_cast<float>(y),
+                                               static_cast<float>(z));
           const Eigen::AlignedBox3f cell_box(a, a + Eigen::Vector3f::Constant(cell));
           if (cell_box.squaredExteriorDistance(p) <= radius_squared_ * 1.0001f) {
             visit((z * size_[1] + y) * size_[0] + x);

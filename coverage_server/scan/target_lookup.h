@@ -23,7 +23,8 @@ class TargetLookup {
             TargetBits& near) const {
     const Eigen::Vector3f cell = (point - origin_) * inverse_cell_;
     if ((cell.array() < 0).any()) return;
-    const auto i = static_cast<size_t>(cell.x()), j = static_cast<size_t>(cell.y()), k = static_cast<size_t>(cell.z());
+    const auto i = static_cast<size_t>(cell.x()), j = static_cast<size_t>(cell.y()),
+               k = static_cast<size_t>(cell.z());
     if (i >= size_[0] || j >= size_[1] || k >= size_[2]) return;
     const size_t index = (k * size_[1] + j) * size_[0] + i;
     for (uint32_t e = starts_[index]; e < starts_[index + 1]; ++e) {

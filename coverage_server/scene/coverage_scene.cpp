@@ -42,7 +42,8 @@ class CoverageSceneImpl final : public CoverageScene {
     if (!targets.ok()) return targets.status();
     targets_ = std::move(*targets);
     timings_.targets_s = SecondsSince(start);
-    if (options.cancelled != nullptr && options.cancelled->load()) return absl::CancelledError("scene");
+    if (options.cancelled != nullptr && options.cancelled->load())
+      return absl::CancelledError("scene");
 
     start = std::chrono::steady_clock::now();
     report(0.05, "rendering the visibility field");
@@ -52,31 +53,36 @@ class CoverageSceneImpl final : public CoverageScene {
       occluders_.push_back({obstacle.frame, TriangleBvh(obstacle.mesh)});
       if (obstacle.frame == ObstacleFrame::kPart) fixtures.push_back(&obstacle.mesh);
     }
-    SurfaceProbes probes =
+    const SurfaceProbes probes =
         MakeSurfaceProbes(definition_.part, occluders_[0].bvh, targets_, definition_.sampling);
     FieldBuildOptions field_options;
     field_options.directions = definition_.field_directions;
     field_options.processes = options.threads;
     field_options.cancelled = options.cancelled;
-    field_options.on_progress = [&](double p) { report(0.05 + 0.9 * p, "rendering the visibility field"); };
+    field_options.on_progress = [&](double p) {
+      report(0.05 + 0.9 * p, "rendering the visibility field");
+    };
     auto field = BuildVisibilityField(definition_.part, fixtures, targets_, probes, field_options);
     if (!field.ok()) return field.status();
     field_ = std::move(*field);
-    fast_ = std::make_unique<FastEvaluator>(targets_, definition_.sampling, std::move(probes), *field_);
+    fast_ = std::make_unique<FastEvaluator>(targets_, definition_.sampling, probes, *field_);
     lookup_ = std::make_unique<TargetLookup>(targets_, definition_.sampling);
     timings_.field_s = SecondsSince(start);
 
     start = std::chrono::steady_clock::now();
     report(0.95, "deciding measurability");
     measurable_ = TargetBits(targets_.size());
-    const size_t threads = options.threads > 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
+    const size_t threads =
+        options.threads > 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
     // Whole blocks per thread: no two threads write one word of the bit set.
     const size_t share = (field_->blocks() + threads - 1) / threads * kTargetsPerBlock;
     std::vector<std::thread> pool;
     for (size_t i = 0; i < threads; ++i) {
-      const size_t begin = std::min(targets_.size(), i * share), end = std::min(targets_.size(), begin + share);
+      const size_t begin = std::min(targets_.size(), i * share),
+                   end = std::min(targets_.size(), begin + share);
       pool.emplace_back([this, begin, end] {
-        MarkMeasurable(targets_, *field_, occluders_, kMinTriangulationRad, kMaxTriangulationRad, begin, end, measurable_);
+        MarkMeasurable(targets_, *field_, occluders_, kMinTriangulationRad, kMaxTriangulationRad,
+                       begin, end, measurable_);
       });
     }
     for (auto& thread : pool) thread.join();
@@ -117,7 +123,8 @@ class CoverageSceneImpl final : public CoverageScene {
     }
   }
 
-  void EvaluateFastCoverage(std::span<const Measurement> measurements, std::span<FastCoverage> coverages,
+  void EvaluateFastCoverage(std::span<const Measurement> measurements,
+                            std::span<FastCoverage> coverages,
                             const std::atomic<bool>* cancelled) const override {
     // Small enough that scan data and results stay in cache while a block is worked on.
     constexpr size_t kBatch = 128;
@@ -135,9 +142,10 @@ class CoverageSceneImpl final : public CoverageScene {
       for (size_t i = 0; i < count; ++i) {
         FastCoverage& coverage = coverages[begin + i];
         coverage.covered = std::move(results[i].covered);
-        coverage.feasibility =
-            CheckFeasibility(measurements[begin + i], results[i].stage_start_m, results[i].stage_end_m);
-        if (coverage.feasibility != Feasibility::kFeasible) coverage.covered = TargetBits(targets_.size());
+        coverage.feasibility = CheckFeasibility(measurements[begin + i], results[i].stage_start_m,
+                                                results[i].stage_end_m);
+        if (coverage.feasibility != Feasibility::kFeasible)
+          coverage.covered = TargetBits(targets_.size());
       }
     }
   }
@@ -151,18 +159,21 @@ class CoverageSceneImpl final : public CoverageScene {
       coverage.feasibility = Feasibility::kOutOfBounds;
       return coverage;
     }
-    std::vector<MeasurementPoint> measured = MeasureScan(definition_.part, definition_.rig, part_centre_m_,
-                                                         occluders_, measurement, Depth(measurement), cancelled);
+    std::vector<MeasurementPoint> measured =
+        MeasureScan(definition_.part, definition_.rig, part_centre_m_, occluders_, measurement,
+                    Depth(measurement), cancelled);
     if (!measured.empty()) {
       coverage.first_frame = measured.front().frame;
       coverage.last_frame = measured.back().frame;
-      coverage.feasibility = CheckFeasibility(measurement, coverage.first_frame * definition_.rig.scan_step_m,
-                                              coverage.last_frame * definition_.rig.scan_step_m);
+      coverage.feasibility =
+          CheckFeasibility(measurement, coverage.first_frame * definition_.rig.scan_step_m,
+                           coverage.last_frame * definition_.rig.scan_step_m);
     }
     coverage.measurement_points = static_cast<int64_t>(measured.size());
     if (coverage.feasibility == Feasibility::kFeasible) {
       for (const MeasurementPoint& p : measured) {
-        lookup_->Mark(p.position_m, p.normal, coverage.covered, coverage.covered_without_normal_gate);
+        lookup_->Mark(p.position_m, p.normal, coverage.covered,
+                      coverage.covered_without_normal_gate);
       }
     }
     if (points != nullptr) *points = std::move(measured);
@@ -171,12 +182,14 @@ class CoverageSceneImpl final : public CoverageScene {
 
  private:
   DepthInterval Depth(const Measurement& m) const {
-    return AdmissibleDepth(definition_.rig, m.camera_distance_m, definition_.sampling.max_pixel_footprint_m,
+    return AdmissibleDepth(definition_.rig, m.camera_distance_m,
+                           definition_.sampling.max_pixel_footprint_m,
                            definition_.sampling.max_circle_of_confusion_px);
   }
 
   // A scan without points uses no travel and touches nothing.
-  Feasibility CheckFeasibility(const Measurement& m, double stage_start_m, double stage_end_m) const {
+  Feasibility CheckFeasibility(const Measurement& m, double stage_start_m,
+                               double stage_end_m) const {
     if (!domain_.Contains(m)) return Feasibility::kOutOfBounds;
     if (stage_start_m > stage_end_m) return Feasibility::kFeasible;
     if (stage_end_m - stage_start_m > definition_.rig.stage_travel_m) return Feasibility::kTravel;
@@ -201,8 +214,8 @@ class CoverageSceneImpl final : public CoverageScene {
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<CoverageScene>> CoverageScene::Build(SceneDefinition definition,
-                                                                    const SceneBuildOptions& options) {
+absl::StatusOr<std::unique_ptr<CoverageScene>> CoverageScene::Build(
+    SceneDefinition definition, const SceneBuildOptions& options) {
   auto scene = std::make_unique<CoverageSceneImpl>(std::move(definition));
   if (absl::Status status = scene->Init(options); !status.ok()) return status;
   return scene;

@@ -79,15 +79,21 @@ class DrawList {
   void Box(const Eigen::Vector3f& centre, const Eigen::Vector3f& x, const Eigen::Vector3f& y,
            const Eigen::Vector3f& z, const Colour& colour) {
     for (const float s : {-1.0f, 1.0f}) {
-      Quad(centre + s * x - y - z, centre + s * x + y - z, centre + s * x + y + z, centre + s * x - y + z, colour);
-      Quad(centre + s * y - x - z, centre + s * y + x - z, centre + s * y + x + z, centre + s * y - x + z, colour);
-      Quad(centre + s * z - x - y, centre + s * z + x - y, centre + s * z + x + y, centre + s * z - x + y, colour);
+      Quad(centre + s * x - y - z, centre + s * x + y - z, centre + s * x + y + z,
+           centre + s * x - y + z, colour);
+      Quad(centre + s * y - x - z, centre + s * y + x - z, centre + s * y + x + z,
+           centre + s * y - x + z, colour);
+      Quad(centre + s * z - x - y, centre + s * z + x - y, centre + s * z + x + y,
+           centre + s * z - x + y, colour);
     }
   }
   void Rod(const Eigen::Vector3f& a, const Eigen::Vector3f& b, float radius, const Colour& colour) {
     const Eigen::Vector3f axis = b - a;
     const Eigen::Vector3f x =
-        axis.cross(std::abs(axis.x()) < 0.7f * axis.norm() ? Eigen::Vector3f::UnitX() : Eigen::Vector3f::UnitY()).normalized() * radius;
+        axis.cross(std::abs(axis.x()) < 0.7f * axis.norm() ? Eigen::Vector3f::UnitX()
+                                                           : Eigen::Vector3f::UnitY())
+            .normalized() *
+        radius;
     Box(0.5f * (a + b), x, axis.cross(x).normalized() * radius, 0.5f * axis, colour);
   }
   const std::vector<Vertex>& vertices() const { return vertices_; }
@@ -102,13 +108,16 @@ class DrawList {
 struct PointCloud {
   std::vector<Eigen::Vector3f> points;
   size_t kdtree_get_point_count() const { return points.size(); }
-  float kdtree_get_pt(size_t i, size_t axis) const { return points[i][static_cast<Eigen::Index>(axis)]; }
+  float kdtree_get_pt(size_t i, size_t axis) const {
+    return points[i][static_cast<Eigen::Index>(axis)];
+  }
   template <class Box>
   bool kdtree_get_bbox(Box&) const {
     return false;
   }
 };
-using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointCloud>, PointCloud, 3>;
+using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointCloud>,
+                                                   PointCloud, 3>;
 
 // Distance to the nearest of the points; infinite if there is none.
 class NearestDistance {
@@ -142,12 +151,16 @@ void AddPart(const TriangleMesh& mesh, float edge_m,
     Colour colour;
   };
   // Halving the longest edge keeps the long thin triangles of CAD meshes to few pieces.
-  const std::function<void(const Corner&, const Corner&, const Corner&, const Eigen::Vector3f&, int)> split =
-      [&](const Corner& a, const Corner& b, const Corner& c, const Eigen::Vector3f& n, int depth) {
-        const float ab = (a.position - b.position).squaredNorm(), bc = (b.position - c.position).squaredNorm(),
+  const std::function<void(const Corner&, const Corner&, const Corner&, const Eigen::Vector3f&,
+                           int)>
+      split = [&](const Corner& a, const Corner& b, const Corner& c, const Eigen::Vector3f& n,
+                  int depth) {
+        const float ab = (a.position - b.position).squaredNorm(),
+                    bc = (b.position - c.position).squaredNorm(),
                     ca = (c.position - a.position).squaredNorm();
         if (std::max({ab, bc, ca}) <= edge_m * edge_m || depth >= 16) {
-          list.Triangle(place(a.position), place(b.position), place(c.position), a.colour, b.colour, c.colour);
+          list.Triangle(place(a.position), place(b.position), place(c.position), a.colour, b.colour,
+                        c.colour);
           return;
         }
         const auto middle = [&](const Corner& p, const Corner& q) {
@@ -179,26 +192,33 @@ void AddPart(const TriangleMesh& mesh, float edge_m,
   }
 }
 
-void AddBodies(const std::vector<Body>& bodies, const SensorPose& pose, const Colour& colour, DrawList& list) {
-  const Eigen::Vector3f x = pose.x_axis.cast<float>(), y = pose.y_axis.cast<float>(), z = pose.z_axis.cast<float>();
+void AddBodies(const std::vector<Body>& bodies, const SensorPose& pose, const Colour& colour,
+               DrawList& list) {
+  const Eigen::Vector3f x = pose.x_axis.cast<float>(), y = pose.y_axis.cast<float>(),
+                        z = pose.z_axis.cast<float>();
   for (const Body& body : bodies) {
     const Eigen::Vector3d c = std::visit([](const auto& b) { return b.centre_m; }, body);
     const Eigen::Vector3f centre =
-        (pose.origin_m + c.x() * pose.x_axis + c.y() * pose.y_axis + c.z() * pose.z_axis).cast<float>();
+        (pose.origin_m + c.x() * pose.x_axis + c.y() * pose.y_axis + c.z() * pose.z_axis)
+            .cast<float>();
     if (const auto* box = std::get_if<BoxBody>(&body)) {
       const Eigen::Vector3f half = 0.5f * box->size_m.cast<float>();
       list.Box(centre, half.x() * x, half.y() * y, half.z() * z, colour);
     } else {
       const auto& cylinder = std::get<CylinderBody>(body);
-      const float r = static_cast<float>(cylinder.radius_m), h = 0.5f * static_cast<float>(cylinder.length_m);
+      const float r = static_cast<float>(cylinder.radius_m),
+                  h = 0.5f * static_cast<float>(cylinder.length_m);
       constexpr int kSides = 32;
       for (int k = 0; k < kSides; ++k) {
         const float a0 = 2 * std::numbers::pi_v<float> * static_cast<float>(k) / kSides;
         const float a1 = 2 * std::numbers::pi_v<float> * static_cast<float>(k + 1) / kSides;
-        const Eigen::Vector3f p = r * (std::cos(a0) * x + std::sin(a0) * y), q = r * (std::cos(a1) * x + std::sin(a1) * y);
-        list.Quad(centre + p - h * z, centre + q - h * z, centre + q + h * z, centre + p + h * z, colour);
+        const Eigen::Vector3f p = r * (std::cos(a0) * x + std::sin(a0) * y),
+                              q = r * (std::cos(a1) * x + std::sin(a1) * y);
+        list.Quad(centre + p - h * z, centre + q - h * z, centre + q + h * z, centre + p + h * z,
+                  colour);
         for (const float end : {-h, h}) {
-          list.Triangle(centre + end * z, centre + p + end * z, centre + q + end * z, colour, colour, colour);
+          list.Triangle(centre + end * z, centre + p + end * z, centre + q + end * z, colour,
+                        colour, colour);
         }
       }
     }
@@ -206,7 +226,8 @@ void AddBodies(const std::vector<Body>& bodies, const SensorPose& pose, const Co
 }
 
 // Clip matrix of a pinhole at `pose` with image half sizes given as tangents.
-Eigen::Matrix4f ClipMatrix(const SensorPose& pose, double tan_x, double tan_y, double near_m, double far_m) {
+Eigen::Matrix4f ClipMatrix(const SensorPose& pose, double tan_x, double tan_y, double near_m,
+                           double far_m) {
   Eigen::Matrix4d to_sensor = pose.Matrix().inverse();
   Eigen::Matrix4d project = Eigen::Matrix4d::Zero();
   project(0, 0) = 1 / tan_x;
@@ -217,13 +238,15 @@ Eigen::Matrix4f ClipMatrix(const SensorPose& pose, double tan_x, double tan_y, d
   return (project * to_sensor).cast<float>();
 }
 
-absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& translucent, const Eigen::Matrix4f& to_clip,
+absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& translucent,
+                                      const Eigen::Matrix4f& to_clip,
                                       const Eigen::Vector3f& to_viewer, int columns, int rows) {
   auto context = MakeOffscreenContext();
   if (!context.ok()) return context.status();
   const GlFunctions& gl = (*context)->gl();
   constexpr int kSamples = 2;  // per axis; averaged below
-  auto framebuffer = Framebuffer::Make(gl, kSamples * columns, kSamples * rows, /*with_colour=*/true);
+  auto framebuffer =
+      Framebuffer::Make(gl, kSamples * columns, kSamples * rows, /*with_colour=*/true);
   if (!framebuffer.ok()) return framebuffer.status();
   auto program = MakeProgram(gl, kVertexShader, kFragmentShader);
   if (!program.ok()) return program.status();
@@ -235,7 +258,8 @@ absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& tr
   gl.DepthFunc(GL_LESS);
   gl.UseProgram(*program);
   gl.UniformMatrix4fv(gl.GetUniformLocation(*program, "to_clip"), 1, GL_FALSE, to_clip.data());
-  gl.Uniform3f(gl.GetUniformLocation(*program, "to_viewer"), to_viewer.x(), to_viewer.y(), to_viewer.z());
+  gl.Uniform3f(gl.GetUniformLocation(*program, "to_viewer"), to_viewer.x(), to_viewer.y(),
+               to_viewer.z());
   GLuint array, buffer;
   gl.GenVertexArrays(1, &array);
   gl.BindVertexArray(array);
@@ -244,11 +268,15 @@ absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& tr
   for (const DrawList* list : {&opaque, &translucent}) {
     const auto& v = list->vertices();
     if (v.empty()) continue;
-    gl.BufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(v.size() * sizeof(Vertex)), v.data(), GL_STREAM_DRAW);
+    gl.BufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(v.size() * sizeof(Vertex)), v.data(),
+                  GL_STREAM_DRAW);
     const auto offset = [](size_t bytes) { return reinterpret_cast<const void*>(bytes); };
-    gl.VertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), offset(offsetof(Vertex, position)));
-    gl.VertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex), offset(offsetof(Vertex, normal)));
-    gl.VertexAttribPointer(2, 4, GL_FLOAT, GL_FALSE, sizeof(Vertex), offset(offsetof(Vertex, colour)));
+    gl.VertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+                           offset(offsetof(Vertex, position)));
+    gl.VertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+                           offset(offsetof(Vertex, normal)));
+    gl.VertexAttribPointer(2, 4, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+                           offset(offsetof(Vertex, colour)));
     for (GLuint k = 0; k < 3; ++k) gl.EnableVertexAttribArray(k);
     if (list == &translucent) {
       gl.Enable(GL_BLEND);
@@ -260,7 +288,8 @@ absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& tr
   std::vector<uint8_t> fine(static_cast<size_t>(kSamples * columns) * kSamples * rows * 4);
   gl.PixelStorei(GL_PACK_ALIGNMENT, 1);
   gl.ReadPixels(0, 0, kSamples * columns, kSamples * rows, GL_RGBA, GL_UNSIGNED_BYTE, fine.data());
-  if (gl.GetError() != GL_NO_ERROR) return absl::InternalError("OpenGL error while rendering a view");
+  if (gl.GetError() != GL_NO_ERROR)
+    return absl::InternalError("OpenGL error while rendering a view");
 
   std::vector<uint8_t> image(static_cast<size_t>(columns) * rows * 3);
   for (int row = 0; row < rows; ++row) {
@@ -269,11 +298,13 @@ absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& tr
         int sum = 0;
         for (int i = 0; i < kSamples; ++i) {
           for (int j = 0; j < kSamples; ++j) {
-            const size_t fine_row = static_cast<size_t>(kSamples) * (rows - 1 - row) + i;  // GL is bottom-up
+            const size_t fine_row =
+                static_cast<size_t>(kSamples) * (rows - 1 - row) + i;  // GL is bottom-up
             sum += fine[(fine_row * kSamples * columns + kSamples * column + j) * 4 + channel];
           }
         }
-        image[(static_cast<size_t>(row) * columns + column) * 3 + channel] = static_cast<uint8_t>(sum / (kSamples * kSamples));
+        image[(static_cast<size_t>(row) * columns + column) * 3 + channel] =
+            static_cast<uint8_t>(sum / (kSamples * kSamples));
       }
     }
   }
@@ -299,27 +330,35 @@ absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& tr
 absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewRequest& request) {
   for (const int size : {request.columns_px, request.rows_px}) {
     if (size < 16 || size > 4096) {
-      return absl::InvalidArgumentError(absl::StrCat("image size ", request.columns_px, "x", request.rows_px, " is outside [16, 4096]"));
+      return absl::InvalidArgumentError(absl::StrCat("image size ", request.columns_px, "x",
+                                                     request.rows_px, " is outside [16, 4096]"));
     }
   }
   if (request.kind == ViewKind::kCamera && !request.measurement) {
     return absl::InvalidArgumentError("the camera view needs a measurement");
   }
-  const bool in_world = request.measurement.has_value() && request.kind != ViewKind::kCoverage && request.kind != ViewKind::kMeasurability;
+  const bool in_world = request.measurement.has_value() && request.kind != ViewKind::kCoverage &&
+                        request.kind != ViewKind::kMeasurability;
   ScanGeometry geometry;
   if (in_world) geometry = MakeScanGeometry(scene.rig(), *request.measurement);
   const Eigen::Vector3d part_centre = scene.part_centre_m();
   const auto place = [&](const Eigen::Vector3f& p) -> Eigen::Vector3f {
-    return in_world ? PartToWorld(geometry, part_centre, p.cast<double>(), request.stage_m).cast<float>() : p;
+    return in_world
+               ? PartToWorld(geometry, part_centre, p.cast<double>(), request.stage_m).cast<float>()
+               : p;
   };
 
   // Colours of the part.
   const TargetSet& targets = scene.targets();
-  const bool by_coverage = request.covered.size() == targets.size() && request.covered.size() > 0 && request.kind != ViewKind::kMeasurability;
-  const bool coloured = by_coverage || request.kind == ViewKind::kMeasurability || request.kind == ViewKind::kCoverage;
+  const bool by_coverage = request.covered.size() == targets.size() && request.covered.size() > 0 &&
+                           request.kind != ViewKind::kMeasurability;
+  const bool coloured = by_coverage || request.kind == ViewKind::kMeasurability ||
+                        request.kind == ViewKind::kCoverage;
   std::vector<Eigen::Vector3f> yes, no;
   for (size_t t = 0; t < targets.size() && coloured; ++t) {
-    const bool set = request.kind == ViewKind::kMeasurability ? scene.measurable().Test(t) : by_coverage && request.covered.Test(t);
+    const bool set = request.kind == ViewKind::kMeasurability
+                         ? scene.measurable().Test(t)
+                         : by_coverage && request.covered.Test(t);
     (set ? yes : no).push_back(targets.positions_m[t]);
   }
   const NearestDistance to_yes(std::move(yes)), to_no(std::move(no));
@@ -335,7 +374,8 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
   const Eigen::AlignedBox3d box = scene.part().BoundingBox();
   const double diagonal = box.sizes().norm();
   DrawList opaque, translucent;
-  AddPart(scene.part(), coloured ? static_cast<float>(std::max(0.004, diagonal / 200)) : 1e9f, colour_at, place, opaque);
+  AddPart(scene.part(), coloured ? static_cast<float>(std::max(0.004, diagonal / 200)) : 1e9f,
+          colour_at, place, opaque);
   for (const SceneObstacle& obstacle : scene.obstacles()) {
     if (!in_world && obstacle.frame != ObstacleFrame::kPart) continue;
     const auto place_obstacle = [&](const Eigen::Vector3f& p) -> Eigen::Vector3f {
@@ -343,7 +383,9 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
       if (obstacle.frame == ObstacleFrame::kWorld) return p;
       return p + (geometry.part_offset_m + Eigen::Vector3d(request.stage_m, 0, 0)).cast<float>();
     };
-    AddPart(obstacle.mesh, 1e9f, [](const auto&, const auto&) { return kObstacleColour; }, place_obstacle, opaque);
+    AddPart(
+        obstacle.mesh, 1e9f, [](const auto&, const auto&) { return kObstacleColour; },
+        place_obstacle, opaque);
   }
 
   if (in_world && request.measurement) {
@@ -351,11 +393,13 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
     std::vector<MeasurementPoint> points;
     scene.EvaluateExact(*request.measurement, &points, nullptr);
     const int frame = static_cast<int>(std::lround(request.stage_m / scene.rig().scan_step_m));
-    const float size = static_cast<float>(request.kind == ViewKind::kCamera ? 0.0008 : 0.003 * std::max(diagonal, 0.05));
+    const float size = static_cast<float>(
+        request.kind == ViewKind::kCamera ? 0.0008 : 0.003 * std::max(diagonal, 0.05));
     for (const MeasurementPoint& p : points) {
       if (p.frame != frame) continue;
       const Eigen::Vector3f centre = place(p.position_m);
-      opaque.Box(centre, size * Eigen::Vector3f::UnitX(), size * Eigen::Vector3f::UnitY(), size * Eigen::Vector3f::UnitZ(), kLineColour);
+      opaque.Box(centre, size * Eigen::Vector3f::UnitX(), size * Eigen::Vector3f::UnitY(),
+                 size * Eigen::Vector3f::UnitZ(), kLineColour);
     }
   }
 
@@ -371,7 +415,9 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
   } else {
     Eigen::AlignedBox3d all;
     for (int corner = 0; corner < 8; ++corner) {
-      all.extend(place(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)).cast<float>()).cast<double>());
+      all.extend(
+          place(box.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner)).cast<float>())
+              .cast<double>());
     }
     if (in_world) {
       AddBodies(scene.rig().camera_bodies, geometry.camera, kCameraColour, opaque);
@@ -379,15 +425,22 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
       const SensorPose& laser = geometry.laser;
       // The fan reaches as far as the rig's origin needs.
       const double length = laser.origin_m.norm() + 0.5 * diagonal;
-      const double half = std::min(std::tan(0.5 * scene.rig().laser.fan_angle_rad) * length, 0.5 * diagonal + 0.05);
+      const double half =
+          std::min(std::tan(0.5 * scene.rig().laser.fan_angle_rad) * length, 0.5 * diagonal + 0.05);
       const Eigen::Vector3f source = laser.origin_m.cast<float>();
-      const Eigen::Vector3f a = (laser.origin_m + length * laser.z_axis - half * laser.x_axis).cast<float>();
-      const Eigen::Vector3f b = (laser.origin_m + length * laser.z_axis + half * laser.x_axis).cast<float>();
+      const Eigen::Vector3f a =
+          (laser.origin_m + length * laser.z_axis - half * laser.x_axis).cast<float>();
+      const Eigen::Vector3f b =
+          (laser.origin_m + length * laser.z_axis + half * laser.x_axis).cast<float>();
       translucent.Triangle(source, a, b, kFanColour, kFanColour, kFanColour, /*shaded=*/false);
-      const float axis = 0.25f * static_cast<float>(diagonal), rod = 0.004f * static_cast<float>(diagonal);
-      opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitX(), rod, Colour(0.85f, 0.1f, 0.1f, 1));
-      opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitY(), rod, Colour(0.1f, 0.65f, 0.1f, 1));
-      opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitZ(), rod, Colour(0.1f, 0.2f, 0.85f, 1));
+      const float axis = 0.25f * static_cast<float>(diagonal),
+                  rod = 0.004f * static_cast<float>(diagonal);
+      opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitX(), rod,
+                 Colour(0.85f, 0.1f, 0.1f, 1));
+      opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitY(), rod,
+                 Colour(0.1f, 0.65f, 0.1f, 1));
+      opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitZ(), rod,
+                 Colour(0.1f, 0.2f, 0.85f, 1));
       all.extend(geometry.camera.origin_m - 0.1 * geometry.camera.z_axis);
       all.extend(geometry.laser.origin_m - 0.1 * geometry.laser.z_axis);
     }
@@ -395,9 +448,11 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
     const double radius = 0.5 * all.sizes().norm();
     tan_y = std::tan(0.5 * 30 * std::numbers::pi / 180);
     tan_x = tan_y * request.columns_px / request.rows_px;
-    const double distance = request.distance_m > 0 ? request.distance_m : 0.92 * radius / std::min(tan_x, tan_y);
+    const double distance =
+        request.distance_m > 0 ? request.distance_m : 0.92 * radius / std::min(tan_x, tan_y);
     const double ce = std::cos(request.elevation_rad), se = std::sin(request.elevation_rad);
-    const Eigen::Vector3d direction(ce * std::cos(request.azimuth_rad), ce * std::sin(request.azimuth_rad), se);
+    const Eigen::Vector3d direction(ce * std::cos(request.azimuth_rad),
+                                    ce * std::sin(request.azimuth_rad), se);
     eye.origin_m = centre + distance * direction;
     eye.z_axis = -direction;
     eye.x_axis = Eigen::Vector3d(-std::sin(request.azimuth_rad), std::cos(request.azimuth_rad), 0);

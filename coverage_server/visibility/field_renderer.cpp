@@ -32,8 +32,9 @@ struct OrthographicView {
   static OrthographicView Make(const FieldJob& job, const Eigen::Vector3f& direction) {
     OrthographicView view;
     view.w = direction;
-    view.u = direction.cross(std::abs(direction.x()) < 0.7f ? Eigen::Vector3f::UnitX()
-                                                            : Eigen::Vector3f::UnitY())
+    view.u = direction
+                 .cross(std::abs(direction.x()) < 0.7f ? Eigen::Vector3f::UnitX()
+                                                       : Eigen::Vector3f::UnitY())
                  .normalized();
     view.v = direction.cross(view.u);
     Eigen::Vector3f low = Eigen::Vector3f::Constant(1e30f), high = -low;
@@ -67,8 +68,8 @@ void TestProbes(const float* __restrict x, const float* __restrict y, const floa
                 float pixel, int32_t* __restrict out) {
   // A probe is pushed off its surface along the normal and towards the viewer, by more where the
   // surface is steep: a depth pixel spans 0.5 px tan(theta) of depth to either side.
-  constexpr float kNormalPushPx = 0.2f, kNormalPushM = 5e-5f, kViewPushPx = 0.1f, kSlopePushPx = 0.5f,
-                  kMaxSlope = 20;
+  constexpr float kNormalPushPx = 0.2f, kNormalPushM = 5e-5f, kViewPushPx = 0.1f,
+                  kSlopePushPx = 0.5f, kMaxSlope = 20;
   const float ux = view.u.x(), uy = view.u.y(), uz = view.u.z();
   const float vx = view.v.x(), vy = view.v.y(), vz = view.v.z();
   const float wx = view.w.x(), wy = view.w.y(), wz = view.w.z();
@@ -76,18 +77,21 @@ void TestProbes(const float* __restrict x, const float* __restrict y, const floa
   const float u0 = view.u0, v0 = view.v0, inverse_pixel = view.inverse_pixel;
   const float near_w = view.near_w, inverse_range = 1 / view.depth_range;
   const int columns = view.columns;
-  const float max_u = static_cast<float>(view.columns - 1), max_v = static_cast<float>(view.rows - 1);
+  const float max_u = static_cast<float>(view.columns - 1),
+              max_v = static_cast<float>(view.rows - 1);
   for (size_t t = 0; t < count; ++t) {
     const float facing = nx[t] * wx + ny[t] * wy + nz[t] * wz;
     const float cosine = std::max(facing, 0.01f);
-    const float slope = std::min(std::sqrt(std::max(1 - cosine * cosine, 0.0f)) / cosine, kMaxSlope);
+    const float slope =
+        std::min(std::sqrt(std::max(1 - cosine * cosine, 0.0f)) / cosine, kMaxSlope);
     const float px = x[t] + push * nx[t], py = y[t] + push * ny[t], pz = z[t] + push * nz[t];
     const float a = (ux * px + uy * py + uz * pz - u0) * inverse_pixel;
     const float b = (vx * px + vy * py + vz * pz - v0) * inverse_pixel;
     const int i = static_cast<int>(std::min(std::max(a, 0.0f), max_u));
     const int j = static_cast<int>(std::min(std::max(b, 0.0f), max_v));
-    const float c = (near_w - (wx * px + wy * py + wz * pz) - (kViewPushPx + kSlopePushPx * slope) * pixel) *
-                    inverse_range;
+    const float c =
+        (near_w - (wx * px + wy * py + wz * pz) - (kViewPushPx + kSlopePushPx * slope) * pixel) *
+        inverse_range;
     const int seen = (facing > 0) & (c <= depth[j * columns + i]);
     out[t] |= seen << bit;
   }
@@ -118,7 +122,8 @@ class TileRenderer {
     gl.BindVertexArray(vertex_array);
     gl.GenBuffers(2, buffers);
     gl.BindBuffer(GL_ARRAY_BUFFER, buffers[0]);
-    gl.BufferData(GL_ARRAY_BUFFER, job_.vertex_count * 12, job_.At<float>(job_.vertices), GL_STATIC_DRAW);
+    gl.BufferData(GL_ARRAY_BUFFER, job_.vertex_count * 12, job_.At<float>(job_.vertices),
+                  GL_STATIC_DRAW);
     gl.VertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, 12, nullptr);
     gl.EnableVertexAttribArray(0);
     gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, buffers[1]);
@@ -140,7 +145,8 @@ class TileRenderer {
       // Snake order: every direction is a neighbour of the one before.
       const int r = i / kTileSide, c = r % 2 == 0 ? i % kTileSide : kTileSide - 1 - i % kTileSide;
       const int cell = (row0 + r) * job_.map_side + column0 + c;
-      if (absl::Status status = RenderDirection(cell, map.Direction(cell)); !status.ok()) return status;
+      if (absl::Status status = RenderDirection(cell, map.Direction(cell)); !status.ok())
+        return status;
       job_.directions_done.fetch_add(1, std::memory_order_relaxed);
     }
     return absl::OkStatus();
@@ -153,9 +159,9 @@ class TileRenderer {
     const float sx = 2 * view.inverse_pixel / static_cast<float>(view.columns);
     const float sy = 2 * view.inverse_pixel / static_cast<float>(view.rows);
     const float sz = 2 / view.depth_range;
-    const float matrix[16] = {view.u.x() * sx,      view.v.x() * sy,      -view.w.x() * sz, 0,
-                              view.u.y() * sx,      view.v.y() * sy,      -view.w.y() * sz, 0,
-                              view.u.z() * sx,      view.v.z() * sy,      -view.w.z() * sz, 0,
+    const float matrix[16] = {view.u.x() * sx,   view.v.x() * sy,   -view.w.x() * sz,     0,
+                              view.u.y() * sx,   view.v.y() * sy,   -view.w.y() * sz,     0,
+                              view.u.z() * sx,   view.v.z() * sy,   -view.w.z() * sz,     0,
                               -view.u0 * sx - 1, -view.v0 * sy - 1, view.near_w * sz - 1, 1};
     gl.Viewport(0, 0, view.columns, view.rows);
     gl.UniformMatrix4fv(to_clip_, 1, GL_FALSE, matrix);
@@ -193,8 +199,8 @@ class TileRenderer {
     const float* p = job_.At<float>(job_.probes);
     for (int k = 0; k < kProbesPerTarget; ++k) {
       const float* q = p + k * n;
-      TestProbes(q, q + stride, q + 2 * stride, q + 3 * stride, q + 4 * stride, q + 5 * stride, n, k,
-                 view, depth_.data(), job_.pixel_size_m, seen_.data());
+      TestProbes(q, q + stride, q + 2 * stride, q + 3 * stride, q + 4 * stride, q + 5 * stride, n,
+                 k, view, depth_.data(), job_.pixel_size_m, seen_.data());
     }
     const size_t cells = static_cast<size_t>(job_.map_side) * job_.map_side;
     for (size_t block = 0; block < n / kTargetsPerBlock; ++block) {
@@ -209,7 +215,8 @@ class TileRenderer {
   bool FacesAway(uint32_t cluster, const Eigen::Vector3f& d) const {
     if (!job_.cull_back_faces) return false;
     const FieldCluster& c = job_.At<FieldCluster>(job_.clusters)[cluster];
-    return -(c.cone_axis[0] * d.x() + c.cone_axis[1] * d.y() + c.cone_axis[2] * d.z()) >= c.cone_cutoff;
+    return -(c.cone_axis[0] * d.x() + c.cone_axis[1] * d.y() + c.cone_axis[2] * d.z()) >=
+           c.cone_cutoff;
   }
 
   template <typename Wanted>
@@ -229,12 +236,14 @@ class TileRenderer {
       }
     }
     if (indices_.empty()) return;
-    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(indices_.size() * 4), indices_.data(), GL_STREAM_DRAW);
+    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(indices_.size() * 4),
+                  indices_.data(), GL_STREAM_DRAW);
     gl.DrawElements(GL_TRIANGLES, static_cast<GLsizei>(indices_.size()), GL_UNSIGNED_INT, nullptr);
   }
 
   void ReadDepth(const OrthographicView& view) {
-    context_->gl().ReadPixels(0, 0, view.columns, view.rows, GL_DEPTH_COMPONENT, GL_FLOAT, depth_.data());
+    context_->gl().ReadPixels(0, 0, view.columns, view.rows, GL_DEPTH_COMPONENT, GL_FLOAT,
+                              depth_.data());
   }
 
   bool ClusterVisible(uint32_t cluster, const OrthographicView& view) const {
@@ -243,8 +252,10 @@ class TileRenderer {
     const float slack = 1.5f * job_.pixel_size_m / view.depth_range;
     for (uint32_t i = 0; i < c.vertex_count; ++i) {
       const Eigen::Vector3f x(vertices[3 * i], vertices[3 * i + 1], vertices[3 * i + 2]);
-      const int a = std::clamp(static_cast<int>((view.u.dot(x) - view.u0) * view.inverse_pixel), 0, view.columns - 1);
-      const int b = std::clamp(static_cast<int>((view.v.dot(x) - view.v0) * view.inverse_pixel), 0, view.rows - 1);
+      const int a = std::clamp(static_cast<int>((view.u.dot(x) - view.u0) * view.inverse_pixel), 0,
+                               view.columns - 1);
+      const int b = std::clamp(static_cast<int>((view.v.dot(x) - view.v0) * view.inverse_pixel), 0,
+                               view.rows - 1);
       const float depth = (view.near_w - view.w.dot(x)) / view.depth_range;
       if (depth <= depth_[static_cast<size_t>(b) * view.columns + a] + slack) return true;
     }

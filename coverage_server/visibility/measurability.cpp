@@ -9,11 +9,13 @@ namespace {
 
 // Bit i: nothing between the point and infinity along directions[i].
 uint32_t OpenDirections(const std::vector<Occluder>& occluders, const Eigen::Vector3f& from,
-                        const std::vector<Eigen::Vector3f>& directions, const int* cells, int count) {
+                        const std::vector<Eigen::Vector3f>& directions, const int* cells,
+                        int count) {
   uint32_t open = (1u << count) - 1;
   for (const Occluder& occluder : occluders) {
     if (occluder.frame != ObstacleFrame::kPart) continue;
-    const float far = 2 * occluder.bvh.bounds().sizes().norm() + (occluder.bvh.bounds().center() - from).norm();
+    const float far =
+        2 * occluder.bvh.bounds().sizes().norm() + (occluder.bvh.bounds().center() - from).norm();
     TriangleBvh::Bundle bundle;
     for (int k = 0; k < TriangleBvh::kLanes; ++k) {
       const Eigen::Vector3f to = from + far * directions[cells[std::min(k, count - 1)]];
@@ -44,7 +46,8 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
   std::vector<int> candidates, refined, open;
 
   // Some pair of the cells is open and far enough apart, but not too far.
-  const auto has_open_pair = [&](const Eigen::Vector3f& from, const std::vector<Eigen::Vector3f>& all,
+  const auto has_open_pair = [&](const Eigen::Vector3f& from,
+                                 const std::vector<Eigen::Vector3f>& all,
                                  const std::vector<int>& asked) {
     open.clear();
     // Cells far apart first: open targets are decided by their first bundle or two.
@@ -52,7 +55,8 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
     for (size_t b = 0; b < bundles; ++b) {
       int cells[TriangleBvh::kLanes];
       int count = 0;
-      for (size_t i = b; i < asked.size() && count < TriangleBvh::kLanes; i += bundles) cells[count++] = asked[i];
+      for (size_t i = b; i < asked.size() && count < TriangleBvh::kLanes; i += bundles)
+        cells[count++] = asked[i];
       const uint32_t bits = OpenDirections(occluders, from, all, cells, count);
       for (int k = 0; k < count; ++k) {
         if (!((bits >> k) & 1)) continue;
@@ -69,7 +73,8 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
   // Lifted off its own surface.
   constexpr float kLiftM = 2e-5f;
   for (size_t t = begin; t < end; ++t) {
-    const Eigen::Vector3f normal = targets.normals[t], from = targets.positions_m[t] + kLiftM * normal;
+    const Eigen::Vector3f normal = targets.normals[t],
+                          from = targets.positions_m[t] + kLiftM * normal;
     candidates.clear();
     for (int c = 0; c < map.cells(); ++c) {
       if (field.Probes(t, c) != 0 && normal.dot(directions[c]) > 0) candidates.push_back(c);
@@ -80,7 +85,8 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
       for (const int c : candidates) {
         for (int i = 0; i < 4; ++i) {
           const int row = 2 * (c / map.side) + i / 2, column = 2 * (c % map.side) + i % 2;
-          if (normal.dot(fine_directions[row * fine.side + column]) > 0) refined.push_back(row * fine.side + column);
+          if (normal.dot(fine_directions[row * fine.side + column]) > 0)
+            refined.push_back(row * fine.side + column);
         }
       }
       found = has_open_pair(from, fine_directions, refined);

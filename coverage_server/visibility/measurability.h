@@ -12,7 +12,8 @@ namespace sightline {
 // A target is measurable if two unoccluded directions min_angle to max_angle apart reach it.
 // Directions are those of the field's map, and where they find no pair of a map twice as fine (2
 // degrees apart by default; the thesis draws 2^16 random pairs); the field says which are worth
-// asking and segments through `occluders` (those in part coordinates) decide. `begin`, `end`: range of targets whose bits are written.
+// asking and segments through `occluders` (those in part coordinates) decide. `begin`, `end`: range
+// of targets whose bits are written.
 void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
                     const std::vector<Occluder>& occluders, double min_angle_rad,
                     double max_angle_rad, size_t begin, size_t end, TargetBits& measurable);

@@ -50,16 +50,19 @@ SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh
   for (size_t i = 0; i < targets.size(); ++i) {
     const Eigen::Vector3f centre = targets.positions_m[i], normal = targets.normals[i];
     nearby.clear();
-    bvh.VisitBox({Eigen::Vector3f(centre.array() - radius), Eigen::Vector3f(centre.array() + radius)},
-                 [&](uint32_t t) {
-                   const Eigen::Vector3f n = mesh.Normal(t).cast<float>();
-                   if (n.dot(normal) < cos_gate) return;
-                   const auto& corner = mesh.triangles[t];
-                   nearby.push_back({mesh.positions_m[corner[0]], mesh.positions_m[corner[1]],
-                                     mesh.positions_m[corner[2]], n});
-                 });
+    bvh.VisitBox(
+        {Eigen::Vector3f(centre.array() - radius), Eigen::Vector3f(centre.array() + radius)},
+        [&](uint32_t t) {
+          const Eigen::Vector3f n = mesh.Normal(t).cast<float>();
+          if (n.dot(normal) < cos_gate) return;
+          const auto& corner = mesh.triangles[t];
+          nearby.push_back({mesh.positions_m[corner[0]], mesh.positions_m[corner[1]],
+                            mesh.positions_m[corner[2]], n});
+        });
     const Eigen::Vector3f tangent =
-        normal.cross(std::abs(normal.x()) < 0.7f ? Eigen::Vector3f::UnitX() : Eigen::Vector3f::UnitY())
+        normal
+            .cross(std::abs(normal.x()) < 0.7f ? Eigen::Vector3f::UnitX()
+                                               : Eigen::Vector3f::UnitY())
             .normalized();
     const Eigen::Vector3f bitangent = normal.cross(tangent);
     for (int k = 0; k < kProbesPerTarget; ++k) {
@@ -67,9 +70,11 @@ SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh
       probes.positions_m[slot] = centre;
       probes.normals[slot] = normal;
       if (k == 0) continue;
-      const float angle = 2 * std::numbers::pi_v<float> * static_cast<float>(k - 1) / (kProbesPerTarget - 1);
+      const float angle =
+          2 * std::numbers::pi_v<float> * static_cast<float>(k - 1) / (kProbesPerTarget - 1);
       const Eigen::Vector3f wanted =
-          centre + kProbeRadius * radius * (std::cos(angle) * tangent + std::sin(angle) * bitangent);
+          centre +
+          kProbeRadius * radius * (std::cos(angle) * tangent + std::sin(angle) * bitangent);
       float best = radius;  // a probe may slide this far to stay on the surface
       for (const Nearby& triangle : nearby) {
         const Eigen::Vector3f p = ClosestOnTriangle(wanted, triangle.a, triangle.b, triangle.c);

@@ -10,6 +10,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <bit>
 #include <cerrno>
 #include <chrono>
 #include <cmath>
@@ -39,7 +40,8 @@ class SharedMemory {
     SharedMemory memory;
     memory.fd_ = memfd_create(name, MFD_CLOEXEC);
     if (memory.fd_ < 0 || ftruncate(memory.fd_, static_cast<off_t>(bytes)) != 0) {
-      return absl::ResourceExhaustedError(absl::StrCat("no shared memory of ", bytes, " bytes: ", std::strerror(errno)));
+      return absl::ResourceExhaustedError(
+          absl::StrCat("no shared memory of ", bytes, " bytes: ", std::strerror(errno)));
     }
     return memory;
   }
@@ -58,7 +60,8 @@ class SharedMemory {
 absl::StatusOr<void*> Map(int fd, size_t bytes) {
   void* data = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
   if (data == MAP_FAILED) {
-    return absl::ResourceExhaustedError(absl::StrCat("cannot map ", bytes, " bytes: ", std::strerror(errno)));
+    return absl::ResourceExhaustedError(
+        absl::StrCat("cannot map ", bytes, " bytes: ", std::strerror(errno)));
   }
   return data;
 }
@@ -93,8 +96,8 @@ bool IsClosed(const TriangleMesh& mesh) {
   return true;
 }
 
-// Points inside a triangle and on its edges, `spacing_m` apart: the middle of a large triangle may be
-// seen while its corners are hidden.
+// Points inside a triangle and on its edges, `spacing_m` apart: the middle of a large triangle may
+// be seen while its corners are hidden.
 template <typename AddPoint>
 void AddInnerPoints(const Eigen::Vector3f* corner, float spacing_m, const AddPoint& add_point) {
   int longest = 0;
@@ -104,14 +107,16 @@ void AddInnerPoints(const Eigen::Vector3f* corner, float spacing_m, const AddPoi
     if (edge > length) longest = k, length = edge;
   }
   if (length <= spacing_m) return;
-  const Eigen::Vector3f a = corner[longest], b = corner[(longest + 1) % 3], apex = corner[(longest + 2) % 3];
+  const Eigen::Vector3f a = corner[longest], b = corner[(longest + 1) % 3],
+                        apex = corner[(longest + 2) % 3];
   const float height = (b - a).cross(apex - a).norm() / length;
   constexpr int kMaxSteps = 64;
   const int columns = std::min(kMaxSteps, static_cast<int>(std::ceil(length / spacing_m)));
   const int rows = std::min(kMaxSteps, static_cast<int>(std::ceil(height / spacing_m)));
   for (int j = 0; j < rows; ++j) {
     const float up = static_cast<float>(j) / static_cast<float>(rows);
-    const int steps = std::max(1, static_cast<int>(std::ceil(static_cast<float>(columns) * (1 - up))));
+    const int steps =
+        std::max(1, static_cast<int>(std::ceil(static_cast<float>(columns) * (1 - up))));
     for (int i = j == 0 ? 1 : 0; i <= steps - (j == 0 ? 1 : 0); ++i) {
       const float along = static_cast<float>(i) / static_cast<float>(steps);
       add_point((1 - up) * (a + along * (b - a)) + up * apex);
@@ -139,9 +144,9 @@ OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMes
   if (simplification_m > 0 && !indices.empty()) {
     const float scale = meshopt_simplifyScale(result.vertices.data(), vertex_count, 12);
     std::vector<uint32_t> simplified(indices.size());
-    simplified.resize(meshopt_simplify(simplified.data(), indices.data(), indices.size(), result.vertices.data(),
-                                       vertex_count, 12, 0, static_cast<float>(simplification_m) / scale, 0,
-                                       nullptr));
+    simplified.resize(meshopt_simplify(simplified.data(), indices.data(), indices.size(),
+                                       result.vertices.data(), vertex_count, 12, 0,
+                                       static_cast<float>(simplification_m) / scale, 0, nullptr));
     if (!simplified.empty()) indices = std::move(simplified);
   }
   constexpr size_t kMaxVertices = 64, kMaxTriangles = 32;
@@ -149,9 +154,9 @@ OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMes
       meshopt_buildMeshletsBound(indices.size(), kMaxVertices, kMaxTriangles));
   std::vector<uint32_t> meshlet_vertices(meshlets.size() * kMaxVertices);
   std::vector<unsigned char> meshlet_triangles(meshlets.size() * kMaxTriangles * 3);
-  meshlets.resize(meshopt_buildMeshlets(meshlets.data(), meshlet_vertices.data(), meshlet_triangles.data(),
-                                        indices.data(), indices.size(), result.vertices.data(), vertex_count, 12,
-                                        kMaxVertices, kMaxTriangles, 0.5f));
+  meshlets.resize(meshopt_buildMeshlets(
+      meshlets.data(), meshlet_vertices.data(), meshlet_triangles.data(), indices.data(),
+      indices.size(), result.vertices.data(), vertex_count, 12, kMaxVertices, kMaxTriangles, 0.5f));
   for (const meshopt_Meshlet& m : meshlets) {
     FieldCluster cluster{};
     cluster.first_triangle = static_cast<uint32_t>(result.triangles.size() / 3);
@@ -161,12 +166,14 @@ OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMes
       result.cluster_vertices.insert(result.cluster_vertices.end(), {p.x(), p.y(), p.z()});
     };
     for (unsigned v = 0; v < m.vertex_count; ++v) {
-      add_point(Eigen::Map<const Eigen::Vector3f>(&result.vertices[3 * meshlet_vertices[m.vertex_offset + v]]));
+      add_point(Eigen::Map<const Eigen::Vector3f>(
+          &result.vertices[3 * meshlet_vertices[m.vertex_offset + v]]));
     }
     for (unsigned t = 0; t < m.triangle_count; ++t) {
       Eigen::Vector3f corner[3];
       for (int k = 0; k < 3; ++k) {
-        const uint32_t v = meshlet_vertices[m.vertex_offset + meshlet_triangles[m.triangle_offset + 3 * t + k]];
+        const uint32_t v =
+            meshlet_vertices[m.vertex_offset + meshlet_triangles[m.triangle_offset + 3 * t + k]];
         result.triangles.push_back(v);
         corner[k] = Eigen::Map<const Eigen::Vector3f>(&result.vertices[3 * v]);
       }
@@ -174,10 +181,11 @@ OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMes
       result.normals.insert(result.normals.end(), {n.x(), n.y(), n.z()});
       AddInnerPoints(corner, point_spacing_m, add_point);
     }
-    cluster.vertex_count = static_cast<uint32_t>(result.cluster_vertices.size() / 3) - cluster.first_vertex;
-    const meshopt_Bounds bounds =
-        meshopt_computeMeshletBounds(&meshlet_vertices[m.vertex_offset], &meshlet_triangles[m.triangle_offset],
-                                     m.triangle_count, result.vertices.data(), vertex_count, 12);
+    cluster.vertex_count =
+        static_cast<uint32_t>(result.cluster_vertices.size() / 3) - cluster.first_vertex;
+    const meshopt_Bounds bounds = meshopt_computeMeshletBounds(
+        &meshlet_vertices[m.vertex_offset], &meshlet_triangles[m.triangle_offset], m.triangle_count,
+        result.vertices.data(), vertex_count, 12);
     for (int k = 0; k < 3; ++k) cluster.cone_axis[k] = bounds.cone_axis[k];
     cluster.cone_cutoff = bounds.cone_cutoff >= 1 ? 2.0f : bounds.cone_cutoff;
     result.clusters.push_back(cluster);
@@ -211,25 +219,39 @@ std::string WorkerProgram() {
   return "";
 }
 
-// Directions just below a target's horizon: the sensor may still be above it, so the cell takes
-// over what is seen from the nearest cell above.
-void FillBelowHorizon(const TargetSet& targets, const OctahedralMap& map, uint8_t* data, size_t begin,
-                      size_t end) {
+// Directions just below a probe's horizon: the sensor may still be above it, so the cell takes over
+// what the probe sees from the nearest cell above.
+void FillBelowHorizon(const SurfaceProbes& probes, const OctahedralMap& map, uint8_t* data,
+                      size_t begin, size_t end) {
   constexpr float kAbove = 0.05f;    // sine of the elevation from which a cell's answer is its own
   constexpr float kClampTo = 0.08f;  // elevation the direction is lifted to
   constexpr float kBelow = -0.15f;   // no direction in such a cell is above the horizon
   std::vector<Eigen::Vector3f> directions(map.cells());
   for (int c = 0; c < map.cells(); ++c) directions[c] = map.Direction(c);
+  std::vector<uint8_t> own(map.cells());
   for (size_t t = begin; t < end; ++t) {
-    const Eigen::Vector3f n = targets.normals[t];
-    uint8_t* column = data + t / kTargetsPerBlock * map.cells() * kTargetsPerBlock + t % kTargetsPerBlock;
-    for (int c = 0; c < map.cells(); ++c) {
-      const float elevation = n.dot(directions[c]);
-      if (elevation >= kAbove || elevation < kBelow) continue;
-      for (float lift = kClampTo; lift < 0.4f; lift += 0.04f) {
-        const int above = map.Cell(directions[c] + (lift - elevation) * n);
-        if (n.dot(directions[above]) >= kAbove) {
-          column[static_cast<size_t>(c) * kTargetsPerBlock] = column[static_cast<size_t>(above) * kTargetsPerBlock];
+    uint8_t* column =
+        data + t / kTargetsPerBlock * map.cells() * kTargetsPerBlock + t % kTargetsPerBlock;
+    for (int c = 0; c < map.cells(); ++c)
+      own[c] = column[static_cast<size_t>(c) * kTargetsPerBlock];
+    // Probes with one normal, as on flat faces, are lifted together.
+    uint8_t waiting = 0xff;
+    while (waiting != 0) {
+      const Eigen::Vector3f n = probes.normals[t * kProbesPerTarget + std::countr_zero(waiting)];
+      uint8_t same = 0;
+      for (int k = 0; k < kProbesPerTarget; ++k) {
+        if (((waiting >> k) & 1) && probes.normals[t * kProbesPerTarget + k] == n)
+          same |= static_cast<uint8_t>(1 << k);
+      }
+      waiting &= static_cast<uint8_t>(~same);
+      for (int c = 0; c < map.cells(); ++c) {
+        const float elevation = n.dot(directions[c]);
+        if (elevation >= kAbove || elevation < kBelow) continue;
+        for (float lift = kClampTo; lift < 0.4f; lift += 0.04f) {
+          const int above = map.Cell(directions[c] + (lift - elevation) * n);
+          if (n.dot(directions[above]) < kAbove) continue;
+          uint8_t& byte = column[static_cast<size_t>(c) * kTargetsPerBlock];
+          byte = static_cast<uint8_t>((byte & ~same) | (own[above] & same));
           break;
         }
       }
@@ -240,13 +262,15 @@ void FillBelowHorizon(const TargetSet& targets, const OctahedralMap& map, uint8_
 }  // namespace
 
 VisibilityField::VisibilityField(OctahedralMap map, size_t targets)
-    : map_(map), blocks_((targets + kTargetsPerBlock - 1) / kTargetsPerBlock), data_(nullptr, Unmap{0}) {}
+    : map_(map),
+      blocks_((targets + kTargetsPerBlock - 1) / kTargetsPerBlock),
+      data_(nullptr, Unmap{0}) {}
 
 void VisibilityField::Unmap::operator()(uint8_t* data) const { munmap(data, bytes); }
 
 absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
-    const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles, const TargetSet& targets,
-    const SurfaceProbes& probes, const FieldBuildOptions& options) {
+    const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles,
+    const TargetSet& targets, const SurfaceProbes& probes, const FieldBuildOptions& options) {
   int side = static_cast<int>(std::ceil(std::sqrt(options.directions)));
   side = std::max(kTileSide, (side + kTileSide - 1) / kTileSide * kTileSide);
   auto field = std::make_unique<VisibilityField>(OctahedralMap{side}, targets.size());
@@ -259,7 +283,8 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   const auto pixel_size_m = static_cast<float>(
       options.pixel_size_m > 0 ? options.pixel_size_m : box.sizes().norm() / kPixelsPerDiagonal);
   constexpr float kClusterPointSpacingPx = 8;
-  const OccluderMesh mesh = MakeOccluders(part, obstacles, options.simplification_m, kClusterPointSpacingPx * pixel_size_m);
+  const OccluderMesh mesh = MakeOccluders(part, obstacles, options.simplification_m,
+                                          kClusterPointSpacingPx * pixel_size_m);
   JobLayout layout;
   const uint64_t vertices = layout.Add(mesh.vertices.size() * 4);
   const uint64_t triangles = layout.Add(mesh.triangles.size() * 4);
@@ -302,7 +327,8 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   job.probes = probe_offset;
   char* base = static_cast<char*>(*job_data);
   const auto copy = [&](uint64_t offset, const auto& values) {
-    if (!values.empty()) std::memcpy(base + offset, values.data(), values.size() * sizeof(values[0]));
+    if (!values.empty())
+      std::memcpy(base + offset, values.data(), values.size() * sizeof(values[0]));
   };
   copy(vertices, mesh.vertices);
   copy(triangles, mesh.triangles);
@@ -314,8 +340,10 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   for (size_t t = 0; t < targets.size(); ++t) {
     for (int k = 0; k < kProbesPerTarget; ++k) {
       for (int axis = 0; axis < 3; ++axis) {
-        probe_data[axis * stride + k * padded + t] = probes.positions_m[t * kProbesPerTarget + k][axis];
-        probe_data[(3 + axis) * stride + k * padded + t] = probes.normals[t * kProbesPerTarget + k][axis];
+        probe_data[axis * stride + k * padded + t] =
+            probes.positions_m[t * kProbesPerTarget + k][axis];
+        probe_data[(3 + axis) * stride + k * padded + t] =
+            probes.normals[t * kProbesPerTarget + k][axis];
       }
     }
   }
@@ -331,19 +359,29 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
     // dup2 onto itself drops close-on-exec for the child only.
     posix_spawn_file_actions_adddup2(&actions, job_memory->fd(), job_memory->fd());
     posix_spawn_file_actions_adddup2(&actions, field_memory->fd(), field_memory->fd());
-    std::string arguments[] = {program, "--field-worker", absl::StrCat(job_memory->fd()),
-                               absl::StrCat(layout.bytes()), absl::StrCat(field_memory->fd()),
+    std::string arguments[] = {program,
+                               "--field-worker",
+                               absl::StrCat(job_memory->fd()),
+                               absl::StrCat(layout.bytes()),
+                               absl::StrCat(field_memory->fd()),
                                absl::StrCat(field->bytes())};
-    char* argv[] = {arguments[0].data(), arguments[1].data(), arguments[2].data(), arguments[3].data(),
-                    arguments[4].data(), arguments[5].data(), nullptr};
+    char* argv[] = {arguments[0].data(),
+                    arguments[1].data(),
+                    arguments[2].data(),
+                    arguments[3].data(),
+                    arguments[4].data(),
+                    arguments[5].data(),
+                    nullptr};
     pid_t pid;
-    if (posix_spawn(&pid, program.c_str(), &actions, nullptr, argv, environ) == 0) workers.push_back(pid);
+    if (posix_spawn(&pid, program.c_str(), &actions, nullptr, argv, environ) == 0)
+      workers.push_back(pid);
     posix_spawn_file_actions_destroy(&actions);
   }
   bool worker_failed = false;
   while (!workers.empty()) {
     if (options.cancelled != nullptr && options.cancelled->load()) job.cancelled.store(1);
-    if (options.on_progress) options.on_progress(static_cast<double>(job.directions_done.load()) / total);
+    if (options.on_progress)
+      options.on_progress(static_cast<double>(job.directions_done.load()) / total);
     for (size_t i = 0; i < workers.size();) {
       int state = 0;
       if (waitpid(workers[i], &state, WNOHANG) == workers[i]) {
@@ -356,26 +394,30 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
   if (program.empty()) {
-    if (absl::Status status = RenderFieldTiles(job, field->mutable_data()); !status.ok()) return status;
+    if (absl::Status status = RenderFieldTiles(job, field->mutable_data()); !status.ok())
+      return status;
   }
   if (job.cancelled.load()) return absl::CancelledError("visibility field");
   if (worker_failed || job.directions_done.load() != total) {
-    return absl::InternalError(absl::StrCat("a visibility field worker died: ", job.directions_done.load(),
-                                            " of ", total, " directions rendered"));
+    return absl::InternalError(
+        absl::StrCat("a visibility field worker died: ", job.directions_done.load(), " of ", total,
+                     " directions rendered"));
   }
 
   std::vector<std::thread> threads;
   const size_t share = (field->blocks() + processes - 1) / processes * kTargetsPerBlock;
   for (int i = 0; i < processes; ++i) {
-    const size_t begin = std::min(targets.size(), i * share), end = std::min(targets.size(), begin + share);
+    const size_t begin = std::min(targets.size(), i * share),
+                 end = std::min(targets.size(), begin + share);
     threads.emplace_back([&, begin, end] {
-      FillBelowHorizon(targets, field->map(), field->mutable_data(), begin, end);
+      FillBelowHorizon(probes, field->map(), field->mutable_data(), begin, end);
     });
   }
   for (auto& thread : threads) thread.join();
   // Queries jump about in this memory: huge pages save most of their TLB misses, and anonymous
   // memory gets them where a shared mapping does not.
-  void* huge = mmap(nullptr, field->bytes(), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+  void* huge =
+      mmap(nullptr, field->bytes(), PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
   if (huge != MAP_FAILED) {
     madvise(huge, field->bytes(), MADV_HUGEPAGE);
     std::memcpy(huge, field->data_.get(), field->bytes());

@@ -24,7 +24,7 @@ namespace sightline {
 inline constexpr int kTargetsPerBlock = 64;
 
 // Bytes [block][cell][target in block]; bit k of a byte: probe k of the target is seen from the
-// cell's direction. Cells below a target's horizon hold the answer of the nearest direction above
+// cell's direction. Cells below a probe's horizon hold the answer of the nearest direction above
 // it, so that directions just above the horizon do not read a hidden cell.
 class VisibilityField {
  public:
@@ -59,9 +59,9 @@ class VisibilityField {
 
 struct FieldBuildOptions {
   int directions = kDefaultFieldDirections;  // rounded up to an even square
-  int processes = 0;         // 0: all cores
-  double pixel_size_m = 0;   // 0: 1/768 of the scene's diagonal
-  double simplification_m = 1e-4;  // 0: none
+  int processes = 0;                         // 0: all cores
+  double pixel_size_m = 0;                   // 0: 1/768 of the scene's diagonal
+  double simplification_m = 1e-4;            // 0: none
   bool coherent_occlusion = true;
   std::function<void(double)> on_progress;
   const std::atomic<bool>* cancelled = nullptr;

@@ -35,11 +35,16 @@ Command AddEvaluateCommand(CLI::App& app) {
   };
   auto options = std::make_shared<Options>();
   app.add_option("inspection", options->session.inspection_file, "inspection.json")->required();
-  app.add_option("plan", options->plan, "plan.json, made by hand or by `sightline plan`")->required();
-  app.add_option("--out", options->output.folder, "folder for plan.json, report.html, ...")->required();
-  app.add_option("--coverage-server", options->session.coverage_server, "unix:PATH or HOST:PORT; default: one of our own");
-  app.add_flag("!--no-pictures", options->output.pictures, "leave the rendered views out of the report");
-  app.add_flag("!--no-point-clouds", options->output.point_clouds, "do not write points/scan_NN.ply");
+  app.add_option("plan", options->plan, "plan.json, made by hand or by `sightline plan`")
+      ->required();
+  app.add_option("--out", options->output.folder, "folder for plan.json, report.html, ...")
+      ->required();
+  app.add_option("--coverage-server", options->session.coverage_server,
+                 "unix:PATH or HOST:PORT; default: one of our own");
+  app.add_flag("!--no-pictures", options->output.pictures,
+               "leave the rendered views out of the report");
+  app.add_flag("!--no-point-clouds", options->output.point_clouds,
+               "do not write points/scan_NN.ply");
   return [options]() -> int {
     auto given = ReadPlanScans(options->plan);
     if (!given.ok()) return ReportError(given.status());
@@ -60,9 +65,11 @@ Command AddEvaluateCommand(CLI::App& app) {
                        .exact = std::move((*exact)[i]),
                        .fast_covered = (*fast)[i].covered.Count()});
     }
-    PlanSource source{given->plan.strategy(), given->plan.seed(), given->plan.gain_evaluations(), v1::Plan::STOP_REASON_EVALUATED};
+    PlanSource source{given->plan.strategy(), given->plan.seed(), given->plan.gain_evaluations(),
+                      v1::Plan::STOP_REASON_EVALUATED};
     const PlanDocument document = MakePlanDocument(*session, std::move(scans), source);
-    if (absl::Status status = WritePlanOutputs(*session, document, options->output); !status.ok()) return ReportError(status);
+    if (absl::Status status = WritePlanOutputs(*session, document, options->output); !status.ok())
+      return ReportError(status);
     std::printf("%splan:   %s\nreport: %s\n", SummarisePlan(document.plan).c_str(),
                 std::filesystem::absolute(options->output.folder + "/plan.json").c_str(),
                 std::filesystem::absolute(options->output.folder + "/report.html").c_str());

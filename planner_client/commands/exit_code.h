@@ -8,8 +8,8 @@
 namespace sightline {
 
 inline constexpr int kExitDone = 0;
-inline constexpr int kExitFailed = 1;       // failed while running
-inline constexpr int kExitWrongInput = 2;   // the message names file, field and reason
+inline constexpr int kExitFailed = 1;         // failed while running
+inline constexpr int kExitWrongInput = 2;     // the message names file, field and reason
 inline constexpr int kExitInterrupted = 130;  // what was finished is kept
 
 // Prints the error and returns its exit code.

@@ -30,7 +30,9 @@ Command AddPartCommand(CLI::App& app) {
     }
     const Eigen::Vector3d size = 1e3 * health.bounding_box_m.sizes();
     std::printf("size              %.2f x %.2f x %.2f mm\n", size.x(), size.y(), size.z());
-    const auto line = [](const char* name, int64_t value) { std::printf("%-18s%lld\n", name, static_cast<long long>(value)); };
+    const auto line = [](const char* name, int64_t value) {
+      std::printf("%-18s%lld\n", name, static_cast<long long>(value));
+    };
     line("triangles", health.triangle_count);
     line("vertices", health.vertex_count);
     std::printf("%-18s%.2f cm2\n", "area", 1e4 * health.area_m2);

@@ -56,13 +56,17 @@ absl::Status ReadGivenScans(const PlanOptions& options, PlannerRequest& request)
 int RunPlan(PlanOptions& options) {
   const std::atomic<bool>& interrupted = InterruptFlag();
   PlannerRequest request;
-  if (absl::Status status = ReadGivenScans(options, request); !status.ok()) return ReportError(status);
+  if (absl::Status status = ReadGivenScans(options, request); !status.ok())
+    return ReportError(status);
   bool known = false;
-  for (const StrategyDescription& strategy : Strategies()) known |= strategy.name == options.strategy;
+  for (const StrategyDescription& strategy : Strategies())
+    known |= strategy.name == options.strategy;
   if (!known) {
     std::string names;
-    for (const StrategyDescription& strategy : Strategies()) absl::StrAppend(&names, names.empty() ? "" : ", ", strategy.name);
-    return ReportError(absl::InvalidArgumentError(absl::StrCat("--strategy: \"", options.strategy, "\" is not one of ", names)));
+    for (const StrategyDescription& strategy : Strategies())
+      absl::StrAppend(&names, names.empty() ? "" : ", ", strategy.name);
+    return ReportError(absl::InvalidArgumentError(
+        absl::StrCat("--strategy: \"", options.strategy, "\" is not one of ", names)));
   }
   const auto start = std::chrono::steady_clock::now();
   auto session = OpenSession(options.session);
@@ -86,8 +90,9 @@ int RunPlan(PlanOptions& options) {
   request.interrupted = &interrupted;
   ProgressLine progress;
   request.on_progress = [&](const PlanProgress& p) {
-    progress.Show(p.coverage / p.goal, absl::StrFormat("%d scans, %.1f %% covered, %dk evaluations: %s", p.scans,
-                                                       100 * p.coverage, p.evaluations / 1000, p.phase));
+    progress.Show(p.coverage / p.goal,
+                  absl::StrFormat("%d scans, %.1f %% covered, %dk evaluations: %s", p.scans,
+                                  100 * p.coverage, p.evaluations / 1000, p.phase));
   };
   const auto plan_start = std::chrono::steady_clock::now();
   auto result = MakePlan(*session->client, request);
@@ -96,29 +101,35 @@ int RunPlan(PlanOptions& options) {
   timings.push_back({"planning", SecondsSince(plan_start)});
   const double time_to_plan_s = SecondsSince(start);
 
-  PlanSource source{options.strategy, options.seed, result->evaluations, StopReasonToProto(result->stop_reason)};
+  PlanSource source{options.strategy, options.seed, result->evaluations,
+                    StopReasonToProto(result->stop_reason)};
   PlanDocument document = MakePlanDocument(*session, std::move(result->scans), source);
-  if (absl::Status status = WritePlanJson(document, options.output.folder); !status.ok()) return ReportError(status);
+  if (absl::Status status = WritePlanJson(document, options.output.folder); !status.ok())
+    return ReportError(status);
 
   if (options.bound_evaluations > 0 && !interrupted.load() && !document.scans.empty()) {
     const auto bound_start = std::chrono::steady_clock::now();
     std::vector<Measurement> scans;
     for (const ChosenScan& scan : document.scans) scans.push_back(scan.measurement);
     const double goal = std::min(request.goal.coverage, document.plan.coverage().coverage());
-    auto bound = BoundScanCount(*session->client, request.domain, goal, scans, options.bound_evaluations, options.seed,
-                                [&](const ScanCountBoundProgress& p) {
-                                  progress.Show(static_cast<double>(p.evaluations) / static_cast<double>(p.budget),
-                                                absl::StrFormat("lower bound: at least %.2f scans", p.bound));
-                                },
-                                &interrupted);
+    auto bound = BoundScanCount(
+        *session->client, request.domain, goal, scans, options.bound_evaluations, options.seed,
+        [&](const ScanCountBoundProgress& p) {
+          progress.Show(static_cast<double>(p.evaluations) / static_cast<double>(p.budget),
+                        absl::StrFormat("lower bound: at least %.2f scans", p.bound));
+        },
+        &interrupted);
     progress.Finish();
     if (!bound.ok()) return ReportError(bound.status());
     SetBound(*bound, document.plan);
     timings.push_back({"lower bound", SecondsSince(bound_start)});
   }
-  if (absl::Status status = WritePlanOutputs(*session, document, options.output); !status.ok()) return ReportError(status);
-  std::printf("%s%.1f s from cold start to plan.\n", SummarisePlan(document.plan).c_str(), time_to_plan_s);
-  std::printf("plan:   %s\nreport: %s\n", std::filesystem::absolute(options.output.folder + "/plan.json").c_str(),
+  if (absl::Status status = WritePlanOutputs(*session, document, options.output); !status.ok())
+    return ReportError(status);
+  std::printf("%s%.1f s from cold start to plan.\n", SummarisePlan(document.plan).c_str(),
+              time_to_plan_s);
+  std::printf("plan:   %s\nreport: %s\n",
+              std::filesystem::absolute(options.output.folder + "/plan.json").c_str(),
               std::filesystem::absolute(options.output.folder + "/report.html").c_str());
   return interrupted.load() ? kExitInterrupted : kExitDone;
 }
@@ -128,21 +139,38 @@ int RunPlan(PlanOptions& options) {
 Command AddPlanCommand(CLI::App& app) {
   auto options = std::make_shared<PlanOptions>();
   app.add_option("inspection", options->session.inspection_file, "inspection.json")->required();
-  app.add_option("--out", options->output.folder, "folder for plan.json, report.html, ...")->required();
-  app.add_option("--strategy", options->strategy, "refined, greedy-pso, greedy-ga, greedy-sa, matrix, ...");
+  app.add_option("--out", options->output.folder, "folder for plan.json, report.html, ...")
+      ->required();
+  app.add_option("--strategy", options->strategy,
+                 "refined, greedy-pso, greedy-ga, greedy-sa, matrix, ...");
   app.add_option("--seed", options->seed, "same seed, same plan");
-  app.add_option("--goal", options->goal, "fraction of the measurable targets, overrides the inspection's")->check(CLI::Range(1e-6, 1.0));
-  app.add_option("--max-scans", options->max_scans, "overrides the inspection's")->check(CLI::Range(1, 1000));
-  app.add_option("--max-time-s", options->max_time_s, "wall-clock limit")->check(CLI::PositiveNumber);
-  app.add_option("--keep", options->keep, "plan.json whose scans stay as they are; the rest is planned");
+  app.add_option("--goal", options->goal,
+                 "fraction of the measurable targets, overrides the inspection's")
+      ->check(CLI::Range(1e-6, 1.0));
+  app.add_option("--max-scans", options->max_scans, "overrides the inspection's")
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--max-time-s", options->max_time_s, "wall-clock limit")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--keep", options->keep,
+                 "plan.json whose scans stay as they are; the rest is planned");
   app.add_flag("--resume", options->resume, "go on from the plan.json in --out");
-  app.add_option("--evaluations-per-scan", options->evaluations_per_scan, "gain evaluations per scan")->check(CLI::Range(1, 100000000));
-  app.add_option("--matrix-samples", options->matrix_samples, "samples of the measurability matrix")->check(CLI::Range(1, 20000000));
-  app.add_option("--bound-evaluations", options->bound_evaluations, "budget of the lower bound, 0: none")->check(CLI::Range(0, 100000000));
-  app.add_option("--coverage-server", options->session.coverage_server, "unix:PATH or HOST:PORT; default: one of our own");
-  app.add_option("--field-directions", options->session.field_directions, "directions of the visibility field")->check(CLI::Range(64, 65536));
-  app.add_flag("!--no-pictures", options->output.pictures, "leave the rendered views out of the report");
-  app.add_flag("!--no-point-clouds", options->output.point_clouds, "do not write points/scan_NN.ply");
+  app.add_option("--evaluations-per-scan", options->evaluations_per_scan,
+                 "gain evaluations per scan")
+      ->check(CLI::Range(1, 100000000));
+  app.add_option("--matrix-samples", options->matrix_samples, "samples of the measurability matrix")
+      ->check(CLI::Range(1, 20000000));
+  app.add_option("--bound-evaluations", options->bound_evaluations,
+                 "budget of the lower bound, 0: none")
+      ->check(CLI::Range(0, 100000000));
+  app.add_option("--coverage-server", options->session.coverage_server,
+                 "unix:PATH or HOST:PORT; default: one of our own");
+  app.add_option("--field-directions", options->session.field_directions,
+                 "directions of the visibility field")
+      ->check(CLI::Range(64, 65536));
+  app.add_flag("!--no-pictures", options->output.pictures,
+               "leave the rendered views out of the report");
+  app.add_flag("!--no-point-clouds", options->output.point_clouds,
+               "do not write points/scan_NN.ply");
   return [options] { return RunPlan(*options); };
 }
 

@@ -37,9 +37,12 @@ v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& c
   const double start_m = last >= first ? first * rig.scan_step_m : 0;
   scan.set_stage_start_m(start_m);
   scan.set_stage_end_m(last >= first ? last * rig.scan_step_m : 0);
-  for (int frame = first; frame <= last; ++frame) scan.add_trigger_positions_m(frame * rig.scan_step_m);
-  *scan.mutable_camera_pose() = ToPose(WorldToPart(geometry, centre, geometry.camera, start_m).Matrix());
-  *scan.mutable_laser_pose() = ToPose(WorldToPart(geometry, centre, geometry.laser, start_m).Matrix());
+  for (int frame = first; frame <= last; ++frame)
+    scan.add_trigger_positions_m(frame * rig.scan_step_m);
+  *scan.mutable_camera_pose() =
+      ToPose(WorldToPart(geometry, centre, geometry.camera, start_m).Matrix());
+  *scan.mutable_laser_pose() =
+      ToPose(WorldToPart(geometry, centre, geometry.laser, start_m).Matrix());
   Eigen::Matrix4d part = Eigen::Matrix4d::Identity();
   part.topLeftCorner<3, 3>() = geometry.part_rotation;
   part.topRightCorner<3, 1>() = geometry.part_offset_m - geometry.part_rotation * centre;
@@ -78,7 +81,8 @@ PlanDocument MakePlanDocument(const PlanningSession& session, std::vector<Chosen
     locked += scan.locked ? 1 : 0;
   }
   PlanDocument document;
-  for (const int index : OrderScans(costs, measurements, locked)) document.scans.push_back(std::move(scans[index]));
+  for (const int index : OrderScans(costs, measurements, locked))
+    document.scans.push_back(std::move(scans[index]));
 
   v1::Plan& plan = document.plan;
   plan.set_inspection_name(session.inspection.name);
@@ -100,28 +104,37 @@ PlanDocument MakePlanDocument(const PlanningSession& session, std::vector<Chosen
     scan.set_covered_targets(chosen.exact.covered.Count());
     scan.set_new_targets(chosen.exact.covered.CountNotIn(covered));
     covered |= chosen.exact.covered;
-    if (chosen.exact.covered_without_normal_gate.size() == ungated.size()) ungated |= chosen.exact.covered_without_normal_gate;
+    if (chosen.exact.covered_without_normal_gate.size() == ungated.size())
+      ungated |= chosen.exact.covered_without_normal_gate;
     scan.set_cumulative_targets(covered.Count());
-    scan.set_scan_time_s(ScanTimeS(costs, session.inspection.rig.scan_step_m, chosen.exact.first_frame, chosen.exact.last_frame));
-    if (i > 0) scan.set_reposition_time_s(RepositionTimeS(costs, document.scans[i - 1].measurement, chosen.measurement));
+    scan.set_scan_time_s(ScanTimeS(costs, session.inspection.rig.scan_step_m,
+                                   chosen.exact.first_frame, chosen.exact.last_frame));
+    if (i > 0)
+      scan.set_reposition_time_s(
+          RepositionTimeS(costs, document.scans[i - 1].measurement, chosen.measurement));
     cost.set_scan_time_s(cost.scan_time_s() + scan.scan_time_s());
     cost.set_reposition_time_s(cost.reposition_time_s() + scan.reposition_time_s());
-    const double error = std::abs(static_cast<double>(chosen.fast_covered - scan.covered_targets())) / static_cast<double>(scene.target_count);
+    const double error =
+        std::abs(static_cast<double>(chosen.fast_covered - scan.covered_targets())) /
+        static_cast<double>(scene.target_count);
     error_sum += error;
     error_max = std::max(error_max, error);
     *plan.add_scans() = std::move(scan);
   }
   cost.set_unit_costs(costs.IsUnit());
-  cost.set_total(costs.IsUnit() ? static_cast<double>(document.scans.size()) : cost.scan_time_s() + cost.reposition_time_s());
+  cost.set_total(costs.IsUnit() ? static_cast<double>(document.scans.size())
+                                : cost.scan_time_s() + cost.reposition_time_s());
 
   v1::PlanCoverage& coverage = *plan.mutable_coverage();
   coverage.set_targets(scene.target_count);
   coverage.set_measurable_targets(scene.measurable_count);
   coverage.set_covered_targets(covered.Count());
-  coverage.set_coverage(static_cast<double>(covered.Count()) / static_cast<double>(scene.measurable_count));
+  coverage.set_coverage(static_cast<double>(covered.Count()) /
+                        static_cast<double>(scene.measurable_count));
   ungated &= session.client->measurable();
   coverage.set_covered_targets_without_normal_gate(ungated.Count());
-  if (!document.scans.empty()) coverage.set_fast_mean_absolute_error(error_sum / static_cast<double>(document.scans.size()));
+  if (!document.scans.empty())
+    coverage.set_fast_mean_absolute_error(error_sum / static_cast<double>(document.scans.size()));
   coverage.set_fast_max_absolute_error(error_max);
   coverage.set_goal(session.inspection.goal.coverage);
   return document;
@@ -142,23 +155,27 @@ absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
   for (int i = 0; i < scans.plan.scans_size(); ++i) {
     const v1::PlannedScan& scan = scans.plan.scans(i);
     if (!scan.has_measurement()) {
-      return absl::InvalidArgumentError(absl::StrCat(path, ": scans[", i, "].measurement is missing"));
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": scans[", i, "].measurement is missing"));
     }
     const Measurement measurement = MeasurementFromProto(scan.measurement());
     const auto values = ToArray(measurement);
     for (int p = 0; p < kMeasurementParameters; ++p) {
       if (domain.parameters[p].Contains(values[p])) continue;
-      static constexpr const char* kNames[] = {"camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg",
-                                               "camera_polar_deg",  "part_alpha_deg",          "part_beta_deg",
-                                               "part_gamma_deg",    "offset_y_m",              "offset_z_m"};
+      static constexpr const char* kNames[] = {
+          "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
+          "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
+          "offset_z_m"};
       const bool angle = p >= 1 && p <= 6;
       std::string allowed;
       for (const auto& range : domain.parameters[p].ranges) {
         const double scale = angle ? 180 / std::numbers::pi : 1;
-        absl::StrAppend(&allowed, allowed.empty() ? "" : " or ", absl::StrFormat("[%.6g, %.6g]", scale * range.min, scale * range.max));
+        absl::StrAppend(&allowed, allowed.empty() ? "" : " or ",
+                        absl::StrFormat("[%.6g, %.6g]", scale * range.min, scale * range.max));
       }
-      return absl::InvalidArgumentError(absl::StrFormat("%s: scans[%d].measurement.%s is %.9g, must be in %s", path, i, kNames[p],
-                                                        angle ? values[p] * 180 / std::numbers::pi : values[p], allowed));
+      return absl::InvalidArgumentError(
+          absl::StrFormat("%s: scans[%d].measurement.%s is %.9g, must be in %s", path, i, kNames[p],
+                          angle ? values[p] * 180 / std::numbers::pi : values[p], allowed));
     }
     scans.all.push_back(measurement);
     scans.locked.push_back(scan.locked());
@@ -169,12 +186,17 @@ absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
 absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (error) return absl::InvalidArgumentError(absl::StrCat("cannot make folder ", folder, ": ", error.message()));
-  if (absl::Status status = WriteFileAtomically(folder + "/plan.json", ToJson(document.plan)); !status.ok()) return status;
+  if (error)
+    return absl::InvalidArgumentError(
+        absl::StrCat("cannot make folder ", folder, ": ", error.message()));
+  if (absl::Status status = WriteFileAtomically(folder + "/plan.json", ToJson(document.plan));
+      !status.ok())
+    return status;
   return WriteFileAtomically(folder + "/plan.csv", PlanCsv(document.plan));
 }
 
-absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& document, const OutputOptions& options) {
+absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& document,
+                              const OutputOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
   CoverageClient& client = *session.client;
@@ -215,16 +237,21 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
       const std::string folder = options.folder + "/points";
       std::error_code error;
       std::filesystem::create_directories(folder, error);
-      if (error) return absl::InvalidArgumentError(absl::StrCat("cannot make folder ", folder, ": ", error.message()));
+      if (error)
+        return absl::InvalidArgumentError(
+            absl::StrCat("cannot make folder ", folder, ": ", error.message()));
       auto points = client.MeasurementPoints(scan.measurement);
-      if (absl::IsFailedPrecondition(points.status())) continue;  // a scan given by hand that collides
+      if (absl::IsFailedPrecondition(points.status()))
+        continue;  // a scan given by hand that collides
       if (!points.ok()) return points.status();
       std::vector<Eigen::Vector3f> positions, normals;
       for (const ScanPoint& p : *points) {
         positions.push_back(p.position_m);
         normals.push_back(p.normal);
       }
-      if (absl::Status status = WritePlyPoints(absl::StrFormat("%s/scan_%02d.ply", folder, i + 1), positions, normals); !status.ok()) {
+      if (absl::Status status = WritePlyPoints(absl::StrFormat("%s/scan_%02d.ply", folder, i + 1),
+                                               positions, normals);
+          !status.ok()) {
         return status;
       }
     }
@@ -232,7 +259,8 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
   if (options.pictures) {
     for (const bool measurability : {true, false}) {
       v1::RenderViewRequest request;
-      request.set_view(measurability ? v1::RenderViewRequest::VIEW_MEASURABILITY : v1::RenderViewRequest::VIEW_COVERAGE);
+      request.set_view(measurability ? v1::RenderViewRequest::VIEW_MEASURABILITY
+                                     : v1::RenderViewRequest::VIEW_COVERAGE);
       request.set_azimuth_deg(-60);
       request.set_elevation_deg(35);
       request.set_columns_px(960);
@@ -244,7 +272,9 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
     }
   }
   data.timings = options.timings;
-  data.timings.push_back({"pictures and point clouds", std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
+  data.timings.push_back(
+      {"pictures and point clouds",
+       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
   auto html = RenderReport(data);
   if (!html.ok()) return html.status();
   return WriteFileAtomically(options.folder + "/report.html", *html);
@@ -253,14 +283,18 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
 std::string SummarisePlan(const v1::Plan& plan) {
   const v1::PlanCoverage& c = plan.coverage();
   std::string text = absl::StrFormat(
-      "%d scans measure %.2f %% of the %d measurable targets (goal %.4g %%; without the gate on normals %.2f %%).\n"
-      "fast estimate against exact: mean |error| %.3f %%, largest %.3f %% of all targets, over this plan's scans.\n",
+      "%d scans measure %.2f %% of the %d measurable targets (goal %.4g %%; without the gate on "
+      "normals %.2f %%).\n"
+      "fast estimate against exact: mean |error| %.3f %%, largest %.3f %% of all targets, over "
+      "this plan's scans.\n",
       plan.scans_size(), 100 * c.coverage(), c.measurable_targets(), 100 * c.goal(),
-      100.0 * static_cast<double>(c.covered_targets_without_normal_gate()) / static_cast<double>(std::max<int64_t>(1, c.measurable_targets())),
+      100.0 * static_cast<double>(c.covered_targets_without_normal_gate()) /
+          static_cast<double>(std::max<int64_t>(1, c.measurable_targets())),
       100 * c.fast_mean_absolute_error(), 100 * c.fast_max_absolute_error());
   if (!plan.bound().statement().empty()) absl::StrAppend(&text, plan.bound().statement(), "\n");
   if (!plan.cost().unit_costs()) {
-    absl::StrAppendFormat(&text, "scanning takes %.1f s, repositioning %.1f s.\n", plan.cost().scan_time_s(), plan.cost().reposition_time_s());
+    absl::StrAppendFormat(&text, "scanning takes %.1f s, repositioning %.1f s.\n",
+                          plan.cost().scan_time_s(), plan.cost().reposition_time_s());
   }
   return text;
 }

@@ -40,7 +40,8 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   for (const ObstacleSource& source : session.inspection.obstacles) {
     auto mesh = LoadPart(source.file, source.unit);
     if (!mesh.ok()) return mesh.status();
-    task.obstacles.push_back({std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, source.name});
+    task.obstacles.push_back(
+        {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, source.name});
   }
 
   CoverageClientOptions client;
@@ -53,21 +54,26 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
     client.embedded = session.server.get();
   }
   ProgressLine progress;
-  client.on_progress = [&](double fraction, const std::string& message) { progress.Show(fraction, message); };
+  client.on_progress = [&](double fraction, const std::string& message) {
+    progress.Show(fraction, message);
+  };
   auto opened = CoverageClient::Open(std::move(client), std::move(task));
   if (!opened.ok()) return opened.status();
   session.client = std::move(*opened);
   progress.Finish();
   const SceneInfo& scene = session.client->scene();
-  session.open_time_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  std::fprintf(stderr, "targets: %lld, of which %lld (%.1f %%) can be measured; ready after %.1f s\n",
-               static_cast<long long>(scene.target_count), static_cast<long long>(scene.measurable_count),
-               100.0 * static_cast<double>(scene.measurable_count) / static_cast<double>(scene.target_count),
-               session.open_time_s);
+  session.open_time_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  std::fprintf(
+      stderr, "targets: %lld, of which %lld (%.1f %%) can be measured; ready after %.1f s\n",
+      static_cast<long long>(scene.target_count), static_cast<long long>(scene.measurable_count),
+      100.0 * static_cast<double>(scene.measurable_count) / static_cast<double>(scene.target_count),
+      session.open_time_s);
   if (scene.measurable_count == 0) {
-    return absl::InvalidArgumentError(absl::StrCat(session.inspection.part_file,
-                                                   ": no target on this part can be measured: every one is hidden "
-                                                   "from all pairs of directions 10 to 80 degrees apart"));
+    return absl::InvalidArgumentError(
+        absl::StrCat(session.inspection.part_file,
+                     ": no target on this part can be measured: every one is hidden "
+                     "from all pairs of directions 10 to 80 degrees apart"));
   }
   return session;
 }

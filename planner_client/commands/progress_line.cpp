@@ -20,8 +20,9 @@ ProgressLine::~ProgressLine() { Finish(); }
 
 void ProgressLine::Show(double fraction, const std::string& text) {
   const auto now = std::chrono::steady_clock::now();
-  if (now - last_ < (terminal_ ? std::chrono::duration_cast<std::chrono::milliseconds>(kRedraw)
-                               : std::chrono::duration_cast<std::chrono::milliseconds>(kLogInterval))) {
+  if (now - last_ < (terminal_
+                         ? std::chrono::duration_cast<std::chrono::milliseconds>(kRedraw)
+                         : std::chrono::duration_cast<std::chrono::milliseconds>(kLogInterval))) {
     return;
   }
   last_ = now;
