@@ -35,6 +35,8 @@ using google::protobuf::Reflection;
 // protobuf's own JSON parser stops at 100 levels; far more than any of our files needs.
 constexpr size_t kMaxDepth = 64;
 
+struct JsonMember;
+
 // A JSON value that, unlike nlohmann::json, keeps duplicate keys.
 struct JsonNode {
   enum class Type { kNull, kBool, kInteger, kNumber, kString, kArray, kObject };
@@ -43,8 +45,13 @@ struct JsonNode {
   double number = 0;  // of kInteger and kNumber
   bool negative = false;
   uint64_t magnitude = 0;  // of kInteger
-  std::vector<std::pair<std::string, JsonNode>> members;
+  std::vector<JsonMember> members;
   std::vector<JsonNode> elements;
+};
+
+struct JsonMember {
+  std::string key;
+  JsonNode value;
 };
 
 struct TextPosition {
@@ -137,8 +144,8 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
       return &root;
     }
     if (open_.back()->type == JsonNode::Type::kObject) {
-      open_.back()->members.emplace_back(std::move(key_), std::move(node));
-      return &open_.back()->members.back().second;
+      open_.back()->members.push_back({std::move(key_), std::move(node)});
+      return &open_.back()->members.back().value;
     }
     open_.back()->elements.push_back(std::move(node));
     return &open_.back()->elements.back();

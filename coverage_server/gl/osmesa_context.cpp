@@ -1,5 +1,9 @@
+// clang-format off
 // First: glcorearb.h leaves out types that gl.h (through osmesa.h) would have claimed.
+#include "coverage_server/gl/gl_context.h"
+
 #include <GL/osmesa.h>
+// clang-format on
 
 #include <array>
 #include <cstdint>
@@ -8,7 +12,6 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "coverage_server/gl/gl_context.h"
 
 namespace sightline {
 namespace {
