@@ -107,17 +107,19 @@ ProbesInView(const FloatScan& f, const FastEvaluator::TargetProbes& p) {
   return in_view;
 }
 
-// True if a measurement point falls within the coverage radius on the target's tangent plane, near
-// a probe that was seen (the plane may go on where the surface ends). Lit
-// stage position s and image column u are both functions on the surface; measurement points are
-// where s is a multiple of the step and u is the centre of a column. With t along the lit line and
-// q across it, a frame d away along q has its points at u(d) + multiples of one column along t.
-bool GridCovers(const FloatScan& f, const Eigen::Vector3f& point, const Eigen::Vector3f& normal,
-                float stage, const FastEvaluator::TargetProbes& probes, uint8_t seen) {
+// True if `accept` takes one of the measurement points within a radius of `point` on its tangent
+// plane. Lit stage position s and image column u are both functions on the surface; measurement
+// points are where s is a multiple of the step and u is the centre of a column. With t along the
+// lit line and q across it, a frame d away along q has its points at u(d) + multiples of one column
+// along t.
+template <typename Accept>
+bool HasGridPoint(const FloatScan& f, const Eigen::Vector3f& point, const Eigen::Vector3f& normal,
+                  float radius_squared, const Accept& accept) {
   const Eigen::Vector3f h(f.hx, f.hy, f.hz), gradient(f.gx, f.gy, f.gz), scan(f.sx, f.sy, f.sz);
   const Eigen::Vector3f e(f.ex, f.ey, f.ez), w(f.wx, f.wy, f.wz);
   const Eigen::Vector3f along = h.cross(normal);
   const float length = along.norm();
+  const float stage = gradient.dot(point) + f.lit_offset;
   if (length < 1e-4f) return false;  // the sheet touches the surface: no line
   const Eigen::Vector3f t = along / length, q = normal.cross(t);
   const Eigen::Vector3f camera = Eigen::Vector3f(f.cx, f.cy, f.cz) - stage * scan;
@@ -137,7 +139,7 @@ bool GridCovers(const FloatScan& f, const Eigen::Vector3f& point, const Eigen::V
   for (int i = 0; i < kMaxFrames; ++i) {
     const float frame = nearest + static_cast<float>(i % 2 == 0 ? -(i / 2) : (i + 1) / 2);
     const float across = (frame * f.step - stage) * inverse_across;
-    const float rest = f.radius_squared - across * across;
+    const float rest = radius_squared - across * across;
     if (rest < 0) {
       if (i % 2 == 0) break;  // both neighbours at this distance are too far
       continue;
@@ -145,15 +147,32 @@ bool GridCovers(const FloatScan& f, const Eigen::Vector3f& point, const Eigen::V
     const float column = u + u_across * across;
     const float off_centre = column - Round(column);
     if (off_centre * off_centre > rest * u_along_squared) continue;
-    const Eigen::Vector3f measured = point + across * q - off_centre / u_along * t;
-    // Probes are so close that every point of the disc is within half the radius of one.
-    for (int k = 0; k < kProbesPerTarget; ++k) {
-      if (!((seen >> k) & 1)) continue;
-      const Eigen::Vector3f probe(probes.x[k], probes.y[k], probes.z[k]);
-      if ((probe - measured).squaredNorm() <= 0.25f * f.radius_squared) return true;
-    }
+    if (accept(Eigen::Vector3f(point + across * q - off_centre / u_along * t))) return true;
   }
   return false;
+}
+
+// True if a measurement point covers the target: near a probe that was `seen`, since the tangent
+// plane goes on where the surface ends, and where the surface is curved also on the probe's plane.
+// Probes are so close that every point of the disc is within half its radius of one.
+bool GridCovers(const FloatScan& f, const FastEvaluator::TargetProbes& probes, bool flat,
+                uint8_t seen) {
+  const auto probe = [&](int k) { return Eigen::Vector3f(probes.x[k], probes.y[k], probes.z[k]); };
+  const auto normal = [&](int k) {
+    return Eigen::Vector3f(probes.nx[k], probes.ny[k], probes.nz[k]);
+  };
+  const float near_squared = 0.25f * f.radius_squared;
+  return HasGridPoint(
+      f, probe(0), normal(0), f.radius_squared, [&](const Eigen::Vector3f& measured) {
+        for (int k = 0; k < kProbesPerTarget; ++k) {
+          if (!((seen >> k) & 1) || (probe(k) - measured).squaredNorm() > near_squared) continue;
+          if (flat || HasGridPoint(f, probe(k), normal(k), near_squared,
+                                   [](const Eigen::Vector3f&) { return true; })) {
+            return true;
+          }
+        }
+        return false;
+      });
 }
 
 inline int32_t OctahedralCell(float x, float y, float z, int side) {
@@ -305,12 +324,9 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
       const TargetProbes& probes = probes_[b * kTargetsPerBlock + i];
       if (lanes.border[i]) seen &= ProbesInView(floats[pending.query], probes);
       if (seen == 0) continue;
-      if (lanes.sparse[i]) {
-        const Block& block = blocks_[b];
-        if (!GridCovers(floats[pending.query], {block.x[i], block.y[i], block.z[i]},
-                        {block.nx[i], block.ny[i], block.nz[i]}, lanes.stage[i], probes, seen)) {
-          continue;
-        }
+      if (lanes.sparse[i] &&
+          !GridCovers(floats[pending.query], probes, blocks_[b].horizon[i] == 0, seen)) {
+        continue;
       }
       bits |= uint64_t{1} << i;
       low = std::min(low, lanes.stage[i]);

@@ -7,6 +7,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
+#include "core/part/part_health_proto.h"
 #include "coverage_server/service/job_service.h"
 #include "proto/status/rpc_status.h"
 
@@ -37,28 +38,6 @@ v1::Feasibility FeasibilityToProto(Feasibility feasibility) {
       return v1::FEASIBILITY_OUT_OF_BOUNDS;
   }
   return v1::FEASIBILITY_UNSPECIFIED;
-}
-
-v1::PartHealth HealthToProto(const PartHealth& health) {
-  v1::PartHealth message;
-  message.set_triangle_count(health.triangle_count);
-  message.set_vertex_count(health.vertex_count);
-  message.set_area_m2(health.area_m2);
-  auto* box = message.mutable_bounding_box_m();
-  box->set_min_x_m(health.bounding_box_m.min().x());
-  box->set_min_y_m(health.bounding_box_m.min().y());
-  box->set_min_z_m(health.bounding_box_m.min().z());
-  box->set_max_x_m(health.bounding_box_m.max().x());
-  box->set_max_y_m(health.bounding_box_m.max().y());
-  box->set_max_z_m(health.bounding_box_m.max().z());
-  message.set_open_edge_count(health.open_edge_count);
-  message.set_non_manifold_edge_count(health.non_manifold_edge_count);
-  message.set_degenerate_triangle_count(health.degenerate_triangle_count);
-  message.set_duplicate_triangle_count(health.duplicate_triangle_count);
-  message.set_component_count(health.component_count);
-  message.set_flipped_component_count(health.flipped_component_count);
-  for (const std::string& finding : health.findings) message.add_findings(finding);
-  return message;
 }
 
 v1::Vector3 VectorToProto(const Eigen::Vector3d& vector) {
@@ -196,7 +175,7 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
   auto part = std::make_shared<StoredPart>();
   part->mesh = *std::move(mesh);
   part->health = CheckPartHealth(part->mesh);
-  *response->mutable_health() = HealthToProto(part->health);
+  *response->mutable_health() = PartHealthToProto(part->health);
   absl::StatusOr<std::string> digest = p_.registry->AddPart(part);
   if (!digest.ok()) return digest.status();
   response->set_part_digest(*digest);

@@ -386,6 +386,8 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
       int state = 0;
       if (waitpid(workers[i], &state, WNOHANG) == workers[i]) {
         worker_failed |= !WIFEXITED(state) || WEXITSTATUS(state) != 0;
+        // What it had taken is lost: stop the others too.
+        if (worker_failed) job.cancelled.store(1);
         workers.erase(workers.begin() + static_cast<ptrdiff_t>(i));
       } else {
         ++i;
@@ -397,7 +399,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
     if (absl::Status status = RenderFieldTiles(job, field->mutable_data()); !status.ok())
       return status;
   }
-  if (job.cancelled.load()) return absl::CancelledError("visibility field");
+  if (!worker_failed && job.cancelled.load()) return absl::CancelledError("visibility field");
   if (worker_failed || job.directions_done.load() != total) {
     return absl::InternalError(
         absl::StrCat("a visibility field worker died: ", job.directions_done.load(), " of ", total,

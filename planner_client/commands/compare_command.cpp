@@ -52,6 +52,9 @@ StrategyComparison::Scans Summarise(std::vector<int> counts) {
 
 int RunCompare(CompareOptions& options) {
   const std::atomic<bool>& interrupted = InterruptFlag();
+  for (const std::string& strategy : options.strategies) {
+    if (absl::Status status = CheckStrategy(strategy); !status.ok()) return ReportError(status);
+  }
   auto session = OpenSession(options.session);
   if (!session.ok()) return ReportError(session.status());
   std::sort(options.goals.begin(), options.goals.end());

@@ -58,15 +58,8 @@ int RunPlan(PlanOptions& options) {
   PlannerRequest request;
   if (absl::Status status = ReadGivenScans(options, request); !status.ok())
     return ReportError(status);
-  bool known = false;
-  for (const StrategyDescription& strategy : Strategies())
-    known |= strategy.name == options.strategy;
-  if (!known) {
-    std::string names;
-    for (const StrategyDescription& strategy : Strategies())
-      absl::StrAppend(&names, names.empty() ? "" : ", ", strategy.name);
-    return ReportError(absl::InvalidArgumentError(
-        absl::StrCat("--strategy: \"", options.strategy, "\" is not one of ", names)));
+  if (absl::Status status = CheckStrategy(options.strategy); !status.ok()) {
+    return ReportError(status);
   }
   const auto start = std::chrono::steady_clock::now();
   auto session = OpenSession(options.session);

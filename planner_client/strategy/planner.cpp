@@ -79,11 +79,14 @@ const std::vector<StrategyDescription>& Strategies() {
   return strategies;
 }
 
+absl::Status CheckStrategy(const std::string& name) {
+  const bool known = std::any_of(Strategies().begin(), Strategies().end(),
+                                 [&](const auto& strategy) { return strategy.name == name; });
+  return known ? absl::OkStatus() : UnknownStrategy(name);
+}
+
 absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest& request) {
-  if (std::none_of(Strategies().begin(), Strategies().end(),
-                   [&](const auto& strategy) { return strategy.name == request.strategy; })) {
-    return UnknownStrategy(request.strategy);
-  }
+  if (auto status = CheckStrategy(request.strategy); !status.ok()) return status;
   if (auto status = CheckRequest(request); !status.ok()) return status;
 
   PlanRun run(oracle, request);

@@ -60,6 +60,9 @@ struct StrategyDescription {
 };
 const std::vector<StrategyDescription>& Strategies();
 
+// INVALID_ARGUMENT for an unknown name; says which known one is nearest.
+absl::Status CheckStrategy(const std::string& name);
+
 // INVALID_ARGUMENT for an unknown strategy (names the nearest) or a locked scan outside its hard
 // limits; errors of the oracle are passed on. On interruption returns what is planned so far.
 absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest& request);
