@@ -50,7 +50,7 @@ Command AddEvaluateCommand(CLI::App& app) {
     if (!given.ok()) return ReportError(given.status());
     auto session = OpenSession(options->session);
     if (!session.ok()) return ReportError(session.status());
-    options->output.timings.push_back({"cold start in all", session->open_time_s});
+    options->output.timings.push_back({"loading and visibility data", session->open_time_s});
     auto exact = session->client->ExactCoverage(given->all);
     if (!exact.ok()) return ReportError(exact.status());
     auto fast = session->client->FastCoverage(given->all);

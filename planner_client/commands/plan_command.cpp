@@ -69,7 +69,9 @@ int RunPlan(PlanOptions& options) {
   timings.push_back({"target points", scene.targets_time_s});
   timings.push_back({"visibility data", scene.field_time_s});
   timings.push_back({"measurability", scene.measurability_time_s});
-  timings.push_back({"cold start in all", session->open_time_s});
+  timings.push_back({"loading, upload and start of the server",
+                     session->open_time_s - scene.targets_time_s - scene.field_time_s -
+                         scene.measurability_time_s});
 
   if (options.goal) session->inspection.goal.coverage = *options.goal;
   if (options.max_scans) session->inspection.goal.max_scans = *options.max_scans;
