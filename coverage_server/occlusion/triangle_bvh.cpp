@@ -237,9 +237,9 @@ bool TriangleBvh::Occluded(const Eigen::Vector3f& from, const Eigen::Vector3f& t
   return Occluded(from, bundle, 1) != 0;
 }
 
-void TriangleBvh::VisitBox(const Eigen::AlignedBox3f& box,
-                           const std::function<void(uint32_t)>& visit) const {
-  if (triangles_.empty()) return;
+template <typename Visit>
+bool TriangleBvh::AnyInBox(const Eigen::AlignedBox3f& box, const Visit& visit) const {
+  if (triangles_.empty()) return false;
   uint32_t stack[64];
   int depth = 0;
   stack[depth++] = 0;
@@ -255,8 +255,63 @@ void TriangleBvh::VisitBox(const Eigen::AlignedBox3f& box,
       stack[depth++] = node.first + 1;
       continue;
     }
-    for (uint32_t i = node.first; i < node.first + node.count; ++i) visit(triangles_[i].index);
+    for (uint32_t i = node.first; i < node.first + node.count; ++i) {
+      if (visit(triangles_[i])) return true;
+    }
   }
+  return false;
+}
+
+void TriangleBvh::VisitBox(const Eigen::AlignedBox3f& box,
+                           const std::function<void(uint32_t)>& visit) const {
+  AnyInBox(box, [&](const Triangle& triangle) {
+    visit(triangle.index);
+    return false;
+  });
+}
+
+bool TriangleBvh::Touches(const TriangleBvh& other, const Eigen::Matrix3d& rotation,
+                          const Eigen::Vector3d& shift, const Eigen::Vector3d& half_sweep) const {
+  for (const Triangle& theirs : other.triangles_) {
+    const Eigen::Vector3d v =
+        rotation * Eigen::Vector3d(theirs.v[0], theirs.v[1], theirs.v[2]) + shift;
+    const Eigen::Vector3d e1 = rotation * Eigen::Vector3d(theirs.e1[0], theirs.e1[1], theirs.e1[2]);
+    const Eigen::Vector3d e2 = rotation * Eigen::Vector3d(theirs.e2[0], theirs.e2[1], theirs.e2[2]);
+    const Eigen::Vector3d swept[3] = {v, v + e1, v + e2};
+    const Eigen::Vector3d edges[4] = {e1, e2, e2 - e1, half_sweep};
+    Eigen::AlignedBox3f box;
+    for (const Eigen::Vector3d& corner : swept) {
+      box.extend((corner + half_sweep).cast<float>());
+      box.extend((corner - half_sweep).cast<float>());
+    }
+    const bool touches = AnyInBox(box, [&](const Triangle& ours) {
+      const Eigen::Vector3d w(ours.v[0], ours.v[1], ours.v[2]);
+      const Eigen::Vector3d f1(ours.e1[0], ours.e1[1], ours.e1[2]);
+      const Eigen::Vector3d f2(ours.e2[0], ours.e2[1], ours.e2[2]);
+      const Eigen::Vector3d still[3] = {w, w + f1, w + f2};
+      const auto separates = [&](const Eigen::Vector3d& axis) {
+        if (axis.squaredNorm() < 1e-24) return false;
+        double a, b, c, d;
+        TriangleSpan(swept, axis, a, b);
+        TriangleSpan(still, axis, c, d);
+        const double reach = std::abs(half_sweep.dot(axis));
+        return a - reach > d || b + reach < c;
+      };
+      // Facets of the swept triangle (a prism), the other triangle's plane, and pairs of edges.
+      if (separates(f1.cross(f2))) return false;
+      for (int i = 0; i < 4; ++i) {
+        for (int j = i + 1; j < 4; ++j) {
+          if (separates(edges[i].cross(edges[j]))) return false;
+        }
+        for (const Eigen::Vector3d& f : {f1, f2, Eigen::Vector3d(f2 - f1)}) {
+          if (separates(edges[i].cross(f))) return false;
+        }
+      }
+      return true;
+    });
+    if (touches) return true;
+  }
+  return false;
 }
 
 bool TriangleBvh::Overlaps(const Zonotope& solid) const {

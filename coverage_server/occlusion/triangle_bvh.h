@@ -46,6 +46,11 @@ class TriangleBvh {
   // True if a triangle touches the solid (separating axes, exact for triangles).
   bool Overlaps(const Zonotope& solid) const;
 
+  // True if a triangle of `other`, moved by x -> rotation x + shift and then anywhere between
+  // -half_sweep and +half_sweep, touches a triangle of this mesh (separating axes, exact).
+  bool Touches(const TriangleBvh& other, const Eigen::Matrix3d& rotation,
+               const Eigen::Vector3d& shift, const Eigen::Vector3d& half_sweep) const;
+
   const Eigen::AlignedBox3f& bounds() const { return bounds_; }
   size_t bytes() const;
 
@@ -62,6 +67,10 @@ class TriangleBvh {
     float v[3], e1[3], e2[3];
     uint32_t index;
   };
+
+  // Calls visit(triangle) for every triangle whose node meets the box, until it returns true.
+  template <typename Visit>
+  bool AnyInBox(const Eigen::AlignedBox3f& box, const Visit& visit) const;
 
   std::vector<Node> nodes_;
   std::vector<Triangle> triangles_;

@@ -64,6 +64,21 @@ bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3
   for (const Body& body : rig.laser_bodies) {
     if (body_hits(body, geometry.laser)) return true;
   }
+  // Obstacles that stand still, seen from the moving part.
+  const Eigen::Matrix3d to_part = geometry.part_rotation.transpose();
+  const Eigen::Vector3d middle =
+      geometry.part_offset_m + Eigen::Vector3d(0.5 * (stage_start_m + stage_end_m), 0, 0);
+  const Eigen::Vector3d half_sweep =
+      to_part * Eigen::Vector3d(0.5 * (stage_end_m - stage_start_m), 0, 0);
+  for (const Occluder& still : occluders) {
+    if (still.frame != ObstacleFrame::kWorld) continue;
+    for (const Occluder& moving : occluders) {
+      if (moving.frame != ObstacleFrame::kPart) continue;
+      if (moving.bvh.Touches(still.bvh, to_part, part_centre_m - to_part * middle, half_sweep)) {
+        return true;
+      }
+    }
+  }
   return false;
 }
 

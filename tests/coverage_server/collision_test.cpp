@@ -93,6 +93,37 @@ TEST(Collision, TravelIsSwept) {
   EXPECT_FALSE(Collides(s.rig, g, centre, still, -0.5, 0.5));
 }
 
+TEST(Collision, PartMayNotRunIntoWhatStandsStill) {
+  OverheadRig s;
+  s.rig.camera_bodies.clear();
+  s.measurement.part_alpha_rad = 0.4;
+  s.measurement.part_beta_rad = 1.1;
+  s.measurement.part_gamma_rad = 2.3;
+  s.measurement.offset_y_m = 0.07;
+  const ScanGeometry g = MakeScanGeometry(s.rig, s.measurement);
+  const Eigen::Vector3d centre(0.11, -0.2, 0.05);
+  const auto scene = [&](ObstacleFrame frame, double post_y_m) {
+    auto occluders =
+        WorldBox({-0.1, -0.05, -0.05}, {0.1, 0.05, 0.05}, ObstacleFrame::kPart, g, centre);
+    auto post = WorldBox({0.3, post_y_m, -0.2}, {0.32, post_y_m + 0.01, 0.2}, frame, g, centre);
+    occluders.push_back(std::move(post[0]));
+    return occluders;
+  };
+  const auto hits = [&](const std::vector<Occluder>& occluders, double start_m, double end_m) {
+    return Collides(s.rig, g, centre, occluders, start_m, end_m);
+  };
+  const auto still = scene(ObstacleFrame::kWorld, 0.0);
+  EXPECT_FALSE(hits(still, -0.5, 0.2 - kHair));
+  EXPECT_TRUE(hits(still, -0.5, 0.2 + kHair));
+  EXPECT_TRUE(hits(still, 0.2 + kHair, 0.2 + kHair));
+  // Passing through between two stops counts too; beside it there is room.
+  EXPECT_TRUE(hits(still, 0.0, 0.9));
+  EXPECT_FALSE(hits(still, 0.42 + kHair, 0.9));
+  EXPECT_FALSE(hits(scene(ObstacleFrame::kWorld, 0.05 + kHair), 0.0, 0.9));
+  // What travels along is never run into.
+  EXPECT_FALSE(hits(scene(ObstacleFrame::kStage, 0.0), 0.0, 0.9));
+}
+
 TEST(Collision, LaserBodyCounts) {
   OverheadRig s;
   s.rig.camera_bodies.clear();
