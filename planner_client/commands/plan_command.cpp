@@ -111,7 +111,7 @@ int RunPlan(PlanOptions& options) {
         *session->client, request.domain, goal, scans, options.bound_evaluations, options.seed,
         [&](const ScanCountBoundProgress& p) {
           progress.Show(static_cast<double>(p.evaluations) / static_cast<double>(p.budget),
-                        absl::StrFormat("lower bound: at least %.2f scans", p.bound));
+                        absl::StrFormat("lower bound so far: %.2f scans", p.bound));
         },
         &interrupted);
     progress.Finish();

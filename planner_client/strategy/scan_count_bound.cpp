@@ -184,9 +184,10 @@ class BoundSearch {
     result_.columns = static_cast<int64_t>(columns_.size());
     result_.scans = static_cast<int>(std::ceil(result_.bound - 1e-6));
     result_.statement = absl::StrFormat(
-        "At least %d scans (%.2f) are needed to cover %d of %d measurable targets, as far as the "
+        "%s%d scans (%.2f) are needed to cover %d of %d measurable targets, as far as the "
         "pricing search could find: ",
-        result_.scans, result_.bound, goal_targets_, measurable_.Count());
+        result_.converged ? "At least " : "Not a bound yet: some ", result_.scans, result_.bound,
+        goal_targets_, measurable_.Count());
     if (result_.converged) {
       absl::StrAppendFormat(
           &result_.statement,
