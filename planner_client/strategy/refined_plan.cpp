@@ -64,7 +64,8 @@ class RefinedPlanner {
       movable.push_back(scans_[plan[place]].measurement);
     }
     auto result = run_.Finish(movable, reason_);
-    if (result.ok() && result->coverage_curve.size() > 0 &&
+    // A search that was cut short says so, even if its plan happens to reach the goal.
+    if (status.ok() && result.ok() && result->coverage_curve.size() > 0 &&
         result->scans.back().exact.covered.size() > 0) {
       TargetBits covered(targets_);
       for (const ChosenScan& scan : result->scans) covered |= scan.exact.covered;
