@@ -10,73 +10,18 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/inspection/field_checks.h"
+#include "core/inspection/imaging.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 
 namespace sightline {
 namespace {
 
-double Radians(double degrees) { return degrees * std::numbers::pi / 180; }
-
-// Rounded to 1e-9 degrees if that is still the same angle: 30 degrees come back as 30, not as
-// 30.000000000000004, and a value at the end of its range stays inside it.
-double Degrees(double radians) {
-  const double degrees = radians * 180 / std::numbers::pi;
-  const double rounded = std::round(degrees * 1e9) / 1e9;
-  return Radians(rounded) == radians ? rounded : degrees;
-}
-
-// Allowed range of a number in the unit of its field.
-struct Limits {
-  double min, max;
-  const char* unit;  // "" or with a leading space
-  bool min_open = false, max_open = false;
-
-  bool Contains(double value) const {
-    // NaN fails every comparison.
-    return (min_open ? value > min : value >= min) && (max_open ? value < max : value <= max);
-  }
-  std::string ToString() const {
-    return absl::StrCat(min_open ? "(" : "[", NumberText(min), ", ", NumberText(max),
-                        max_open ? ")" : "]", unit);
-  }
-};
-
 constexpr double kLargest = 1e9;  // stands for "no upper limit" where only the sign matters
-
-// Puts file and field into every message.
-class Checker {
- public:
-  explicit Checker(std::string context) : context_(std::move(context)) {}
-
-  absl::Status Error(const std::string& path, const std::string& reason) const {
-    return absl::InvalidArgumentError(
-        absl::StrCat(context_.empty() ? "" : absl::StrCat(context_, ": "), path, " ", reason));
-  }
-  absl::Status Range(const std::string& path, double value, const Limits& limits) const {
-    if (limits.Contains(value)) return absl::OkStatus();
-    return Error(path, absl::StrCat("is ", NumberText(value), ", must be in ", limits.ToString()));
-  }
-
- private:
-  std::string context_;
-};
-
-#define SIGHTLINE_RETURN_IF_ERROR(expression)                               \
-  do {                                                                      \
-    if (absl::Status status_ = (expression); !status_.ok()) return status_; \
-  } while (false)
 
 // --- rig, camera, lens, laser -------------------------------------------------------------------
 
-constexpr Limits kPixels{16, 16384, " px"};
-constexpr Limits kFieldOfView{0, 170, " deg", true, true};
-constexpr Limits kPixelPitch{1e-7, 1e-3, " m"};
-// The camera may come as near as 0.1 m to the plane it is focused on.
-constexpr Limits kFocalLength{1e-3, 0.1, " m", false, true};
-constexpr Limits kFNumber{0.5, 128, ""};
-constexpr Limits kLaserDistance{0.02, 5, " m"};
-constexpr Limits kFanAngle{0, 180, " deg", true, true};
 constexpr Limits kScanStep{1e-5, 0.1, " m"};
 constexpr Limits kStageTravel{0, 20, " m", true};
 constexpr Limits kMaxRange{0, 100, " m", true};
@@ -294,12 +239,6 @@ absl::Status CheckMeshFile(const Checker& check, const std::string& path, const 
   return absl::OkStatus();
 }
 
-std::string Resolve(const std::string& base_folder, const std::string& file) {
-  const std::filesystem::path path(file);
-  if (path.is_absolute()) return path.lexically_normal().string();
-  return (std::filesystem::path(base_folder) / path).lexically_normal().string();
-}
-
 absl::StatusOr<PlanningGoal> ParseGoal(const v1::PlanningGoal& message, const Checker& check) {
   PlanningGoal goal;
   if (message.has_coverage()) goal.coverage = message.coverage();
@@ -380,36 +319,17 @@ absl::StatusOr<Rig> ParseRig(const v1::Rig& message, const v1::Camera& camera, c
                              const v1::Laser& laser, const std::string& context) {
   const Checker check(context);
   Rig rig;
-  if (camera.has_columns_px()) rig.camera.columns_px = camera.columns_px();
-  if (camera.has_rows_px()) rig.camera.rows_px = camera.rows_px();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("camera.columns_px", rig.camera.columns_px, kPixels));
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("camera.rows_px", rig.camera.rows_px, kPixels));
-  if (camera.has_vertical_fov_deg()) {
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("camera.vertical_fov_deg", camera.vertical_fov_deg(), kFieldOfView));
-    rig.camera.vertical_fov_rad = Radians(camera.vertical_fov_deg());
-  }
-  if (camera.has_pixel_pitch_m()) {
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("camera.pixel_pitch_m", camera.pixel_pitch_m(), kPixelPitch));
-    rig.camera.pixel_pitch_m = camera.pixel_pitch_m();
-  }
   if (lens != nullptr) {
-    if (!lens->has_focal_length_m()) return check.Error("lens.focal_length_m", "is missing");
-    if (!lens->has_f_number()) return check.Error("lens.f_number", "is missing");
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("lens.focal_length_m", lens->focal_length_m(), kFocalLength));
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.f_number", lens->f_number(), kFNumber));
-    rig.lens = Lens{lens->focal_length_m(), lens->f_number()};
+    absl::StatusOr<Lens> parsed = ParseLens(*lens, context);
+    if (!parsed.ok()) return parsed.status();
+    rig.lens = *std::move(parsed);
   }
-  if (laser.has_distance_m()) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("laser.distance_m", laser.distance_m(), kLaserDistance));
-    rig.laser.distance_m = laser.distance_m();
-  }
-  if (laser.has_fan_angle_deg()) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("laser.fan_angle_deg", laser.fan_angle_deg(), kFanAngle));
-    rig.laser.fan_angle_rad = Radians(laser.fan_angle_deg());
-  }
+  absl::StatusOr<Camera> parsed_camera = ParseCamera(camera, rig.lens, context);
+  if (!parsed_camera.ok()) return parsed_camera.status();
+  rig.camera = *parsed_camera;
+  absl::StatusOr<Laser> parsed_laser = ParseLaser(laser, context);
+  if (!parsed_laser.ok()) return parsed_laser.status();
+  rig.laser = *parsed_laser;
   if (message.has_scan_step_m()) rig.scan_step_m = message.scan_step_m();
   SIGHTLINE_RETURN_IF_ERROR(check.Range("rig.scan_step_m", rig.scan_step_m, kScanStep));
   if (message.has_stage_travel_m()) rig.stage_travel_m = message.stage_travel_m();
@@ -486,15 +406,17 @@ absl::Status CheckLimitInputs(const Rig& rig, const TargetSampling& sampling,
   return absl::OkStatus();
 }
 
-absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& message,
-                                           const std::string& context,
+absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const std::string& context,
                                            const std::string& base_folder) {
+  absl::StatusOr<v1::Inspection> inlined = InlineInspectionFiles(given, context, base_folder);
+  if (!inlined.ok()) return inlined.status();
+  const v1::Inspection& message = *inlined;
   const Checker check(context);
   Inspection inspection;
   inspection.name = message.name();
   SIGHTLINE_RETURN_IF_ERROR(
       CheckMeshFile(check, "part", message.part().file(), message.part().unit()));
-  inspection.part_file = Resolve(base_folder, message.part().file());
+  inspection.part_file = message.part().file();
   inspection.part_unit = message.part().unit();
 
   absl::StatusOr<Rig> rig =
@@ -516,8 +438,7 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& message,
     const v1::Obstacle& obstacle = message.obstacles(i);
     const std::string path = absl::StrCat("obstacles[", i, "]");
     SIGHTLINE_RETURN_IF_ERROR(CheckMeshFile(check, path, obstacle.file(), obstacle.unit()));
-    ObstacleSource source{obstacle.name(), Resolve(base_folder, obstacle.file()), obstacle.unit(),
-                          ObstacleFrame::kPart};
+    ObstacleSource source{obstacle.name(), obstacle.file(), obstacle.unit(), ObstacleFrame::kPart};
     switch (obstacle.frame()) {
       case v1::Obstacle::FRAME_PART:
         source.frame = ObstacleFrame::kPart;
@@ -541,6 +462,7 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& message,
   absl::StatusOr<CostModel> costs = ParseCosts(message.costs(), check);
   if (!costs.ok()) return costs.status();
   inspection.costs = *costs;
+  SIGHTLINE_RETURN_IF_ERROR(ParseImaging(message, context, &inspection));
   return inspection;
 }
 
@@ -623,7 +545,5 @@ v1::TargetSampling TargetSamplingToProto(const TargetSampling& sampling) {
   }
   return message;
 }
-
-#undef SIGHTLINE_RETURN_IF_ERROR
 
 }  // namespace sightline

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -10,6 +11,7 @@
 #include "absl/status/statusor.h"
 #include "core/rig/measurement.h"
 #include "core/rig/rig.h"
+#include "core/sensor/sensor.h"
 #include "core/targets/target_set.h"
 #include "sightline/v1/inspection.pb.h"
 
@@ -73,6 +75,33 @@ struct CostModel {
   bool IsUnit() const;
 };
 
+// Which material a surface of the part has.
+struct MaterialChoice {
+  std::string part_material;  // name in the part file; empty: every surface not named elsewhere
+  v1::Material material;      // file names are resolved; its numbers are checked by the renderer
+};
+
+// How images are made (see render.proto).
+struct RenderSettings {
+  double exposure_time_s = 0.01;
+  int64_t seed = 1;
+  int sub_pixels = 0;  // per pixel and axis; 0: what the pupil needs
+  double noise_target_relative = 0.01;
+  int max_samples_per_px = 4096;
+  int max_bounces = 4;
+  bool laser_interreflection = true;
+  double stage_speed_m_per_s = 0;
+  std::optional<double> sensor_temperature_c;  // unset: reference temperature of the dark current
+  int speckle_patterns = 1;
+  bool speckle = true;
+};
+
+// A physical effect of the renderer's vocabulary, which checks ids, names and bounds.
+struct EffectChoice {
+  std::string id;
+  std::map<std::string, double> parameters;
+};
+
 struct Inspection {
   std::string name;
   std::string part_file;  // resolved against the inspection file's folder
@@ -83,12 +112,27 @@ struct Inspection {
   std::vector<ObstacleSource> obstacles;
   PlanningGoal goal;
   CostModel costs;
+  // What images are made with; planning does not read these.
+  std::optional<Sensor> sensor;
+  std::vector<MaterialChoice> materials;
+  v1::Lighting lighting;  // radiances and places are checked, spectra by the renderer
+  RenderSettings render;
+  std::vector<EffectChoice> effects;
 };
 
 // Reads and validates an inspection file. INVALID_ARGUMENT names file, field path, value and
 // allowed range; unknown fields are errors that name the nearest known one. NOT_FOUND: no such
 // file.
 absl::StatusOr<Inspection> ReadInspection(const std::string& path);
+
+// The same inspection without camera and material files: their contents are in the message, all
+// other file names resolved against `base_folder` (those in a material file: against its folder).
+absl::StatusOr<v1::Inspection> InlineInspectionFiles(const v1::Inspection& message,
+                                                     const std::string& context,
+                                                     const std::string& base_folder);
+
+// File names inside a material: tables and height field. Those that are empty are left out.
+std::vector<std::string*> MutableMaterialFiles(v1::Material* material);
 
 // Validates a message; `context` (e.g. the file name) starts every error message. File paths are
 // resolved against `base_folder`.

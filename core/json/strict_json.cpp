@@ -15,6 +15,7 @@
 #include <cstdio>
 #include <cstring>
 #include <limits>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <utility>
 #include <vector>
@@ -280,7 +281,7 @@ class Walker {
   absl::Status CheckField(const JsonNode& node, const FieldDescriptor& field,
                           const std::string& path) {
     if (!field.is_repeated()) return CheckValue(node, field, path);
-    if (field.is_map()) return Error(path, "maps are not supported");
+    if (field.is_map()) return CheckMap(node, field, path);
     if (node.type != JsonNode::Type::kArray) return Expected(path, "an array", node);
     for (size_t i = 0; i < node.elements.size(); ++i) {
       if (absl::Status status =
@@ -288,6 +289,23 @@ class Walker {
           !status.ok()) {
         return status;
       }
+    }
+    return absl::OkStatus();
+  }
+
+  // Keys are strings; that is all our messages need.
+  absl::Status CheckMap(const JsonNode& node, const FieldDescriptor& field,
+                        const std::string& path) {
+    if (node.type != JsonNode::Type::kObject) return Expected(path, "an object", node);
+    std::vector<std::string> seen;
+    for (const auto& [key, value] : node.members) {
+      const std::string entry = absl::StrCat(path, ".", key);
+      if (std::find(seen.begin(), seen.end(), key) != seen.end()) {
+        return Error(Shorten(entry), "given twice");
+      }
+      seen.push_back(key);
+      absl::Status status = CheckValue(value, *field.message_type()->map_value(), Shorten(entry));
+      if (!status.ok()) return status;
     }
     return absl::OkStatus();
   }
@@ -451,6 +469,26 @@ void AppendValue(const Message& message, const FieldDescriptor& field, int index
   }
 }
 
+// Ordered by key: the same message gives the same bytes.
+void AppendMap(const Message& message, const FieldDescriptor& field, int indent, std::string* out) {
+  const Reflection& reflection = *message.GetReflection();
+  const FieldDescriptor& key = *field.message_type()->map_key();
+  const FieldDescriptor& value = *field.message_type()->map_value();
+  std::map<std::string, const Message*> entries;
+  for (int i = 0; i < reflection.FieldSize(message, &field); ++i) {
+    const Message& entry = reflection.GetRepeatedMessage(message, &field, i);
+    entries[entry.GetReflection()->GetString(entry, &key)] = &entry;
+  }
+  const std::string margin(static_cast<size_t>(indent) + 2, ' ');
+  out->append("{");
+  for (auto entry = entries.begin(); entry != entries.end(); ++entry) {
+    absl::StrAppend(out, entry == entries.begin() ? "\n" : ",\n", margin, StringText(entry->first),
+                    ": ");
+    AppendValue(*entry->second, value, -1, indent + 2, out);
+  }
+  absl::StrAppend(out, "\n", std::string(static_cast<size_t>(indent), ' '), "}");
+}
+
 void AppendMessage(const Message& message, int indent, std::string* out) {
   std::vector<const FieldDescriptor*> fields;
   message.GetReflection()->ListFields(message, &fields);  // in order of field numbers
@@ -465,6 +503,10 @@ void AppendMessage(const Message& message, int indent, std::string* out) {
     absl::StrAppend(out, i == 0 ? "\n" : ",\n", margin, "\"", field.name(), "\": ");
     if (!field.is_repeated()) {
       AppendValue(message, field, -1, indent + 2, out);
+      continue;
+    }
+    if (field.is_map()) {
+      AppendMap(message, field, indent + 2, out);
       continue;
     }
     // Numbers on one line, messages one below the other.

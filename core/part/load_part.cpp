@@ -151,6 +151,11 @@ absl::StatusOr<TriangleMesh> Finish(const RawMesh& raw, double metres_per_unit) 
     }
     mesh.triangles.push_back(out);
   }
+  // A file that names no material at all has none.
+  if (raw.material_names != std::vector<std::string>{""}) {
+    mesh.triangle_material = raw.triangle_material;
+    mesh.material_names = raw.material_names;
+  }
   const double extent_m = mesh.BoundingBox().sizes().maxCoeff();
   if (extent_m > kLargestPart_m) {
     return absl::InvalidArgumentError(

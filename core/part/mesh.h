@@ -14,6 +14,9 @@ namespace sightline {
 struct TriangleMesh {
   std::vector<Eigen::Vector3f> positions_m;
   std::vector<std::array<uint32_t, 3>> triangles;
+  // Index into material_names for every triangle; empty if the file names no materials.
+  std::vector<uint16_t> triangle_material;
+  std::vector<std::string> material_names;
 
   // Of all vertices. Empty box for an empty mesh.
   Eigen::AlignedBox3d BoundingBox() const;
@@ -27,6 +30,7 @@ struct TriangleMesh {
 };
 
 // SHA-256 (lower-case hex) of the mesh's canonical bytes: vertex count, positions, triangles.
+// Materials do not count: they change images, not coverage.
 std::string PartDigest(const TriangleMesh& mesh);
 
 }  // namespace sightline

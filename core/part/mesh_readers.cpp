@@ -21,6 +21,19 @@ constexpr size_t kMaxEarPolygon = 4096;
 
 }  // namespace
 
+void RawMesh::SetMaterialOfNewTriangles(const std::string& name) {
+  if (triangle_material.size() == triangles.size()) return;
+  auto found = std::find(material_names.begin(), material_names.end(), name);
+  if (found == material_names.end()) {
+    // More names than an index can tell apart: the rest has no material of its own.
+    constexpr size_t kMaxMaterials = 65'535;
+    if (material_names.size() >= kMaxMaterials) material_names.back().clear();
+    if (material_names.size() < kMaxMaterials) material_names.push_back(name);
+    found = material_names.end() - 1;
+  }
+  triangle_material.resize(triangles.size(), static_cast<uint16_t>(found - material_names.begin()));
+}
+
 std::string_view TextScanner::WordInLine() {
   while (position_ < text_.size() && IsSpace(text_[position_])) ++position_;
   const size_t start = position_;

@@ -24,6 +24,12 @@ namespace sightline {
 struct RawMesh {
   std::vector<Eigen::Vector3d> positions;
   std::vector<std::array<uint32_t, 3>> triangles;
+  // Index into material_names of every triangle. Empty without materials.
+  std::vector<uint16_t> triangle_material;
+  std::vector<std::string> material_names;
+
+  // Gives all triangles added since the last call this material; "" for none.
+  void SetMaterialOfNewTriangles(const std::string& name);
 };
 
 // A mesh above this many triangles is refused.

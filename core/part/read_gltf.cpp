@@ -297,6 +297,9 @@ class Converter {
     } else {
       for (size_t i = 1; i + 1 < v.size(); ++i) add(v[i], v[i + 1], v[0]);
     }
+    const bool has_material = primitive.material >= 0 &&
+                              static_cast<size_t>(primitive.material) < model_.materials.size();
+    mesh_.SetMaterialOfNewTriangles(has_material ? model_.materials[primitive.material].name : "");
     return absl::OkStatus();
   }
 

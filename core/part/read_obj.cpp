@@ -1,5 +1,5 @@
-// Wavefront OBJ: vertices and faces; names, groups, materials, normals and texture coordinates are
-// of no concern here, lines and points are no surface.
+// Wavefront OBJ: vertices, faces and the names of their materials; other names, groups, normals and
+// texture coordinates are of no concern here, lines and points are no surface.
 #include <algorithm>
 #include <array>
 
@@ -9,14 +9,15 @@
 namespace sightline {
 
 absl::StatusOr<RawMesh> ReadObj(std::string_view bytes) {
-  static constexpr std::array<std::string_view, 18> kIgnored = {
-      "vn", "vt", "vp",     "o",      "g",     "s",        "mg",       "usemtl", "mtllib",
-      "l",  "p",  "usemap", "maplib", "bevel", "c_interp", "d_interp", "lod",    "shadow_obj"};
+  static constexpr std::array<std::string_view, 17> kIgnored = {
+      "vn", "vt",     "vp",     "o",     "g",        "s",        "mg",  "mtllib",    "l",
+      "p",  "usemap", "maplib", "bevel", "c_interp", "d_interp", "lod", "shadow_obj"};
   static constexpr std::array<std::string_view, 5> kFreeForm = {"cstype", "deg", "curv", "curv2",
                                                                 "surf"};
   RawMesh mesh;
   TextScanner scanner(bytes);
   std::vector<uint32_t> corners;
+  std::string material;
   const auto error = [&](const std::string& reason) {
     return absl::InvalidArgumentError(absl::StrCat("line ", scanner.line(), ": ", reason));
   };
@@ -62,6 +63,9 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes) {
       if (corners.size() < 3) return error("truncated: a face needs at least 3 vertices");
       AddPolygon(corners, &mesh);
       if (mesh.triangles.size() > kMaxTriangles) return error("too many triangles");
+    } else if (keyword == "usemtl") {
+      mesh.SetMaterialOfNewTriangles(material);
+      material = std::string(next_word());
     } else if (std::find(kFreeForm.begin(), kFreeForm.end(), keyword) != kFreeForm.end()) {
       return error(absl::StrCat("free-form geometry (\"", Excerpt(keyword),
                                 "\") is not supported: export the part as triangles"));
@@ -69,6 +73,7 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes) {
       return error(absl::StrCat("unknown keyword \"", Excerpt(keyword), "\""));
     }
   } while (scanner.NextLine());
+  mesh.SetMaterialOfNewTriangles(material);
   return mesh;
 }
 

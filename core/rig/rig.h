@@ -20,16 +20,47 @@ struct Camera {
   double FocalLengthPx() const;
 };
 
-// Thin lens focused on the origin of the rig.
+// Brown-Conrady distortion in normalised image coordinates (x/z, y/z): radial 1 + k1 r^2 + k2 r^4 +
+// k3 r^6, tangential p1, p2. All zero: none.
+struct Distortion {
+  double k1 = 0, k2 = 0, k3 = 0, p1 = 0, p2 = 0;
+
+  friend bool operator==(const Distortion&, const Distortion&) = default;
+};
+
+// Thin lens.
 struct Lens {
   double focal_length_m = 0.016;
   double f_number = 8;
+  // Distance on which it is focused; unset: the origin of the rig.
+  std::optional<double> focus_distance_m;
+  double transmission = 1;  // (0, 1]
+  // Aperture: 0 blades is a circle, else a regular polygon of the same area.
+  int aperture_blades = 0;
+  double aperture_rotation_rad = 0;
+  double obstruction_relative = 0;  // diameter of a central obstruction over that of the pupil
+  // Wavefront error as Zernike coefficients [m rms], Noll's index 1, 2, ...; normalised to the
+  // pupil.
+  std::vector<double> zernike_m;
+  Distortion distortion;
 };
 
+enum class LineProfile {
+  kPowell,    // uniform along the line
+  kGaussian,  // cylindrical lens: Gaussian along the line, 1/e^2 at the ends of the fan
+};
+
+// Laser line projector: a Gaussian beam spread into a fan (thesis eq. 5.1-5.4).
 struct Laser {
   // Distance from source to origin; unset: the camera distance of the measurement.
   std::optional<double> distance_m;
   double fan_angle_rad = 1.5707963267948966;  // 90 degrees, full angle
+  LineProfile line_profile = LineProfile::kPowell;
+  double wavelength_m = 661e-9;
+  double power_w = 0.023;              // all of it reaches the line
+  double divergence_rad = 0.24e-3;     // far-field half angle at 1/e^2, across the line
+  double beam_focus_distance_m = 0.9;  // projector to waist
+  double beam_quality_m2 = 1;          // waist m2 lambda / (pi divergence)
 };
 
 struct BoxBody {

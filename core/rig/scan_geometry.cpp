@@ -86,10 +86,11 @@ DepthInterval AdmissibleDepth(const Rig& rig, double camera_distance_m,
   if (max_pixel_footprint_m) depth.max_m = *max_pixel_footprint_m * rig.camera.FocalLengthPx();
   if (max_circle_of_confusion_px && rig.lens && rig.camera.pixel_pitch_m) {
     const double pupil_m = rig.lens->focal_length_m / rig.lens->f_number;
-    const double image_distance_m = 1 / (1 / rig.lens->focal_length_m - 1 / camera_distance_m);
+    const double focus_distance_m = rig.lens->focus_distance_m.value_or(camera_distance_m);
+    const double image_distance_m = 1 / (1 / rig.lens->focal_length_m - 1 / focus_distance_m);
     const double limit =
         *max_circle_of_confusion_px * *rig.camera.pixel_pitch_m / (pupil_m * image_distance_m);
-    const double focus = 1 / camera_distance_m;
+    const double focus = 1 / focus_distance_m;
     depth.min_m = std::max(depth.min_m, 1 / (focus + limit));
     if (focus > limit) depth.max_m = std::min(depth.max_m, 1 / (focus - limit));
   }

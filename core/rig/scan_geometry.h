@@ -56,7 +56,8 @@ SensorPose WorldToPart(const ScanGeometry& geometry, const Eigen::Vector3d& part
 
 // Depths z [m] along the optical axis that satisfy the optional limits on lateral resolution
 // (z / f_px <= max_pixel_footprint_m) and circle of confusion
-// (D b |1/z_focus - 1/z| <= c p, thin lens focused at the camera distance; cf. thesis eq. 5.5).
+// (D b |1/z_focus - 1/z| <= c p, thin lens focused at its focus distance, or at the camera distance
+// if it has none; cf. thesis eq. 5.5).
 struct DepthInterval {
   double min_m = 0;
   double max_m = std::numeric_limits<double>::infinity();

@@ -8,8 +8,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
-#include "coverage_server/service/job_service.h"
 #include "proto/status/rpc_status.h"
+#include "rpc_server/job_service.h"
 
 namespace sightline {
 namespace {

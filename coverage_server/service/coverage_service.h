@@ -3,18 +3,16 @@
 
 #include <atomic>
 
-#include "coverage_server/service/call_tracker.h"
 #include "coverage_server/service/coverage_backend.h"
+#include "coverage_server/service/coverage_metrics.h"
 #include "coverage_server/service/evaluation_pool.h"
 #include "coverage_server/service/query_validation.h"
 #include "coverage_server/service/scene_registry.h"
-#include "coverage_server/service/server_metrics.h"
+#include "rpc_server/call_tracker.h"
+#include "rpc_server/rpc_server.h"
 #include "sightline/v1/coverage_service.grpc.pb.h"
 
 namespace sightline {
-
-// Largest message either end accepts. Chunks of streams stay below 1 MiB.
-inline constexpr int kMaxMessageBytes = 64 << 20;
 
 class CoverageServiceImpl final : public v1::CoverageService::Service {
  public:
@@ -23,7 +21,7 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
     SceneRegistry* registry;
     EvaluationPool* pool;
     CallTracker* calls;
-    ServerMetrics* metrics;
+    CoverageMetrics* metrics;
     int64_t max_part_file_bytes;
   };
   explicit CoverageServiceImpl(Parts parts) : p_(std::move(parts)) {}

@@ -39,7 +39,7 @@ void Trim(Map* map, std::deque<std::string>* order) {
 
 }  // namespace
 
-SceneRegistry::SceneRegistry(CoverageBackend backend, JobStore* jobs, ServerMetrics* metrics,
+SceneRegistry::SceneRegistry(CoverageBackend backend, JobStore* jobs, CoverageMetrics* metrics,
                              int64_t max_part_bytes, int64_t max_scene_bytes)
     : backend_(std::move(backend)),
       jobs_(jobs),

@@ -12,9 +12,9 @@
 #include "core/part/part_health.h"
 #include "coverage_server/scene/coverage_scene.h"
 #include "coverage_server/service/coverage_backend.h"
-#include "coverage_server/service/lru_store.h"
+#include "coverage_server/service/coverage_metrics.h"
 #include "coverage_server/service/scene_spec.h"
-#include "coverage_server/service/server_metrics.h"
+#include "rpc_server/lru_store.h"
 #include "sightline/v1/coverage_service.pb.h"
 
 namespace sightline {
@@ -32,7 +32,7 @@ struct StoredScene {
 // Thread-safe. `jobs` must outlive it, but run no more jobs when it ends.
 class SceneRegistry {
  public:
-  SceneRegistry(CoverageBackend backend, JobStore* jobs, ServerMetrics* metrics,
+  SceneRegistry(CoverageBackend backend, JobStore* jobs, CoverageMetrics* metrics,
                 int64_t max_part_bytes, int64_t max_scene_bytes);
 
   // Returns the part's digest. RESOURCE_EXHAUSTED if it alone exceeds the limit.
@@ -54,7 +54,7 @@ class SceneRegistry {
 
   const CoverageBackend backend_;
   JobStore* const jobs_;
-  ServerMetrics* const metrics_;
+  CoverageMetrics* const metrics_;
   LruStore<StoredPart> parts_;
   LruStore<StoredScene> scenes_;
 

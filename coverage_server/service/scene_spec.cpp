@@ -96,7 +96,8 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
     }
     parsed.obstacles.push_back({obstacle.part_digest(), frame});
   }
-  parsed.field_directions = spec.has_field_directions() ? spec.field_directions() : kDefaultFieldDirections;
+  parsed.field_directions =
+      spec.has_field_directions() ? spec.field_directions() : kDefaultFieldDirections;
   const int root = static_cast<int>(std::lround(std::sqrt(std::max(0, parsed.field_directions))));
   if (parsed.field_directions < kMinFieldDirections ||
       parsed.field_directions > kMaxFieldDirections || root * root != parsed.field_directions) {
@@ -119,6 +120,9 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   if (parsed.rig.lens) {
     normalised.mutable_lens()->set_focal_length_m(parsed.rig.lens->focal_length_m);
     normalised.mutable_lens()->set_f_number(parsed.rig.lens->f_number);
+    if (parsed.rig.lens->focus_distance_m) {
+      normalised.mutable_lens()->set_focus_distance_m(*parsed.rig.lens->focus_distance_m);
+    }
   }
   *normalised.mutable_laser() = LaserToProto(parsed.rig.laser);
   normalised.mutable_laser()->set_fan_angle_deg(RoundDegrees(normalised.laser().fan_angle_deg()));

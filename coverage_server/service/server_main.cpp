@@ -1,158 +1,33 @@
 #include "coverage_server/service/server_main.h"
 
-#include <fcntl.h>
-#include <poll.h>
-#include <signal.h>
-#include <spdlog/sinks/stdout_sinks.h>
-#include <spdlog/spdlog.h>
-#include <unistd.h>
-
-#include <CLI/CLI.hpp>
-#include <atomic>
-#include <cerrno>
-#include <cstdio>
-#include <thread>
-
 #include "coverage_server/service/coverage_server.h"
+#include "rpc_server/server_main.h"
 
 namespace sightline {
-namespace {
-
-int signal_pipe[2] = {-1, -1};
-
-// A pipe instead of blocked signals: a blocked mask would be inherited by worker processes.
-extern "C" void OnSignal(int signal) {
-  const int saved_errno = errno;
-  const char byte = static_cast<char>(signal);
-  [[maybe_unused]] const ssize_t written = write(signal_pipe[1], &byte, 1);
-  errno = saved_errno;
-}
-
-bool InstallSignalHandlers() {
-  if (pipe2(signal_pipe, O_CLOEXEC | O_NONBLOCK) != 0) return false;
-  struct sigaction action {};
-  action.sa_handler = OnSignal;
-  action.sa_flags = SA_RESTART;
-  sigemptyset(&action.sa_mask);
-  sigaction(SIGTERM, &action, nullptr);
-  sigaction(SIGINT, &action, nullptr);
-  signal(SIGPIPE, SIG_IGN);
-  return true;
-}
-
-enum class StopCause { kSignal, kParentGone };
-
-// Waits for a signal or for the end of the parent, which holds the other end of `parent_fd`.
-StopCause WaitForStop(int parent_fd) {
-  while (true) {
-    pollfd fds[2] = {{signal_pipe[0], POLLIN, 0}, {parent_fd, POLLIN, 0}};
-    if (poll(fds, parent_fd >= 0 ? 2 : 1, -1) < 0) continue;
-    char byte;
-    if ((fds[0].revents & POLLIN) != 0 && read(signal_pipe[0], &byte, 1) == 1) {
-      return StopCause::kSignal;
-    }
-    if (parent_fd >= 0 && fds[1].revents != 0 && read(parent_fd, &byte, 1) <= 0 && errno != EINTR) {
-      return StopCause::kParentGone;
-    }
-  }
-}
-
-void StartLogging(const std::string& level) {
-  auto logger = spdlog::stderr_logger_mt("coverage_server");
-  // key=value all through, for machines.
-  logger->set_pattern("time=%Y-%m-%dT%H:%M:%S.%eZ level=%l pid=%P %v",
-                      spdlog::pattern_time_type::utc);
-  logger->set_level(spdlog::level::from_str(level));
-  logger->flush_on(spdlog::level::debug);
-  spdlog::set_default_logger(std::move(logger));
-}
-
-}  // namespace
 
 int CoverageServerMain(int argc, char** argv, const CoverageBackend& backend) {
   CoverageServerOptions options;
-  options.metrics_port = 0;
-  double drain_seconds = 30;
-  int parent_fd = -1;
-  std::string log_level = "info";
-  const auto add_bytes = [](CLI::App& app, const char* name, int64_t* value, const char* help) {
-    app.add_option(name, *value, help)
-        ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
-        ->check(CLI::Range(1.0, 1e15))
+  ServerProgram program;
+  program.name = "coverage_server";
+  program.description = "Coverage of parts by linear laser scans, served by gRPC.";
+  program.add_options = [&options](CLI::App& app) {
+    app.add_option("--threads", options.threads, "Queries at a time; 0: one per core")
+        ->check(CLI::Range(0, 1024));
+    app.add_option("--scene-workers", options.scene_workers, "Scenes built at a time")
+        ->check(CLI::Range(1, 64))
         ->capture_default_str();
+    AddBytesOption(app, "--max-part-bytes", &options.max_part_file_bytes, "Largest part file");
+    AddBytesOption(app, "--max-part-store-bytes", &options.max_part_store_bytes,
+                   "Memory for parts; the longest unused go first");
+    AddBytesOption(app, "--max-scene-bytes", &options.max_scene_bytes,
+                   "Memory for scenes; the longest unused go first");
   };
-
-  CLI::App app("Coverage of parts by linear laser scans, served by gRPC.", "coverage_server");
-  app.add_option("--listen", options.listen, "unix:PATH or HOST:PORT (port 0: any free one)")
-      ->required();
-  app.add_option("--threads", options.threads, "Queries at a time; 0: one per core")
-      ->check(CLI::Range(0, 1024));
-  app.add_option("--scene-workers", options.scene_workers, "Scenes built at a time")
-      ->check(CLI::Range(1, 64))
-      ->capture_default_str();
-  app.add_option("--max-call-threads", options.max_call_threads,
-                 "Calls at a time, streams included; more get RESOURCE_EXHAUSTED")
-      ->check(CLI::Range(8, 4096))
-      ->capture_default_str();
-  add_bytes(app, "--max-part-bytes", &options.max_part_file_bytes, "Largest part file");
-  add_bytes(app, "--max-part-store-bytes", &options.max_part_store_bytes,
-            "Memory for parts; the longest unused go first");
-  add_bytes(app, "--max-scene-bytes", &options.max_scene_bytes,
-            "Memory for scenes; the longest unused go first");
-  app.add_option("--metrics-port", options.metrics_port, "Prometheus metrics at /metrics; 0: off")
-      ->check(CLI::Range(0, 65535));
-  app.add_option("--metrics-host", options.metrics_host, "Address to serve metrics on")
-      ->capture_default_str();
-  app.add_option("--drain-seconds", drain_seconds,
-                 "How long running calls may take to finish on SIGTERM")
-      ->check(CLI::Range(0.0, 3600.0))
-      ->capture_default_str();
-  app.add_option("--tls-cert", options.tls_certificate_file, "PEM certificate chain; turns on TLS");
-  app.add_option("--tls-key", options.tls_key_file, "PEM private key");
-  app.add_option("--tls-client-ca", options.tls_client_ca_file,
-                 "PEM; clients must show a certificate of it (mTLS)");
-  app.add_option("--log-level", log_level, "What goes to stderr; debug: every call")
-      ->check(CLI::IsMember({"debug", "info", "warning", "error"}))
-      ->capture_default_str();
-  app.add_option("--parent-fd", parent_fd,
-                 "Read end of a pipe; the server ends when its other end is closed");
-  try {
-    app.parse(argc, argv);
-  } catch (const CLI::ParseError& e) {
-    return app.exit(e) == 0 ? 0 : 2;
-  }
-  if (options.metrics_port == 0) options.metrics_port = -1;
-  if (parent_fd >= 0 && fcntl(parent_fd, F_SETFD, FD_CLOEXEC) != 0) {
-    std::fprintf(stderr, "--parent-fd %d: not an open file descriptor\n", parent_fd);
-    return 2;
-  }
-
-  StartLogging(log_level);
-  if (!InstallSignalHandlers()) {
-    std::perror("coverage_server: pipe");
-    return 1;
-  }
-  absl::StatusOr<std::unique_ptr<CoverageServer>> server = CoverageServer::Start(options, backend);
-  if (!server.ok()) {
-    std::fprintf(stderr, "coverage_server: %s\n", std::string(server.status().message()).c_str());
-    return absl::IsInvalidArgument(server.status()) ? 2 : 1;
-  }
-  std::printf("listening on %s\n", (*server)->address().c_str());
-  std::fflush(stdout);
-
-  const StopCause cause = WaitForStop(parent_fd);
-  // Nobody waits for the answers of an embedded server whose parent is gone.
-  const absl::Duration grace =
-      cause == StopCause::kParentGone ? absl::ZeroDuration() : absl::Seconds(drain_seconds);
-  std::thread second_signal([fd = cause == StopCause::kParentGone ? -1 : parent_fd] {
-    WaitForStop(fd);
-    std::_Exit(0);
-  });
-  second_signal.detach();
-  (*server)->Drain(grace);
-  server->reset();
-  spdlog::shutdown();
-  return 0;
+  program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
+    auto server = CoverageServer::Start(options, backend);
+    if (!server.ok()) return server.status();
+    return std::unique_ptr<RunningServer>(*std::move(server));
+  };
+  return ServerMain(argc, argv, program, &options);
 }
 
 }  // namespace sightline

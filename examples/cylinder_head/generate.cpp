@@ -34,6 +34,7 @@
 #include <TopoDS_Shape.hxx>
 #include <TopoDS_Wire.hxx>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdio>
 #include <exception>
@@ -725,11 +726,40 @@ void WriteStep(const TopoDS_Shape& shape, const std::filesystem::path& file) {
   }
 }
 
+// Milled are the flat faces of the outside, as cast the rest of the skin, and sand cores leave what
+// lies deeper.
+void AssignMaterials(const HeadDesign& d, TriangleMesh* mesh) {
+  enum : std::uint16_t { kMachined, kCastOuter, kSandCast };
+  constexpr double kSkin_mm = 14, kFlat_mm = 1e-3;
+  mesh->material_names = {"machined", "cast_outer", "sand_cast"};
+  const std::array<double, 3> size_mm = {d.length_mm, d.width_mm, d.height_mm};
+  for (const auto& triangle : mesh->triangles) {
+    std::uint16_t material = kSandCast;
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      for (const double wall_mm : {0.0, size_mm[axis]}) {
+        double nearest_mm = 1e9, farthest_mm = 0;
+        for (const std::uint32_t corner : triangle) {
+          const double distance_mm = std::abs(mesh->positions_mm[corner][axis] - wall_mm);
+          nearest_mm = std::min(nearest_mm, distance_mm);
+          farthest_mm = std::max(farthest_mm, distance_mm);
+        }
+        if (farthest_mm < kFlat_mm) {
+          material = kMachined;
+        } else if (material == kSandCast && nearest_mm < kSkin_mm && axis != 2) {
+          material = kCastOuter;
+        }
+      }
+    }
+    mesh->triangle_material.push_back(material);
+  }
+}
+
 void Run(const std::filesystem::path& directory) {
   const HeadDesign design;
   const TopoDS_Shape head = HeadModeller(design).Build();
   TriangleMesh mesh = MeshShape(head, {design.chord_tolerance_mm, design.angular_tolerance_deg});
   mesh.name = "cylinder_head";
+  AssignMaterials(design, &mesh);
   const MeshHealth health = CheckMesh(mesh);
   std::printf("%zu triangles, %zu vertices, %.4f m2, %.1f cm3 (B-rep %.1f)\n",
               mesh.triangles.size(), mesh.positions_mm.size(), health.area_mm2 * 1e-6,

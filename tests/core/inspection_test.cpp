@@ -8,6 +8,7 @@
 #include <numbers>
 #include <random>
 
+#include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 
 namespace sightline {
@@ -376,6 +377,168 @@ TEST(InspectionToProto, MeasurementsKeepTheirValue) {
   const auto original = ToArray(m);
   for (int i = 0; i < kMeasurementParameters; ++i) EXPECT_NEAR(back[i], original[i], 1e-14);
   EXPECT_NEAR(MeasurementToProto(m).camera_azimuth_deg(), 350, 1e-12);
+}
+
+// --- images -------------------------------------------------------------------------------------
+
+constexpr char kSensor[] = R"("sensor": {"sensor_type": "mono", "pixel_pitch_m": 5e-6,
+  "sensor_columns_px": 1000, "sensor_rows_px": 800, "bit_depth_bit": 10,
+  "gain_dn_per_electron": 0.1, "quantum_efficiency": {"mono": 0.5},
+  "saturation_capacity_electrons": 10000,
+  "dark_mean_electrons": 10, "dark_noise_electrons": 5, "dark_current_electrons_per_s": 0})";
+
+TEST(InspectionImaging, CameraFollowsSensorAndLens) {
+  const auto parsed = Parse(
+      absl::StrCat(R"("camera": {)", kSensor, R"(}, "lens": {"focal_length_m": 0.02, "f_number": 8,
+          "focus_distance_m": 0.22})"));
+  ASSERT_TRUE(parsed.ok()) << parsed.status();
+  const Camera& camera = parsed->rig.camera;
+  EXPECT_EQ(camera.columns_px, 1000);
+  EXPECT_EQ(camera.rows_px, 800);
+  EXPECT_EQ(camera.pixel_pitch_m, 5e-6);
+  // b = 1/(1/0.02 - 1/0.22) = 0.022 m.
+  EXPECT_NEAR(camera.FocalLengthPx(), 0.022 / 5e-6, 1e-9);
+  ASSERT_TRUE(parsed->sensor);
+  EXPECT_EQ(parsed->sensor->gain_dn_per_electron, 0.1);
+}
+
+TEST(InspectionImaging, WithoutFocusTheFieldOfViewIsThatAtInfinity) {
+  const auto parsed = Parse(absl::StrCat(R"("camera": {)", kSensor,
+                                         R"(}, "lens": {"focal_length_m": 0.02, "f_number": 8})"));
+  ASSERT_TRUE(parsed.ok()) << parsed.status();
+  EXPECT_NEAR(parsed->rig.camera.FocalLengthPx(), 0.02 / 5e-6, 1e-9);
+  EXPECT_FALSE(parsed->rig.lens->focus_distance_m);
+}
+
+TEST(InspectionImaging, StatedFieldOfViewMustAgree) {
+  const std::string lens = R"("lens": {"focal_length_m": 0.02, "f_number": 8})";
+  // By sensor and lens 2 atan(0.002/0.02) = 11.42 degrees.
+  const auto agrees =
+      Parse(absl::StrCat(R"("camera": {"vertical_fov_deg": 12, )", kSensor, "}, ", lens));
+  ASSERT_TRUE(agrees.ok()) << agrees.status();
+  EXPECT_NEAR(agrees->rig.camera.vertical_fov_rad, 12 * kDegree, 1e-12);
+  EXPECT_THAT(ErrorOf(absl::StrCat(R"("camera": {"vertical_fov_deg": 13, )", kSensor, "}, ", lens)),
+              AllOf(HasSubstr("bracket.json: camera.vertical_fov_deg is 13"), HasSubstr("11.42")));
+}
+
+TEST(InspectionImaging, DefaultsAndValues) {
+  const auto parsed = Parse(R"("lens": {"focal_length_m": 0.016, "f_number": 11,
+      "transmission": 0.9, "aperture_blades": 6, "obstruction_relative": 0.2,
+      "zernike_m": [0, 0, 0, 1e-8], "distortion": {"k1": -0.1}},
+    "laser": {"line_profile": "LINE_PROFILE_GAUSSIAN", "wavelength_m": 4.5e-7},
+    "materials": [{"material": {"name": "grey", "lambert": {"diffuse_albedo": 0.4}}},
+                  {"part_material": "steel", "material": {"conductor":
+                    {"refractive_index_file": "nk/fe.csv"}}}],
+    "lighting": {"ambient": {"radiance_w_m2_sr": 0.3}},
+    "render": {"seed": 7, "speckle": false, "stage_speed_m_per_s": 0.05})");
+  ASSERT_TRUE(parsed.ok()) << parsed.status();
+  EXPECT_EQ(parsed->rig.lens->transmission, 0.9);
+  EXPECT_EQ(parsed->rig.lens->aperture_blades, 6);
+  EXPECT_EQ(parsed->rig.lens->zernike_m.size(), 4u);
+  EXPECT_EQ(parsed->rig.lens->distortion.k1, -0.1);
+  EXPECT_EQ(parsed->rig.laser.line_profile, LineProfile::kGaussian);
+  EXPECT_EQ(parsed->rig.laser.wavelength_m, 4.5e-7);
+  EXPECT_EQ(parsed->rig.laser.power_w, 0.023);
+  ASSERT_EQ(parsed->materials.size(), 2u);
+  EXPECT_EQ(parsed->materials[1].material.conductor().refractive_index_file(), "parts/nk/fe.csv");
+  EXPECT_EQ(parsed->lighting.ambient().radiance_w_m2_sr(), 0.3);
+  EXPECT_EQ(parsed->render.seed, 7);
+  EXPECT_FALSE(parsed->render.speckle);
+  EXPECT_EQ(parsed->render.max_bounces, 4);
+  EXPECT_EQ(parsed->render.exposure_time_s, 0.01);
+  EXPECT_FALSE(parsed->sensor);
+  EXPECT_EQ(parsed->rig.camera.columns_px, 512);
+}
+
+TEST(InspectionImaging, ErrorsNameFieldValueAndRange) {
+  const struct {
+    std::string fields, expected;
+  } cases[] = {
+      {R"("lens": {"focal_length_m": 0.016, "f_number": 8, "transmission": 0})",
+       "lens.transmission is 0, must be in (0, 1]"},
+      {R"("lens": {"focal_length_m": 0.016, "f_number": 8, "aperture_blades": 2})",
+       "lens.aperture_blades is 2, must be in [3, 64]"},
+      {R"("lens": {"focal_length_m": 0.016, "f_number": 8, "focus_distance_m": 0.016})",
+       "lens.focus_distance_m is 0.016"},
+      {R"("lens": {"focal_length_m": 0.016, "f_number": 8, "obstruction_relative": 1})",
+       "lens.obstruction_relative is 1, must be in [0, 1)"},
+      {R"("laser": {"beam_quality_m2": 0.5})", "laser.beam_quality_m2 is 0.5, must be in [1,"},
+      {R"("laser": {"power_w": -1})", "laser.power_w is -1"},
+      {R"("materials": [{"part_material": "a"}])", "materials[0] has neither file nor material"},
+      {R"("materials": [{"material": {}}, {"material": {}}])",
+       "materials[1].part_material is \"\""},
+      {R"("lighting": {"ambient": {}})", "lighting.ambient.radiance_w_m2_sr is missing"},
+      {R"("lighting": {"area_lights": [{"radiance_w_m2_sr": 1, "centre_m": {"z": 1},
+          "half_edge_u_m": {"x": 1}, "half_edge_v_m": {"x": 1, "y": 1}}]})",
+       "lighting.area_lights[0].half_edge_v_m is not perpendicular"},
+      {R"("render": {"exposure_time_s": 0})", "render.exposure_time_s is 0, must be in (0, 100] s"},
+      {R"("render": {"sub_pixels": 1})", "render.sub_pixels is 1, must be in [2, 64]"},
+      {R"("effects": [{}])", "effects[0].effect is missing"},
+      {R"("effects": [{"effect": "a"}, {"effect": "a"}])", "effects[1].effect is \"a\""},
+      {absl::StrCat(R"("camera": {"columns_px": 1001, )", kSensor, "}"),
+       "camera.columns_px is 1001, the sensor has only 1000"},
+      {absl::StrCat(R"("camera": {"pixel_pitch_m": 4e-6, )", kSensor, "}"),
+       "camera.pixel_pitch_m is 4e-06"},
+      {absl::StrCat(R"("camera": {"sensor_file": "x.json", )", kSensor, "}"),
+       "camera.sensor cannot be given together with camera.sensor_file"},
+  };
+  for (const auto& c : cases)
+    EXPECT_THAT(ErrorOf(c.fields), HasSubstr("bracket.json: " + c.expected));
+}
+
+TEST(InspectionImaging, CameraAndMaterialFilesAreRead) {
+  const std::filesystem::path folder =
+      std::filesystem::path(testing::TempDir()) / "inspection_imaging";
+  std::filesystem::create_directories(folder / "materials");
+  std::ofstream(folder / "camera.json") << "{" << std::string(kSensor).substr(11);
+  std::ofstream(folder / "materials" / "steel.json")
+      << R"({"conductor": {"refractive_index_file": "fe.csv", "ggx_alpha_x": 0.2}})";
+  v1::Inspection message;
+  message.mutable_part()->set_file("a.glb");
+  message.mutable_camera()->set_sensor_file("camera.json");
+  message.add_materials()->set_file("materials/steel.json");
+  const auto parsed = ParseInspection(message, "i.json", folder.string());
+  ASSERT_TRUE(parsed.ok()) << parsed.status();
+  EXPECT_EQ(parsed->sensor->columns_px, 1000);
+  EXPECT_EQ(parsed->materials[0].material.conductor().refractive_index_file(),
+            (folder / "materials" / "fe.csv").string());
+  EXPECT_EQ(parsed->materials[0].material.name(), "steel.json");
+
+  // The camera's error names the camera's file; a missing file is not found.
+  std::ofstream(folder / "camera.json") << R"({"sensor_type": "mono", "gain_dn_per_electron": 0})";
+  EXPECT_THAT(std::string(ParseInspection(message, "i.json", folder.string()).status().message()),
+              HasSubstr((folder / "camera.json").string()));
+  message.mutable_camera()->set_sensor_file("none.json");
+  EXPECT_EQ(ParseInspection(message, "i.json", folder.string()).status().code(),
+            absl::StatusCode::kNotFound);
+  std::filesystem::remove_all(folder);
+}
+
+TEST(InspectionImaging, EffectsKeepTheirParameters) {
+  v1::Inspection message;
+  message.mutable_part()->set_file("a.glb");
+  v1::Effect* effect = message.add_effects();
+  effect->set_effect("optics.veiling_glare");
+  (*effect->mutable_parameters())["glare_fraction"] = 0.05;
+  const auto parsed = ParseInspection(message, "i.json", "");
+  ASSERT_TRUE(parsed.ok()) << parsed.status();
+  ASSERT_EQ(parsed->effects.size(), 1u);
+  EXPECT_EQ(parsed->effects[0].id, "optics.veiling_glare");
+  EXPECT_EQ(parsed->effects[0].parameters.at("glare_fraction"), 0.05);
+}
+
+// What is inlined once needs no files any more.
+TEST(InspectionImaging, InliningIsIdempotent) {
+  v1::Inspection message;
+  message.mutable_part()->set_file("a.glb");
+  v1::MaterialAssignment* assignment = message.add_materials();
+  assignment->mutable_material()->mutable_merl()->set_file("m.binary");
+  const auto once = InlineInspectionFiles(message, "i.json", "folder");
+  ASSERT_TRUE(once.ok());
+  const auto twice = InlineInspectionFiles(*once, "i.json", "");
+  ASSERT_TRUE(twice.ok());
+  EXPECT_EQ(once->SerializeAsString(), twice->SerializeAsString());
+  EXPECT_EQ(once->materials(0).material().merl().file(), "folder/m.binary");
 }
 
 TEST(ParseRig, NaNOverTheWireIsRefused) {

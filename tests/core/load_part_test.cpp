@@ -504,6 +504,31 @@ TEST(ObjFile, BadContentNamesTheLine) {
 
 // --- glTF ---------------------------------------------------------------------------------------
 
+TEST(ObjFile, FacesKeepTheNamesOfTheirMaterials) {
+  const auto mesh = LoadPartFromMemory(
+      "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl cast\nf 1 3 2\nusemtl milled\nf 1 2 4\nf 1 4 "
+      "3\nusemtl cast\nf 2 3 4\n",
+      "obj", "m", "test");
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  EXPECT_THAT(mesh->material_names, testing::ElementsAre("cast", "milled"));
+  EXPECT_THAT(mesh->triangle_material, testing::ElementsAre(0, 1, 1, 0));
+}
+
+TEST(Glb, TheExampleHeadHasThreeSurfaces) {
+  const auto mesh = LoadPart(std::string(std::getenv("SIGHTLINE_SOURCE_DIR")) +
+                                 "/examples/cylinder_head/cylinder_head.glb",
+                             "");
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  EXPECT_THAT(mesh->material_names, testing::ElementsAre("machined", "cast_outer", "sand_cast"));
+  ASSERT_EQ(mesh->triangle_material.size(), mesh->triangles.size());
+  const double top_m = mesh->BoundingBox().max().z();
+  for (size_t t = 0; t < mesh->triangles.size(); ++t) {
+    if (mesh->Normal(t).z() < 0.999) continue;
+    const bool on_top = std::abs(mesh->Corner(t, 0).z() - top_m) < 1e-6;
+    EXPECT_EQ(mesh->triangle_material[t] == 0, on_top) << "triangle " << t;
+  }
+}
+
 TEST(Glb, EveryIndexType) {
   ExpectIsBox(Load(GlbOf<uint8_t>(Box(), 5121).ToBytes(), "glb"));
   ExpectIsBox(Load(GlbOf<uint16_t>(Box(), 5123).ToBytes(), "glb"));

@@ -253,7 +253,9 @@ double CircleOfConfusionPx(const Rig& rig, double focus_m, double z_m) {
 
 TEST(AdmissibleDepth, CircleOfConfusionIsMetExactlyAtBothEnds) {
   Rig rig;
-  rig.lens = Lens{0.016, 2};
+  rig.lens.emplace();
+  rig.lens->focal_length_m = 0.016;
+  rig.lens->f_number = 2;
   rig.camera.pixel_pitch_m = 5e-6;
   for (double focus : {0.1, 0.3, 0.8}) {
     for (double limit : {0.5, 2.0, 5.0}) {
@@ -268,9 +270,24 @@ TEST(AdmissibleDepth, CircleOfConfusionIsMetExactlyAtBothEnds) {
   }
 }
 
+TEST(AdmissibleDepth, AStatedFocusDistanceCounts) {
+  Rig rig;
+  rig.lens.emplace();
+  rig.lens->focal_length_m = 0.016;
+  rig.lens->f_number = 2;
+  rig.camera.pixel_pitch_m = 5e-6;
+  const DepthInterval at_focus = AdmissibleDepth(rig, 0.3, std::nullopt, 2.0);
+  rig.lens->focus_distance_m = 0.3;
+  const DepthInterval stated = AdmissibleDepth(rig, 0.5, std::nullopt, 2.0);
+  EXPECT_EQ(stated.min_m, at_focus.min_m);
+  EXPECT_EQ(stated.max_m, at_focus.max_m);
+}
+
 TEST(AdmissibleDepth, BeyondTheHyperfocalDistanceEverythingFarIsSharp) {
   Rig rig;
-  rig.lens = Lens{0.004, 16};
+  rig.lens.emplace();
+  rig.lens->focal_length_m = 0.004;
+  rig.lens->f_number = 16;
   rig.camera.pixel_pitch_m = 5e-6;
   const DepthInterval depth = AdmissibleDepth(rig, 0.8, std::nullopt, 3.0);
   EXPECT_TRUE(std::isinf(depth.max_m));

@@ -47,6 +47,26 @@ TEST(StrictJson, ReadsAFullMessage) {
   EXPECT_EQ(message.measurement().part_beta_deg().values(1), 90.5);
 }
 
+TEST(StrictJson, MapsKeepTheirKeysAndComeBackSorted) {
+  v1::Inspection message;
+  ASSERT_TRUE(ParseStrictJson(R"({"effects": [{"effect": "optics.coma", "parameters":
+                                 {"w131_waves": 0.5, "a": -1}}]})",
+                              "bracket.json", &message)
+                  .ok());
+  ASSERT_EQ(message.effects(0).parameters_size(), 2);
+  EXPECT_EQ(message.effects(0).parameters().at("w131_waves"), 0.5);
+  const std::string text = ToJson(message);
+  EXPECT_LT(text.find("\"a\": -1"), text.find("\"w131_waves\": 0.5"));
+  v1::Inspection again;
+  ASSERT_TRUE(ParseStrictJson(text, "again.json", &again).ok());
+  EXPECT_TRUE(google::protobuf::util::MessageDifferencer::Equals(message, again));
+  EXPECT_THAT(ErrorOf(R"({"effects": [{"parameters": {"a": 1, "a": 2}}]})"),
+              AllOf(HasSubstr("effects[0].parameters.a"), HasSubstr("twice")));
+  EXPECT_THAT(ErrorOf(R"({"effects": [{"parameters": {"a": "x"}}]})"),
+              HasSubstr("effects[0].parameters.a"));
+  EXPECT_THAT(ErrorOf(R"({"effects": [{"parameters": [1]}]})"), HasSubstr("effects[0].parameters"));
+}
+
 TEST(StrictJson, ReplacesWhatTheMessageHeld) {
   v1::Inspection message;
   message.set_name("old");

@@ -118,7 +118,9 @@ TEST(ClosedForm, RangeEndsOnACircle) {
 TEST(ClosedForm, LimitsOnFootprintAndDefocus) {
   const TriangleMesh plate = PlateMesh(0.3, 0.02, 60, 2);
   Rig rig;
-  rig.lens = Lens{.focal_length_m = 0.016, .f_number = 2.8};
+  rig.lens.emplace();
+  rig.lens->focal_length_m = 0.016;
+  rig.lens->f_number = 2.8;
   rig.camera.pixel_pitch_m = 5e-6;
   Measurement m = OverheadMeasurement(20 * kDegree);
   m.part_beta_rad = 30 * kDegree;

@@ -54,13 +54,17 @@ int AddPositions(tinygltf::Model& model, const TriangleMesh& mesh) {
   return static_cast<int>(model.accessors.size() - 1);
 }
 
-int AddIndices(tinygltf::Model& model, const TriangleMesh& mesh) {
+// Triangles of one material.
+int AddIndices(tinygltf::Model& model, const TriangleMesh& mesh, std::size_t material) {
   // 65535 is the primitive restart value of 16-bit indices and may not be used as an index.
   const bool narrow = mesh.positions_mm.size() <= 65535;
   std::vector<unsigned char>& bytes = model.buffers[0].data;
   const std::size_t offset = bytes.size();
-  for (const auto& triangle : mesh.triangles) {
-    for (const std::uint32_t index : triangle) {
+  std::size_t count = 0;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    if (!mesh.triangle_material.empty() && mesh.triangle_material[t] != material) continue;
+    count += 3;
+    for (const std::uint32_t index : mesh.triangles[t]) {
       if (narrow) {
         Append(bytes, static_cast<std::uint16_t>(index));
       } else {
@@ -73,7 +77,7 @@ int AddIndices(tinygltf::Model& model, const TriangleMesh& mesh) {
   accessor.componentType =
       narrow ? TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT : TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT;
   accessor.type = TINYGLTF_TYPE_SCALAR;
-  accessor.count = mesh.triangles.size() * 3;
+  accessor.count = count;
   model.accessors.push_back(accessor);
   return static_cast<int>(model.accessors.size() - 1);
 }
@@ -107,13 +111,29 @@ void WriteGlb(const std::vector<TriangleMesh>& meshes, const GlbDescription& des
         }
       }
     }
-    tinygltf::Primitive primitive;
-    primitive.mode = TINYGLTF_MODE_TRIANGLES;
-    primitive.attributes["POSITION"] = AddPositions(model, mesh);
-    primitive.indices = AddIndices(model, mesh);
+    if (!mesh.triangle_material.empty() && mesh.triangle_material.size() != mesh.triangles.size()) {
+      throw std::invalid_argument(mesh.name + ": not every triangle has a material");
+    }
     tinygltf::Mesh gltf_mesh;
     gltf_mesh.name = mesh.name;
-    gltf_mesh.primitives.push_back(primitive);
+    const int positions = AddPositions(model, mesh);
+    for (std::size_t m = 0; m < std::max<std::size_t>(mesh.material_names.size(), 1); ++m) {
+      tinygltf::Primitive primitive;
+      primitive.mode = TINYGLTF_MODE_TRIANGLES;
+      primitive.attributes["POSITION"] = positions;
+      primitive.indices = AddIndices(model, mesh, m);
+      if (model.accessors[primitive.indices].count == 0) {
+        throw std::invalid_argument(mesh.name + ": no triangle has material " +
+                                    mesh.material_names[m]);
+      }
+      if (m < mesh.material_names.size()) {
+        tinygltf::Material material;
+        material.name = mesh.material_names[m];
+        model.materials.push_back(material);
+        primitive.material = static_cast<int>(model.materials.size() - 1);
+      }
+      gltf_mesh.primitives.push_back(primitive);
+    }
     model.meshes.push_back(gltf_mesh);
     tinygltf::Node node;
     node.name = mesh.name;

@@ -16,7 +16,8 @@ struct GlbDescription {
   std::map<std::string, std::variant<std::string, double>> extras;
 };
 
-// Writes binary glTF 2.0: one node and one mesh per entry, indexed triangles, positions as float
+// Writes binary glTF 2.0: one node and one mesh per entry, one primitive per material (materials by
+// name only), indexed triangles, positions as float
 // METRES, axes as modelled, no transforms, no normals (flat facets are the truth about them).
 // Throws std::invalid_argument if there is no triangle or an index points nowhere, and
 // std::runtime_error if the file cannot be written.

@@ -16,6 +16,9 @@ struct TriangleMesh {
   std::string name;
   std::vector<std::array<double, 3>> positions_mm;
   std::vector<std::array<std::uint32_t, 3>> triangles;
+  // Index into material_names of every triangle; empty: no materials.
+  std::vector<std::uint16_t> triangle_material;
+  std::vector<std::string> material_names;
 };
 
 struct MeshingOptions {

@@ -1,4 +1,4 @@
-#include "coverage_server/service/job_service.h"
+#include "rpc_server/job_service.h"
 
 #include "proto/status/rpc_status.h"
 

@@ -1,4 +1,4 @@
-#include "coverage_server/service/call_tracker.h"
+#include "rpc_server/call_tracker.h"
 
 #include <spdlog/spdlog.h>
 

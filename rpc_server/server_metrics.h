@@ -1,4 +1,4 @@
-// Prometheus metrics of a coverage server.
+// Prometheus metrics that every server has.
 #pragma once
 
 #include <prometheus/counter.h>
@@ -13,29 +13,22 @@
 
 namespace sightline {
 
-// Thread-safe.
+// Thread-safe. A server with more to count adds its own families to the registry.
 class ServerMetrics {
  public:
   ServerMetrics();
 
   void CountRequest(const std::string& method, const std::string& code, absl::Duration latency);
-  // `evaluator`: "fast" or "exact".
-  void CountQueries(const std::string& evaluator, int64_t queries);
-  void SetParts(int64_t count, int64_t bytes);
-  void SetScenes(int64_t count, int64_t bytes);
   void SetInFlight(int64_t calls);
 
   std::shared_ptr<prometheus::Registry> registry() const { return registry_; }
+  // A gauge without labels.
+  prometheus::Gauge& AddGauge(const std::string& name, const std::string& help);
 
  private:
   std::shared_ptr<prometheus::Registry> registry_;
   prometheus::Family<prometheus::Counter>& requests_;
   prometheus::Family<prometheus::Histogram>& latency_;
-  prometheus::Family<prometheus::Counter>& queries_;
-  prometheus::Gauge& parts_;
-  prometheus::Gauge& part_bytes_;
-  prometheus::Gauge& scenes_;
-  prometheus::Gauge& scene_bytes_;
   prometheus::Gauge& in_flight_;
 };
 

@@ -11,7 +11,7 @@
 
 #include "absl/status/status.h"
 #include "absl/time/time.h"
-#include "coverage_server/service/server_metrics.h"
+#include "rpc_server/server_metrics.h"
 
 namespace sightline {
 

@@ -2,7 +2,7 @@
 #pragma once
 
 #include "core/job/job_store.h"
-#include "coverage_server/service/call_tracker.h"
+#include "rpc_server/call_tracker.h"
 #include "sightline/v1/job_service.grpc.pb.h"
 
 namespace sightline {

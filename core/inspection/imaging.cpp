@@ -1,0 +1,427 @@
+#include "core/inspection/imaging.h"
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <set>
+
+#include "core/inspection/field_checks.h"
+#include "core/json/strict_json.h"
+
+namespace sightline {
+namespace {
+
+constexpr Limits kPixels{16, 16384, " px"};
+constexpr Limits kFieldOfView{0, 170, " deg", true, true};
+constexpr Limits kPixelPitch{1e-7, 1e-3, " m"};
+// The camera may come as near as 0.1 m to the plane it is focused on.
+constexpr Limits kFocalLength{1e-3, 0.1, " m", false, true};
+constexpr Limits kFNumber{0.5, 128, ""};
+constexpr Limits kTransmission{0, 1, "", true};
+constexpr Limits kZernike{-1e-4, 1e-4, " m"};
+constexpr Limits kDistortion{-10, 10, ""};
+constexpr int kMaxZernikeTerms = 66;
+
+constexpr Limits kLaserDistance{0.02, 5, " m"};
+constexpr Limits kFanAngle{0, 180, " deg", true, true};
+constexpr Limits kWavelength{200e-9, 2000e-9, " m"};
+constexpr Limits kPower{0, 100, " W"};
+constexpr Limits kDivergence{0, 0.5, " rad", true};
+constexpr Limits kBeamFocus{0, 100, " m"};
+constexpr Limits kBeamQuality{1, 1000, ""};
+
+constexpr Limits kRadiance{0, 1e6, " W/(m^2 sr)"};
+constexpr Limits kLightPosition{-1000, 1000, " m"};
+constexpr Limits kExposureTime{0, 100, " s", true};
+constexpr Limits kSubPixels{2, 64, ""};
+constexpr Limits kNoiseTarget{1e-4, 1, ""};
+constexpr Limits kSamples{1, 1 << 20, ""};
+constexpr Limits kBounces{0, 32, ""};
+constexpr Limits kStageSpeed{0, 10, " m/s"};
+constexpr Limits kTemperature{-60, 120, " C"};
+constexpr Limits kSpecklePatterns{1, 1000, ""};
+// How far a stated field of view may be from that of sensor and lens.
+constexpr double kFieldOfViewAgreement = 0.1;
+
+// Relative to `base_folder`; an empty name stays empty.
+std::string Resolve(const std::string& base_folder, const std::string& file) {
+  if (file.empty()) return file;
+  const std::filesystem::path path(file);
+  if (path.is_absolute()) return path.lexically_normal().string();
+  return (std::filesystem::path(base_folder) / path).lexically_normal().string();
+}
+
+void ResolveMaterialFiles(const std::string& base_folder, v1::Material* material) {
+  for (std::string* file : MutableMaterialFiles(material)) *file = Resolve(base_folder, *file);
+}
+
+Eigen::Vector3d ToVector(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
+
+absl::Status CheckPlace(const Checker& check, const std::string& path, bool given,
+                        const v1::Vector3& v) {
+  if (!given) return check.Error(path, "is missing");
+  SIGHTLINE_RETURN_IF_ERROR(check.Range(path + ".x", v.x(), kLightPosition));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range(path + ".y", v.y(), kLightPosition));
+  return check.Range(path + ".z", v.z(), kLightPosition);
+}
+
+absl::Status CheckLighting(const v1::Lighting& lighting, const Checker& check) {
+  if (lighting.has_ambient()) {
+    const std::string path = "lighting.ambient.radiance_w_m2_sr";
+    if (!lighting.ambient().has_radiance_w_m2_sr()) return check.Error(path, "is missing");
+    SIGHTLINE_RETURN_IF_ERROR(check.Range(path, lighting.ambient().radiance_w_m2_sr(), kRadiance));
+  }
+  for (int i = 0; i < lighting.area_lights_size(); ++i) {
+    const v1::AreaLight& light = lighting.area_lights(i);
+    const std::string path = absl::StrCat("lighting.area_lights[", i, "]");
+    if (!light.has_radiance_w_m2_sr()) return check.Error(path + ".radiance_w_m2_sr", "is missing");
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range(path + ".radiance_w_m2_sr", light.radiance_w_m2_sr(), kRadiance));
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckPlace(check, path + ".centre_m", light.has_centre_m(), light.centre_m()));
+    SIGHTLINE_RETURN_IF_ERROR(CheckPlace(check, path + ".half_edge_u_m", light.has_half_edge_u_m(),
+                                         light.half_edge_u_m()));
+    SIGHTLINE_RETURN_IF_ERROR(CheckPlace(check, path + ".half_edge_v_m", light.has_half_edge_v_m(),
+                                         light.half_edge_v_m()));
+    const Eigen::Vector3d u = ToVector(light.half_edge_u_m()), v = ToVector(light.half_edge_v_m());
+    if (u.norm() == 0 || v.norm() == 0) {
+      return check.Error(path, "has a half edge of length 0");
+    }
+    if (std::abs(u.dot(v)) > 1e-6 * u.norm() * v.norm()) {
+      return check.Error(path + ".half_edge_v_m", "is not perpendicular to half_edge_u_m");
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RenderSettings> ParseRenderSettings(const v1::RenderSettings& message,
+                                                   const Checker& check) {
+  RenderSettings settings;
+  if (message.has_exposure_time_s()) settings.exposure_time_s = message.exposure_time_s();
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("render.exposure_time_s", settings.exposure_time_s, kExposureTime));
+  if (message.has_seed()) settings.seed = message.seed();
+  if (message.has_sub_pixels()) {
+    settings.sub_pixels = message.sub_pixels();
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("render.sub_pixels", settings.sub_pixels, kSubPixels));
+  }
+  if (message.has_noise_target_relative()) {
+    settings.noise_target_relative = message.noise_target_relative();
+  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("render.noise_target_relative", settings.noise_target_relative, kNoiseTarget));
+  if (message.has_max_samples_per_px()) settings.max_samples_per_px = message.max_samples_per_px();
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("render.max_samples_per_px", settings.max_samples_per_px, kSamples));
+  if (message.has_max_bounces()) settings.max_bounces = message.max_bounces();
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("render.max_bounces", settings.max_bounces, kBounces));
+  if (message.has_laser_interreflection()) {
+    settings.laser_interreflection = message.laser_interreflection();
+  }
+  if (message.has_stage_speed_m_per_s()) {
+    settings.stage_speed_m_per_s = message.stage_speed_m_per_s();
+  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("render.stage_speed_m_per_s", settings.stage_speed_m_per_s, kStageSpeed));
+  if (message.has_sensor_temperature_c()) {
+    settings.sensor_temperature_c = message.sensor_temperature_c();
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("render.sensor_temperature_c", *settings.sensor_temperature_c, kTemperature));
+  }
+  if (message.has_speckle_patterns()) settings.speckle_patterns = message.speckle_patterns();
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("render.speckle_patterns", settings.speckle_patterns, kSpecklePatterns));
+  if (message.has_speckle()) settings.speckle = message.speckle();
+  return settings;
+}
+
+}  // namespace
+
+std::vector<std::string*> MutableMaterialFiles(v1::Material* material) {
+  std::vector<std::string*> files;
+  if (material->has_conductor() && !material->conductor().refractive_index_file().empty()) {
+    files.push_back(material->mutable_conductor()->mutable_refractive_index_file());
+  }
+  if (material->has_measured_table() && !material->measured_table().file().empty()) {
+    files.push_back(material->mutable_measured_table()->mutable_file());
+  }
+  if (material->has_merl() && !material->merl().file().empty()) {
+    files.push_back(material->mutable_merl()->mutable_file());
+  }
+  if (material->has_height_field() && !material->height_field().file().empty()) {
+    files.push_back(material->mutable_height_field()->mutable_file());
+  }
+  return files;
+}
+
+absl::StatusOr<v1::Inspection> InlineInspectionFiles(const v1::Inspection& message,
+                                                     const std::string& context,
+                                                     const std::string& base_folder) {
+  const Checker check(context);
+  v1::Inspection result = message;
+  v1::Camera* camera = result.mutable_camera();
+  if (!camera->sensor_file().empty()) {
+    if (camera->has_sensor()) {
+      return check.Error("camera.sensor", "cannot be given together with camera.sensor_file");
+    }
+    const std::string file = Resolve(base_folder, camera->sensor_file());
+    SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(file, camera->mutable_sensor()));
+    // Here the message names the camera file.
+    SIGHTLINE_RETURN_IF_ERROR(ParseSensor(camera->sensor(), file).status());
+    camera->clear_sensor_file();
+  }
+  if (!message.has_camera()) result.clear_camera();
+  result.mutable_part()->set_file(Resolve(base_folder, message.part().file()));
+  for (v1::Obstacle& obstacle : *result.mutable_obstacles()) {
+    obstacle.set_file(Resolve(base_folder, obstacle.file()));
+  }
+  for (int i = 0; i < result.materials_size(); ++i) {
+    v1::MaterialAssignment* assignment = result.mutable_materials(i);
+    const std::string path = absl::StrCat("materials[", i, "]");
+    if (assignment->file().empty()) {
+      if (!assignment->has_material()) {
+        return check.Error(path, "has neither file nor material");
+      }
+      ResolveMaterialFiles(base_folder, assignment->mutable_material());
+      continue;
+    }
+    if (assignment->has_material()) {
+      return check.Error(path + ".material",
+                         absl::StrCat("cannot be given together with ", path, ".file"));
+    }
+    const std::string file = Resolve(base_folder, assignment->file());
+    v1::Material* material = assignment->mutable_material();
+    SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(file, material));
+    ResolveMaterialFiles(std::filesystem::path(file).parent_path().string(), material);
+    if (material->name().empty()) {
+      material->set_name(std::filesystem::path(file).filename().string());
+    }
+    assignment->clear_file();
+  }
+  return result;
+}
+
+absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& context) {
+  const Checker check(context);
+  if (!message.has_focal_length_m()) return check.Error("lens.focal_length_m", "is missing");
+  if (!message.has_f_number()) return check.Error("lens.f_number", "is missing");
+  Lens lens;
+  lens.focal_length_m = message.focal_length_m();
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.focal_length_m", lens.focal_length_m, kFocalLength));
+  lens.f_number = message.f_number();
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.f_number", lens.f_number, kFNumber));
+  if (message.has_focus_distance_m()) {
+    lens.focus_distance_m = message.focus_distance_m();
+    // Nearer there is no real image.
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.focus_distance_m", *lens.focus_distance_m,
+                                          {1.01 * lens.focal_length_m, 1000, " m"}));
+  }
+  if (message.has_transmission()) lens.transmission = message.transmission();
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.transmission", lens.transmission, kTransmission));
+  lens.aperture_blades = message.aperture_blades();
+  if (lens.aperture_blades != 0) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("lens.aperture_blades", lens.aperture_blades, {3, 64, " (or 0: a circle)"}));
+  }
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.aperture_rotation_deg",
+                                        message.aperture_rotation_deg(), {-360, 360, " deg"}));
+  lens.aperture_rotation_rad = Radians(message.aperture_rotation_deg());
+  lens.obstruction_relative = message.obstruction_relative();
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("lens.obstruction_relative", lens.obstruction_relative, {0, 1, "", false, true}));
+  if (message.zernike_m_size() > kMaxZernikeTerms) {
+    return check.Error("lens.zernike_m", absl::StrCat("has ", message.zernike_m_size(),
+                                                      " terms, at most ", kMaxZernikeTerms));
+  }
+  for (int i = 0; i < message.zernike_m_size(); ++i) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range(absl::StrCat("lens.zernike_m[", i, "]"), message.zernike_m(i), kZernike));
+    lens.zernike_m.push_back(message.zernike_m(i));
+  }
+  const v1::Lens::Distortion& d = message.distortion();
+  for (const auto& [name, value] :
+       {std::pair("k1", d.k1()), std::pair("k2", d.k2()), std::pair("k3", d.k3()),
+        std::pair("p1", d.p1()), std::pair("p2", d.p2())}) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range(absl::StrCat("lens.distortion.", name), value, kDistortion));
+  }
+  lens.distortion = {d.k1(), d.k2(), d.k3(), d.p1(), d.p2()};
+  return lens;
+}
+
+absl::StatusOr<Camera> ParseCamera(const v1::Camera& message, const std::optional<Lens>& lens,
+                                   const std::string& context) {
+  const Checker check(context);
+  if (!message.sensor_file().empty()) {
+    return check.Error("camera.sensor_file", "cannot be read here, give camera.sensor");
+  }
+  Camera camera;
+  std::optional<Sensor> sensor;
+  if (message.has_sensor()) {
+    absl::StatusOr<Sensor> parsed = ParseSensor(
+        message.sensor(), context.empty() ? "camera.sensor" : context + ": camera.sensor");
+    if (!parsed.ok()) return parsed.status();
+    sensor = *std::move(parsed);
+    camera.columns_px = sensor->columns_px;
+    camera.rows_px = sensor->rows_px;
+    camera.pixel_pitch_m = sensor->pixel_pitch_m;
+  }
+  if (message.has_columns_px()) camera.columns_px = message.columns_px();
+  if (message.has_rows_px()) camera.rows_px = message.rows_px();
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("camera.columns_px", camera.columns_px, kPixels));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("camera.rows_px", camera.rows_px, kPixels));
+  if (message.has_pixel_pitch_m()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("camera.pixel_pitch_m", message.pixel_pitch_m(), kPixelPitch));
+    camera.pixel_pitch_m = message.pixel_pitch_m();
+  }
+  if (sensor) {
+    for (const auto& [name, value, of_sensor] :
+         {std::tuple("columns_px", camera.columns_px, sensor->columns_px),
+          std::tuple("rows_px", camera.rows_px, sensor->rows_px)}) {
+      if (value <= of_sensor) continue;
+      return check.Error(absl::StrCat("camera.", name),
+                         absl::StrCat("is ", value, ", the sensor has only ", of_sensor));
+    }
+    if (std::abs(*camera.pixel_pitch_m / sensor->pixel_pitch_m - 1) > 1e-6) {
+      return check.Error("camera.pixel_pitch_m",
+                         absl::StrCat("is ", NumberText(*camera.pixel_pitch_m),
+                                      ", that of the "
+                                      "sensor is ",
+                                      NumberText(sensor->pixel_pitch_m)));
+    }
+  }
+  std::optional<double> field_of_view;
+  if (sensor && lens) {
+    const double image_distance_m =
+        lens->focus_distance_m ? 1 / (1 / lens->focal_length_m - 1 / *lens->focus_distance_m)
+                               : lens->focal_length_m;
+    field_of_view = 2 * std::atan(0.5 * camera.rows_px * sensor->pixel_pitch_m / image_distance_m);
+    camera.vertical_fov_rad = *field_of_view;
+  }
+  if (message.has_vertical_fov_deg()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("camera.vertical_fov_deg", message.vertical_fov_deg(), kFieldOfView));
+    camera.vertical_fov_rad = Radians(message.vertical_fov_deg());
+    if (field_of_view &&
+        std::abs(camera.vertical_fov_rad / *field_of_view - 1) > kFieldOfViewAgreement) {
+      return check.Error(
+          "camera.vertical_fov_deg",
+          absl::StrCat("is ", NumberText(message.vertical_fov_deg()), ", but sensor and lens give ",
+                       NumberText(std::round(1e3 * Degrees(*field_of_view)) / 1e3),
+                       " deg; they must agree within 10 % (or leave it out)"));
+    }
+  }
+  return camera;
+}
+
+absl::StatusOr<Laser> ParseLaser(const v1::Laser& message, const std::string& context) {
+  const Checker check(context);
+  Laser laser;
+  if (message.has_distance_m()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("laser.distance_m", message.distance_m(), kLaserDistance));
+    laser.distance_m = message.distance_m();
+  }
+  if (message.has_fan_angle_deg()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("laser.fan_angle_deg", message.fan_angle_deg(), kFanAngle));
+    laser.fan_angle_rad = Radians(message.fan_angle_deg());
+  }
+  if (message.line_profile() == v1::Laser::LINE_PROFILE_GAUSSIAN) {
+    laser.line_profile = LineProfile::kGaussian;
+  } else if (message.line_profile() != v1::Laser::LINE_PROFILE_UNSPECIFIED &&
+             message.line_profile() != v1::Laser::LINE_PROFILE_POWELL) {
+    return check.Error("laser.line_profile",
+                       "must be LINE_PROFILE_POWELL or LINE_PROFILE_GAUSSIAN");
+  }
+  if (message.has_wavelength_m()) laser.wavelength_m = message.wavelength_m();
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("laser.wavelength_m", laser.wavelength_m, kWavelength));
+  if (message.has_power_w()) laser.power_w = message.power_w();
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("laser.power_w", laser.power_w, kPower));
+  if (message.has_divergence_rad()) laser.divergence_rad = message.divergence_rad();
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("laser.divergence_rad", laser.divergence_rad, kDivergence));
+  if (message.has_beam_focus_distance_m()) {
+    laser.beam_focus_distance_m = message.beam_focus_distance_m();
+  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("laser.beam_focus_distance_m", laser.beam_focus_distance_m, kBeamFocus));
+  if (message.has_beam_quality_m2()) laser.beam_quality_m2 = message.beam_quality_m2();
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("laser.beam_quality_m2", laser.beam_quality_m2, kBeamQuality));
+  return laser;
+}
+
+v1::Lens LensToProto(const Lens& lens) {
+  v1::Lens message;
+  message.set_focal_length_m(lens.focal_length_m);
+  message.set_f_number(lens.f_number);
+  if (lens.focus_distance_m) message.set_focus_distance_m(*lens.focus_distance_m);
+  message.set_transmission(lens.transmission);
+  message.set_aperture_blades(lens.aperture_blades);
+  message.set_aperture_rotation_deg(Degrees(lens.aperture_rotation_rad));
+  message.set_obstruction_relative(lens.obstruction_relative);
+  for (const double coefficient : lens.zernike_m) message.add_zernike_m(coefficient);
+  if (lens.distortion != Distortion()) {
+    v1::Lens::Distortion* d = message.mutable_distortion();
+    d->set_k1(lens.distortion.k1);
+    d->set_k2(lens.distortion.k2);
+    d->set_k3(lens.distortion.k3);
+    d->set_p1(lens.distortion.p1);
+    d->set_p2(lens.distortion.p2);
+  }
+  return message;
+}
+
+v1::Laser ImagingLaserToProto(const Laser& laser) {
+  v1::Laser message = LaserToProto(laser);
+  message.set_line_profile(laser.line_profile == LineProfile::kGaussian
+                               ? v1::Laser::LINE_PROFILE_GAUSSIAN
+                               : v1::Laser::LINE_PROFILE_POWELL);
+  message.set_wavelength_m(laser.wavelength_m);
+  message.set_power_w(laser.power_w);
+  message.set_divergence_rad(laser.divergence_rad);
+  message.set_beam_focus_distance_m(laser.beam_focus_distance_m);
+  message.set_beam_quality_m2(laser.beam_quality_m2);
+  return message;
+}
+
+absl::Status ParseImaging(const v1::Inspection& message, const std::string& context,
+                          Inspection* inspection) {
+  const Checker check(context);
+  if (message.camera().has_sensor()) {
+    absl::StatusOr<Sensor> sensor = ParseSensor(
+        message.camera().sensor(), context.empty() ? "camera.sensor" : context + ": camera.sensor");
+    if (!sensor.ok()) return sensor.status();
+    inspection->sensor = *std::move(sensor);
+  }
+  std::set<std::string> surfaces;
+  for (int i = 0; i < message.materials_size(); ++i) {
+    const v1::MaterialAssignment& assignment = message.materials(i);
+    if (!surfaces.insert(assignment.part_material()).second) {
+      return check.Error(
+          absl::StrCat("materials[", i, "].part_material"),
+          absl::StrCat("is \"", assignment.part_material(), "\" like that of another assignment"));
+    }
+    inspection->materials.push_back({assignment.part_material(), assignment.material()});
+  }
+  SIGHTLINE_RETURN_IF_ERROR(CheckLighting(message.lighting(), check));
+  inspection->lighting = message.lighting();
+  absl::StatusOr<RenderSettings> settings = ParseRenderSettings(message.render(), check);
+  if (!settings.ok()) return settings.status();
+  inspection->render = *settings;
+  std::set<std::string> effects;
+  for (int i = 0; i < message.effects_size(); ++i) {
+    const v1::Effect& effect = message.effects(i);
+    const std::string path = absl::StrCat("effects[", i, "].effect");
+    if (effect.effect().empty()) return check.Error(path, "is missing");
+    if (!effects.insert(effect.effect()).second) {
+      return check.Error(path, absl::StrCat("is \"", effect.effect(), "\" a second time"));
+    }
+    inspection->effects.push_back(
+        {effect.effect(), {effect.parameters().begin(), effect.parameters().end()}});
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace sightline

@@ -1,0 +1,29 @@
+// The parts of an inspection that images are made with.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+
+namespace sightline {
+
+// Columns, rows and pitch default to the sensor's, the vertical field of view to that of sensor and
+// thin lens. INVALID_ARGUMENT also if a stated field of view differs by more than 10 % from theirs.
+absl::StatusOr<Camera> ParseCamera(const v1::Camera& message, const std::optional<Lens>& lens,
+                                   const std::string& context);
+absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& context);
+absl::StatusOr<Laser> ParseLaser(const v1::Laser& message, const std::string& context);
+
+// Back to messages, every default written out.
+v1::Lens LensToProto(const Lens& lens);
+v1::Laser ImagingLaserToProto(const Laser& laser);
+
+// Fills sensor, materials, lighting, render settings and effects. `message` has no camera and
+// material files any more (see InlineInspectionFiles); inspection->rig is set.
+absl::Status ParseImaging(const v1::Inspection& message, const std::string& context,
+                          Inspection* inspection);
+
+}  // namespace sightline

@@ -1,0 +1,90 @@
+// What every server has around its services: address, TLS, health, reflection, metrics, drain.
+#pragma once
+
+#include <grpcpp/impl/service_type.h>
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+#include "core/job/job_store.h"
+#include "rpc_server/call_tracker.h"
+#include "rpc_server/job_service.h"
+#include "rpc_server/server_metrics.h"
+
+namespace grpc {
+class Server;
+}
+namespace prometheus {
+class Exposer;
+}
+
+namespace sightline {
+
+// Largest message either end accepts. Chunks of streams stay below 1 MiB.
+inline constexpr int kMaxMessageBytes = 64 << 20;
+
+struct RpcServerOptions {
+  // "unix:PATH" or "HOST:PORT"; port 0: any free one.
+  std::string listen;
+  int max_call_threads = 256;
+  // Prometheus: http://METRICS_HOST:METRICS_PORT/metrics; -1: off, 0: any free port.
+  std::string metrics_host = "0.0.0.0";
+  int metrics_port = -1;
+  // PEM files. Certificate and key: TLS; a client CA as well: clients must have a certificate of
+  // it.
+  std::string tls_certificate_file;
+  std::string tls_key_file;
+  std::string tls_client_ca_file;
+};
+
+// Something that serves until it is drained.
+class RunningServer {
+ public:
+  virtual ~RunningServer() = default;
+  // What clients connect to: "unix:PATH" or "HOST:PORT" with the actual port.
+  virtual const std::string& address() const = 0;
+  // Graceful end: health turns NOT_SERVING, new calls are refused with UNAVAILABLE, watches end,
+  // jobs are cancelled; running calls may finish within `grace`, then they are cancelled too.
+  // Returns true if all finished in time. The server still answers health checks meanwhile and is
+  // down afterwards.
+  virtual bool Drain(absl::Duration grace) = 0;
+};
+
+// Serves a JobService over `jobs` and the services of its owner, which must outlive it or its
+// Drain.
+class RpcServer : public RunningServer {
+ public:
+  struct NamedService {
+    std::string name;  // for health checks, e.g. "sightline.v1.CoverageService"
+    grpc::Service* service;
+  };
+
+  // `name`: of the program, for logs. Pointers must outlive the server.
+  RpcServer(std::string name, ServerMetrics* metrics, CallTracker* calls, JobStore* jobs);
+  ~RpcServer() override;
+
+  // INVALID_ARGUMENT for an address or TLS file that cannot be used, naming it; UNAVAILABLE when
+  // the address is taken.
+  absl::Status Listen(const RpcServerOptions& options, const std::vector<NamedService>& services);
+
+  const std::string& address() const override { return address_; }
+  // 0 if metrics are off.
+  int metrics_port() const { return metrics_port_; }
+  bool Drain(absl::Duration grace) override;
+
+ private:
+  const std::string name_;
+  ServerMetrics* const metrics_;
+  CallTracker* const calls_;
+  JobStore* const jobs_;
+  JobServiceImpl job_service_;
+  std::unique_ptr<prometheus::Exposer> exposer_;
+  std::unique_ptr<grpc::Server> server_;
+  std::string address_;
+  int metrics_port_ = 0;
+};
+
+}  // namespace sightline
