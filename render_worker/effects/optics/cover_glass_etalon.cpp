@@ -1,0 +1,53 @@
+// Interference between the faces of the cover glass: straight fringes fixed on the sensor, in laser
+// light only (other light is too broad-band). 1 + V cos(2 pi (u cos a + v sin a)/period + phase),
+// the phase fixed for a camera, averaged over the pixel.
+#include <cmath>
+#include <numbers>
+
+#include "core/random/counter_random.h"
+#include "render_worker/effects/described_effect.h"
+#include "render_worker/effects/pixel_pattern.h"
+#include "render_worker/effects/vocabulary.h"
+
+namespace sightline {
+namespace {
+
+double Sinc(double x) {
+  const double y = std::numbers::pi * x;
+  return y == 0 ? 1 : std::sin(y) / y;
+}
+
+class CoverGlassEtalonEffect final : public DescribedEffect {
+ public:
+  CoverGlassEtalonEffect()
+      : DescribedEffect(
+            {.id = "optics.cover_glass_etalon",
+             .stage = Stage::kOptics,
+             .summary = "fringes of the cover glass, fixed on the sensor: 1 + V cos",
+             .reference = "Hecht, Optics, 5th ed., section 9.4.1 (fringes of a thin wedge)",
+             .parameters = {{"fringe_visibility", 0, 0, 1, 0.05},
+                            {"fringe_period_px", 30, 2, 2000, 30},
+                            {"fringe_direction_deg", 0, -180, 180, 90}}}) {}
+
+  void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup& frame,
+                         Parameters p) const override {
+    CounterRandom random(DeriveSeed(frame.seeds.camera, "cover glass"), 0);
+    const double phase = 2 * std::numbers::pi * random.Uniform();
+    const double direction = p[2] * std::numbers::pi / 180;
+    const double along_u = std::cos(direction) / p[1], along_v = std::sin(direction) / p[1];
+    const double amplitude = p[0] * Sinc(along_u) * Sinc(along_v);
+    MultiplyLight(light, true, [&](int column_px, int row_px) {
+      const double turns = along_u * column_px + along_v * row_px;
+      return 1 + amplitude * std::cos(2 * std::numbers::pi * turns + phase);
+    });
+  }
+};
+
+}  // namespace
+
+const Effect& CoverGlassEtalon() {
+  static const CoverGlassEtalonEffect effect;
+  return effect;
+}
+
+}  // namespace sightline

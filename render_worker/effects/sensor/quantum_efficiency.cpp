@@ -1,0 +1,62 @@
+// Quantum efficiency not as stated, of all colours or of their ratio. On a mono sensor only
+// qe_factor counts; on a Bayer sensor it is red's.
+#include "render_worker/effects/described_effect.h"
+#include "render_worker/effects/vocabulary.h"
+
+namespace sightline {
+namespace {
+
+constexpr const char* kReference = "EMVA 1288 R4.0 Linear, section 2.1 (quantum efficiency)";
+
+void ScaleEfficiency(QuantumEfficiencyCurve& curve, double factor) {
+  for (double& efficiency : curve.quantum_efficiency) efficiency *= factor;
+}
+
+class QeErrorEffect final : public DescribedEffect {
+ public:
+  QeErrorEffect()
+      : DescribedEffect(
+            {.id = "sensor.qe_error",
+             .stage = Stage::kSensor,
+             .summary = "quantum efficiency: true over stated (mono or red, green, blue)",
+             .reference = kReference,
+             .parameters = {{"qe_factor", 1, 0.1, 10, 0.1},
+                            {"qe_factor_green", 1, 0.1, 10, 0.1},
+                            {"qe_factor_blue", 1, 0.1, 10, 0.1}}}) {}
+
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    for (int channel = 0; channel < frame.sensor.channels(); ++channel) {
+      ScaleEfficiency(frame.sensor.quantum_efficiency[channel], p[channel]);
+    }
+  }
+};
+
+class ColourResponseErrorEffect final : public DescribedEffect {
+ public:
+  ColourResponseErrorEffect()
+      : DescribedEffect({.id = "sensor.colour_response_error",
+                         .stage = Stage::kSensor,
+                         .summary = "ratio of the colours' quantum efficiencies, red as stated",
+                         .reference = kReference,
+                         .parameters = {{"qe_factor_green", 1, 0.1, 10, 0.1},
+                                        {"qe_factor_blue", 1, 0.1, 10, 0.1}}}) {}
+
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    if (frame.sensor.colour_filter == ColourFilter::kMono) return;
+    ScaleEfficiency(frame.sensor.quantum_efficiency[kGreen], p[0]);
+    ScaleEfficiency(frame.sensor.quantum_efficiency[kBlue], p[1]);
+  }
+};
+
+}  // namespace
+
+const Effect& QeError() {
+  static const QeErrorEffect effect;
+  return effect;
+}
+const Effect& ColourResponseError() {
+  static const ColourResponseErrorEffect effect;
+  return effect;
+}
+
+}  // namespace sightline

@@ -1,0 +1,57 @@
+// What geometric optics puts on the sensor: the end of light transport, the start of wave optics.
+#pragma once
+
+#include <array>
+#include <vector>
+
+#include "core/image/image.h"
+#include "render_worker/frame/frame_setup.h"
+
+namespace sightline {
+
+// Samples per pixel and axis, and how far the grid reaches beyond the region of interest on every
+// side. Sample (i, j) of the grid has its centre at
+//   u = (roi.column_px - margin_px + (j + 1/2) / sub_pixels - 1/2) p, v likewise.
+struct SubPixelGrid {
+  RegionOfInterest roi;
+  int sub_pixels = 2;
+  int margin_px = 0;
+  double pixel_pitch_m = 0;
+
+  int columns() const { return (roi.columns_px + 2 * margin_px) * sub_pixels; }
+  int rows() const { return (roi.rows_px + 2 * margin_px) * sub_pixels; }
+  double U(double j) const {
+    return (roi.column_px - margin_px + (j + 0.5) / sub_pixels - 0.5) * pixel_pitch_m;
+  }
+  double V(double i) const {
+    return (roi.row_px - margin_px + (i + 0.5) / sub_pixels - 0.5) * pixel_pitch_m;
+  }
+};
+
+// Irradiance of the sensor plane by a perfect, infinitely fine lens at the sub-pixels: with
+// aperture, transmission and cos^4, before diffraction, defocus and speckle.
+struct IdealImage {
+  SubPixelGrid grid;
+  Image<float> laser_irradiance_w_m2;
+  // Object distance of every sub-pixel along the optical axis [m]; empty: constant_depth_m
+  // everywhere. Defocus of the laser light follows from it.
+  Image<float> depth_m;
+  double constant_depth_m = 0;
+
+  // Other light at its own, coarser grid (same rule, own sub_pixels and margin); defocus is in it.
+  SubPixelGrid incoherent_grid;
+  // Photo-electrons per area and time [1/(m^2 s)] each colour channel would release.
+  std::array<Image<float>, 3> incoherent_electron_flux_m2_s;
+  Image<float> incoherent_irradiance_w_m2;
+  // Effective wavelength of each channel's light, for its optical transfer function.
+  std::array<double, 3> incoherent_wavelength_m = {550e-9, 550e-9, 550e-9};
+};
+
+// What reaches the pixels: means over the pixels of the region of interest.
+struct PixelIrradiance {
+  RegionOfInterest roi;
+  Image<float> laser_irradiance_w_m2;
+  std::array<Image<float>, 3> incoherent_electron_flux_m2_s;  // empty: none
+};
+
+}  // namespace sightline

@@ -1,0 +1,46 @@
+// The chain after light transport: ideal image -> optics -> sensor -> raw numbers, with effects.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+
+#include "absl/status/statusor.h"
+#include "render_worker/effects/effect.h"
+
+namespace sightline {
+
+struct FormedImage {
+  Image<uint16_t> raw_dn;
+  PixelIrradiance light;
+  Image<double> mean_photo_electrons;  // after the effects; the next frame of the burst needs it
+};
+
+// The frame as the effects of the setup stage leave it.
+FrameSetup ApplyFrameEffects(FrameSetup frame, std::span<const ActiveEffect> effects);
+
+// Pupil, curvature and transfer functions of the frame, with the effects' changes. `frame` is the
+// result of ApplyFrameEffects.
+OpticsModel MakeOpticsModel(const FrameSetup& frame, std::span<const ActiveEffect> effects);
+
+// Grid for the laser light: sub-pixels the pupil needs (or frame.sub_pixels, if more), margin
+// beyond which the point spread at `largest_curvature_per_m` holds less than `lost_energy`. The
+// margin is where scattered light may come from; ApplyOptics needs none to keep its transforms from
+// wrapping.
+SubPixelGrid MakeSubPixelGrid(const FrameSetup& frame, const OpticsModel& optics,
+                              double largest_curvature_per_m, double lost_energy = 1e-3);
+
+// INVALID_ARGUMENT if the grid is too coarse for the pupil. `previous_mean_electrons`: of the frame
+// read out before in the same burst, or nullptr.
+absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
+                                      std::span<const ActiveEffect> effects,
+                                      const SpeckleModel& speckle,
+                                      const Image<double>* previous_mean_electrons, int threads);
+
+// A plate, from scene to raw numbers.
+absl::StatusOr<FormedImage> RenderPlateFrame(const FrameSetup& nominal,
+                                             std::span<const ActiveEffect> effects,
+                                             const Image<double>* previous_mean_electrons,
+                                             int threads);
+
+}  // namespace sightline

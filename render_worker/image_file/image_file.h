@@ -1,0 +1,45 @@
+// Images as files, by OpenImageIO. Every file is written under another name and then renamed: no
+// half-written file is ever seen. The same image and text give the same bytes.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/image/image.h"
+
+namespace sightline {
+
+enum class ImageFormat { kPng, kTiff };
+
+// ".png" or ".tif".
+const char* FileExtension(ImageFormat format);
+
+// Raw numbers as read out, 16-bit greyscale, no scaling. `description` (what made the image, as
+// JSON) becomes the TIFF's ImageDescription or the PNG's text "Description". RESOURCE_EXHAUSTED or
+// INTERNAL names the file and why it cannot be written.
+absl::Status WriteRawImage(const std::string& path, const Image<uint16_t>& raw_dn,
+                           const std::string& description, ImageFormat format);
+
+// Red, green, blue, 16 bits each; values are rounded and clipped to [0, 65535].
+absl::Status WriteColourImage(const std::string& path, const std::array<Image<float>, 3>& image_dn,
+                              const std::string& description, ImageFormat format);
+
+// One float channel per layer; all have the same size.
+struct ImageLayer {
+  std::string name;  // with its unit: "laser_radiance_w_m2_sr"
+  const Image<float>* image;
+};
+// OpenEXR, ZIP compression (lossless), 32-bit float.
+absl::Status WriteLayers(const std::string& path, const std::vector<ImageLayer>& layers,
+                         const std::string& description);
+
+// 16-bit greyscale PNG or TIFF; 8-bit values are taken as they are. NOT_FOUND: no such file;
+// INVALID_ARGUMENT: not an image, more than one channel, values that are no integers of up to 16
+// bits.
+absl::StatusOr<Image<uint16_t>> ReadRawImage(const std::string& path);
+
+}  // namespace sightline

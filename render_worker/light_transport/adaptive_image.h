@@ -1,0 +1,79 @@
+// Samples the pixels of an image until their standard error meets a target.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/image/image.h"
+#include "render_worker/light_transport/light_transport.h"
+#include "render_worker/light_transport/sampling.h"
+
+namespace sightline {
+
+// What one sample saw first, to tell surfaces apart.
+struct SampleFeatures {
+  bool surface = false;
+  bool textured = false;  // a height field tilts its normals
+  uint16_t material = 0xffff;
+  Eigen::Vector3f position_m = Eigen::Vector3f::Zero();
+  Eigen::Vector3f normal = Eigen::Vector3f::Zero();  // of the triangle
+  float footprint_m = 0;           // width of a pixel on a surface facing the camera
+  float inverse_distance_1_m = 0;  // of what lights the surface
+};
+
+// Means over a pixel's samples.
+struct PixelFeatures {
+  Eigen::Vector3f position_m = Eigen::Vector3f::Zero();
+  Eigen::Vector3f normal = Eigen::Vector3f::Zero();
+  float footprint_m = 0;
+  float inverse_distance_1_m = 0;
+  uint16_t material = 0xffff;  // 0xffff: nothing
+  bool uniform = true;         // all samples on one smooth surface, or all on nothing
+  bool textured = false;
+};
+
+// Every pixel's samples are taken in two independent halves, so that errors can be measured, also
+// those of filtered images.
+struct AdaptiveOptions {
+  int channels = 1;       // unfiltered ones, then as many that may be filtered
+  int noise_channel = 0;  // whose noise counts
+  double noise_target_relative = 0.01;
+  double noise_floor_relative = 0.25;  // of the image's mean: darker pixels need no better
+  int first_samples_per_px = 16;       // power of two, at least 2
+  int max_samples_per_px = 4096;
+  bool filter = true;
+  int filter_radius_px = 16;
+  uint64_t seed = 1;
+  int threads = 1;
+};
+
+struct AdaptiveResult {
+  std::vector<Image<float>> unfiltered;  // per channel
+  std::vector<Image<float>> filterable;  // per channel; filtered if asked
+  // Of the noise channel's sum of both: noise only, not what the filter smooths away.
+  Image<float> standard_error;
+  std::vector<PixelFeatures> features;  // per pixel
+  int64_t rays = 0;
+};
+
+// One sample of a pixel: adds to the 2 * channels sums, returns the rays cast. No sums: only the
+// features are wanted. The halves (0, 1) must be independent. Called from many threads.
+using PixelSample = std::function<int(int row, int column, int half, PixelSamples& samples,
+                                      std::span<float> sums, SampleFeatures& features)>;
+
+// Whether a sample lies on the smooth surface that another place belongs to.
+bool SameSurface(const Eigen::Vector3f& position_m, const Eigen::Vector3f& normal,
+                 const Eigen::Vector3f& other_m, const Eigen::Vector3f& other_normal,
+                 float footprint_m);
+
+absl::StatusOr<AdaptiveResult> SampleAdaptively(int columns, int rows,
+                                                const AdaptiveOptions& options,
+                                                const PixelSample& sample,
+                                                const TransportProgress& progress, double from,
+                                                double to);
+
+}  // namespace sightline

@@ -1,0 +1,39 @@
+// Rays of the thin-lens camera.
+#pragma once
+
+#include <Eigen/Core>
+
+#include "render_worker/light_transport/light_transport.h"
+
+namespace sightline {
+
+// Undistorted normalised image coordinates that Brown and Conrady's model maps to `distorted`;
+// Newton's method, exact to rounding where the model is one to one.
+Eigen::Vector2d Undistort(const Distortion& distortion, const Eigen::Vector2d& distorted);
+
+class CameraRays {
+ public:
+  explicit CameraRays(const SceneView& view);
+
+  const Eigen::Vector3d& origin_m() const { return origin_m_; }
+  // Chief ray through sensor position (u, v) [m], part coordinates; its component along the optical
+  // axis is 1, so that ray parameters are depths.
+  Eigen::Vector3d ChiefDirection(double u_m, double v_m) const;
+
+  // Ray through a point of the pupil, given by (u1, u2) in [0, 1)^2, to where the chief ray meets
+  // the focused plane.
+  struct Ray {
+    Eigen::Vector3f origin_m;
+    Eigen::Vector3f direction;
+    float depth_m;  // along the optical axis, of the direction's length
+  };
+  Ray PupilRay(double u_m, double v_m, float u1, float u2) const;
+
+ private:
+  Eigen::Vector3d origin_m_, x_axis_, y_axis_, z_axis_;
+  double image_distance_m_, focus_distance_m_, pupil_radius_m_;
+  Distortion distortion_;
+  bool distorted_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,40 @@
+#include "render_worker/light_transport/light_transport.h"
+
+#include <utility>
+
+#include "render_worker/light_transport/incoherent_transport.h"
+#include "render_worker/light_transport/laser_transport.h"
+#include "render_worker/light_transport/scene.h"
+
+namespace sightline {
+namespace {
+
+class SceneLightTransport : public LightTransport {
+ public:
+  explicit SceneLightTransport(std::unique_ptr<RayScene> scene) : scene_(std::move(scene)) {}
+
+  absl::StatusOr<LaserTransport> TraceLaser(const SceneView& view, const SubPixelGrid& grid,
+                                            const TransportSettings& settings,
+                                            const TransportProgress& progress) const override {
+    return TraceLaserLight(*scene_, view, grid, settings, progress);
+  }
+
+  absl::StatusOr<IncoherentTransport> TraceIncoherent(
+      const SceneView& view, const SubPixelGrid& grid, const std::vector<Spectrum>& channel_weights,
+      const TransportSettings& settings, const TransportProgress& progress) const override {
+    return TraceIncoherentLight(*scene_, view, grid, channel_weights, settings, progress);
+  }
+
+ private:
+  std::unique_ptr<RayScene> scene_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<LightTransport>> LightTransport::Make(SceneDescription description) {
+  auto scene = RayScene::Make(std::move(description));
+  if (!scene.ok()) return scene.status();
+  return std::make_unique<SceneLightTransport>(*std::move(scene));
+}
+
+}  // namespace sightline

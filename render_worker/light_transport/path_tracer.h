@@ -1,0 +1,48 @@
+// Paths of incoherent light: lamps and ambient.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "render_worker/light_transport/lamp_sampling.h"
+#include "render_worker/light_transport/sampling.h"
+#include "render_worker/light_transport/scene.h"
+
+namespace sightline {
+
+// Unidirectional path tracing from the camera. Lamps: next-event estimation by solid angle,
+// combined with the rays that meet them by the power heuristic (Veach 1997). Ambient is the same
+// from all directions, so the rays drawn from the BRDF are all it needs. Grey scenes carry one
+// number along a path, others a spectrum.
+class PathTracer {
+ public:
+  // One output per channel weight; `scene` must outlive this.
+  PathTracer(const RayScene& scene, const std::vector<Spectrum>& channel_weights, int max_bounces);
+
+  int channels() const { return channels_; }
+
+  // Adds the light along one camera ray, whose first surface was found by the caller (null: none).
+  // `sums`: per channel what comes straight from lamps to the first surface or the camera, then per
+  // channel all the rest. Returns the rays cast.
+  struct FirstReflection {
+    float inverse_distance_1_m = 0;  // to the next surface; 0: none met
+  };
+  int AddLight(const SurfacePoint* first, const Eigen::Vector3f& direction, PixelSamples& samples,
+               std::span<float> sums, FirstReflection& reflection) const;
+
+ private:
+  template <class Value>
+  int Trace(const SurfacePoint* first, const Eigen::Vector3f& direction, PixelSamples& samples,
+            std::span<float> sums, FirstReflection& reflection) const;
+
+  const RayScene& scene_;
+  LampChoice lamps_;
+  int channels_;
+  int max_bounces_;
+  std::vector<Spectrum> sources_;  // radiance of the lamps, then of the ambient
+  std::vector<Spectrum> weights_;
+  std::vector<float> channel_radiance_;  // [source][channel]
+};
+
+}  // namespace sightline

@@ -1,0 +1,78 @@
+// Surfaces and lamps of a scene, for ray casting with Embree.
+#pragma once
+
+#include <embree3/rtcore.h>
+
+#include <Eigen/Core>
+#include <memory>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "render_worker/light_transport/light_transport.h"
+
+namespace sightline {
+
+// A place on a surface as a ray met it.
+struct SurfacePoint {
+  Eigen::Vector3f position_m = Eigen::Vector3f::Zero();
+  float distance = 0;  // in lengths of the ray's direction
+  // Columns of LocalFrame (material.h); the normal is that of the triangle, on the side the ray
+  // came from.
+  Eigen::Vector3f tangent = Eigen::Vector3f::UnitX();
+  Eigen::Vector3f bitangent = Eigen::Vector3f::UnitY();
+  Eigen::Vector3f normal = Eigen::Vector3f::UnitZ();
+  const Material* material = nullptr;  // null: a lamp
+  uint16_t material_index = 0;
+  int lamp = -1;
+  bool front = true;  // met on the outer side
+  SurfaceDetail detail;
+
+  Eigen::Vector3f ToLocal(const Eigen::Vector3f& v) const {
+    return {tangent.dot(v), bitangent.dot(v), normal.dot(v)};
+  }
+  Eigen::Vector3f ToWorld(const Eigen::Vector3f& v) const {
+    return tangent * v.x() + bitangent * v.y() + normal * v.z();
+  }
+};
+
+// Immutable after Make, so usable from many threads.
+class RayScene {
+ public:
+  // Errors as LightTransport::Make.
+  static absl::StatusOr<std::unique_ptr<RayScene>> Make(SceneDescription description);
+  ~RayScene();
+  RayScene(const RayScene&) = delete;
+  RayScene& operator=(const RayScene&) = delete;
+
+  const SceneDescription& description() const { return description_; }
+  bool grey() const { return grey_; }
+  // How far ray origins are lifted off a surface, so that rounding does not make it hit itself.
+  float lift_m() const { return lift_m_; }
+
+  // Nearest surface along the ray; direction of any length. `footprint_m`: width of the ray at the
+  // origin, and `footprint_growth` per length of the direction, for height fields.
+  bool Intersect(const Eigen::Vector3f& origin_m, const Eigen::Vector3f& direction,
+                 float footprint_m, float footprint_growth, SurfacePoint& point) const;
+  // From a surface point: lifted to the side of the direction.
+  bool IntersectFrom(const SurfacePoint& from, const Eigen::Vector3f& direction,
+                     SurfacePoint& point) const;
+
+  // True if nothing lies between the surface point and a point in space.
+  bool Visible(const SurfacePoint& from, const Eigen::Vector3f& to_m) const;
+  // The same between two surface points, both lifted towards each other.
+  bool Visible(const SurfacePoint& from, const SurfacePoint& to) const;
+
+  RTCScene embree_scene() const { return scene_; }
+
+ private:
+  explicit RayScene(SceneDescription description) : description_(std::move(description)) {}
+  bool Clear(const Eigen::Vector3f& from_m, const Eigen::Vector3f& to_m, float t_far) const;
+
+  SceneDescription description_;
+  RTCDevice device_ = nullptr;
+  RTCScene scene_ = nullptr;
+  bool grey_ = true;
+  float lift_m_ = 0;
+};
+
+}  // namespace sightline

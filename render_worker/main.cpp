@@ -1,0 +1,3 @@
+#include "render_worker/service/server_main.h"
+
+int main(int argc, char** argv) { return sightline::RenderWorkerMain(argc, argv); }

@@ -1,0 +1,26 @@
+// Vignetting over the field.
+#pragma once
+
+#include <vector>
+
+#include "core/image/image.h"
+#include "render_worker/frame/ideal_image.h"
+#include "render_worker/optics/image_optics.h"
+
+namespace sightline {
+
+// Light the pupil at a place of the sensor lets through, over that of the clear circle the ideal
+// irradiance was computed for. Bilinear between nodes, as pupils change slowly.
+class ClearFractionMap {
+ public:
+  ClearFractionMap(const OpticsModel& optics, const SubPixelGrid& grid, int threads);
+  // At sample (row, column) of the grid.
+  float At(int row, int column) const;
+
+ private:
+  int step_ = 0;     // samples between nodes; 0: the same everywhere
+  float value_ = 1;  // then
+  Image<float> nodes_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,14 @@
+// Other light through the lens.
+#pragma once
+
+#include "render_worker/optics/image_optics.h"
+
+namespace sightline {
+
+// One channel of ApplyOptics: optical transfer function of the pupil on the region's centre at the
+// channel's wavelength, transfer functions, vignetting, mean over every pixel's samples (which are
+// means over their sub-pixels already).
+Image<float> ImageIncoherent(const Image<float>& light, const SubPixelGrid& grid,
+                             double wavelength_m, const OpticsModel& optics, int threads);
+
+}  // namespace sightline

@@ -1,0 +1,26 @@
+// Work on many independent rows by a few threads.
+#pragma once
+
+#include <algorithm>
+#include <cstdint>
+#include <thread>
+#include <vector>
+
+namespace sightline {
+
+// Calls work(begin, end) on disjoint ranges that cover [0, count), one per thread. Results must go
+// to each index's own place, so they do not depend on the number of threads.
+template <typename Work>
+void ForIndexRanges(int threads, int count, const Work& work) {
+  const int parts = std::clamp(threads, 1, std::max(count, 1));
+  const auto bound = [&](int part) {
+    return static_cast<int>(static_cast<int64_t>(count) * part / parts);
+  };
+  std::vector<std::jthread> others;
+  for (int part = 1; part < parts; ++part) {
+    others.emplace_back([&work, begin = bound(part), end = bound(part + 1)] { work(begin, end); });
+  }
+  work(0, bound(1));
+}
+
+}  // namespace sightline

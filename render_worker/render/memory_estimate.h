@@ -1,0 +1,29 @@
+// What an image will take before it is begun.
+#pragma once
+
+#include <cstdint>
+#include <string>
+
+#include "absl/status/status.h"
+#include "render_worker/frame/frame_setup.h"
+#include "render_worker/frame/ideal_image.h"
+
+namespace sightline {
+
+// Bytes that the largest buffers of one frame take together: light at the sub-pixels of the laser
+// grid, other light at its own grid, electrons and numbers of the pixels.
+int64_t FrameBytes(const SubPixelGrid& laser_grid, const SubPixelGrid& incoherent_grid,
+                   int channels);
+
+// The same before any optics are computed: sub-pixels the pupil needs, no margin.
+int64_t EstimateFrameBytes(const FrameSetup& frame);
+
+// RESOURCE_EXHAUSTED, reason IMAGE_TOO_LARGE, if `bytes` exceed the limit; says how much is needed
+// and for what. `context` names the frame.
+absl::Status CheckFrameBytes(int64_t bytes, int64_t max_bytes, const FrameSetup& frame,
+                             int sub_pixels, const std::string& context);
+
+// Sub-pixels per pixel and axis of the laser grid: frame.sub_pixels, or what the pupil needs.
+int SubPixelsOf(const FrameSetup& frame);
+
+}  // namespace sightline

@@ -1,0 +1,55 @@
+// One image of a part: light transport, perfect image, optics, sensor.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "render_worker/image_chain/form_image.h"
+#include "render_worker/render/part_scene.h"
+
+namespace sightline {
+
+// What goes into an image layer by layer, at the pixels of the region of interest.
+struct FrameLayers {
+  Image<float> laser_radiance_w_m2_sr;       // mean over the pixel
+  Image<float> depth_m;                      // along the optical axis; 0: nothing hit
+  Image<float> material;                     // index; -1: nothing hit
+  Image<float> incoherent_radiance_w_m2_sr;  // empty: no other light
+  Image<float> laser_irradiance_w_m2;        // after optics
+  Image<float> photo_electrons;              // mean, before noise
+};
+
+struct PartFrameRequest {
+  Measurement measurement;
+  double stage_position_m = 0;
+};
+
+struct RenderLimits {
+  int threads = 1;
+  int64_t max_image_bytes = int64_t{8} << 30;
+  const std::atomic<bool>* cancelled = nullptr;
+  std::function<void(double fraction)> progress;  // may be empty
+};
+
+struct RenderedPartFrame {
+  FormedImage image;
+  std::optional<FrameLayers> layers;
+  std::vector<std::string> warnings;
+};
+
+// The frame's numbers without effects. The same surface at the same place has the same speckle,
+// noise differs with every measurement and stage position.
+FrameSetup PartFrameSetup(const Inspection& inspection, const PartFrameRequest& request);
+
+// `effects`: those of the inspection. INVALID_ARGUMENT: an effect that only plates have;
+// RESOURCE_EXHAUSTED: more memory than the limit; CANCELLED.
+absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFrameRequest& request,
+                                                  std::span<const ActiveEffect> effects,
+                                                  bool layers, const RenderLimits& limits);
+
+}  // namespace sightline

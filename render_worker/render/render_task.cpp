@@ -1,0 +1,496 @@
+#include "render_worker/render/render_task.h"
+
+#include <openssl/evp.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <utility>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/inspection/imaging.h"
+#include "core/json/strict_json.h"
+#include "core/part/load_part.h"
+#include "proto/status/rpc_status.h"
+#include "render_worker/image_file/image_file.h"
+#include "render_worker/recordings/plate_frames.h"
+#include "render_worker/render/memory_estimate.h"
+#include "render_worker/render/part_frame.h"
+#include "render_worker/render/part_scene.h"
+#include "render_worker/sensor/demosaic.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMaxFrames = 100000;
+
+absl::StatusOr<std::string> ReadFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream bytes;
+  bytes << file.rdbuf();
+  if (!file || !bytes) return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
+  return std::move(bytes).str();
+}
+
+absl::StatusOr<RenderedFile> Describe(const std::string& folder, const std::string& name) {
+  std::ifstream file(fs::path(folder) / name, std::ios::binary);
+  if (!file) return absl::InternalError(absl::StrCat(name, ": was just written, is not there"));
+  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> hash(EVP_MD_CTX_new(),
+                                                                     EVP_MD_CTX_free);
+  EVP_DigestInit_ex(hash.get(), EVP_sha256(), nullptr);
+  RenderedFile result;
+  result.file = name;
+  std::array<char, 1 << 16> buffer;
+  while (file.read(buffer.data(), buffer.size()) || file.gcount() > 0) {
+    EVP_DigestUpdate(hash.get(), buffer.data(), static_cast<size_t>(file.gcount()));
+    result.size_bytes += file.gcount();
+  }
+  std::array<unsigned char, 32> digest;
+  EVP_DigestFinal_ex(hash.get(), digest.data(), nullptr);
+  result.sha256 = absl::BytesToHexString(
+      absl::string_view(reinterpret_cast<const char*>(digest.data()), digest.size()));
+  return result;
+}
+
+absl::StatusOr<std::vector<ActiveEffect>> MakeEffects(const std::vector<EffectChoice>& choices) {
+  std::vector<ActiveEffect> effects;
+  for (const EffectChoice& choice : choices) {
+    std::vector<NamedValue> parameters;
+    for (const auto& [name, value] : choice.parameters) parameters.push_back({name, value});
+    auto effect = MakeActiveEffect(choice.id, parameters);
+    if (!effect.ok()) return effect.status();
+    effects.push_back(*std::move(effect));
+  }
+  if (absl::Status status = OrderEffects(&effects); !status.ok()) return status;
+  return effects;
+}
+
+ImageFormat FormatOf(const v1::RenderOutput& output) {
+  return output.image_format() == v1::RenderOutput::IMAGE_FORMAT_TIFF ? ImageFormat::kTiff
+                                                                      : ImageFormat::kPng;
+}
+
+// Writes the files of one image and reports them.
+class ImageWriter {
+ public:
+  ImageWriter(std::string folder, const v1::RenderOutput& output, const Sensor& sensor,
+              const RenderTaskHooks& hooks)
+      : folder_(std::move(folder)), output_(output), sensor_(sensor), hooks_(hooks) {}
+
+  // Says what was asked for and cannot be done.
+  void WarnOnce() const {
+    if (output_.demosaic() && sensor_.colour_filter == ColourFilter::kMono && hooks_.on_warning) {
+      hooks_.on_warning("demosaic: the sensor is mono, there is nothing to demosaic");
+    }
+  }
+
+  // `name`: path in the folder with its extension. `description`: JSON of what made the image.
+  absl::Status Write(const std::string& name, const Image<uint16_t>& raw_dn,
+                     const RegionOfInterest& roi, const FrameLayers* layers,
+                     const std::string& description) const {
+    const fs::path path = fs::path(folder_) / name;
+    std::error_code error;
+    fs::create_directories(path.parent_path(), error);
+    if (error) {
+      return absl::InternalError(
+          absl::StrCat(path.parent_path().string(), ": cannot be made: ", error.message()));
+    }
+    absl::Status status = WriteRawImage(path.string(), raw_dn, description, FormatOf(output_));
+    if (!status.ok()) return status;
+    if (status = Report(name); !status.ok()) return status;
+    const std::string stem = (fs::path(name).parent_path() / fs::path(name).stem()).string();
+    if (layers != nullptr) {
+      const std::string file = stem + "_layers.exr";
+      status = WriteLayers((fs::path(folder_) / file).string(), Named(*layers), description);
+      if (!status.ok()) return status;
+      if (status = Report(file); !status.ok()) return status;
+    }
+    if (output_.demosaic() && sensor_.colour_filter == ColourFilter::kBayerRggb) {
+      auto colour =
+          Demosaic(raw_dn, sensor_.rows_px / 2 + roi.row_px, sensor_.columns_px / 2 + roi.column_px,
+                   DemosaicMethod::kMalvarHeCutler);
+      if (!colour.ok()) return colour.status();
+      const double black_dn =
+          sensor_.black_level_dn + sensor_.gain_dn_per_electron * sensor_.dark_mean_electrons;
+      WhiteBalance(GreyWorldFactors(*colour, black_dn, sensor_.largest_dn()), black_dn, &*colour);
+      const std::string file = absl::StrCat(stem, "_rgb", FileExtension(FormatOf(output_)));
+      status = WriteColourImage((fs::path(folder_) / file).string(), *colour, description,
+                                FormatOf(output_));
+      if (!status.ok()) return status;
+      return Report(file);
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status WriteRecordings(const v1::Recordings& recordings) const {
+    absl::Status status =
+        WriteFileAtomically(folder_ + "/recordings.json", RecordingsToJson(recordings) + "\n");
+    if (!status.ok()) return status;
+    return Report("recordings.json");
+  }
+
+ private:
+  static std::vector<ImageLayer> Named(const FrameLayers& layers) {
+    std::vector<ImageLayer> named = {
+        {"laser_radiance_w_m2_sr", &layers.laser_radiance_w_m2_sr},
+        {"depth_m", &layers.depth_m},
+        {"material", &layers.material},
+        {"laser_irradiance_w_m2", &layers.laser_irradiance_w_m2},
+        {"photo_electrons", &layers.photo_electrons},
+        {"incoherent_radiance_w_m2_sr", &layers.incoherent_radiance_w_m2_sr}};
+    named.erase(std::remove_if(named.begin(), named.end(),
+                               [](const ImageLayer& layer) { return layer.image->empty(); }),
+                named.end());
+    return named;
+  }
+
+  absl::Status Report(const std::string& name) const {
+    absl::StatusOr<RenderedFile> file = Describe(folder_, name);
+    if (!file.ok()) return file.status();
+    if (hooks_.on_file) hooks_.on_file(*std::move(file));
+    return absl::OkStatus();
+  }
+
+  const std::string folder_;
+  const v1::RenderOutput& output_;
+  const Sensor& sensor_;
+  const RenderTaskHooks& hooks_;
+};
+
+bool Cancelled(const RenderTaskHooks& hooks) {
+  return hooks.cancelled != nullptr && *hooks.cancelled;
+}
+
+// The set with this recording alone: what the image's file says about itself.
+std::string DescribeImage(const v1::Recordings& set, int index) {
+  v1::Recordings one = set;
+  one.clear_recordings();
+  *one.add_recordings() = set.recordings(index);
+  return RecordingsToJson(one);
+}
+
+// --- parts --------------------------------------------------------------------------------------
+
+class PartTask final : public RenderTask {
+ public:
+  absl::Status Prepare(const v1::PartRender& message, const v1::RenderOutput& output,
+                       int64_t max_image_bytes) {
+    output_ = output;
+    message_ = message.inspection();
+    // A request must never make the server read files of its own.
+    if (!message_.camera().sensor_file().empty()) {
+      return InvalidFields(
+          {{"part.inspection.camera.sensor_file", "must be inline: give camera.sensor"}});
+    }
+    for (int i = 0; i < message_.materials_size(); ++i) {
+      if (message_.materials(i).file().empty()) continue;
+      return InvalidFields({{absl::StrCat("part.inspection.materials[", i, "].file"),
+                             "must be inline: give material"}});
+    }
+    absl::StatusOr<Inspection> inspection = ParseInspection(message_, "part.inspection", "");
+    if (!inspection.ok()) return inspection.status();
+    inspection_ = *std::move(inspection);
+    if (!inspection_.sensor) {
+      return InvalidFields({{"part.inspection.camera.sensor",
+                             "is missing: images need a sensor (camera.sensor_file)"}});
+    }
+    if (!inspection_.rig.lens) {
+      return InvalidFields({{"part.inspection.lens", "is missing: images need a lens"}});
+    }
+    if (inspection_.materials.empty()) {
+      return InvalidFields(
+          {{"part.inspection.materials", "is missing: images need the part's materials"}});
+    }
+    auto effects = MakeEffects(inspection_.effects);
+    if (!effects.ok()) return effects.status();
+    effects_ = *std::move(effects);
+    if (message.frames().empty()) return InvalidFields({{"part.frames", "is empty"}});
+    if (message.frames_size() > kMaxFrames) {
+      return InvalidFields({{"part.frames", absl::StrCat("has ", message.frames_size(),
+                                                         " entries, at most ", kMaxFrames)}});
+    }
+    const MeasurementDomain domain = ThesisDomain();
+    for (int i = 0; i < message.frames_size(); ++i) {
+      const v1::PartFrame& frame = message.frames(i);
+      const Measurement measurement = MeasurementFromProto(frame.measurement());
+      if (!domain.Contains(measurement)) {
+        return InvalidFields({{absl::StrCat("part.frames[", i, "].measurement"),
+                               "has a parameter outside Table 2.1"}});
+      }
+      if (!(std::abs(frame.stage_position_m()) <= 100)) {
+        return InvalidFields({{absl::StrCat("part.frames[", i, "].stage_position_m"),
+                               absl::StrCat("is ", NumberText(frame.stage_position_m()),
+                                            ", must be in [-100, 100] m")}});
+      }
+      const FrameSetup setup = PartFrameSetup(inspection_, {measurement, frame.stage_position_m()});
+      if (*setup.lens.focus_distance_m <= 1.01 * setup.lens.focal_length_m) {
+        return InvalidFields({{absl::StrCat("part.frames[", i, "].measurement.camera_distance_m"),
+                               absl::StrCat("is ", NumberText(measurement.camera_distance_m),
+                                            ", too near for the lens's focal length of ",
+                                            NumberText(setup.lens.focal_length_m), " m")}});
+      }
+      if (i == 0 || measurement.camera_distance_m != frames_.back().first.camera_distance_m) {
+        absl::Status status = CheckFrameBytes(EstimateFrameBytes(setup), max_image_bytes, setup,
+                                              SubPixelsOf(setup), absl::StrCat("frames[", i, "]"));
+        if (!status.ok()) return status;
+      }
+      frames_.emplace_back(measurement, frame);
+    }
+    return absl::OkStatus();
+  }
+
+  int frames() const override { return static_cast<int>(frames_.size()); }
+
+  std::vector<std::string> AssetFiles() const override {
+    std::vector<std::string> files = {inspection_.part_file};
+    for (const ObstacleSource& obstacle : inspection_.obstacles) files.push_back(obstacle.file);
+    for (const MaterialChoice& choice : inspection_.materials) {
+      v1::Material material = choice.material;
+      for (const std::string* file : MutableMaterialFiles(&material)) files.push_back(*file);
+    }
+    std::sort(files.begin(), files.end());
+    files.erase(std::unique(files.begin(), files.end()), files.end());
+    return files;
+  }
+
+  absl::Status Run(const std::string& folder, const AssetResolver& assets,
+                   const RenderTaskHooks& hooks) override {
+    PartSceneInput input;
+    input.inspection = inspection_;
+    input.assets = assets;
+    auto part = LoadMesh(inspection_.part_file, inspection_.part_unit, assets);
+    if (!part.ok()) return part.status();
+    const std::string part_digest = PartDigest(*part);
+    input.part = *std::move(part);
+    for (const ObstacleSource& source : inspection_.obstacles) {
+      auto mesh = LoadMesh(source.file, source.unit, assets);
+      if (!mesh.ok()) return mesh.status();
+      input.obstacles.push_back(*std::move(mesh));
+    }
+    auto scene = PartScene::Make(std::move(input));
+    if (!scene.ok()) return scene.status();
+
+    const v1::Recordings recordings = DescribeSet(part_digest);
+    const ImageWriter writer(folder, output_, *inspection_.sensor, hooks);
+    writer.WarnOnce();
+    std::set<std::string> warned;
+    for (size_t i = 0; i < frames_.size(); ++i) {
+      if (Cancelled(hooks)) return absl::CancelledError("cancelled");
+      const std::string& name = recordings.recordings(static_cast<int>(i)).file();
+      RenderLimits limits;
+      limits.threads = hooks.threads;
+      limits.max_image_bytes = hooks.max_image_bytes;
+      limits.cancelled = hooks.cancelled;
+      limits.progress = [&](double fraction) {
+        if (!hooks.on_progress) return;
+        hooks.on_progress((static_cast<double>(i) + fraction) / static_cast<double>(frames_.size()),
+                          absl::StrCat("image ", i + 1, " of ", frames_.size()));
+      };
+      limits.progress(0);
+      auto frame =
+          RenderPartFrame(**scene, {frames_[i].first, frames_[i].second.stage_position_m()},
+                          effects_, output_.layers(), limits);
+      if (!frame.ok()) return frame.status();
+      for (const std::string& warning : frame->warnings) {
+        if (warned.insert(warning).second && hooks.on_warning) hooks.on_warning(warning);
+      }
+      absl::Status status = writer.Write(name, frame->image.raw_dn,
+                                         PartFrameSetup(inspection_, {frames_[i].first, 0}).roi,
+                                         frame->layers ? &*frame->layers : nullptr,
+                                         DescribeImage(recordings, static_cast<int>(i)));
+      if (!status.ok()) return status;
+    }
+    return writer.WriteRecordings(recordings);
+  }
+
+ private:
+  static absl::StatusOr<TriangleMesh> LoadMesh(const std::string& file, const std::string& unit,
+                                               const AssetResolver& assets) {
+    absl::StatusOr<std::string> path = assets(file);
+    if (!path.ok()) return path.status();
+    absl::StatusOr<std::string> bytes = ReadFile(*path);
+    if (!bytes.ok()) return bytes.status();
+    std::string format = fs::path(file).extension().string();
+    if (!format.empty()) format = format.substr(1);
+    std::transform(format.begin(), format.end(), format.begin(),
+                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+    return LoadPartFromMemory(*bytes, format, unit, file);
+  }
+
+  // recordings.json of format version 2.
+  v1::Recordings DescribeSet(const std::string& part_digest) const {
+    const Lens& lens = *inspection_.rig.lens;
+    const Laser& laser = inspection_.rig.laser;
+    RecordingSet set;
+    set.format_version = 2;
+    set.name = inspection_.name;
+    set.camera = *inspection_.sensor;
+    set.focal_length_m = lens.focal_length_m;
+    set.transmission = lens.transmission;
+    set.laser = laser;
+    set.part =
+        RecordedPart{message_.part().file(), part_digest, lens, laser, {}, inspection_.lighting};
+    for (const v1::MaterialAssignment& assignment : message_.materials()) {
+      set.part->materials.push_back(assignment);
+    }
+    const int digits = std::max<int>(3, static_cast<int>(absl::StrCat(frames_.size() - 1).size()));
+    for (size_t i = 0; i < frames_.size(); ++i) {
+      const auto& [measurement, frame] = frames_[i];
+      const FrameSetup setup = PartFrameSetup(inspection_, {measurement, frame.stage_position_m()});
+      RecordedImage image;
+      image.file = absl::StrFormat("images/%0*d%s", digits, i, FileExtension(FormatOf(output_)));
+      image.kind = RecordingKind::kLaser;
+      image.series = "scan";
+      image.exposure_time_s = setup.exposure_time_s;
+      image.f_number = lens.f_number;
+      image.camera_distance_m = measurement.camera_distance_m;
+      image.focus_distance_m = *setup.lens.focus_distance_m;
+      image.laser_distance_m = setup.plate.laser_distance_m;
+      image.roi_column_px = setup.roi.column_px;
+      image.roi_row_px = setup.roi.row_px;
+      image.roi_columns_px = setup.roi.columns_px;
+      image.roi_rows_px = setup.roi.rows_px;
+      image.measurement = measurement;
+      image.scan = frame.scan();
+      image.frame = frame.frame();
+      image.stage_position_m = frame.stage_position_m();
+      set.recordings.push_back(std::move(image));
+    }
+    v1::Recordings recordings = RecordingsToProto(set);
+    recordings.clear_uncertainty();  // of a simulation there is none
+    return recordings;
+  }
+
+  v1::Inspection message_;
+  Inspection inspection_;
+  v1::RenderOutput output_;
+  std::vector<ActiveEffect> effects_;
+  std::vector<std::pair<Measurement, v1::PartFrame>> frames_;
+};
+
+// --- plates -------------------------------------------------------------------------------------
+
+class PlateTask final : public RenderTask {
+ public:
+  absl::Status Prepare(const v1::PlateRender& message, const v1::RenderOutput& output,
+                       int64_t max_image_bytes) {
+    output_ = output;
+    message_ = message.recordings();
+    absl::StatusOr<RecordingSet> set = ParseRecordings(message_, "plate.recordings");
+    if (!set.ok()) return set.status();
+    set_ = *std::move(set);
+    if (set_.format_version != 1) {
+      return InvalidFields({{"plate.recordings.format_version", "is 2, must be 1: a plate"}});
+    }
+    if (output.layers()) {
+      return InvalidFields({{"output.layers", "is for parts; a plate has none"}});
+    }
+    absl::StatusOr<SetupDeviation> deviation =
+        ParseSetupDeviation(message.deviations(), true, "deviations", "plate");
+    if (!deviation.ok()) return deviation.status();
+    options_.deviation = *deviation;
+    options_.seed = message.has_seed() ? static_cast<uint64_t>(message.seed()) : 1;
+    options_.speckle = !message.has_speckle() || message.speckle();
+    std::vector<EffectChoice> choices;
+    for (const v1::Effect& effect : message.effects()) {
+      choices.push_back(
+          {effect.effect(), {effect.parameters().begin(), effect.parameters().end()}});
+    }
+    auto effects = MakeEffects(choices);
+    if (!effects.ok()) return effects.status();
+    effects_ = *std::move(effects);
+    for (int i = 0; i < message_.recordings_size(); ++i) {
+      const FrameSetup frame = PlateFrame(set_, i, options_);
+      absl::Status status =
+          CheckFrameBytes(EstimateFrameBytes(frame), max_image_bytes, frame, SubPixelsOf(frame),
+                          absl::StrCat("recordings[", i, "]"));
+      if (!status.ok()) return status;
+      v1::Recording* recording = message_.mutable_recordings(i);
+      if (FormatOf(output_) == ImageFormat::kTiff) {
+        recording->set_file(fs::path(recording->file()).replace_extension(".tif").string());
+      }
+      if (recording->file() == "recordings.json") {
+        return InvalidFields({{absl::StrCat("plate.recordings.recordings[", i, "].file"),
+                               "is \"recordings.json\", which the set itself needs"}});
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  int frames() const override { return static_cast<int>(set_.recordings.size()); }
+  std::vector<std::string> AssetFiles() const override { return {}; }
+
+  absl::Status Run(const std::string& folder, const AssetResolver&,
+                   const RenderTaskHooks& hooks) override {
+    const ImageWriter writer(folder, output_, set_.camera, hooks);
+    writer.WarnOnce();
+    Image<double> previous;
+    for (int i = 0; i < frames(); ++i) {
+      if (Cancelled(hooks)) return absl::CancelledError("cancelled");
+      if (hooks.on_progress) {
+        hooks.on_progress(static_cast<double>(i) / frames(),
+                          absl::StrCat("image ", i + 1, " of ", frames()));
+      }
+      const FrameSetup frame = PlateFrame(set_, i, options_);
+      auto image = RenderPlateFrame(
+          frame, effects_, frame.burst_frame_index > 0 ? &previous : nullptr, hooks.threads);
+      if (!image.ok()) return image.status();
+      if (Cancelled(hooks)) return absl::CancelledError("cancelled");
+      absl::Status status = writer.Write(message_.recordings(i).file(), image->raw_dn, frame.roi,
+                                         /*layers=*/nullptr, DescribeImage(message_, i));
+      if (!status.ok()) return status;
+      previous = std::move(image->mean_photo_electrons);
+    }
+    return writer.WriteRecordings(message_);
+  }
+
+ private:
+  v1::Recordings message_;
+  RecordingSet set_;
+  v1::RenderOutput output_;
+  PlateFrameOptions options_;
+  std::vector<ActiveEffect> effects_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<RenderTask>> RenderTask::Parse(const v1::RenderSpec& spec,
+                                                              int64_t max_image_bytes) {
+  if (!v1::RenderOutput::ImageFormat_IsValid(spec.output().image_format())) {
+    return InvalidFields(
+        {{"output.image_format", absl::StrCat(spec.output().image_format(), ": is not known")}});
+  }
+  const auto named = [](absl::Status status) {
+    return absl::IsInvalidArgument(status) && ErrorReason(status).empty()
+               ? WithErrorInfo(std::move(status), "INVALID_FIELD")
+               : status;
+  };
+  switch (spec.scene_case()) {
+    case v1::RenderSpec::kPart: {
+      auto task = std::make_unique<PartTask>();
+      absl::Status status = task->Prepare(spec.part(), spec.output(), max_image_bytes);
+      if (!status.ok()) return named(status);
+      return task;
+    }
+    case v1::RenderSpec::kPlate: {
+      auto task = std::make_unique<PlateTask>();
+      absl::Status status = task->Prepare(spec.plate(), spec.output(), max_image_bytes);
+      if (!status.ok()) return named(status);
+      return task;
+    }
+    case v1::RenderSpec::SCENE_NOT_SET:
+      break;
+  }
+  return InvalidFields({{"spec.scene", "is missing, must have part or plate"}});
+}
+
+}  // namespace sightline

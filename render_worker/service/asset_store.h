@@ -1,0 +1,52 @@
+// Uploaded files on disk, by digest, limited in bytes; the longest unused go first.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <utility>
+
+#include "absl/status/statusor.h"
+#include "rpc_server/lru_store.h"
+
+namespace sightline {
+
+// SHA-256, lower-case hex.
+std::string Sha256Hex(const std::string& bytes);
+
+// A file that is removed when nobody holds it any more.
+class Asset {
+ public:
+  explicit Asset(std::string path) : path_(std::move(path)) {}
+  ~Asset();
+  Asset(const Asset&) = delete;
+  Asset& operator=(const Asset&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+// Thread-safe.
+class AssetStore {
+ public:
+  // `folder` exists and belongs to the store.
+  AssetStore(std::string folder, int64_t max_bytes);
+
+  // Keeps the bytes; returns their digest. RESOURCE_EXHAUSTED: they alone exceed the limit, or the
+  // disk is full.
+  absl::StatusOr<std::string> Put(const std::string& bytes);
+  // Null if unknown. The file stays while the asset is held.
+  std::shared_ptr<const Asset> Get(const std::string& digest) { return assets_.Get(digest); }
+
+  int64_t count() const { return assets_.count(); }
+  int64_t bytes() const { return assets_.bytes(); }
+
+ private:
+  const std::string folder_;
+  LruStore<Asset> assets_;
+  std::atomic<int64_t> next_file_ = 0;
+};
+
+}  // namespace sightline

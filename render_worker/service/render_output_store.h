@@ -1,0 +1,62 @@
+// Finished files of render jobs on disk, until they are too many.
+#pragma once
+
+#include <cstdint>
+#include <deque>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "render_worker/render/render_task.h"
+
+namespace sightline {
+
+// Files and warnings of one job, growing while it runs. Thread-safe. Removes its folder at the end.
+class RenderOutput {
+ public:
+  explicit RenderOutput(std::string folder);
+  ~RenderOutput();
+  RenderOutput(const RenderOutput&) = delete;
+  RenderOutput& operator=(const RenderOutput&) = delete;
+
+  const std::string& folder() const { return folder_; }
+  void AddFile(RenderedFile file);
+  void AddWarning(const std::string& warning);
+  // Those from `first` on.
+  std::vector<RenderedFile> FilesFrom(size_t first) const;
+  std::vector<std::string> WarningsFrom(size_t first) const;
+  int64_t bytes() const;
+
+ private:
+  const std::string folder_;
+  mutable std::mutex mutex_;
+  std::vector<RenderedFile> files_;
+  std::vector<std::string> warnings_;
+  int64_t bytes_ = 0;
+};
+
+// Thread-safe.
+class RenderOutputStore {
+ public:
+  explicit RenderOutputStore(int64_t max_bytes) : max_bytes_(max_bytes) {}
+
+  // Nothing happens if the job had an output before, even if that was dropped since.
+  void Add(const std::string& job_id, std::shared_ptr<RenderOutput> output);
+  // Null if unknown or dropped.
+  std::shared_ptr<RenderOutput> Get(const std::string& job_id) const;
+  // Drops the oldest outputs beyond the limit, but not the newest one. Who streams from one keeps
+  // it alive.
+  void Trim();
+
+ private:
+  const int64_t max_bytes_;
+  mutable std::mutex mutex_;
+  std::map<std::string, std::shared_ptr<RenderOutput>> outputs_;
+  std::deque<std::string> order_;  // oldest first
+  std::set<std::string> known_;    // ever added
+};
+
+}  // namespace sightline

@@ -1,0 +1,106 @@
+#include "render_worker/service/render_server.h"
+
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstdlib>
+#include <cstring>
+#include <filesystem>
+#include <thread>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "render_worker/service/render_service.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A new folder that only this user can enter, removed at the end.
+class SpoolFolder {
+ public:
+  static absl::StatusOr<SpoolFolder> Make(const std::string& base) {
+    std::string path = absl::StrCat(base, "/render-XXXXXX");
+    if (mkdtemp(path.data()) == nullptr) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("--spool ", base, ": no folder can be made there: ", std::strerror(errno)));
+    }
+    return SpoolFolder(std::move(path));
+  }
+  SpoolFolder(SpoolFolder&& other) noexcept { std::swap(path_, other.path_); }
+  SpoolFolder& operator=(SpoolFolder&&) = delete;
+  ~SpoolFolder() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+  const std::string& path() const { return path_; }
+
+ private:
+  explicit SpoolFolder(std::string path) : path_(std::move(path)) {}
+  std::string path_;
+};
+
+int Threads(int asked) {
+  return asked > 0 ? asked : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
+}
+
+class RenderServerImpl final : public RenderServer {
+ public:
+  RenderServerImpl(const RenderServerOptions& options, SpoolFolder spool)
+      : spool_(std::move(spool)),
+        calls_(&metrics_),
+        assets_(spool_.path(), options.max_asset_store_bytes),
+        outputs_(options.max_output_bytes),
+        jobs_(MakeInMemoryJobStore(options.render_workers)),
+        service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &calls_,
+                  Threads(options.threads), options.max_asset_bytes, options.max_image_bytes}),
+        server_("render_worker", &metrics_, &calls_, jobs_.get()) {}
+
+  ~RenderServerImpl() override {
+    server_.Drain(absl::ZeroDuration());
+    // Jobs refer to the stores.
+    jobs_.reset();
+  }
+
+  absl::Status Listen(const RenderServerOptions& options) {
+    absl::Status status = server_.Listen(options, {{"sightline.v1.RenderService", &service_}});
+    if (status.ok()) {
+      spdlog::info("event=serving threads={} spool={}", Threads(options.threads), spool_.path());
+    }
+    return status;
+  }
+
+  const std::string& address() const override { return server_.address(); }
+  int metrics_port() const override { return server_.metrics_port(); }
+  bool Drain(absl::Duration grace) override { return server_.Drain(grace); }
+
+ private:
+  SpoolFolder spool_;
+  ServerMetrics metrics_;
+  CallTracker calls_;
+  AssetStore assets_;
+  RenderOutputStore outputs_;
+  std::unique_ptr<JobStore> jobs_;
+  RenderServiceImpl service_;
+  RpcServer server_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<RenderServer>> RenderServer::Start(
+    const RenderServerOptions& options) {
+  std::string base = options.spool_folder;
+  if (base.empty()) {
+    const char* temporary = std::getenv("TMPDIR");
+    base = temporary != nullptr && *temporary != '\0' ? temporary : "/tmp";
+  }
+  absl::StatusOr<SpoolFolder> spool = SpoolFolder::Make(base);
+  if (!spool.ok()) return spool.status();
+  auto server = std::make_unique<RenderServerImpl>(options, *std::move(spool));
+  if (absl::Status status = server->Listen(options); !status.ok()) return status;
+  return server;
+}
+
+}  // namespace sightline

@@ -1,0 +1,35 @@
+// A running render worker: gRPC services, health, reflection, metrics.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "rpc_server/rpc_server.h"
+
+namespace sightline {
+
+struct RenderServerOptions : RpcServerOptions {
+  int threads = 0;         // of one job; 0: one per core
+  int render_workers = 1;  // jobs at a time
+  // Where assets and images are kept; empty: a new folder in the system's temporary folder. What
+  // the server puts there goes when it ends.
+  std::string spool_folder;
+  int64_t max_asset_bytes = int64_t{512} << 20;
+  int64_t max_asset_store_bytes = int64_t{4} << 30;
+  int64_t max_output_bytes = int64_t{16} << 30;
+  int64_t max_image_bytes = int64_t{8} << 30;
+};
+
+// Serves from Start until Drain or the destructor.
+class RenderServer : public RunningServer {
+ public:
+  // INVALID_ARGUMENT for an address, folder or TLS file that cannot be used, naming it; UNAVAILABLE
+  // when the address is taken.
+  static absl::StatusOr<std::unique_ptr<RenderServer>> Start(const RenderServerOptions& options);
+  // 0 if metrics are off.
+  virtual int metrics_port() const = 0;
+};
+
+}  // namespace sightline

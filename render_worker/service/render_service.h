@@ -1,0 +1,57 @@
+// RenderService: assets, render jobs, their files.
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <string>
+
+#include "core/job/job_store.h"
+#include "render_worker/render/render_task.h"
+#include "render_worker/service/asset_store.h"
+#include "render_worker/service/render_output_store.h"
+#include "rpc_server/call_tracker.h"
+#include "sightline/v1/render_service.grpc.pb.h"
+
+namespace sightline {
+
+class RenderServiceImpl final : public v1::RenderService::Service {
+ public:
+  struct Parts {
+    std::string spool_folder;  // exists; for the files of jobs
+    AssetStore* assets;
+    RenderOutputStore* outputs;
+    JobStore* jobs;
+    CallTracker* calls;
+    int threads = 1;  // of one job
+    int64_t max_asset_bytes = 0;
+    int64_t max_image_bytes = 0;
+  };
+  explicit RenderServiceImpl(Parts parts) : p_(std::move(parts)) {}
+
+  grpc::Status UploadAsset(grpc::ServerContext* context,
+                           grpc::ServerReader<v1::UploadAssetRequest>* reader,
+                           v1::UploadAssetResponse* response) override;
+  grpc::Status CreateRender(grpc::ServerContext* context, const v1::CreateRenderRequest* request,
+                            v1::CreateRenderResponse* response) override;
+  grpc::Status StreamRenderFiles(
+      grpc::ServerContext* context, const v1::StreamRenderFilesRequest* request,
+      grpc::ServerWriter<v1::StreamRenderFilesResponse>* writer) override;
+
+ private:
+  absl::Status Receive(grpc::ServerContext* context,
+                       grpc::ServerReader<v1::UploadAssetRequest>* reader,
+                       v1::UploadAssetResponse* response);
+  absl::Status Create(const v1::CreateRenderRequest& request, v1::CreateRenderResponse* response);
+  absl::Status Stream(grpc::ServerContext* context, const v1::StreamRenderFilesRequest& request,
+                      grpc::ServerWriter<v1::StreamRenderFilesResponse>* writer);
+
+  const Parts p_;
+  std::atomic<int64_t> upload_bytes_ = 0;
+  std::atomic<int64_t> next_folder_ = 0;
+  // Jobs by request_id are looked up before a folder is made for a new one.
+  std::mutex create_mutex_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,37 @@
+#include "render_worker/service/server_main.h"
+
+#include "render_worker/service/render_server.h"
+#include "rpc_server/server_main.h"
+
+namespace sightline {
+
+int RenderWorkerMain(int argc, char** argv) {
+  RenderServerOptions options;
+  ServerProgram program;
+  program.name = "render_worker";
+  program.description = "What the camera would record, served by gRPC.";
+  program.add_options = [&options](CLI::App& app) {
+    app.add_option("--threads", options.threads, "Threads of one job; 0: one per core")
+        ->check(CLI::Range(0, 1024));
+    app.add_option("--render-workers", options.render_workers, "Jobs at a time")
+        ->check(CLI::Range(1, 64))
+        ->capture_default_str();
+    app.add_option("--spool", options.spool_folder,
+                   "Folder for assets and images; default: the system's temporary folder");
+    AddBytesOption(app, "--max-asset-bytes", &options.max_asset_bytes, "Largest uploaded file");
+    AddBytesOption(app, "--max-asset-store-bytes", &options.max_asset_store_bytes,
+                   "Disk space for uploaded files; the longest unused go first");
+    AddBytesOption(app, "--max-output-bytes", &options.max_output_bytes,
+                   "Disk space for images; the oldest jobs' go first");
+    AddBytesOption(app, "--max-image-bytes", &options.max_image_bytes,
+                   "Memory for one image; more get RESOURCE_EXHAUSTED");
+  };
+  program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
+    auto server = RenderServer::Start(options);
+    if (!server.ok()) return server.status();
+    return std::unique_ptr<RunningServer>(*std::move(server));
+  };
+  return ServerMain(argc, argv, program, &options);
+}
+
+}  // namespace sightline
