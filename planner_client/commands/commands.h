@@ -13,5 +13,6 @@ Command AddPlanCommand(CLI::App& app);
 Command AddEvaluateCommand(CLI::App& app);
 Command AddCompareCommand(CLI::App& app);
 Command AddPartCommand(CLI::App& app);
+Command AddRenderCommand(CLI::App& app);
 
 }  // namespace sightline

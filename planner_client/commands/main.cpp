@@ -19,6 +19,7 @@ int main(int argc, char** argv) {
   add("evaluate", "exact coverage of a given plan", sightline::AddEvaluateCommand);
   add("compare", "planning strategies side by side", sightline::AddCompareCommand);
   add("part", "health report of a part file", sightline::AddPartCommand);
+  add("render", "what the camera would record", sightline::AddRenderCommand);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {

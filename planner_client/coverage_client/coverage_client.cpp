@@ -108,6 +108,9 @@ class CoverageClientImpl final : public CoverageClient {
     if (task_.rig.lens) {
       spec_.mutable_lens()->set_focal_length_m(task_.rig.lens->focal_length_m);
       spec_.mutable_lens()->set_f_number(task_.rig.lens->f_number);
+      if (task_.rig.lens->focus_distance_m) {
+        spec_.mutable_lens()->set_focus_distance_m(*task_.rig.lens->focus_distance_m);
+      }
     }
     *spec_.mutable_laser() = LaserToProto(task_.rig.laser);
     *spec_.mutable_rig() = RigToProto(task_.rig);

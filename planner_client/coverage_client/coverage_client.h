@@ -13,7 +13,7 @@
 #include "core/part/mesh.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
-#include "planner_client/coverage_client/embedded_server.h"
+#include "planner_client/embedded_server/embedded_server.h"
 #include "planner_client/strategy/gain_oracle.h"
 #include "sightline/v1/coverage_service.pb.h"
 

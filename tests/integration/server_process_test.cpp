@@ -15,7 +15,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "planner_client/coverage_client/coverage_client.h"
-#include "planner_client/coverage_client/embedded_server.h"
+#include "planner_client/embedded_server/embedded_server.h"
 #include "tests/integration/service_fixture.h"
 
 namespace sightline {

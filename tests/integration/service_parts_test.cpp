@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "coverage_server/service/evaluation_pool.h"
-#include "coverage_server/service/lru_store.h"
+#include "rpc_server/lru_store.h"
 #include "coverage_server/service/query_validation.h"
 #include "coverage_server/service/scene_spec.h"
 #include "google/rpc/error_details.pb.h"

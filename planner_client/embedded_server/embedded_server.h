@@ -1,4 +1,5 @@
-// A coverage server of one's own: started, watched and ended by this process.
+// A server of one's own (coverage server, render worker): started, watched and ended by this
+// process.
 #pragma once
 
 #include <memory>
@@ -12,9 +13,12 @@
 namespace sightline {
 
 struct EmbeddedServerOptions {
-  // Empty: coverage_server in the folder of the running executable.
+  // Name of the program, and what messages call it.
+  std::string program = "coverage_server";
+  std::string description = "coverage server";
+  // Path of the program. Empty: `program` in the folder of the running executable.
   std::string binary;
-  // Further arguments, e.g. {"--threads", "1"}.
+  // Further arguments, e.g. {"--threads", "1"}. "{folder}" stands for the private folder.
   std::vector<std::string> arguments;
   absl::Duration start_timeout = absl::Seconds(20);
   // How long it may take to end before it is killed.
@@ -35,9 +39,11 @@ class EmbeddedServer {
   // "unix:PATH"; stays the same over restarts.
   virtual const std::string& address() const = 0;
   virtual int pid() const = 0;
+  // Where the server may keep files; goes when the server ends.
+  virtual const std::string& folder() const = 0;
   // OK while it runs; UNAVAILABLE says how it ended and what it wrote last.
   virtual absl::Status CheckAlive() = 0;
-  // Starts it anew if it has ended; the new one knows no parts and scenes.
+  // Starts it anew if it has ended; the new one knows nothing of what the old one was told.
   virtual absl::Status Restart() = 0;
 };
 

@@ -1,4 +1,4 @@
-#include "planner_client/coverage_client/embedded_server.h"
+#include "planner_client/embedded_server/embedded_server.h"
 
 #include <fcntl.h>
 #include <poll.h>
@@ -20,6 +20,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/strings/strip.h"
 
 extern char** environ;
@@ -32,15 +33,15 @@ namespace fs = std::filesystem;
 constexpr size_t kMaxSocketPathBytes = 107;
 constexpr size_t kStderrTailBytes = 2000;
 
-absl::StatusOr<std::string> FindBinary(const std::string& given) {
-  fs::path path = given;
-  if (given.empty()) {
+absl::StatusOr<std::string> FindBinary(const EmbeddedServerOptions& options) {
+  fs::path path = options.binary;
+  if (options.binary.empty()) {
     std::error_code error;
     const fs::path self = fs::read_symlink("/proc/self/exe", error);
-    path = self.parent_path() / "coverage_server";
+    path = self.parent_path() / options.program;
   }
   if (access(path.c_str(), X_OK) != 0) {
-    return absl::NotFoundError(absl::StrCat("coverage server: no executable ", path.string(),
+    return absl::NotFoundError(absl::StrCat(options.description, ": no executable ", path.string(),
                                             "; build it or give the address of a running one"));
   }
   return path.string();
@@ -109,7 +110,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
       : options_(std::move(options)),
         binary_(std::move(binary)),
         folder_(std::move(folder)),
-        address_(absl::StrCat("unix:", folder_, "/coverage.sock")) {}
+        address_(absl::StrCat("unix:", folder_, "/server.sock")) {}
 
   ~EmbeddedServerImpl() override {
     std::lock_guard lock(mutex_);
@@ -119,6 +120,8 @@ class EmbeddedServerImpl final : public EmbeddedServer {
   }
 
   const std::string& address() const override { return address_; }
+
+  const std::string& folder() const override { return folder_; }
 
   int pid() const override {
     std::lock_guard lock(mutex_);
@@ -147,7 +150,9 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     std::vector<std::string> arguments = {
         binary_,       "--listen", address_, "--parent-fd", absl::StrCat(kLifelineFd),
         "--log-level", "warning"};
-    arguments.insert(arguments.end(), options_.arguments.begin(), options_.arguments.end());
+    for (const std::string& argument : options_.arguments) {
+      arguments.push_back(absl::StrReplaceAll(argument, {{"{folder}", folder_}}));
+    }
     std::vector<char*> argv;
     for (std::string& argument : arguments) argv.push_back(argument.data());
     argv.push_back(nullptr);
@@ -177,8 +182,8 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     posix_spawn_file_actions_destroy(&actions);
     posix_spawnattr_destroy(&attributes);
     if (error != 0) {
-      return absl::UnavailableError(
-          absl::StrCat("coverage server: cannot start ", binary_, ": ", std::strerror(error)));
+      return absl::UnavailableError(absl::StrCat(options_.description, ": cannot start ", binary_,
+                                                 ": ", std::strerror(error)));
     }
     pid_ = child;
     wait_status_.reset();
@@ -198,7 +203,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
       pollfd fd = {output_fd, POLLIN, 0};
       if (left_ms <= 0) {
         return absl::DeadlineExceededError(
-            absl::StrCat("coverage server ", binary_, " did not listen within ",
+            absl::StrCat(options_.description, " ", binary_, " did not listen within ",
                          absl::FormatDuration(options_.start_timeout), StderrTail()));
       }
       if (poll(&fd, 1, static_cast<int>(std::min<int64_t>(left_ms, 1000))) <= 0) continue;
@@ -226,9 +231,9 @@ class EmbeddedServerImpl final : public EmbeddedServer {
   }
 
   absl::Status EndedError() const {
-    return absl::UnavailableError(absl::StrCat("the coverage server that was started for this run ",
-                                               DescribeEnd(wait_status_.value_or(0)),
-                                               StderrTail()));
+    return absl::UnavailableError(
+        absl::StrCat("the ", options_.description, " that was started for this run ",
+                     DescribeEnd(wait_status_.value_or(0)), StderrTail()));
   }
 
   std::string StderrTail() const {
@@ -276,7 +281,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
 
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::Start(
     EmbeddedServerOptions options) {
-  absl::StatusOr<std::string> binary = FindBinary(options.binary);
+  absl::StatusOr<std::string> binary = FindBinary(options);
   if (!binary.ok()) return binary.status();
   absl::StatusOr<std::string> folder = MakePrivateFolder();
   if (!folder.ok()) return folder.status();
