@@ -86,7 +86,7 @@ struct RenderSettings {
   double exposure_time_s = 0.01;
   int64_t seed = 1;
   int sub_pixels = 0;  // per pixel and axis; 0: what the pupil needs
-  double noise_target_relative = 0.01;
+  double noise_target_relative = 0.02;
   int max_samples_per_px = 4096;
   int max_bounces = 4;
   bool laser_interreflection = true;
