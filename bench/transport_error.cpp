@@ -159,7 +159,7 @@ int Main(int argc, char** argv) {
       const PlainImage peer = plain_tracer.TraceLaserIndirect(scene.view, crop, plain);
       const double peer_s = OwnCpuSeconds() - start;
       TransportSettings laser_converged = converged;
-      laser_converged.max_samples_per_px = reference_samples / 4;
+      laser_converged.laser_max_samples_per_px = reference_samples / 4;
       auto reference = (*transport)->TraceLaser(scene.view, crop, laser_converged, {});
       start = OwnCpuSeconds();
       auto ours = (*transport)->TraceLaser(scene.view, margin(3), settings, {});
