@@ -87,7 +87,7 @@ struct RenderSettings {
   int64_t seed = 1;
   int sub_pixels = 0;  // per pixel and axis; 0: what the pupil needs
   double noise_target_relative = 0.02;
-  int max_samples_per_px = 4096;
+  int max_samples_per_px = 512;
   int max_bounces = 4;
   bool laser_interreflection = true;
   double stage_speed_m_per_s = 0;

@@ -13,24 +13,45 @@ namespace sightline {
 namespace {
 
 // Samples one task takes at most: some 10 ms, so that cancelling is quick.
-constexpr int kSamplesPerTask = 4096;
-constexpr int kGainWindow_px = 3;   // half width
-constexpr int kErrorWindow_px = 4;  // half width
+constexpr int kSamplesPerTask = 1024;
+constexpr int kGainWindow_px = 3;      // half width
+constexpr int kBiasWindow_px = 8;      // half width
+constexpr int kSpreadWindow_px = 1;    // half width
+constexpr int kErrorWindow_px = 4;     // half width
+constexpr int kDistanceWindow_px = 2;  // half width
 constexpr int kFilterRowsPerTask = 2;
 
-// Mean over the window of half width `half` of `value(pixel)` where `use(pixel)`.
-template <class Value>
-float WindowMean(int columns, int rows, size_t pixel, int half, const Value& value) {
-  const int i = static_cast<int>(pixel) / columns, j = static_cast<int>(pixel) % columns;
-  float sum = 0;
-  int count = 0;
-  for (int y = std::max(i - half, 0); y <= std::min(i + half, rows - 1); ++y) {
-    for (int x = std::max(j - half, 0); x <= std::min(j + half, columns - 1); ++x) {
-      sum += value(static_cast<size_t>(y) * columns + x);
-      ++count;
+// Sums over the window of half width `half` around every pixel.
+std::vector<float> WindowSums(int columns, int rows, int half, const std::vector<float>& values) {
+  std::vector<float> lines(values.size(), 0), sums(values.size(), 0);
+  for (int i = 0; i < rows; ++i) {
+    const float* in = values.data() + static_cast<size_t>(i) * columns;
+    float* out = lines.data() + static_cast<size_t>(i) * columns;
+    for (int d = -half; d <= half; ++d) {
+      const int end = std::min(columns, columns - d);
+      for (int j = std::max(0, -d); j < end; ++j) out[j] += in[j + d];
     }
   }
-  return sum / static_cast<float>(count);
+  for (int i = 0; i < rows; ++i) {
+    float* out = sums.data() + static_cast<size_t>(i) * columns;
+    for (int y = std::max(i - half, 0); y <= std::min(i + half, rows - 1); ++y) {
+      const float* in = lines.data() + static_cast<size_t>(y) * columns;
+      for (int j = 0; j < columns; ++j) out[j] += in[j];
+    }
+  }
+  return sums;
+}
+
+// Means over windows of the pixels that count (1, others 0); 0 where none does.
+std::vector<float> WindowMeans(int columns, int rows, int half, std::vector<float> values,
+                               const std::vector<float>& counts) {
+  for (size_t p = 0; p < values.size(); ++p) values[p] *= counts[p];
+  std::vector<float> means = WindowSums(columns, rows, half, values);
+  const std::vector<float> weights = WindowSums(columns, rows, half, counts);
+  for (size_t p = 0; p < values.size(); ++p) {
+    means[p] = weights[p] > 0 ? means[p] / weights[p] : 0;
+  }
+  return means;
 }
 
 // The samples of all pixels so far.
@@ -43,7 +64,7 @@ class SampledImage {
         sample_(sample),
         pixels_(static_cast<size_t>(columns) * rows),
         stride_(2 * options.channels),
-        count_(pixels_, 0),
+        count_{std::vector<int>(pixels_, 0), std::vector<int>(pixels_, 0)},
         rays_(pixels_, 0),
         spread_(2 * pixels_, 0),
         features_(pixels_) {
@@ -52,15 +73,15 @@ class SampledImage {
     }
   }
 
-  // Takes `samples` more in each pixel of the list.
-  absl::Status Sample(const std::vector<uint32_t>& list, int samples, int round,
+  // Takes `samples` more of one part in each pixel of the list.
+  absl::Status Sample(int part, const std::vector<uint32_t>& list, int samples, int round,
                       const TransportProgress& progress, double from, double to) {
     const int per_task = std::max(1, kSamplesPerTask / samples);
     const int tasks = static_cast<int>((list.size() + per_task - 1) / per_task);
     return ForEachTile(tasks, options_.threads, progress, from, to, [&](int task) {
       const size_t end = std::min(list.size(), static_cast<size_t>(task + 1) * per_task);
       for (size_t k = static_cast<size_t>(task) * per_task; k < end; ++k) {
-        SamplePixel(list[k], samples, round);
+        SamplePixel(part, list[k], samples, round);
       }
     });
   }
@@ -69,7 +90,8 @@ class SampledImage {
   PixelValues Means(int part) const {
     PixelValues means = sums_[part];
     for (size_t p = 0; p < pixels_; ++p) {
-      const float inverse = 2 / static_cast<float>(count_[p]);
+      if (count_[part][p] == 0) continue;
+      const float inverse = 2 / static_cast<float>(count_[part][p]);
       for (int c = 0; c < stride_; ++c) means.At(p)[c] *= inverse;
     }
     return means;
@@ -77,7 +99,8 @@ class SampledImage {
 
   // Variance of a pixel's mean from the spread of its samples, as if they were independent.
   float SpreadVariance(int part, size_t p) const {
-    const auto n = static_cast<float>(count_[p]);
+    if (count_[part][p] == 0) return 0;
+    const auto n = static_cast<float>(count_[part][p]);
     const float* sums = sums_[part].At(p);
     const int c = options_.noise_channel;
     const float mean = (sums[c] + sums[options_.channels + c]) / n;
@@ -95,7 +118,7 @@ class SampledImage {
   int rows() const { return rows_; }
   size_t pixels() const { return pixels_; }
   int stride() const { return stride_; }
-  const std::vector<int>& count() const { return count_; }
+  const std::vector<int>& count(int part) const { return count_[part]; }
   std::vector<PixelFeatures>& features() { return features_; }
   int64_t rays() const {
     int64_t total = 0;
@@ -104,29 +127,28 @@ class SampledImage {
   }
 
  private:
-  void SamplePixel(uint32_t pixel, int samples, int round) {
+  void SamplePixel(int part, uint32_t pixel, int samples, int round) {
     const int row = static_cast<int>(pixel) / columns_, column = static_cast<int>(pixel) % columns_;
     const int channels = options_.channels;
-    std::array<float, 32> sums;
+    std::array<float, 16> sums;
     PixelFeatures& mean = features_[pixel];
     const int half_samples = samples / 2;
     for (int half = 0; half < 2; ++half) {
-      PixelSamples points(DeriveSeed(options_.seed, "halves", 2 * round + half), column, row,
-                          std::bit_width(static_cast<unsigned>(half_samples)) - 1);
+      PixelSamples points(DeriveSeed(options_.seed, "halves", 4 * round + 2 * part + half), column,
+                          row, std::bit_width(static_cast<unsigned>(half_samples)) - 1);
       for (int s = 0; s < half_samples; ++s) {
         points.Start(s);
-        std::fill(sums.begin(), sums.begin() + 2 * channels, 0.0F);
+        std::fill(sums.begin(), sums.begin() + channels, 0.0F);
         SampleFeatures features;
         rays_[pixel] +=
-            sample_(row, column, half, points, std::span(sums.data(), 2 * channels), features);
-        for (int part = 0; part < 2; ++part) {
-          float* total = sums_[part].At(pixel) + half * channels;
-          for (int c = 0; c < channels; ++c) total[c] += sums[part * channels + c];
-          const float noise = sums[part * channels + options_.noise_channel];
-          spread_[2 * pixel + part] += noise * noise;
-        }
+            sample_(row, column, half, part, points, std::span(sums.data(), channels), features);
+        float* total = sums_[part].At(pixel) + half * channels;
+        for (int c = 0; c < channels; ++c) total[c] += sums[c];
+        const float noise = sums[options_.noise_channel];
+        spread_[2 * pixel + part] += noise * noise;
         mean.textured = mean.textured || features.textured;
-        const int n = count_[pixel]++;
+        const int n = count_[0][pixel] + count_[1][pixel];
+        ++count_[part][pixel];
         if (n == 0) {
           mean.material = features.material;
         } else if (mean.material != features.material ||
@@ -139,8 +161,10 @@ class SampledImage {
         mean.position_m += (features.position_m - mean.position_m) * weight;
         mean.normal += (features.normal - mean.normal) * weight;
         mean.footprint_m += (features.footprint_m - mean.footprint_m) * weight;
-        mean.inverse_distance_1_m +=
-            (features.inverse_distance_1_m - mean.inverse_distance_1_m) * weight;
+        if (part == kFilterable) {
+          mean.inverse_distance_1_m += (features.inverse_distance_1_m - mean.inverse_distance_1_m) /
+                                       static_cast<float>(count_[part][pixel]);
+        }
       }
     }
   }
@@ -151,54 +175,86 @@ class SampledImage {
   size_t pixels_;
   int stride_;
   PixelValues sums_[2];  // half 0's channels, half 1's channels
-  std::vector<int> count_;
+  std::vector<int> count_[2];
   std::vector<int64_t> rays_;
   std::vector<float> spread_;  // sums of squares of the noise channel, both parts
   std::vector<PixelFeatures> features_;
 };
 
-absl::Status Filter(const SampledImage& image, const PixelValues& noisy,
-                    const std::vector<PixelFeatures>& features, const AdaptiveOptions& options,
-                    const TransportProgress& progress, double from, double to,
-                    PixelValues& filtered) {
-  filtered = noisy;
-  const int tasks = (image.rows() + kFilterRowsPerTask - 1) / kFilterRowsPerTask;
-  return ForEachTile(tasks, options.threads, progress, from, to, [&](int task) {
-    FilterRows(noisy, features, image.count(), options.filter_radius_px, task * kFilterRowsPerTask,
-               std::min(image.rows(), (task + 1) * kFilterRowsPerTask), filtered);
-  });
-}
-
-// The distance of what lights the surface, averaged over neighbours: from one pixel's samples it
-// would vary with their noise.
-std::vector<PixelFeatures> SmoothDistances(const SampledImage& image,
-                                           const std::vector<PixelFeatures>& features) {
-  std::vector<PixelFeatures> smooth = features;
-  for (size_t p = 0; p < image.pixels(); ++p) {
-    smooth[p].inverse_distance_1_m = WindowMean(image.columns(), image.rows(), p, 2, [&](size_t q) {
-      return features[q].inverse_distance_1_m;
-    });
-  }
-  return smooth;
-}
-
 // Variance of every pixel's mean: the spread of its own samples, times what low-discrepancy points
 // gain over independent ones, taken from the halves of the pixels around.
 std::vector<float> UnfilteredVariance(const SampledImage& image, int part,
                                       const PixelValues& means) {
+  const std::vector<float> all(image.pixels(), 1);
   std::vector<float> halves(image.pixels()), spread(image.pixels()), variance(image.pixels());
   for (size_t p = 0; p < image.pixels(); ++p) {
     halves[p] = image.HalvesVariance(means, p);
     spread[p] = image.SpreadVariance(part, p);
   }
+  const auto h = WindowMeans(image.columns(), image.rows(), kGainWindow_px, halves, all);
+  const auto s = WindowMeans(image.columns(), image.rows(), kGainWindow_px, spread, all);
   for (size_t p = 0; p < image.pixels(); ++p) {
-    const float h = WindowMean(image.columns(), image.rows(), p, kGainWindow_px,
-                               [&](size_t q) { return halves[q]; });
-    const float s = WindowMean(image.columns(), image.rows(), p, kGainWindow_px,
-                               [&](size_t q) { return spread[q]; });
-    variance[p] = s > 0 ? spread[p] * std::clamp(h / s, 0.02F, 2.0F) : 0;
+    variance[p] = s[p] > 0 ? spread[p] * std::clamp(h[p] / s[p], 0.02F, 2.0F) : 0;
   }
   return variance;
+}
+
+// Filters the filterable part of an image. Plane and paraboloid are mixed in the proportion that
+// leaves the least mean square error: with D the variance of their difference and b^2 the square of
+// its expectation, the plane has a share D / (D + b^2) (the plane's noise is independent of the
+// difference if the light is a plane). Variance from the difference of the halves, b^2 from the
+// product of what they say; both are means over the pixels around. `error2` is the variance and the
+// square of the plane's remaining bias; 0 where nothing was filtered.
+absl::Status Filter(SampledImage& image, const PixelValues& noisy, const AdaptiveOptions& options,
+                    const TransportProgress& progress, double from, double to,
+                    PixelValues& filtered, std::vector<float>& error2) {
+  const int columns = image.columns(), rows = image.rows();
+  const size_t pixels = image.pixels();
+  std::vector<PixelFeatures> features = image.features();
+  std::vector<float> counts(pixels);
+  for (size_t p = 0; p < pixels; ++p) counts[p] = features[p].uniform ? 1.0F : 0.0F;
+  {
+    // The distance of what lights the surface, averaged over neighbours: from one pixel's samples
+    // it would vary with their noise.
+    std::vector<float> distances(pixels);
+    for (size_t p = 0; p < pixels; ++p) distances[p] = features[p].inverse_distance_1_m;
+    distances =
+        WindowMeans(columns, rows, kDistanceWindow_px, distances, std::vector<float>(pixels, 1));
+    for (size_t p = 0; p < pixels; ++p) features[p].inverse_distance_1_m = distances[p];
+  }
+  filtered = noisy;
+  PixelValues paraboloid = noisy;
+  const FeatureFilter filter(noisy, features, image.count(kFilterable), options.filter_radius_px);
+  const int tasks = (rows + kFilterRowsPerTask - 1) / kFilterRowsPerTask;
+  absl::Status status = ForEachTile(tasks, options.threads, progress, from, to, [&](int task) {
+    filter.Rows(task * kFilterRowsPerTask, std::min(rows, (task + 1) * kFilterRowsPerTask),
+                filtered, paraboloid);
+  });
+  if (!status.ok()) return status;
+  const int c = options.noise_channel, channels = options.channels;
+  std::vector<float> noise(pixels), difference(pixels), bias2(pixels);
+  for (size_t p = 0; p < pixels; ++p) {
+    const float* a = filtered.At(p);
+    const float* b = paraboloid.At(p);
+    const float d0 = a[c] - b[c], d1 = a[channels + c] - b[channels + c];
+    noise[p] = image.HalvesVariance(filtered, p);
+    difference[p] = (d0 - d1) * (d0 - d1) / 4;
+    bias2[p] = d0 * d1;
+  }
+  noise = WindowMeans(columns, rows, kErrorWindow_px, noise, counts);
+  difference = WindowMeans(columns, rows, kBiasWindow_px, difference, counts);
+  bias2 = WindowMeans(columns, rows, kBiasWindow_px, bias2, counts);
+  error2.assign(pixels, 0);
+  for (size_t p = 0; p < pixels; ++p) {
+    if (counts[p] == 0) continue;
+    const float b2 = std::max(bias2[p] - difference[p], 0.0F);
+    const float share = difference[p] > 0 ? difference[p] / (difference[p] + b2) : 1;
+    float* a = filtered.At(p);
+    const float* b = paraboloid.At(p);
+    for (int k = 0; k < image.stride(); ++k) a[k] = share * a[k] + (1 - share) * b[k];
+    error2[p] = noise[p] + (1 - share) * (1 - share) * difference[p] + share * share * b2;
+  }
+  return absl::OkStatus();
 }
 
 // Pixels that see several surfaces: many samples of what they see, each given the filtered light of
@@ -212,47 +268,61 @@ void ReconstructEdges(const PixelSample& sample, const AdaptiveOptions& options,
   const int columns = filtered.columns_px, rows = filtered.rows_px, stride = filtered.stride;
   const int channels = options.channels;
   const uint64_t seed = DeriveSeed(options.seed, "edges");
+  struct Neighbour {
+    const PixelFeatures* features;
+    const float* values;
+    Eigen::Vector3f normal;
+    float weight;
+  };
   for (int i = first_row; i < end_row; ++i) {
     for (int j = 0; j < columns; ++j) {
       const size_t pixel = static_cast<size_t>(i) * columns + j;
       if (features[pixel].uniform) continue;
+      std::array<Neighbour, (2 * kReach_px + 1) * (2 * kReach_px + 1)> neighbours;
+      int neighbour_count = 0;
+      for (int y = std::max(i - kReach_px, 0); y <= std::min(i + kReach_px, rows - 1); ++y) {
+        for (int x = std::max(j - kReach_px, 0); x <= std::min(j + kReach_px, columns - 1); ++x) {
+          const size_t other = static_cast<size_t>(y) * columns + x;
+          if (!features[other].uniform) continue;
+          const auto square = static_cast<float>((x - j) * (x - j) + (y - i) * (y - i));
+          neighbours[neighbour_count++] = {&features[other], filtered.At(other),
+                                           features[other].normal.normalized(),
+                                           1 / (square * square)};
+        }
+      }
       PixelSamples points(seed, j, i, kLogSamples);
-      std::array<double, 32> sums = {};
+      std::array<double, 16> sums = {};
       double traced = 0, traced_squares = 0;
       for (int s = 0; s < (1 << kLogSamples); ++s) {
         points.Start(s);
         SampleFeatures seen;
-        rays[pixel] += sample(i, j, s & 1, points, {}, seen);
+        rays[pixel] += sample(i, j, s & 1, kFilterable, points, {}, seen);
         if (!seen.surface) continue;
-        std::array<float, 32> near = {};
+        std::array<float, 16> near = {};
         float weights = 0;
-        for (int y = std::max(i - kReach_px, 0); y <= std::min(i + kReach_px, rows - 1); ++y) {
-          for (int x = std::max(j - kReach_px, 0); x <= std::min(j + kReach_px, columns - 1); ++x) {
-            const size_t other = static_cast<size_t>(y) * columns + x;
-            const PixelFeatures& f = features[other];
-            if (!f.uniform || f.material != seen.material ||
-                !SameSurface(f.position_m, f.normal.normalized(), seen.position_m, seen.normal,
-                             seen.footprint_m)) {
-              continue;
-            }
-            const auto square = static_cast<float>((x - j) * (x - j) + (y - i) * (y - i));
-            const float w = 1 / (square * square);
-            weights += w;
-            for (int c = 0; c < stride; ++c) near[c] += w * filtered.At(other)[c];
+        for (int n = 0; n < neighbour_count; ++n) {
+          const Neighbour& other = neighbours[n];
+          if (other.features->material != seen.material ||
+              !SameSurface(other.features->position_m, other.normal, seen.position_m, seen.normal,
+                           seen.footprint_m)) {
+            continue;
           }
+          weights += other.weight;
+          for (int c = 0; c < stride; ++c) near[c] += other.weight * other.values[c];
         }
         if (weights > 0) {
           for (int c = 0; c < stride; ++c) sums[c] += near[c] / weights;
           continue;
         }
-        std::array<float, 32> own = {};
+        std::array<float, 16> own = {};
         points.Start(s);
-        rays[pixel] += sample(i, j, s & 1, points, std::span(own.data(), 2 * channels), seen);
+        rays[pixel] +=
+            sample(i, j, s & 1, kFilterable, points, std::span(own.data(), channels), seen);
         for (int c = 0; c < channels; ++c) {
-          sums[c] += own[channels + c];
-          sums[channels + c] += own[channels + c];
+          sums[c] += own[c];
+          sums[channels + c] += own[c];
         }
-        const double noise = own[channels + options.noise_channel];
+        const double noise = own[options.noise_channel];
         traced += noise;
         traced_squares += noise * noise;
       }
@@ -299,38 +369,39 @@ absl::StatusOr<AdaptiveResult> SampleAdaptively(int columns, int rows,
       }
     }
   }
-  const std::vector<uint32_t> all = list;
+  std::vector<uint32_t> lists[2];
+  int samples[2], taken[2] = {0, 0};
+  for (int part = 0; part < 2; ++part) {
+    samples[part] = options.first_samples_per_px[part];
+    if (samples[part] > 0) lists[part] = list;
+  }
 
   AdaptiveResult result;
   PixelValues means[2], filtered;
-  std::vector<float> filter_gain(pixels, 1);  // variance after the filter over before
-  std::vector<float> variance[2];
-  // Filters part 1 of the means, then the pixels at edges from the filtered ones.
-  std::vector<float> excess(pixels, 0);
-  std::vector<int64_t> edge_rays(pixels, 0);
-  const auto filter = [&](double start, double end) -> absl::Status {
-    const auto smooth = SmoothDistances(image, image.features());
-    absl::Status status =
-        Filter(image, means[1], smooth, options, progress, start, (start + end) / 2, filtered);
-    if (!status.ok()) return status;
-    return ForEachTile(rows, options.threads, progress, (start + end) / 2, end, [&](int row) {
-      ReconstructEdges(sample, options, smooth, row, row + 1, filtered, excess, edge_rays);
-    });
-  };
-
-  int samples = options.first_samples_per_px;
-  int taken = 0;
+  std::vector<float> variance[2], error2;
+  // Where more samples are taken is decided on means over several pixels: a pixel's own spread goes
+  // with its own mean, and choosing by it would bias the image. Of the first round: square error
+  // after the filter, mean.
+  std::vector<float> first_error2, first_mean;
+  std::vector<float> uniform(pixels);
   absl::Status status;
-  for (int round = 0; !list.empty(); ++round) {
+  for (int round = 0; !lists[0].empty() || !lists[1].empty(); ++round) {
     const double start = round == 0 ? 0.0 : 1 - 0.6 * std::pow(0.7, round - 1);
     const double end = 1 - 0.6 * std::pow(0.7, round);
-    status = image.Sample(list, samples, round, progress, at(start * 0.9), at(end * 0.9));
-    if (!status.ok()) return status;
-    taken += samples;
-    samples = taken;
     for (int part = 0; part < 2; ++part) {
-      means[part] = image.Means(part);
-      variance[part] = UnfilteredVariance(image, part, means[part]);
+      if (!lists[part].empty()) {
+        const double middle = (start + end) / 2;
+        status = image.Sample(part, lists[part], samples[part], round, progress,
+                              at((part == 0 ? start : middle) * 0.9),
+                              at((part == 0 ? middle : end) * 0.9));
+        if (!status.ok()) return status;
+        taken[part] += samples[part];
+        samples[part] = taken[part];
+      }
+      if (round == 0 || !lists[part].empty()) {
+        means[part] = image.Means(part);
+        variance[part] = UnfilteredVariance(image, part, means[part]);
+      }
     }
     double image_mean = 0;
     const auto pixel_mean = [&](size_t p) {
@@ -343,37 +414,65 @@ absl::StatusOr<AdaptiveResult> SampleAdaptively(int columns, int rows,
     for (size_t p = 0; p < pixels; ++p) image_mean += pixel_mean(p);
     image_mean /= static_cast<double>(pixels);
     if (round == 0 && options.filter) {
-      status = filter(at(end * 0.9), at(end * 0.9));
+      status = Filter(image, means[1], options, progress, at(end * 0.9), at(end * 0.9), filtered,
+                      error2);
       if (!status.ok()) return status;
-      for (size_t p = 0; p < pixels; ++p) {
-        const float after = WindowMean(columns, rows, p, kErrorWindow_px,
-                                       [&](size_t q) { return image.HalvesVariance(filtered, q); });
-        const float before =
-            WindowMean(columns, rows, p, kErrorWindow_px, [&](size_t q) { return variance[1][q]; });
-        filter_gain[p] = before > 0 ? std::min(after / before, 1.0F) : 1;
+      for (size_t p = 0; p < pixels; ++p) uniform[p] = image.features()[p].uniform ? 1.0F : 0.0F;
+      first_error2 = WindowMeans(columns, rows, kErrorWindow_px, error2, uniform);
+    }
+    const std::vector<float> all(pixels, 1);
+    if (round == 0) {
+      first_mean.resize(pixels);
+      for (size_t p = 0; p < pixels; ++p) first_mean[p] = pixel_mean(p);
+      first_mean = WindowMeans(columns, rows, kErrorWindow_px, first_mean, all);
+      if (!options.filter) {
+        first_error2 = WindowMeans(columns, rows, kErrorWindow_px, variance[1], all);
       }
     }
-    if (2 * taken > options.max_samples_per_px) break;
-    std::vector<uint32_t> rest;
-    for (const uint32_t p : list) {
-      const double tolerance =
-          options.noise_target_relative *
-          std::max<double>(pixel_mean(p), options.noise_floor_relative * image_mean);
-      if (variance[0][p] + variance[1][p] * filter_gain[p] > tolerance * tolerance) {
-        rest.push_back(p);
+    const auto spread = WindowMeans(columns, rows, kSpreadWindow_px, variance[0], all);
+    const double left = static_cast<double>(options.first_samples_per_px[1]) / taken[1];
+    for (int part = 0; part < 2; ++part) {
+      std::vector<uint32_t> rest;
+      for (const uint32_t p : lists[part]) {
+        const double tolerance =
+            options.noise_target_relative *
+            std::max({double{first_mean[p]}, options.noise_floor_relative * image_mean,
+                      options.noise_floor});
+        const double errors2[2] = {spread[p],
+                                   first_error2[p] > 0 ? first_error2[p] * left : variance[1][p]};
+        if (errors2[0] + errors2[1] > tolerance * tolerance &&
+            errors2[part] > tolerance * tolerance / 2) {
+          rest.push_back(p);
+        }
       }
+      if (2 * taken[part] > options.max_samples_per_px) rest.clear();
+      lists[part] = std::move(rest);
     }
-    list = std::move(rest);
   }
 
+  std::vector<int64_t> edge_rays(pixels, 0);
   if (options.filter) {
-    status = filter(at(0.9), at(1));
+    status = Filter(image, means[1], options, progress, at(0.9), at(0.95), filtered, error2);
     if (!status.ok()) return status;
+    for (size_t p = 0; p < pixels; ++p) uniform[p] = image.features()[p].uniform ? 1.0F : 0.0F;
+    const auto around = WindowMeans(columns, rows, kErrorWindow_px, error2, uniform);
+    // Pixels at edges are made of filtered ones.
+    std::vector<float> excess(pixels, 0);
+    status = ForEachTile(rows, options.threads, progress, at(0.95), at(1), [&](int row) {
+      ReconstructEdges(sample, options, image.features(), row, row + 1, filtered, excess,
+                       edge_rays);
+    });
+    if (!status.ok()) return status;
+    for (size_t p = 0; p < pixels; ++p) {
+      if (uniform[p] == 0) error2[p] = around[p] + excess[p];
+    }
     means[1] = std::move(filtered);
+  } else {
+    error2 = variance[1];
   }
   result.standard_error = Image<float>(columns, rows);
   for (size_t p = 0; p < pixels; ++p) {
-    result.standard_error.values[p] = std::sqrt(variance[0][p] + variance[1][p] * filter_gain[p]);
+    result.standard_error.values[p] = std::sqrt(variance[0][p] + error2[p]);
   }
   for (int part = 0; part < 2; ++part) {
     for (int c = 0; c < channels; ++c) {

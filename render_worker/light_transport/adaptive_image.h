@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <array>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -36,14 +37,19 @@ struct PixelFeatures {
   bool textured = false;
 };
 
+// The light of an image is sampled in two parts, each as often as it needs.
+enum LightPart : int { kUnfiltered = 0, kFilterable = 1 };
+
 // Every pixel's samples are taken in two independent halves, so that errors can be measured, also
 // those of filtered images.
 struct AdaptiveOptions {
-  int channels = 1;       // unfiltered ones, then as many that may be filtered
+  int channels = 1;       // of either part
   int noise_channel = 0;  // whose noise counts
   double noise_target_relative = 0.01;
   double noise_floor_relative = 0.25;  // of the image's mean: darker pixels need no better
-  int first_samples_per_px = 16;       // power of two, at least 2
+  double noise_floor = 0;              // absolute, the same
+  // Power of two, at least 2; unfiltered ones may be 0: all light is filterable.
+  std::array<int, 2> first_samples_per_px = {16, 16};
   int max_samples_per_px = 4096;
   bool filter = true;
   int filter_radius_px = 16;
@@ -54,16 +60,17 @@ struct AdaptiveOptions {
 struct AdaptiveResult {
   std::vector<Image<float>> unfiltered;  // per channel
   std::vector<Image<float>> filterable;  // per channel; filtered if asked
-  // Of the noise channel's sum of both: noise only, not what the filter smooths away.
+  // Of the noise channel's sum of both, with what the filter smooths away.
   Image<float> standard_error;
   std::vector<PixelFeatures> features;  // per pixel
   int64_t rays = 0;
 };
 
-// One sample of a pixel: adds to the 2 * channels sums, returns the rays cast. No sums: only the
-// features are wanted. The halves (0, 1) must be independent. Called from many threads.
-using PixelSample = std::function<int(int row, int column, int half, PixelSamples& samples,
-                                      std::span<float> sums, SampleFeatures& features)>;
+// One sample of one part of a pixel: adds to the channels' sums, returns the rays cast. No sums:
+// only the features are wanted. The halves (0, 1) must be independent. Called from many threads.
+using PixelSample =
+    std::function<int(int row, int column, int half, int part, PixelSamples& samples,
+                      std::span<float> sums, SampleFeatures& features)>;
 
 // Whether a sample lies on the smooth surface that another place belongs to.
 bool SameSurface(const Eigen::Vector3f& position_m, const Eigen::Vector3f& normal,

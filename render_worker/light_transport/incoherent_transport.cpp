@@ -28,22 +28,24 @@ absl::StatusOr<IncoherentTransport> TraceIncoherentLight(
   options.channels = static_cast<int>(weights.size());
   options.noise_channel = options.channels - 1;
   options.noise_target_relative = settings.noise_target_relative;
-  options.first_samples_per_px = std::clamp(settings.first_samples_per_px, 2, 4096);
+  options.first_samples_per_px[kUnfiltered] = std::clamp(settings.first_samples_per_px, 2, 4096);
+  // The filter gathers the samples of many pixels.
+  options.first_samples_per_px[kFilterable] =
+      std::max(options.first_samples_per_px[kUnfiltered] / (settings.filter ? 4 : 1), 2);
   options.max_samples_per_px = settings.max_samples_per_px;
   options.filter = settings.filter;
   options.seed = DeriveSeed(settings.seed, "incoherent");
   options.threads = settings.threads;
-  const PixelSample sample = [&](int row, int column, int /*half*/, PixelSamples& samples,
+  const PixelSample sample = [&](int row, int column, int /*half*/, int part, PixelSamples& samples,
                                  std::span<float> sums, SampleFeatures& features) {
     const auto u = samples.Next();
     const CameraRays::Ray ray = camera.PupilRay(grid.U(column) + (u[0] - 0.5) * pitch_m,
                                                 grid.V(row) + (u[1] - 0.5) * pitch_m, u[2], u[3]);
     SurfacePoint first;
-    PathTracer::FirstReflection reflection;
     const bool met = scene.Intersect(ray.origin_m, ray.direction, 0, growth * ray.depth_m, first);
     int rays = 1;
-    if (!sums.empty()) {
-      rays += tracer.AddLight(met ? &first : nullptr, ray.direction, samples, sums, reflection);
+    if (!sums.empty() && part == kUnfiltered) {
+      rays += tracer.AddDirect(met ? &first : nullptr, ray.direction, samples, sums);
     }
     if (met && first.lamp < 0) {
       features.surface = true;
@@ -52,7 +54,10 @@ absl::StatusOr<IncoherentTransport> TraceIncoherentLight(
       features.normal = first.normal;
       features.textured = first.material->has_detail();
       features.footprint_m = growth * ray.depth_m * first.distance;
-      features.inverse_distance_1_m = reflection.inverse_distance_1_m;
+      if (!sums.empty() && part == kFilterable) {
+        rays +=
+            tracer.AddReflected(first, ray.direction, samples, sums, features.inverse_distance_1_m);
+      }
     }
     return rays;
   };

@@ -44,10 +44,10 @@ Eigen::Vector3d SphericalRectangle::Sample(double u1, double u2) const {
   double cu = std::copysign(1 / std::sqrt(fu * fu + b0_ * b0_), fu);
   cu = std::clamp(cu, -1.0, 1.0);
   const double xu = std::clamp(-(cu * z0_) / std::sqrt(std::max(1 - cu * cu, 1e-300)), x0_, x1_);
-  const double d = std::hypot(xu, z0_);
-  const double h0 = y0_ / std::hypot(d, y0_), h1 = y1_ / std::hypot(d, y1_);
+  const double d2 = xu * xu + z0_ * z0_;
+  const double h0 = y0_ / std::sqrt(d2 + y0_ * y0_), h1 = y1_ / std::sqrt(d2 + y1_ * y1_);
   const double hv = h0 + u2 * (h1 - h0);
-  const double yv = hv * hv < 1 - 1e-12 ? hv * d / std::sqrt(1 - hv * hv) : y1_;
+  const double yv = hv * hv < 1 - 1e-12 ? hv * std::sqrt(d2 / (1 - hv * hv)) : y1_;
   return origin_ + xu * x_ + yv * y_ + z0_ * z_;
 }
 
@@ -55,6 +55,9 @@ LampChoice::LampChoice(const SceneDescription& description) : lamps_(description
   for (const EmittingRectangle& lamp : lamps_) {
     const Eigen::Vector3d cross = lamp.half_edge_u_m.cross(lamp.half_edge_v_m);
     normals_.push_back(cross.normalized().cast<float>());
+    centres_m_.push_back(lamp.centre_m.cast<float>());
+    inverse_u_1_m_.push_back((lamp.half_edge_u_m / lamp.half_edge_u_m.squaredNorm()).cast<float>());
+    inverse_v_1_m_.push_back((lamp.half_edge_v_m / lamp.half_edge_v_m.squaredNorm()).cast<float>());
     areas_m2_.push_back(static_cast<float>(4 * cross.norm()));
     float radiance = 0;
     for (const float value : lamp.radiance_w_m2_sr) radiance += value;
@@ -103,6 +106,28 @@ float LampChoice::Pdf(const SurfacePoint& from, int lamp) const {
   if (weight <= 0) return 0;
   const SphericalRectangle rectangle(lamps_[lamp], from.position_m.cast<double>());
   return weight / TotalWeight(from) / static_cast<float>(rectangle.solid_angle_sr());
+}
+
+int LampChoice::Meet(const Eigen::Vector3f& from_m, const Eigen::Vector3f& direction,
+                     Eigen::Vector3f& place_m) const {
+  int nearest = -1;
+  float distance = 0;
+  for (int l = 0; l < static_cast<int>(lamps_.size()); ++l) {
+    const float facing = direction.dot(normals_[l]);
+    if (facing >= 0) continue;
+    const float t = (centres_m_[l] - from_m).dot(normals_[l]) / facing;
+    if (!(t > 0) || (nearest >= 0 && t >= distance)) continue;
+    const Eigen::Vector3f place = from_m + t * direction;
+    const Eigen::Vector3f offset = place - centres_m_[l];
+    if (std::abs(offset.dot(inverse_u_1_m_[l])) > 1 ||
+        std::abs(offset.dot(inverse_v_1_m_[l])) > 1) {
+      continue;
+    }
+    nearest = l;
+    distance = t;
+    place_m = place;
+  }
+  return nearest;
 }
 
 }  // namespace sightline

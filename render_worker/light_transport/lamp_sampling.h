@@ -39,13 +39,19 @@ class LampChoice {
   Sample SampleLamp(const SurfacePoint& from, float u_choice, float u1, float u2) const;
   // [1/sr], of the direction towards a lamp that was met by a ray from the point.
   float Pdf(const SurfacePoint& from, int lamp) const;
+  // Nearest lamp whose emitting side a ray meets, and where; -1: none. Other surfaces are not
+  // looked at.
+  int Meet(const Eigen::Vector3f& from_m, const Eigen::Vector3f& direction,
+           Eigen::Vector3f& place_m) const;
 
  private:
   float Weight(const SurfacePoint& from, int lamp) const;
   float TotalWeight(const SurfacePoint& from) const;
 
   const std::vector<EmittingRectangle>& lamps_;
-  std::vector<Eigen::Vector3f> normals_;
+  std::vector<Eigen::Vector3f> normals_, centres_m_;
+  // Half edges over their squared lengths.
+  std::vector<Eigen::Vector3f> inverse_u_1_m_, inverse_v_1_m_;
   std::vector<float> areas_m2_;
   std::vector<float> powers_;
 };

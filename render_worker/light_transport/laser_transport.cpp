@@ -17,6 +17,14 @@ namespace {
 
 constexpr double kBeamWidths = 3;
 constexpr int kSubPixelsPerTask = 16384;
+constexpr int kBlock_px = 2;
+// Interreflection darker than its mean over the image needs no better than that.
+constexpr double kNoiseFloor = 1;
+// Nor does interreflection darker than this share of the lit line: a sensor exposed for the line
+// does not see it.
+constexpr double kFloorOfLine = 1e-4;
+// Samples per pixel of details that are smaller than the blocks.
+constexpr int kDetailSamples = 16;
 
 // What the chief ray of every sub-pixel meets, and the laser's direct light there.
 class DirectLaser {
@@ -102,29 +110,45 @@ class DirectLaser {
   float growth_;
 };
 
-// Interreflection of one pixel seen from a sub-pixel: interpolated from the four pixels around
-// where they see the same surface. False: none of them does.
+// Radiance of the lit line across its surface, mean over its power [W/(m^2 sr)].
+double LineRadiance(const LightVertices& vertices) {
+  double sum = 0;
+  for (const LightVertex& v : vertices.AtDepth(1)) {
+    sum += double{v.flux_w} * v.density *
+           v.point.material->Brdf(Eigen::Vector3f::UnitZ(), v.towards_light, v.point.detail);
+  }
+  return sum / vertices.paths();
+}
+
+// Interreflection of one block seen from a sub-pixel: interpolated from the four blocks around, or
+// from the next ring, where they see the same surface. False: none of them does.
 bool Interpolate(const AdaptiveResult& coarse, int columns, int rows, double x, double y,
                  const SurfacePoint& point, float& radiance) {
   const int j0 = static_cast<int>(std::floor(x)), i0 = static_cast<int>(std::floor(y));
-  double sum = 0, weights = 0;
-  for (int i = i0; i <= i0 + 1; ++i) {
-    for (int j = j0; j <= j0 + 1; ++j) {
-      if (i < 0 || j < 0 || i >= rows || j >= columns) continue;
-      const PixelFeatures& f = coarse.features[static_cast<size_t>(i) * columns + j];
-      if (!f.uniform || f.material != point.material_index ||
-          !SameSurface(f.position_m, f.normal.normalized(), point.position_m, point.normal,
-                       f.footprint_m)) {
-        continue;
+  for (int ring = 0; ring < 2; ++ring) {
+    double sum = 0, weights = 0;
+    for (int i = std::max(i0 - ring, 0); i <= std::min(i0 + 1 + ring, rows - 1); ++i) {
+      for (int j = std::max(j0 - ring, 0); j <= std::min(j0 + 1 + ring, columns - 1); ++j) {
+        const PixelFeatures& f = coarse.features[static_cast<size_t>(i) * columns + j];
+        if (!f.uniform || f.material != point.material_index ||
+            !SameSurface(f.position_m, f.normal.normalized(), point.position_m, point.normal,
+                         f.footprint_m)) {
+          continue;
+        }
+        const double reach = 1 + ring;
+        const double w = (reach - std::min(std::abs(x - j), reach)) *
+                             (reach - std::min(std::abs(y - i), reach)) +
+                         1e-6;
+        sum += w * (coarse.unfiltered[0].At(i, j) + coarse.filterable[0].At(i, j));
+        weights += w;
       }
-      const double w = (1 - std::abs(x - j)) * (1 - std::abs(y - i)) + 1e-6;
-      sum += w * (coarse.unfiltered[0].At(i, j) + coarse.filterable[0].At(i, j));
-      weights += w;
+    }
+    if (weights > 0) {
+      radiance = static_cast<float>(std::max(sum / weights, 0.0));
+      return true;
     }
   }
-  if (!(weights > 0)) return false;
-  radiance = static_cast<float>(std::max(sum / weights, 0.0));
-  return true;
+  return false;
 }
 
 }  // namespace
@@ -143,15 +167,21 @@ absl::StatusOr<LaserTransport> TraceLaserLight(const RayScene& scene, const Scen
   const bool indirect = settings.laser_interreflection && settings.max_bounces > 0;
   const int max_bounces = settings.max_bounces;
 
-  // Interreflection varies slowly: once per pixel, then spread over its sub-pixels.
-  SubPixelGrid pixel_grid = grid;
-  pixel_grid.sub_pixels = 1;
+  // Interreflection varies slowly: on blocks of pixels, then spread over the sub-pixels.
+  const int block = settings.filter ? kBlock_px : 1;
+  const int grid_columns = columns / grid.sub_pixels, grid_rows = rows / grid.sub_pixels;
+  const int block_columns = (grid_columns + block - 1) / block;
+  const int block_rows = (grid_rows + block - 1) / block;
   AdaptiveResult coarse;
   // Light paths of their own for either half of the samples.
   std::unique_ptr<LightVertices> vertices[2];
   std::unique_ptr<Interreflection> interreflection[2];
   const uint64_t seed = DeriveSeed(settings.seed, "laser");
   const double share = indirect ? 0.8 : 0.0;
+  int log_detail_samples = 0;
+  while ((1 << log_detail_samples) * grid.sub_pixels * grid.sub_pixels < kDetailSamples) {
+    ++log_detail_samples;
+  }
   if (indirect) {
     for (int half = 0; half < 2; ++half) {
       vertices[half] = std::make_unique<LightVertices>(
@@ -162,28 +192,32 @@ absl::StatusOr<LaserTransport> TraceLaserLight(const RayScene& scene, const Scen
     }
     AdaptiveOptions options;
     options.noise_target_relative = settings.laser_noise_target_relative;
-    options.first_samples_per_px = std::clamp(settings.first_samples_per_px / 4, 2, 4096);
-    options.max_samples_per_px = settings.max_samples_per_px;
+    options.first_samples_per_px = {0, std::clamp(settings.first_samples_per_px / 4, 2, 4096)};
+    options.noise_floor_relative = kNoiseFloor;
+    options.noise_floor = kFloorOfLine * LineRadiance(*vertices[0]);
+    options.max_samples_per_px = settings.laser_max_samples_per_px;
     options.filter = settings.filter;
     options.seed = seed;
     options.threads = settings.threads;
-    const double pitch_m = grid.pixel_pitch_m;
+    const double pitch_m = block * grid.pixel_pitch_m;
     const auto growth = static_cast<float>(pitch_m / view.image_distance_m);
     const Eigen::Vector3f origin = direct.camera().origin_m().cast<float>();
-    const PixelSample sample = [&](int row, int column, int half, PixelSamples& samples,
-                                   std::span<float> sums, SampleFeatures& features) {
+    const PixelSample sample = [&](int row, int column, int half, int /*part*/,
+                                   PixelSamples& samples, std::span<float> sums,
+                                   SampleFeatures& features) {
       const auto u = samples.Next();
+      const double to_sub_pixels = block * grid.sub_pixels;
       const Eigen::Vector3f direction =
           direct.camera()
-              .ChiefDirection(pixel_grid.U(column) + (u[0] - 0.5) * pitch_m,
-                              pixel_grid.V(row) + (u[1] - 0.5) * pitch_m)
+              .ChiefDirection(grid.U((column + double{u[0]}) * to_sub_pixels - 0.5),
+                              grid.V((row + double{u[1]}) * to_sub_pixels - 0.5))
               .cast<float>();
       SurfacePoint first;
       if (!scene.Intersect(origin, direction, 0, growth, first) || first.lamp >= 0) return 1;
       Interreflection::Estimate estimate;
       if (!sums.empty()) {
         estimate = interreflection[half]->Sample(first, direction, samples);
-        sums[1] += estimate.radiance_w_m2_sr;
+        sums[0] += estimate.radiance_w_m2_sr;
       }
       features.surface = true;
       features.material = first.material_index;
@@ -194,8 +228,7 @@ absl::StatusOr<LaserTransport> TraceLaserLight(const RayScene& scene, const Scen
       features.inverse_distance_1_m = estimate.inverse_distance_1_m;
       return 1 + estimate.rays;
     };
-    auto sampled = SampleAdaptively(pixel_grid.columns(), pixel_grid.rows(), options, sample,
-                                    progress, 0, share);
+    auto sampled = SampleAdaptively(block_columns, block_rows, options, sample, progress, 0, share);
     if (!sampled.ok()) return sampled.status();
     coarse = *std::move(sampled);
     result.rays += coarse.rays;
@@ -216,18 +249,16 @@ absl::StatusOr<LaserTransport> TraceLaserLight(const RayScene& scene, const Scen
         float radiance = direct.Radiance(i, j, point, direction);
         if (indirect) {
           float reflected = 0;
-          const double x = (j + 0.5) / grid.sub_pixels - 0.5;
-          const double y = (i + 0.5) / grid.sub_pixels - 0.5;
-          if (!Interpolate(coarse, pixel_grid.columns(), pixel_grid.rows(), x, y, point,
-                           reflected)) {
-            // An edge or a detail no pixel around sees alone.
-            constexpr int kLogSamples = 4;
-            PixelSamples samples(DeriveSeed(seed, "sub-pixels"), j, i, kLogSamples);
-            for (int s = 0; s < (1 << kLogSamples); ++s) {
+          const double x = (j + 0.5) / (block * grid.sub_pixels) - 0.5;
+          const double y = (i + 0.5) / (block * grid.sub_pixels) - 0.5;
+          if (!Interpolate(coarse, block_columns, block_rows, x, y, point, reflected)) {
+            // A detail no block around sees alone.
+            PixelSamples samples(DeriveSeed(seed, "sub-pixels"), j, i, log_detail_samples);
+            for (int s = 0; s < (1 << log_detail_samples); ++s) {
               samples.Start(s);
               const auto estimate =
-                  interreflection[s & 1]->Sample(point, direction.cast<float>(), samples);
-              reflected += estimate.radiance_w_m2_sr * (1.0F / (1 << kLogSamples));
+                  interreflection[(i + j + s) & 1]->Sample(point, direction.cast<float>(), samples);
+              reflected += estimate.radiance_w_m2_sr * (1.0F / (1 << log_detail_samples));
               rays[task] += estimate.rays;
             }
           }

@@ -52,12 +52,15 @@ struct SceneView {
 struct TransportSettings {
   int max_bounces = 4;  // reflections after the first; 0: direct light only
   bool laser_interreflection = true;
-  // Standard error of a pixel relative to its radiance (or to a quarter of the image's mean, if
-  // darker): incoherent light, and laser light that was reflected before.
+  // Standard error of a pixel, bias of the filter included, relative to its radiance: incoherent
+  // light (or to a quarter of the image's mean, if darker), and laser light that was reflected
+  // before (to its mean, or to 1e-4 of the lit line). As far as the most samples allow.
   double noise_target_relative = 0.01;
   double laser_noise_target_relative = 0.05;
-  int first_samples_per_px = 16;  // power of two; more only where the noise target asks for them
-  int max_samples_per_px = 4096;
+  // Power of two; more only where the noise target asks for them. Filtered light: a quarter.
+  int first_samples_per_px = 16;
+  int max_samples_per_px = 512;
+  int laser_max_samples_per_px = 128;  // of light that was reflected before; it is low-frequency
   // Smooth slowly varying light (ambient, interreflection) within surfaces (feature_filter.h).
   // Direct light of lamps and laser never is. False: every pixel is sampled to the target by
   // itself.

@@ -51,104 +51,164 @@ PathTracer::PathTracer(const RayScene& scene, const std::vector<Spectrum>& chann
   }
 }
 
-int PathTracer::AddLight(const SurfacePoint* first, const Eigen::Vector3f& direction,
-                         PixelSamples& samples, std::span<float> sums,
-                         FirstReflection& reflection) const {
-  return scene_.grey() ? Trace<float>(first, direction, samples, sums, reflection)
-                       : Trace<Spectral>(first, direction, samples, sums, reflection);
+template <class Value>
+class PathTracer::Sum {
+ public:
+  Sum(const PathTracer& tracer, std::span<float> sums) : tracer_(tracer), sums_(sums) {
+    if constexpr (!kGrey) light_.setZero();
+  }
+  void Add(int source, const Value& factor) {
+    const int channels = tracer_.channels_;
+    if constexpr (kGrey) {
+      const float* radiance =
+          tracer_.channel_radiance_.data() + static_cast<size_t>(source) * channels;
+      for (int c = 0; c < channels; ++c) sums_[c] += factor * radiance[c];
+    } else {
+      light_ += factor * Eigen::Map<const Spectral>(tracer_.sources_[source].data());
+      dark_ = false;
+    }
+  }
+  void Finish() {
+    if constexpr (!kGrey) {
+      if (dark_) return;
+      for (int c = 0; c < tracer_.channels_; ++c) {
+        sums_[c] += (light_ * Eigen::Map<const Spectral>(tracer_.weights_[c].data())).sum();
+      }
+    }
+  }
+
+ private:
+  static constexpr bool kGrey = std::is_same_v<Value, float>;
+  const PathTracer& tracer_;
+  std::span<float> sums_;
+  bool dark_ = true;
+  [[maybe_unused]] Spectral light_;
+};
+
+int PathTracer::AddDirect(const SurfacePoint* first, const Eigen::Vector3f& direction,
+                          PixelSamples& samples, std::span<float> sums) const {
+  return scene_.grey() ? Direct<float>(first, direction, samples, sums)
+                       : Direct<Spectral>(first, direction, samples, sums);
+}
+
+int PathTracer::AddReflected(const SurfacePoint& first, const Eigen::Vector3f& direction,
+                             PixelSamples& samples, std::span<float> sums,
+                             float& inverse_distance_1_m) const {
+  return scene_.grey() ? Reflected<float>(first, direction, samples, sums, inverse_distance_1_m)
+                       : Reflected<Spectral>(first, direction, samples, sums, inverse_distance_1_m);
 }
 
 template <class Value>
-int PathTracer::Trace(const SurfacePoint* first, const Eigen::Vector3f& direction,
-                      PixelSamples& samples, std::span<float> sums,
-                      FirstReflection& reflection) const {
-  constexpr bool kGrey = std::is_same_v<Value, float>;
-  const int ambient = static_cast<int>(sources_.size()) - 1;
+int PathTracer::Direct(const SurfacePoint* first, const Eigen::Vector3f& direction,
+                       PixelSamples& samples, std::span<float> sums) const {
+  Sum<Value> light(*this, sums);
+  const auto constant = [](float value) {
+    if constexpr (std::is_same_v<Value, float>) {
+      return value;
+    } else {
+      return Value(Value::Constant(value));
+    }
+  };
+  int rays = 0;
+  if (first == nullptr) {
+    light.Add(static_cast<int>(sources_.size()) - 1, constant(1));
+  } else if (first->lamp >= 0) {
+    if (first->front) light.Add(first->lamp, constant(1));
+  } else if (!lamps_.empty()) {
+    const SurfacePoint& point = *first;
+    const Eigen::Vector3f out = point.ToLocal(-direction.normalized());
+    const auto u = samples.Next();
+    const LampChoice::Sample lamp = lamps_.SampleLamp(point, u[0], u[1], u[2]);
+    const Eigen::Vector3f in = point.ToLocal(lamp.direction);
+    if (lamp.lamp >= 0 && in.z() > 0) {
+      ++rays;
+      if (scene_.Visible(point, lamp.point_m)) {
+        const float weight = PowerHeuristic(lamp.pdf, point.material->Pdf(out, in, point.detail));
+        light.Add(lamp.lamp,
+                  Value(Reflectance<Value>(point, out, in) * (weight * in.z() / lamp.pdf)));
+      }
+    }
+    // A direction drawn from the BRDF needs a ray only if it meets a lamp.
+    const auto v = samples.Next();
+    const Material::Sample sample =
+        point.material->SampleDirection(out, point.detail, v[0], v[1], v[2]);
+    if (sample.pdf > 0 && sample.in.z() > 0) {
+      Eigen::Vector3f place;
+      const int met = lamps_.Meet(point.position_m, point.ToWorld(sample.in), place);
+      if (met >= 0) {
+        ++rays;
+        if (scene_.Visible(point, place)) {
+          const float weight = PowerHeuristic(sample.pdf, lamps_.Pdf(point, met));
+          light.Add(met, Value(Reflectance<Value>(point, out, sample.in) *
+                               (weight * sample.in.z() / sample.pdf)));
+        }
+      }
+    }
+  }
+  light.Finish();
+  return rays;
+}
+
+template <class Value>
+int PathTracer::Reflected(const SurfacePoint& first, const Eigen::Vector3f& direction,
+                          PixelSamples& samples, std::span<float> sums,
+                          float& inverse_distance_1_m) const {
+  Sum<Value> light(*this, sums);
   Value throughput;
-  [[maybe_unused]] Spectral light[2];  // straight from lamps, the rest
-  if constexpr (kGrey) {
+  if constexpr (std::is_same_v<Value, float>) {
     throughput = 1;
   } else {
     throughput.setOnes();
-    light[0].setZero();
-    light[1].setZero();
   }
-  const auto add = [&](int part, int source, const Value& factor) {
-    if constexpr (kGrey) {
-      const float* radiance = channel_radiance_.data() + static_cast<size_t>(source) * channels_;
-      float* sum = sums.data() + static_cast<size_t>(part) * channels_;
-      for (int c = 0; c < channels_; ++c) sum[c] += factor * radiance[c];
-    } else {
-      light[part] += factor * Eigen::Map<const Spectral>(sources_[source].data());
-    }
-  };
-
   int rays = 0;
-  SurfacePoint point, next;
+  SurfacePoint point = first, next;
   Eigen::Vector3f towards = direction.normalized();
-  if (first == nullptr) {
-    add(0, ambient, throughput);
-  } else if (first->lamp >= 0) {
-    if (first->front) add(0, first->lamp, throughput);
-  } else {
-    point = *first;
-    for (int bounce = 0;; ++bounce) {
-      const Eigen::Vector3f out = point.ToLocal(-towards);
-      if (!lamps_.empty()) {
-        const auto u = samples.Next();
-        const LampChoice::Sample lamp = lamps_.SampleLamp(point, u[0], u[1], u[2]);
-        const Eigen::Vector3f in = point.ToLocal(lamp.direction);
-        if (lamp.lamp >= 0 && in.z() > 0) {
-          const Value f = Reflectance<Value>(point, out, in);
-          if (Largest(f) > 0) {
-            ++rays;
-            if (scene_.Visible(point, lamp.point_m)) {
-              const float weight =
-                  PowerHeuristic(lamp.pdf, point.material->Pdf(out, in, point.detail));
-              add(bounce > 0, lamp.lamp, Value(throughput * f * (weight * in.z() / lamp.pdf)));
-            }
-          }
-        }
-      }
+  for (int bounce = 0;; ++bounce) {
+    const Eigen::Vector3f out = point.ToLocal(-towards);
+    if (bounce > 0 && !lamps_.empty()) {
       const auto u = samples.Next();
-      const Material::Sample sample =
-          point.material->SampleDirection(out, point.detail, u[0], u[1], u[2]);
-      if (!(sample.pdf > 0) || sample.in.z() <= 0) break;
-      throughput *= Reflectance<Value>(point, out, sample.in) * (sample.in.z() / sample.pdf);
-      const float largest = Largest(throughput);
-      if (!(largest > 0)) break;
-      if (bounce >= 2) {
-        // Russian roulette keeps the expectation.
-        const float survival = std::min(1.0F, largest * 2);
-        if (u[3] >= survival) break;
-        throughput *= 1 / survival;
-      }
-      towards = point.ToWorld(sample.in);
-      ++rays;
-      if (!scene_.IntersectFrom(point, towards, next)) {
-        add(1, ambient, throughput);
-        break;
-      }
-      if (bounce == 0) reflection.inverse_distance_1_m = 1 / next.distance;
-      if (next.lamp >= 0) {
-        if (next.front) {
-          const float lamp_pdf = lamps_.Pdf(point, next.lamp);
-          add(bounce > 0, next.lamp, Value(throughput * PowerHeuristic(sample.pdf, lamp_pdf)));
+      const LampChoice::Sample lamp = lamps_.SampleLamp(point, u[0], u[1], u[2]);
+      const Eigen::Vector3f in = point.ToLocal(lamp.direction);
+      if (lamp.lamp >= 0 && in.z() > 0) {
+        ++rays;
+        if (scene_.Visible(point, lamp.point_m)) {
+          const float weight = PowerHeuristic(lamp.pdf, point.material->Pdf(out, in, point.detail));
+          light.Add(lamp.lamp, Value(throughput * Reflectance<Value>(point, out, in) *
+                                     (weight * in.z() / lamp.pdf)));
         }
-        break;
-      }
-      if (bounce >= max_bounces_) break;
-      point = next;
-    }
-  }
-  if constexpr (!kGrey) {
-    for (int c = 0; c < channels_; ++c) {
-      for (int part = 0; part < 2; ++part) {
-        sums[part * channels_ + c] +=
-            (light[part] * Eigen::Map<const Spectral>(weights_[c].data())).sum();
       }
     }
+    const auto u = samples.Next();
+    const Material::Sample sample =
+        point.material->SampleDirection(out, point.detail, u[0], u[1], u[2]);
+    if (!(sample.pdf > 0) || sample.in.z() <= 0) break;
+    throughput *= Reflectance<Value>(point, out, sample.in) * (sample.in.z() / sample.pdf);
+    const float largest = Largest(throughput);
+    if (!(largest > 0)) break;
+    if (bounce >= 2) {
+      // Russian roulette keeps the expectation.
+      const float survival = std::min(1.0F, largest * 2);
+      if (u[3] >= survival) break;
+      throughput *= 1 / survival;
+    }
+    towards = point.ToWorld(sample.in);
+    ++rays;
+    if (!scene_.IntersectFrom(point, towards, next)) {
+      light.Add(static_cast<int>(sources_.size()) - 1, throughput);
+      break;
+    }
+    if (bounce == 0) inverse_distance_1_m = 1 / next.distance;
+    if (next.lamp >= 0) {
+      if (next.front && bounce > 0) {
+        light.Add(next.lamp,
+                  Value(throughput * PowerHeuristic(sample.pdf, lamps_.Pdf(point, next.lamp))));
+      }
+      break;
+    }
+    if (bounce >= max_bounces_) break;
+    point = next;
   }
+  light.Finish();
   return rays;
 }
 

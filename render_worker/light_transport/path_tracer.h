@@ -22,19 +22,25 @@ class PathTracer {
 
   int channels() const { return channels_; }
 
-  // Adds the light along one camera ray, whose first surface was found by the caller (null: none).
-  // `sums`: per channel what comes straight from lamps to the first surface or the camera, then per
-  // channel all the rest. Returns the rays cast.
-  struct FirstReflection {
-    float inverse_distance_1_m = 0;  // to the next surface; 0: none met
-  };
-  int AddLight(const SurfacePoint* first, const Eigen::Vector3f& direction, PixelSamples& samples,
-               std::span<float> sums, FirstReflection& reflection) const;
+  // Adds the light along one camera ray, whose first surface was found by the caller (null: none),
+  // to the channels. Both return the rays cast. What comes straight from lamps to the first surface
+  // or the camera, and ambient to the camera.
+  int AddDirect(const SurfacePoint* first, const Eigen::Vector3f& direction, PixelSamples& samples,
+                std::span<float> sums) const;
+  // All the rest. `inverse_distance_1_m`: to the next surface; 0: none met.
+  int AddReflected(const SurfacePoint& first, const Eigen::Vector3f& direction,
+                   PixelSamples& samples, std::span<float> sums, float& inverse_distance_1_m) const;
 
  private:
   template <class Value>
-  int Trace(const SurfacePoint* first, const Eigen::Vector3f& direction, PixelSamples& samples,
-            std::span<float> sums, FirstReflection& reflection) const;
+  int Direct(const SurfacePoint* first, const Eigen::Vector3f& direction, PixelSamples& samples,
+             std::span<float> sums) const;
+  template <class Value>
+  int Reflected(const SurfacePoint& first, const Eigen::Vector3f& direction, PixelSamples& samples,
+                std::span<float> sums, float& inverse_distance_1_m) const;
+  // Light of one source times a factor; a spectrum for scenes that are not grey.
+  template <class Value>
+  class Sum;
 
   const RayScene& scene_;
   LampChoice lamps_;

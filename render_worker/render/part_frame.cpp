@@ -272,6 +272,7 @@ void ShareTargets(int sub_pixels, int moments, TransportSettings* settings) {
   };
   settings->first_samples_per_px = share(settings->first_samples_per_px);
   settings->max_samples_per_px = share(settings->max_samples_per_px);
+  settings->laser_max_samples_per_px = share(settings->laser_max_samples_per_px);
 }
 
 // `count` moments evenly over [-1/2, 1/2] of the exposure, each the middle of its share.

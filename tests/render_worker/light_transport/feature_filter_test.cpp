@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 
 #include "core/random/counter_random.h"
@@ -25,9 +26,10 @@ struct FilterInput {
       }
     }
   }
-  PixelValues Filtered(int radius) const {
-    PixelValues out = values;
-    FilterRows(values, features, samples, radius, 0, 30, out);
+  PixelValues Filtered(int radius) const { return Both(radius)[0]; }
+  std::array<PixelValues, 2> Both(int radius) const {
+    std::array<PixelValues, 2> out = {values, values};
+    FeatureFilter(values, features, samples, radius).Rows(0, 30, out[0], out[1]);
     return out;
   }
 };
@@ -43,6 +45,22 @@ TEST(FeatureFilter, KeepsLinearLightAlsoAtTheImageBorder) {
   for (int p = 0; p < 40 * 30; ++p) {
     EXPECT_NEAR(out.At(p)[0], input.values.At(p)[0], 1e-3);
   }
+}
+
+TEST(FeatureFilter, ParaboloidKeepsQuadraticLightWhereThePlaneCannot) {
+  FilterInput input;
+  for (int p = 0; p < 40 * 30; ++p) {
+    const auto x = static_cast<float>(p % 40) / 40, y = static_cast<float>(p / 40) / 40;
+    input.values.At(p)[1] = 2 + x - y + 3 * x * x - 2 * x * y + y * y;
+  }
+  const auto out = input.Both(8);
+  double plane = 0;
+  for (int p = 0; p < 40 * 30; ++p) {
+    // Rounding: a few hundred terms of about 2, float.
+    EXPECT_NEAR(out[1].At(p)[1], input.values.At(p)[1], 1e-4);
+    plane = std::max<double>(plane, std::abs(out[0].At(p)[1] - input.values.At(p)[1]));
+  }
+  EXPECT_GT(plane, 0.01);
 }
 
 TEST(FeatureFilter, AveragesNoiseOnOneSurfaceAndStopsAtEdges) {

@@ -42,7 +42,7 @@ TransportSettings Settings(int samples, int bounces) {
   TransportSettings settings;
   settings.filter = false;
   settings.first_samples_per_px = 4 * samples;
-  settings.max_samples_per_px = samples;
+  settings.laser_max_samples_per_px = samples;
   settings.max_bounces = bounces;
   settings.threads = 1;
   settings.laser_light_paths = 16384;

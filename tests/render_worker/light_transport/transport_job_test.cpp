@@ -79,7 +79,7 @@ TEST(LightTransport, CancelledWithinATenthOfASecond) {
   TransportSettings settings;
   settings.noise_target_relative = 1e-6;
   settings.laser_noise_target_relative = 1e-6;
-  settings.max_samples_per_px = 1 << 16;
+  settings.max_samples_per_px = settings.laser_max_samples_per_px = 1 << 16;
   for (const bool laser : {true, false}) {
     std::atomic<bool> cancelled = false;
     TransportProgress progress;
