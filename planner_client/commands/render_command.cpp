@@ -20,12 +20,10 @@
 #include "core/recordings/recordings.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
-#include "planner_client/commands/interrupt.h"
 #include "planner_client/commands/plan_document.h"
-#include "planner_client/commands/progress_line.h"
+#include "planner_client/commands/worker_session.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "planner_client/render_client/render_client.h"
-#include "proto/status/rpc_status.h"
 
 namespace sightline {
 namespace {
@@ -41,9 +39,7 @@ struct RenderOptions {
   std::optional<int64_t> seed;
   bool layers = false, demosaic = false, no_speckle = false;
   std::string format = "png";
-  std::string render_worker;
-  int threads = 0;
-  std::string max_image_bytes;
+  WorkerSessionOptions worker;
 };
 
 constexpr std::array<const char*, kMeasurementParameters> kParameterNames = {
@@ -224,7 +220,7 @@ absl::StatusOr<v1::PlateRender> ReadEffects(const std::string& path) {
 
 // Moves a file's bytes into the request under a name of its own.
 absl::Status AddAsset(const std::string& path, const std::string& name,
-                      std::vector<RenderAssetFile>* assets) {
+                      std::vector<AssetFile>* assets) {
   absl::StatusOr<std::string> bytes = ReadFile(path);
   if (!bytes.ok()) return bytes.status();
   if (bytes->empty()) return absl::InvalidArgumentError(absl::StrCat(path, ": is empty"));
@@ -236,7 +232,7 @@ std::string FileName(const std::string& path) { return fs::path(path).filename()
 
 // A mesh file. A glTF file with its buffers elsewhere goes as PLY.
 absl::Status AddMesh(const std::string& prefix, std::string* file, std::string* unit,
-                     std::vector<RenderAssetFile>* assets) {
+                     std::vector<AssetFile>* assets) {
   const std::string path = *file;
   const std::string extension = fs::path(path).extension();
   if (!absl::EqualsIgnoreCase(extension, ".gltf")) {
@@ -256,7 +252,7 @@ absl::Status AddMesh(const std::string& prefix, std::string* file, std::string* 
 }
 
 absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
-                                        std::vector<RenderAssetFile>* assets) {
+                                        std::vector<AssetFile>* assets) {
   v1::Inspection message;
   if (absl::Status status = ReadStrictJsonFile(options.input, &message); !status.ok()) {
     return status;
@@ -362,7 +358,7 @@ absl::StatusOr<v1::RenderSpec> PlateSpec(const RenderOptions& options) {
 absl::StatusOr<int> Render(const RenderOptions& options) {
   absl::StatusOr<std::string> text = ReadFile(options.input);
   if (!text.ok()) return text.status();
-  std::vector<RenderAssetFile> assets;
+  std::vector<AssetFile> assets;
   absl::StatusOr<v1::RenderSpec> spec = absl::StrContains(*text, "\"laser-line-recordings\"")
                                             ? PlateSpec(options)
                                             : PartSpec(options, &assets);
@@ -379,32 +375,10 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
         absl::StrCat("cannot make folder ", options.out, ": ", error.message()));
   }
 
-  RenderClientOptions client;
-  client.address = options.render_worker;
-  client.interrupted = &InterruptFlag();
-  std::unique_ptr<EmbeddedServer> worker;
-  if (options.render_worker.empty()) {
-    EmbeddedServerOptions embedded;
-    embedded.program = "render_worker";
-    embedded.description = "render worker";
-    embedded.arguments = {"--spool", "{folder}", "--threads", absl::StrCat(options.threads)};
-    if (!options.max_image_bytes.empty()) {
-      embedded.arguments.insert(embedded.arguments.end(),
-                                {"--max-image-bytes", options.max_image_bytes});
-    }
-    auto started = EmbeddedServer::Start(std::move(embedded));
-    if (!started.ok()) return started.status();
-    worker = *std::move(started);
-    client.embedded = worker.get();
-  } else if (options.threads > 0 || !options.max_image_bytes.empty()) {
-    return absl::InvalidArgumentError(
-        "--threads and --max-image-bytes are those of our own worker; start the one of "
-        "--render-worker with them");
-  }
   ProgressLine progress;
-  client.on_progress = [&](double fraction, const std::string& message) {
-    progress.Show(fraction, message);
-  };
+  RenderClientOptions client;
+  auto worker = StartWorkerSession(options.worker, &progress, &client);
+  if (!worker.ok()) return worker.status();
   std::vector<std::string> warnings;
   client.on_warning = [&](const std::string& warning) { warnings.push_back(warning); };
   auto files = RenderToFolder(client, *std::move(spec), assets, options.out);
@@ -412,19 +386,7 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   for (const std::string& warning : warnings) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
-  if (!files.ok()) {
-    const std::string reason = ErrorReason(files.status());
-    // The request asks for too much: the input is wrong, nothing failed.
-    if (reason == "IMAGE_TOO_LARGE" || reason == "ASSET_TOO_LARGE") {
-      return absl::InvalidArgumentError(
-          absl::StrCat(options.input, ": ", files.status().message()));
-    }
-    if (absl::IsInvalidArgument(files.status()) || absl::IsNotFound(files.status())) {
-      return absl::Status(files.status().code(),
-                          absl::StrCat(options.input, ": ", files.status().message()));
-    }
-    return files.status();
-  }
+  if (!files.ok()) return AboutInput(files.status(), options.input);
   std::printf("%zu files: %s\n", files->size(),
               fs::absolute(fs::path(options.out) / "recordings.json").c_str());
   return kExitDone;
@@ -461,11 +423,8 @@ Command AddRenderCommand(CLI::App& app) {
       ->capture_default_str();
   app.add_flag("--demosaic", options->demosaic, "also images/NNN_rgb of colour sensors");
   app.add_flag("--no-speckle", options->no_speckle, "image laser light without speckle");
-  app.add_option("--render-worker", options->render_worker,
-                 "unix:PATH or HOST:PORT; default: one of our own");
-  app.add_option("--threads", options->threads, "of our own worker; 0: one per core")
-      ->check(CLI::Range(0, 1024));
-  app.add_option("--max-image-bytes", options->max_image_bytes,
+  AddWorkerOptions(app, &options->worker);
+  app.add_option("--max-image-bytes", options->worker.max_image_bytes,
                  "memory of our own worker for one image, e.g. 16GB; default 8GB");
   return [options]() -> int {
     const absl::StatusOr<int> code = Render(*options);

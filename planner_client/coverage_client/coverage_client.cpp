@@ -3,12 +3,10 @@
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
-#include <chrono>
 #include <cstdio>
 #include <deque>
 #include <map>
 #include <mutex>
-#include <random>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -20,25 +18,11 @@
 namespace sightline {
 namespace {
 
-constexpr int kMaxMessageBytes = 64 << 20;
-constexpr size_t kUploadChunkBytes = 512 << 10;
 constexpr int64_t kMaxCoverageBytesPerRequest = 8 << 20;
 constexpr absl::Duration kShortTimeout = absl::Seconds(20);
 // How often a scene is created again in one call before the server is called broken (e.g. its
 // memory limit is so small that it drops the scene at once).
 constexpr int kMaxRecoveriesPerCall = 3;
-
-void SetTimeout(grpc::ClientContext* context, absl::Duration timeout) {
-  context->set_deadline(std::chrono::system_clock::now() +
-                        std::chrono::milliseconds(absl::ToInt64Milliseconds(timeout)));
-}
-
-std::string NewRequestId() {
-  std::random_device device;
-  std::string id;
-  for (int i = 0; i < 4; ++i) absl::StrAppend(&id, absl::Hex(device(), absl::kZeroPad8));
-  return id;
-}
 
 absl::StatusOr<ScanFeasibility> FeasibilityFromProto(v1::Feasibility feasibility) {
   switch (feasibility) {
@@ -215,30 +199,8 @@ class CoverageClientImpl final : public CoverageClient {
     std::string name;
   };
 
-  std::string Address() const {
-    return options_.embedded != nullptr ? options_.embedded->address() : options_.address;
-  }
-
   void Connect() {
-    grpc::ChannelArguments arguments;
-    arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
-    arguments.SetMaxSendMessageSize(kMaxMessageBytes);
-    // A server that was restarted is found quickly.
-    arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
-    arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 2000);
-    arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
-    arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-    // The retries are ours.
-    arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
-    std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
-    if (!options_.tls_root_certificates.empty()) {
-      grpc::SslCredentialsOptions ssl;
-      ssl.pem_root_certs = options_.tls_root_certificates;
-      ssl.pem_private_key = options_.tls_key;
-      ssl.pem_cert_chain = options_.tls_certificate;
-      credentials = grpc::SslCredentials(ssl);
-    }
-    const auto channel = grpc::CreateCustomChannel(Address(), credentials, arguments);
+    const auto channel = OpenChannel(options_);
     auto connection = std::make_shared<Connection>();
     connection->coverage = v1::CoverageService::NewStub(channel);
     connection->jobs = v1::JobService::NewStub(channel);
@@ -286,12 +248,11 @@ class CoverageClientImpl final : public CoverageClient {
       }
     }
     if (absl::Now() - attempts->start > options_.retry_for) {
-      return absl::UnavailableError(absl::StrCat("coverage server ", Address(), ": ",
+      return absl::UnavailableError(absl::StrCat("coverage server ", options_.Address(), ": ",
                                                  error.message(), " (tried ",
                                                  attempts->unavailable + 1, " times)"));
     }
-    const absl::Duration pause = absl::Milliseconds(50) * (1 << std::min(attempts->unavailable, 4));
-    ++attempts->unavailable;
+    const absl::Duration pause = RetryPause(attempts->unavailable++);
     absl::SleepFor(std::max(
         pause, std::min(RetryDelay(error).value_or(absl::ZeroDuration()), absl::Seconds(5))));
     return absl::OkStatus();
@@ -372,20 +333,14 @@ class CoverageClientImpl final : public CoverageClient {
     const std::string bytes = EncodePly(*part.mesh);
     v1::UploadPartResponse response;
     grpc::ClientContext context;
-    SetTimeout(&context,
-               absl::Seconds(60) + absl::Seconds(static_cast<double>(bytes.size()) / 1e6));
+    SetTimeout(&context, UploadTimeout(bytes.size()));
     auto writer = connection.coverage->UploadPart(&context, &response);
     v1::UploadPartRequest message;
     message.mutable_header()->set_format("ply");
     message.mutable_header()->set_unit("m");
     message.mutable_header()->set_size_bytes(static_cast<int64_t>(bytes.size()));
     message.mutable_header()->set_file_name(part.name);
-    bool open = writer->Write(message);
-    for (size_t begin = 0; open && begin < bytes.size(); begin += kUploadChunkBytes) {
-      message.set_chunk(bytes.substr(begin, kUploadChunkBytes));
-      open = writer->Write(message);
-    }
-    writer->WritesDone();
+    WriteUpload(*writer, std::move(message), bytes);
     absl::Status status = FromGrpcStatus(writer->Finish());
     if (!status.ok()) return status;
     if (response.part_digest() != digest) {

@@ -13,7 +13,7 @@
 #include "core/part/mesh.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
-#include "planner_client/embedded_server/embedded_server.h"
+#include "planner_client/rpc_client/channel.h"
 #include "planner_client/strategy/gain_oracle.h"
 #include "sightline/v1/coverage_service.pb.h"
 
@@ -34,15 +34,8 @@ struct CoverageTask {
   int field_directions = kDefaultFieldDirections;
 };
 
-struct CoverageClientOptions {
-  // "unix:PATH" or "HOST:PORT". Not used with an embedded server.
-  std::string address;
-  // Restarted once if it ends; must outlive the client. May be null.
-  EmbeddedServer* embedded = nullptr;
-  // PEM texts. Root certificates turn on TLS; certificate and key are for mTLS.
-  std::string tls_root_certificates;
-  std::string tls_certificate;
-  std::string tls_key;
+// An embedded server is restarted once if it ends.
+struct CoverageClientOptions : ServerAccess {
   // Measurements per request of fast queries, [1, 4096], and requests under way at a time. Results
   // do not depend on them.
   int min_batch = 64;

@@ -16,6 +16,7 @@
 
 SIGHTLINE_EMBED(sightline_report_template, SIGHTLINE_REPORT_TEMPLATE)
 SIGHTLINE_EMBED(sightline_report_style, SIGHTLINE_REPORT_STYLE)
+SIGHTLINE_EMBED(sightline_chart_style, SIGHTLINE_CHART_STYLE)
 SIGHTLINE_EMBED(sightline_viewer_script, SIGHTLINE_VIEWER_SCRIPT)
 
 namespace sightline {
@@ -33,6 +34,7 @@ absl::string_view ReportTemplate() {
 absl::string_view ReportStyle() {
   return Between(sightline_report_style, sightline_report_style_end);
 }
+absl::string_view ChartStyle() { return Between(sightline_chart_style, sightline_chart_style_end); }
 absl::string_view ViewerScript() {
   return Between(sightline_viewer_script, sightline_viewer_script_end);
 }

@@ -7,6 +7,7 @@ namespace sightline {
 
 absl::string_view ReportTemplate();  // report.html, with {{NAME}} where sections go
 absl::string_view ReportStyle();     // report.css
+absl::string_view ChartStyle();      // charts.css
 absl::string_view ViewerScript();    // viewer.js and three, bundled and minified
 
 }  // namespace sightline

@@ -86,7 +86,8 @@ void RenderAmbient(const PlateScene& scene, const FrameSetup& frame, const Plate
   }
   for (int channel = 0; channel < frame.sensor.channels(); ++channel) {
     const double electrons = frame.sensor.quantum_efficiency[channel].At(frame.laser.wavelength_m) *
-                             PhotonsPerJoule(frame.laser.wavelength_m);
+                             PhotonsPerJoule(frame.laser.wavelength_m) *
+                             scene.ambient_channel_factor[channel];
     image.incoherent_wavelength_m[channel] = frame.laser.wavelength_m;
     Image<float>& flux = image.incoherent_electron_flux_m2_s[channel];
     flux = light;

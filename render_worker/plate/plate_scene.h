@@ -1,6 +1,7 @@
 // The flat plate of the recordings format (docs/recordings.md), as functions of the place on it.
 #pragma once
 
+#include <array>
 #include <functional>
 
 #include "render_worker/frame/frame_setup.h"
@@ -22,7 +23,9 @@ struct PlateScene {
   PlateFunction brdf_per_sr;               // laser direction to camera
   PlateFunction height_m;                  // towards the camera; empty: 0
   PlateFunction ambient_radiance_w_m2_sr;  // as photons of the laser's wavelength; empty: 0
-  ImageMapping image_mapping;              // empty: identity
+  // On the quantum efficiency of the channels: other light need not have the laser's wavelength.
+  std::array<double, 3> ambient_channel_factor = {1, 1, 1};
+  ImageMapping image_mapping;  // empty: identity
   // Irradiance is constant along X (the null model's): one column then stands for all.
   bool constant_along_line = true;
 };

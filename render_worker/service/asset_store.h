@@ -1,6 +1,8 @@
 // Uploaded files on disk, by digest, limited in bytes; the longest unused go first.
 #pragma once
 
+#include <google/protobuf/message.h>
+
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -14,6 +16,9 @@ namespace sightline {
 
 // SHA-256, lower-case hex.
 std::string Sha256Hex(const std::string& bytes);
+
+// Digest of a message: the same for equal messages, whatever order their maps are in.
+std::string MessageDigest(const google::protobuf::Message& message);
 
 // A file that is removed when nobody holds it any more.
 class Asset {

@@ -48,7 +48,8 @@ int Threads(int asked) {
 
 class RenderServerImpl final : public RenderServer {
  public:
-  RenderServerImpl(const RenderServerOptions& options, SpoolFolder spool)
+  RenderServerImpl(const RenderServerOptions& options, RecordingFunctions functions,
+                   SpoolFolder spool)
       : spool_(std::move(spool)),
         calls_(&metrics_),
         assets_(spool_.path(), options.max_asset_store_bytes),
@@ -56,6 +57,8 @@ class RenderServerImpl final : public RenderServer {
         jobs_(MakeInMemoryJobStore(options.render_workers)),
         service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &calls_,
                   Threads(options.threads), options.max_asset_bytes, options.max_image_bytes}),
+        diagnosis_service_({spool_.path(), &assets_, jobs_.get(), &calls_, std::move(functions),
+                            Threads(options.threads), options.max_set_bytes}),
         server_("render_worker", &metrics_, &calls_, jobs_.get()) {}
 
   ~RenderServerImpl() override {
@@ -65,7 +68,9 @@ class RenderServerImpl final : public RenderServer {
   }
 
   absl::Status Listen(const RenderServerOptions& options) {
-    absl::Status status = server_.Listen(options, {{"sightline.v1.RenderService", &service_}});
+    absl::Status status =
+        server_.Listen(options, {{"sightline.v1.RenderService", &service_},
+                                 {"sightline.v1.DiagnosisService", &diagnosis_service_}});
     if (status.ok()) {
       spdlog::info("event=serving threads={} spool={}", Threads(options.threads), spool_.path());
     }
@@ -84,13 +89,14 @@ class RenderServerImpl final : public RenderServer {
   RenderOutputStore outputs_;
   std::unique_ptr<JobStore> jobs_;
   RenderServiceImpl service_;
+  DiagnosisServiceImpl diagnosis_service_;
   RpcServer server_;
 };
 
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<RenderServer>> RenderServer::Start(
-    const RenderServerOptions& options) {
+    const RenderServerOptions& options, RecordingFunctions functions) {
   std::string base = options.spool_folder;
   if (base.empty()) {
     const char* temporary = std::getenv("TMPDIR");
@@ -98,7 +104,8 @@ absl::StatusOr<std::unique_ptr<RenderServer>> RenderServer::Start(
   }
   absl::StatusOr<SpoolFolder> spool = SpoolFolder::Make(base);
   if (!spool.ok()) return spool.status();
-  auto server = std::make_unique<RenderServerImpl>(options, *std::move(spool));
+  auto server =
+      std::make_unique<RenderServerImpl>(options, std::move(functions), *std::move(spool));
   if (absl::Status status = server->Listen(options); !status.ok()) return status;
   return server;
 }

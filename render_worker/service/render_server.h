@@ -6,6 +6,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "render_worker/service/diagnosis_service.h"
 #include "rpc_server/rpc_server.h"
 
 namespace sightline {
@@ -20,14 +21,16 @@ struct RenderServerOptions : RpcServerOptions {
   int64_t max_asset_store_bytes = int64_t{4} << 30;
   int64_t max_output_bytes = int64_t{16} << 30;
   int64_t max_image_bytes = int64_t{8} << 30;
+  int64_t max_set_bytes = int64_t{1} << 30;
 };
 
 // Serves from Start until Drain or the destructor.
 class RenderServer : public RunningServer {
  public:
   // INVALID_ARGUMENT for an address, folder or TLS file that cannot be used, naming it; UNAVAILABLE
-  // when the address is taken.
-  static absl::StatusOr<std::unique_ptr<RenderServer>> Start(const RenderServerOptions& options);
+  // when the address is taken. `functions`: of the DiagnosisService.
+  static absl::StatusOr<std::unique_ptr<RenderServer>> Start(const RenderServerOptions& options,
+                                                             RecordingFunctions functions = {});
   // 0 if metrics are off.
   virtual int metrics_port() const = 0;
 };

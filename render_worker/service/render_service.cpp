@@ -1,7 +1,5 @@
 #include "render_worker/service/render_service.h"
 
-#include <google/protobuf/io/coded_stream.h>
-#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
@@ -11,10 +9,10 @@
 #include <vector>
 
 #include "absl/strings/escaping.h"
-#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_replace.h"
 #include "proto/status/rpc_status.h"
+#include "render_worker/service/asset_folder.h"
+#include "render_worker/service/reservation.h"
 #include "rpc_server/job_service.h"
 
 namespace sightline {
@@ -29,81 +27,12 @@ constexpr int64_t kConcurrentUploads = 2;
 constexpr char kJobKind[] = "render";
 constexpr absl::Duration kProgressInterval = absl::Milliseconds(50);
 
-std::string Normalised(const std::string& file) { return fs::path(file).lexically_normal(); }
-
-// The same bytes for the same request, whatever order its maps are in.
-std::string Fingerprint(const v1::RenderSpec& spec) {
-  std::string bytes;
-  {
-    google::protobuf::io::StringOutputStream stream(&bytes);
-    google::protobuf::io::CodedOutputStream coded(&stream);
-    coded.SetSerializationDeterministic(true);
-    spec.SerializeToCodedStream(&coded);
-  }
-  return Sha256Hex(bytes);
-}
-
-absl::Status UnknownAsset(const std::string& file, const std::string& digest) {
-  return WithErrorInfo(
-      absl::NotFoundError(absl::StrCat("asset ", file, " (", digest, ") must be uploaded first")),
-      "ASSET_UNKNOWN", {{"file", file}, {"asset_digest", digest}});
-}
-
-// Adds to a counter for as long as it lives.
-class Reservation {
- public:
-  Reservation(std::atomic<int64_t>* counter, int64_t amount) : counter_(counter), amount_(amount) {
-    total_ = counter_->fetch_add(amount_) + amount_;
-  }
-  ~Reservation() { *counter_ -= amount_; }
-  Reservation(const Reservation&) = delete;
-  Reservation& operator=(const Reservation&) = delete;
-  int64_t total() const { return total_; }
-
- private:
-  std::atomic<int64_t>* counter_;
-  int64_t amount_;
-  int64_t total_;
-};
-
 // What one job holds on to.
 struct RenderWork {
+  explicit RenderWork(std::string input_folder) : assets(std::move(input_folder)) {}
   std::unique_ptr<RenderTask> task;
-  std::map<std::string, std::shared_ptr<const Asset>> assets;  // by file
+  AssetFolder assets;
   std::shared_ptr<RenderOutput> output;
-  std::string input_folder;  // links to the assets by the names of the request
-
-  ~RenderWork() {
-    std::error_code ignored;
-    if (!input_folder.empty()) fs::remove_all(input_folder, ignored);
-  }
-
-  absl::StatusOr<std::string> Resolve(const std::string& file) const {
-    const fs::path name = Normalised(file);
-    const auto asset = assets.find(name.string());
-    if (asset == assets.end()) {
-      return absl::NotFoundError(absl::StrCat(file, ": is not among the assets of the request"));
-    }
-    const fs::path link = fs::path(input_folder) / name;
-    std::error_code error;
-    fs::create_directories(link.parent_path(), error);
-    fs::create_symlink(asset->second->path(), link, error);
-    if (error && !fs::is_symlink(link)) {
-      return absl::InternalError(absl::StrCat(file, ": cannot be opened: ", error.message()));
-    }
-    return link.string();
-  }
-
-  // The client knows its files by the names it gave them.
-  absl::Status WithoutFolder(const absl::Status& status) const {
-    const std::string message =
-        absl::StrReplaceAll(status.message(), {{absl::StrCat(input_folder, "/"), ""}});
-    absl::Status renamed(status.code(), message);
-    status.ForEachPayload([&renamed](absl::string_view type_url, const absl::Cord& payload) {
-      renamed.SetPayload(type_url, payload);
-    });
-    return renamed;
-  }
 };
 
 }  // namespace
@@ -182,28 +111,17 @@ absl::Status RenderServiceImpl::Create(const v1::CreateRenderRequest& request,
                                        v1::CreateRenderResponse* response) {
   auto task = RenderTask::Parse(request.spec(), p_.max_image_bytes);
   if (!task.ok()) return task.status();
-  auto work = std::make_shared<RenderWork>();
+  const int64_t number = next_folder_++;
+  auto work = std::make_shared<RenderWork>(absl::StrCat(p_.spool_folder, "/render-input-", number));
   work->task = *std::move(task);
-  for (int i = 0; i < request.spec().part().assets_size(); ++i) {
-    const v1::RenderAsset& asset = request.spec().part().assets(i);
-    auto stored = p_.assets->Get(asset.asset_digest());
-    if (stored == nullptr) return UnknownAsset(asset.file(), asset.asset_digest());
-    const std::string name = Normalised(asset.file());
-    if (name.empty() || name[0] == '/' || absl::StartsWith(name, "..")) {
-      return InvalidFields({{absl::StrCat("part.assets[", i, "].file"),
-                             absl::StrCat("is \"", absl::Utf8SafeCEscape(asset.file()),
-                                          "\", must be a relative name without ..")}});
-    }
-    work->assets[name] = std::move(stored);
-  }
+  absl::Status added = work->assets.Add(request.spec().part().assets(), "part.assets", p_.assets);
+  if (!added.ok()) return added;
   for (const std::string& file : work->task->AssetFiles()) {
-    if (work->assets.count(Normalised(file)) > 0) continue;
+    if (work->assets.Has(file)) continue;
     return InvalidFields({{"part.assets", absl::StrCat("has no entry for ", file)}});
   }
   std::lock_guard lock(create_mutex_);
-  const int64_t number = next_folder_++;
   const std::string folder = absl::StrCat(p_.spool_folder, "/job-", number);
-  work->input_folder = absl::StrCat(p_.spool_folder, "/input-", number);
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) {
@@ -213,7 +131,7 @@ absl::Status RenderServiceImpl::Create(const v1::CreateRenderRequest& request,
   work->output = std::make_shared<RenderOutput>(folder);
   const auto output = work->output;
   absl::StatusOr<JobRecord> job = p_.jobs->Create(
-      kJobKind, request.request_id(), Fingerprint(request.spec()),
+      kJobKind, request.request_id(), MessageDigest(request.spec()),
       [this, work](JobContext& job_context) -> absl::StatusOr<std::string> {
         RenderTaskHooks hooks;
         hooks.on_file = [&](RenderedFile file) { work->output->AddFile(std::move(file)); };
@@ -233,10 +151,10 @@ absl::Status RenderServiceImpl::Create(const v1::CreateRenderRequest& request,
         hooks.threads = p_.threads;
         hooks.max_image_bytes = p_.max_image_bytes;
         absl::Status status = work->task->Run(
-            work->output->folder(), [&](const std::string& file) { return work->Resolve(file); },
-            hooks);
+            work->output->folder(),
+            [&](const std::string& file) { return work->assets.Resolve(file); }, hooks);
         p_.outputs->Trim();
-        if (!status.ok()) return work->WithoutFolder(status);
+        if (!status.ok()) return work->assets.WithoutFolder(status);
         return std::string();
       });
   if (!job.ok()) return job.status();

@@ -1,6 +1,8 @@
 #include "render_worker/service/server_main.h"
 
+#include "render_worker/diagnosis/diagnose.h"
 #include "render_worker/service/render_server.h"
+#include "render_worker/verification/verify.h"
 #include "rpc_server/server_main.h"
 
 namespace sightline {
@@ -25,9 +27,11 @@ int RenderWorkerMain(int argc, char** argv) {
                    "Disk space for images; the oldest jobs' go first");
     AddBytesOption(app, "--max-image-bytes", &options.max_image_bytes,
                    "Memory for one image; more get RESOURCE_EXHAUSTED");
+    AddBytesOption(app, "--max-set-bytes", &options.max_set_bytes,
+                   "Memory for the images of all sets of recordings that wait");
   };
   program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
-    auto server = RenderServer::Start(options);
+    auto server = RenderServer::Start(options, {.diagnose = Diagnose, .verify = Verify});
     if (!server.ok()) return server.status();
     return std::unique_ptr<RunningServer>(*std::move(server));
   };

@@ -30,11 +30,14 @@ class AmbientLightEffect final : public DescribedEffect {
              .stage = Stage::kIllumination,
              .summary =
                  "other light on the plate, with a gradient from the centre of the sensor to "
-                 "its right and lower edge",
+                 "its right and lower edge; it is white: colour sensors see it about alike in all "
+                 "channels (signals relative to the red one, which counts 661 nm photons)",
              .reference = "radiance invariance and aperture integration: thesis eq. 4.11",
              .parameters = {{"ambient_radiance_w_m2_sr", 0, 0, 100, 0.1},
                             {"gradient_u_relative", 0, -1, 1, 0.2},
-                            {"gradient_v_relative", 0, -1, 1, 0.2}}}) {}
+                            {"gradient_v_relative", 0, -1, 1, 0.2},
+                            {"green_to_red", 1, 0.05, 20, 0.5},
+                            {"blue_to_red", 1, 0.05, 20, 0.5}}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     const double radiance = p[0];
@@ -46,6 +49,13 @@ class AmbientLightEffect final : public DescribedEffect {
     AddAmbient(scene, [=](double x_m, double s_m) {
       return radiance * std::max(0.0, 1 + slope_u * x_m + slope_v * s_m);
     });
+    if (frame.sensor.colour_filter != ColourFilter::kMono) {
+      const auto efficiency = [&](int channel) {
+        return frame.sensor.quantum_efficiency[channel].At(frame.laser.wavelength_m);
+      };
+      scene.ambient_channel_factor = {1, p[3] * efficiency(0) / efficiency(1),
+                                      p[4] * efficiency(0) / efficiency(2)};
+    }
   }
 };
 

@@ -20,7 +20,8 @@ struct VocabularyEntry {
 const std::vector<VocabularyEntry>& Vocabulary() {
   static const std::vector<VocabularyEntry> entries = {
       {"illumination.ambient_light",
-       {"ambient_radiance_w_m2_sr", "gradient_u_relative", "gradient_v_relative"}},
+       {"ambient_radiance_w_m2_sr", "gradient_u_relative", "gradient_v_relative", "green_to_red",
+        "blue_to_red"}},
       {"illumination.power_error", {"amplitude_factor"}},
       {"illumination.power_drift", {"drift_relative", "drift_time_s"}},
       {"illumination.power_noise", {"power_noise_relative"}},

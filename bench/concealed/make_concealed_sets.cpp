@@ -1,0 +1,426 @@
+// Sets of recordings with effects that are drawn by seed and written down apart, made by the whole
+// wave-optical chain (bench/concealed/README.md).
+//   make_concealed_sets OUT --seed 1 --nulls 200 --single 90 --pairs 20 --variants 40
+#include <CLI/CLI.hpp>
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <nlohmann/json.hpp>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_format.h"
+#include "bench/concealed/effect_draw.h"
+#include "bench/concealed/equivalents.h"
+#include "bench/concealed/rig_design.h"
+#include "bench/concealed/variant_laws.h"
+#include "core/random/counter_random.h"
+#include "render_worker/diagnosis/expected_frame.h"
+#include "render_worker/diagnosis/linear_fit.h"
+#include "render_worker/diagnosis/power.h"
+#include "render_worker/diagnosis/recorded_set.h"
+#include "render_worker/image_chain/form_image.h"
+#include "render_worker/image_file/image_file.h"
+#include "render_worker/recordings/plate_frames.h"
+
+namespace sightline::bench {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr double kUndetectable = 5;  // expected gain; with some room for the bisection's end
+constexpr double kRoom = 0.95;
+
+struct Options {
+  std::string out;
+  int64_t seed = 1;
+  int nulls = 0, single = 0, pairs = 0, variants = 0;
+  bool small_nulls = false;
+  bool only_table = false;
+  int threads = 2;
+};
+
+[[noreturn]] void Fail(const std::string& message) {
+  std::fprintf(stderr, "make_concealed_sets: %s\n", message.c_str());
+  std::exit(1);
+}
+
+const char* StageName(Stage stage) {
+  switch (stage) {
+    case Stage::kIllumination:
+      return "illumination";
+    case Stage::kSurface:
+      return "surface";
+    case Stage::kOptics:
+      return "optics";
+    case Stage::kGeometry:
+      return "geometry";
+    case Stage::kSensor:
+      return "sensor";
+    case Stage::kTime:
+      return "time";
+  }
+  return "unknown";
+}
+
+enum class Kind { kNull, kSingle, kPair, kVariant };
+const char* KindName(Kind kind) {
+  constexpr const char* kNames[] = {"null", "single", "pair", "variant"};
+  return kNames[static_cast<int>(kind)];
+}
+
+double DrawTarget(CounterRandom& random) {
+  constexpr double kTargets[] = {5, 20, 100};
+  return kTargets[std::min(2, static_cast<int>(3 * random.Uniform()))];
+}
+
+// The one of 5, 20 and 100 that is nearest.
+int GainLevel(double gain) { return gain < 10 ? 5 : gain < std::sqrt(2000.0) ? 20 : 100; }
+
+// Every effect once before any comes again; a fresh order every round.
+const Effect* InTurn(const std::vector<const Effect*>& effects, uint64_t seed, int index) {
+  const int count = static_cast<int>(effects.size());
+  std::vector<const Effect*> order = effects;
+  CounterRandom random(DeriveSeed(seed, "order", static_cast<uint64_t>(index / count)), 0);
+  for (int i = count - 1; i > 0; --i) {
+    std::swap(order[i], order[std::min(i, static_cast<int>((i + 1) * random.Uniform()))]);
+  }
+  return order[index % count];
+}
+
+const VariantLaw* FindVariant(const Effect* effect) {
+  for (const VariantLaw& law : VariantLaws()) {
+    if (law.effect == effect) return &law;
+  }
+  return nullptr;
+}
+
+struct DrawnEffect {
+  EffectFamily family;
+  ScaledEffect scaled;
+  double target = 0;
+  int redrawn = 0;
+};
+
+// What the null model of a set says about effects; made when it is first needed.
+class SetKnowledge {
+ public:
+  SetKnowledge(const RecordedSet& set, int threads) : set_(set), threads_(threads) {}
+
+  ExpectedGain Gain() {
+    if (!fine_) {
+      SetModelSettings settings;
+      settings.threads = threads_;
+      fine_ = std::make_unique<NullInformation>(set_, settings, SetParameters{});
+      const ActiveEffect sample = {FindEffect("illumination.power_error"), {1.1}};
+      if (const double gain = fine_->ExpectedGain({sample}); !(gain > 0 && std::isfinite(gain))) {
+        Fail(set_.description.name + ": the expected gain of a power error is " +
+             std::to_string(gain));
+      }
+    }
+    return
+        [this](const std::vector<ActiveEffect>& effects) { return fine_->ExpectedGain(effects); };
+  }
+  // Coarser: shares, not numbers, are wanted, of many effects.
+  Alternatives& OtherEffects() {
+    if (!alternatives_) {
+      SetModelSettings settings;
+      settings.blocks_along_line = 3;
+      settings.speckle_levels = 6;
+      settings.threads = threads_;
+      coarse_ = std::make_unique<Coarse>(set_, settings);
+      const Coarse& coarse = *coarse_;
+      ChangeModel changes;
+      changes.change = [&coarse](const std::vector<ActiveEffect>& effects) {
+        SetParameters parameters;
+        parameters.effects = effects;
+        Eigen::VectorXd change = coarse.linear.Change(coarse.model.Expect(parameters, false).mean);
+        // Beyond sense, e.g. a closed pupil: like nothing else.
+        if (!change.allFinite()) change.setZero();
+        return change;
+      };
+      changes.project = [&coarse](const Eigen::VectorXd& change) {
+        return coarse.linear.Project(change);
+      };
+      alternatives_ = std::make_unique<Alternatives>(changes, set_.description.camera);
+    }
+    return *alternatives_;
+  }
+
+ private:
+  const RecordedSet& set_;
+  int threads_;
+  struct Coarse {
+    Coarse(const RecordedSet& set, const SetModelSettings& settings)
+        : model(set, settings), fit(LineariseSet(model, {})), linear(fit) {}
+    SetModel model;
+    FitResult fit;
+    LinearFit linear;
+  };
+  std::unique_ptr<NullInformation> fine_;
+  std::unique_ptr<Coarse> coarse_;
+  std::unique_ptr<Alternatives> alternatives_;
+};
+
+class Maker {
+ public:
+  explicit Maker(const Options& options)
+      : options_(options), seed_(static_cast<uint64_t>(options.seed)) {
+    for (const VariantLaw& law : VariantLaws()) variants_.push_back(law.effect);
+  }
+
+  void Run() {
+    const fs::path out = options_.out;
+    fs::create_directories(out / "sets");
+    fs::create_directories(out / "truth");
+    struct Group {
+      Kind kind;
+      int count;
+    };
+    Json leave_one_out = Json::array();
+    int done = 0;
+    const int all = options_.nulls + options_.single + options_.pairs + options_.variants;
+    for (const auto& [kind, count] :
+         {Group{Kind::kNull, options_.nulls}, Group{Kind::kSingle, options_.single},
+          Group{Kind::kPair, options_.pairs}, Group{Kind::kVariant, options_.variants}}) {
+      for (int i = 0; i < count; ++i) {
+        const auto start = std::chrono::steady_clock::now();
+        const Json truth = Make(kind, i);
+        if (kind == Kind::kSingle) {
+          const Json& effect = truth["effects"][0];
+          Json exclude = Json::array({effect["effect"]});
+          for (const Json& id : effect["accepted"]) {
+            if (id != effect["effect"]) exclude.push_back(id);
+          }
+          leave_one_out.push_back({{"set", truth["set"]}, {"exclude", exclude}});
+        }
+        const std::chrono::duration<double> taken = std::chrono::steady_clock::now() - start;
+        std::printf("%d of %d: %s, %.1f s\n", ++done, all, truth["set"].get<std::string>().c_str(),
+                    taken.count());
+        std::fflush(stdout);
+      }
+    }
+    WriteJson(out / "leave_one_out.json", leave_one_out);
+  }
+
+ private:
+  static void WriteJson(const fs::path& path, const Json& json) {
+    const fs::path temporary = path.string() + ".part";
+    std::ofstream file(temporary);
+    file << json.dump(1) << "\n";
+    file.close();
+    if (!file) Fail(temporary.string() + ": cannot be written");
+    fs::rename(temporary, path);
+  }
+
+  // An effect that this rig can show, at the strength wanted.
+  DrawnEffect DrawEffect(SetKnowledge& knowledge, const Sensor& camera,
+                         const std::vector<const Effect*>& from, const Effect* first,
+                         CounterRandom& random, const Effect* other) {
+    DrawnEffect drawn;
+    drawn.target = DrawTarget(random);
+    const Effect* effect = first;
+    constexpr int kMostDraws = 200;
+    for (; drawn.redrawn < kMostDraws; ++drawn.redrawn) {
+      if (drawn.redrawn > 0) {
+        const int count = static_cast<int>(from.size());
+        effect = from[std::min(count - 1, static_cast<int>(count * random.Uniform()))];
+      }
+      if (other != nullptr && effect->description().stage == other->description().stage) continue;
+      drawn.family = DrawFamily(*effect, camera, random);
+      drawn.scaled = ScaleToGain(drawn.family, knowledge.Gain(), drawn.target);
+      if (!drawn.scaled.gain_known || drawn.scaled.gain >= kRoom * kUndetectable) return drawn;
+    }
+    Fail("no effect can be seen in this set");
+  }
+
+  Json Describe(const DrawnEffect& drawn, SetKnowledge& knowledge, const Sensor& camera) {
+    const EffectDescription& description = drawn.scaled.effect.effect->description();
+    const VariantLaw* variant = FindVariant(drawn.scaled.effect.effect);
+    Json json;
+    json["effect"] = description.id;
+    json["stage"] = StageName(description.stage);
+    json["name"] = description.summary;
+    Json parameters = Json::object();
+    for (size_t k = 0; k < description.parameters.size(); ++k) {
+      parameters[std::string(description.parameters[k].name)] = drawn.scaled.effect.parameters[k];
+    }
+    json["parameters"] = parameters;
+    json["gain_target"] = drawn.target;
+    if (drawn.scaled.gain_known) {
+      json["gain_expected"] = drawn.scaled.gain;
+    } else {
+      json["gain_expected"] = "unknown";
+    }
+    json["gain_level"] =
+        drawn.scaled.gain_known ? GainLevel(drawn.scaled.gain) : GainLevel(drawn.target);
+    json["gain_reached"] = drawn.scaled.reached;
+    json["redrawn"] = drawn.redrawn;
+    if (variant != nullptr) {
+      json["regions"] = variant->regions;
+      json["depends_on"] = variant->depends_on;
+    }
+    std::vector<std::string> accepted = {variant ? "unknown" : std::string(description.id)};
+    for (const std::string& id : PhysicallyEquivalent(drawn.scaled.effect, camera)) {
+      accepted.push_back(id);
+    }
+    if (!options_.only_table && drawn.scaled.gain_known) {
+      Json explained = Json::object();
+      for (const auto& [id, share] : knowledge.OtherEffects().Explained(drawn.scaled.effect)) {
+        explained[id] = std::round(1e4 * share) / 1e4;
+        if (share >= kExplainedShare &&
+            std::find(accepted.begin(), accepted.end(), id) == accepted.end()) {
+          accepted.push_back(id);
+        }
+      }
+      json["explained_by_others"] = explained;
+    }
+    json["accepted"] = accepted;
+    return json;
+  }
+
+  // Nothing is recorded yet: what the nominal null model expects, without speckle and noise, stands
+  // in where the statistics look at the images to choose what they compare.
+  static RecordedSet Planned(const RecordingSet& set) {
+    std::vector<Image<uint16_t>> expected_dn;
+    for (size_t i = 0; i < set.recordings.size(); ++i) {
+      FrameSetup frame = PlateFrame(set, static_cast<int>(i), {});
+      Image<uint16_t> image(frame.roi.columns_px, frame.roi.rows_px);
+      frame.roi.column_px += frame.roi.columns_px / 2;
+      frame.roi.columns_px = 2;
+      const ExpectedFrame expected = ExpectFrame(frame, {}, nullptr, nullptr, 4);
+      for (int row = 0; row < image.rows_px; ++row) {
+        for (int column = 0; column < image.columns_px; ++column) {
+          image.At(row, column) =
+              static_cast<uint16_t>(std::lround(expected.MeanDn(row, column % 2)));
+        }
+      }
+      expected_dn.push_back(std::move(image));
+    }
+    return MakeRecordedSet(set, std::move(expected_dn));
+  }
+
+  static Json DeviationJson(SetupDeviation deviation) {
+    Json json = Json::object();
+    for (int i = 0; i < kDeviations; ++i) {
+      const double value = DeviationAt(deviation, i);
+      const bool angle = std::string(kDeviationNames[i]).ends_with("_deg");
+      json[kDeviationNames[i]] = angle ? value * 180 / std::numbers::pi : value;
+    }
+    json["line_position_each_px"] = deviation.line_position_each_px;
+    return json;
+  }
+
+  Json Make(Kind kind, int index) {
+    const uint64_t own = DeriveSeed(DeriveSeed(seed_, "concealed set", static_cast<uint64_t>(kind)),
+                                    "index", static_cast<uint64_t>(index));
+    const std::string name =
+        absl::StrFormat("set_%08x", static_cast<uint32_t>(DeriveSeed(own, "name")));
+    const fs::path out = options_.out;
+    const fs::path folder = out / "sets" / name;
+    const fs::path sealed = out / "truth" / (name + ".json");
+    if (std::ifstream file(sealed); file && fs::exists(folder / "recordings.json")) {
+      return Json::parse(file);  // made before
+    }
+    const bool small = kind == Kind::kNull && options_.small_nulls;
+    const RecordingSet set = DrawRig(own, name, small ? SetSize::kSmall : SetSize::kFull);
+    const v1::Recordings message = RecordingsToProto(set);
+    if (const auto parsed = ParseRecordings(message, name); !parsed.ok()) {
+      Fail(parsed.status().ToString());
+    }
+
+    Json truth;
+    truth["set"] = name;
+    truth["seed"] = own;
+    truth["is_null"] = kind == Kind::kNull;
+    truth["kind"] = KindName(kind);
+    truth["small"] = small;
+    truth["effects"] = Json::array();
+    std::vector<ActiveEffect> effects;
+    const RecordedSet planned = Planned(set);
+    SetKnowledge knowledge(planned, options_.threads);
+    CounterRandom random(DeriveSeed(own, "effects"), 0);
+    if (kind != Kind::kNull) {
+      const std::vector<const Effect*> vocabulary = VocabularyEffects();
+      const std::vector<const Effect*>& from = kind == Kind::kVariant ? variants_ : vocabulary;
+      const uint64_t order = DeriveSeed(seed_, KindName(kind));
+      std::vector<DrawnEffect> drawn;
+      drawn.push_back(
+          DrawEffect(knowledge, set.camera, from, InTurn(from, order, index), random, nullptr));
+      if (kind == Kind::kPair) {
+        const Effect* second =
+            from[std::min(from.size() - 1, static_cast<size_t>(static_cast<double>(from.size()) *
+                                                               random.Uniform()))];
+        drawn.push_back(
+            DrawEffect(knowledge, set.camera, from, second, random, drawn[0].scaled.effect.effect));
+      }
+      for (const DrawnEffect& one : drawn) {
+        effects.push_back(one.scaled.effect);
+        truth["effects"].push_back(Describe(one, knowledge, set.camera));
+      }
+      if (kind == Kind::kPair) {
+        if (const absl::Status status = OrderEffects(&effects); !status.ok()) {
+          Fail(status.ToString());
+        }
+        truth["gain_together"] = knowledge.Gain()(effects);
+      }
+    }
+    PlateFrameOptions frame_options;
+    frame_options.deviation = DrawDeviation(set.uncertainty, own);
+    frame_options.seed = own;
+    truth["nuisance"] = DeviationJson(frame_options.deviation);
+    Render(set, effects, frame_options, folder);
+    std::ofstream(folder / "recordings.json") << RecordingsToJson(message) << "\n";
+    WriteJson(sealed, truth);
+    return truth;
+  }
+
+  void Render(const RecordingSet& set, const std::vector<ActiveEffect>& effects,
+              const PlateFrameOptions& frame_options, const fs::path& folder) const {
+    fs::create_directories(folder / "images");
+    Image<double> previous;
+    for (int i = 0; i < static_cast<int>(set.recordings.size()); ++i) {
+      const FrameSetup frame = PlateFrame(set, i, frame_options);
+      auto image = RenderPlateFrame(
+          frame, effects, frame.burst_frame_index > 0 ? &previous : nullptr, options_.threads);
+      if (!image.ok()) Fail(image.status().ToString());
+      const absl::Status status =
+          WriteRawImage((folder / set.recordings[i].file).string(), image->raw_dn,
+                        "laser line on a plate", ImageFormat::kPng);
+      if (!status.ok()) Fail(status.ToString());
+      previous = std::move(image->mean_photo_electrons);
+    }
+  }
+
+  const Options& options_;
+  const uint64_t seed_;
+  std::vector<const Effect*> variants_;
+};
+
+}  // namespace
+}  // namespace sightline::bench
+
+int main(int argc, char** argv) {
+  CLI::App app("Concealed sets: recordings with effects that only truth/ tells");
+  sightline::bench::Options options;
+  app.add_option("OUT", options.out, "folder; what is there already is kept")->required();
+  app.add_option("--seed", options.seed);
+  app.add_option("--nulls", options.nulls)->check(CLI::NonNegativeNumber);
+  app.add_option("--single", options.single)->check(CLI::NonNegativeNumber);
+  app.add_option("--pairs", options.pairs)->check(CLI::NonNegativeNumber);
+  app.add_option("--variants", options.variants)->check(CLI::NonNegativeNumber);
+  app.add_flag("--small-nulls", options.small_nulls, "nulls of 13 recordings of 192 x 160");
+  app.add_flag("--table-only", options.only_table,
+               "accept equivalents known from physics only, without computing them for every set");
+  app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);
+  CLI11_PARSE(app, argc, argv);
+  sightline::bench::Maker(options).Run();
+  return 0;
+}

@@ -1,0 +1,73 @@
+#include "planner_client/commands/worker_session.h"
+
+#include <set>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+#include "planner_client/commands/interrupt.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+
+void AddWorkerOptions(CLI::App& app, WorkerSessionOptions* options) {
+  app.add_option("--render-worker,--server", options->address,
+                 "unix:PATH or HOST:PORT; default: one of our own");
+  app.add_option("--threads", options->threads, "of our own worker; 0: one per core")
+      ->check(CLI::Range(0, 1024));
+}
+
+absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
+    const WorkerSessionOptions& options, ProgressLine* progress, WorkerClientOptions* client) {
+  client->address = options.address;
+  client->interrupted = &InterruptFlag();
+  client->on_progress = [progress](double fraction, const std::string& message) {
+    progress->Show(fraction, message);
+  };
+  if (!options.address.empty()) {
+    if (options.threads == 0 && options.max_image_bytes.empty()) return nullptr;
+    return absl::InvalidArgumentError(
+        "--threads and --max-image-bytes are those of our own worker; start the one of "
+        "--render-worker with them");
+  }
+  EmbeddedServerOptions embedded;
+  embedded.program = "render_worker";
+  embedded.description = "render worker";
+  embedded.arguments = {"--spool", "{folder}", "--threads", absl::StrCat(options.threads)};
+  if (!options.max_image_bytes.empty()) {
+    embedded.arguments.insert(embedded.arguments.end(),
+                              {"--max-image-bytes", options.max_image_bytes});
+  }
+  auto worker = EmbeddedServer::Start(std::move(embedded));
+  if (!worker.ok()) return worker.status();
+  client->embedded = worker->get();
+  return worker;
+}
+
+absl::Status AboutInput(const absl::Status& status, const std::string& input) {
+  static const std::set<std::string> too_much = {"IMAGE_TOO_LARGE", "ASSET_TOO_LARGE",
+                                                 "SET_TOO_LARGE"};
+  // The worker forgot what it did.
+  static const std::set<std::string> lost = {"JOB_UNKNOWN", "RESULT_DROPPED"};
+  const std::string reason = ErrorReason(status);
+  if (lost.count(reason) > 0) return absl::InternalError(status.message());
+  const bool wrong_input = absl::IsInvalidArgument(status) || absl::IsNotFound(status) ||
+                           absl::IsFailedPrecondition(status) || too_much.count(reason) > 0;
+  if (!wrong_input) return status;
+  std::string message(status.message());
+  if (const std::vector<FieldViolation> violations = FieldViolations(status);
+      violations.size() > 1) {
+    message.clear();
+    for (const FieldViolation& v : violations) {
+      absl::StrAppend(&message, message.empty() ? "" : "\n  ", v.field, ": ", v.description);
+    }
+  }
+  // Fields of the request that people do not know.
+  message = absl::StrReplaceAll(
+      message, {{"source.images: ", ""}, {"source.recordings: ", ""}, {"source.recordings.", ""}});
+  return absl::InvalidArgumentError(absl::StrCat(input, ": ", message));
+}
+
+}  // namespace sightline

@@ -1,0 +1,16 @@
+// The answer for a set in the form of the recordings format, section 5 (docs/diagnosis.md).
+#pragma once
+
+#include <string>
+
+#include "sightline/v1/diagnosis.pb.h"
+
+namespace sightline {
+
+// `ranked` has one entry per leading effect: explanations that begin with the same one, alone or
+// with others, are one entry with the sum of their probabilities and the parameters of the most
+// probable. `also_present`: the further effects of the first explanation, with the sum of the
+// probabilities of all explanations they are part of. Numbers that are not finite are left out.
+std::string AnswerJson(const v1::Diagnosis& diagnosis);
+
+}  // namespace sightline

@@ -1,0 +1,22 @@
+// Client of a render worker's DiagnosisService: images go up, the answer comes back.
+#pragma once
+
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "planner_client/rpc_client/worker_call.h"
+#include "sightline/v1/diagnosis_service.pb.h"
+
+namespace sightline {
+
+// `images`: one for every recording, `file` as it stands there. Uploads what the worker does not
+// know and waits for the job. UNAVAILABLE: the worker ended; the message says how. CANCELLED:
+// interrupted. Other errors are the worker's. `request` has everything else but the request_id.
+absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(const WorkerClientOptions& options,
+                                                 v1::CreateDiagnosisRequest request,
+                                                 const std::vector<AssetFile>& images);
+absl::StatusOr<v1::Verification> VerifyRecordings(const WorkerClientOptions& options,
+                                                  v1::CreateVerificationRequest request,
+                                                  const std::vector<AssetFile>& images);
+
+}  // namespace sightline

@@ -1,0 +1,58 @@
+#include "planner_client/rpc_client/channel.h"
+
+#include <algorithm>
+#include <chrono>
+#include <random>
+
+#include "absl/strings/str_cat.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kMaxMessageBytes = 64 << 20;
+
+}  // namespace
+
+std::shared_ptr<grpc::Channel> OpenChannel(const ServerAccess& access) {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  arguments.SetMaxSendMessageSize(kMaxMessageBytes);
+  // A server that was restarted is found quickly.
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 2000);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  // The retries are ours.
+  arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
+  std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
+  if (!access.tls_root_certificates.empty()) {
+    grpc::SslCredentialsOptions ssl;
+    ssl.pem_root_certs = access.tls_root_certificates;
+    ssl.pem_private_key = access.tls_key;
+    ssl.pem_cert_chain = access.tls_certificate;
+    credentials = grpc::SslCredentials(ssl);
+  }
+  return grpc::CreateCustomChannel(access.Address(), credentials, arguments);
+}
+
+void SetTimeout(grpc::ClientContext* context, absl::Duration timeout) {
+  context->set_deadline(std::chrono::system_clock::now() +
+                        std::chrono::milliseconds(absl::ToInt64Milliseconds(timeout)));
+}
+
+absl::Duration UploadTimeout(size_t bytes) {
+  return absl::Seconds(60) + absl::Seconds(static_cast<double>(bytes) / 1e6);
+}
+
+std::string NewRequestId() {
+  std::random_device device;
+  std::string id;
+  for (int i = 0; i < 4; ++i) absl::StrAppend(&id, absl::Hex(device(), absl::kZeroPad8));
+  return id;
+}
+
+absl::Duration RetryPause(int attempt) {
+  return absl::Milliseconds(50) * (1 << std::min(attempt, 4));
+}
+
+}  // namespace sightline

@@ -1,0 +1,459 @@
+#include "render_worker/diagnosis/competition.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "render_worker/diagnosis/linear_fit.h"
+
+namespace sightline {
+
+namespace {
+
+// Prior odds. Half of all sets are believed to be as described; one in twenty of the others to
+// follow a law that is not in the vocabulary; one in ten to have one more effect.
+constexpr double kNone = 0.5;
+constexpr double kUnknown = 0.05;
+constexpr double kOneMore = 0.1;
+// The model's own errors (of the speckle's law, of its correlations) are no noise: they can look
+// like an effect. Differences in evidence count less by this factor.
+constexpr double kEvidenceWeight = 0.6;
+
+constexpr size_t kFitted = 12;       // candidates fitted with the null model's derivatives
+constexpr size_t kFittedAgain = 5;   // with their own
+constexpr size_t kFittedAfresh = 6;  // from the nominal description on, if the null model fails:
+constexpr double kRejected = 1.5;    // chi squared over numbers above which it does
+constexpr double kLeastGain = 1.5;   // [nats] worth a fit
+
+// Whole numbers: not fitted, tried.
+std::vector<double> WholeNumbers(const EffectParameter& parameter) {
+  if (parameter.name == "missing_bits") return {1, 2, 3, 4};
+  if (parameter.name == "blades") return {5, 6, 7, 8, 9};
+  return {};
+}
+
+std::vector<double> NullValues(const Effect& effect) {
+  std::vector<double> values;
+  for (const EffectParameter& p : effect.description().parameters) values.push_back(p.null_value);
+  return values;
+}
+
+// Logarithm of a Cauchy prior of the standardised strengths: half of all rigs within one scale.
+double LogPrior(const Candidate& candidate) {
+  double sum = 0;
+  for (const FreeEffectParameter& free : candidate.free) {
+    const ActiveEffect& active = candidate.effects[free.effect];
+    const EffectParameter& parameter = active.effect->description().parameters[free.parameter];
+    const double z = StandardisedParameter(parameter, active.parameters[free.parameter]);
+    const bool one_sided = parameter.lower == parameter.null_value;
+    sum += std::log((one_sided ? 2 : 1) / (std::numbers::pi * (1 + z * z))) +
+           0.5 * std::log(2 * std::numbers::pi);
+  }
+  return sum;
+}
+
+double LogEvidence(const Candidate& candidate, const FitResult& null) {
+  const FitResult& fit = candidate.fit;
+  return -0.5 * (fit.chi_squared + fit.prior + fit.log_determinant - null.chi_squared - null.prior -
+                 null.log_determinant) +
+         LogPrior(candidate);
+}
+
+class Competing {
+ public:
+  Competing(const SetModel& model, const FitResult& null, const CompetitionSettings& settings,
+            const std::function<bool(double)>& progress)
+      : model_(model), settings_(settings), progress_(progress), linear_(null) {
+    competition_.null = null;
+  }
+
+  Competition Run() {
+    Screen();
+    FitSingles();
+    FitPairs();
+    FitUnderOneCovariance();
+    Rank();
+    return std::move(competition_);
+  }
+
+ private:
+  bool Report(double fraction) {
+    if (!stopped_ && !progress_(fraction)) stopped_ = true;
+    return !stopped_;
+  }
+
+  Eigen::VectorXd ChangeOf(const ActiveEffect& active) const {
+    SetParameters parameters = competition_.null.parameters;
+    parameters.effects = {active};
+    return linear_.Change(model_.Expect(parameters, false).mean);
+  }
+
+  double Gain(const Eigen::VectorXd& change) const {
+    return linear_.residual().dot(change) - 0.5 * linear_.Inner(change, change);
+  }
+
+  void Try(const ActiveEffect& active, ScreenedEffect& best) const {
+    Eigen::VectorXd change = ChangeOf(active);
+    const double gain = Gain(change);
+    if (gain > best.gain || best.change.size() == 0) {
+      best.strongest = active;
+      best.change = std::move(change);
+      best.gain = gain;
+    }
+  }
+
+  void Screen() {
+    std::vector<const Effect*> all(settings_.effects.begin(), settings_.effects.end());
+    all.insert(all.end(), settings_.free_forms.begin(), settings_.free_forms.end());
+    for (size_t i = 0; i < all.size(); ++i) {
+      if (!Report(0.5 * static_cast<double>(i) / static_cast<double>(all.size()))) return;
+      competition_.screened.push_back(ScreenEffect(*all[i]));
+    }
+  }
+
+  ScreenedEffect ScreenEffect(const Effect& effect) const {
+    const std::vector<EffectParameter>& parameters = effect.description().parameters;
+    const ActiveEffect null{&effect, NullValues(effect)};
+    ScreenedEffect best;
+    best.strongest = null;
+    if (parameters.size() == 1 && !WholeNumbers(parameters[0]).empty()) {
+      for (double value : WholeNumbers(parameters[0])) Try({&effect, {value}}, best);
+      return best;
+    }
+    // Parameters that change nothing by themselves only shape what others do.
+    constexpr double kProbe = 0.5;
+    std::vector<size_t> strengths, shapes;
+    std::vector<Eigen::VectorXd> slopes;
+    for (size_t k = 0; k < parameters.size(); ++k) {
+      ActiveEffect probe = null;
+      const double sign = parameters[k].null_value < parameters[k].upper ? 1 : -1;
+      probe.parameters[k] = ParameterFromStandardised(parameters[k], sign * kProbe);
+      const double step = StandardisedParameter(parameters[k], probe.parameters[k]);
+      Eigen::VectorXd change = ChangeOf(probe);
+      if (change.squaredNorm() > 1e-12) {
+        if (Gain(change) > best.gain || best.change.size() == 0) {
+          best.strongest = probe;
+          best.change = change;
+          best.gain = Gain(change);
+        }
+        if (strengths.empty()) {
+          const double length = linear_.Inner(change, change);
+          best.parameter = static_cast<int>(k);
+          best.detectable = length > 1e-9 ? std::abs(step) * std::sqrt(10 / length) : 0;
+        }
+        strengths.push_back(k);
+        slopes.push_back(change / step);
+      } else {
+        shapes.push_back(k);
+      }
+    }
+    if (strengths.empty()) return best;
+    TrySlopes(null, strengths, slopes, best);
+    for (size_t shape : shapes) {
+      for (double z : {-1.5, 1.5}) {
+        ActiveEffect shaped = null;
+        shaped.parameters[shape] = ParameterFromStandardised(parameters[shape], z);
+        if (shaped.parameters[shape] == null.parameters[shape]) continue;
+        for (size_t s = 0; s < strengths.size(); ++s) {
+          ActiveEffect probe = shaped;
+          const EffectParameter& strength = parameters[strengths[s]];
+          probe.parameters[strengths[s]] = ParameterFromStandardised(strength, kProbe);
+          slopes[s] =
+              ChangeOf(probe) / StandardisedParameter(strength, probe.parameters[strengths[s]]);
+        }
+        TrySlopes(shaped, strengths, slopes, best);
+      }
+    }
+    // Far from linear: larger steps either way.
+    if (strengths.size() == 1) {
+      for (double z : {-3.0, 3.0}) {
+        ActiveEffect far = null;
+        const EffectParameter& strength = parameters[strengths[0]];
+        far.parameters[strengths[0]] = ParameterFromStandardised(strength, z);
+        if (far.parameters[strengths[0]] != strength.null_value) Try(far, best);
+      }
+    }
+    return best;
+  }
+
+  // The best strengths if everything were linear, and half of that.
+  void TrySlopes(const ActiveEffect& shaped, const std::vector<size_t>& strengths,
+                 const std::vector<Eigen::VectorXd>& slopes, ScreenedEffect& best) const {
+    const int n = static_cast<int>(strengths.size());
+    Eigen::MatrixXd information = 0.01 * Eigen::MatrixXd::Identity(n, n);
+    Eigen::VectorXd gradient(n);
+    for (int i = 0; i < n; ++i) {
+      gradient[i] = linear_.residual().dot(slopes[i]);
+      for (int j = 0; j < n; ++j) information(i, j) += linear_.Inner(slopes[i], slopes[j]);
+    }
+    const Eigen::VectorXd z = information.llt().solve(gradient);
+    const double linear_gain = 0.5 * z.dot(gradient);
+    if (linear_gain < 0.5 * kLeastGain) return;
+    for (double part : {1.0, 0.4}) {
+      ActiveEffect active = shaped;
+      bool moved = false;
+      for (int i = 0; i < n; ++i) {
+        const EffectParameter& parameter = shaped.effect->description().parameters[strengths[i]];
+        double& value = active.parameters[strengths[i]];
+        value = ParameterFromStandardised(parameter, std::clamp(part * z[i], -8.0, 8.0));
+        moved = moved || value != parameter.null_value;
+      }
+      if (!moved) return;
+      if (linear_gain > best.linear_gain) {
+        best.linear_gain = linear_gain;
+        best.linear_best = active;
+      }
+      const double before = best.gain;
+      Try(active, best);
+      if (part == 1 && best.gain > before && best.gain > 0.6 * linear_gain) return;
+    }
+  }
+
+  static Candidate MakeCandidate(std::vector<ActiveEffect> effects) {
+    Candidate candidate;
+    std::stable_sort(effects.begin(), effects.end(), [](const auto& a, const auto& b) {
+      return a.effect->description().id < b.effect->description().id;
+    });
+    candidate.effects = std::move(effects);
+    // In the order in which they act; terms of unknown physics are alone.
+    if (candidate.effects.size() > 1) {
+      const absl::Status ordered = OrderEffects(&candidate.effects);
+      (void)ordered;
+    }
+    for (size_t e = 0; e < candidate.effects.size(); ++e) {
+      const std::vector<EffectParameter>& parameters =
+          candidate.effects[e].effect->description().parameters;
+      for (size_t k = 0; k < parameters.size(); ++k) {
+        if (!WholeNumbers(parameters[k]).empty()) continue;
+        candidate.free.push_back({static_cast<int>(e), static_cast<int>(k)});
+      }
+    }
+    return candidate;
+  }
+
+  void Fit(Candidate& candidate, const FitResult& reference, bool renew, int iterations) const {
+    SetParameters start =
+        candidate.fit.mean.empty() ? reference.parameters : candidate.fit.parameters;
+    start.effects = candidate.effects;
+    FitSettings settings;
+    settings.rounds.clear();
+    settings.renew_jacobian = renew;
+    settings.max_iterations = iterations;
+    candidate.fit = FitSet(model_, start, candidate.free, settings, &reference);
+    candidate.effects = candidate.fit.parameters.effects;
+    candidate.log_evidence = LogEvidence(candidate, competition_.null);
+  }
+
+  // From the nominal description on: where the null model is far off, so are its deviations.
+  void FitAfresh(Candidate& candidate) const {
+    SetParameters start;
+    start.effects = candidate.effects;
+    start.line_shift_px = model_.EstimateLineShifts(start);
+    FitSettings settings;
+    settings.rounds = {{0.3, 0.3}, {0.1, 0.2}, {0.01, 0.1}, {0, 0.03}, {0, 0}};
+    candidate.fit = FitSet(model_, start, candidate.free, settings, nullptr);
+    candidate.effects = candidate.fit.parameters.effects;
+    candidate.log_evidence = LogEvidence(candidate, competition_.null);
+  }
+
+  void SortByEvidence() {
+    std::stable_sort(
+        candidates_.begin(), candidates_.end(),
+        [](const Candidate& a, const Candidate& b) { return a.log_evidence > b.log_evidence; });
+  }
+
+  void FitSingles() {
+    const auto promise = [](const ScreenedEffect& screened) {
+      return std::max(screened.gain, screened.linear_gain);
+    };
+    std::vector<const ScreenedEffect*> order;
+    for (const ScreenedEffect& screened : competition_.screened) {
+      if (promise(screened) > kLeastGain) order.push_back(&screened);
+    }
+    std::stable_sort(order.begin(), order.end(),
+                     [&](const auto* a, const auto* b) { return promise(*a) > promise(*b); });
+    if (order.size() > kFitted) order.resize(kFitted);
+    const FitResult& null = competition_.null;
+    const bool rejected = null.chi_squared > kRejected * null.data_count;
+    size_t afresh = 0;
+    for (size_t i = 0; i < order.size(); ++i) {
+      if (!Report(0.5 + 0.25 * static_cast<double>(i) / kFitted)) return;
+      const bool displaced =
+          order[i]->linear_gain > 10 && order[i]->gain < 0.5 * order[i]->linear_gain;
+      if ((rejected || displaced) && afresh < kFittedAfresh) {
+        ++afresh;
+        candidates_.push_back(
+            MakeCandidate({displaced ? order[i]->linear_best : order[i]->strongest}));
+        FitAfresh(candidates_.back());
+      } else {
+        candidates_.push_back(MakeCandidate({order[i]->strongest}));
+        Fit(candidates_.back(), competition_.null, false, 4);
+      }
+    }
+    SortByEvidence();
+  }
+
+  bool IsFreeForm(const Candidate& candidate) const {
+    const auto& forms = settings_.free_forms;
+    return !candidate.effects.empty() &&
+           std::find(forms.begin(), forms.end(), candidate.effects[0].effect) != forms.end();
+  }
+
+  void FitPairs() {
+    size_t first = 0;
+    for (int count = 2; count <= settings_.max_effects; ++count) {
+      struct Joint {
+        const Candidate* base;
+        const ScreenedEffect* added;
+        double gain, amplitude;
+      };
+      std::vector<Joint> joints;
+      const size_t end = candidates_.size();
+      size_t bases = 0;
+      for (size_t c = first; c < end && bases < 4; ++c) {
+        const Candidate& base = candidates_[c];
+        if (IsFreeForm(base) || base.effects.size() + 1 != static_cast<size_t>(count)) continue;
+        ++bases;
+        const LinearFit linear(base.fit);
+        for (const ScreenedEffect& added : competition_.screened) {
+          if (added.change.size() == 0 || IsFreeForm(MakeCandidate({added.strongest}))) continue;
+          const bool there = std::any_of(
+              base.effects.begin(), base.effects.end(),
+              [&](const ActiveEffect& e) { return e.effect == added.strongest.effect; });
+          const double length = linear.Inner(added.change, added.change);
+          if (there || length < 1e-6) continue;
+          const double slope = linear.residual().dot(added.change);
+          joints.push_back({&base, &added, 0.5 * slope * slope / length, slope / length});
+        }
+      }
+      std::stable_sort(joints.begin(), joints.end(),
+                       [](const Joint& a, const Joint& b) { return a.gain > b.gain; });
+      std::vector<Candidate> made;
+      for (size_t j = 0; j < joints.size() && made.size() < 4; ++j) {
+        const Joint& joint = joints[j];
+        if (joint.gain < 5) break;
+        if (!Report(0.75 + 0.02 * static_cast<double>(j))) return;
+        ActiveEffect added = joint.added->strongest;
+        const auto& parameters = added.effect->description().parameters;
+        for (size_t k = 0; k < parameters.size(); ++k) {
+          if (!WholeNumbers(parameters[k]).empty()) continue;
+          const double z = StandardisedParameter(parameters[k], added.parameters[k]);
+          added.parameters[k] =
+              ParameterFromStandardised(parameters[k], z * std::clamp(joint.amplitude, -3.0, 3.0));
+        }
+        std::vector<ActiveEffect> effects = joint.base->effects;
+        effects.push_back(added);
+        Candidate candidate = MakeCandidate(std::move(effects));
+        candidate.fit.parameters = joint.base->fit.parameters;
+        candidate.fit.mean = joint.base->fit.mean;
+        Fit(candidate, competition_.null, false, 4);
+        made.push_back(std::move(candidate));
+      }
+      first = end;
+      if (made.empty()) break;
+      for (Candidate& candidate : made) candidates_.push_back(std::move(candidate));
+    }
+    SortByEvidence();
+  }
+
+  // The covariance of the best model is nearer the truth than that of the null model; derivatives
+  // with respect to the deviations are renewed too.
+  void FitUnderOneCovariance() {
+    if (candidates_.empty() || stopped_) return;
+    Report(0.85);
+    Candidate& best = candidates_.front();
+    FitSettings settings;
+    settings.rounds = {{0, 0.1}, {0, 0.02}, {0, 0}, {0, 0}};
+    settings.max_iterations = 3;
+    SetParameters start = best.fit.parameters;
+    start.effects = best.effects;
+    const FitResult reference = FitSet(model_, start, best.free, settings, nullptr);
+    settings.rounds.clear();
+    SetParameters null_start = competition_.null.parameters;
+    null_start.effects.clear();
+    FitResult null = FitSet(model_, null_start, {}, settings, &reference);
+    competition_.null = std::move(null);
+    if (candidates_.size() > kFitted) candidates_.resize(kFitted);
+    for (size_t i = 0; i < candidates_.size(); ++i) {
+      if (!Report(0.87 + 0.12 * static_cast<double>(i) / static_cast<double>(candidates_.size())))
+        return;
+      if (i == 0) {
+        candidates_[i].fit.parameters = reference.parameters;
+        candidates_[i].effects = reference.parameters.effects;
+      }
+      Fit(candidates_[i], reference, i < kFittedAgain, i < kFittedAgain ? 6 : 3);
+    }
+    SortByEvidence();
+  }
+
+  void Rank() {
+    Candidate none;
+    none.fit = competition_.null;
+    candidates_.push_back(std::move(none));
+    const double effects = static_cast<double>(settings_.effects.size());
+    const double forms = std::max<double>(1, static_cast<double>(settings_.free_forms.size()));
+    double largest = -1e300;
+    for (Candidate& candidate : candidates_) {
+      if (candidate.effects.empty()) {
+        candidate.log_prior = std::log(kNone);
+      } else if (IsFreeForm(candidate)) {
+        candidate.log_prior = std::log((1 - kNone) * kUnknown / forms);
+      } else {
+        candidate.log_prior =
+            std::log((1 - kNone) * (1 - kUnknown) / effects) +
+            (static_cast<double>(candidate.effects.size()) - 1) * std::log(kOneMore / effects);
+      }
+      largest = std::max(largest, kEvidenceWeight * candidate.log_evidence + candidate.log_prior);
+    }
+    double sum = 0;
+    for (Candidate& candidate : candidates_) {
+      candidate.probability =
+          std::exp(kEvidenceWeight * candidate.log_evidence + candidate.log_prior - largest);
+      sum += candidate.probability;
+    }
+    for (Candidate& candidate : candidates_) candidate.probability /= sum;
+    std::stable_sort(
+        candidates_.begin(), candidates_.end(),
+        [](const Candidate& a, const Candidate& b) { return a.probability > b.probability; });
+    competition_.ranked = std::move(candidates_);
+    FindClass();
+  }
+
+  void FindClass() {
+    const Candidate& best = competition_.ranked.front();
+    if (best.effects.empty()) return;
+    const Eigen::VectorXd change = ChangeOf(best.effects.front());
+    const double length = linear_.Inner(change, change);
+    for (const ScreenedEffect& other : competition_.screened) {
+      const Effect* effect = other.strongest.effect;
+      if (effect == best.effects.front().effect || other.change.size() == 0) continue;
+      if (IsFreeForm(MakeCandidate({other.strongest}))) continue;
+      const double product = linear_.Inner(change, other.change);
+      const double other_length = linear_.Inner(other.change, other.change);
+      if (other_length > 1e-9 && product * product > 0.98 * length * other_length) {
+        competition_.same_class.push_back(effect);
+      }
+    }
+  }
+
+  const SetModel& model_;
+  CompetitionSettings settings_;
+  const std::function<bool(double)>& progress_;
+  LinearFit linear_;
+  Competition competition_;
+  std::vector<Candidate> candidates_;
+  bool stopped_ = false;
+};
+
+}  // namespace
+
+Competition Compete(const SetModel& model, const FitResult& null,
+                    const CompetitionSettings& settings,
+                    const std::function<bool(double)>& progress) {
+  return Competing(model, null, settings, progress).Run();
+}
+
+}  // namespace sightline

@@ -1,0 +1,290 @@
+#include "render_worker/diagnosis/expected_frame.h"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <string_view>
+
+#include "render_worker/diagnosis/line_spread.h"
+#include "render_worker/image_chain/form_image.h"
+#include "render_worker/plate/plate_scene.h"
+#include "render_worker/sensor/expose.h"
+
+namespace sightline {
+
+namespace {
+
+constexpr int kSamplesPerPx = 4;
+
+// Standard normal distribution and density.
+double Distribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
+double Density(double x) { return std::exp(-0.5 * x * x) / std::sqrt(2 * std::numbers::pi); }
+
+// Mean of min(max(X, 0), top) for X normal.
+double MeanClipped(double mean, double deviation, double top) {
+  const double low = -mean / deviation, high = (top - mean) / deviation;
+  if (low < -6 && high > 6) return mean;
+  if (high < -6) return top;
+  if (low > 6) return 0;
+  const double inside = Distribution(high) - Distribution(low);
+  return mean * inside + deviation * (Density(low) - Density(high)) +
+         top * (1 - Distribution(high));
+}
+
+// Laser irradiance of the sensor by a perfect lens at (u, v) (recordings format, section 3).
+double IdealIrradiance(const PlateScene& scene, const FrameSetup& frame, double u_m, double v_m,
+                       double* depth_m) {
+  const double b = frame.ImageDistance();
+  SensorPoint seen{u_m, v_m};
+  if (scene.image_mapping) seen = scene.image_mapping(seen);
+  double distance_m = frame.plate.camera_distance_m;
+  double x = seen.u_m * distance_m / b, s = seen.v_m * distance_m / b;
+  if (scene.height_m) {
+    // One step suffices: heights are small against the distance.
+    distance_m = frame.plate.camera_distance_m - scene.height_m(x, s);
+    x = seen.u_m * distance_m / b;
+    s = seen.v_m * distance_m / b;
+  }
+  *depth_m = distance_m;
+  const double cos2 = b * b / (b * b + u_m * u_m + v_m * v_m);
+  const double aperture = frame.PupilDiameter() / b;
+  return std::numbers::pi / 4 * frame.lens.transmission * aperture * aperture * cos2 * cos2 *
+         scene.brdf_per_sr(x, s) * scene.laser_irradiance_w_m2(x, s);
+}
+
+// Mean irradiance of every pixel, alike in all columns; fills in what `imaging` has not.
+Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const OpticsModel& optics,
+                       std::shared_ptr<const LineImaging>& imaging) {
+  const RegionOfInterest& roi = frame.roi;
+  const double pitch_m = frame.sensor.pixel_pitch_m;
+  const int length =
+      static_cast<int>(std::bit_ceil(static_cast<unsigned>((roi.rows_px + 256) * kSamplesPerPx)));
+  const int margin_px = (length / kSamplesPerPx - roi.rows_px) / 2;
+  const double step_per_m = kSamplesPerPx / (length * pitch_m);
+  const double u_m = (roi.column_px + 0.5 * (roi.columns_px - 1)) * pitch_m;
+  std::vector<double> ideal(length);
+  double weighted_depth_m = 0, weighted_v_m = 0, sum = 0;
+  for (int i = 0; i < length; ++i) {
+    const double v_m = (roi.row_px - margin_px + (i + 0.5) / kSamplesPerPx - 0.5) * pitch_m;
+    double depth_m = 0;
+    ideal[i] = IdealIrradiance(scene, frame, u_m, v_m, &depth_m);
+    weighted_depth_m += ideal[i] * depth_m;
+    weighted_v_m += ideal[i] * v_m;
+    sum += ideal[i];
+  }
+  const double depth_m = sum > 0 ? weighted_depth_m / sum : frame.plate.camera_distance_m;
+  const double v_m = sum > 0 ? weighted_v_m / sum : 0;
+  const double curvature = optics.curvature(depth_m, u_m, v_m);
+  const bool same = imaging != nullptr && !optics.field_dependent && imaging->length == length &&
+                    std::abs(imaging->curvature_per_m - curvature) <= 1e-9 * std::abs(curvature);
+  if (!same) {
+    auto line = std::make_shared<LineImaging>();
+    line->curvature_per_m = curvature;
+    line->length = length;
+    const Pupil pupil = optics.pupil(u_m, v_m);
+    line->transfer = LineTransfer(pupil, optics.wavelength_m, optics.image_distance_m, curvature,
+                                  step_per_m, length / 2 + 1);
+    const double clear = ClearFraction(pupil);
+    for (size_t k = 0; k < line->transfer.size(); ++k) {
+      line->transfer[k] *= clear;
+      for (const TransferFunction& factor : optics.transfer) {
+        line->transfer[k] *= factor(0, static_cast<double>(k) * step_per_m);
+      }
+    }
+    line->speckle = imaging != nullptr
+                        ? imaging->speckle
+                        : std::make_shared<LineSpeckle>(
+                              pupil, optics.wavelength_m, optics.image_distance_m,
+                              optics.image_distance_m * curvature, pitch_m, ideal,
+                              (roi.row_px - margin_px + 0.5 / kSamplesPerPx - 0.5) * pitch_m,
+                              pitch_m / kSamplesPerPx);
+    imaging = std::move(line);
+  }
+  const std::vector<double> profile =
+      BlurAcrossLine(ideal, kSamplesPerPx, margin_px, roi.rows_px, pitch_m, imaging->transfer);
+  Image<float> image(roi.columns_px, roi.rows_px);
+  for (int row = 0; row < roi.rows_px; ++row) {
+    for (int column = 0; column < roi.columns_px; ++column) {
+      image.At(row, column) = static_cast<float>(std::max(0.0, profile[row]));
+    }
+  }
+  return image;
+}
+
+// Light of lamps and windows on the plate: smooth, so neither blurred nor speckled.
+void AddAmbient(const PlateScene& scene, const FrameSetup& frame, PixelIrradiance& light) {
+  PlateScene lamps = scene;
+  lamps.laser_irradiance_w_m2 = [](double, double) { return 0.0; };
+  const IdealImage image = RenderPlate(lamps, frame, {frame.roi, 1, 0, frame.sensor.pixel_pitch_m});
+  const int margin = image.incoherent_grid.margin_px;
+  for (int channel = 0; channel < frame.sensor.channels(); ++channel) {
+    const Image<float>& wide = image.incoherent_electron_flux_m2_s[channel];
+    Image<float>& flux = light.incoherent_electron_flux_m2_s[channel];
+    flux = Image<float>(frame.roi.columns_px, frame.roi.rows_px);
+    for (int row = 0; row < flux.rows_px; ++row) {
+      for (int column = 0; column < flux.columns_px; ++column) {
+        flux.At(row, column) = wide.At(row + margin, column + margin);
+      }
+    }
+  }
+}
+
+}  // namespace
+
+bool IsDrawn(const Effect& effect) {
+  static constexpr std::array<std::string_view, 9> kDrawn = {"illumination.power_noise",
+                                                             "time.exposure_jitter",
+                                                             "surface.albedo_texture",
+                                                             "optics.dust",
+                                                             "optics.cover_glass_etalon",
+                                                             "sensor.row_noise",
+                                                             "sensor.hot_pixels",
+                                                             "sensor.dsnu_column_pattern",
+                                                             "sensor.prnu"};
+  return std::find(kDrawn.begin(), kDrawn.end(), effect.description().id) != kDrawn.end();
+}
+
+double ExpectedFrame::MeanDn(int row, int column) const {
+  double sum = 0;
+  for (const Image<float>& level : level_dn) sum += level.At(row, column);
+  return sum / static_cast<double>(level_dn.size());
+}
+
+const SpecklePixelCovariance& ExpectedFrame::SpeckleAt(int row) const {
+  return speckle->At(speckle->PlaceOf((frame.roi.row_px + row) * frame.sensor.pixel_pitch_m));
+}
+
+ExpectedFrame ExpectFrame(const FrameSetup& nominal, std::span<const ActiveEffect> all_effects,
+                          const Image<double>* previous,
+                          std::shared_ptr<const LineImaging> known_imaging, int speckle_levels) {
+  ExpectedFrame expected;
+  // Numbers of the sensor may tell how a pattern scatters; what scatters between recordings does
+  // not change their expectation.
+  std::vector<ActiveEffect> effects, of_frame;
+  for (const ActiveEffect& active : all_effects) {
+    if (!IsDrawn(*active.effect)) effects.push_back(active);
+    const std::string_view id = active.effect->description().id;
+    if (id != "illumination.power_noise" && id != "time.exposure_jitter") {
+      of_frame.push_back(active);
+    }
+    const double gain = nominal.sensor.gain_dn_per_electron;
+    if (id == "sensor.row_noise") expected.row_scatter_dn = gain * active.parameters[0];
+    if (id == "sensor.dsnu_column_pattern")
+      expected.column_scatter_dn = gain * active.parameters[0];
+  }
+  expected.imaging = std::move(known_imaging);
+  expected.frame = ApplyFrameEffects(nominal, of_frame);
+  const FrameSetup& frame = expected.frame;
+  const OpticsModel optics = MakeOpticsModel(frame, effects);
+  PlateScene scene = MakePlateScene(frame);
+  SpeckleModel speckle;
+  speckle.pattern_weights = frame.speckle_pattern_weights;
+  for (const ActiveEffect& active : effects) {
+    active.effect->OnPlate(scene, frame, active.parameters);
+    active.effect->OnSpeckle(speckle, frame, active.parameters);
+  }
+  double pattern_share = 0;  // contrast squared of several patterns over that of one
+  for (double weight : speckle.pattern_weights) pattern_share += weight * weight;
+
+  const bool lit = frame.laser_on && frame.shutter_open;
+  PixelIrradiance light;
+  light.roi = frame.roi;
+  if (frame.shutter_open && scene.ambient_radiance_w_m2_sr) AddAmbient(scene, frame, light);
+  light.laser_irradiance_w_m2 = Image<float>(frame.roi.columns_px, frame.roi.rows_px, 0.0F);
+  if (lit) {
+    light.laser_irradiance_w_m2 = ImageLine(scene, frame, optics, expected.imaging);
+    expected.speckle = expected.imaging->speckle;
+  }
+  for (const ActiveEffect& active : effects) {
+    active.effect->OnPixelIrradiance(light, frame, active.parameters);
+  }
+  PixelIrradiance dark_laser = light;
+  std::fill(dark_laser.laser_irradiance_w_m2.values.begin(),
+            dark_laser.laser_irradiance_w_m2.values.end(), 0.0F);
+  const Image<double> total = MeanPhotoElectrons(light, frame);
+  const Image<double> steady = MeanPhotoElectrons(dark_laser, frame);
+
+  const Sensor& sensor = frame.sensor;
+  const double dark_electrons =
+      sensor.dark_mean_electrons +
+      sensor.dark_current_electrons_per_s * frame.exposure_time_s *
+          std::exp2((frame.sensor_temperature_c - sensor.dark_current_reference_temperature_c) /
+                    sensor.dark_current_doubling_k);
+  const double read_variance = sensor.dark_noise_electrons * sensor.dark_noise_electrons +
+                               dark_electrons - sensor.dark_mean_electrons;
+  const double gain = sensor.gain_dn_per_electron;
+  const double top_dn = sensor.largest_dn();
+  const int level_count = lit ? speckle_levels : 1;
+  // Speckle's contrast depends on the place across the line.
+  std::vector<std::vector<double>> levels_of_place;
+  if (lit) {
+    for (int place = 0; place < expected.speckle->places(); ++place) {
+      levels_of_place.push_back(
+          GammaLevels(expected.speckle->At(place).At(0, 0) * pattern_share, level_count));
+    }
+  } else {
+    levels_of_place = {{1.0}};
+  }
+  std::vector<int> place_of_row(frame.roi.rows_px, 0);
+  for (int row = 0; lit && row < frame.roi.rows_px; ++row) {
+    place_of_row[row] = expected.speckle->PlaceOf((frame.roi.row_px + row) * sensor.pixel_pitch_m);
+  }
+  Image<double> mean_of_levels(frame.roi.columns_px, frame.roi.rows_px, 0.0);
+  for (int level = 0; level < level_count; ++level) {
+    Image<double> electrons = total;
+    for (int row = 0; row < electrons.rows_px; ++row) {
+      const double factor = levels_of_place[place_of_row[row]][level];
+      for (int column = 0; column < electrons.columns_px; ++column) {
+        const double other = steady.At(row, column);
+        electrons.At(row, column) = other + factor * (electrons.At(row, column) - other);
+      }
+    }
+    for (const ActiveEffect& active : effects) {
+      active.effect->OnMeanElectrons(electrons, previous, frame, active.parameters);
+    }
+    Image<float> noise(electrons.columns_px, electrons.rows_px);
+    for (size_t i = 0; i < electrons.values.size(); ++i) {
+      mean_of_levels.values[i] += electrons.values[i] / level_count;
+      noise.values[i] = static_cast<float>(
+          std::sqrt(gain * gain * (std::max(0.0, electrons.values[i]) + read_variance) + 1.0 / 12));
+      electrons.values[i] =
+          std::min(electrons.values[i] + dark_electrons, sensor.saturation_capacity_electrons);
+    }
+    for (const ActiveEffect& active : effects) {
+      active.effect->OnElectrons(electrons, frame, active.parameters);
+    }
+    Image<float> dn(electrons.columns_px, electrons.rows_px);
+    for (size_t i = 0; i < dn.values.size(); ++i) {
+      dn.values[i] = static_cast<float>(
+          MeanClipped(gain * electrons.values[i] + sensor.black_level_dn, noise.values[i], top_dn));
+    }
+    Image<uint16_t> raw(dn.columns_px, dn.rows_px);
+    for (size_t i = 0; i < raw.values.size(); ++i) {
+      raw.values[i] = static_cast<uint16_t>(std::lround(dn.values[i]));
+    }
+    const Image<uint16_t> before = raw;
+    for (const ActiveEffect& active : effects) {
+      active.effect->OnRaw(raw, frame, active.parameters);
+    }
+    for (size_t i = 0; i < dn.values.size(); ++i) {
+      dn.values[i] += static_cast<float>(raw.values[i]) - static_cast<float>(before.values[i]);
+    }
+    expected.level_dn.push_back(std::move(dn));
+  }
+  expected.noise_variance_dn2 = Image<float>(frame.roi.columns_px, frame.roi.rows_px);
+  expected.pattern_variance_dn2 = expected.noise_variance_dn2;
+  for (size_t i = 0; i < mean_of_levels.values.size(); ++i) {
+    const double mean = std::max(0.0, mean_of_levels.values[i]);
+    expected.noise_variance_dn2.values[i] =
+        static_cast<float>(gain * gain * (mean + read_variance) + 1.0 / 12);
+    expected.pattern_variance_dn2.values[i] = static_cast<float>(
+        gain * gain *
+        (std::pow(sensor.prnu_relative * mean, 2) + std::pow(sensor.dsnu_electrons, 2)));
+  }
+  expected.mean_photo_electrons = std::move(mean_of_levels);
+  return expected;
+}
+
+}  // namespace sightline

@@ -1,0 +1,61 @@
+// What a recording of the plate shows on average over speckle and noise, computed without drawing
+// either: fast enough to be evaluated thousands of times.
+//
+// The laser line is long and its optics change slowly along it, so the mean irradiance across the
+// line is a convolution in one dimension with the line spread function of the pupil, done at a few
+// places along the line. A pixel's irradiance scatters about its mean by a Gamma law (Goodman); the
+// sensor's response is averaged over that. The effects' hooks are those of the renderer.
+#pragma once
+
+#include <complex>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "render_worker/diagnosis/recorded_set.h"
+#include "render_worker/diagnosis/speckle_statistics.h"
+#include "render_worker/effects/effect.h"
+
+namespace sightline {
+
+// Optics of a long line at one place of the field.
+struct LineImaging {
+  double curvature_per_m = 0;                  // of defocus, for which the rest holds
+  int length = 0;                              // samples across the line
+  std::vector<std::complex<double>> transfer;  // across the line, with all but the pixel's
+  std::shared_ptr<const LineSpeckle> speckle;  // of one pattern
+};
+
+struct ExpectedFrame {
+  FrameSetup frame;  // as the effects of the setup stage leave it
+  // Mean over the noise at equally likely levels of speckle [DN]; their average is the expected
+  // image. Dark frames: one level.
+  std::vector<Image<float>> level_dn;
+  // Temporal noise variance at the mean level [DN^2].
+  Image<float> noise_variance_dn2;
+  // Variance of fixed patterns of the sensor (PRNU, DSNU) at the mean level [DN^2].
+  Image<float> pattern_variance_dn2;
+  // Drawn anew for every row of a frame, once for every column of the sensor [DN].
+  double row_scatter_dn = 0, column_scatter_dn = 0;
+  Image<double> mean_photo_electrons;          // the next frame of the burst needs it
+  std::shared_ptr<const LineSpeckle> speckle;  // of one pattern; null: no laser light
+  std::shared_ptr<const LineImaging> imaging;  // the same
+
+  double MeanDn(int row, int column) const;
+  // Speckle of the pixels of a row.
+  const SpecklePixelCovariance& SpeckleAt(int row) const;
+};
+
+// True for effects whose realisation is drawn by chance and cannot be known: they do not change the
+// expectation of a pixel, only how pixels or recordings scatter.
+bool IsDrawn(const Effect& effect);
+
+// `frame`: nominal with deviations applied; its region of interest is narrow enough that the line's
+// profile is that of its middle column. `previous`: mean electrons of the frame before in the
+// burst, or nullptr. `imaging`: of another strip of the frame, or null; taken over as far as the
+// optics are the same all over the field, and its speckle always.
+ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect> effects,
+                          const Image<double>* previous, std::shared_ptr<const LineImaging> imaging,
+                          int speckle_levels);
+
+}  // namespace sightline

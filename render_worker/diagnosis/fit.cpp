@@ -1,0 +1,368 @@
+#include "render_worker/diagnosis/fit.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+
+#include "render_worker/plate/plate_scene.h"
+
+namespace sightline {
+
+namespace {
+
+constexpr double kStep = 0.05;  // of finite differences, standardised
+
+// A typical value of something positive, over which nothing else is known.
+bool IsLogarithmic(const EffectParameter& p) { return p.null_value > 0 && p.lower >= 0; }
+double LogScale(const EffectParameter& p) { return std::log1p(p.prior_scale / p.null_value); }
+
+// Deviations that change nothing but the amount of laser light.
+bool IsAmount(std::string_view name) {
+  return name == "power_relative" || name == "transmission_relative" ||
+         name == "diffuse_albedo_relative" || name == "specular_f0_relative" ||
+         name == "ggx_alpha_relative" || name == "quantum_efficiency_relative";
+}
+
+// Standardised parameters <-> SetParameters.
+class ParameterVector {
+ public:
+  ParameterVector(const SetModel& model, const SetParameters& start,
+                  const std::vector<FreeEffectParameter>& free)
+      : model_(model),
+        uncertainty_(model.set().description.uncertainty),
+        start_(start),
+        free_(free) {
+    for (int i = 0; i < kDeviations; ++i) {
+      if (DeviationAt(uncertainty_, i) > 0) deviations_.push_back(i);
+    }
+    shifts_ =
+        uncertainty_.line_position_each_px > 0 ? static_cast<int>(model.position_ids().size()) : 0;
+  }
+
+  int size() const { return first_effect() + static_cast<int>(free_.size()); }
+  int first_shift() const { return static_cast<int>(deviations_.size()); }
+  int first_effect() const { return first_shift() + shifts_; }
+  int shifts() const { return shifts_; }
+  std::string_view DeviationName(int i) const { return kDeviationNames[deviations_[i]]; }
+  const EffectParameter& Parameter(size_t k) const {
+    return start_.effects[free_[k].effect].effect->description().parameters[free_[k].parameter];
+  }
+
+  Eigen::VectorXd FromParameters(SetParameters parameters) {
+    Eigen::VectorXd x(size());
+    int i = 0;
+    for (int d : deviations_) {
+      x[i++] = DeviationAt(parameters.deviations, d) / DeviationAt(uncertainty_, d);
+    }
+    for (int s = 0; s < shifts_; ++s) {
+      x[i++] =
+          parameters.line_shift_px[model_.position_ids()[s]] / uncertainty_.line_position_each_px;
+    }
+    for (size_t k = 0; k < free_.size(); ++k) {
+      x[i++] = StandardisedParameter(
+          Parameter(k), parameters.effects[free_[k].effect].parameters[free_[k].parameter]);
+    }
+    return x;
+  }
+
+  SetParameters ToParameters(const Eigen::VectorXd& x) {
+    SetParameters parameters = start_;
+    int i = 0;
+    for (int d : deviations_) {
+      DeviationAt(parameters.deviations, d) = x[i++] * DeviationAt(uncertainty_, d);
+    }
+    for (int s = 0; s < shifts_; ++s) {
+      parameters.line_shift_px[model_.position_ids()[s]] =
+          x[i++] * uncertainty_.line_position_each_px;
+    }
+    for (size_t k = 0; k < free_.size(); ++k) {
+      parameters.effects[free_[k].effect].parameters[free_[k].parameter] =
+          ParameterFromStandardised(Parameter(k), x[i++]);
+    }
+    return parameters;
+  }
+
+  // As ToParameters would have it: within the bounds.
+  Eigen::VectorXd Bounded(const Eigen::VectorXd& x) { return FromParameters(ToParameters(x)); }
+
+ private:
+  const SetModel& model_;
+  SetupDeviation uncertainty_;
+  SetParameters start_;
+  std::vector<FreeEffectParameter> free_;
+  std::vector<int> deviations_;
+  int shifts_ = 0;
+};
+
+struct State {
+  Eigen::VectorXd x;
+  Entries mean;
+  Entries residual;        // whitened
+  double chi_squared = 0;  // of the entries used
+  double total = 0;        // with the prior
+};
+
+class Fitter {
+ public:
+  Fitter(const SetModel& model, const SetParameters& start,
+         const std::vector<FreeEffectParameter>& free, const FitSettings& settings,
+         const FitResult* reference)
+      : model_(model), vector_(model, start, free), settings_(settings), reference_(reference) {}
+
+  FitResult LineariseAt(const SetParameters& parameters) {
+    State state;
+    state.x = vector_.FromParameters(parameters);
+    SetModel::Expectation expectation = model_.Expect(parameters, true);
+    whitening_ = std::make_shared<Whitening>(expectation.covariance, Entries());
+    state.mean = std::move(expectation.mean);
+    for (const Eigen::VectorXd& mean : state.mean) {
+      state.residual.push_back(Eigen::VectorXd::Zero(mean.size()));
+    }
+    Linearise(state, false);
+    return Result(state);
+  }
+
+  FitResult Run(const SetParameters& start, const std::vector<FreeEffectParameter>& free) {
+    State state;
+    state.x = vector_.FromParameters(start);
+    std::vector<FitSettings::Round> rounds = settings_.rounds;
+    if (rounds.empty()) rounds.push_back({});
+    bool fresh = false;
+    for (const FitSettings::Round& round : rounds) {
+      if (settings_.rounds.empty()) {
+        whitening_ = reference_->whitening;
+        state.mean = model_.Expect(vector_.ToParameters(state.x), false).mean;
+      } else {
+        Renew(state, round);
+      }
+      Compare(state);
+      double damping = 1e-3;
+      for (int iteration = 0; iteration < settings_.max_iterations; ++iteration) {
+        Linearise(state, !settings_.renew_jacobian);
+        fresh = true;
+        const double before = state.total;
+        if (!Step(state, damping)) break;
+        fresh = false;
+        if (before - state.total < 0.05 + 1e-4 * before) break;
+      }
+    }
+    if (!fresh) Linearise(state, !settings_.renew_jacobian);
+    FitResult result = Result(state);
+    result.free = free;
+    return result;
+  }
+
+ private:
+  bool Used(size_t entry) const {
+    return settings_.use_entry.empty() || settings_.use_entry[entry];
+  }
+
+  void Renew(State& state, const FitSettings::Round& round) {
+    SetModel::Expectation expectation = model_.Expect(vector_.ToParameters(state.x), true);
+    Entries unexplained;
+    for (size_t e = 0; e < expectation.mean.size(); ++e) {
+      const Eigen::VectorXd& observed = model_.observed()[e];
+      const Eigen::ArrayXd residual = (observed - expectation.mean[e]).array();
+      const double background = observed.size() > 0 ? observed.minCoeff() : 0;
+      unexplained.push_back(((round.of_signal * (observed.array() - background)).square() +
+                             (round.of_residual * residual).square())
+                                .sqrt()
+                                .matrix());
+    }
+    whitening_ = std::make_shared<Whitening>(expectation.covariance, unexplained);
+    state.mean = std::move(expectation.mean);
+  }
+
+  void Compare(State& state) const {
+    state.residual.resize(state.mean.size());
+    state.chi_squared = 0;
+    for (size_t e = 0; e < state.mean.size(); ++e) {
+      state.residual[e] = (*whitening_)(static_cast<int>(e), model_.observed()[e] - state.mean[e]);
+      if (Used(e)) state.chi_squared += state.residual[e].squaredNorm();
+    }
+    state.total = state.chi_squared + state.x.squaredNorm();
+  }
+
+  // One column of the Jacobian by a finite difference from `origin`, the expectation at the state.
+  void Differentiate(const State& state, const Entries& origin, bool middle_only, int i) {
+    Eigen::VectorXd moved = state.x;
+    double step = kStep;
+    const bool shift = i >= vector_.first_shift() && i < vector_.first_effect();
+    if (shift) {
+      moved.segment(vector_.first_shift(), vector_.shifts()).array() += step;
+    } else {
+      moved[i] += step;
+      // At an upper bound the other side counts.
+      if (std::abs(vector_.Bounded(moved)[i] - moved[i]) > 1e-9) {
+        moved[i] = state.x[i] - step;
+        step = -step;
+      }
+    }
+    const Entries means = model_.Expect(vector_.ToParameters(moved), false, middle_only).mean;
+    for (size_t e = 0; e < means.size(); ++e) {
+      int column = i;
+      if (shift) {
+        const int frame = model_.FramesOf(static_cast<int>(e)).front();
+        const int id = model_.set().frames[frame].plate_position_id;
+        if (id < 0) continue;
+        const auto& ids = model_.position_ids();
+        column = vector_.first_shift() +
+                 static_cast<int>(std::find(ids.begin(), ids.end(), id) - ids.begin());
+      }
+      jacobian_[e].col(column) = (*whitening_)(static_cast<int>(e), means[e] - origin[e]) / step;
+    }
+  }
+
+  // Finite differences of the whitened expectation. All line shifts move at once: an entry depends
+  // on its own only. Amounts of light are computed once. `keep`: only the effects' columns are new.
+  void Linearise(const State& state, bool keep) {
+    const int n = vector_.size();
+    jacobian_.resize(state.mean.size());
+    for (size_t e = 0; e < jacobian_.size(); ++e) {
+      jacobian_[e].setZero(state.residual[e].size(), n);
+      if (keep) {
+        jacobian_[e].leftCols(vector_.first_effect()) =
+            reference_->jacobian[e].leftCols(vector_.first_effect());
+      }
+    }
+    if (!keep) {
+      const Entries middle = model_.Expect(vector_.ToParameters(state.x), false, true).mean;
+      int power = -1;
+      for (int i = 0; i < vector_.first_shift(); ++i) {
+        if (!IsAmount(vector_.DeviationName(i))) {
+          Differentiate(state, middle, true, i);
+        } else if (power < 0) {
+          power = i;
+          Differentiate(state, middle, true, i);
+        } else {
+          const double ratio = LogAmountStep(state, i) / LogAmountStep(state, power);
+          for (Eigen::MatrixXd& j : jacobian_) j.col(i) = ratio * j.col(power);
+        }
+      }
+      if (vector_.shifts() > 0) Differentiate(state, middle, true, vector_.first_shift());
+    }
+    for (int i = vector_.first_effect(); i < n; ++i) Differentiate(state, state.mean, false, i);
+    information_ = Eigen::MatrixXd::Identity(n, n);
+    gradient_ = -state.x;
+    for (size_t e = 0; e < jacobian_.size(); ++e) {
+      if (!Used(e)) continue;
+      information_.noalias() += jacobian_[e].transpose() * jacobian_[e];
+      gradient_.noalias() += jacobian_[e].transpose() * state.residual[e];
+    }
+  }
+
+  // Change of the logarithm of the amount of light with parameter i.
+  double LogAmountStep(const State& state, int i) {
+    const auto amount = [&](const Eigen::VectorXd& x) {
+      const FrameSetup frame = DeviatedFrame(model_.set(), 0, vector_.ToParameters(x).deviations);
+      double efficiency = 0;
+      for (const QuantumEfficiencyCurve& curve : frame.sensor.quantum_efficiency) {
+        for (double value : curve.quantum_efficiency) efficiency += value;
+      }
+      return std::log(frame.laser.power_w * frame.lens.transmission * efficiency *
+                      PlateBrdf(frame.surface, frame.plate.incidence_angle_rad));
+    };
+    Eigen::VectorXd moved = state.x;
+    moved[i] += kStep;
+    return amount(moved) - amount(state.x);
+  }
+
+  // Levenberg and Marquardt. False: no step lowers the sum.
+  bool Step(State& state, double& damping) {
+    for (int attempt = 0; attempt < 6; ++attempt) {
+      Eigen::MatrixXd damped = information_;
+      damped.diagonal() *= 1 + damping;
+      State next;
+      next.x = vector_.Bounded(state.x + damped.llt().solve(gradient_));
+      next.mean = model_.Expect(vector_.ToParameters(next.x), false).mean;
+      Compare(next);
+      if (next.total < state.total) {
+        state = std::move(next);
+        damping = std::max(1e-6, damping / 10);
+        return true;
+      }
+      damping = std::max(damping * 10, 1e-2);
+    }
+    return false;
+  }
+
+  FitResult Result(State& state) {
+    FitResult result;
+    result.parameters = vector_.ToParameters(state.x);
+    const Eigen::LLT<Eigen::MatrixXd> solver(information_);
+    result.covariance = solver.solve(Eigen::MatrixXd::Identity(state.x.size(), state.x.size()));
+    result.log_determinant = 2 * solver.matrixLLT().diagonal().array().log().sum();
+    for (int i = vector_.first_effect(); i < vector_.size(); ++i) {
+      const EffectParameter& parameter = vector_.Parameter(i - vector_.first_effect());
+      const double sigma = std::sqrt(result.covariance(i, i));
+      const double slope = (ParameterFromStandardised(parameter, state.x[i] + 1e-3) -
+                            ParameterFromStandardised(parameter, state.x[i] - 1e-3)) /
+                           2e-3;
+      result.effect_standard_errors.push_back(sigma * std::abs(slope));
+    }
+    result.chi_squared = state.chi_squared;
+    result.prior = state.x.head(vector_.first_effect()).squaredNorm();
+    for (size_t e = 0; e < state.residual.size(); ++e) {
+      result.entry_chi_squared.push_back(state.residual[e].squaredNorm());
+      if (Used(e)) {
+        result.data_log_determinant += whitening_->LogDeterminant(static_cast<int>(e));
+      }
+      if (Used(e)) result.data_count += static_cast<int>(state.residual[e].size());
+    }
+    result.standardised = state.x;
+    result.mean = std::move(state.mean);
+    result.residual = std::move(state.residual);
+    result.jacobian = std::move(jacobian_);
+    result.whitening = whitening_;
+    return result;
+  }
+
+  const SetModel& model_;
+  ParameterVector vector_;
+  FitSettings settings_;
+  const FitResult* reference_;
+  std::shared_ptr<const Whitening> whitening_;
+  std::vector<Eigen::MatrixXd> jacobian_;
+  Eigen::MatrixXd information_;
+  Eigen::VectorXd gradient_;
+};
+
+}  // namespace
+
+double StandardisedParameter(const EffectParameter& parameter, double value) {
+  if (IsLogarithmic(parameter)) {
+    return std::log(std::max(value, 1e-6 * parameter.null_value) / parameter.null_value) /
+           LogScale(parameter);
+  }
+  return (value - parameter.null_value) / parameter.prior_scale;
+}
+
+double ParameterFromStandardised(const EffectParameter& parameter, double standardised) {
+  const double value = IsLogarithmic(parameter)
+                           ? parameter.null_value * std::exp(standardised * LogScale(parameter))
+                           : parameter.null_value + standardised * parameter.prior_scale;
+  return std::clamp(value, parameter.lower, parameter.upper);
+}
+
+Whitening::Whitening(const std::vector<Eigen::MatrixXd>& covariance, const Entries& unexplained) {
+  factors_.resize(covariance.size());
+  for (size_t e = 0; e < covariance.size(); ++e) {
+    Eigen::MatrixXd sum = covariance[e];
+    if (!unexplained.empty()) sum.diagonal() += unexplained[e].cwiseAbs2();
+    factors_[e].compute(sum);
+    assert(factors_[e].info() == Eigen::Success);
+  }
+}
+
+FitResult LineariseSet(const SetModel& model, const SetParameters& parameters) {
+  return Fitter(model, parameters, {}, {}, nullptr).LineariseAt(parameters);
+}
+
+FitResult FitSet(const SetModel& model, const SetParameters& start,
+                 const std::vector<FreeEffectParameter>& free, const FitSettings& settings,
+                 const FitResult* reference) {
+  assert(reference != nullptr || (settings.renew_jacobian && !settings.rounds.empty()));
+  return Fitter(model, start, free, settings, reference).Run(start, free);
+}
+
+}  // namespace sightline

@@ -1,0 +1,557 @@
+#include "render_worker/diagnosis/fixed_pattern_statistic.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <map>
+#include <tuple>
+
+#include "render_worker/diagnosis/strips.h"
+#include "render_worker/sensor/expose.h"
+
+namespace sightline {
+
+namespace {
+
+struct Lag {
+  int rows, columns;
+};
+constexpr Lag kLags[] = {{0, 0}, {0, 3}, {3, 0}, {0, 8}, {0, 16}, {0, 32}};
+constexpr int kLagCount = static_cast<int>(std::size(kLags));
+// Relative signal that blocks and their strips leave, squared.
+constexpr double kPatternError = 1e-5;
+constexpr double kLeastSignal = 0.02;  // of the largest number, for a row to count
+constexpr double kLimit = 4;           // of dark residuals
+constexpr double kOutlier = 5;
+constexpr int kDarkValues = 2;
+constexpr int kDraws = 16;      // of what effects draw at random once a set
+constexpr int kPatchRows = 64;  // of a dark frame, that stand for all
+
+// Relative residuals times the rows' information, and that information.
+struct Residuals {
+  Image<double> value;
+  std::vector<double> weights;
+};
+
+Residuals MakeResiduals(const Image<uint16_t>& raw, double offset_dn, double top_dn, int blocks) {
+  Residuals residuals{Image<double>(raw.columns_px, raw.rows_px, 0.0),
+                      std::vector<double>(2 * static_cast<size_t>(raw.rows_px), 0)};
+  for (int row = 0; row < raw.rows_px; ++row) {
+    for (int parity = 0; parity < 2; ++parity) {
+      double total = 0, square = 0;
+      int pixels = 0;
+      for (int block = 0; block < blocks; ++block) {
+        const auto [first, last] = BlockColumns(raw.columns_px, blocks, block);
+        double sum = 0;
+        int count = 0;
+        for (int c = first + parity; c < last; c += 2, ++count) sum += raw.At(row, c);
+        for (int c = first + parity; c < last; c += 2) {
+          residuals.value.At(row, c) = raw.At(row, c) - sum / count;
+          square += std::pow(residuals.value.At(row, c), 2);
+        }
+        total += sum;
+        pixels += count;
+      }
+      const double signal = total / pixels - offset_dn, variance = square / pixels;
+      const bool used = signal > kLeastSignal * top_dn && variance > 0;
+      const double scale = used ? signal / variance : 0;
+      for (int c = parity; c < raw.columns_px; c += 2) residuals.value.At(row, c) *= scale;
+      residuals.weights[2 * row + parity] = scale * signal;
+    }
+  }
+  return residuals;
+}
+
+// Weight of a pixel's row with that of the pixel a lag away, summed over pairs of frames.
+double PairWeight(const std::vector<double>& sum, const std::vector<std::vector<double>>& each,
+                  int row, int parity, const Lag& lag) {
+  const size_t here = 2 * row + parity;
+  const size_t there = 2 * (row + lag.rows) + (parity + lag.columns) % 2;
+  double value = sum[here] * sum[there];
+  for (const std::vector<double>& weights : each) value -= weights[here] * weights[there];
+  return 0.5 * value;
+}
+
+std::vector<double> Sum(const std::vector<std::vector<double>>& each) {
+  std::vector<double> sum(each.front().size(), 0);
+  for (const std::vector<double>& values : each) {
+    for (size_t i = 0; i < sum.size(); ++i) sum[i] += values[i];
+  }
+  return sum;
+}
+
+// Mean of rows' products at every lag, weighted with the pairs' weights.
+std::array<double, kLagCount> Autocovariance(const Image<double>& pattern, int first_row,
+                                             const std::vector<double>& sum,
+                                             const std::vector<std::vector<double>>& each) {
+  std::array<double, kLagCount> values{};
+  for (int l = 0; l < kLagCount; ++l) {
+    double weights = 0;
+    for (int row = 0; row + kLags[l].rows < pattern.rows_px; ++row) {
+      for (int parity = 0; parity < 2; ++parity) {
+        const double weight = PairWeight(sum, each, first_row + row, parity, kLags[l]);
+        if (weight == 0) continue;
+        for (int c = parity; c + kLags[l].columns < pattern.columns_px; c += 2) {
+          values[l] +=
+              weight * pattern.At(row, c) * pattern.At(row + kLags[l].rows, c + kLags[l].columns);
+          weights += weight;
+        }
+      }
+    }
+    if (weights > 0) values[l] /= weights;
+  }
+  return values;
+}
+
+double Limited(double x) { return std::clamp(x, -kLimit, kLimit); }
+
+// Mean product over pairs of frames of the pixels, and of the columns' means without the part of
+// the pixels themselves.
+std::array<double, kDarkValues> DarkProducts(const std::vector<Image<double>>& frames) {
+  const int columns = frames.front().columns_px, rows = frames.front().rows_px;
+  double pixels = 0, column_means = 0;
+  std::vector<double> total(frames.size());
+  for (int c = 0; c < columns; ++c) {
+    std::fill(total.begin(), total.end(), 0);
+    for (int row = 0; row < rows; ++row) {
+      double sum = 0, squares = 0;
+      for (size_t f = 0; f < frames.size(); ++f) {
+        const double value = frames[f].At(row, c);
+        sum += value;
+        squares += value * value;
+        total[f] += value;
+      }
+      pixels += 0.5 * (sum * sum - squares);
+    }
+    double sum = 0, squares = 0;
+    for (double value : total) {
+      sum += value;
+      squares += value * value;
+    }
+    column_means += 0.5 * (sum * sum - squares);
+  }
+  const double pairs = 0.5 * static_cast<double>(frames.size() * (frames.size() - 1));
+  const double area = static_cast<double>(columns) * rows;
+  // Products of different rows of a column only.
+  return {pixels / (pairs * area),
+          rows > 1 ? (column_means - pixels) / (pairs * area * (rows - 1)) : 0};
+}
+
+// Rows may jump from frame to frame: no fixed pattern.
+void SubtractRowMeans(Image<double>& image) {
+  for (int row = 0; row < image.rows_px; ++row) {
+    double sum = 0;
+    for (int c = 0; c < image.columns_px; ++c) sum += image.At(row, c);
+    for (int c = 0; c < image.columns_px; ++c) image.At(row, c) -= sum / image.columns_px;
+  }
+}
+
+}  // namespace
+
+FixedPatternStatistic::FixedPatternStatistic(const RecordedSet& set) {
+  // Groups of the same region; of a plate position the recording with the middle exposure.
+  using Key = std::tuple<bool, int, int, int, int>;
+  std::map<Key, std::map<int, std::vector<int>>> groups;
+  for (int f = 0; f < static_cast<int>(set.frames.size()); ++f) {
+    const RecordedFrame& recorded = set.frames[f];
+    const RegionOfInterest& roi = recorded.nominal.roi;
+    const bool laser = recorded.plate_position_id >= 0;
+    groups[{laser, roi.column_px, roi.row_px, roi.columns_px, roi.rows_px}]
+          [laser ? recorded.plate_position_id : f]
+              .push_back(f);
+  }
+  for (const auto& [key, positions] : groups) {
+    if (positions.size() < 2) continue;
+    Entry entry;
+    entry.laser = std::get<0>(key);
+    for (const auto& [position, frames] : positions) {
+      std::vector<int> order = frames;
+      std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+        return set.frames[a].nominal.exposure_time_s < set.frames[b].nominal.exposure_time_s;
+      });
+      entry.frames.push_back(order[order.size() / 2]);
+    }
+    std::sort(entry.frames.begin(), entry.frames.end());
+    const FrameSetup& front = set.frames[entry.frames.front()].nominal;
+    const Sensor& sensor = front.sensor;
+    entry.roi = front.roi;
+    entry.offset_dn =
+        sensor.gain_dn_per_electron * sensor.dark_mean_electrons + sensor.black_level_dn;
+    entry.noise_dn = std::sqrt(
+        std::pow(sensor.gain_dn_per_electron * sensor.dark_noise_electrons, 2) + 1.0 / 12);
+    for (size_t i = 0; i < entry.frames.size(); ++i) {
+      const RecordedFrame& recorded = set.frames[entry.frames[i]];
+      if (recorded.nominal.exposure_time_s >
+          set.frames[entry.frames[entry.longest]].nominal.exposure_time_s) {
+        entry.longest = static_cast<int>(i);
+      }
+      if (entry.laser && !recorded.raw_dn.empty()) {
+        entry.weights.push_back(
+            MakeResiduals(recorded.raw_dn, entry.offset_dn, sensor.largest_dn(), blocks_).weights);
+      }
+    }
+    entries_.push_back(std::move(entry));
+  }
+}
+
+int FixedPatternStatistic::FrameOfRow(int entry, int row) const {
+  const Entry& group = entries_[entry];
+  // Counts of outliers are of one recording each; the rest is of all.
+  return group.laser || row < kDarkValues ? group.frames.back() : group.frames[row - kDarkValues];
+}
+
+Eigen::VectorXd FixedPatternStatistic::Observed(const RecordedSet& set, int entry) const {
+  return entries_[entry].laser ? ObservedPattern(set, entries_[entry])
+                               : ObservedDark(set, entries_[entry]);
+}
+
+Eigen::VectorXd FixedPatternStatistic::Expected(const ExpectedSet& expected, int entry) const {
+  return entries_[entry].laser ? ExpectedPattern(expected, entries_[entry])
+                               : ExpectedDark(expected, entries_[entry]);
+}
+
+Eigen::VectorXd FixedPatternStatistic::ObservedPattern(const RecordedSet& set,
+                                                       const Entry& entry) const {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(kLagCount);
+  if (entry.weights.empty()) return values;
+  Image<double> sum(entry.roi.columns_px, entry.roi.rows_px, 0.0);
+  const auto products = [](const Image<double>& image, const Lag& lag) {
+    double total = 0;
+    for (int row = 0; row + lag.rows < image.rows_px; ++row) {
+      const double* here = image.Row(row);
+      const double* there = image.Row(row + lag.rows) + lag.columns;
+      for (int c = 0; c + lag.columns < image.columns_px; ++c) total += here[c] * there[c];
+    }
+    return total;
+  };
+  for (int f : entry.frames) {
+    const Image<uint16_t>& raw = set.frames[f].raw_dn;
+    const Residuals residuals =
+        MakeResiduals(raw, entry.offset_dn, set.frames[f].nominal.sensor.largest_dn(), blocks_);
+    for (size_t i = 0; i < sum.values.size(); ++i) sum.values[i] += residuals.value.values[i];
+    for (int l = 0; l < kLagCount; ++l) values[l] -= 0.5 * products(residuals.value, kLags[l]);
+  }
+  const std::vector<double> weights = Sum(entry.weights);
+  for (int l = 0; l < kLagCount; ++l) {
+    values[l] += 0.5 * products(sum, kLags[l]);
+    double total = 0;
+    for (int row = 0; row + kLags[l].rows < entry.roi.rows_px; ++row) {
+      for (int parity = 0; parity < 2; ++parity) {
+        total += PairWeight(weights, entry.weights, row, parity, kLags[l]) *
+                 (entry.roi.columns_px - kLags[l].columns) / 2;
+      }
+    }
+    values[l] = total > 0 ? values[l] / total : 0;
+  }
+  return values;
+}
+
+std::vector<FixedPatternStatistic::RowWeights> FixedPatternStatistic::Weights(
+    const ExpectedSet& expected, const Entry& entry) const {
+  if (!entry.weights.empty()) return entry.weights;
+  std::vector<RowWeights> all;
+  for (int f : entry.frames) {
+    const ExpectedFrame& strip = expected.strips[expected.strips.size() / 2][f];
+    RowWeights weights(2 * static_cast<size_t>(entry.roi.rows_px), 0);
+    for (int row = 0; row < entry.roi.rows_px; ++row) {
+      for (int parity = 0; parity < 2; ++parity) {
+        const double mean = strip.MeanDn(row, parity), signal = mean - entry.offset_dn;
+        if (signal < kLeastSignal * strip.frame.sensor.largest_dn()) continue;
+        double variance = strip.noise_variance_dn2.At(row, parity);
+        for (const Image<float>& level : strip.level_dn) {
+          variance += std::pow(level.At(row, parity) - mean, 2) /
+                      static_cast<double>(strip.level_dn.size());
+        }
+        weights[2 * row + parity] = signal * signal / variance;
+      }
+    }
+    all.push_back(std::move(weights));
+  }
+  return all;
+}
+
+std::vector<Eigen::VectorXd> FixedPatternStatistic::DrawnPatterns(const ExpectedSet& expected,
+                                                                  const Entry& entry) const {
+  std::vector<Eigen::VectorXd> drawn;
+  if (expected.effects.empty()) return drawn;
+  // The rows that count.
+  const std::vector<RowWeights> weights = Weights(expected, entry);
+  const std::vector<double> sum = Sum(weights);
+  int first = entry.roi.rows_px, last = 0;
+  for (int row = 0; row < entry.roi.rows_px; ++row) {
+    if (sum[2 * row] + sum[2 * row + 1] == 0) continue;
+    first = std::min(first, row);
+    last = row + 1;
+  }
+  if (first >= last) return drawn;
+  const FrameSetup& frame = expected.strips.front()[entry.frames.front()].frame;
+  bool any = false;
+  for (int draw = 0; draw < kDraws; ++draw) {
+    FrameSetup patch = frame;
+    patch.roi = {entry.roi.column_px, entry.roi.row_px + first, entry.roi.columns_px, last - first};
+    patch.seeds.camera += draw;
+    patch.seeds.rig += draw;
+    PixelIrradiance light;
+    light.roi = patch.roi;
+    light.laser_irradiance_w_m2 = Image<float>(patch.roi.columns_px, patch.roi.rows_px, 1.0F);
+    for (const ActiveEffect& active : expected.effects) {
+      active.effect->OnPixelIrradiance(light, patch, active.parameters);
+    }
+    const std::vector<float>& factors = light.laser_irradiance_w_m2.values;
+    drawn.push_back(Eigen::VectorXd::Zero(kLagCount));
+    if (std::all_of(factors.begin(), factors.end(), [](float x) { return x == 1.0F; })) continue;
+    any = true;
+    Image<double> pattern(patch.roi.columns_px, patch.roi.rows_px);
+    for (int row = 0; row < pattern.rows_px; ++row) {
+      for (int block = 0; block < blocks_; ++block) {
+        const auto [start, end] = BlockColumns(pattern.columns_px, blocks_, block);
+        const float* factor = light.laser_irradiance_w_m2.Row(row);
+        double mean = 0;
+        for (int c = start; c < end; ++c) mean += factor[c] / static_cast<double>(end - start);
+        for (int c = start; c < end; ++c) {
+          pattern.At(row, c) = mean > 0 ? factor[c] / mean - 1 : 0;
+        }
+      }
+    }
+    const std::array<double, kLagCount> values = Autocovariance(pattern, first, sum, weights);
+    drawn.back() = Eigen::Map<const Eigen::VectorXd>(values.data(), kLagCount);
+  }
+  if (!any) drawn.clear();
+  return drawn;
+}
+
+Eigen::VectorXd FixedPatternStatistic::ExpectedPattern(const ExpectedSet& expected,
+                                                       const Entry& entry) const {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(kLagCount);
+  const FrameSetup& frame = expected.strips.front()[entry.frames.front()].frame;
+  values[0] = std::pow(frame.sensor.prnu_relative, 2);
+  for (const Eigen::VectorXd& drawn : DrawnPatterns(expected, entry)) values += drawn / kDraws;
+  return values;
+}
+
+Eigen::VectorXd FixedPatternStatistic::ObservedDark(const RecordedSet& set,
+                                                    const Entry& entry) const {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(kDarkValues + entry.frames.size());
+  std::vector<Image<double>> residuals;
+  for (int f : entry.frames) {
+    const Image<uint16_t>& raw = set.frames[f].raw_dn;
+    if (raw.empty()) return values;
+    // The median: hot pixels do not shift it.
+    std::vector<uint16_t> sorted = raw.values;
+    std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+    const double median = sorted[sorted.size() / 2];
+    Image<double> residual(raw.columns_px, raw.rows_px);
+    for (size_t i = 0; i < raw.values.size(); ++i) {
+      residual.values[i] = (raw.values[i] - median) / entry.noise_dn;
+    }
+    residuals.push_back(std::move(residual));
+  }
+  for (size_t f = 0; f < residuals.size(); ++f) {
+    double common = 0;
+    for (size_t i = 0; i < residuals[f].values.size(); ++i) {
+      common += residuals[f].values[i] > kOutlier &&
+                        residuals[entry.longest].values[i] > kOutlier &&
+                        static_cast<int>(f) != entry.longest
+                    ? 1
+                    : 0;
+    }
+    values[kDarkValues + f] = 2 * std::sqrt(common + 0.375);
+  }
+  for (Image<double>& residual : residuals) {
+    for (double& value : residual.values) value = Limited(value);
+    SubtractRowMeans(residual);
+  }
+  const std::array<double, kDarkValues> products = DarkProducts(residuals);
+  values[0] = products[0];
+  values[1] = products[1];
+  return values;
+}
+
+Eigen::VectorXd FixedPatternStatistic::ExpectedDark(const ExpectedSet& expected,
+                                                    const Entry& entry) const {
+  Eigen::VectorXd values(kDarkValues + entry.frames.size());
+  const Sensor& sensor = expected.strips.front()[entry.frames.front()].frame.sensor;
+  values[0] = std::pow(sensor.gain_dn_per_electron * sensor.dsnu_electrons / entry.noise_dn, 2);
+  values[1] = 0;
+  const double none = 2 * std::sqrt(0.375);
+  for (size_t f = 0; f < entry.frames.size(); ++f) values[kDarkValues + f] = none;
+  if (expected.effects.empty()) return values;
+  // Some rows, without noise.
+  std::vector<Image<double>> residuals;
+  const int rows = std::min(kPatchRows, entry.roi.rows_px);
+  bool uniform = true;
+  for (int f : entry.frames) {
+    FrameSetup patch = expected.strips.front()[f].frame;
+    patch.roi = entry.roi;
+    patch.roi.rows_px = rows;
+    Image<double> electrons(patch.roi.columns_px, rows, 0.0);
+    for (const ActiveEffect& active : expected.effects) {
+      active.effect->OnMeanElectrons(electrons, nullptr, patch, active.parameters);
+    }
+    const double dark = patch.sensor.dark_mean_electrons + DarkCurrentElectrons(patch);
+    for (double& e : electrons.values) e += dark;
+    for (const ActiveEffect& active : expected.effects) {
+      active.effect->OnElectrons(electrons, patch, active.parameters);
+    }
+    std::vector<double> sorted = electrons.values;
+    std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+    const double median = sorted[sorted.size() / 2];
+    for (double& e : electrons.values) {
+      e = patch.sensor.gain_dn_per_electron * (e - median) / entry.noise_dn;
+      uniform = uniform && e == 0;
+    }
+    residuals.push_back(std::move(electrons));
+  }
+  if (uniform) return values;
+  const auto above = [](double x) { return 0.5 * std::erfc((kOutlier - x) / std::sqrt(2.0)); };
+  for (size_t f = 0; f < residuals.size(); ++f) {
+    if (static_cast<int>(f) == entry.longest) continue;
+    double common = 0;
+    for (size_t i = 0; i < residuals[f].values.size(); ++i) {
+      if (residuals[entry.longest].values[i] < 0.5) continue;
+      common += above(residuals[f].values[i]) * above(residuals[entry.longest].values[i]);
+    }
+    values[kDarkValues + f] = 2 * std::sqrt(common * entry.roi.rows_px / rows + 0.375);
+  }
+  for (Image<double>& residual : residuals) {
+    for (double& value : residual.values) value = Limited(value);
+    SubtractRowMeans(residual);
+  }
+  const std::array<double, kDarkValues> products = DarkProducts(residuals);
+  values[0] += products[0];
+  values[1] += products[1];
+  return values;
+}
+
+Eigen::MatrixXd FixedPatternStatistic::Covariance(const ExpectedSet& expected, int index) const {
+  const Entry& entry = entries_[index];
+  const Eigen::VectorXd values = Expected(expected, index);
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(values.size(), values.size());
+  const size_t frames = entry.frames.size();
+  const double area = static_cast<double>(entry.roi.columns_px) * entry.roi.rows_px;
+  if (!entry.laser) {
+    std::vector<double> variance;  // of a pixel, in units of the nominal noise
+    for (int f : entry.frames) {
+      const ExpectedFrame& strip = expected.strips.front()[f];
+      variance.push_back((strip.noise_variance_dn2.At(0, 0) + strip.pattern_variance_dn2.At(0, 0)) /
+                         (entry.noise_dn * entry.noise_dn));
+    }
+    double products = 0;
+    for (size_t a = 0; a < frames; ++a) {
+      for (size_t b = a + 1; b < frames; ++b) products += variance[a] * variance[b];
+    }
+    const double pairs = 0.5 * static_cast<double>(frames * (frames - 1));
+    const double rows = entry.roi.rows_px;
+    // With the scatter of a pattern that is drawn once.
+    covariance(0, 0) = products / (pairs * pairs * area) + 2 * values[0] * values[0] / area +
+                       2 * values[1] * values[1] / entry.roi.columns_px;
+    covariance(1, 1) = products / (pairs * pairs * area * (rows - 1)) +
+                       2 * values[1] * values[1] / entry.roi.columns_px;
+    for (size_t f = 0; f < frames; ++f) covariance(kDarkValues + f, kDarkValues + f) = 1;
+    return covariance;
+  }
+  // Correlation of the residuals of every frame: speckle's share of the scatter on the line.
+  constexpr double kNegligible = 0.01;
+  struct Correlated {
+    int rows, columns;
+    double value;
+  };
+  const std::vector<RowWeights> weights = Weights(expected, entry);
+  std::vector<std::vector<Correlated>> near(frames);
+  std::vector<double> share(frames);
+  std::vector<const SpecklePixelCovariance*> speckle(frames);
+  for (size_t i = 0; i < frames; ++i) {
+    const ExpectedFrame& strip = expected.strips[expected.strips.size() / 2][entry.frames[i]];
+    const auto best = std::max_element(weights[i].begin(), weights[i].end()) - weights[i].begin();
+    const int row = static_cast<int>(best / 2), parity = static_cast<int>(best % 2);
+    const double mean = strip.MeanDn(row, parity);
+    double levels = 0;
+    for (const Image<float>& level : strip.level_dn) {
+      levels +=
+          std::pow(level.At(row, parity) - mean, 2) / static_cast<double>(strip.level_dn.size());
+    }
+    share[i] = levels / (levels + strip.noise_variance_dn2.At(row, parity));
+    speckle[i] = &strip.SpeckleAt(row);
+    const int lag = speckle[i]->max_lag();
+    for (int r = -lag; r <= lag; ++r) {
+      for (int c = -lag; c <= lag; ++c) {
+        const double value =
+            r == 0 && c == 0 ? 1 : share[i] * speckle[i]->At(r, c) / speckle[i]->At(0, 0);
+        if (value > kNegligible) near[i].push_back({r, c, value});
+      }
+    }
+  }
+  // Sum over l of R_a(l) R_b(l + d) for all differences and sums of lags.
+  const auto overlap = [&](size_t a, size_t b, int rows, int columns) {
+    double sum = 0;
+    for (const Correlated& l : near[a]) {
+      const int r = l.rows + rows, c = l.columns + columns;
+      sum +=
+          l.value * (r == 0 && c == 0 ? 1 : share[b] * speckle[b]->At(r, c) / speckle[b]->At(0, 0));
+    }
+    return sum;
+  };
+  std::vector<double> total(kLagCount, 0);
+  const std::vector<double> sum = Sum(weights);
+  for (int l = 0; l < kLagCount; ++l) {
+    for (int row = 0; row + kLags[l].rows < entry.roi.rows_px; ++row) {
+      for (int parity = 0; parity < 2; ++parity) {
+        total[l] += PairWeight(sum, weights, row, parity, kLags[l]) *
+                    (entry.roi.columns_px - kLags[l].columns) / 2;
+      }
+    }
+  }
+  for (size_t a = 0; a < frames; ++a) {
+    for (size_t b = a + 1; b < frames; ++b) {
+      double product = 0;
+      for (size_t i = 0; i < weights[a].size(); ++i) product += weights[a][i] * weights[b][i];
+      product *= entry.roi.columns_px / 2.0;
+      if (product == 0) continue;
+      for (int l = 0; l < kLagCount; ++l) {
+        for (int m = l; m < kLagCount; ++m) {
+          const double value =
+              0.5 * product *
+              (overlap(a, b, kLags[m].rows - kLags[l].rows, kLags[m].columns - kLags[l].columns) +
+               overlap(a, b, kLags[m].rows + kLags[l].rows, kLags[m].columns + kLags[l].columns));
+          covariance(l, m) += value;
+        }
+      }
+    }
+  }
+  for (int l = 0; l < kLagCount; ++l) {
+    for (int m = l; m < kLagCount; ++m) {
+      const double totals = total[l] * total[m];
+      covariance(l, m) = totals > 0 ? covariance(l, m) / totals : 0;
+      covariance(m, l) = covariance(l, m);
+    }
+    covariance(l, l) += kPatternError * kPatternError;
+    if (total[l] <= 0) covariance(l, l) = 1;
+  }
+  // A pattern of the pixels' sensitivity times the rest, and its own scatter.
+  const double prnu =
+      std::pow(expected.strips.front()[entry.frames.front()].frame.sensor.prnu_relative, 2);
+  for (int l = 0; prnu > 0 && l < kLagCount; ++l) {
+    double scatter = 0;
+    for (size_t i = 0; i < sum.size(); ++i) {
+      double squares = 0, mixed = 0;
+      for (const RowWeights& each : weights) {
+        squares += each[i] * each[i];
+        mixed += each[i] * std::pow(sum[i] - each[i], 2);
+      }
+      const double pairs = 0.5 * (sum[i] * sum[i] - squares);
+      scatter += prnu * mixed + (l == 0 ? 2 : 1) * prnu * prnu * pairs * pairs;
+    }
+    if (total[l] > 0)
+      covariance(l, l) += scatter * 0.5 * entry.roi.columns_px / (total[l] * total[l]);
+  }
+  // One draw is seen, the mean of several expected.
+  const std::vector<Eigen::VectorXd> drawn = DrawnPatterns(expected, entry);
+  Eigen::VectorXd mean = Eigen::VectorXd::Zero(kLagCount);
+  for (const Eigen::VectorXd& draw : drawn) mean += draw / kDraws;
+  for (const Eigen::VectorXd& draw : drawn) {
+    covariance += (draw - mean) * (draw - mean).transpose() / (kDraws - 1);
+  }
+  return covariance;
+}
+
+}  // namespace sightline

@@ -1,0 +1,80 @@
+// Base of the free-form terms, and what they share.
+#pragma once
+
+#include <algorithm>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "render_worker/effects/described_effect.h"
+
+namespace sightline {
+
+class FreeFormEffect : public DescribedEffect {
+ public:
+  // What the coefficients' curve is drawn over: units stand in the names.
+  struct Axes {
+    std::string abscissa, ordinate;
+    std::vector<double> abscissa_values;
+  };
+  // Kind of term, as in v1::FreeFormTerm.
+  std::string_view term() const { return term_; }
+  // The coefficients themselves, unless a term has a curve in one variable.
+  virtual Axes CurveAxes() const {
+    Axes axes{"coefficient", "value", {}};
+    for (size_t k = 0; k < description().parameters.size(); ++k) {
+      absl::StrAppend(&axes.abscissa, k == 0 ? ": " : ", ",
+                      std::string(description().parameters[k].name));
+      axes.abscissa_values.push_back(static_cast<double>(k));
+    }
+    return axes;
+  }
+  virtual double CurveAt(double abscissa, Parameters p) const {
+    return p[static_cast<size_t>(abscissa)];
+  }
+
+ protected:
+  FreeFormEffect(std::string_view term, EffectDescription description)
+      : DescribedEffect(std::move(description)), term_(term) {}
+
+  static bool IsNull(Parameters p) {
+    return std::all_of(p.begin(), p.end(), [](double c) { return c == 0; });
+  }
+
+ private:
+  std::string_view term_;
+};
+
+// A coefficient that may have either sign.
+inline EffectParameter Coefficient(std::string_view name, double limit, double prior_scale) {
+  return {name, 0, -limit, limit, prior_scale};
+}
+
+// `count` values from `first` to `last`, evenly spaced.
+inline std::vector<double> EvenlySpaced(double first, double last, int count) {
+  std::vector<double> values(count);
+  for (int i = 0; i < count; ++i) values[i] = first + (last - first) * i / (count - 1);
+  return values;
+}
+
+// Piecewise linear through the values at ascending knots, constant beyond them.
+template <typename Knots>
+double LinearThroughKnots(const Knots& knots, Effect::Parameters values, double x) {
+  if (x <= knots.front()) return values.front();
+  for (size_t k = 1; k < knots.size(); ++k) {
+    if (x >= knots[k]) continue;
+    const double t = (x - knots[k - 1]) / (knots[k] - knots[k - 1]);
+    return (1 - t) * values[k - 1] + t * values[k];
+  }
+  return values.back();
+}
+
+// The terms of each stage, in the order in which they act.
+std::vector<const FreeFormEffect*> IlluminationTerms();
+std::vector<const FreeFormEffect*> SurfaceTerms();
+std::vector<const FreeFormEffect*> OpticsTerms();
+std::vector<const FreeFormEffect*> GeometryTerms();
+std::vector<const FreeFormEffect*> SensorTerms();
+std::vector<const FreeFormEffect*> TimeTerms();
+
+}  // namespace sightline

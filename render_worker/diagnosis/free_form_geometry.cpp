@@ -1,0 +1,125 @@
+// Free-form terms of the geometry: where the line lies, what scale its image has, where it is
+// sharp.
+#include <array>
+#include <cmath>
+
+#include "render_worker/diagnosis/free_form_effect.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kImageHeight_m = 5e-3;
+
+class LinePlaceTerm final : public FreeFormEffect {
+ public:
+  LinePlaceTerm()
+      : FreeFormEffect(
+            "geometry",
+            {.id = "unknown.line_place",
+             .stage = Stage::kGeometry,
+             .summary = "line on the plate shifted by a X + b X^2 + c X^3 + d time + e "
+                        "(laser distance - 0.4 m)",
+             .reference = "thesis eq. 1.1-1.5 (triangulation)",
+             .parameters = {Coefficient("slope", 0.5, 0.01), Coefficient("square_per_m", 10, 0.1),
+                            Coefficient("cube_per_m2", 100, 1),
+                            Coefficient("drift_m_per_s", 1e-5, 1e-7),
+                            Coefficient("with_laser_distance", 0.1, 2e-3)}}) {}
+
+  void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
+    if (IsNull(p)) return;
+    const double shift = p[3] * frame.timestamp_s + p[4] * (frame.plate.laser_distance_m - 0.4);
+    const std::array<double, 3> c = {p[0], p[1], p[2]};
+    if (!IsNull(p.first(3))) scene.constant_along_line = false;
+    scene.laser_irradiance_w_m2 = [=, before = std::move(scene.laser_irradiance_w_m2)](double x_m,
+                                                                                       double s_m) {
+      return before(x_m, s_m - shift - x_m * (c[0] + x_m * (c[1] + x_m * c[2])));
+    };
+  }
+
+  Axes CurveAxes() const override {
+    return {"place_along_line_m", "shift_of_line_m", EvenlySpaced(-0.12, 0.12, 49)};
+  }
+  double CurveAt(double x_m, Parameters p) const override {
+    return x_m * (p[0] + x_m * (p[1] + x_m * p[2]));
+  }
+};
+
+class ImageScaleTerm final : public FreeFormEffect {
+ public:
+  ImageScaleTerm()
+      : FreeFormEffect(
+            "geometry",
+            {.id = "unknown.image_scale",
+             .stage = Stage::kGeometry,
+             .summary = "place on the sensor times 1 + a + b r^2 + c r^4 + d u, in 5 mm",
+             .reference = "Brown, Photogrammetric Engineering 37 (1971) 855",
+             .parameters = {Coefficient("scale", 0.5, 0.02), Coefficient("square", 0.5, 0.02),
+                            Coefficient("fourth", 0.5, 0.02),
+                            Coefficient("keystone", 0.5, 0.02)}}) {}
+
+  void OnPlate(PlateScene& scene, const FrameSetup&, Parameters p) const override {
+    if (IsNull(p)) return;  // an empty mapping stays empty
+    const std::array<double, 4> c = {p[0], p[1], p[2], p[3]};
+    scene.image_mapping = [c, before = std::move(scene.image_mapping)](SensorPoint point) {
+      if (before) point = before(point);
+      const double u = point.u_m / kImageHeight_m, v = point.v_m / kImageHeight_m;
+      const double r2 = u * u + v * v;
+      // The sensor point of a larger image looks nearer to the axis.
+      const double factor = 1 / (1 + c[0] + r2 * (c[1] + r2 * c[2]) + c[3] * u);
+      return SensorPoint{factor * point.u_m, factor * point.v_m};
+    };
+  }
+
+  Axes CurveAxes() const override {
+    return {"image_height_m", "scale_factor_without_keystone", EvenlySpaced(0, 6e-3, 25)};
+  }
+  double CurveAt(double height_m, Parameters p) const override {
+    const double r2 = std::pow(height_m / kImageHeight_m, 2);
+    return 1 + p[0] + r2 * (p[1] + r2 * p[2]);
+  }
+};
+
+class FocusFieldTerm final : public FreeFormEffect {
+ public:
+  FocusFieldTerm()
+      : FreeFormEffect(
+            "geometry",
+            {.id = "unknown.focus_field",
+             .stage = Stage::kGeometry,
+             .summary = "defocus changed by a u + b u^2 + c v over 5 mm, and times 1 + d",
+             .reference = "Scheimpflug, GB patent 1196 (1904); thesis eq. 5.6",
+             .parameters = {Coefficient("slope_u_per_m", 10, 0.2),
+                            Coefficient("square_u_per_m", 10, 0.2),
+                            Coefficient("slope_v_per_m", 10, 0.2),
+                            Coefficient("defocus_relative", 1, 0.05)}}) {}
+
+  void OnOptics(OpticsModel& optics, const FrameSetup&, Parameters p) const override {
+    if (IsNull(p)) return;  // the field stays the same everywhere
+    const std::array<double, 4> c = {p[0], p[1], p[2], p[3]};
+    if (!IsNull(p.first(3))) optics.field_dependent = true;
+    optics.curvature = [c, before = std::move(optics.curvature)](double depth_m, double u_m,
+                                                                 double v_m) {
+      const double u = u_m / kImageHeight_m, v = v_m / kImageHeight_m;
+      return before(depth_m, u_m, v_m) * (1 + c[3]) + u * (c[0] + c[1] * u) + c[2] * v;
+    };
+  }
+
+  Axes CurveAxes() const override {
+    return {"u_m", "change_of_wavefront_curvature_per_m", EvenlySpaced(-6e-3, 6e-3, 25)};
+  }
+  double CurveAt(double u_m, Parameters p) const override {
+    const double u = u_m / kImageHeight_m;
+    return u * (p[0] + p[1] * u);
+  }
+};
+
+}  // namespace
+
+std::vector<const FreeFormEffect*> GeometryTerms() {
+  static const LinePlaceTerm line_place;
+  static const ImageScaleTerm image_scale;
+  static const FocusFieldTerm focus_field;
+  return {&line_place, &image_scale, &focus_field};
+}
+
+}  // namespace sightline

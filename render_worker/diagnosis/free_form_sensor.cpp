@@ -1,0 +1,256 @@
+// Free-form terms of the sensor: response, dark signal, noise, charge that goes astray in space and
+// time.
+#include <array>
+#include <cmath>
+
+#include "render_worker/diagnosis/free_form_effect.h"
+
+namespace sightline {
+namespace {
+
+// Charge that fills the converter.
+double FullScale(const FrameSetup& frame) {
+  return frame.sensor.largest_dn() / frame.sensor.gain_dn_per_electron;
+}
+
+// Relative change of the signal as a cubic spline of Catmull and Rom through its values at signals
+// of (k/5)^3 of full scale, closer where signals are small; constant beyond the ends.
+class ResponseTerm final : public FreeFormEffect {
+ public:
+  ResponseTerm()
+      : FreeFormEffect("response", {.id = "unknown.response",
+                                    .stage = Stage::kSensor,
+                                    .summary = "charge e reads as e (1 + c(e)), c a smooth curve",
+                                    .reference = "EMVA 1288 R4.0 Linear, linearity error LE",
+                                    .parameters = {Coefficient("change_at_0.008", 0.5, 0.05),
+                                                   Coefficient("change_at_0.064", 0.5, 0.05),
+                                                   Coefficient("change_at_0.216", 0.5, 0.05),
+                                                   Coefficient("change_at_0.512", 0.5, 0.05),
+                                                   Coefficient("change_at_1", 0.5, 0.05)}}) {}
+
+  void OnElectrons(Image<double>& electrons, const FrameSetup& frame, Parameters p) const override {
+    if (IsNull(p)) return;
+    const double per_full = 1 / FullScale(frame);
+    for (double& e : electrons.values) e *= 1 + CurveAt(e * per_full, p);
+  }
+
+  Axes CurveAxes() const override {
+    return {"signal_over_full_scale", "response_change_relative", EvenlySpaced(0, 1, 41)};
+  }
+  double CurveAt(double signal, Parameters p) const override {
+    const double place = std::clamp(5 * std::cbrt(std::max(0.0, signal)) - 1, 0.0, 4.0);
+    const int k = std::min(3, static_cast<int>(place));
+    const double t = place - k;
+    // Straight on beyond the ends.
+    const auto at = [p](int i) {
+      if (i < 0) return 2 * p[0] - p[1];
+      return i < 5 ? p[i] : 2 * p[4] - p[3];
+    };
+    const double a = at(k - 1), b = at(k), c = at(k + 1), d = at(k + 2);
+    return b + 0.5 * t * (c - a + t * (2 * a - 5 * b + 4 * c - d + t * (3 * (b - c) + d - a)));
+  }
+};
+
+class DarkSignalTerm final : public FreeFormEffect {
+ public:
+  DarkSignalTerm()
+      : FreeFormEffect(
+            "offset",
+            {.id = "unknown.dark_signal",
+             .stage = Stage::kSensor,
+             .summary = "dark signal a + b t + c t^2 of the exposure time t, and slopes "
+                        "from the principal point to the edge of the sensor",
+             .reference = "EMVA 1288 R4.0 Linear, section 3 (dark current)",
+             .parameters = {
+                 Coefficient("electrons", 1e3, 3), Coefficient("electrons_per_s", 1e5, 30),
+                 Coefficient("electrons_per_s2", 1e6, 60), Coefficient("slope_u_electrons", 1e3, 3),
+                 Coefficient("slope_v_electrons", 1e3, 3)}}) {}
+
+  // What grows with time is charge, with its shot noise.
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    Sensor& sensor = frame.sensor;
+    sensor.dark_mean_electrons += p[0];
+    const double t = frame.exposure_time_s;
+    const double charge = t * (p[1] + t * p[2]);
+    const double doublings =
+        (frame.sensor_temperature_c - sensor.dark_current_reference_temperature_c) /
+        sensor.dark_current_doubling_k;
+    if (charge > 0) {
+      sensor.dark_current_electrons_per_s += charge / t / std::exp2(doublings);
+    } else {
+      sensor.dark_mean_electrons += charge;
+    }
+  }
+  void OnElectrons(Image<double>& electrons, const FrameSetup& frame, Parameters p) const override {
+    if (p[3] == 0 && p[4] == 0) return;
+    const double per_column = p[3] / (0.5 * frame.sensor.columns_px);
+    const double per_row = p[4] / (0.5 * frame.sensor.rows_px);
+    for (int i = 0; i < electrons.rows_px; ++i) {
+      for (int j = 0; j < electrons.columns_px; ++j) {
+        electrons.At(i, j) +=
+            per_column * (frame.roi.column_px + j) + per_row * (frame.roi.row_px + i);
+      }
+    }
+  }
+
+  Axes CurveAxes() const override {
+    Axes axes{"exposure_time_s", "dark_signal_electrons", {0}};
+    for (int k = -8; k <= 0; ++k) axes.abscissa_values.push_back(std::pow(10, 0.5 * k));
+    return axes;
+  }
+  double CurveAt(double t, Parameters p) const override { return p[0] + t * (p[1] + t * p[2]); }
+};
+
+class NoiseTerm final : public FreeFormEffect {
+ public:
+  NoiseTerm()
+      : FreeFormEffect("noise",
+                       {.id = "unknown.noise",
+                        .stage = Stage::kSensor,
+                        .summary = "variance of the readout's noise times 1 + a, plus b t; of shot "
+                                   "noise times 1 + c; more fixed pattern of gain and offset",
+                        .reference = "EMVA 1288 R4.0 Linear, sections 2.2 and 4",
+                        .parameters = {Coefficient("read_variance_relative", 100, 0.3),
+                                       Coefficient("variance_electrons2_per_s", 1e6, 30),
+                                       Coefficient("shot_variance_relative", 0.9, 0.05),
+                                       {"gain_pattern_variance", 0, 0, 0.25, 1e-4},
+                                       {"offset_pattern_variance_electrons2", 0, 0, 1e5, 4}}}) {}
+
+  // More shot noise at the same mean: fewer electrons, each worth more.
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    if (IsNull(p)) return;  // a square root of a square would round
+    Sensor& sensor = frame.sensor;
+    const double variance = sensor.dark_noise_electrons * sensor.dark_noise_electrons * (1 + p[0]) +
+                            p[1] * frame.exposure_time_s;
+    sensor.dark_noise_electrons = std::sqrt(std::max(0.0, variance));
+    sensor.prnu_relative = std::hypot(sensor.prnu_relative, std::sqrt(p[3]));
+    sensor.dsnu_electrons = std::hypot(sensor.dsnu_electrons, std::sqrt(p[4]));
+    const double worth = 1 + p[2];
+    sensor.gain_dn_per_electron *= worth;
+    for (double* electrons : {&sensor.saturation_capacity_electrons, &sensor.dark_mean_electrons,
+                              &sensor.dark_noise_electrons, &sensor.dark_current_electrons_per_s,
+                              &sensor.dsnu_electrons}) {
+      *electrons /= worth;
+    }
+    for (QuantumEfficiencyCurve& curve : sensor.quantum_efficiency) {
+      for (double& efficiency : curve.quantum_efficiency) efficiency /= worth;
+    }
+  }
+};
+
+// Charge that flows between neighbouring pixels of the region; the sum stays.
+class ChargeSpreadTerm final : public FreeFormEffect {
+ public:
+  ChargeSpreadTerm()
+      : FreeFormEffect(
+            "point_spread",
+            {.id = "unknown.charge_spread",
+             .stage = Stage::kSensor,
+             .summary = "part of the difference of neighbours flows: across rows, across "
+                        "columns, across rows in proportion to their charge",
+             .reference = "EMVA 1288 R4.0 Linear, section 2.1; Antilogus et al., JINST 9 "
+                          "(2014) C03048",
+             .parameters = {Coefficient("between_rows", 0.2, 0.01),
+                            Coefficient("between_columns", 0.2, 0.01),
+                            Coefficient("between_rows_at_full_scale", 0.2, 0.02)}}) {}
+
+  void OnMeanElectrons(Image<double>& electrons, const Image<double>*, const FrameSetup& frame,
+                       Parameters p) const override {
+    if (IsNull(p)) return;
+    const double per_electron = p[2] / (2 * FullScale(frame));
+    const Image<double> before = electrons;
+    for (int i = 0; i < before.rows_px; ++i) {
+      for (int j = 0; j < before.columns_px; ++j) {
+        const double here = before.At(i, j);
+        if (i + 1 < before.rows_px) {
+          const double below = before.At(i + 1, j);
+          const double flow = (p[0] + per_electron * (here + below)) * (here - below);
+          electrons.At(i, j) -= flow;
+          electrons.At(i + 1, j) += flow;
+        }
+        if (j + 1 < before.columns_px) {
+          const double flow = p[1] * (here - before.At(i, j + 1));
+          electrons.At(i, j) -= flow;
+          electrons.At(i, j + 1) += flow;
+        }
+      }
+    }
+  }
+};
+
+// Light that pixels take up on their way along the column, or charge left behind there.
+class ColumnTrailTerm final : public FreeFormEffect {
+ public:
+  ColumnTrailTerm()
+      : FreeFormEffect("additive_light",
+                       {.id = "unknown.column_trail",
+                        .stage = Stage::kSensor,
+                        .summary = "every pixel gains from the pixels of its column: a and b (1 "
+                                   "ms/t) of their mean, c of the mean of those above",
+                        .reference = "Theuwissen, Solid-State Imaging with Charge-Coupled Devices "
+                                     "(1995), section 3.6 (smear)",
+                        .parameters = {Coefficient("part_of_mean", 1, 0.01),
+                                       Coefficient("part_of_mean_at_1_ms", 1, 0.01),
+                                       Coefficient("part_of_mean_above", 1, 0.01)}}) {}
+
+  void OnMeanElectrons(Image<double>& electrons, const Image<double>*, const FrameSetup& frame,
+                       Parameters p) const override {
+    if (IsNull(p) || !(frame.exposure_time_s > 0)) return;
+    const double part = (p[0] + p[1] * 1e-3 / frame.exposure_time_s) / electrons.rows_px;
+    const double above_part = p[2] / electrons.rows_px;
+    for (int j = 0; j < electrons.columns_px; ++j) {
+      double sum = 0, above = 0;
+      for (int i = 0; i < electrons.rows_px; ++i) sum += electrons.At(i, j);
+      for (int i = 0; i < electrons.rows_px; ++i) {
+        const double here = electrons.At(i, j);
+        electrons.At(i, j) = std::max(0.0, here + part * sum + above_part * above);
+        above += here;
+      }
+    }
+  }
+};
+
+class MemoryTerm final : public FreeFormEffect {
+ public:
+  MemoryTerm()
+      : FreeFormEffect(
+            "response",
+            {.id = "unknown.memory",
+             .stage = Stage::kSensor,
+             .summary = "charge q of the frame before stays: a q + b q^2/full + c sqrt(q full)",
+             .reference = "Theuwissen, Solid-State Imaging with Charge-Coupled Devices (1995), "
+                          "section 5.4 (image lag)",
+             .parameters = {Coefficient("linear", 1, 0.01), Coefficient("square", 1, 0.01),
+                            Coefficient("root", 1, 2e-3)}}) {}
+
+  void OnMeanElectrons(Image<double>& electrons, const Image<double>* previous,
+                       const FrameSetup& frame, Parameters p) const override {
+    if (previous == nullptr || IsNull(p)) return;
+    const double full = FullScale(frame);
+    for (size_t i = 0; i < electrons.values.size(); ++i) {
+      const double left = full * CurveAt(previous->values[i] / full, p);
+      electrons.values[i] = std::max(0.0, electrons.values[i] + left);
+    }
+  }
+
+  Axes CurveAxes() const override {
+    return {"previous_signal_over_full_scale", "left_over_full_scale", EvenlySpaced(0, 1, 41)};
+  }
+  double CurveAt(double q, Parameters p) const override {
+    return p[0] * q + p[1] * q * q + p[2] * std::sqrt(std::max(0.0, q));
+  }
+};
+
+}  // namespace
+
+std::vector<const FreeFormEffect*> SensorTerms() {
+  static const ResponseTerm response;
+  static const DarkSignalTerm dark_signal;
+  static const NoiseTerm noise;
+  static const ChargeSpreadTerm charge_spread;
+  static const ColumnTrailTerm column_trail;
+  static const MemoryTerm memory;
+  return {&charge_spread, &column_trail, &memory, &dark_signal, &noise, &response};
+}
+
+}  // namespace sightline

@@ -1,0 +1,35 @@
+// Rows of a recording that belong together: by distance from the nominal line.
+#pragma once
+
+#include <vector>
+
+#include "render_worker/diagnosis/recorded_set.h"
+
+namespace sightline {
+
+// Pixels of one kind: all of a mono sensor, or one of the four of a Bayer cell.
+struct PixelPlane {
+  int first_row = 0;
+  int first_column = 0;
+  int step = 1;
+};
+
+// Rows of one recording and plane that are averaged together.
+struct ProfileBin {
+  int plane = 0;
+  std::vector<int> rows;
+  double centre_px = 0;  // from the nominal line
+};
+
+// The planes of a sensor.
+std::vector<PixelPlane> PixelPlanes(const Sensor& sensor);
+
+// Bins of one recording, plane by plane, from top to bottom: narrow on the nominal line, growing
+// outwards. Dark frames: one bin a plane.
+std::vector<ProfileBin> MakeProfileBins(const RecordedFrame& recorded,
+                                        const std::vector<PixelPlane>& planes);
+
+// Standard deviation of the nominal line's image, roughly: beam, diffraction, defocus.
+double NominalWidthPx(const FrameSetup& frame);
+
+}  // namespace sightline

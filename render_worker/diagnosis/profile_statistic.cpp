@@ -1,0 +1,249 @@
+#include "render_worker/diagnosis/profile_statistic.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <map>
+
+#include "render_worker/diagnosis/strips.h"
+
+namespace sightline {
+
+namespace {
+
+// Against simulated null sets.
+constexpr double kUnsharedVariance = 0.12;
+// Between recordings of one speckle: pixel by pixel they are compared by another statistic
+// (shared_speckle_statistic.h).
+constexpr double kUnsharedBetweenRecordings = 0.3;
+constexpr double kModelError = 0.005;
+// Of the far wings of the line's image, below this part of its crest: renderers cut them off.
+constexpr double kWingError = 0.5;
+constexpr double kWing = 0.003;
+// Of the largest number, where half of the speckle is cut off: its law there is not quite a Gamma
+// law.
+constexpr double kSaturationError = 0.01;
+
+// The nearest covariance with these variances: correlations that are put together from places with
+// different statistics need not be one.
+void MakePositive(Eigen::MatrixXd& covariance) {
+  const Eigen::VectorXd deviation = covariance.diagonal().cwiseMax(1e-30).cwiseSqrt();
+  const Eigen::VectorXd inverse = deviation.cwiseInverse();
+  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(inverse.asDiagonal() * covariance *
+                                                        inverse.asDiagonal());
+  if (solver.eigenvalues().minCoeff() >= 0) return;
+  Eigen::MatrixXd correlation = solver.eigenvectors() *
+                                solver.eigenvalues().cwiseMax(0).asDiagonal() *
+                                solver.eigenvectors().transpose();
+  const Eigen::VectorXd rescale =
+      deviation.cwiseQuotient(correlation.diagonal().cwiseMax(1e-30).cwiseSqrt());
+  covariance = rescale.asDiagonal() * correlation * rescale.asDiagonal();
+}
+
+}  // namespace
+
+ProfileStatistic::ProfileStatistic(const RecordedSet& set, int blocks_along_line)
+    : blocks_(blocks_along_line), planes_(PixelPlanes(set.frames.front().nominal.sensor)) {
+  std::map<int, int> group_of_position;
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    const RecordedFrame& recorded = set.frames[f];
+    int group = static_cast<int>(groups_.size());
+    if (recorded.plate_position_id >= 0) {
+      group = group_of_position.emplace(recorded.plate_position_id, group).first->second;
+    }
+    if (group == static_cast<int>(groups_.size())) groups_.emplace_back();
+    ProfileGroup& members = groups_[group];
+    members.frames.push_back(static_cast<int>(f));
+    members.columns_px = recorded.nominal.roi.columns_px;
+    std::vector<ProfileBin> bins = MakeProfileBins(recorded, planes_);
+    members.size += static_cast<int>(bins.size());
+    members.bins.push_back(std::move(bins));
+  }
+}
+
+int ProfileStatistic::FrameOfRow(int entry, int row) const {
+  const ProfileGroup& members = groups_[entry / blocks_];
+  size_t m = 0;
+  while (row >= static_cast<int>(members.bins[m].size())) {
+    row -= static_cast<int>(members.bins[m++].size());
+  }
+  return members.frames[m];
+}
+
+double ProfileStatistic::OffsetOfRow(int entry, int row) const {
+  const ProfileGroup& members = groups_[entry / blocks_];
+  size_t m = 0;
+  while (row >= static_cast<int>(members.bins[m].size())) {
+    row -= static_cast<int>(members.bins[m++].size());
+  }
+  return members.bins[m][row].centre_px;
+}
+
+Eigen::VectorXd ProfileStatistic::Observed(const RecordedSet& set, int entry_index) const {
+  const ProfileGroup& members = groups_[entry_index / blocks_];
+  Eigen::VectorXd means(members.size);
+  int entry = 0;
+  for (size_t m = 0; m < members.frames.size(); ++m) {
+    const Image<uint16_t>& raw = set.frames[members.frames[m]].raw_dn;
+    const auto [first, last] = BlockColumns(raw.columns_px, blocks_, entry_index % blocks_);
+    for (const ProfileBin& bin : members.bins[m]) {
+      const PixelPlane& plane = planes_[bin.plane];
+      double sum = 0;
+      int count = 0;
+      for (int row : bin.rows) {
+        for (int column = first + plane.first_column; column < last; column += plane.step) {
+          sum += raw.At(row, column);
+          ++count;
+        }
+      }
+      means[entry++] = sum / count;
+    }
+  }
+  return means;
+}
+
+Eigen::VectorXd ProfileStatistic::Expected(const ExpectedSet& set, int entry_index) const {
+  const ProfileGroup& members = groups_[entry_index / blocks_];
+  const std::vector<ExpectedFrame>& strips = set.strips[entry_index % blocks_];
+  Eigen::VectorXd means(members.size);
+  int entry = 0;
+  for (size_t m = 0; m < members.frames.size(); ++m) {
+    const ExpectedFrame& expected = strips[members.frames[m]];
+    for (const ProfileBin& bin : members.bins[m]) {
+      const PixelPlane& plane = planes_[bin.plane];
+      double sum = 0;
+      int count = 0;
+      for (const Image<float>& level : expected.level_dn) {
+        for (int row : bin.rows) {
+          for (int c = plane.first_column; c < level.columns_px; c += plane.step) {
+            sum += level.At(row, c);
+            ++count;
+          }
+        }
+      }
+      means[entry++] = sum / count;
+    }
+  }
+  return means;
+}
+
+Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_index) const {
+  const ProfileGroup& members = groups_[entry_index / blocks_];
+  const std::vector<ExpectedFrame>& strips = set.strips[entry_index % blocks_];
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(members.size, members.size);
+  Eigen::VectorXd noise_variance = Eigen::VectorXd::Zero(members.size);
+  Eigen::VectorXd saturation_variance = Eigen::VectorXd::Zero(members.size);
+  const ExpectedFrame& front = strips[members.frames.front()];
+  const auto [first, last] = BlockColumns(members.columns_px, blocks_, entry_index % blocks_);
+  const int middle = front.noise_variance_dn2.columns_px / 4 * 2;
+  const size_t levels = front.level_dn.size();
+  // Deviation of every level from the mean, of every row that is in a bin, at the block's middle.
+  struct RowLevels {
+    int entry, row, plane;
+    double weight;
+    std::vector<double> deviation;
+  };
+  std::vector<RowLevels> all;
+  int entry = 0;
+  for (size_t m = 0; m < members.frames.size(); ++m) {
+    const ExpectedFrame& expected = strips[members.frames[m]];
+    for (const ProfileBin& bin : members.bins[m]) {
+      const PixelPlane& plane = planes_[bin.plane];
+      const int columns = (last - first - plane.first_column + plane.step - 1) / plane.step;
+      const double weight = 1.0 / static_cast<double>(bin.rows.size());
+      double noise = 0;
+      for (int row : bin.rows) {
+        const int column = middle + plane.first_column;
+        noise += expected.noise_variance_dn2.At(row, column) +
+                 expected.pattern_variance_dn2.At(row, column);
+        if (levels < 2) continue;
+        RowLevels entry_row{entry, row, bin.plane, weight, std::vector<double>(levels)};
+        const double mean = expected.MeanDn(row, column);
+        for (size_t q = 0; q < levels; ++q) {
+          entry_row.deviation[q] = expected.level_dn[q].At(row, column) - mean;
+        }
+        all.push_back(std::move(entry_row));
+      }
+      const double top_dn = 0.99 * front.frame.sensor.largest_dn();
+      double cut_off = 0;  // share of the levels
+      for (const Image<float>& level : expected.level_dn) {
+        cut_off += (level.At(bin.rows[bin.rows.size() / 2], middle + plane.first_column) > top_dn) /
+                   static_cast<double>(levels);
+      }
+      saturation_variance[entry] =
+          std::pow(kSaturationError * top_dn * 4 * cut_off * (1 - cut_off), 2);
+      noise_variance[entry++] = noise * weight * weight / columns +
+                                std::pow(expected.row_scatter_dn, 2) * weight +
+                                std::pow(expected.column_scatter_dn, 2) / columns;
+    }
+  }
+  if (levels < 2) return noise_variance.asDiagonal();
+
+  // Correlation of the means over a block's columns, by place across the line, distance in rows and
+  // phase of the columns.
+  const LineSpeckle& line = *front.speckle;
+  const int lag = line.max_lag();
+  const int step = planes_.front().step;
+  const int columns = (last - first) / step;
+  const int distances = 2 * lag + 1;
+  std::vector<double> correlation(static_cast<size_t>(line.places()) * distances * 3);
+  for (int place = 0; place < line.places(); ++place) {
+    const SpecklePixelCovariance& pixel = line.At(place);
+    for (int dr = -lag; dr <= lag; ++dr) {
+      for (int phase = -1; phase <= 1; ++phase) {
+        double sum = 0;
+        for (int c = -columns + 1; c < columns; ++c) {
+          sum += (1 - std::abs(c) / static_cast<double>(columns)) * pixel.At(dr, c * step + phase);
+        }
+        correlation[(place * distances + dr + lag) * 3 + phase + 1] =
+            sum / (pixel.At(0, 0) * columns);
+      }
+    }
+  }
+  // Rows of all entries, sorted, so that only near ones meet.
+  std::stable_sort(all.begin(), all.end(),
+                   [](const RowLevels& a, const RowLevels& b) { return a.row < b.row; });
+  const auto table_of = [&](int row) {
+    const double v_m = (front.frame.roi.row_px + row) * front.frame.sensor.pixel_pitch_m;
+    return &correlation[line.PlaceOf(v_m) * distances * 3];
+  };
+  for (size_t i = 0; i < all.size(); ++i) {
+    const double* here = table_of(all[i].row);
+    for (size_t j = i; j < all.size() && all[j].row - all[i].row <= lag; ++j) {
+      const int phase = planes_[all[j].plane].first_column - planes_[all[i].plane].first_column;
+      const int at = (all[j].row - all[i].row + lag) * 3 + phase + 1;
+      // Both rows' statistics, so that it stays a covariance.
+      const double factor = 0.5 * (here[at] + table_of(all[j].row)[at]);
+      double product = 0;
+      for (size_t q = 0; q < levels; ++q) product += all[i].deviation[q] * all[j].deviation[q];
+      const double value =
+          product / static_cast<double>(levels) * factor * all[i].weight * all[j].weight;
+      covariance(all[i].entry, all[j].entry) += value;
+      if (i != j) covariance(all[j].entry, all[i].entry) += value;
+    }
+  }
+  MakePositive(covariance);
+  // What the approximations leave: a part of the scatter that neighbours do not share, and of the
+  // signal.
+  const Eigen::VectorXd means = Expected(set, entry_index);
+  const double background = means.minCoeff();
+  Eigen::VectorXd wing(members.size);  // what is doubtful in the wings, alike in all recordings
+  int first_entry = 0;
+  for (const std::vector<ProfileBin>& bins : members.bins) {
+    const auto size = static_cast<Eigen::Index>(bins.size());
+    const Eigen::ArrayXd signal = means.segment(first_entry, size).array() - background;
+    wing.segment(first_entry, size) = kWingError * signal.min(kWing * signal.maxCoeff()).matrix();
+    first_entry += static_cast<int>(size);
+  }
+  for (int i = 0; i < members.size; ++i) {
+    const double signal = means[i] - background;
+    covariance(i, i) *=
+        1 + (members.frames.size() > 1 ? kUnsharedBetweenRecordings : kUnsharedVariance);
+    covariance(i, i) += std::pow(kModelError * signal, 2) + noise_variance[i] +
+                        saturation_variance[i] + 0.25 * wing[i] * wing[i];
+  }
+  covariance += wing * wing.transpose();
+  return covariance;
+}
+
+}  // namespace sightline

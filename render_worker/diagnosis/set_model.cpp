@@ -1,0 +1,164 @@
+#include "render_worker/diagnosis/set_model.h"
+
+#include <algorithm>
+#include <atomic>
+#include <thread>
+
+#include "render_worker/diagnosis/burst_statistic.h"
+#include "render_worker/diagnosis/fixed_pattern_statistic.h"
+#include "render_worker/diagnosis/histogram_statistic.h"
+#include "render_worker/diagnosis/noise_statistics.h"
+#include "render_worker/diagnosis/profile_statistic.h"
+#include "render_worker/diagnosis/shared_speckle_statistic.h"
+#include "render_worker/diagnosis/strips.h"
+
+namespace sightline {
+
+namespace {
+
+// Runs work(i) for all i; every i writes to places of its own.
+template <typename Work>
+void ForAll(int count, int threads, const Work& work) {
+  std::atomic<int> next = 0;
+  const auto run = [&] {
+    for (int i = next++; i < count; i = next++) work(i);
+  };
+  std::vector<std::jthread> workers;
+  for (int t = 1; t < threads; ++t) workers.emplace_back(run);
+  run();
+}
+
+}  // namespace
+
+SetModel::SetModel(const RecordedSet& set, const SetModelSettings& settings)
+    : set_(set), settings_(settings) {
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    const RecordedFrame& frame = set.frames[f];
+    if (bursts_.empty() || frame.nominal.burst_frame_index == 0) {
+      bursts_.emplace_back(static_cast<int>(f), static_cast<int>(f));
+    }
+    bursts_.back().second = static_cast<int>(f) + 1;
+    const int id = frame.plate_position_id;
+    if (id >= 0 &&
+        std::find(position_ids_.begin(), position_ids_.end(), id) == position_ids_.end()) {
+      position_ids_.push_back(id);
+    }
+  }
+  statistics_.push_back(std::make_unique<ProfileStatistic>(set, settings.blocks_along_line));
+  statistics_.push_back(std::make_unique<TextureStatistic>(set, settings.blocks_along_line));
+  statistics_.push_back(std::make_unique<RepeatStatistic>(set));
+  statistics_.push_back(std::make_unique<DarkStatistic>(set));
+  statistics_.push_back(std::make_unique<SharedSpeckleStatistic>(set));
+  statistics_.push_back(std::make_unique<HistogramStatistic>(set));
+  statistics_.push_back(std::make_unique<FixedPatternStatistic>(set));
+  statistics_.push_back(std::make_unique<BurstStatistic>(set));
+  const bool recorded = !set.frames.empty() && !set.frames.front().raw_dn.values.empty();
+  for (size_t s = 0; s < statistics_.size(); ++s) {
+    for (int entry = 0; entry < statistics_[s]->entries(); ++entry) {
+      places_.emplace_back(static_cast<int>(s), entry);
+      observed_.push_back(recorded ? statistics_[s]->Observed(set, entry) : Eigen::VectorXd());
+    }
+  }
+}
+
+ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_only) const {
+  const int blocks = settings_.blocks_along_line;
+  const int frames = static_cast<int>(set_.frames.size());
+  const int bursts = static_cast<int>(bursts_.size());
+  ExpectedSet expected;
+  expected.effects = parameters.effects;
+  std::vector<FrameSetup> setups(frames);
+  expected.strips.assign(blocks, std::vector<ExpectedFrame>(frames));
+  for (int f = 0; f < frames; ++f) {
+    const RecordedFrame& recorded = set_.frames[f];
+    SetupDeviation deviations = parameters.deviations;
+    const auto shift = parameters.line_shift_px.find(recorded.plate_position_id);
+    if (shift != parameters.line_shift_px.end()) deviations.line_position_each_px = shift->second;
+    setups[f] = DeviatedFrame(set_, f, deviations);
+  }
+  ForAll(bursts, settings_.threads, [&](int burst) {
+    const auto [first, last] = bursts_[burst];
+    for (int f = first; f < last; ++f) {
+      // The middle first: its optics stand for all where they do not depend on the field.
+      std::shared_ptr<const LineImaging> imaging;
+      for (int i = 0; i < blocks; ++i) {
+        const int block = (i + blocks / 2) % blocks;
+        std::vector<ExpectedFrame>& strips = expected.strips[block];
+        FrameSetup frame = setups[f];
+        frame.roi = StripRegion(frame.roi, blocks, block, settings_.strip_columns_px);
+        const Image<double>* previous = f > first ? &strips[f - 1].mean_photo_electrons : nullptr;
+        strips[f] =
+            ExpectFrame(frame, parameters.effects, previous, imaging, settings_.speckle_levels);
+        imaging = strips[f].imaging;
+        if (middle_only) {
+          for (std::vector<ExpectedFrame>& other : expected.strips) {
+            if (&other != &strips) other[f] = strips[f];
+          }
+          break;
+        }
+      }
+    }
+  });
+  return expected;
+}
+
+std::map<int, double> SetModel::EstimateLineShifts(const SetParameters& parameters) const {
+  SetParameters centred = parameters;
+  centred.line_shift_px.clear();
+  const ExpectedSet expected = ExpectStrips(centred, false);
+  const auto centroid = [](const std::vector<double>& rows) {
+    std::vector<double> sorted = rows;
+    std::sort(sorted.begin(), sorted.end());
+    const double background = sorted[sorted.size() / 4];
+    const double threshold = background + 0.1 * (sorted.back() - background);
+    double sum = 0, moment = 0;
+    for (size_t row = 0; row < rows.size(); ++row) {
+      if (rows[row] <= threshold) continue;
+      sum += rows[row] - background;
+      moment += (rows[row] - background) * static_cast<double>(row);
+    }
+    return sum > 0 ? moment / sum : 0;
+  };
+  std::map<int, std::pair<double, int>> sums;
+  for (size_t f = 0; f < set_.frames.size(); ++f) {
+    const RecordedFrame& recorded = set_.frames[f];
+    if (recorded.plate_position_id < 0) continue;
+    const Image<uint16_t>& raw = recorded.raw_dn;
+    std::vector<double> seen(raw.rows_px, 0), modelled(raw.rows_px, 0);
+    for (int row = 0; row < raw.rows_px; ++row) {
+      for (int c = 0; c < raw.columns_px; ++c) seen[row] += raw.At(row, c);
+      for (const std::vector<ExpectedFrame>& strips : expected.strips) {
+        for (int c = 0; c < 2; ++c) modelled[row] += strips[f].MeanDn(row, c);
+      }
+    }
+    // Both rows of a Bayer cell together.
+    for (int row = 0; row + 1 < raw.rows_px; ++row) {
+      seen[row] += seen[row + 1];
+      modelled[row] += modelled[row + 1];
+    }
+    auto& [sum, count] = sums[recorded.plate_position_id];
+    sum += centroid(seen) - centroid(modelled);
+    ++count;
+  }
+  std::map<int, double> shifts;
+  for (const auto& [id, value] : sums) shifts[id] = value.first / value.second;
+  return shifts;
+}
+
+SetModel::Expectation SetModel::Expect(const SetParameters& parameters, bool with_covariance,
+                                       bool middle_only) const {
+  const ExpectedSet expected = ExpectStrips(parameters, middle_only);
+  Expectation expectation;
+  expectation.mean.resize(entries());
+  if (with_covariance) expectation.covariance.resize(entries());
+  ForAll(entries(), settings_.threads, [&](int e) {
+    const int entry = places_[e].second;
+    expectation.mean[e] = StatisticOf(e).Expected(expected, entry);
+    if (with_covariance) {
+      expectation.covariance[e] = StatisticOf(e).Covariance(expected, entry);
+    }
+  });
+  return expectation;
+}
+
+}  // namespace sightline

@@ -1,0 +1,61 @@
+// Second-order statistics of fully developed speckle on pixels (Goodman, Speckle Phenomena in
+// Optics, 2nd ed., sections 4.4 and 4.7).
+#pragma once
+
+#include <functional>
+#include <vector>
+
+#include "core/image/image.h"
+#include "render_worker/optics/pupil.h"
+
+namespace sightline {
+
+// How much light passes each place of the pupil towards one place of the image; 1 everywhere for an
+// evenly lit object.
+using PupilWeight = std::function<double(double x_m, double y_m)>;
+
+// Covariance of the irradiance of two pixels over the product of their means, by their distance in
+// pixels: At(rows, columns). At(0, 0) is the squared contrast 1/M. For one polarised pattern: the
+// squared field correlation |mu|^2 averaged over the two pixels, mu the Fourier transform of the
+// light's distribution over the pupil (van Cittert and Zernike).
+class SpecklePixelCovariance {
+ public:
+  SpecklePixelCovariance(const Pupil& pupil, const PupilWeight& weight, double wavelength_m,
+                         double image_distance_m, double pixel_pitch_m, int max_lag);
+
+  double At(int rows, int columns) const;
+  int max_lag() const { return max_lag_; }
+
+ private:
+  int max_lag_;
+  int row_reach_ = 0, column_reach_ = 0;  // farther it is zero
+  std::vector<double> values_;
+};
+
+// The same along a line across the image, which lights the pupil unevenly once it is out of focus:
+// at the line's flank light comes from one side of the pupil only, and speckle is longer across the
+// line than along it.
+class LineSpeckle {
+ public:
+  // `ideal`: irradiance across the line, sampled every sample_pitch_m from first_v_m on;
+  // `blur_per_pupil` = b (1/b' - 1/b): shift of the image by place in the pupil.
+  LineSpeckle(const Pupil& pupil, double wavelength_m, double image_distance_m,
+              double blur_per_pupil, double pixel_pitch_m, const std::vector<double>& ideal,
+              double first_v_m, double sample_pitch_m);
+
+  int places() const { return static_cast<int>(places_.size()); }
+  // Number of the place that stands for v.
+  int PlaceOf(double v_m) const;
+  const SpecklePixelCovariance& At(int place) const { return places_[place]; }
+  int max_lag() const { return places_.front().max_lag(); }
+
+ private:
+  double centre_m_ = 0, spacing_m_ = 1;
+  std::vector<SpecklePixelCovariance> places_;
+};
+
+// A pixel's irradiance follows about a Gamma law of shape M = 1/contrast^2 (Goodman 4.7.2). Factors
+// of the mean, the average of each of `count` equally likely intervals; their mean is 1.
+std::vector<double> GammaLevels(double contrast_squared, int count);
+
+}  // namespace sightline

@@ -1,0 +1,82 @@
+// DiagnosisService: sets of recordings, compared with the model as jobs.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/job/job_store.h"
+#include "render_worker/diagnosis/diagnose.h"
+#include "render_worker/service/asset_store.h"
+#include "render_worker/verification/verify.h"
+#include "rpc_server/call_tracker.h"
+#include "rpc_server/lru_store.h"
+#include "sightline/v1/diagnosis_service.grpc.pb.h"
+
+namespace sightline {
+
+// What the service runs. A function that is not there: its calls get UNIMPLEMENTED.
+struct RecordingFunctions {
+  // Diagnose and Verify.
+  std::function<absl::StatusOr<v1::Diagnosis>(const RecordedSet&, const DiagnosisSettings&,
+                                              const DiagnosisProgress&)>
+      diagnose;
+  std::function<absl::StatusOr<v1::Verification>(const RecordedSet&, const VerificationSettings&,
+                                                 const DiagnosisProgress&)>
+      verify;
+};
+
+class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
+ public:
+  struct Parts {
+    std::string spool_folder;  // exists; for links to assets
+    AssetStore* assets;
+    JobStore* jobs;
+    CallTracker* calls;
+    RecordingFunctions functions;
+    int threads = 1;                           // of one job
+    int64_t max_set_bytes = int64_t{1} << 30;  // raw numbers in memory, all waiting sets together
+    int64_t max_result_bytes = int64_t{1} << 30;  // answers in memory; the longest unused go first
+  };
+  explicit DiagnosisServiceImpl(Parts parts)
+      : p_(std::move(parts)), results_(p_.max_result_bytes) {}
+
+  grpc::Status CreateDiagnosis(grpc::ServerContext* context,
+                               const v1::CreateDiagnosisRequest* request,
+                               v1::CreateDiagnosisResponse* response) override;
+  grpc::Status GetDiagnosis(grpc::ServerContext* context, const v1::GetDiagnosisRequest* request,
+                            v1::GetDiagnosisResponse* response) override;
+  grpc::Status CreateVerification(grpc::ServerContext* context,
+                                  const v1::CreateVerificationRequest* request,
+                                  v1::CreateVerificationResponse* response) override;
+  grpc::Status GetVerification(grpc::ServerContext* context,
+                               const v1::GetVerificationRequest* request,
+                               v1::GetVerificationResponse* response) override;
+
+ private:
+  struct CheckedSet;
+
+  absl::StatusOr<std::shared_ptr<const CheckedSet>> Check(const v1::RecordedSetSource& source);
+  // `run` returns the serialised answer.
+  absl::StatusOr<v1::Job> CreateJob(
+      const std::string& kind, const std::string& request_id, const std::string& fingerprint,
+      std::function<absl::StatusOr<std::string>(const DiagnosisProgress&)> run);
+  // The serialised answer of a finished job.
+  absl::StatusOr<std::shared_ptr<const std::string>> Result(const std::string& job_id,
+                                                            const std::string& kind);
+  absl::Status Diagnosis(const v1::CreateDiagnosisRequest& request,
+                         v1::CreateDiagnosisResponse* response);
+  absl::Status Verification(const v1::CreateVerificationRequest& request,
+                            v1::CreateVerificationResponse* response);
+
+  const Parts p_;
+  LruStore<std::string> results_;  // by digest
+  std::atomic<int64_t> set_bytes_ = 0;
+  std::atomic<int64_t> next_folder_ = 0;
+};
+
+}  // namespace sightline

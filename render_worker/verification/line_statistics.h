@@ -1,0 +1,55 @@
+// What chapter 5 of the thesis measures in an image of a laser line.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/image/image.h"
+#include "render_worker/diagnosis/profile_bins.h"
+#include "render_worker/frame/frame_setup.h"
+
+namespace sightline {
+
+// Pixels of one colour: one plane, or the two of green.
+struct ColourChannel {
+  std::string name;  // "mono", "red", "green", "blue"
+  std::vector<PixelPlane> planes;
+};
+std::vector<ColourChannel> ColourChannels(const Sensor& sensor);
+
+// Pixels of a plane, its step left out.
+Image<float> PlaneValues(const Image<uint16_t>& raw_dn, const PixelPlane& plane);
+
+// Average along the line (section 5.4.1): mean over the columns of every row that has pixels of the
+// channel.
+struct AverageProfile {
+  std::vector<int> row_px;  // from the image's first row
+  std::vector<double> mean_dn;
+
+  double Peak() const;  // [DN]; 0 if empty
+};
+AverageProfile AverageAlongLine(const Image<uint16_t>& raw_dn, const ColourChannel& channel);
+
+// Where the line is detected, column by column (section 5.4.2).
+struct LineScatter {
+  double found_fraction = 0;  // of the columns
+  double mean_row_px = 0;
+  double u_px = 0;  // standard deviation of the row over the columns
+
+  // Too few columns say nothing about a line.
+  bool found() const { return found_fraction >= 0.5; }
+};
+
+// Detection as in thesis appendix A, at the scale of the nominal line's image. What counts as a
+// line stands six standard deviations above what dark noise alone would show as one. `frame` gives
+// the scale, the noise and the saturation; rows count from the image's first row.
+absl::StatusOr<LineScatter> DetectLineScatter(const Image<uint16_t>& raw_dn,
+                                              const ColourChannel& channel,
+                                              const FrameSetup& frame);
+
+// Height for an uncertainty on the image, u p / (m tan(theta)) with m = b / d_c (eq. 5.9, which has
+// theta = 45 degrees and f for b).
+double HeightUncertainty(double u_px, const FrameSetup& frame);
+
+}  // namespace sightline

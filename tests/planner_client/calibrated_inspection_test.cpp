@@ -1,0 +1,235 @@
+#include "planner_client/diagnosis_client/calibrated_inspection.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+
+#include "absl/strings/str_cat.h"
+#include "core/inspection/inspection.h"
+#include "core/json/strict_json.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::Contains;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+constexpr char kSensor[] = R"({"sensor_type": "mono", "pixel_pitch_m": 5.3e-6,
+  "sensor_columns_px": 64, "sensor_rows_px": 48, "bit_depth_bit": 10,
+  "quantum_efficiency": {"mono": 0.5}, "gain_dn_per_electron": 0.16,
+  "saturation_capacity_electrons": 9893, "dark_mean_electrons": 27.5, "dark_noise_electrons": 6.5,
+  "dark_current_electrons_per_s": 0})";
+
+v1::Inspection MakeInspection() {
+  v1::Inspection message;
+  const absl::Status status =
+      ParseStrictJson(absl::StrCat(R"({"name": "table", "part": {"file": "table.obj", "unit": "m"},
+        "camera": {"sensor": )",
+                                   kSensor, R"(},
+        "lens": {"focal_length_m": 0.016, "f_number": 8, "focus_distance_m": 0.5},
+        "laser": {"power_w": 0.005, "fan_angle_deg": 40},
+        "materials": [
+          {"part_material": "a", "material": {"name": "plate", "lambert_ggx":
+            {"diffuse_albedo": 0.35, "specular_f0": 0.6, "ggx_alpha": 0.4}}},
+          {"part_material": "b", "material": {"name": "grey",
+            "lambert": {"diffuse_albedo": 0.5}}}]})"),
+                      "inspection", &message);
+  EXPECT_TRUE(status.ok()) << status;
+  return message;
+}
+
+v1::Recordings Nominal() {
+  v1::Recordings message;
+  const absl::Status status = ParseStrictJson(
+      absl::StrCat(R"({"format": "laser-line-recordings", "format_version": 1, "set": "s",
+        "camera": )",
+                   kSensor, R"(, "lens": {"focal_length_m": 0.016, "transmission": 0.9},
+        "laser": {"wavelength_m": 661e-9, "power_w": 0.005, "divergence_rad": 0.24e-3,
+          "beam_focus_distance_m": 0.9, "fan_angle_deg": 40},
+        "surface": {"diffuse_albedo": 0.35, "specular_f0": 0.6, "ggx_alpha": 0.4},
+        "rig": {"incidence_angle_deg": 45}})"),
+      "recordings", &message);
+  EXPECT_TRUE(status.ok()) << status;
+  return message;
+}
+
+void AddDeviation(v1::Diagnosis* diagnosis, const std::string& name, double value) {
+  v1::FittedDeviation* deviation = diagnosis->mutable_model_fit()->add_deviations();
+  deviation->set_name(name);
+  deviation->set_value(value);
+  deviation->set_standard_uncertainty(std::abs(value));
+}
+
+void AddEffect(v1::Diagnosis* diagnosis, const std::string& id,
+               const std::vector<std::pair<std::string, double>>& parameters) {
+  v1::Effect* effect = diagnosis->add_calibrated_effects();
+  effect->set_effect(id);
+  for (const auto& [name, value] : parameters) (*effect->mutable_parameters())[name] = value;
+}
+
+TEST(CalibratedInspection, NothingFoundChangesNothing) {
+  const v1::Inspection before = MakeInspection();
+  const CalibratedInspection after = CalibrateInspection(before, Nominal(), {});
+  EXPECT_EQ(after.inspection.SerializeAsString(), before.SerializeAsString());
+  EXPECT_THAT(after.changes, IsEmpty());
+  EXPECT_THAT(after.warnings, IsEmpty());
+}
+
+TEST(CalibratedInspection, DeviationsGoWhereTheyBelong) {
+  v1::Diagnosis diagnosis;
+  AddDeviation(&diagnosis, "f_number_relative", 0.02);
+  AddDeviation(&diagnosis, "focus_distance_relative", -0.01);
+  AddDeviation(&diagnosis, "transmission_relative", -0.03);
+  AddDeviation(&diagnosis, "power_relative", 0.04);
+  AddDeviation(&diagnosis, "divergence_relative", 0.05);
+  AddDeviation(&diagnosis, "beam_focus_distance_m", -0.06);
+  AddDeviation(&diagnosis, "diffuse_albedo_relative", 0.07);
+  AddDeviation(&diagnosis, "specular_f0_relative", 0.08);
+  AddDeviation(&diagnosis, "ggx_alpha_relative", -0.09);
+  AddDeviation(&diagnosis, "quantum_efficiency_relative", 0.1);
+  AddDeviation(&diagnosis, "gain_relative", 0.11);
+  AddDeviation(&diagnosis, "dark_mean_electrons", 1.2);
+  AddDeviation(&diagnosis, "dark_noise_relative", 0.13);
+  AddDeviation(&diagnosis, "line_position_common_px", 0.7);
+  const CalibratedInspection result = CalibrateInspection(MakeInspection(), Nominal(), diagnosis);
+  EXPECT_THAT(result.warnings, IsEmpty());
+  EXPECT_EQ(result.changes.size(), 13u);
+  const v1::Inspection& i = result.inspection;
+  EXPECT_DOUBLE_EQ(i.lens().f_number(), 8 * 1.02);
+  EXPECT_DOUBLE_EQ(i.lens().focus_distance_m(), 0.5 * 0.99);
+  EXPECT_DOUBLE_EQ(i.lens().transmission(), 0.97);  // of the default, 1
+  EXPECT_DOUBLE_EQ(i.laser().power_w(), 0.005 * 1.04);
+  EXPECT_DOUBLE_EQ(i.laser().divergence_rad(), 0.24e-3 * 1.05);
+  EXPECT_DOUBLE_EQ(i.laser().beam_focus_distance_m(), 0.9 - 0.06);
+  const v1::Material::LambertGgx& surface = i.materials(0).material().lambert_ggx();
+  EXPECT_DOUBLE_EQ(surface.diffuse_albedo(), 0.35 * 1.07);
+  EXPECT_DOUBLE_EQ(surface.specular_f0(), 0.6 * 1.08);
+  EXPECT_DOUBLE_EQ(surface.ggx_alpha(), 0.4 * 0.91);
+  EXPECT_DOUBLE_EQ(i.materials(1).material().lambert().diffuse_albedo(), 0.5);
+  EXPECT_DOUBLE_EQ(i.camera().sensor().quantum_efficiency().mono(), 0.5 * 1.1);
+  EXPECT_DOUBLE_EQ(i.camera().sensor().gain_dn_per_electron(), 0.16 * 1.11);
+  EXPECT_DOUBLE_EQ(i.camera().sensor().dark_mean_electrons(), 27.5 + 1.2);
+  EXPECT_DOUBLE_EQ(i.camera().sensor().dark_noise_electrons(), 6.5 * 1.13);
+  EXPECT_TRUE(ParseInspection(i, "calibrated", "").ok());
+}
+
+TEST(CalibratedInspection, WhatCannotBeSaidIsAWarning) {
+  v1::Diagnosis diagnosis;
+  AddDeviation(&diagnosis, "camera_distance_m", 0.003);
+  AddDeviation(&diagnosis, "focus_distance_relative", 0.01);
+  AddDeviation(&diagnosis, "transmission_relative", 0.2);
+  AddEffect(&diagnosis, "illumination.line_bow", {{"bow_m", 1e-4}});
+  AddEffect(&diagnosis, "geometry.laser_distance_error", {{"laser_distance_shift_m", 0.01}});
+  v1::Inspection inspection = MakeInspection();
+  inspection.mutable_lens()->clear_focus_distance_m();
+  const CalibratedInspection result = CalibrateInspection(inspection, Nominal(), diagnosis);
+  EXPECT_EQ(result.warnings.size(), 5u);
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("camera_distance_m: is of the set-up")));
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("lens.focus_distance_m is not given")));
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("out of its range; it is 1")));
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("illumination.line_bow")));
+  EXPECT_EQ(result.inspection.effects_size(), 0);
+  EXPECT_EQ(result.inspection.lens().transmission(), 1);
+  EXPECT_TRUE(ParseInspection(result.inspection, "calibrated", "").ok());
+}
+
+TEST(CalibratedInspection, AnotherCameraLensOrLaserStaysAsItIs) {
+  v1::Diagnosis diagnosis;
+  AddDeviation(&diagnosis, "gain_relative", 0.1);
+  AddDeviation(&diagnosis, "f_number_relative", 0.1);
+  AddDeviation(&diagnosis, "power_relative", 0.1);
+  AddDeviation(&diagnosis, "diffuse_albedo_relative", 0.1);
+  AddEffect(&diagnosis, "sensor.prnu", {{"prnu_relative", 0.01}});
+  v1::Recordings nominal = Nominal();
+  nominal.mutable_camera()->set_sensor_rows_px(50);
+  nominal.mutable_lens()->set_focal_length_m(0.025);
+  nominal.mutable_laser()->set_wavelength_m(532e-9);
+  nominal.mutable_surface()->set_diffuse_albedo(0.5);
+  const v1::Inspection before = MakeInspection();
+  const CalibratedInspection after = CalibrateInspection(before, nominal, diagnosis);
+  EXPECT_EQ(after.inspection.SerializeAsString(), before.SerializeAsString());
+  EXPECT_EQ(after.warnings.size(), 5u);
+}
+
+TEST(CalibratedInspection, EffectsAreValuesWhereThereIsAFieldAndNamedElse) {
+  v1::Diagnosis diagnosis;
+  AddEffect(&diagnosis, "optics.f_number_error", {{"f_number_factor", 1.1}});
+  AddEffect(&diagnosis, "illumination.beam_quality", {{"m2", 1.5}});
+  AddEffect(&diagnosis, "sensor.dark_current", {{"dark_current_electrons_per_s", 40}});
+  AddEffect(&diagnosis, "optics.veiling_glare",
+            {{"glare_fraction", 0.05}, {"halo_radius_m", 2e-4}});
+  const CalibratedInspection result = CalibrateInspection(MakeInspection(), Nominal(), diagnosis);
+  EXPECT_THAT(result.warnings, IsEmpty());
+  EXPECT_DOUBLE_EQ(result.inspection.lens().f_number(), 8.8);
+  EXPECT_DOUBLE_EQ(result.inspection.laser().beam_quality_m2(), 1.5);
+  EXPECT_DOUBLE_EQ(result.inspection.camera().sensor().dark_current_electrons_per_s(), 40);
+  ASSERT_EQ(result.inspection.effects_size(), 1);
+  EXPECT_EQ(result.inspection.effects(0).effect(), "optics.veiling_glare");
+  EXPECT_TRUE(ParseInspection(result.inspection, "calibrated", "").ok());
+}
+
+// A Lambert plate of albedo rho under the radiance L from everywhere has the radiance rho L.
+TEST(CalibratedInspection, AmbientLightGivesThePlateItsRadiance) {
+  v1::Diagnosis diagnosis;
+  AddEffect(&diagnosis, "illumination.ambient_light", {{"ambient_radiance_w_m2_sr", 0.07}});
+  v1::Recordings nominal = Nominal();
+  // No lobe: F0 = 0 leaves Schlick's term alone, (1 - cos(theta/2))^5 < 0.0022.
+  nominal.mutable_surface()->set_specular_f0(0);
+  v1::Inspection inspection = MakeInspection();
+  CalibratedInspection result = CalibrateInspection(inspection, nominal, diagnosis);
+  const v1::Lighting::Ambient& ambient = result.inspection.lighting().ambient();
+  EXPECT_NEAR(ambient.radiance_w_m2_sr(), 0.07 / 0.35, 0.01 * 0.2);
+  EXPECT_LE(ambient.radiance_w_m2_sr(), 0.07 / 0.35);
+  EXPECT_EQ(ambient.spectrum().line().wavelength_m(), 661e-9);
+  EXPECT_TRUE(ParseInspection(result.inspection, "calibrated", "").ok());
+
+  // A smooth mirror of F0 = 1 without diffuse part reflects all of it: lobe of alpha -> 0.
+  nominal.mutable_surface()->set_diffuse_albedo(0);
+  nominal.mutable_surface()->set_specular_f0(1);
+  nominal.mutable_surface()->set_ggx_alpha(0.05);
+  result = CalibrateInspection(inspection, nominal, diagnosis);
+  // Light lost to shadowing is of the order alpha^2.
+  EXPECT_NEAR(result.inspection.lighting().ambient().radiance_w_m2_sr(), 0.07, 0.07 * 0.01);
+
+  // Light of another colour is not added to.
+  inspection.mutable_lighting()->mutable_ambient()->set_radiance_w_m2_sr(1);
+  inspection.mutable_lighting()->mutable_ambient()->mutable_spectrum()->set_illuminant("d65");
+  result = CalibrateInspection(inspection, nominal, diagnosis);
+  EXPECT_EQ(result.inspection.lighting().ambient().radiance_w_m2_sr(), 1);
+  EXPECT_THAT(result.warnings, Contains(HasSubstr("lighting.ambient")));
+}
+
+TEST(CalibratedInspection, FileCanBeReadFromItsNewFolder) {
+  std::string folder = "/tmp/sightline-calibrated-XXXXXX";
+  ASSERT_NE(mkdtemp(folder.data()), nullptr);
+  fs::create_directories(folder + "/parts");
+  fs::create_directories(folder + "/set/calibrated");
+  std::ofstream(folder + "/parts/table.obj")
+      << "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nf 1 2 3\nf 1 3 4\n";
+  std::ofstream(folder + "/sensor.json") << kSensor;
+  v1::Inspection inspection = MakeInspection();
+  inspection.mutable_part()->set_file("parts/table.obj");
+  inspection.mutable_camera()->clear_sensor();
+  inspection.mutable_camera()->set_sensor_file("sensor.json");
+  std::ofstream(folder + "/inspection.json") << ToJson(inspection);
+  v1::Diagnosis diagnosis;
+  AddDeviation(&diagnosis, "gain_relative", 0.25);
+  const auto result = CalibrateInspectionFile(folder + "/inspection.json", Nominal(), diagnosis,
+                                              folder + "/set/calibrated");
+  ASSERT_TRUE(result.ok()) << result.status();
+  std::ofstream(folder + "/set/calibrated/inspection.json") << ToJson(result->inspection);
+  const auto read = ReadInspection(folder + "/set/calibrated/inspection.json");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_TRUE(fs::exists(read->part_file)) << read->part_file;
+  EXPECT_DOUBLE_EQ(read->sensor->gain_dn_per_electron, 0.2);
+  fs::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace sightline

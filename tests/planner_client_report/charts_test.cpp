@@ -1,0 +1,162 @@
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <limits>
+#include <regex>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "planner_client/report/chart_axis.h"
+#include "planner_client/report/line_range.h"
+#include "planner_client/report/range_chart.h"
+#include "planner_client/report/recording_bars.h"
+#include "planner_client/report/region_map_picture.h"
+#include "planner_client/report/xy_chart.h"
+
+namespace sightline {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+
+size_t Count(const std::string& text, const std::string& part) {
+  size_t count = 0;
+  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
+  return count;
+}
+
+TEST(ChartScale, PutsTicksAtRoundNumbers) {
+  ChartAxis axis;
+  axis.low = 0;
+  axis.high = 10;
+  EXPECT_THAT(ChartScale(axis, {}, 0, 100).Ticks(5), ElementsAre(0, 2, 4, 6, 8, 10));
+  axis.logarithmic = true;
+  axis.low = 0.9;
+  axis.high = 1100;
+  EXPECT_THAT(ChartScale(axis, {}, 0, 100).Ticks(4), ElementsAre(1, 10, 100, 1000));
+  EXPECT_THAT(ChartScale(axis, {}, 0, 100).Ticks(7), ElementsAre(1, 3, 10, 30, 100, 300, 1000));
+}
+
+TEST(ChartScale, MapsLinesAndPowers) {
+  ChartAxis axis;
+  axis.low = 1;
+  axis.high = 100;
+  EXPECT_NEAR(ChartScale(axis, {}, 200, 0).At(50.5), 100, 1e-9);
+  axis.logarithmic = true;
+  EXPECT_NEAR(ChartScale(axis, {}, 200, 0).At(10), 100, 1e-9);
+  EXPECT_NEAR(ChartScale(axis, {}, 200, 0).At(-5), 200, 1e-9);  // at the end of the axis
+}
+
+TEST(ChartScale, CoversAnyData) {
+  for (const bool logarithmic : {false, true}) {
+    for (const std::vector<double>& values :
+         {std::vector<double>{}, {kNaN}, {3.0}, {0.0}, {-1.0, 2.0}, {1e-12, 1e12}, {5.0, 5.0}}) {
+      ChartAxis axis;
+      axis.logarithmic = logarithmic;
+      const ChartScale scale(axis, values, 0, 100);
+      EXPECT_LT(scale.low(), scale.high());
+      for (const double value : values) {
+        if (!std::isfinite(value) || (logarithmic && value <= 0)) continue;
+        EXPECT_TRUE(scale.Shows(value));
+      }
+      EXPECT_LE(scale.Ticks(6).size(), 20u);
+    }
+  }
+}
+
+TEST(XyChart, LeavesGapsWhereThereIsNoNumber) {
+  XyChart chart;
+  chart.series = {{"null", SeriesMark::kLineAndDots, {1, 2, 3, 4}, {1, kNaN, 3, 4}, {}, {}}};
+  const std::string svg = XyChartSvg(chart);
+  EXPECT_EQ(Count(svg, "<circle"), 3u);
+  const std::smatch::string_type path = svg.substr(svg.find("d=\"M"));
+  EXPECT_EQ(Count(path.substr(0, path.find('/')), "M"), 2u);
+  EXPECT_THAT(svg, Not(HasSubstr("nan")));
+}
+
+TEST(XyChart, DrawsNothingBelowZeroOnALogarithmicAxis) {
+  XyChart chart;
+  chart.y.logarithmic = true;
+  chart.series = {{"observed", SeriesMark::kDots, {1, 2, 3}, {-1, 10, 100}, {5, 5, 5}, {}}};
+  const std::string svg = XyChartSvg(chart);
+  EXPECT_EQ(Count(svg, "<circle"), 2u);
+  EXPECT_EQ(Count(svg, "class=\"band"), 1u);
+  EXPECT_THAT(svg, Not(HasSubstr("nan")));
+}
+
+TEST(XyChart, LeavesOutPointsBesideTheAxis) {
+  XyChart chart;
+  chart.x.low = 2;
+  chart.x.high = 4;
+  chart.series = {{"observed", SeriesMark::kDots, {1, 2, 3, 4, 5}, {900, 1, 2, 3, 900}, {}, {}}};
+  const std::string svg = XyChartSvg(chart);
+  EXPECT_EQ(Count(svg, "<circle"), 3u);
+  EXPECT_THAT(svg, Not(HasSubstr(">500<")));  // the others do not stretch the ordinate
+}
+
+TEST(LineRange, IsTheLineAndAsMuchBesideIt) {
+  std::vector<double> rows, line, flat;
+  for (int row = 0; row < 256; ++row) {
+    rows.push_back(row);
+    line.push_back(5 + (std::abs(row - 100) <= 10 ? 400 : 0));
+    flat.push_back(5);
+  }
+  EXPECT_EQ(LineRange(rows, line), std::make_pair(70.0, 130.0));
+  EXPECT_EQ(LineRange(rows, flat), std::make_pair(0.0, 255.0));
+  line.assign(256, kNaN);
+  EXPECT_EQ(LineRange(rows, line), std::make_pair(0.0, 255.0));
+  EXPECT_EQ(LineRange({3}, {1}), std::make_pair(3.0, 3.0));
+}
+
+TEST(RegionMap, ColoursBySignAndSize) {
+  RegionMapGrid grid;
+  grid.rows = 1;
+  grid.columns = 6;
+  grid.z = {0.5f, 2.5f, 2.9f, -4.0f, 100.0f, static_cast<float>(kNaN)};
+  const std::string svg = RegionMapSvg(grid, "z");
+  const auto rectangles = [&](const std::string& css_class) {
+    const size_t at = svg.find("class=\"" + css_class + "\" d=\"");
+    if (at == std::string::npos) return size_t{0};
+    return Count(svg.substr(at, svg.find("/>", at) - at), "Z");
+  };
+  EXPECT_EQ(rectangles("more0"), 1u);
+  EXPECT_EQ(rectangles("more2"), 1u);  // neighbours of one colour are one rectangle
+  EXPECT_EQ(rectangles("less3"), 1u);
+  EXPECT_EQ(rectangles("more6"), 1u);
+  EXPECT_EQ(Count(svg, "<path"), 4u);
+}
+
+TEST(RecordingBars, GoUpAboveOneAndDownBelow) {
+  const std::string svg = RecordingBarsSvg(
+      "chi squared", {{"7", "", false, {{"null", 4.0}, {"model", 0.25}}}, {"8", "", true, {}}});
+  const std::regex bar(
+      "class=\"bar (null|model)\" x=\"[0-9.]*\" y=\"([0-9.]+)\" width=\"[0-9.]*\" "
+      "height=\"([0-9.]+)\"");
+  std::vector<std::pair<double, double>> bars;
+  for (auto it = std::sregex_iterator(svg.begin(), svg.end(), bar); it != std::sregex_iterator();
+       ++it) {
+    bars.push_back({std::atof((*it)[2].str().c_str()), std::atof((*it)[3].str().c_str())});
+  }
+  ASSERT_EQ(bars.size(), 2u);
+  EXPECT_NEAR(bars[0].first + bars[0].second, bars[1].first, 0.2);  // they meet at 1
+  EXPECT_NEAR(bars[0].second, bars[1].second, 0.2);                 // 4 is as far up as 1/4 down
+  EXPECT_EQ(Count(svg, "class=\"usual\""), 1u);
+}
+
+TEST(RangeChart, DrawsIntervalsAndNotes) {
+  RangeChart chart;
+  chart.rows = {{"power", {{"null", 0.5, 0.2}, {"model", kNaN, 0.1}}, "0.5 <&> \u00b1"}};
+  const std::string svg = RangeChartSvg(chart);
+  EXPECT_EQ(Count(svg, "<circle"), 1u);
+  EXPECT_EQ(Count(svg, "class=\"interval null\""), 1u);
+  EXPECT_THAT(svg, HasSubstr("0.5 &lt;&amp;&gt; \u00b1"));
+}
+
+}  // namespace
+}  // namespace sightline

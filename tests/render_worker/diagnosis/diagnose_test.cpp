@@ -1,0 +1,158 @@
+// The fit finds what the renderer was given; explanations compete fairly.
+#include "render_worker/diagnosis/diagnose.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Eigenvalues>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "render_worker/diagnosis/competition.h"
+#include "render_worker/diagnosis/fit_quality.h"
+#include "render_worker/diagnosis/power.h"
+#include "render_worker/diagnosis/profile_statistic.h"
+#include "rendered_set.h"
+
+namespace sightline {
+namespace {
+
+SetupDeviation SomeDeviations() {
+  SetupDeviation deviation;
+  deviation.camera_distance_m = 2e-3;
+  deviation.focus_distance_relative = -0.02;
+  deviation.f_number_relative = 0.015;
+  deviation.power_relative = -0.06;
+  deviation.dark_mean_electrons = 0.4;
+  deviation.line_position_common_px = 1.1;
+  deviation.line_position_each_px = 0.3;
+  return deviation;
+}
+
+FitResult FitNull(const SetModel& model) {
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  return FitSet(model, start, {}, {}, nullptr);
+}
+
+TEST(FitSet, FindsDeviationsWithinTheirErrors) {
+  const SetupDeviation truth = SomeDeviations();
+  const RecordedSet set = RenderSmallSet(truth, {}, 5);
+  const SetModel model(set, {});
+  const FitResult fit = FitNull(model);
+  // The covariance is somewhat too large on purpose, never too small by much.
+  EXPECT_LT(fit.chi_squared, 1.25 * fit.data_count);
+  EXPECT_GT(fit.chi_squared, 0.5 * fit.data_count);
+  SetupDeviation uncertainty = set.description.uncertainty;
+  SetupDeviation found = fit.parameters.deviations, wanted = truth;
+  int column = 0;
+  for (int i = 0; i < kDeviations; ++i) {
+    const double scale = DeviationAt(uncertainty, i);
+    if (scale <= 0) continue;
+    const double error = scale * std::sqrt(fit.covariance(column, column));
+    EXPECT_NEAR(DeviationAt(found, i), DeviationAt(wanted, i), 4 * error) << kDeviationNames[i];
+    EXPECT_LE(error, 1.0001 * scale);
+    ++column;
+  }
+}
+
+// A bug found: correlations put together from places with different speckle were none.
+TEST(ProfileStatistic, CovarianceIsPositiveOutOfFocus) {
+  RecordingSet description = SmallSetDescription();
+  for (RecordedImage& image : description.recordings) {
+    image.f_number = 2;
+    image.camera_distance_m = 0.25;
+  }
+  const RecordedSet set = MakeRecordedSet(description, {});
+  const SetModel model(set, {});
+  const SetModel::Expectation expectation = model.Expect({}, true);
+  for (int e = 0; e < model.entries(); ++e) {
+    if (model.StatisticOf(e).name() != "profile") continue;
+    const Eigen::VectorXd deviation = expectation.covariance[e].diagonal().cwiseSqrt();
+    const Eigen::MatrixXd correlation = deviation.cwiseInverse().asDiagonal() *
+                                        expectation.covariance[e] *
+                                        deviation.cwiseInverse().asDiagonal();
+    const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(correlation);
+    EXPECT_GT(solver.eigenvalues().minCoeff(), 1e-3) << e;
+  }
+}
+
+TEST(NullInformation, GainGrowsWithTheSquareOfAWeakEffect) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  const NullInformation information(set, {}, {});
+  const auto gain = [&](double dark_current) {
+    return information.ExpectedGain(
+        {ActiveEffect{FindEffect("sensor.dark_current"), {dark_current}}});
+  };
+  EXPECT_EQ(gain(0), 0);
+  EXPECT_GT(gain(1), 0);
+  EXPECT_NEAR(gain(2) / gain(1), 4, 0.1);
+  // What a stated uncertainty can absorb is worth less than the same without one.
+  EXPECT_LT(
+      information.ExpectedGain({ActiveEffect{FindEffect("illumination.power_error"), {1.01}}}),
+      information.ExpectedGain({ActiveEffect{FindEffect("illumination.power_error"), {1.10}}}) /
+          20);
+}
+
+Competition CompeteOn(const RecordedSet& set, const std::vector<std::string>& ids) {
+  const SetModel model(set, {});
+  std::vector<const Effect*> effects;
+  for (const std::string& id : ids) effects.push_back(FindEffect(id));
+  CompetitionSettings settings;
+  settings.effects = effects;
+  return Compete(model, FitNull(model), settings, [](double) { return true; });
+}
+
+const std::vector<std::string> kSome = {"sensor.dark_current", "illumination.ambient_light",
+                                        "optics.veiling_glare", "sensor.response_nonlinearity",
+                                        "illumination.beam_quality"};
+
+TEST(Compete, NamesDarkCurrentNotAmbientLight) {
+  const RecordedSet set =
+      RenderSmallSet(SomeDeviations(), {ActiveEffect{FindEffect("sensor.dark_current"), {25}}}, 11);
+  const Competition competition = CompeteOn(set, kSome);
+  const Candidate& best = competition.ranked.front();
+  ASSERT_FALSE(best.effects.empty());
+  EXPECT_EQ(best.effects.front().effect->description().id, "sensor.dark_current");
+  EXPECT_GT(best.probability, 0.9);
+  ASSERT_EQ(best.fit.effect_standard_errors.size(), 1);
+  EXPECT_NEAR(best.effects.front().parameters[0], 25, 4 * best.fit.effect_standard_errors[0]);
+}
+
+TEST(Compete, FindsNothingWhereNothingIsMissing) {
+  const Competition competition = CompeteOn(RenderSmallSet(SomeDeviations(), {}, 17), kSome);
+  EXPECT_TRUE(competition.ranked.front().effects.empty());
+}
+
+TEST(Diagnose, TooFewPlatePositionsAreRefused) {
+  RecordingSet description = SmallSetDescription();
+  description.recordings.resize(3);
+  const auto diagnosis = Diagnose(MakeRecordedSet(description, {}), {}, nullptr);
+  EXPECT_EQ(diagnosis.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_NE(std::string(diagnosis.status().message()).find("plate_position_id"), std::string::npos);
+}
+
+TEST(Diagnose, UnknownExcludedEffectIsRefused) {
+  DiagnosisSettings settings;
+  settings.excluded_effects = {"optics.magic"};
+  const auto diagnosis = Diagnose(MakeRecordedSet(SmallSetDescription(), {}), settings, nullptr);
+  EXPECT_EQ(diagnosis.status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(ChiSquaredPValue, KnownValues) {
+  EXPECT_NEAR(ChiSquaredPValue(3.841, 1), 0.05, 1e-4);
+  EXPECT_NEAR(ChiSquaredPValue(18.307, 10), 0.05, 1e-4);
+}
+
+TEST(HeldOutRecordings, AQuarterAndTheSameForTheSameSeed) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  const std::vector<bool> held_out = HeldOutRecordings(set, 3);
+  EXPECT_EQ(held_out, HeldOutRecordings(set, 3));
+  int count = 0;
+  for (bool out : held_out) count += out;
+  EXPECT_GE(count, 2);
+  EXPECT_LE(count, 6);
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,265 @@
+// Statistics of the sensor's behaviour: on rendered recordings without effects they scatter as
+// their covariance says; with an effect the null model is refuted and the model with the effect is
+// not.
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "render_worker/diagnosis/burst_statistic.h"
+#include "render_worker/diagnosis/fixed_pattern_statistic.h"
+#include "render_worker/diagnosis/histogram_statistic.h"
+#include "render_worker/diagnosis/shared_speckle_statistic.h"
+#include "render_worker/diagnosis/strips.h"
+#include "render_worker/image_chain/form_image.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kBlocks = 4;
+constexpr uint64_t kSeed = 3;
+
+RecordedImage Image(RecordingKind kind, double exposure_time_s, double f_number, int position) {
+  RecordedImage image;
+  image.kind = kind;
+  image.exposure_time_s = exposure_time_s;
+  image.f_number = f_number;
+  image.camera_distance_m = image.focus_distance_m = 0.33;
+  image.laser_distance_m = 0.4;
+  if (kind == RecordingKind::kLaser) image.plate_position_id = position;
+  image.roi_column_px = -128;
+  image.roi_row_px = -32;
+  image.roi_columns_px = 256;
+  image.roi_rows_px = 64;
+  return image;
+}
+
+// A burst of four exposures of one place, the first again and a dark frame; other places with open
+// apertures; dark frames.
+RecordingSet Recordings(bool colour) {
+  RecordingSet set;
+  set.camera.quantum_efficiency[0] = {{661e-9}, {0.5}};
+  set.camera.dark_mean_electrons = 28;
+  set.camera.dark_noise_electrons = 6.5;
+  set.camera.saturation_capacity_electrons = 20000;
+  if (colour) {
+    set.camera.colour_filter = ColourFilter::kBayerRggb;
+    set.camera.quantum_efficiency[1] = {{661e-9}, {0.2}};
+    set.camera.quantum_efficiency[2] = {{661e-9}, {0.1}};
+  }
+  set.focal_length_m = 0.016;
+  set.transmission = 0.9;
+  set.laser.wavelength_m = 661e-9;
+  set.laser.power_w = 6e-4;
+  set.laser.divergence_rad = 1e-3;
+  set.laser.beam_focus_distance_m = 0.44;
+  set.laser.fan_angle_rad = 0.64;
+  set.surface = {0.35, 0.6, 0.4};
+  set.incidence_angle_rad = std::numbers::pi / 4;
+  constexpr auto kLaser = RecordingKind::kLaser;
+  constexpr auto kDark = RecordingKind::kDark;
+  int burst = 0, group = 0;
+  for (const double t : {0.0005, 0.0022, 0.0045, 0.01, 0.0005}) {
+    RecordedImage image = Image(kLaser, t, 8, 1);
+    image.burst_frame_index = burst++;
+    image.repeat_group = t == 0.0005 ? 0 : ++group;
+    set.recordings.push_back(image);
+  }
+  set.recordings.push_back(Image(kLaser, 0.02, 8, 1));
+  set.recordings.back().burst_frame_index = burst++;
+  set.recordings.back().repeat_group = ++group;
+  set.recordings.push_back(Image(kDark, 0.0002, 8, -1));
+  set.recordings.back().burst_frame_index = burst++;
+  int position = 2;
+  for (const double n : {1.4, 1.4, 2.0, 2.0, 2.8, 2.8}) {
+    set.recordings.push_back(Image(kLaser, 4e-5 * n * n, n, position++));
+  }
+  for (const double t : {0.4, 0.1, 0.02}) set.recordings.push_back(Image(kDark, t, 8, -1));
+  for (size_t i = 7; i < set.recordings.size(); ++i) set.recordings[i].repeat_group = ++group;
+  for (size_t i = 0; i < set.recordings.size(); ++i) {
+    set.recordings[i].timestamp_s = 100 + 0.2 * static_cast<double>(i);
+  }
+  return set;
+}
+
+RecordedSet Render(const RecordingSet& description, uint64_t seed,
+                   const std::vector<ActiveEffect>& effects) {
+  RecordedSet set = MakeRecordedSet(description, {});
+  sightline::Image<double> previous;
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    FrameSetup frame = set.frames[f].nominal;
+    const int id = set.frames[f].plate_position_id;
+    frame.seeds = {seed * 1000 + static_cast<uint64_t>(id + 1), seed * 1000 + 500 + f, seed, seed};
+    auto formed =
+        RenderPlateFrame(frame, effects, frame.burst_frame_index > 0 ? &previous : nullptr, 1);
+    EXPECT_TRUE(formed.ok()) << formed.status();
+    previous = std::move(formed->mean_photo_electrons);
+    set.frames[f].raw_dn = std::move(formed->raw_dn);
+  }
+  return set;
+}
+
+// What the model expects if it knows everything but what is drawn at random.
+ExpectedSet Expect(const RecordedSet& set, const std::vector<ActiveEffect>& effects) {
+  ExpectedSet expected;
+  expected.effects = effects;
+  expected.strips.resize(kBlocks);
+  for (int block = 0; block < kBlocks; ++block) {
+    for (size_t f = 0; f < set.frames.size(); ++f) {
+      FrameSetup frame = set.frames[f].nominal;
+      frame.roi = StripRegion(frame.roi, kBlocks, block, 2);
+      std::vector<ExpectedFrame>& strips = expected.strips[block];
+      const bool follows = frame.burst_frame_index > 0;
+      strips.push_back(ExpectFrame(
+          frame, effects, follows ? &strips.back().mean_photo_electrons : nullptr, nullptr, 12));
+    }
+  }
+  return expected;
+}
+
+struct Comparison {
+  double chi_squared = 0;
+  int count = 0;
+};
+
+Comparison Compare(const SetStatistic& statistic, const RecordedSet& set,
+                   const ExpectedSet& expected) {
+  Comparison sum;
+  for (int entry = 0; entry < statistic.entries(); ++entry) {
+    const Eigen::LLT<Eigen::MatrixXd> whitening(statistic.Covariance(expected, entry));
+    EXPECT_EQ(whitening.info(), Eigen::Success) << statistic.name() << " entry " << entry;
+    const Eigen::VectorXd residual =
+        statistic.Observed(set, entry) - statistic.Expected(expected, entry);
+    sum.chi_squared += whitening.matrixL().solve(residual).squaredNorm();
+    sum.count += static_cast<int>(residual.size());
+  }
+  return sum;
+}
+
+ActiveEffect Active(const std::string& id, const std::vector<double>& parameters) {
+  return {FindEffect(id), parameters};
+}
+
+template <typename Statistic>
+class NullTest : public testing::Test {};
+using Statistics = testing::Types<SharedSpeckleStatistic, HistogramStatistic, FixedPatternStatistic,
+                                  BurstStatistic>;
+TYPED_TEST_SUITE(NullTest, Statistics);
+
+struct NullSet {
+  RecordedSet set;
+  ExpectedSet expected;
+};
+
+// Rendered once.
+const std::vector<NullSet>& NullSets() {
+  static const std::vector<NullSet>* const sets = [] {
+    auto* all = new std::vector<NullSet>;
+    for (const bool colour : {false, true}) {
+      for (uint64_t seed = 1; seed <= 2; ++seed) {
+        RecordedSet set = Render(Recordings(colour), seed, {});
+        ExpectedSet expected = Expect(set, {});
+        all->push_back({std::move(set), std::move(expected)});
+      }
+    }
+    return all;
+  }();
+  return *sets;
+}
+
+TYPED_TEST(NullTest, ScattersAsItsCovarianceSays) {
+  Comparison sum;
+  for (const NullSet& null : NullSets()) {
+    const TypeParam statistic(null.set);
+    ASSERT_GT(statistic.entries(), 0);
+    const Comparison one = Compare(statistic, null.set, null.expected);
+    sum.chi_squared += one.chi_squared;
+    sum.count += one.count;
+  }
+  // Some numbers have no pixels and count for nothing, so only the upper side is a sharp bound: 4
+  // standard deviations.
+  EXPECT_LT(sum.chi_squared, sum.count + 4 * std::sqrt(2.0 * sum.count));
+  EXPECT_GT(sum.chi_squared, 0.1 * sum.count);
+}
+
+// A set that is planned only has no images: its covariance follows from the model alone.
+TYPED_TEST(NullTest, NeedsNoImages) {
+  const RecordedSet planned = MakeRecordedSet(Recordings(false), {});
+  const ExpectedSet& expected = NullSets().front().expected;
+  const TypeParam statistic(planned), recorded(NullSets().front().set);
+  ASSERT_EQ(statistic.entries(), recorded.entries());
+  for (int entry = 0; entry < statistic.entries(); ++entry) {
+    const Eigen::MatrixXd covariance = statistic.Covariance(expected, entry);
+    EXPECT_EQ(statistic.Observed(planned, entry).size(), covariance.rows());
+    EXPECT_TRUE(statistic.Expected(expected, entry).allFinite());
+    EXPECT_EQ(Eigen::LLT<Eigen::MatrixXd>(covariance).info(), Eigen::Success);
+  }
+}
+
+struct Planted {
+  std::string id;
+  std::vector<double> parameters;
+  double refuted;  // chi squared of the null model at least
+  double slack;    // chi squared of the right model per number at most
+};
+
+template <typename Statistic>
+void ExpectRefuted(const std::vector<Planted>& all) {
+  const RecordingSet description = Recordings(false);
+  for (const Planted& planted : all) {
+    const std::vector<ActiveEffect> effects = {Active(planted.id, planted.parameters)};
+    const RecordedSet set = Render(description, kSeed, effects);
+    const Statistic statistic(set);
+    const Comparison null = Compare(statistic, set, Expect(set, {}));
+    const Comparison right = Compare(statistic, set, Expect(set, effects));
+    EXPECT_GT(null.chi_squared, null.count + planted.refuted) << planted.id;
+    EXPECT_LT(right.chi_squared, planted.slack * right.count) << planted.id;
+  }
+}
+
+TEST(SharedSpeckleStatistic, ShowsResponseExposureAndMotion) {
+  ExpectRefuted<SharedSpeckleStatistic>({{"sensor.response_nonlinearity", {0.05}, 200, 1.5},
+                                         {"sensor.adc_inl", {3, 2}, 200, 1.5},
+                                         {"time.exposure_offset", {3e-5}, 200, 1.5},
+                                         {"time.plate_motion", {2e-5}, 200, 3}});
+}
+
+TEST(HistogramStatistic, ShowsStuckBitsAndFullPixels) {
+  ExpectRefuted<HistogramStatistic>({{"sensor.adc_missing_bits", {1}, 1000, 1.5},
+                                     {"sensor.adc_missing_bits", {2}, 1000, 1.5},
+                                     {"sensor.lower_full_well", {4500}, 1000, 1.5}});
+}
+
+TEST(FixedPatternStatistic, ShowsWhatStaysOnTheSensor) {
+  ExpectRefuted<FixedPatternStatistic>({{"sensor.dsnu_column_pattern", {0, 2}, 200, 2},
+                                        {"sensor.dsnu_column_pattern", {1, 0}, 200, 2},
+                                        {"sensor.hot_pixels", {2e-3}, 100, 3},
+                                        {"sensor.prnu", {0.06}, 20, 3},
+                                        {"optics.cover_glass_etalon", {0.1, 30, 0}, 20, 3}});
+}
+
+TEST(BurstStatistic, ShowsWhatTheFrameBeforeLeft) {
+  ExpectRefuted<BurstStatistic>({{"sensor.image_lag", {2e-3}, 100, 10}});
+}
+
+// Saturated pixels of the longer exposure are told by the shorter one.
+TEST(SharedSpeckleStatistic, ExpectsTheTopWhereTheShorterExposureSaysSo) {
+  const auto& [set, expected] = NullSets().front();
+  const SharedSpeckleStatistic statistic(set);
+  const Eigen::VectorXd seen = statistic.Observed(set, 0);
+  const Eigen::VectorXd mean = statistic.Expected(expected, 0);
+  int tops = 0;
+  for (int i = 0; i < seen.size(); ++i) {
+    if (seen[i] != 1023) continue;
+    ++tops;
+    EXPECT_NEAR(mean[i], 1023, 0.5);
+  }
+  EXPECT_GT(tops, 0);
+}
+
+}  // namespace
+}  // namespace sightline

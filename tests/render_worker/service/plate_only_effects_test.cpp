@@ -1,0 +1,76 @@
+// What the client leaves out of an inspection is what the renderer refuses for parts.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <atomic>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <set>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "core/json/strict_json.h"
+#include "planner_client/diagnosis_client/calibrated_inspection.h"
+#include "render_worker/effects/effect.h"
+#include "render_worker/render/render_task.h"
+#include "tests/render_worker/service/plate_spec.h"
+
+namespace sightline {
+namespace {
+
+// Says whether a part is rendered with the effect, without rendering it.
+absl::Status TryOnPart(const EffectDescription& description, const std::string& folder) {
+  v1::RenderSpec spec;
+  absl::Status status = ParseStrictJson(
+      absl::StrCat(R"({"part": {"inspection": {"name": "table",
+        "part": {"file": "table.obj", "unit": "m"}, "camera": {"sensor": {)",
+                   kSensor, R"(}}, "lens": {"focal_length_m": 0.016, "f_number": 16},
+        "materials": [{"material": {"name": "grey", "lambert": {"diffuse_albedo": 0.5}}}]},
+        "frames": [{"measurement": {"camera_distance_m": 0.3, "triangulation_angle_deg": 30}}]}})"),
+      "spec", &spec);
+  if (!status.ok()) return status;
+  v1::Effect* effect = spec.mutable_part()->mutable_inspection()->add_effects();
+  effect->set_effect(std::string(description.id));
+  for (const EffectParameter& p : description.parameters) {
+    const double value = p.null_value + p.prior_scale <= p.upper ? p.null_value + p.prior_scale
+                                                                 : p.null_value - p.prior_scale;
+    (*effect->mutable_parameters())[std::string(p.name)] = value;
+  }
+  auto task = RenderTask::Parse(spec, int64_t{1} << 30);
+  if (!task.ok()) return task.status();
+  std::atomic<bool> cancelled = false;
+  RenderTaskHooks hooks;
+  hooks.cancelled = &cancelled;
+  // Effects are looked at after the first report, and nothing else.
+  hooks.on_progress = [&](double, const std::string&) { cancelled = true; };
+  return (*task)->Run(
+      folder, [&](const std::string& file) { return absl::StrCat(folder, "/", file); }, hooks);
+}
+
+TEST(PlateOnlyEffects, AreThoseTheRendererRefuses) {
+  std::string folder = "/tmp/sightline-plate-only-XXXXXX";
+  ASSERT_NE(mkdtemp(folder.data()), nullptr);
+  std::ofstream(folder + "/table.obj")
+      << "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nf 1 2 3\nf 1 3 4\n";
+  std::set<std::string> accepted_but_left_out;
+  for (const Effect* effect : AllEffects()) {
+    const std::string id(effect->description().id);
+    const absl::Status status = TryOnPart(effect->description(), folder);
+    if (absl::IsCancelled(status)) {
+      if (ActsOnPlatesOnly(id)) accepted_but_left_out.insert(id);
+    } else {
+      EXPECT_TRUE(absl::IsInvalidArgument(status) &&
+                  absl::StrContains(status.message(), "acts on a flat plate only"))
+          << id << ": " << status;
+      EXPECT_TRUE(ActsOnPlatesOnly(id)) << id;
+    }
+  }
+  // Turns the image of a plate; images of parts stay as they are.
+  EXPECT_THAT(accepted_but_left_out, ::testing::ElementsAre("geometry.camera_roll"));
+  std::filesystem::remove_all(folder);
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,50 @@
+// Recordings that are as they are said to be, most of them with physics that the description leaves
+// out, are not accused.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+#include <filesystem>
+
+#include "core/recordings/check_recordings.h"
+#include "core/recordings/load_images.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<fs::path> SharedSets() {
+  std::vector<fs::path> sets;
+  const char* source = std::getenv("SIGHTLINE_SOURCE_DIR");
+  if (source == nullptr) return sets;
+  for (const char* kind : {"open", "unlabelled"}) {
+    const fs::path folder = fs::path(source) / ".." / "shared" / "recordings" / kind;
+    if (!fs::exists(folder)) continue;
+    for (const auto& entry : fs::directory_iterator(folder)) sets.push_back(entry.path());
+  }
+  std::sort(sets.begin(), sets.end());
+  return sets;
+}
+
+TEST(RecordingCheckOfSharedSets, AccusesNone) {
+  const std::vector<fs::path> sets = SharedSets();
+  if (sets.empty()) GTEST_SKIP() << "skipped: no shared data";
+  for (const fs::path& folder : sets) {
+    const auto set = ReadRecordings((folder / "recordings.json").string());
+    ASSERT_TRUE(set.ok()) << set.status();
+    std::vector<std::string> paths;
+    for (const RecordedImage& image : set->recordings) {
+      paths.push_back((folder / image.file).string());
+    }
+    std::vector<std::string> unreadable;
+    const auto images = LoadRecordedImages(*set, paths, {}, &unreadable);
+    ASSERT_THAT(unreadable, testing::IsEmpty());
+    const RecordingCheck check = CheckRecordings(*set, images);
+    EXPECT_THAT(check.errors, testing::IsEmpty()) << folder;
+    EXPECT_THAT(check.warnings, testing::IsEmpty()) << folder;
+  }
+}
+
+}  // namespace
+}  // namespace sightline
