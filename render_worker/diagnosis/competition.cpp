@@ -24,7 +24,7 @@ constexpr double kEvidenceWeight = 0.6;
 
 constexpr size_t kFitted = 12;       // candidates fitted with the null model's derivatives
 constexpr size_t kFittedAgain = 5;   // with their own
-constexpr size_t kFittedAfresh = 6;  // from the nominal description on, if the null model fails:
+constexpr size_t kFittedAfresh = 4;  // from the nominal description on, if the null model fails:
 constexpr double kRejected = 1.5;    // chi squared over numbers above which it does
 constexpr double kLeastGain = 1.5;   // [nats] worth a fit
 

@@ -29,12 +29,14 @@ constexpr double kSaturationError = 0.01;
 void MakePositive(Eigen::MatrixXd& covariance) {
   const Eigen::VectorXd deviation = covariance.diagonal().cwiseMax(1e-30).cwiseSqrt();
   const Eigen::VectorXd inverse = deviation.cwiseInverse();
-  Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(inverse.asDiagonal() * covariance *
-                                                        inverse.asDiagonal());
-  if (solver.eigenvalues().minCoeff() >= 0) return;
-  Eigen::MatrixXd correlation = solver.eigenvectors() *
-                                solver.eigenvalues().cwiseMax(0).asDiagonal() *
-                                solver.eigenvectors().transpose();
+  Eigen::MatrixXd correlation = inverse.asDiagonal() * covariance * inverse.asDiagonal();
+  // Mostly it is one, but for what is added to the variances anyway.
+  Eigen::MatrixXd raised = correlation;
+  raised.diagonal().array() += 0.01;
+  if (raised.llt().info() == Eigen::Success) return;
+  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(correlation);
+  correlation = solver.eigenvectors() * solver.eigenvalues().cwiseMax(0).asDiagonal() *
+                solver.eigenvectors().transpose();
   const Eigen::VectorXd rescale =
       deviation.cwiseQuotient(correlation.diagonal().cwiseMax(1e-30).cwiseSqrt());
   covariance = rescale.asDiagonal() * correlation * rescale.asDiagonal();

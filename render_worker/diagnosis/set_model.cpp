@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <string_view>
 #include <thread>
 
 #include "render_worker/diagnosis/burst_statistic.h"
@@ -26,6 +27,34 @@ void ForAll(int count, int threads, const Work& work) {
   std::vector<std::jthread> workers;
   for (int t = 1; t < threads; ++t) workers.emplace_back(run);
   run();
+}
+
+// Charge that goes to neighbours: on a colour sensor those at the edges of a narrow strip are
+// missing.
+bool NeedsNeighbours(const std::vector<ActiveEffect>& effects) {
+  return std::any_of(effects.begin(), effects.end(), [](const ActiveEffect& active) {
+    const std::string_view id = active.effect->description().id;
+    return id == "sensor.crosstalk" || id == "sensor.brighter_fatter" ||
+           id == "unknown.charge_spread";
+  });
+}
+
+template <typename T>
+Image<T> Inner(const Image<T>& image, int margin_px) {
+  Image<T> inner(image.columns_px - 2 * margin_px, image.rows_px);
+  for (int row = 0; row < inner.rows_px; ++row) {
+    for (int c = 0; c < inner.columns_px; ++c) inner.At(row, c) = image.At(row, c + margin_px);
+  }
+  return inner;
+}
+
+void CutMargin(ExpectedFrame& strip, int margin_px) {
+  for (Image<float>& level : strip.level_dn) level = Inner(level, margin_px);
+  strip.noise_variance_dn2 = Inner(strip.noise_variance_dn2, margin_px);
+  strip.pattern_variance_dn2 = Inner(strip.pattern_variance_dn2, margin_px);
+  strip.mean_photo_electrons = Inner(strip.mean_photo_electrons, margin_px);
+  strip.frame.roi.column_px += margin_px;
+  strip.frame.roi.columns_px -= 2 * margin_px;
 }
 
 }  // namespace
@@ -67,6 +96,9 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
   const int bursts = static_cast<int>(bursts_.size());
   ExpectedSet expected;
   expected.effects = parameters.effects;
+  const bool colour =
+      frames > 0 && set_.frames[0].nominal.sensor.colour_filter != ColourFilter::kMono;
+  const int margin_px = colour && NeedsNeighbours(parameters.effects) ? 2 : 0;
   std::vector<FrameSetup> setups(frames);
   expected.strips.assign(blocks, std::vector<ExpectedFrame>(frames));
   for (int f = 0; f < frames; ++f) {
@@ -86,9 +118,14 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
         std::vector<ExpectedFrame>& strips = expected.strips[block];
         FrameSetup frame = setups[f];
         frame.roi = StripRegion(frame.roi, blocks, block, settings_.strip_columns_px);
-        const Image<double>* previous = f > first ? &strips[f - 1].mean_photo_electrons : nullptr;
+        // Without margin: lag and charge spread together are second order.
+        const Image<double>* previous =
+            f > first && margin_px == 0 ? &strips[f - 1].mean_photo_electrons : nullptr;
+        frame.roi.column_px -= margin_px;
+        frame.roi.columns_px += 2 * margin_px;
         strips[f] =
             ExpectFrame(frame, parameters.effects, previous, imaging, settings_.speckle_levels);
+        if (margin_px > 0) CutMargin(strips[f], margin_px);
         imaging = strips[f].imaging;
         if (middle_only) {
           for (std::vector<ExpectedFrame>& other : expected.strips) {
