@@ -88,18 +88,20 @@ v1::FittedEffect DescribeEffect(const Candidate& candidate, size_t index) {
   return fitted;
 }
 
-// The effect whose change is larger first.
+// The effect that explains more by itself first.
 std::vector<size_t> Leading(const Candidate& candidate, const Competition& competition) {
   std::vector<size_t> order(candidate.effects.size());
   for (size_t i = 0; i < order.size(); ++i) order[i] = i;
-  const auto gain = [&](size_t i) {
-    for (const ScreenedEffect& screened : competition.screened) {
-      if (screened.strongest.effect == candidate.effects[i].effect) return screened.gain;
+  const auto alone = [&](size_t i) {
+    for (const Candidate& single : competition.ranked) {
+      if (single.effects.size() == 1 && single.effects[0].effect == candidate.effects[i].effect) {
+        return single.log_evidence;
+      }
     }
-    return 0.0;
+    return -1e300;  // not even fitted
   };
   std::stable_sort(order.begin(), order.end(),
-                   [&](size_t a, size_t b) { return gain(a) > gain(b); });
+                   [&](size_t a, size_t b) { return alone(a) > alone(b); });
   return order;
 }
 
