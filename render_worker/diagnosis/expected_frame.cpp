@@ -28,6 +28,12 @@ double MeanClipped(double mean, double deviation, double top) {
   if (low < -6 && high > 6) return mean;
   if (high < -6) return top;
   if (low > 6) return 0;
+  // Mostly one end is far away.
+  if (high > 6) return mean * Distribution(-low) + deviation * Density(low);
+  if (low < -6) {
+    const double below = Distribution(high);
+    return mean * below - deviation * Density(high) + top * (1 - below);
+  }
   const double inside = Distribution(high) - Distribution(low);
   return mean * inside + deviation * (Density(low) - Density(high)) +
          top * (1 - Distribution(high));
@@ -87,8 +93,9 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
     line->transfer = LineTransfer(pupil, optics.wavelength_m, optics.image_distance_m, curvature,
                                   step_per_m, length / 2 + 1);
     const double clear = ClearFraction(pupil);
+    const std::vector<std::complex<double>> pixel = PixelTransfer(kSamplesPerPx, length, pitch_m);
     for (size_t k = 0; k < line->transfer.size(); ++k) {
-      line->transfer[k] *= clear;
+      line->transfer[k] *= clear * pixel[k];
       for (const TransferFunction& factor : optics.transfer) {
         line->transfer[k] *= factor(0, static_cast<double>(k) * step_per_m);
       }
@@ -103,7 +110,7 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
     imaging = std::move(line);
   }
   const std::vector<double> profile =
-      BlurAcrossLine(ideal, kSamplesPerPx, margin_px, roi.rows_px, pitch_m, imaging->transfer);
+      BlurAcrossLine(ideal, kSamplesPerPx, margin_px, roi.rows_px, imaging->transfer);
   Image<float> image(roi.columns_px, roi.rows_px);
   for (int row = 0; row < roi.rows_px; ++row) {
     for (int column = 0; column < roi.columns_px; ++column) {
@@ -131,34 +138,19 @@ void AddAmbient(const PlateScene& scene, const FrameSetup& frame, PixelIrradianc
   }
 }
 
-}  // namespace
-
-bool IsDrawn(const Effect& effect) {
-  static constexpr std::array<std::string_view, 9> kDrawn = {"illumination.power_noise",
-                                                             "time.exposure_jitter",
-                                                             "surface.albedo_texture",
-                                                             "optics.dust",
-                                                             "optics.cover_glass_etalon",
-                                                             "sensor.row_noise",
-                                                             "sensor.hot_pixels",
-                                                             "sensor.dsnu_column_pattern",
-                                                             "sensor.prnu"};
-  return std::find(kDrawn.begin(), kDrawn.end(), effect.description().id) != kDrawn.end();
+// Every column as the first.
+template <typename T>
+Image<T> Widened(const Image<T>& column, int columns_px) {
+  Image<T> wide(columns_px, column.rows_px);
+  for (int row = 0; row < wide.rows_px; ++row) {
+    std::fill_n(&wide.At(row, 0), columns_px, column.At(row, 0));
+  }
+  return wide;
 }
 
-double ExpectedFrame::MeanDn(int row, int column) const {
-  double sum = 0;
-  for (const Image<float>& level : level_dn) sum += level.At(row, column);
-  return sum / static_cast<double>(level_dn.size());
-}
-
-const SpecklePixelCovariance& ExpectedFrame::SpeckleAt(int row) const {
-  return speckle->At(speckle->PlaceOf((frame.roi.row_px + row) * frame.sensor.pixel_pitch_m));
-}
-
-ExpectedFrame ExpectFrame(const FrameSetup& nominal, std::span<const ActiveEffect> all_effects,
-                          const Image<double>* previous,
-                          std::shared_ptr<const LineImaging> known_imaging, int speckle_levels) {
+ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEffect> all_effects,
+                            const Image<double>* previous,
+                            std::shared_ptr<const LineImaging> known_imaging, int speckle_levels) {
   ExpectedFrame expected;
   // Numbers of the sensor may tell how a pattern scatters; what scatters between recordings does
   // not change their expectation.
@@ -284,6 +276,61 @@ ExpectedFrame ExpectFrame(const FrameSetup& nominal, std::span<const ActiveEffec
         (std::pow(sensor.prnu_relative * mean, 2) + std::pow(sensor.dsnu_electrons, 2)));
   }
   expected.mean_photo_electrons = std::move(mean_of_levels);
+  return expected;
+}
+
+}  // namespace
+
+bool IsDrawn(const Effect& effect) {
+  static constexpr std::array<std::string_view, 9> kDrawn = {"illumination.power_noise",
+                                                             "time.exposure_jitter",
+                                                             "surface.albedo_texture",
+                                                             "optics.dust",
+                                                             "optics.cover_glass_etalon",
+                                                             "sensor.row_noise",
+                                                             "sensor.hot_pixels",
+                                                             "sensor.dsnu_column_pattern",
+                                                             "sensor.prnu"};
+  return std::find(kDrawn.begin(), kDrawn.end(), effect.description().id) != kDrawn.end();
+}
+
+double ExpectedFrame::MeanDn(int row, int column) const {
+  double sum = 0;
+  for (const Image<float>& level : level_dn) sum += level.At(row, column);
+  return sum / static_cast<double>(level_dn.size());
+}
+
+const SpecklePixelCovariance& ExpectedFrame::SpeckleAt(int row) const {
+  return speckle->At(speckle->PlaceOf((frame.roi.row_px + row) * frame.sensor.pixel_pitch_m));
+}
+
+ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect> effects,
+                          const Image<double>* previous, std::shared_ptr<const LineImaging> imaging,
+                          int speckle_levels) {
+  const int columns_px = frame.roi.columns_px;
+  if (frame.sensor.colour_filter != ColourFilter::kMono || columns_px < 2) {
+    return ExpectColumns(frame, effects, previous, std::move(imaging), speckle_levels);
+  }
+  // Without colours all columns are alike: one will do.
+  FrameSetup narrow = frame;
+  narrow.roi.column_px += columns_px / 2;
+  narrow.roi.columns_px = 1;
+  Image<double> previous_column;
+  if (previous != nullptr && !previous->empty()) {
+    previous_column = Image<double>(1, previous->rows_px);
+    for (int row = 0; row < previous->rows_px; ++row) {
+      previous_column.At(row, 0) = previous->At(row, 0);
+    }
+  }
+  ExpectedFrame expected =
+      ExpectColumns(narrow, effects, previous == nullptr ? nullptr : &previous_column,
+                    std::move(imaging), speckle_levels);
+  expected.frame.roi.column_px -= columns_px / 2;
+  expected.frame.roi.columns_px = columns_px;
+  for (Image<float>& level : expected.level_dn) level = Widened(level, columns_px);
+  expected.noise_variance_dn2 = Widened(expected.noise_variance_dn2, columns_px);
+  expected.pattern_variance_dn2 = Widened(expected.pattern_variance_dn2, columns_px);
+  expected.mean_photo_electrons = Widened(expected.mean_photo_electrons, columns_px);
   return expected;
 }
 

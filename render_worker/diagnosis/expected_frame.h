@@ -22,7 +22,7 @@ namespace sightline {
 struct LineImaging {
   double curvature_per_m = 0;                  // of defocus, for which the rest holds
   int length = 0;                              // samples across the line
-  std::vector<std::complex<double>> transfer;  // across the line, with all but the pixel's
+  std::vector<std::complex<double>> transfer;  // across the line, the pixel's included
   std::shared_ptr<const LineSpeckle> speckle;  // of one pattern
 };
 

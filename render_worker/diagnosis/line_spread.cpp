@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cassert>
 #include <cmath>
 #include <map>
 #include <mutex>
@@ -35,7 +36,7 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   }
   const int chords = std::min(samples, 128);
   const double step_m = 2 * radius_m / samples;
-  Eigen::FFT<double> fft;
+  thread_local Eigen::FFT<double> fft;
   std::vector<std::complex<double>> chord(2 * samples), spectrum;
   std::vector<double> power(2 * samples, 0);
   for (int c = 0; c < chords; ++c) {
@@ -105,32 +106,43 @@ std::vector<std::complex<double>> LineTransfer(const Pupil& pupil, double wavele
   return transfer;
 }
 
+std::vector<std::complex<double>> PixelTransfer(int samples_per_px, int length,
+                                                double pixel_pitch_m) {
+  const double step_per_m = samples_per_px / (length * pixel_pitch_m);
+  // A pixel's centre lies half a sample before sample samples_per_px / 2 of its own.
+  const double centre_m = (0.5 * samples_per_px - 0.5) * pixel_pitch_m / samples_per_px;
+  std::vector<std::complex<double>> transfer(length / 2 + 1);
+  for (int k = 0; k <= length / 2; ++k) {
+    const double q = k * step_per_m;
+    const double x = std::numbers::pi * q * pixel_pitch_m;
+    transfer[k] = std::polar(x == 0 ? 1 : std::sin(x) / x, kTwoPi * q * centre_m);
+  }
+  return transfer;
+}
+
 std::vector<double> BlurAcrossLine(const std::vector<double>& ideal, int samples_per_px,
-                                   int margin_px, int rows_px, double pixel_pitch_m,
+                                   int margin_px, int rows_px,
                                    const std::vector<std::complex<double>>& transfer) {
   const int n = static_cast<int>(ideal.size());
-  Eigen::FFT<double> fft;
-  std::vector<std::complex<double>> samples(ideal.begin(), ideal.end()), spectrum, blurred;
-  fft.fwd(spectrum, samples);
-  const double step_per_m = samples_per_px / (n * pixel_pitch_m);
-  // Pixel centres lie half a sample before sample (i + margin) samples_per_px + samples_per_px/2.
-  const double shift_m = 0.5 * (samples_per_px % 2 == 0 ? 1 : 0) * pixel_pitch_m / samples_per_px;
+  const int pixels = n / samples_per_px;
+  assert(static_cast<int>(transfer.size()) == n / 2 + 1 && pixels * samples_per_px == n);
+  thread_local Eigen::FFT<double> fft(Eigen::FFT<double>::impl_type(),
+                                      Eigen::FFT<double>::HalfSpectrum);
+  thread_local std::vector<std::complex<double>> spectrum, folded;
+  fft.fwd(spectrum, ideal);
+  for (int k = 0; k <= n / 2; ++k) spectrum[k] *= transfer[k];
+  // One sample a pixel is wanted: frequencies that are alike there add up.
+  folded.assign(pixels / 2 + 1, 0);
   for (int k = 0; k < n; ++k) {
-    const int frequency = k <= n / 2 ? k : k - n;
-    const double q = frequency * step_per_m;
-    const int index = std::abs(frequency);
-    std::complex<double> factor =
-        index < static_cast<int>(transfer.size()) ? transfer[index] : std::complex<double>(0);
-    if (frequency < 0) factor = std::conj(factor);
-    const double x = std::numbers::pi * q * pixel_pitch_m;
-    if (x != 0) factor *= std::sin(x) / x;
-    spectrum[k] *= factor * std::polar(1.0, -kTwoPi * q * shift_m);
+    const int alias = k % pixels;
+    if (alias > pixels / 2) continue;
+    folded[alias] += k <= n / 2 ? spectrum[k] : std::conj(spectrum[n - k]);
   }
-  fft.inv(blurred, spectrum);
+  thread_local std::vector<double> blurred;
+  blurred.resize(pixels);
+  fft.inv(blurred, folded);
   std::vector<double> rows(rows_px);
-  for (int i = 0; i < rows_px; ++i) {
-    rows[i] = blurred[(i + margin_px) * samples_per_px + samples_per_px / 2].real();
-  }
+  for (int i = 0; i < rows_px; ++i) rows[i] = blurred[i + margin_px] / samples_per_px;
   return rows;
 }
 

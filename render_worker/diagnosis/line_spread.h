@@ -16,12 +16,16 @@ std::vector<std::complex<double>> LineTransfer(const Pupil& pupil, double wavele
                                                double defocus_curvature_per_m, double step_per_m,
                                                int count);
 
-// Mean irradiance of the pixels' centres row_px ... of one column, from the ideal irradiance
-// sampled `samples_per_px` times a pixel; `ideal` starts `margin_px` before the first row and ends
-// `margin_px` after the last, and is as long as a power of two. Transfer, then the pixel's own
-// width.
+// What a pixel adds: its width, and the way to its centre from its first sample, at frequencies k =
+// 0 ... length / 2 of `length` samples across the line, `samples_per_px` of them a pixel.
+std::vector<std::complex<double>> PixelTransfer(int samples_per_px, int length,
+                                                double pixel_pitch_m);
+
+// Mean irradiance of `rows_px` pixels of a column, from the ideal irradiance sampled
+// `samples_per_px` times a pixel; `ideal` starts `margin_px` before the first row, and its length
+// is a power of two. `transfer`: of lens and pixel, one more than half as long.
 std::vector<double> BlurAcrossLine(const std::vector<double>& ideal, int samples_per_px,
-                                   int margin_px, int rows_px, double pixel_pitch_m,
+                                   int margin_px, int rows_px,
                                    const std::vector<std::complex<double>>& transfer);
 
 }  // namespace sightline
