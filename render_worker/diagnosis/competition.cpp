@@ -21,6 +21,9 @@ constexpr double kOneMore = 0.1;
 // The model's own errors (of the speckle's law, of its correlations) are no noise: they can look
 // like an effect. Differences in evidence count less by this factor.
 constexpr double kEvidenceWeight = 0.6;
+// Nor is the change an effect makes known exactly: to about this part. Where it is thousands of
+// standard deviations, that part of it is many, which explanations must not be told apart by.
+constexpr double kEffectError = 0.02;
 
 constexpr size_t kFitted = 12;       // candidates fitted with the null model's derivatives
 constexpr size_t kFittedAgain = 5;   // with their own
@@ -395,6 +398,8 @@ class Competing {
     candidates_.push_back(std::move(none));
     const double effects = static_cast<double>(settings_.effects.size());
     const double forms = std::max<double>(1, static_cast<double>(settings_.free_forms.size()));
+    const double best = std::max(0.0, candidates_.front().log_evidence);
+    const double weight = kEvidenceWeight / (1 + kEffectError * kEffectError * best);
     double largest = -1e300;
     for (Candidate& candidate : candidates_) {
       if (candidate.effects.empty()) {
@@ -406,12 +411,12 @@ class Competing {
             std::log((1 - kNone) * (1 - kUnknown) / effects) +
             (static_cast<double>(candidate.effects.size()) - 1) * std::log(kOneMore / effects);
       }
-      largest = std::max(largest, kEvidenceWeight * candidate.log_evidence + candidate.log_prior);
+      largest = std::max(largest, weight * candidate.log_evidence + candidate.log_prior);
     }
     double sum = 0;
     for (Candidate& candidate : candidates_) {
       candidate.probability =
-          std::exp(kEvidenceWeight * candidate.log_evidence + candidate.log_prior - largest);
+          std::exp(weight * candidate.log_evidence + candidate.log_prior - largest);
       sum += candidate.probability;
     }
     for (Candidate& candidate : candidates_) candidate.probability /= sum;

@@ -118,7 +118,7 @@ class Fitter {
     for (const Eigen::VectorXd& mean : state.mean) {
       state.residual.push_back(Eigen::VectorXd::Zero(mean.size()));
     }
-    Linearise(state, false);
+    Linearise(state, nullptr);
     return Result(state);
   }
 
@@ -127,6 +127,8 @@ class Fitter {
     state.x = vector_.FromParameters(start);
     std::vector<FitSettings::Round> rounds = settings_.rounds;
     if (rounds.empty()) rounds.push_back({});
+    const std::vector<Eigen::MatrixXd>* known =
+        settings_.renew_jacobian ? nullptr : &reference_->jacobian;
     bool fresh = false;
     for (const FitSettings::Round& round : rounds) {
       if (settings_.rounds.empty()) {
@@ -138,7 +140,8 @@ class Fitter {
       Compare(state);
       double damping = 1e-3;
       for (int iteration = 0; iteration < settings_.max_iterations; ++iteration) {
-        Linearise(state, !settings_.renew_jacobian);
+        // Derivatives with respect to the deviations change little within a round.
+        Linearise(state, iteration > 0 ? &jacobian_ : known);
         fresh = true;
         const double before = state.total;
         if (!Step(state, damping)) break;
@@ -146,7 +149,7 @@ class Fitter {
         if (before - state.total < 0.05 + 1e-4 * before) break;
       }
     }
-    if (!fresh) Linearise(state, !settings_.renew_jacobian);
+    if (!fresh) Linearise(state, &jacobian_);
     FitResult result = Result(state);
     result.free = free;
     return result;
@@ -214,18 +217,19 @@ class Fitter {
   }
 
   // Finite differences of the whitened expectation. All line shifts move at once: an entry depends
-  // on its own only. Amounts of light are computed once. `keep`: only the effects' columns are new.
-  void Linearise(const State& state, bool keep) {
+  // on its own only. Amounts of light are computed once. `known`: derivatives of which those with
+  // respect to the deviations are kept, or null.
+  void Linearise(const State& state, const std::vector<Eigen::MatrixXd>* known) {
     const int n = vector_.size();
-    jacobian_.resize(state.mean.size());
-    for (size_t e = 0; e < jacobian_.size(); ++e) {
-      jacobian_[e].setZero(state.residual[e].size(), n);
-      if (keep) {
-        jacobian_[e].leftCols(vector_.first_effect()) =
-            reference_->jacobian[e].leftCols(vector_.first_effect());
+    std::vector<Eigen::MatrixXd> jacobian(state.mean.size());
+    for (size_t e = 0; e < jacobian.size(); ++e) {
+      jacobian[e].setZero(state.residual[e].size(), n);
+      if (known != nullptr) {
+        jacobian[e].leftCols(vector_.first_effect()) = (*known)[e].leftCols(vector_.first_effect());
       }
     }
-    if (!keep) {
+    jacobian_ = std::move(jacobian);
+    if (known == nullptr) {
       const Entries middle = model_.Expect(vector_.ToParameters(state.x), false, true).mean;
       int power = -1;
       for (int i = 0; i < vector_.first_shift(); ++i) {
