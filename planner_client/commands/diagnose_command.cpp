@@ -11,14 +11,20 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/part/load_part.h"
+#include "core/recordings/part_inspection.h"
 #include "core/recordings/recordings.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/diagnosis_client/answer_json.h"
 #include "planner_client/diagnosis_client/calibrated_inspection.h"
+#include "planner_client/diagnosis_client/calibrated_part.h"
 #include "planner_client/diagnosis_client/diagnosis_client.h"
+#include "planner_client/diagnosis_client/plate_inspection.h"
 #include "planner_client/diagnosis_client/recorded_folder.h"
 #include "planner_client/report/diagnosis_report.h"
 
@@ -30,7 +36,7 @@ namespace fs = std::filesystem;
 constexpr int kShownExplanations = 5;
 
 struct DiagnoseOptions {
-  std::string input, out, inspection;
+  std::string input, out, inspection, part, part_unit;
   std::optional<int64_t> seed;
   std::vector<std::string> excluded;
   std::optional<int> max_effects;
@@ -94,9 +100,73 @@ void Print(const v1::Diagnosis& diagnosis) {
   std::printf("\n");
 }
 
-// Writes every file of the answer; returns their paths, the report first.
+bool ShowsPart(const RecordedFolder& set) { return set.recordings.format_version() == 2; }
+
+// The null model of recordings of a part: --inspection, or what the recordings say; self-contained
+// but for files, which are found from here.
+absl::StatusOr<v1::Inspection> NominalPart(const DiagnoseOptions& options,
+                                           const RecordedFolder& set) {
+  v1::Inspection message;
+  std::string context = options.inspection;
+  if (!options.inspection.empty()) {
+    absl::Status status = ReadStrictJsonFile(options.inspection, &message);
+    if (!status.ok()) return status;
+  } else {
+    context = set.description_file;
+    auto described = InspectionOfRecordings(set.recordings, context);
+    if (!described.ok()) return described.status();
+    message = *std::move(described);
+  }
+  const std::string folder = fs::absolute(context).lexically_normal().parent_path().string();
+  auto inspection = InlineInspectionFiles(message, context, folder);
+  if (!inspection.ok()) return inspection.status();
+  v1::PartSource* part = inspection->mutable_part();
+  if (!options.part.empty()) part->set_file(options.part);
+  if (!options.part_unit.empty()) part->set_unit(options.part_unit);
+  if (absl::Status unit = CheckPartUnit(part->file(), part->unit()); !unit.ok()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(context, ": part.unit ", unit.message(), "; give it with --part-unit"));
+  }
+  absl::Status status = ParseInspection(*inspection, context, "").status();
+  if (!status.ok()) return status;
+  if (!fs::is_regular_file(part->file())) {
+    return absl::NotFoundError(absl::StrCat(options.part.empty() ? context + ": part.file: " : "",
+                                            part->file(),
+                                            ": cannot be read; give the part's file with --part"));
+  }
+  return inspection;
+}
+
+// The inspection with the fitted values, or none if it cannot be said; its plate's mesh goes into
+// `files`.
+absl::StatusOr<CalibratedInspection> Calibrated(
+    const DiagnoseOptions& options, const RecordedFolder& set, const v1::Inspection& nominal_part,
+    const v1::Diagnosis& diagnosis, const fs::path& folder,
+    std::vector<std::pair<fs::path, std::string>>* files) {
+  if (ShowsPart(set)) {
+    CalibratedInspection result = CalibratePartInspection(nominal_part, diagnosis);
+    absl::Status status = ParseInspection(result.inspection, "calibrated inspection", "").status();
+    if (!status.ok()) return status;
+    NameFilesFrom(folder.string(), &result.inspection);
+    return result;
+  }
+  if (!options.inspection.empty()) {
+    return CalibrateInspectionFile(options.inspection, set.recordings, diagnosis, folder.string());
+  }
+  constexpr char kPlateFile[] = "plate.obj";
+  CalibratedInspection result =
+      CalibrateInspection(InspectionOfPlate(set.recordings, kPlateFile), set.recordings, diagnosis);
+  absl::Status status = ParseInspection(result.inspection, "calibrated inspection", "").status();
+  if (!status.ok()) return status;
+  files->emplace_back(folder / kPlateFile, kPlateObj);
+  return result;
+}
+
+// Writes every file of the answer; returns their paths, the report first. `nominal_part`: of
+// recordings of a part.
 absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& options,
                                                      const RecordedFolder& set,
+                                                     const v1::Inspection& nominal_part,
                                                      const v1::Diagnosis& diagnosis,
                                                      std::vector<std::string>* warnings) {
   const fs::path out = options.out;
@@ -114,21 +184,26 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
   }
   files.emplace_back(out / "diagnosis.json", answer);
   files.emplace_back(out / "diagnosis_full.json", ToJson(diagnosis) + "\n");
-  if (diagnosis.has_calibrated()) {
-    files.emplace_back(calibrated / "recordings.json",
-                       RecordingsToJson(diagnosis.calibrated()) + "\n");
+  // The renderer takes these of a plate; of a part it takes the inspection.
+  if (!ShowsPart(set)) {
+    if (diagnosis.has_calibrated()) {
+      files.emplace_back(calibrated / "recordings.json",
+                         RecordingsToJson(diagnosis.calibrated()) + "\n");
+    }
+    files.emplace_back(calibrated / "effects.json", EffectsJson(diagnosis));
   }
-  files.emplace_back(calibrated / "effects.json", EffectsJson(diagnosis));
   const fs::path inspection = calibrated / "inspection.json";
   // One of an earlier run would not be that of this diagnosis.
   fs::remove(inspection, error);
-  if (!options.inspection.empty()) {
-    auto result =
-        CalibrateInspectionFile(options.inspection, set.recordings, diagnosis, calibrated.string());
-    if (!result.ok()) return result.status();
+  auto result = Calibrated(options, set, nominal_part, diagnosis, calibrated, &files);
+  if (result.ok()) {
     files.emplace_back(inspection, ToJson(result->inspection) + "\n");
     warnings->insert(warnings->end(), result->warnings.begin(), result->warnings.end());
     for (const std::string& change : result->changes) std::printf("%s\n", change.c_str());
+  } else {
+    // The finding is worth having without it.
+    warnings->push_back(
+        absl::StrCat("calibrated/inspection.json is not written: ", result.status().message()));
   }
   std::vector<std::string> paths;
   for (const auto& [path, text] : files) {
@@ -147,10 +222,29 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   const auto set = ReadRecordedFolder(options.input);
   if (!set.ok()) return set.status();
   if (options.out.empty()) options.out = (fs::path(set->folder) / "diagnosis").string();
-  if (!options.inspection.empty()) {
-    // Its mistakes show before the long work, not after it.
-    const auto inspection = CalibrateInspectionFile(options.inspection, set->recordings, {}, ".");
-    if (!inspection.ok()) return inspection.status();
+  // Mistakes show before the long work, not after it.
+  v1::Inspection nominal_part;
+  std::vector<AssetFile> assets;
+  v1::CreateDiagnosisRequest request;
+  if (ShowsPart(*set)) {
+    auto nominal = NominalPart(options, *set);
+    if (!nominal.ok()) return nominal.status();
+    nominal_part = *std::move(nominal);
+    *request.mutable_inspection() = nominal_part;
+    absl::Status status = TakeAssets(set->description_file, request.mutable_inspection(), &assets);
+    if (!status.ok()) return status;
+  } else {
+    for (const auto& [given, name] : {std::pair(!options.part.empty(), "--part"),
+                                      std::pair(!options.part_unit.empty(), "--part-unit")}) {
+      if (!given) continue;
+      return absl::InvalidArgumentError(absl::StrCat(name, " is for recordings of a part; ",
+                                                     set->description_file,
+                                                     " has format_version 1: a plate"));
+    }
+    if (!options.inspection.empty()) {
+      const auto inspection = CalibrateInspectionFile(options.inspection, set->recordings, {}, ".");
+      if (!inspection.ok()) return inspection.status();
+    }
   }
   std::error_code error;
   fs::create_directories(options.out, error);
@@ -158,7 +252,6 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
     return absl::InvalidArgumentError(
         absl::StrCat("cannot make folder ", options.out, ": ", error.message()));
   }
-  v1::CreateDiagnosisRequest request;
   *request.mutable_source()->mutable_recordings() = set->recordings;
   if (options.seed) request.set_seed(*options.seed);
   if (options.max_effects) request.set_max_effects(*options.max_effects);
@@ -168,13 +261,13 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   WorkerClientOptions client;
   auto worker = StartWorkerSession(options.worker, &progress, &client);
   if (!worker.ok()) return worker.status();
-  const auto diagnosis = DiagnoseRecordings(client, std::move(request), set->images);
+  const auto diagnosis = DiagnoseRecordings(client, std::move(request), set->images, assets);
   progress.Finish();
   if (!diagnosis.ok()) return AboutInput(diagnosis.status(), set->description_file);
 
   Print(*diagnosis);
   std::vector<std::string> warnings(diagnosis->warnings().begin(), diagnosis->warnings().end());
-  const auto files = WriteAnswer(options, *set, *diagnosis, &warnings);
+  const auto files = WriteAnswer(options, *set, nominal_part, *diagnosis, &warnings);
   for (const std::string& warning : warnings) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
@@ -187,14 +280,21 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
 
 Command AddDiagnoseCommand(CLI::App& app) {
   auto options = std::make_shared<DiagnoseOptions>();
-  app.add_option("input", options->input, "folder of recordings of a plate, or its recordings.json")
+  app.add_option("input", options->input,
+                 "folder of recordings of a plate or a part, or its recordings.json")
       ->required();
   app.add_option("--out", options->out, "folder for the answer; default: diagnosis/ in the set");
   app.add_option("--inspection", options->inspection,
-                 "also write this inspection.json with the fitted values");
+                 "the inspection.json that gets the fitted values; of a part also the model that "
+                 "the recordings are compared with");
+  app.add_option("--part", options->part,
+                 "file of the part that the recordings show; default: as it is named there, in "
+                 "their folder");
+  app.add_option("--part-unit", options->part_unit, "of an STL, PLY or OBJ file: m, cm, mm, inch");
   app.add_option("--exclude", options->excluded, "effect not to consider; may be repeated")
       ->allow_extra_args(false);
-  app.add_option("--max-effects", options->max_effects, "at once; default 2")
+  app.add_option("--max-effects", options->max_effects,
+                 "at once; default 2, which is the most for a part")
       ->check(CLI::Range(1, 3));
   app.add_option("--seed", options->seed, "of everything drawn at random; default 1");
   AddWorkerOptions(app, &options->worker);

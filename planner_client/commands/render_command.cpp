@@ -2,10 +2,8 @@
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
-#include <fstream>
 #include <memory>
 #include <optional>
-#include <sstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -16,13 +14,12 @@
 #include "absl/strings/str_split.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
-#include "core/part/load_part.h"
 #include "core/recordings/recordings.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/plan_document.h"
 #include "planner_client/commands/worker_session.h"
-#include "planner_client/coverage_client/part_upload.h"
 #include "planner_client/render_client/render_client.h"
 
 namespace sightline {
@@ -46,16 +43,6 @@ constexpr std::array<const char*, kMeasurementParameters> kParameterNames = {
     "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
     "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
     "offset_z_m"};
-
-absl::StatusOr<std::string> ReadFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  if (file) bytes << file.rdbuf();
-  if (!file || fs::is_directory(path)) {
-    return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
-  }
-  return std::move(bytes).str();
-}
 
 // Nine numbers in metres and degrees.
 absl::StatusOr<Measurement> ParseMeasurementText(const std::string& text) {
@@ -218,39 +205,6 @@ absl::StatusOr<v1::PlateRender> ReadEffects(const std::string& path) {
   return message;
 }
 
-// Moves a file's bytes into the request under a name of its own.
-absl::Status AddAsset(const std::string& path, const std::string& name,
-                      std::vector<AssetFile>* assets) {
-  absl::StatusOr<std::string> bytes = ReadFile(path);
-  if (!bytes.ok()) return bytes.status();
-  if (bytes->empty()) return absl::InvalidArgumentError(absl::StrCat(path, ": is empty"));
-  assets->push_back({name, *std::move(bytes)});
-  return absl::OkStatus();
-}
-
-std::string FileName(const std::string& path) { return fs::path(path).filename().string(); }
-
-// A mesh file. A glTF file with its buffers elsewhere goes as PLY.
-absl::Status AddMesh(const std::string& prefix, std::string* file, std::string* unit,
-                     std::vector<AssetFile>* assets) {
-  const std::string path = *file;
-  const std::string extension = fs::path(path).extension();
-  if (!absl::EqualsIgnoreCase(extension, ".gltf")) {
-    *file = prefix + FileName(path);
-    return AddAsset(path, *file, assets);
-  }
-  absl::StatusOr<TriangleMesh> mesh = LoadPart(path, *unit);
-  if (!mesh.ok()) return mesh.status();
-  if (!mesh->material_names.empty()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": its materials cannot be sent; save it as .glb"));
-  }
-  *file = absl::StrCat(prefix, fs::path(path).stem().string(), ".ply");
-  *unit = "m";
-  assets->push_back({*file, EncodePly(*mesh)});
-  return absl::OkStatus();
-}
-
 absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
                                         std::vector<AssetFile>* assets) {
   v1::Inspection message;
@@ -288,32 +242,7 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
   for (const v1::PartFrame& frame : *frames) *part->add_frames() = frame;
   v1::Inspection* sent = part->mutable_inspection();
   *sent = *std::move(inlined);
-  // Planning's alone.
-  sent->clear_targets();
-  sent->clear_measurement();
-  sent->clear_goal();
-  sent->clear_costs();
-  absl::Status status = AddMesh("", sent->mutable_part()->mutable_file(),
-                                sent->mutable_part()->mutable_unit(), assets);
-  if (!status.ok()) return status;
-  for (int i = 0; i < sent->obstacles_size(); ++i) {
-    v1::Obstacle* obstacle = sent->mutable_obstacles(i);
-    status = AddMesh(absl::StrCat("obstacle-", i, "/"), obstacle->mutable_file(),
-                     obstacle->mutable_unit(), assets);
-    if (!status.ok()) return status;
-  }
-  for (int i = 0; i < sent->materials_size(); ++i) {
-    int number = 0;
-    for (std::string* file : MutableMaterialFiles(sent->mutable_materials(i)->mutable_material())) {
-      const std::string name = absl::StrCat("material-", i, "-", number++, "/", FileName(*file));
-      status = AddAsset(*file, name, assets);
-      if (!status.ok()) {
-        return absl::Status(
-            status.code(), absl::StrCat(options.input, ": materials[", i, "]: ", status.message()));
-      }
-      *file = name;
-    }
-  }
+  if (absl::Status status = TakeAssets(options.input, sent, assets); !status.ok()) return status;
   return spec;
 }
 

@@ -45,7 +45,7 @@ void Print(const v1::Verification& verification) {
 }
 
 absl::StatusOr<int> Verify(VerifyOptions options) {
-  const auto set = ReadRecordedFolder(options.input);
+  const auto set = ReadRecordedFolder(options.input, Shown::kPlate);
   if (!set.ok()) return set.status();
   if (options.out.empty()) options.out = (fs::path(set->folder) / "verification").string();
   std::error_code error;

@@ -16,7 +16,6 @@ namespace sightline {
 namespace {
 
 namespace fs = std::filesystem;
-using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
 constexpr double kSame = 1e-3;
@@ -33,27 +32,6 @@ bool IsOfSetUp(const std::string& effect) {
   return effect == "geometry.camera_distance_error" || effect == "geometry.laser_distance_error" ||
          effect == "geometry.incidence_angle_error";
 }
-
-// An optional number of a message.
-struct Number {
-  Message* message;
-  const char* field;
-  double unset;  // what it is if it is not given
-  double lower, upper;
-
-  const FieldDescriptor* Descriptor() const {
-    return message->GetDescriptor()->FindFieldByName(field);
-  }
-  double Get() const {
-    const auto* reflection = message->GetReflection();
-    return reflection->HasField(*message, Descriptor())
-               ? reflection->GetDouble(*message, Descriptor())
-               : unset;
-  }
-  void Set(double value) const {
-    message->GetReflection()->SetDouble(message, Descriptor(), value);
-  }
-};
 
 // Reflectance of the plate for even light from everywhere, seen along its normal: the integral of
 // f_r cos(theta) over the half space (recordings format, section 3; Helmholtz reciprocity).
@@ -72,10 +50,10 @@ double HemisphericalReflectance(const v1::Recordings::PlateSurface& surface) {
   return surface.diffuse_albedo() + std::numbers::pi * std::numbers::pi / kSteps * sum;
 }
 
-class Calibration {
+class Calibration : private InspectionChanges {
  public:
   Calibration(const v1::Recordings& nominal, CalibratedInspection* result)
-      : nominal_(nominal), result_(*result), inspection_(result->inspection) {
+      : InspectionChanges(result), nominal_(nominal), inspection_(result->inspection) {
     const v1::Sensor& stated = inspection_.camera().sensor();
     const v1::Sensor& recorded = nominal.camera();
     has_sensor_ = inspection_.camera().has_sensor() &&
@@ -102,13 +80,14 @@ class Calibration {
 
   void ApplyDeviation(const std::string& name, double value);
   void ApplyEffect(const v1::Effect& effect);
+  // A surface cannot reflect more than it receives: what of the light is more than that is the
+  // laser's, since only their product is known.
+  void KeepReflectanceBelowOne();
 
  private:
   v1::Sensor* sensor() { return inspection_.mutable_camera()->mutable_sensor(); }
   v1::Lens* lens() { return inspection_.mutable_lens(); }
   v1::Laser* laser() { return inspection_.mutable_laser(); }
-
-  void Warn(const std::string& text) { result_.warnings.push_back(text); }
 
   // Whether the inspection has what `source` changes.
   bool Check(bool there, const char* what, const std::string& source) {
@@ -121,26 +100,6 @@ class Calibration {
   bool HasLens(const std::string& source) { return Check(has_lens_, "no lens", source); }
   bool HasLaser(const std::string& source) { return Check(has_laser_, "no laser", source); }
 
-  void Change(const Number& number, const std::string& path, double to, const std::string& source) {
-    const double from = number.Get();
-    const double cut = std::clamp(to, number.lower, number.upper);
-    if (cut != to) {
-      Warn(absl::StrCat(source, ": ", path, number.field, " would be ", NumberText(to),
-                        ", which is out of its range; it is ", NumberText(cut)));
-    }
-    number.Set(cut);
-    result_.changes.push_back(absl::StrCat(path, number.field, " ", NumberText(from), " -> ",
-                                           NumberText(cut), " (", source, ")"));
-  }
-  void Scale(const Number& number, const std::string& path, double factor,
-             const std::string& source) {
-    Change(number, path, number.Get() * factor, source);
-  }
-  void Shift(const Number& number, const std::string& path, double shift,
-             const std::string& source) {
-    Change(number, path, number.Get() + shift, source);
-  }
-
   // Factors of red (or mono), green, blue.
   void ScaleEfficiency(const std::array<double, 3>& factors, const std::string& source);
   // Changes the materials that are the plate's.
@@ -151,7 +110,6 @@ class Calibration {
   bool ApplyToFields(const std::string& id, const std::map<std::string, double>& parameters);
 
   const v1::Recordings& nominal_;
-  CalibratedInspection& result_;
   v1::Inspection& inspection_;
   bool has_sensor_ = false, has_lens_ = false, has_laser_ = false;
   std::vector<int> plate_materials_;  // those that state the plate's surface
@@ -195,6 +153,19 @@ void Calibration::ScaleMaterials(double albedo_factor, double f0_factor, double 
       Scale({surface, "ggx_alpha", 1, 1e-3, 1}, path, alpha_factor, source);
     }
   }
+}
+
+void Calibration::KeepReflectanceBelowOne() {
+  double largest = 0;
+  for (const int i : plate_materials_) {
+    const auto& surface = inspection_.materials(i).material().lambert_ggx();
+    largest = std::max(largest, surface.diffuse_albedo() + surface.specular_f0());
+  }
+  if (largest <= 1 || !has_laser_) return;
+  const std::string source = "reflectance of at most 1";
+  constexpr double kRounding = 1 - 1e-12;
+  ScaleMaterials(kRounding / largest, kRounding / largest, 1, source);
+  Scale({laser(), "power_w", 0.023, 0, 100}, "laser.", largest, source);
 }
 
 void Calibration::SetAmbient(const std::map<std::string, double>& parameters,
@@ -338,21 +309,7 @@ void Calibration::ApplyEffect(const v1::Effect& effect) {
     Warn(absl::StrCat(id, ": acts on a flat plate only, an inspection cannot say it: left out"));
     return;
   }
-  auto* effects = inspection_.mutable_effects();
-  const auto same = std::find_if(effects->begin(), effects->end(),
-                                 [&](const v1::Effect& e) { return e.effect() == id; });
-  if (same == effects->end()) {
-    *effects->Add() = effect;
-  } else {
-    Warn(absl::StrCat(id, ": stood in the inspection before; the fitted one takes its place"));
-    *same = effect;
-  }
-  result_.changes.push_back(absl::StrCat("effects: ", id));
-}
-
-// A path that leads from `folder` to `file`.
-std::string RelativeTo(const std::string& file, const fs::path& folder) {
-  return fs::proximate(file, folder).string();
+  AddEffect(effect);
 }
 
 }  // namespace
@@ -391,6 +348,7 @@ CalibratedInspection CalibrateInspection(const v1::Inspection& inspection,
     calibration.ApplyDeviation(deviation.name(), deviation.value());
   }
   for (const v1::Effect& effect : diagnosis.calibrated_effects()) calibration.ApplyEffect(effect);
+  calibration.KeepReflectanceBelowOne();
   return result;
 }
 
@@ -409,19 +367,7 @@ absl::StatusOr<CalibratedInspection> CalibrateInspectionFile(const std::string& 
   CalibratedInspection result = CalibrateInspection(*inlined, nominal, diagnosis);
   status = ParseInspection(result.inspection, absl::StrCat(path, ", calibrated"), "").status();
   if (!status.ok()) return status;
-  v1::Inspection& inspection = result.inspection;
-  const fs::path folder = fs::absolute(out_folder).lexically_normal();
-  if (!inspection.part().file().empty()) {
-    inspection.mutable_part()->set_file(RelativeTo(inspection.part().file(), folder));
-  }
-  for (v1::Obstacle& obstacle : *inspection.mutable_obstacles()) {
-    obstacle.set_file(RelativeTo(obstacle.file(), folder));
-  }
-  for (v1::MaterialAssignment& assignment : *inspection.mutable_materials()) {
-    for (std::string* file : MutableMaterialFiles(assignment.mutable_material())) {
-      *file = RelativeTo(*file, folder);
-    }
-  }
+  NameFilesFrom(out_folder, &result.inspection);
   return result;
 }
 

@@ -3,20 +3,14 @@
 #pragma once
 
 #include <string>
-#include <vector>
 
 #include "absl/status/statusor.h"
+#include "planner_client/diagnosis_client/inspection_changes.h"
 #include "sightline/v1/diagnosis.pb.h"
 #include "sightline/v1/inspection.pb.h"
 #include "sightline/v1/recording.pb.h"
 
 namespace sightline {
-
-struct CalibratedInspection {
-  v1::Inspection inspection;
-  std::vector<std::string> changes;   // "laser.power_w 0.023 -> 0.0251 (power_relative)"
-  std::vector<std::string> warnings;  // what could not be carried over, and why
-};
 
 // Fitted deviations and effects of `diagnosis` as values of `inspection`, where it has a field that
 // says the same; other effects are named in its `effects`. `nominal`: the description that was

@@ -13,21 +13,23 @@ namespace {
 
 constexpr absl::Duration kGetTimeout = absl::Seconds(60);
 
-void AddImages(const WorkerCall& call, const std::vector<AssetFile>& images,
-               v1::RecordedSetSource* source) {
-  for (size_t i = 0; i < images.size(); ++i) {
-    v1::RenderAsset* asset = source->add_images();
-    asset->set_file(images[i].file);
+// Names the files from `first` on, `count` of them, of what the call can upload.
+void AddAssets(const WorkerCall& call, const std::vector<AssetFile>& files, size_t first,
+               size_t count, google::protobuf::RepeatedPtrField<v1::RenderAsset>* assets) {
+  for (size_t i = first; i < first + count; ++i) {
+    v1::RenderAsset* asset = assets->Add();
+    asset->set_file(files[i].file);
     asset->set_asset_digest(call.digests()[i]);
   }
 }
 
-// Creates a job, waits for its end and fetches its answer. `create` sets `job`.
-absl::Status RunJob(WorkerCall* call, const v1::Job* job,
+// Creates a job, waits for its end and fetches its answer. `create` sets `created`.
+template <typename Created>
+absl::Status RunJob(WorkerCall* call, const Created& created,
                     const std::function<grpc::Status(grpc::ClientContext*)>& create,
                     const std::function<grpc::Status(grpc::ClientContext*)>& get) {
   absl::Status status = call->Create(create);
-  if (status.ok()) status = call->WaitForJob(job->job_id());
+  if (status.ok()) status = call->WaitForJob(created.job().job_id());
   if (status.ok()) {
     grpc::ClientContext context;
     SetTimeout(&context, kGetTimeout);
@@ -45,15 +47,19 @@ absl::Status RunJob(WorkerCall* call, const v1::Job* job,
 
 absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(const WorkerClientOptions& options,
                                                  v1::CreateDiagnosisRequest request,
-                                                 const std::vector<AssetFile>& images) {
-  WorkerCall call(options, images);
+                                                 const std::vector<AssetFile>& images,
+                                                 const std::vector<AssetFile>& assets) {
+  std::vector<AssetFile> files = images;
+  files.insert(files.end(), assets.begin(), assets.end());
+  WorkerCall call(options, files);
   const auto service = v1::DiagnosisService::NewStub(call.channel());
-  AddImages(call, images, request.mutable_source());
+  AddAssets(call, files, 0, images.size(), request.mutable_source()->mutable_images());
+  AddAssets(call, files, images.size(), assets.size(), request.mutable_assets());
   request.set_request_id(NewRequestId());
   v1::CreateDiagnosisResponse created;
   v1::GetDiagnosisResponse answer;
   absl::Status status = RunJob(
-      &call, created.mutable_job(),
+      &call, created,
       [&](grpc::ClientContext* context) {
         return service->CreateDiagnosis(context, request, &created);
       },
@@ -71,12 +77,12 @@ absl::StatusOr<v1::Verification> VerifyRecordings(const WorkerClientOptions& opt
                                                   const std::vector<AssetFile>& images) {
   WorkerCall call(options, images);
   const auto service = v1::DiagnosisService::NewStub(call.channel());
-  AddImages(call, images, request.mutable_source());
+  AddAssets(call, images, 0, images.size(), request.mutable_source()->mutable_images());
   request.set_request_id(NewRequestId());
   v1::CreateVerificationResponse created;
   v1::GetVerificationResponse answer;
   absl::Status status = RunJob(
-      &call, created.mutable_job(),
+      &call, created,
       [&](grpc::ClientContext* context) {
         return service->CreateVerification(context, request, &created);
       },

@@ -9,12 +9,14 @@
 
 namespace sightline {
 
-// `images`: one for every recording, `file` as it stands there. Uploads what the worker does not
-// know and waits for the job. UNAVAILABLE: the worker ended; the message says how. CANCELLED:
-// interrupted. Other errors are the worker's. `request` has everything else but the request_id.
+// `images`: one for every recording, `file` as it stands there; `assets`: of parts, the files of
+// the inspection. Uploads what the worker does not know and waits for the job. UNAVAILABLE: the
+// worker ended; the message says how. CANCELLED: interrupted. Other errors are the worker's.
+// `request` has everything else but the request_id.
 absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(const WorkerClientOptions& options,
                                                  v1::CreateDiagnosisRequest request,
-                                                 const std::vector<AssetFile>& images);
+                                                 const std::vector<AssetFile>& images,
+                                                 const std::vector<AssetFile>& assets = {});
 absl::StatusOr<v1::Verification> VerifyRecordings(const WorkerClientOptions& options,
                                                   v1::CreateVerificationRequest request,
                                                   const std::vector<AssetFile>& images);

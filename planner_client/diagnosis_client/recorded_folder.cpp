@@ -17,7 +17,7 @@ constexpr size_t kMostNamed = 5;
 
 }  // namespace
 
-absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path) {
+absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path, Shown shown) {
   RecordedFolder set;
   const fs::path description =
       fs::is_directory(path) ? fs::path(path) / "recordings.json" : fs::path(path);
@@ -27,7 +27,7 @@ absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path) {
   if (!status.ok()) return status;
   status = ParseRecordings(set.recordings, set.description_file).status();
   if (!status.ok()) return status;
-  if (set.recordings.format_version() != 1) {
+  if (shown == Shown::kPlate && set.recordings.format_version() != 1) {
     return absl::InvalidArgumentError(
         absl::StrCat(set.description_file, ": format_version is ", set.recordings.format_version(),
                      " (images of a part), must be 1: laser lines on a flat plate"));

@@ -13,12 +13,16 @@ namespace sightline {
 struct RecordedFolder {
   std::string folder;
   std::string description_file;   // path of its recordings.json
-  v1::Recordings recordings;      // format version 1, valid
+  v1::Recordings recordings;      // valid
   std::vector<AssetFile> images;  // of the recordings, in their order
 };
 
+enum class Shown { kPlate, kPlateOrPart };
+
 // `path`: the folder or its recordings.json. NOT_FOUND: no description, or images are missing (all
-// are named); INVALID_ARGUMENT names file, field and reason; also for format version 2, a part.
-absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path);
+// are named); INVALID_ARGUMENT names file, field and reason; also for format version 2, a part, if
+// only a plate may be shown.
+absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path,
+                                                  Shown shown = Shown::kPlateOrPart);
 
 }  // namespace sightline

@@ -45,7 +45,10 @@ std::string Soft(const std::string& text) {
 // Names of the vocabulary as words: "line_flanks" -> "line flanks".
 std::string Words(const google::protobuf::RepeatedPtrField<std::string>& names) {
   std::vector<std::string> words;
-  for (const std::string& name : names) words.push_back(QuantityName(name));
+  for (const std::string& name : names) {
+    // What is said in words stays as it is.
+    words.push_back(name.find(' ') == std::string::npos ? QuantityName(name) : name);
+  }
   return absl::StrJoin(words, ", ");
 }
 
@@ -112,6 +115,9 @@ class Report {
         if (recording.held_out()) held_out_.insert(recording.recording());
       }
     }
+    // Of parts: tiles of every recording are held out, none as a whole.
+    of_part_ = d_.calibrated().format_version() == 2;
+    if (of_part_) held_out_.clear();
   }
 
   std::string Html() const {
@@ -123,10 +129,10 @@ class Report {
     page.finding_html = VerdictSentence();
     page.figures = Figures();
     page.warnings.assign(d_.warnings().begin(), d_.warnings().end());
+    const char* picture = has_model_ ? "The picture that shows it" : "Recorded and expected";
     page.sections_html =
-        PageSection("profiles", has_model_ ? "The picture that shows it" : "Recorded and expected",
-                    Profiles()) +
-        PageSection("maps", "Where in the image", RegionMaps()) +
+        PageSection("profiles", picture, Profiles()) +
+        PageSection("maps", of_part_ ? picture : "Where in the image", RegionMaps()) +
         PageSection("explanations", "What explains it, and what does not", Explanations()) +
         PageSection("next", "What to record next", NextRecordings()) +
         PageSection("fit", "How well the model fits", Fit()) +
@@ -221,12 +227,13 @@ class Report {
                              : Number(held_out.null())});
     }
     if (d_.has_model_fit() && d_.model_fit().degrees_of_freedom() > 0) {
-      figures.push_back(
-          {"fit of all recordings", EscapeHtml(PValueText(d_.model_fit().p_value()))});
+      figures.push_back({of_part_ ? "fit of held-out tiles" : "fit of all recordings",
+                         EscapeHtml(PValueText(d_.model_fit().p_value()))});
     }
     const int recordings =
-        std::max({d_.calibrated().recordings_size(), d_.null_fit().recordings_size(),
-                  d_.model_fit().recordings_size()});
+        of_part_ ? d_.calibrated().recordings_size()
+                 : std::max({d_.calibrated().recordings_size(), d_.null_fit().recordings_size(),
+                             d_.model_fit().recordings_size()});
     if (recordings > 0) {
       figures.push_back(
           {"recordings",
@@ -373,9 +380,10 @@ class Report {
         }
       }
       absl::StrAppend(&cards, "<div class=\"card map-card\">", Caption(map.recording()),
-                      "<div class=\"panes\">\n",
+                      "<div class=\"panes\">\n", of_part_ ? picture : "",
                       pane(map.null_z(), has_model_ ? "before" : "residual"),
-                      has_model_ ? pane(map.model_z(), "after") : "", picture, "</div></div>\n");
+                      has_model_ ? pane(map.model_z(), "after") : "", of_part_ ? "" : picture,
+                      "</div></div>\n");
     }
     if (shown == 0) return "";
     return absl::StrCat(
@@ -399,16 +407,17 @@ class Report {
 
   static std::string ParameterText(const v1::FittedParameter& parameter) {
     std::string html = absl::StrCat(EscapeHtml(QuantityName(parameter.name())), " ");
-    if (!parameter.has_standard_error()) {
+    if (!parameter.has_standard_error() && !(parameter.lower() < parameter.upper())) {
       return absl::StrCat(html, "<span class=\"soft\">not determined by these recordings</span>");
     }
+    std::optional<double> error;
+    if (parameter.has_standard_error()) error = parameter.standard_error();
     absl::StrAppend(&html, "<strong>",
-                    EscapeHtml(QuantityWithError(parameter.name(), parameter.value(),
-                                                 parameter.standard_error())),
+                    EscapeHtml(QuantityWithError(parameter.name(), parameter.value(), error)),
                     "</strong>");
     if (parameter.lower() < parameter.upper()) {
       absl::StrAppend(
-          &html, " <span class=\"soft nowrap\">(95\u202f%: ",
+          &html, " <span class=\"soft nowrap\">(", error.has_value() ? "95\u202f%: " : "",
           EscapeHtml(QuantityInterval(parameter.name(), parameter.lower(), parameter.upper())),
           ")</span>");
     }
@@ -525,11 +534,12 @@ class Report {
     };
     const v1::ModelFit& before = d_.null_fit();
     const v1::ModelFit& after = d_.model_fit();
-    add("all recordings", PerDegree(before.chi_squared(), before.degrees_of_freedom()),
+    add(of_part_ ? "tiles not used in fitting" : "all recordings",
+        PerDegree(before.chi_squared(), before.degrees_of_freedom()),
         PerDegree(after.chi_squared(), after.degrees_of_freedom()),
         absl::StrCat(GroupedInteger(before.degrees_of_freedom()), " dof"));
     const v1::HeldOutImprovement& held_out = d_.held_out_improvement();
-    if (held_out.null() > 0) {
+    if (held_out.null() > 0 && !of_part_) {
       add("held-out recordings", held_out.null(), held_out.with_effect(),
           held_out.recordings().empty() ? ""
                                         : absl::StrCat(held_out.recordings_size(), " recordings"));
@@ -838,6 +848,7 @@ class Report {
   const v1::Diagnosis& d_;
   const std::string& set_folder_;
   bool has_model_ = false;
+  bool of_part_ = false;
   std::set<int> held_out_;
 };
 

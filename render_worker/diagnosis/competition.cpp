@@ -2,12 +2,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 #include <optional>
 #include <string_view>
 #include <utility>
 
 #include "render_worker/diagnosis/linear_fit.h"
+#include "render_worker/diagnosis/recording_scatter.h"
 
 namespace sightline {
 
@@ -21,15 +23,16 @@ constexpr double kOneMore = 0.1;
 // The model's own errors (of the speckle's law, of its correlations) are no noise: they can look
 // like an effect. Differences in evidence count less by this factor.
 constexpr double kEvidenceWeight = 0.6;
-// Nor is the change an effect makes known exactly: to about this part. Where it is thousands of
-// standard deviations, that part of it is many, which explanations must not be told apart by.
-constexpr double kEffectError = 0.02;
 
 constexpr size_t kFitted = 12;       // candidates fitted with the null model's derivatives
 constexpr size_t kFittedAgain = 5;   // with their own
 constexpr size_t kFittedAfresh = 4;  // from the nominal description on, if the null model fails:
 constexpr double kRejected = 1.5;    // chi squared over numbers above which it does
 constexpr double kLeastGain = 1.5;   // [nats] worth a fit
+// The null model's deviations may hide an effect that it does not fail for.
+constexpr size_t kFittedAfreshAnyway = 2;
+constexpr double kPromising = 10;     // [nats]
+constexpr double kMostAmplitude = 3;  // of an added effect, over that at which it was looked at
 
 // Whole numbers: not fitted, tried.
 std::vector<double> WholeNumbers(const EffectParameter& parameter) {
@@ -109,7 +112,9 @@ class Competing {
   }
 
   void Screen() {
-    std::vector<const Effect*> all(settings_.effects.begin(), settings_.effects.end());
+    std::vector<const Effect*> all;
+    std::copy_if(settings_.effects.begin(), settings_.effects.end(), std::back_inserter(all),
+                 [](const Effect* effect) { return !IsRecordingScatter(*effect); });
     all.insert(all.end(), settings_.free_forms.begin(), settings_.free_forms.end());
     for (size_t i = 0; i < all.size(); ++i) {
       if (!Report(0.5 * static_cast<double>(i) / static_cast<double>(all.size()))) return;
@@ -257,6 +262,7 @@ class Competing {
     start.line_shift_px = model_.EstimateLineShifts(start);
     FitSettings settings;
     settings.rounds = {{0.3, 0.3}, {0.1, 0.2}, {0.01, 0.1}, {0, 0.03}, {0, 0}};
+    settings.middle_only = true;
     candidate.fit = FitSet(model_, start, candidate.free, settings, nullptr);
     candidate.effects = candidate.fit.parameters.effects;
     candidate.log_evidence = LogEvidence(candidate, competition_.null);
@@ -286,7 +292,8 @@ class Competing {
       if (!Report(0.5 + 0.25 * static_cast<double>(i) / kFitted)) return;
       const bool displaced =
           order[i]->linear_gain > 10 && order[i]->gain < 0.5 * order[i]->linear_gain;
-      if ((rejected || displaced) && afresh < kFittedAfresh) {
+      const bool promising = i < kFittedAfreshAnyway && promise(*order[i]) > kPromising;
+      if ((rejected || displaced || promising) && afresh < kFittedAfresh) {
         ++afresh;
         candidates_.push_back(
             MakeCandidate({displaced ? order[i]->linear_best : order[i]->strongest}));
@@ -329,7 +336,10 @@ class Competing {
           const double length = linear.Inner(added.change, added.change);
           if (there || length < 1e-6) continue;
           const double slope = linear.residual().dot(added.change);
-          joints.push_back({&base, &added, 0.5 * slope * slope / length, slope / length});
+          // Where the known parameters do nearly the same, a straight line leads far astray.
+          const double amplitude = std::clamp(slope / length, -kMostAmplitude, kMostAmplitude);
+          joints.push_back(
+              {&base, &added, amplitude * (slope - 0.5 * amplitude * length), amplitude});
         }
       }
       std::stable_sort(joints.begin(), joints.end(),
@@ -344,8 +354,7 @@ class Competing {
         for (size_t k = 0; k < parameters.size(); ++k) {
           if (!WholeNumbers(parameters[k]).empty()) continue;
           const double z = StandardisedParameter(parameters[k], added.parameters[k]);
-          added.parameters[k] =
-              ParameterFromStandardised(parameters[k], z * std::clamp(joint.amplitude, -3.0, 3.0));
+          added.parameters[k] = ParameterFromStandardised(parameters[k], z * joint.amplitude);
         }
         std::vector<ActiveEffect> effects = joint.base->effects;
         effects.push_back(added);
@@ -375,6 +384,7 @@ class Competing {
     start.effects = best.effects;
     const FitResult reference = FitSet(model_, start, best.free, settings, nullptr);
     settings.rounds.clear();
+    settings.max_iterations = 8;
     SetParameters null_start = competition_.null.parameters;
     null_start.effects.clear();
     FitResult null = FitSet(model_, null_start, {}, settings, &reference);
@@ -390,9 +400,47 @@ class Competing {
       Fit(candidates_[i], reference, i < kFittedAgain, i < kFittedAgain ? 6 : 3);
     }
     SortByEvidence();
+    FitPartsOfBest(reference);
+  }
+
+  // Each effect of several by itself, from where all of them led: by itself it may have been stuck
+  // where other parameters made up for it.
+  void FitPartsOfBest(const FitResult& reference) {
+    const Candidate best = candidates_.front();
+    if (best.effects.size() < 2) return;
+    for (const ActiveEffect& part : best.effects) {
+      Candidate alone = MakeCandidate({part});
+      alone.fit.parameters = best.fit.parameters;
+      alone.fit.mean = best.fit.mean;
+      Fit(alone, reference, true, 8);
+      const auto known = std::find_if(candidates_.begin(), candidates_.end(), [&](const auto& c) {
+        return c.effects.size() == 1 && c.effects[0].effect == part.effect;
+      });
+      if (known == candidates_.end()) {
+        candidates_.push_back(std::move(alone));
+      } else if (alone.log_evidence > known->log_evidence) {
+        *known = std::move(alone);
+      }
+    }
+    SortByEvidence();
+  }
+
+  // What is drawn anew for every recording changes no expectation: it competes on its own terms.
+  void AddRecordingScatter() {
+    if (stopped_) return;
+    for (ScatterCandidate& scatter :
+         CompareRecordingScatter(model_, competition_.null, settings_.effects)) {
+      Candidate candidate;
+      candidate.effects = {{scatter.effect, scatter.parameters}};
+      candidate.free = scatter.fit.free;
+      candidate.log_evidence = scatter.log_evidence;
+      candidate.fit = std::move(scatter.fit);
+      candidates_.push_back(std::move(candidate));
+    }
   }
 
   void Rank() {
+    AddRecordingScatter();
     Candidate none;
     none.fit = competition_.null;
     candidates_.push_back(std::move(none));

@@ -9,6 +9,10 @@
 
 namespace sightline {
 
+// The change an effect makes is modelled to about this part of it. Where it is thousands of
+// standard deviations, that part is many, which explanations must not be told apart by.
+constexpr double kEffectError = 0.02;
+
 struct Candidate {
   std::vector<ActiveEffect> effects;  // with fitted strengths; none: the null model
   std::vector<FreeEffectParameter> free;

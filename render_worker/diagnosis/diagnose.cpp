@@ -76,7 +76,9 @@ v1::FittedEffect DescribeEffect(const Candidate& candidate, size_t index) {
     for (size_t f = 0; f < candidate.free.size(); ++f) {
       const FreeEffectParameter& free = candidate.free[f];
       if (free.effect != static_cast<int>(index) || free.parameter != static_cast<int>(k)) continue;
-      const double error = candidate.fit.effect_standard_errors[f];
+      // The change an effect makes is itself known to a part only.
+      const double error = std::hypot(candidate.fit.effect_standard_errors[f],
+                                      kEffectError * (active.parameters[k] - parameter.null_value));
       value->set_standard_error(error);
       value->set_lower(std::max(parameter.lower, active.parameters[k] - 1.96 * error));
       value->set_upper(std::min(parameter.upper, active.parameters[k] + 1.96 * error));
@@ -125,10 +127,9 @@ std::string ReasonFor(const Candidate& candidate, const Candidate& best, bool sa
 }
 
 // Explanations with the same leading effect are one, as the most probable of them has it.
-void AddExplanations(const SetModel& model, const Competition& competition,
-                     const std::vector<bool>& held_out, v1::Diagnosis* diagnosis) {
+void AddExplanations(const SetModel& model, const Competition& competition, uint64_t seed,
+                     v1::Diagnosis* diagnosis) {
   const Candidate& best = competition.ranked.front();
-  const EntrySplit split = SplitEntries(model, held_out);
   std::map<std::string, v1::Explanation*> by_name;
   for (const Candidate& candidate : competition.ranked) {
     const std::string name = NameOf(candidate, competition);
@@ -151,7 +152,7 @@ void AddExplanations(const SetModel& model, const Competition& competition,
       if (!IsFreeForm(candidate)) *explanation->add_effects() = DescribeEffect(candidate, i);
     }
     explanation->set_log_evidence_gain(candidate.log_evidence);
-    const PredictedFit predicted = PredictEntries(candidate.fit, split.used, split.held_out);
+    const PredictedFit predicted = CrossValidate(model, candidate.fit, seed);
     if (predicted.degrees_of_freedom > 0) {
       explanation->set_held_out_chi_squared_per_dof(predicted.chi_squared /
                                                     predicted.degrees_of_freedom);
@@ -324,13 +325,12 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   v1::Diagnosis diagnosis;
   diagnosis.set_set(set.description.name);
   diagnosis.set_seed(static_cast<int64_t>(settings.seed));
-  const std::vector<bool> held_out = HeldOutRecordings(set, settings.seed);
-  AddExplanations(model, competition, held_out, &diagnosis);
+  AddExplanations(model, competition, settings.seed, &diagnosis);
   diagnosis.set_verdict(diagnosis.ranked(0).effect() == "none" ? "none" : "effect");
   *diagnosis.mutable_held_out_improvement() =
-      DescribeImprovement(model, competition.null, best.fit, held_out);
-  *diagnosis.mutable_null_fit() = DescribeFit(model, competition.null, held_out);
-  *diagnosis.mutable_model_fit() = DescribeFit(model, best.fit, held_out);
+      DescribeImprovement(model, competition.null, best.fit, settings.seed);
+  *diagnosis.mutable_null_fit() = DescribeFit(model, competition.null);
+  *diagnosis.mutable_model_fit() = DescribeFit(model, best.fit);
   AddStages(competition, &diagnosis);
   if (!best.effects.empty()) {
     AddLaws(model, competition.null, best.fit, settings.seed, &diagnosis);

@@ -10,7 +10,14 @@ namespace sightline {
 
 namespace {
 
-constexpr double kStep = 0.05;  // of finite differences, standardised
+// Of finite differences: the first standardised, then such that the whitened expectation changes by
+// this much. Parameters that do the same are thus moved by the same, and their curvature does not
+// make them look different.
+constexpr double kFirstStep = 0.05;
+constexpr double kChange = 1;
+constexpr double kLargestStep = 0.25;
+// Of deviations, in standard uncertainties: what needs more is not explained by them.
+constexpr double kLargestDeviation = 3;
 
 // A typical value of something positive, over which nothing else is known.
 bool IsLogarithmic(const EffectParameter& p) { return p.null_value > 0 && p.lower >= 0; }
@@ -82,8 +89,13 @@ class ParameterVector {
     return parameters;
   }
 
-  // As ToParameters would have it: within the bounds.
-  Eigen::VectorXd Bounded(const Eigen::VectorXd& x) { return FromParameters(ToParameters(x)); }
+  // Within the bounds of deviations and of effects' parameters.
+  Eigen::VectorXd Bounded(const Eigen::VectorXd& x) {
+    Eigen::VectorXd bounded = FromParameters(ToParameters(x));
+    auto deviations = bounded.head(first_effect()).array();
+    deviations = deviations.max(-kLargestDeviation).min(kLargestDeviation);
+    return bounded;
+  }
 
  private:
   const SetModel& model_;
@@ -107,7 +119,11 @@ class Fitter {
   Fitter(const SetModel& model, const SetParameters& start,
          const std::vector<FreeEffectParameter>& free, const FitSettings& settings,
          const FitResult* reference)
-      : model_(model), vector_(model, start, free), settings_(settings), reference_(reference) {}
+      : model_(model),
+        vector_(model, start, free),
+        settings_(settings),
+        reference_(reference),
+        steps_(Eigen::VectorXd::Constant(vector_.size(), kFirstStep)) {}
 
   FitResult LineariseAt(const SetParameters& parameters) {
     State state;
@@ -124,7 +140,7 @@ class Fitter {
 
   FitResult Run(const SetParameters& start, const std::vector<FreeEffectParameter>& free) {
     State state;
-    state.x = vector_.FromParameters(start);
+    state.x = vector_.Bounded(vector_.FromParameters(start));
     std::vector<FitSettings::Round> rounds = settings_.rounds;
     if (rounds.empty()) rounds.push_back({});
     const std::vector<Eigen::MatrixXd>* known =
@@ -146,7 +162,7 @@ class Fitter {
         const double before = state.total;
         if (!Step(state, damping)) break;
         fresh = false;
-        if (before - state.total < 0.05 + 1e-4 * before) break;
+        if (before - state.total < 0.05 + 1e-5 * before) break;
       }
     }
     if (!fresh) Linearise(state, &jacobian_);
@@ -189,7 +205,7 @@ class Fitter {
   // One column of the Jacobian by a finite difference from `origin`, the expectation at the state.
   void Differentiate(const State& state, const Entries& origin, bool middle_only, int i) {
     Eigen::VectorXd moved = state.x;
-    double step = kStep;
+    double step = steps_[i];
     const bool shift = i >= vector_.first_shift() && i < vector_.first_effect();
     if (shift) {
       moved.segment(vector_.first_shift(), vector_.shifts()).array() += step;
@@ -202,6 +218,7 @@ class Fitter {
       }
     }
     const Entries means = model_.Expect(vector_.ToParameters(moved), false, middle_only).mean;
+    double square = 0;
     for (size_t e = 0; e < means.size(); ++e) {
       int column = i;
       if (shift) {
@@ -213,7 +230,11 @@ class Fitter {
                  static_cast<int>(std::find(ids.begin(), ids.end(), id) - ids.begin());
       }
       jacobian_[e].col(column) = (*whitening_)(static_cast<int>(e), means[e] - origin[e]) / step;
+      square += jacobian_[e].col(column).squaredNorm();
     }
+    const bool first = steps_[i] == kFirstStep;
+    steps_[i] = std::min(kLargestStep, kChange / std::sqrt(std::max(square, 1e-12)));
+    if (first && steps_[i] < kFirstStep) Differentiate(state, origin, middle_only, i);
   }
 
   // Finite differences of the whitened expectation. All line shifts move at once: an entry depends
@@ -230,20 +251,22 @@ class Fitter {
     }
     jacobian_ = std::move(jacobian);
     if (known == nullptr) {
-      const Entries middle = model_.Expect(vector_.ToParameters(state.x), false, true).mean;
+      const bool middle_only = settings_.middle_only;
+      const Entries origin =
+          middle_only ? model_.Expect(vector_.ToParameters(state.x), false, true).mean : state.mean;
       int power = -1;
       for (int i = 0; i < vector_.first_shift(); ++i) {
         if (!IsAmount(vector_.DeviationName(i))) {
-          Differentiate(state, middle, true, i);
+          Differentiate(state, origin, middle_only, i);
         } else if (power < 0) {
           power = i;
-          Differentiate(state, middle, true, i);
+          Differentiate(state, origin, middle_only, i);
         } else {
           const double ratio = LogAmountStep(state, i) / LogAmountStep(state, power);
           for (Eigen::MatrixXd& j : jacobian_) j.col(i) = ratio * j.col(power);
         }
       }
-      if (vector_.shifts() > 0) Differentiate(state, middle, true, vector_.first_shift());
+      if (vector_.shifts() > 0) Differentiate(state, origin, middle_only, vector_.first_shift());
     }
     for (int i = vector_.first_effect(); i < n; ++i) Differentiate(state, state.mean, false, i);
     information_ = Eigen::MatrixXd::Identity(n, n);
@@ -267,8 +290,15 @@ class Fitter {
                       PlateBrdf(frame.surface, frame.plate.incidence_angle_rad));
     };
     Eigen::VectorXd moved = state.x;
-    moved[i] += kStep;
+    moved[i] += kFirstStep;
     return amount(moved) - amount(state.x);
+  }
+
+  // At a bound that the sum would like to go beyond.
+  bool HeldByBound(const State& state, int i) {
+    Eigen::VectorXd moved = state.x;
+    moved[i] += gradient_[i] > 0 ? 1e-6 : -1e-6;
+    return std::abs(vector_.Bounded(moved)[i] - moved[i]) > 5e-7;
   }
 
   // Levenberg and Marquardt. False: no step lowers the sum.
@@ -276,8 +306,16 @@ class Fitter {
     for (int attempt = 0; attempt < 6; ++attempt) {
       Eigen::MatrixXd damped = information_;
       damped.diagonal() *= 1 + damping;
+      Eigen::VectorXd downhill = gradient_;
+      for (int i = 0; i < damped.rows(); ++i) {
+        if (!HeldByBound(state, i)) continue;
+        damped.row(i).setZero();
+        damped.col(i).setZero();
+        damped(i, i) = 1;
+        downhill[i] = 0;
+      }
       State next;
-      next.x = vector_.Bounded(state.x + damped.llt().solve(gradient_));
+      next.x = vector_.Bounded(state.x + damped.llt().solve(downhill));
       next.mean = model_.Expect(vector_.ToParameters(next.x), false).mean;
       Compare(next);
       if (next.total < state.total) {
@@ -325,6 +363,7 @@ class Fitter {
   ParameterVector vector_;
   FitSettings settings_;
   const FitResult* reference_;
+  Eigen::VectorXd steps_;  // of finite differences
   std::shared_ptr<const Whitening> whitening_;
   std::vector<Eigen::MatrixXd> jacobian_;
   Eigen::MatrixXd information_;

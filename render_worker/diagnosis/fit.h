@@ -45,9 +45,12 @@ struct FitSettings {
   struct Round {
     double of_signal = 0, of_residual = 0;
   };
-  std::vector<Round> rounds = {{0.1, 0.3}, {0.01, 0.1}, {0, 0}};
+  std::vector<Round> rounds = {{0.1, 0.3}, {0.01, 0.1}, {0, 0}, {0, 0}};
   int max_iterations = 4;      // a round
   bool renew_jacobian = true;  // of the deviations; false: that of `reference` is kept
+  // Derivatives with respect to the deviations from the middle of the line only: faster, but what
+  // an effect and a deviation do alike is taken for different.
+  bool middle_only = false;
   // Entries to use; empty: all.
   std::vector<bool> use_entry;
 };

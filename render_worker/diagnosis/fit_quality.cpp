@@ -15,8 +15,6 @@ namespace sightline {
 
 namespace {
 
-constexpr int kEvery = 4;  // one recording in four is held out
-
 // Mean signal of a recording's profiles over what the fit expects; 0: no laser light.
 double IntensityRatio(const SetModel& model, const FitResult& fit, int frame) {
   const Sensor& sensor = model.set().frames[frame].nominal.sensor;
@@ -36,7 +34,7 @@ double IntensityRatio(const SetModel& model, const FitResult& fit, int frame) {
 
 }  // namespace
 
-std::vector<bool> HeldOutRecordings(const RecordedSet& set, uint64_t seed) {
+std::vector<bool> HeldOutRecordings(const RecordedSet& set, uint64_t seed, int fold) {
   std::vector<bool> held_out(set.frames.size(), false);
   const auto drawn = [&](const char* what, int id) {
     return CounterRandom(DeriveSeed(seed, what), static_cast<uint64_t>(id)).Uniform();
@@ -49,7 +47,8 @@ std::vector<bool> HeldOutRecordings(const RecordedSet& set, uint64_t seed) {
   int position = 0;
   for (auto& [id, index] : order) index = position++;
   const auto chosen = [&](const char* what, int index) {
-    return index % kEvery == static_cast<int>(kEvery * drawn(what, index / kEvery));
+    const int first = static_cast<int>(kFolds * drawn(what, index / kFolds));
+    return index % kFolds == (first + fold) % kFolds;
   };
   int dark = 0;
   for (size_t f = 0; f < set.frames.size(); ++f) {
@@ -97,8 +96,18 @@ PredictedFit PredictEntries(const FitResult& fit, const std::vector<bool>& use_e
   return predicted;
 }
 
-v1::ModelFit DescribeFit(const SetModel& model, const FitResult& fit,
-                         const std::vector<bool>& held_out_recording) {
+PredictedFit CrossValidate(const SetModel& model, const FitResult& fit, uint64_t seed) {
+  PredictedFit all;
+  for (int fold = 0; fold < kFolds; ++fold) {
+    const EntrySplit split = SplitEntries(model, HeldOutRecordings(model.set(), seed, fold));
+    const PredictedFit predicted = PredictEntries(fit, split.used, split.held_out);
+    all.chi_squared += predicted.chi_squared;
+    all.degrees_of_freedom += predicted.degrees_of_freedom;
+  }
+  return all;
+}
+
+v1::ModelFit DescribeFit(const SetModel& model, const FitResult& fit) {
   v1::ModelFit description;
   description.set_chi_squared(fit.chi_squared);
   description.set_degrees_of_freedom(fit.data_count);
@@ -130,7 +139,7 @@ v1::ModelFit DescribeFit(const SetModel& model, const FitResult& fit,
   for (size_t f = 0; f < chi_squared.size(); ++f) {
     v1::RecordingFit* recording = description.add_recordings();
     recording->set_recording(static_cast<int>(f));
-    recording->set_held_out(held_out_recording[f]);
+    recording->set_held_out(true);
     recording->set_chi_squared(chi_squared[f]);
     recording->set_degrees_of_freedom(count[f]);
     if (model.set().frames[f].plate_position_id < 0) continue;
@@ -141,16 +150,15 @@ v1::ModelFit DescribeFit(const SetModel& model, const FitResult& fit,
 }
 
 v1::HeldOutImprovement DescribeImprovement(const SetModel& model, const FitResult& null,
-                                           const FitResult& best,
-                                           const std::vector<bool>& held_out_recording) {
+                                           const FitResult& best, uint64_t seed) {
   v1::HeldOutImprovement improvement;
-  improvement.set_measure("chi^2 per degree of freedom");
-  for (size_t f = 0; f < held_out_recording.size(); ++f) {
-    if (held_out_recording[f]) improvement.add_recordings(static_cast<int>(f));
+  improvement.set_measure(
+      "chi^2 per degree of freedom; every recording by a fit to three quarters of the others");
+  for (size_t f = 0; f < model.set().frames.size(); ++f) {
+    improvement.add_recordings(static_cast<int>(f));
   }
-  const EntrySplit split = SplitEntries(model, held_out_recording);
-  const PredictedFit before = PredictEntries(null, split.used, split.held_out);
-  const PredictedFit after = PredictEntries(best, split.used, split.held_out);
+  const PredictedFit before = CrossValidate(model, null, seed);
+  const PredictedFit after = CrossValidate(model, best, seed);
   if (before.degrees_of_freedom > 0) {
     improvement.set_null(before.chi_squared / before.degrees_of_freedom);
     improvement.set_with_effect(after.chi_squared / after.degrees_of_freedom);

@@ -7,7 +7,10 @@
 #include <map>
 #include <mutex>
 #include <numbers>
-#include <unsupported/Eigen/FFT>
+#include <numeric>
+
+#include "render_worker/optics/complex_product.h"
+#include "render_worker/optics/fourier.h"
 
 namespace sightline {
 
@@ -15,9 +18,10 @@ namespace {
 
 constexpr double kTwoPi = 2 * std::numbers::pi;
 
-}  // namespace
-
-namespace {
+// A circle without aberrations, defocus apart.
+bool IsPlain(const Pupil& pupil) {
+  return pupil.IsFullCircle() && pupil.obstruction_radius_m == 0 && !pupil.HasWavefrontError();
+}
 
 std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double wavelength_m,
                                                       double image_distance_m,
@@ -36,33 +40,45 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   }
   const int chords = std::min(samples, 128);
   const double step_m = 2 * radius_m / samples;
-  thread_local Eigen::FFT<double> fft;
-  std::vector<std::complex<double>> chord(2 * samples), spectrum;
+  const auto phasor = [&](double wavefront_m) {
+    return std::complex<float>(std::polar(1.0, kTwoPi / wavelength_m * wavefront_m));
+  };
+  // Defocus of the place along a chord; that of the chord's own place turns all of it alike.
+  std::vector<std::complex<float>> defocus(samples);
+  for (int i = 0; i < samples; ++i) {
+    const double y = (i + 0.5) * step_m - radius_m;
+    defocus[i] = phasor(-0.5 * defocus_curvature_per_m * y * y);
+  }
+  const bool aberrated = pupil.HasWavefrontError();
+  const FourierPlan along(FourierPlan::Direction::kForward, 2 * samples);
+  FourierBuffer<std::complex<float>> chord(FourierStride(2 * samples));
   std::vector<double> power(2 * samples, 0);
-  for (int c = 0; c < chords; ++c) {
+  // Both halves of a plain pupil are alike.
+  for (int c = IsPlain(pupil) ? chords / 2 : 0; c < chords; ++c) {
     const double x = ((c + 0.5) / chords * 2 - 1) * radius_m;
-    std::fill(chord.begin(), chord.end(), 0);
+    chord.Clear();
     for (int i = 0; i < samples; ++i) {
       const double y = (i + 0.5) * step_m - radius_m;
       const double transmission = pupil.Transmission(x, y);
       if (transmission == 0) continue;
-      const double wavefront_m =
-          pupil.WavefrontError(x, y) - 0.5 * defocus_curvature_per_m * (x * x + y * y);
-      chord[i] = std::polar(transmission, kTwoPi / wavelength_m * wavefront_m);
+      chord[i] = static_cast<float>(transmission) * defocus[i];
+      if (aberrated) chord[i] = Product(chord[i], phasor(pupil.WavefrontError(x, y)));
     }
-    fft.fwd(spectrum, chord);
-    for (size_t k = 0; k < power.size(); ++k) power[k] += std::norm(spectrum[k]);
+    along.Run(chord.data());
+    for (size_t k = 0; k < power.size(); ++k) power[k] += std::norm(chord[k]);
   }
   // `power` is the line spread function; zeros around it make its transform fine enough to be
   // interpolated.
   constexpr int kPadding = 8;
-  const int half = samples;
-  std::vector<std::complex<double>> padded(2 * samples * kPadding, 0), correlation;
-  for (int k = 0; k < half; ++k) {
-    padded[k] = power[k];
-    padded[padded.size() - half + k] = power[half + k];
+  const int padded = 2 * samples * kPadding;
+  FourierBuffer<float> spread(FourierStride(padded));
+  FourierBuffer<std::complex<float>> correlation(FourierStride(padded / 2 + 1));
+  const double total = std::accumulate(power.begin(), power.end(), 0.0);
+  for (int k = 0; k < samples; ++k) {
+    spread[k] = static_cast<float>(power[k] / total);
+    spread[padded - samples + k] = static_cast<float>(power[samples + k] / total);
   }
-  fft.inv(correlation, padded);
+  RealFourierPlan(padded).Run(spread.data(), correlation.data());
   // Frequency q shifts the pupil by lambda b q.
   std::vector<std::complex<double>> transfer(count, 0);
   for (int k = 0; k < count; ++k) {
@@ -70,8 +86,9 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
     const int below = static_cast<int>(shift);
     if (below >= samples * kPadding) break;
     const double t = shift - below;
-    transfer[k] =
-        ((1 - t) * correlation[below] + t * correlation[below + 1]) / correlation[0].real();
+    // The other way round than the transform goes.
+    const std::complex<double> here(correlation[below]), next(correlation[below + 1]);
+    transfer[k] = std::conj((1 - t) * here + t * next);
   }
   return transfer;
 }
@@ -82,7 +99,7 @@ std::vector<std::complex<double>> LineTransfer(const Pupil& pupil, double wavele
                                                double image_distance_m,
                                                double defocus_curvature_per_m, double step_per_m,
                                                int count) {
-  if (!pupil.IsFullCircle() || pupil.obstruction_radius_m != 0 || pupil.HasWavefrontError()) {
+  if (!IsPlain(pupil)) {
     return ComputeLineTransfer(pupil, wavelength_m, image_distance_m, defocus_curvature_per_m,
                                step_per_m, count);
   }
@@ -126,23 +143,24 @@ std::vector<double> BlurAcrossLine(const std::vector<double>& ideal, int samples
   const int n = static_cast<int>(ideal.size());
   const int pixels = n / samples_per_px;
   assert(static_cast<int>(transfer.size()) == n / 2 + 1 && pixels * samples_per_px == n);
-  thread_local Eigen::FFT<double> fft(Eigen::FFT<double>::impl_type(),
-                                      Eigen::FFT<double>::HalfSpectrum);
-  thread_local std::vector<std::complex<double>> spectrum, folded;
-  fft.fwd(spectrum, ideal);
-  for (int k = 0; k <= n / 2; ++k) spectrum[k] *= transfer[k];
+  FourierBuffer<float> samples(FourierStride(n));
+  FourierBuffer<std::complex<float>> spectrum(FourierStride(n / 2 + 1));
+  std::copy(ideal.begin(), ideal.end(), samples.data());
+  RealFourierPlan(n).Run(samples.data(), spectrum.data());
+  for (int k = 0; k <= n / 2; ++k) {
+    spectrum[k] = Product(spectrum[k], std::complex<float>(transfer[k]));
+  }
   // One sample a pixel is wanted: frequencies that are alike there add up.
-  folded.assign(pixels / 2 + 1, 0);
+  FourierBuffer<std::complex<float>> folded(FourierStride(pixels / 2 + 1));
   for (int k = 0; k < n; ++k) {
     const int alias = k % pixels;
     if (alias > pixels / 2) continue;
     folded[alias] += k <= n / 2 ? spectrum[k] : std::conj(spectrum[n - k]);
   }
-  thread_local std::vector<double> blurred;
-  blurred.resize(pixels);
-  fft.inv(blurred, folded);
+  FourierBuffer<float> blurred(FourierStride(pixels));
+  RealBackwardFourierPlan(pixels).Run(folded.data(), blurred.data());
   std::vector<double> rows(rows_px);
-  for (int i = 0; i < rows_px; ++i) rows[i] = blurred[i + margin_px] / samples_per_px;
+  for (int i = 0; i < rows_px; ++i) rows[i] = blurred[i + margin_px] / n;
   return rows;
 }
 

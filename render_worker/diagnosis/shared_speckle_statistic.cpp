@@ -16,7 +16,7 @@ constexpr double kEdges[] = {0.02, 0.04, 0.07, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.
 constexpr double kFewPixels = 50;
 // The Gaussian noise of the model is not quite the Poisson noise of the sensor.
 constexpr double kVarianceError = 0.01;
-// Of what moving speckle adds to the variance.
+// Of what moving speckle adds to the variance, and of what it does to the mean of a bin.
 constexpr double kMotionError = 0.2;
 
 double Distribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
@@ -62,10 +62,36 @@ double ImageShift(FrameSetup frame, std::span<const ActiveEffect> effects, uint6
   return -phase / (2 * std::numbers::pi * kTurnsPerPx);
 }
 
-// Mean squared change of the pixels between two recordings over twice the speckle's variance:
-// 1 - correlation of the two, for the loss of contrast of each by its own movement included.
-double Decorrelation(const ExpectedFrame& a, const ExpectedFrame& b,
-                     std::span<const ActiveEffect> effects) {
+// Temporal noise at a number [DN^2]: shot noise of what it has above the dark mean; none where the
+// pixel is full.
+double NoiseVariance(const Sensor& sensor, double level_dn) {
+  const double gain = sensor.gain_dn_per_electron;
+  const double dark_dn = gain * sensor.dark_mean_electrons + sensor.black_level_dn;
+  const double full_dn = gain * sensor.saturation_capacity_electrons + sensor.black_level_dn;
+  if (level_dn > full_dn - 0.5) return 1.0 / 12;
+  return std::pow(gain * sensor.dark_noise_electrons, 2) + 1.0 / 12 +
+         gain * std::max(0.0, level_dn - dark_dn);
+}
+
+// Share of a normal distribution between each two edges.
+void Shares(const std::vector<double>& edges, double mean, double deviation,
+            std::vector<double>& shares) {
+  const auto below = [&](double edge) {
+    const double x = (edge - mean) / deviation;
+    return x > 5 ? 1.0 : x < -5 ? 0.0 : Distribution(x);
+  };
+  double last = below(edges.front());
+  for (size_t i = 0; i + 1 < edges.size(); ++i) {
+    const double next = below(edges[i + 1]);
+    shares[i] = next - last;
+    last = next;
+  }
+}
+
+}  // namespace
+
+double SpeckleDecorrelation(const ExpectedFrame& a, const ExpectedFrame& b,
+                            std::span<const ActiveEffect> effects) {
   if (effects.empty() || a.speckle == nullptr) return 0;
   const SpecklePixelCovariance& speckle = a.speckle->At(a.speckle->places() / 2);
   // A parabola at the top, as the covariance has one: a Gaussian through the neighbour.
@@ -95,34 +121,6 @@ double Decorrelation(const ExpectedFrame& a, const ExpectedFrame& b,
   }
   return std::max(0.0, 0.5 * (mean(p, p, 0) + mean(q, q, 0)) - common);
 }
-
-// Temporal noise at a number [DN^2]: shot noise of what it has above the dark mean; none where the
-// pixel is full.
-double NoiseVariance(const Sensor& sensor, double level_dn) {
-  const double gain = sensor.gain_dn_per_electron;
-  const double dark_dn = gain * sensor.dark_mean_electrons + sensor.black_level_dn;
-  const double full_dn = gain * sensor.saturation_capacity_electrons + sensor.black_level_dn;
-  if (level_dn > full_dn - 0.5) return 1.0 / 12;
-  return std::pow(gain * sensor.dark_noise_electrons, 2) + 1.0 / 12 +
-         gain * std::max(0.0, level_dn - dark_dn);
-}
-
-// Share of a normal distribution between each two edges.
-void Shares(const std::vector<double>& edges, double mean, double deviation,
-            std::vector<double>& shares) {
-  const auto below = [&](double edge) {
-    const double x = (edge - mean) / deviation;
-    return x > 5 ? 1.0 : x < -5 ? 0.0 : Distribution(x);
-  };
-  double last = below(edges.front());
-  for (size_t i = 0; i + 1 < edges.size(); ++i) {
-    const double next = below(edges[i + 1]);
-    shares[i] = next - last;
-    last = next;
-  }
-}
-
-}  // namespace
 
 double SharedSpeckleStatistic::Pair::NominalVariance(double sum_dn) const {
   const double signal_dn = std::max(0.0, (sum_dn - 2 * offset_dn) * ratio / (1 + ratio));
@@ -245,6 +243,7 @@ struct SharedSpeckleStatistic::Moments {
   Eigen::VectorXd count, sum,
       noise;  // of every value: pixels, mean times them, variance times them
   std::vector<Eigen::MatrixXd> common;  // of a pair's bins and the next one's: shared noise
+  std::vector<double> decorrelation;    // of every pair
 };
 
 SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedSet& expected,
@@ -252,11 +251,13 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
   Moments moments;
   moments.count = moments.sum = moments.noise = Eigen::VectorXd::Zero(entry.size);
   const size_t pairs = entry.pairs.size();
-  std::vector<double> decorrelation(pairs), shares(std::size(kEdges) - 1), before(shares.size());
+  std::vector<double>& decorrelation = moments.decorrelation;
+  decorrelation.resize(pairs);
+  std::vector<double> shares(std::size(kEdges) - 1), before(shares.size());
   for (size_t i = 0; i < pairs; ++i) {
     decorrelation[i] =
-        Decorrelation(expected.strips.front()[entry.pairs[i].first],
-                      expected.strips.front()[entry.pairs[i].second], expected.effects);
+        SpeckleDecorrelation(expected.strips.front()[entry.pairs[i].first],
+                             expected.strips.front()[entry.pairs[i].second], expected.effects);
     if (i > 0) moments.common.emplace_back(Eigen::MatrixXd::Zero(shares.size(), shares.size()));
   }
   // Both columns of a Bayer cell stand for all of their block.
@@ -372,7 +373,11 @@ Eigen::MatrixXd SharedSpeckleStatistic::Covariance(const ExpectedSet& expected, 
         variance = 2 / seen + kVarianceError * kVarianceError +
                    std::pow(kMotionError * std::max(0.0, excess), 2);
       } else {
-        variance = moments.noise[at + k] / (count * seen);
+        // Where speckle has moved, numbers regress to the mean: by at most this.
+        const double signal = 0.5 * (pair.edges_dn[k] + pair.edges_dn[k + 1]) - 2 * pair.offset_dn;
+        const double regression = moments.decorrelation[i] * pair.ratio * std::abs(pair.ratio - 1) /
+                                  std::pow(1 + pair.ratio, 2);
+        variance = moments.noise[at + k] / (count * seen) + std::pow(regression * signal, 2);
       }
     }
     if (i + 1 < entry.pairs.size()) {

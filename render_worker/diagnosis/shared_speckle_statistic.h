@@ -3,11 +3,18 @@
 // so the response of the sensor and the exposure times show as in a photon transfer measurement.
 #pragma once
 
+#include <span>
 #include <vector>
 
 #include "render_worker/diagnosis/set_statistic.h"
 
 namespace sightline {
+
+// Mean squared change of the pixels between two recordings of one speckle over twice its variance:
+// 1 - correlation of the two, for what the effects move between or during them; the loss of
+// contrast of each by its own movement included.
+double SpeckleDecorrelation(const ExpectedFrame& a, const ExpectedFrame& b,
+                            std::span<const ActiveEffect> effects);
 
 // Entry per plate position with several recordings through the same optics, which are paired in
 // order of exposure time. With y_a, y_b the two images and r the ratio of their exposure times:

@@ -2,10 +2,15 @@
 
 #include <Eigen/Core>
 #include <algorithm>
+#include <array>
 #include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 #include <cstdlib>
+#include <map>
+#include <mutex>
 #include <numbers>
+#include <numeric>
+#include <utility>
 
 namespace sightline {
 
@@ -13,83 +18,317 @@ namespace {
 
 constexpr int kLeastSamples = 18, kMostSamples = 40;  // of the pupil, over its diameter
 
-}  // namespace
+// The pupil sampled for one pixel pitch and greatest lag. The mean over two pixels a lag apart is,
+// by Parseval, an integral over the frequencies of the irradiance: autocorrelation of the pupil's
+// transmission times squared sinc of the pixel. Samples of the pupil make the correlation periodic:
+// enough of them that it has died out at half the period, at a bearable cost; beyond that it counts
+// as zero.
+struct SampledPupil {
+  int max_lag = 0;
+  int rows = 0, columns = 0;            // samples
+  int row_reach = 1, column_reach = 1;  // lags beyond count as zero
+  double radius_m = 0, row_step_m = 0, column_step_m = 0;
+  // By lag and frequency: cosine times the squared transfer of the pixel.
+  Eigen::MatrixXd row_waves, column_waves;
 
-SpecklePixelCovariance::SpecklePixelCovariance(const Pupil& pupil, const PupilWeight& weight,
-                                               double wavelength_m, double image_distance_m,
-                                               double pixel_pitch_m, int max_lag)
-    : max_lag_(max_lag) {
-  // The mean over two pixels a lag apart is, by Parseval, an integral over the frequencies of the
-  // irradiance: autocorrelation of the pupil's transmission times squared sinc of the pixel.
-  // Samples of the pupil make the correlation periodic: enough of them that it has died out at half
-  // the period, at a bearable cost; beyond that it counts as zero.
-  const double radius_m = pupil.OuterRadius();
+  double X(int column) const { return (column + 0.5) * column_step_m - radius_m; }
+  double Y(int row) const { return (row + 0.5) * row_step_m - radius_m; }
+};
+
+Eigen::MatrixXd Waves(int samples, double q_step_per_m, double pixel_pitch_m, int max_lag) {
+  Eigen::MatrixXd factors(max_lag + 1, 2 * samples - 1);
+  for (int d = 0; d < samples; ++d) {
+    const double x = std::numbers::pi * q_step_per_m * d * pixel_pitch_m;
+    const double pixel = d == 0 ? 1 : std::sin(x) / x;
+    for (int lag = 0; lag <= max_lag; ++lag) {
+      factors(lag, samples - 1 + d) = factors(lag, samples - 1 - d) =
+          pixel * pixel * std::cos(2 * x * lag);
+    }
+  }
+  return factors;
+}
+
+SampledPupil SamplePupil(double radius_m, double wavelength_m, double image_distance_m,
+                         double pixel_pitch_m, int max_lag) {
+  SampledPupil sampled;
   const double period_of_one_m = wavelength_m * image_distance_m / (2 * radius_m);
   const auto samples_for = [&](int lag) {
     return std::clamp(
         static_cast<int>(std::ceil(2.2 * (lag + 1) * pixel_pitch_m / period_of_one_m)),
         kLeastSamples, kMostSamples);
   };
-  const int rows = samples_for(max_lag), columns = std::max(kLeastSamples, rows / 2);
   const auto reach = [&](int samples) {
-    return std::min(max_lag, static_cast<int>(0.5 * samples * period_of_one_m / pixel_pitch_m));
+    return std::max(
+        1, std::min(max_lag, static_cast<int>(0.5 * samples * period_of_one_m / pixel_pitch_m)));
   };
-  row_reach_ = std::max(1, reach(rows));
-  column_reach_ = std::max(1, reach(columns));
-  const double row_step_m = 2 * radius_m / rows, column_step_m = 2 * radius_m / columns;
-  std::vector<double> transmission(static_cast<size_t>(rows) * columns);
-  double total = 0;
-  for (int i = 0; i < rows; ++i) {
-    for (int j = 0; j < columns; ++j) {
-      const double x = (j + 0.5) * column_step_m - radius_m, y = (i + 0.5) * row_step_m - radius_m;
-      const double passed = pupil.Transmission(x, y);
-      const double value = passed == 0 ? 0 : passed * passed * weight(x, y);
-      transmission[i * columns + j] = value;
-      total += value;
+  sampled.max_lag = max_lag;
+  sampled.rows = samples_for(max_lag);
+  sampled.columns = std::max(kLeastSamples, sampled.rows / 2);
+  sampled.row_reach = reach(sampled.rows);
+  sampled.column_reach = reach(sampled.columns);
+  sampled.radius_m = radius_m;
+  sampled.row_step_m = 2 * radius_m / sampled.rows;
+  sampled.column_step_m = 2 * radius_m / sampled.columns;
+  const double q_per_m = 1 / (wavelength_m * image_distance_m);
+  sampled.row_waves = Waves(sampled.rows, sampled.row_step_m * q_per_m, pixel_pitch_m, max_lag);
+  sampled.column_waves =
+      Waves(sampled.columns, sampled.column_step_m * q_per_m, pixel_pitch_m, max_lag);
+  return sampled;
+}
+
+// What two rows of the pupil give together, by lag along the line: overlaps of their samples at all
+// shifts times the waves.
+class RowOverlaps {
+ public:
+  // `light`: what passes each sample, row by row.
+  RowOverlaps(const SampledPupil& sampled, const std::vector<double>& light)
+      : kind_of_row_(sampled.rows) {
+    const int columns = sampled.columns;
+    // Rows of a circle are alike in pairs, and many near its middle.
+    std::vector<const double*> kinds;
+    for (int i = 0; i < sampled.rows; ++i) {
+      const double* row = &light[static_cast<size_t>(i) * columns];
+      const auto found = std::find_if(kinds.begin(), kinds.end(), [&](const double* kind) {
+        return std::equal(row, row + columns, kind);
+      });
+      kind_of_row_[i] = static_cast<int>(found - kinds.begin());
+      if (found == kinds.end()) kinds.push_back(row);
     }
-  }
-  const int side = max_lag + 1;
-  values_.assign(static_cast<size_t>(side) * side, 0);
-  const auto pixel = [&](double q) {
-    const double x = std::numbers::pi * q * pixel_pitch_m;
-    return x == 0 ? 1 : std::sin(x) / x;
-  };
-  // Cosines of all lags and squared transfer of the pixel, by frequency; separable.
-  const auto waves = [&](int samples, double step_m) {
-    const double q_step_per_m = step_m / (wavelength_m * image_distance_m);
-    Eigen::MatrixXd factors(side, 2 * samples - 1);
-    for (int d = 0; d < 2 * samples - 1; ++d) {
-      const double q = (d - samples + 1) * q_step_per_m;
-      for (int lag = 0; lag < side; ++lag) {
-        factors(lag, d) =
-            pixel(q) * pixel(q) * std::cos(2 * std::numbers::pi * pixel_pitch_m * q * lag);
+    const int count = static_cast<int>(kinds.size());
+    by_kinds_.resize(static_cast<size_t>(count) * count);
+    totals_.resize(count);
+    std::vector<double> twice(3 * columns, 0);  // with room for the shifts
+    Eigen::VectorXd overlaps(2 * columns - 1);
+    for (int k = 0; k < count; ++k) {
+      std::copy(kinds[k], kinds[k] + columns, twice.begin() + columns);
+      totals_[k] = std::accumulate(kinds[k], kinds[k] + columns, 0.0);
+      for (int l = 0; l <= k; ++l) {
+        for (int d = -columns + 1; d < columns; ++d) {
+          overlaps[d + columns - 1] =
+              std::inner_product(kinds[l], kinds[l] + columns, twice.begin() + columns + d, 0.0);
+        }
+        // The waves are even: the order of the two does not matter.
+        by_kinds_[k * count + l] = by_kinds_[l * count + k] = sampled.column_waves * overlaps;
       }
     }
-    return factors;
-  };
-  const Eigen::MatrixXd row_waves = waves(rows, row_step_m);
-  const Eigen::MatrixXd column_waves = waves(columns, column_step_m);
-  // The overlap at (-di, -dj) is that at (di, dj).
+  }
+
+  const Eigen::VectorXd& Of(int row, int other) const {
+    return by_kinds_[kind_of_row_[row] * totals_.size() + kind_of_row_[other]];
+  }
+  double Total(int row) const { return totals_[kind_of_row_[row]]; }
+
+ private:
+  std::vector<int> kind_of_row_;
+  std::vector<Eigen::VectorXd> by_kinds_;
+  std::vector<double> totals_;
+};
+
+// Covariance by lag (rows, columns), rows weighted.
+std::vector<double> PixelCovariances(const SampledPupil& sampled, const RowOverlaps& overlaps,
+                                     const std::vector<double>& row_weights) {
+  const int side = sampled.max_lag + 1;
+  double total = 0;
+  for (int i = 0; i < sampled.rows; ++i) total += row_weights[i] * overlaps.Total(i);
+  Eigen::Matrix<double, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor> values =
+      Eigen::MatrixXd::Zero(side, side);
   Eigen::VectorXd along_row(side);
-  for (int di = 0; di < rows; ++di) {
+  for (int d = 0; d < sampled.rows; ++d) {
     along_row.setZero();
-    for (int dj = -columns + 1; dj < columns; ++dj) {
-      double overlap = 0;
-      for (int i = 0; i < rows - di; ++i) {
-        const double* a = &transmission[i * columns];
-        const double* b = &transmission[(i + di) * columns];
-        for (int j = std::max(0, -dj); j < std::min(columns, columns - dj); ++j) {
-          overlap += a[j] * b[j + dj];
+    for (int i = 0; i + d < sampled.rows; ++i) {
+      const double both = row_weights[i] * row_weights[i + d];
+      if (both != 0) along_row += both * overlaps.Of(i, i + d);
+    }
+    // The overlap at -d is that at d.
+    const double factor = (d == 0 ? 1 : 2) / (total * total);
+    values.noalias() +=
+        (factor * sampled.row_waves.col(d + sampled.rows - 1)) * along_row.transpose();
+  }
+  return {values.data(), values.data() + values.size()};
+}
+
+// A line of Gaussian profile through a plain circular lens. The mutual intensity of two points of
+// the image at v0 +- d/2 across the line and a distance du along it is that of the pupil's chords,
+//   J = sum over x of cos(k x du) sum over y of W(x, y) exp(i k d y),  k = 2 pi / (lambda b),
+//   W = integral of the line's spectrum times cos(k eta (v0 - blur y)) over |eta| < 2 (Y(x) - |y|),
+// eta the distance of two points of the chord of half length Y(x), y their middle (van Cittert and
+// Zernike, sorted by eta and y). No approximation for the line's width or for defocus.
+class CircleLine {
+ public:
+  CircleLine(double radius_m, double wavelength_m, double image_distance_m, double blur,
+             double line_m, double lit_m, double pitch_m, int max_lag)
+      : wave_per_m2_(2 * std::numbers::pi / (wavelength_m * image_distance_m)),
+        blur_(blur),
+        line_m_(line_m),
+        radius_m_(radius_m),
+        lit_m_(lit_m),
+        pitch_m_(pitch_m),
+        max_lag_(max_lag) {
+    const double airy_px = wavelength_m * image_distance_m / (2 * radius_m) / pitch_m;
+    reach_ = std::clamp(static_cast<int>(0.6 * kChords * airy_px), 1, max_lag);
+    steps_per_px_ = 2 * std::clamp(static_cast<int>(std::ceil(2.2 / airy_px)), 2, 8);
+    heights_ = std::clamp(static_cast<int>(std::ceil(
+                              std::max(2.2 * (reach_ + 1) / airy_px, 3 * blur * radius_m / lit_m))),
+                          32, 120);
+    height_step_m_ = 2 * radius_m / heights_;
+    // Chords at the nodes of Gauss and Chebyshev: exact for the rim's square root. The other half
+    // is alike.
+    for (int j = 0; j < kChords; ++j) {
+      const double angle = (j + 0.5) * std::numbers::pi / (2 * kChords);
+      chord_half_m_[j] = radius_m * std::sin(angle);
+      chord_x_m_[j] = radius_m * std::cos(angle);
+      chord_weight_[j] = std::sin(angle);
+    }
+    eta_step_m_ = std::min(2 * radius_m, 5.5 / (wave_per_m2_ * line_m)) / kEtas;
+    for (int e = 0; e <= kEtas; ++e) {
+      const double eta = e * eta_step_m_;
+      const double s = wave_per_m2_ * line_m * eta;
+      spectrum_[e] = std::exp(-0.5 * s * s);
+      double transfer = 0;
+      for (int j = 0; j < kChords; ++j) {
+        const double half = chord_half_m_[j] - 0.5 * eta;
+        if (half <= 0) continue;
+        const double phase = wave_per_m2_ * eta * blur * half;
+        transfer += chord_weight_[j] * 2 * half * (phase == 0 ? 1 : std::sin(phase) / phase);
+      }
+      transfer_[e] = transfer;
+    }
+    const int distances = (reach_ + 1) * steps_per_px_ + 1;
+    along_ = Eigen::MatrixXd(kChords, distances);
+    across_cos_ = Eigen::MatrixXd(heights_, distances);
+    across_sin_ = Eigen::MatrixXd(heights_, distances);
+    for (int d = 0; d < distances; ++d) {
+      const double phase = wave_per_m2_ * d * pitch_m / steps_per_px_;
+      for (int j = 0; j < kChords; ++j) {
+        along_(j, d) = chord_weight_[j] * std::cos(phase * chord_x_m_[j]);
+      }
+      for (int i = 0; i < heights_; ++i) {
+        across_cos_(i, d) = std::cos(phase * Height(i));
+        across_sin_(i, d) = std::sin(phase * Height(i));
+      }
+    }
+    // Two pixels: their distances are spread as a triangle; Simpson's rule on either side.
+    pixels_ = Eigen::MatrixXd::Zero(reach_ + 1, distances);
+    for (int lag = 0; lag <= reach_; ++lag) {
+      for (int t = -steps_per_px_; t <= steps_per_px_; ++t) {
+        const double simpson = t == 0 ? 2 : t % 2 == 0 ? 2 : 4;
+        pixels_(lag, std::abs(lag * steps_per_px_ + t)) +=
+            simpson / (3 * steps_per_px_) * (1 - std::abs(t) / static_cast<double>(steps_per_px_));
+      }
+    }
+  }
+
+  int reach() const { return reach_; }
+
+  // Covariance over the product of means, by lag, about v0.
+  std::vector<double> PixelCovariances(double v0_m) const {
+    Eigen::MatrixXd lit = Eigen::MatrixXd::Zero(kChords, heights_);
+    std::array<double, kEtas + 1> sum{};
+    for (int i = 0; i < heights_; ++i) {
+      const double v = v0_m - blur_ * Height(i);
+      if (std::abs(v) > 8 * lit_m_) continue;
+      double before = spectrum_[0];
+      // Cosines by recurrence.
+      const double turn = 2 * std::cos(wave_per_m2_ * v * eta_step_m_);
+      double cosine = turn / 2, last = 1;
+      for (int e = 1; e <= kEtas; ++e) {
+        const double here = spectrum_[e] * cosine;
+        sum[e] = sum[e - 1] + (before + here) * eta_step_m_;
+        before = here;
+        const double next = turn * cosine - last;
+        last = cosine;
+        cosine = next;
+      }
+      for (int j = 0; j < kChords; ++j) {
+        // The chord's end cuts a sample: mean over parts of it.
+        for (const double part : {-0.375, -0.125, 0.125, 0.375}) {
+          const double widest =
+              2 * (chord_half_m_[j] - std::abs(Height(i) + part * height_step_m_));
+          if (widest <= 0) continue;
+          const double place = widest / eta_step_m_;
+          const int below = static_cast<int>(place);
+          lit(j, i) += 0.25 * (below >= kEtas
+                                   ? sum[kEtas]
+                                   : sum[below] + (place - below) * (sum[below + 1] - sum[below]));
         }
       }
-      along_row += overlap * column_waves.col(dj + columns - 1);
     }
-    const double both = (di == 0 ? 1 : 2) / (total * total);
-    for (int r = 0; r < side; ++r) {
-      const double factor = both * row_waves(r, di + rows - 1);
-      for (int c = 0; c < side; ++c) values_[r * side + c] += factor * along_row[c];
+    const Eigen::MatrixXd real = (lit * across_cos_).transpose() * along_;
+    const Eigen::MatrixXd imaginary = (lit * across_sin_).transpose() * along_;
+    const Eigen::MatrixXd squares =
+        (real.array().square() + imaginary.array().square()) * height_step_m_ * height_step_m_;
+    const double floor = 1e-6 * Irradiance(0);
+    Eigen::VectorXd means(squares.rows());
+    for (int d = 0; d < means.size(); ++d) {
+      const double half_m = 0.5 * d * pitch_m_ / steps_per_px_;
+      means[d] =
+          std::max(floor, Irradiance(v0_m + half_m)) * std::max(floor, Irradiance(v0_m - half_m));
+    }
+    // Over the product of the two pixels' light: of the whole pixels, which a line of their size
+    // lights unevenly.
+    const Eigen::VectorXd pixel_means = pixels_ * means;
+    const Eigen::MatrixXd near =
+        pixel_means.cwiseInverse().asDiagonal() * (pixels_ * squares * pixels_.transpose());
+    const int side = max_lag_ + 1;
+    std::vector<double> values(static_cast<size_t>(side) * side, 0);
+    for (int r = 0; r <= reach_; ++r) {
+      for (int c = 0; c <= reach_; ++c) values[r * side + c] = near(r, c);
+    }
+    return values;
+  }
+
+ private:
+  static constexpr int kChords = 12, kEtas = 64;
+
+  double Height(int i) const { return (i + 0.5) * height_step_m_ - radius_m_; }
+  double Irradiance(double v_m) const {
+    double sum = 0.5 * spectrum_[0] * transfer_[0];
+    const double turn = 2 * std::cos(wave_per_m2_ * v_m * eta_step_m_);
+    double cosine = turn / 2, last = 1;
+    for (int e = 1; e <= kEtas; ++e) {
+      sum += (e == kEtas ? 0.5 : 1) * spectrum_[e] * transfer_[e] * cosine;
+      const double next = turn * cosine - last;
+      last = cosine;
+      cosine = next;
+    }
+    return 2 * sum * eta_step_m_;
+  }
+
+  double wave_per_m2_, blur_, line_m_, radius_m_, lit_m_, pitch_m_;
+  int max_lag_, reach_ = 1, steps_per_px_ = 4, heights_ = 32;
+  double height_step_m_ = 0, eta_step_m_ = 0;
+  std::array<double, kChords> chord_half_m_{}, chord_x_m_{}, chord_weight_{};
+  std::array<double, kEtas + 1> spectrum_{}, transfer_{};
+  Eigen::MatrixXd along_, across_cos_, across_sin_, pixels_;
+};
+
+// To some 1e-11: lines that differ by rounding only count as one.
+double Rounded(double value) {
+  int exponent = 0;
+  const double mantissa = std::frexp(value, &exponent);
+  return std::ldexp(std::round(std::ldexp(mantissa, 36)), exponent - 36);
+}
+
+}  // namespace
+
+SpecklePixelCovariance::SpecklePixelCovariance(const Pupil& pupil, const PupilWeight& weight,
+                                               double wavelength_m, double image_distance_m,
+                                               double pixel_pitch_m, int max_lag)
+    : max_lag_(max_lag) {
+  const SampledPupil sampled =
+      SamplePupil(pupil.OuterRadius(), wavelength_m, image_distance_m, pixel_pitch_m, max_lag);
+  row_reach_ = sampled.row_reach;
+  column_reach_ = sampled.column_reach;
+  std::vector<double> light;
+  for (int i = 0; i < sampled.rows; ++i) {
+    for (int j = 0; j < sampled.columns; ++j) {
+      const double x = sampled.X(j), y = sampled.Y(i);
+      const double passed = pupil.Transmission(x, y);
+      light.push_back(passed == 0 ? 0 : passed * passed * weight(x, y));
     }
   }
+  values_ = PixelCovariances(sampled, RowOverlaps(sampled, light),
+                             std::vector<double>(sampled.rows, 1.0));
 }
 
 LineSpeckle::LineSpeckle(const Pupil& pupil, double wavelength_m, double image_distance_m,
@@ -107,32 +346,101 @@ LineSpeckle::LineSpeckle(const Pupil& pupil, double wavelength_m, double image_d
     const double v = first_v_m + static_cast<double>(i) * sample_pitch_m - centre_m_;
     square += ideal[i] * v * v;
   }
-  const double line_m = sum > 0 ? std::sqrt(square / sum) : 1;
+  const double line_m = Rounded(sum > 0 ? std::sqrt(square / sum) : 1);
   // Diffraction as a Gaussian of the Airy pattern's width: a line finer than that is coherent
   // across (sigma_line / hypot stretches the speckle), and blurs what lights the pupil.
   const double spread_m = 0.42 * wavelength_m * image_distance_m / (2 * pupil.OuterRadius());
   const double stretch = line_m / std::hypot(line_m, spread_m);
   const double lit_m = std::hypot(line_m, spread_m);
-  const double blur = std::abs(blur_per_pupil);
+  const double blur = Rounded(std::abs(blur_per_pupil));
   const double blur_radius_m = blur * pupil.OuterRadius();
   const double size_px =
       wavelength_m * image_distance_m / (2 * pupil.OuterRadius()) /
       (pixel_pitch_m * std::min(stretch, blur_radius_m > lit_m ? lit_m / blur_radius_m : 1.0));
   const int lag = std::clamp(2 + static_cast<int>(std::ceil(3 * size_px)), 3, 10);
-  // In focus every place is alike.
-  const int sides = blur_radius_m < 0.1 * lit_m ? 0 : 4;
-  spacing_m_ = sides == 0 ? 1 : (blur_radius_m + 2 * lit_m) / sides;
-  for (int i = -sides; i <= sides; ++i) {
-    const double offset_m = i * spacing_m_;
-    places_.emplace_back(
-        pupil,
-        [&](double x, double y) {
-          if (pupil.Transmission(x, y / stretch) == 0) return 0.0;
-          const double v = (offset_m - blur * y) / lit_m;
-          return sides == 0 ? 1.0 : std::exp(-0.5 * v * v) + 1e-12;
-        },
-        wavelength_m, image_distance_m, pixel_pitch_m, lag);
+  const int sides = 4;
+  spacing_m_ = (blur_radius_m + 2 * lit_m) / sides;
+  // Light of the sampled pupil by its rows, for pupils of any shape.
+  const auto sampled_places = [&](const Pupil& shape) {
+    const SampledPupil sampled =
+        SamplePupil(pupil.OuterRadius(), wavelength_m, image_distance_m, pixel_pitch_m, lag);
+    std::vector<double> light;
+    for (int i = 0; i < sampled.rows; ++i) {
+      for (int j = 0; j < sampled.columns; ++j) {
+        const double x = sampled.X(j), y = sampled.Y(i);
+        const double passed =
+            shape.Transmission(x, y / stretch) == 0 ? 0 : shape.Transmission(x, y);
+        light.push_back(passed * passed);
+      }
+    }
+    const RowOverlaps overlaps(sampled, light);
+    std::vector<SpecklePixelCovariance> places;
+    std::vector<double> weights(sampled.rows, 1.0);
+    for (int place = -sides; place <= sides; ++place) {
+      for (int i = 0; i < sampled.rows; ++i) {
+        const double v = (place * spacing_m_ - blur * sampled.Y(i)) / lit_m;
+        weights[i] = std::exp(-0.5 * v * v) + 1e-12;
+      }
+      SpecklePixelCovariance covariance;
+      covariance.max_lag_ = lag;
+      covariance.row_reach_ = sampled.row_reach;
+      covariance.column_reach_ = sampled.column_reach;
+      covariance.values_ = PixelCovariances(sampled, overlaps, weights);
+      places.push_back(std::move(covariance));
+    }
+    return places;
+  };
+  if (!pupil.IsFullCircle() || pupil.obstruction_radius_m != 0) {
+    // What the shape changes, on the statistics of the circle around it.
+    Pupil circle;
+    circle.radius_m = pupil.OuterRadius();
+    const LineSpeckle round(circle, wavelength_m, image_distance_m, blur_per_pupil, pixel_pitch_m,
+                            ideal, first_v_m, sample_pitch_m);
+    auto places = std::make_shared<std::vector<SpecklePixelCovariance>>(*round.places_);
+    const std::vector<SpecklePixelCovariance> shaped = sampled_places(pupil);
+    const std::vector<SpecklePixelCovariance> of_circle = sampled_places(circle);
+    for (size_t place = 0; place < places->size(); ++place) {
+      for (size_t i = 0; i < shaped[place].values_.size(); ++i) {
+        const double before = of_circle[place].values_[i];
+        if (before > 1e-3) {
+          (*places)[place].values_[i] *= std::max(0.0, shaped[place].values_[i] / before);
+        }
+      }
+    }
+    places_ = std::move(places);
+    return;
   }
+  // The same line through a plain lens is looked at again and again: most effects leave both alone.
+  using Key = std::array<double, 6>;
+  constexpr size_t kMost = 1024;  // up to 9 kB each
+  static std::mutex mutex;
+  static auto* const known =
+      new std::map<Key, std::shared_ptr<const std::vector<SpecklePixelCovariance>>>;
+  const Key key = {pupil.OuterRadius(), wavelength_m, image_distance_m, blur,
+                   pixel_pitch_m,       line_m};
+  {
+    const std::lock_guard<std::mutex> lock(mutex);
+    const auto found = known->find(key);
+    if (found != known->end()) {
+      places_ = found->second;
+      return;
+    }
+  }
+  const CircleLine line(pupil.OuterRadius(), wavelength_m, image_distance_m, blur, line_m, lit_m,
+                        pixel_pitch_m, lag);
+  auto places = std::make_shared<std::vector<SpecklePixelCovariance>>(2 * sides + 1,
+                                                                      SpecklePixelCovariance());
+  for (int place = 0; place <= sides; ++place) {
+    SpecklePixelCovariance& covariance = (*places)[sides + place];
+    covariance.max_lag_ = lag;
+    covariance.row_reach_ = covariance.column_reach_ = line.reach();
+    covariance.values_ = line.PixelCovariances(place * spacing_m_);
+    (*places)[sides - place] = covariance;
+  }
+  places_ = std::move(places);
+  const std::lock_guard<std::mutex> lock(mutex);
+  if (known->size() >= kMost) known->clear();
+  known->emplace(key, places_);
 }
 
 int LineSpeckle::PlaceOf(double v_m) const {
@@ -148,19 +456,46 @@ double SpecklePixelCovariance::At(int rows, int columns) const {
   return values_[static_cast<size_t>(rows) * (max_lag_ + 1) + columns];
 }
 
-std::vector<double> GammaLevels(double contrast_squared, int count) {
+namespace {
+
+std::vector<double> ComputeGammaLevels(double contrast_squared, int count) {
+  // Plain double: long double costs several times as much.
+  using Policy = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
   std::vector<double> levels(count, 1.0);
-  if (contrast_squared <= 0) return levels;
   const double shape = 1 / contrast_squared;
   double below = 0;  // integral of x dF up to the interval's start
   for (int i = 0; i < count; ++i) {
-    const double end =
-        i + 1 == count
-            ? 1
-            : boost::math::gamma_p(shape + 1, boost::math::gamma_p_inv(shape, (i + 1.0) / count));
+    const double part = (i + 1.0) / count;
+    double end = 1;
+    if (i + 1 < count) {
+      // Integrated by parts: P(a + 1, x) = P(a, x) - x^a exp(-x) / Gamma(a + 1).
+      const double x = boost::math::gamma_p_inv(shape, part, Policy());
+      end = part - x / shape * boost::math::gamma_p_derivative(shape, x, Policy());
+    }
     levels[i] = (end - below) * count;
     below = end;
   }
+  return levels;
+}
+
+}  // namespace
+
+std::vector<double> GammaLevels(double contrast_squared, int count) {
+  if (contrast_squared <= 0) return std::vector<double>(count, 1.0);
+  using Key = std::pair<double, int>;
+  constexpr size_t kMost = 16384;
+  static std::mutex mutex;
+  static auto* const known = new std::map<Key, std::vector<double>>;
+  const Key key = {contrast_squared, count};
+  {
+    const std::lock_guard<std::mutex> lock(mutex);
+    const auto found = known->find(key);
+    if (found != known->end()) return found->second;
+  }
+  std::vector<double> levels = ComputeGammaLevels(contrast_squared, count);
+  const std::lock_guard<std::mutex> lock(mutex);
+  if (known->size() >= kMost) known->clear();
+  known->emplace(key, levels);
   return levels;
 }
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <functional>
+#include <memory>
 #include <vector>
 
 #include "core/image/image.h"
@@ -27,7 +28,10 @@ class SpecklePixelCovariance {
   int max_lag() const { return max_lag_; }
 
  private:
-  int max_lag_;
+  friend class LineSpeckle;
+  SpecklePixelCovariance() = default;
+
+  int max_lag_ = 0;
   int row_reach_ = 0, column_reach_ = 0;  // farther it is zero
   std::vector<double> values_;
 };
@@ -43,15 +47,15 @@ class LineSpeckle {
               double blur_per_pupil, double pixel_pitch_m, const std::vector<double>& ideal,
               double first_v_m, double sample_pitch_m);
 
-  int places() const { return static_cast<int>(places_.size()); }
+  int places() const { return static_cast<int>(places_->size()); }
   // Number of the place that stands for v.
   int PlaceOf(double v_m) const;
-  const SpecklePixelCovariance& At(int place) const { return places_[place]; }
-  int max_lag() const { return places_.front().max_lag(); }
+  const SpecklePixelCovariance& At(int place) const { return (*places_)[place]; }
+  int max_lag() const { return places_->front().max_lag(); }
 
  private:
   double centre_m_ = 0, spacing_m_ = 1;
-  std::vector<SpecklePixelCovariance> places_;
+  std::shared_ptr<const std::vector<SpecklePixelCovariance>> places_;  // shared by equal lines
 };
 
 // A pixel's irradiance follows about a Gamma law of shape M = 1/contrast^2 (Goodman 4.7.2). Factors

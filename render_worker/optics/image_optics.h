@@ -46,7 +46,7 @@ struct SpeckleModel {
 // Margin [px] beyond which the point spread of pupil, defocus (either sign) and transfer functions
 // holds less than the share `lost_energy`. A hard rim's diffraction falls with 1/r only: 203 lambda
 // N' for a thousandth, 20 lambda N' for a hundredth (asymptote of Rayleigh's 1 - J0^2 - J1^2).
-// Pupils that vary over the field are looked at within field_radius_m of the axis.
+// Pupils that vary over the field are looked at within field_radius_m of the axis. At most 1024.
 int RequiredMargin(const OpticsModel& optics, double largest_curvature_per_m, double pixel_pitch_m,
                    double field_radius_m = 0, double lost_energy = 1e-3);
 

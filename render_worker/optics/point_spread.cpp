@@ -11,6 +11,9 @@ namespace {
 
 using std::numbers::pi;
 
+// An almost closed pupil would spread its light over metres, more than memory and an int hold.
+constexpr double kLargestMargin_px = 1024;
+
 // Largest slope of the wavefront, times the image distance: geometric radius of the spread light.
 double GeometricRadius(const Pupil& pupil, double image_distance_m, double curvature_per_m) {
   const double outer = pupil.OuterRadius();
@@ -40,12 +43,15 @@ double GeometricRadius(const Pupil& pupil, double image_distance_m, double curva
 
 // Radius beyond which a hard edge of the pupil diffracts the share `lost`: far from the image point
 // the share beyond r is lambda b L / (2 pi^2 r A) for a pupil of area A and rim L, 4 lambda b /
-// (2 pi^2 r D) for the circle (asymptote of 1 - J0^2 - J1^2).
+// (2 pi^2 r D) for the circle (asymptote of 1 - J0^2 - J1^2). What is left of a pupil by discs that
+// cut it has a rim no longer than that of the smallest.
 double DiffractionRadius(const Pupil& pupil, double wavelength_m, double image_distance_m,
                          double lost) {
   const double area = ClearFraction(pupil) * pi * pupil.radius_m * pupil.radius_m;
   if (area <= 0) return 0;
-  const double rim = 2 * pi * (pupil.OuterRadius() + pupil.obstruction_radius_m);
+  double outer = pupil.OuterRadius();
+  for (const PupilClip& clip : pupil.clips) outer = std::min(outer, clip.radius_m);
+  const double rim = 2 * pi * (outer + pupil.obstruction_radius_m);
   return wavelength_m * image_distance_m * rim / (2 * pi * pi * area * lost);
 }
 
@@ -92,7 +98,8 @@ int RequiredMargin(const OpticsModel& optics, double largest_curvature_per_m, do
     reach_m += std::max(TransferReach(transfer, true, pixel_pitch_m, lost_energy),
                         TransferReach(transfer, false, pixel_pitch_m, lost_energy));
   }
-  return static_cast<int>(std::ceil(reach_m / pixel_pitch_m)) + 2;
+  const double reach_px = std::ceil(reach_m / pixel_pitch_m) + 2;
+  return static_cast<int>(std::min(reach_px, kLargestMargin_px));
 }
 
 }  // namespace sightline

@@ -92,6 +92,11 @@ absl::Status CheckEffectsActOnParts(const FrameSetup& nominal,
           "effects: ", id,
           " acts on a flat plate only; for a part use its materials, lighting and laser"));
     }
+    // Parts are seen through lens.distortion.
+    if (after.image_mapping && changed.lens.distortion == nominal.lens.distortion) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("effects: ", id, " acts on a flat plate only; images of parts do not turn"));
+    }
   }
   return absl::OkStatus();
 }

@@ -8,7 +8,6 @@
 #include <fstream>
 #include <optional>
 #include <set>
-#include <sstream>
 #include <utility>
 
 #include "absl/strings/escaping.h"
@@ -17,12 +16,12 @@
 #include "absl/strings/str_format.h"
 #include "core/inspection/imaging.h"
 #include "core/json/strict_json.h"
-#include "core/part/load_part.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/image_file/image_file.h"
 #include "render_worker/recordings/plate_frames.h"
 #include "render_worker/render/memory_estimate.h"
 #include "render_worker/render/part_frame.h"
+#include "render_worker/render/part_inspection.h"
 #include "render_worker/render/part_scene.h"
 #include "render_worker/sensor/demosaic.h"
 
@@ -32,14 +31,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kMaxFrames = 100000;
-
-absl::StatusOr<std::string> ReadFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  bytes << file.rdbuf();
-  if (!file || !bytes) return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
-  return std::move(bytes).str();
-}
 
 absl::StatusOr<RenderedFile> Describe(const std::string& folder, const std::string& name) {
   std::ifstream file(fs::path(folder) / name, std::ios::binary);
@@ -186,30 +177,9 @@ class PartTask final : public RenderTask {
                        int64_t max_image_bytes) {
     output_ = output;
     message_ = message.inspection();
-    // A request must never make the server read files of its own.
-    if (!message_.camera().sensor_file().empty()) {
-      return InvalidFields(
-          {{"part.inspection.camera.sensor_file", "must be inline: give camera.sensor"}});
-    }
-    for (int i = 0; i < message_.materials_size(); ++i) {
-      if (message_.materials(i).file().empty()) continue;
-      return InvalidFields({{absl::StrCat("part.inspection.materials[", i, "].file"),
-                             "must be inline: give material"}});
-    }
-    absl::StatusOr<Inspection> inspection = ParseInspection(message_, "part.inspection", "");
+    absl::StatusOr<Inspection> inspection = ParsePartInspection(message_, "part.inspection");
     if (!inspection.ok()) return inspection.status();
     inspection_ = *std::move(inspection);
-    if (!inspection_.sensor) {
-      return InvalidFields({{"part.inspection.camera.sensor",
-                             "is missing: images need a sensor (camera.sensor_file)"}});
-    }
-    if (!inspection_.rig.lens) {
-      return InvalidFields({{"part.inspection.lens", "is missing: images need a lens"}});
-    }
-    if (inspection_.materials.empty()) {
-      return InvalidFields(
-          {{"part.inspection.materials", "is missing: images need the part's materials"}});
-    }
     auto effects = MakeEffects(inspection_.effects);
     if (!effects.ok()) return effects.status();
     effects_ = *std::move(effects);
@@ -251,15 +221,7 @@ class PartTask final : public RenderTask {
   int frames() const override { return static_cast<int>(frames_.size()); }
 
   std::vector<std::string> AssetFiles() const override {
-    std::vector<std::string> files = {inspection_.part_file};
-    for (const ObstacleSource& obstacle : inspection_.obstacles) files.push_back(obstacle.file);
-    for (const MaterialChoice& choice : inspection_.materials) {
-      v1::Material material = choice.material;
-      for (const std::string* file : MutableMaterialFiles(&material)) files.push_back(*file);
-    }
-    std::sort(files.begin(), files.end());
-    files.erase(std::unique(files.begin(), files.end()), files.end());
-    return files;
+    return sightline::AssetFiles(inspection_);
   }
 
   absl::Status Run(const std::string& folder, const AssetResolver& assets,
@@ -267,15 +229,13 @@ class PartTask final : public RenderTask {
     PartSceneInput input;
     input.inspection = inspection_;
     input.assets = assets;
-    auto part = LoadMesh(inspection_.part_file, inspection_.part_unit, assets);
+    auto part = LoadMeshAsset(inspection_.part_file, inspection_.part_unit, assets);
     if (!part.ok()) return part.status();
     const std::string part_digest = PartDigest(*part);
     input.part = *std::move(part);
-    for (const ObstacleSource& source : inspection_.obstacles) {
-      auto mesh = LoadMesh(source.file, source.unit, assets);
-      if (!mesh.ok()) return mesh.status();
-      input.obstacles.push_back(*std::move(mesh));
-    }
+    auto obstacles = LoadObstacles(inspection_, assets);
+    if (!obstacles.ok()) return obstacles.status();
+    input.obstacles = *std::move(obstacles);
     auto scene = PartScene::Make(std::move(input));
     if (!scene.ok()) return scene.status();
 
@@ -313,19 +273,6 @@ class PartTask final : public RenderTask {
   }
 
  private:
-  static absl::StatusOr<TriangleMesh> LoadMesh(const std::string& file, const std::string& unit,
-                                               const AssetResolver& assets) {
-    absl::StatusOr<std::string> path = assets(file);
-    if (!path.ok()) return path.status();
-    absl::StatusOr<std::string> bytes = ReadFile(*path);
-    if (!bytes.ok()) return bytes.status();
-    std::string format = fs::path(file).extension().string();
-    if (!format.empty()) format = format.substr(1);
-    std::transform(format.begin(), format.end(), format.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return LoadPartFromMemory(*bytes, format, unit, file);
-  }
-
   // recordings.json of format version 2.
   v1::Recordings DescribeSet(const std::string& part_digest) const {
     const Lens& lens = *inspection_.rig.lens;

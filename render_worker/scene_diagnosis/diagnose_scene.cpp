@@ -15,6 +15,8 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/rig/scan_geometry.h"
+#include "render_worker/effects/effect.h"
+#include "render_worker/render/part_frame.h"
 #include "render_worker/scene_diagnosis/block_means.h"
 #include "render_worker/scene_diagnosis/light_paths.h"
 #include "render_worker/scene_diagnosis/path_fit.h"
@@ -62,6 +64,13 @@ absl::Status CheckImages(const RecordedScene& scene) {
       return absl::InvalidArgumentError(absl::StrCat(recordings[i].file, ": has a raw number of ",
                                                      largest, ", the sensor's largest is ",
                                                      scene.inspection.sensor->largest_dn()));
+    }
+    const FrameSetup frame = PartFrameSetup(
+        scene.inspection, {recordings[i].measurement, recordings[i].stage_position_m});
+    if (*frame.lens.focus_distance_m <= 1.01 * frame.lens.focal_length_m) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(recordings[i].file, ": is focused at ", *frame.lens.focus_distance_m,
+                       " m, too near for a focal length of ", frame.lens.focal_length_m, " m"));
     }
     laser = laser || recordings[i].kind == RecordingKind::kLaser;
   }
@@ -255,6 +264,11 @@ v1::ModelFit DescribeFit(const BlockMeans& blocks, const PathFit& fit) {
   return message;
 }
 
+std::string PlaceText(const Eigen::Vector3d& place_m) {
+  return absl::StrFormat("(%.0f, %.0f, %.0f) mm of the part", 1e3 * place_m.x(), 1e3 * place_m.y(),
+                         1e3 * place_m.z());
+}
+
 void DescribeEffects(const PathFit& fit, const Excess& excess, const RecordedScene& scene,
                      v1::Explanation* explanation) {
   for (size_t k = 0; k < fit.paths.size(); ++k) {
@@ -276,14 +290,58 @@ void DescribeEffects(const PathFit& fit, const Excess& excess, const RecordedSce
       v1::FittedParameter* shape = effect->add_parameters();
       shape->set_name(path.shape_name);
       shape->set_value(path.shape);
+      shape->set_lower(path.shape_lower);
+      shape->set_upper(path.shape_upper);
     }
     if (excess.recording >= 0) {
       effect->add_regions(absl::StrFormat(
           "%s: rows %d-%d, columns %d-%d",
           scene.recordings.recordings[static_cast<size_t>(excess.recording)].file,
           excess.first_row_px, excess.last_row_px, excess.first_column_px, excess.last_column_px));
+      if (excess.surface.empty()) continue;
+      effect->add_regions(
+          absl::StrFormat("surface \"%s\" (%.0f %%)", excess.surface, 100 * excess.surface_share));
+      effect->add_regions("brightest at " + PlaceText(excess.place_m));
     }
   }
+}
+
+// Light and dark charge of the description with the factors of the best explanation, and what that
+// adds, within the bounds that the renderer knows.
+void DescribeCalibration(const RecordedScene& scene, const PathFit& fit, v1::Diagnosis* diagnosis) {
+  RecordingSet set = scene.recordings;
+  for (size_t k = 0; k < fit.paths.size(); ++k) {
+    const LightPath& path = *fit.paths[k];
+    const double factor = fit.factors[static_cast<Eigen::Index>(k)];
+    if (path.effect == "laser_factor") {
+      set.laser.power_w *= factor;
+      if (set.part) set.part->laser.power_w *= factor;
+    } else if (path.effect == "dark_mean_electrons") {
+      set.camera.dark_mean_electrons = std::max(0.0, set.camera.dark_mean_electrons + factor);
+    } else if (path.effect == "lamp_factor" && set.part) {
+      v1::Lighting& lighting = set.part->lighting;
+      if (lighting.has_ambient()) {
+        lighting.mutable_ambient()->set_radiance_w_m2_sr(factor *
+                                                         lighting.ambient().radiance_w_m2_sr());
+      }
+      for (v1::AreaLight& light : *lighting.mutable_area_lights()) {
+        light.set_radiance_w_m2_sr(factor * light.radiance_w_m2_sr());
+      }
+    }
+    if (path.nominal || path.effect == "unknown") continue;
+    v1::Effect* effect = diagnosis->add_calibrated_effects();
+    effect->set_effect(path.effect);
+    auto& parameters = *effect->mutable_parameters();
+    parameters[path.parameter] = factor;
+    if (!path.shape_name.empty()) parameters[path.shape_name] = path.shape;
+    const Effect* known = FindEffect(path.effect);
+    if (known == nullptr) continue;
+    for (const EffectParameter& p : known->description().parameters) {
+      const auto found = parameters.find(std::string(p.name));
+      if (found != parameters.end()) found->second = std::clamp(found->second, p.lower, p.upper);
+    }
+  }
+  *diagnosis->mutable_calibrated() = RecordingsToProto(set);
 }
 
 }  // namespace
@@ -292,6 +350,10 @@ absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
                                             const SceneDiagnosisSettings& settings,
                                             const SceneDiagnosisProgress& progress) {
   if (absl::Status status = CheckImages(scene); !status.ok()) return status;
+  if (settings.max_effects < 1 || settings.max_effects > 2) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("max_effects: is ", settings.max_effects, ", must be 1 or 2 for a part"));
+  }
   const auto report = [&progress](double fraction, std::string_view what) {
     if (progress) progress(fraction, what);
   };
@@ -313,7 +375,8 @@ absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
   for (const LightPath& path : light->paths) {
     if (path.nominal) {
       nominal.push_back(&path);
-    } else {
+    } else if (std::find(settings.excluded_effects.begin(), settings.excluded_effects.end(),
+                         path.effect) == settings.excluded_effects.end()) {
       left_out[path.effect].push_back(&path);
     }
   }
@@ -355,7 +418,8 @@ absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
   });
   const double pairs =
       0.5 * static_cast<double>(left_out.size()) * static_cast<double>(left_out.size() - 1);
-  for (size_t a = 0; a < std::min(kPairPartners, order.size()); ++a) {
+  const size_t partners = settings.max_effects > 1 ? kPairPartners : 0;
+  for (size_t a = 0; a < std::min(partners, order.size()); ++a) {
     for (size_t b = a + 1; b < order.size(); ++b) {
       if (cancelled()) return absl::CancelledError("cancelled");
       const Hypothesis& first = hypotheses[order[a]];
@@ -438,32 +502,20 @@ absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
       if (!path->nominal && path->effect != "unknown") words.push_back(path->words);
     }
     if (words.empty()) words.push_back("light that none of the known paths explains");
-    finding = absl::StrFormat("Left out of the model: %s (%s, probability %.3f)",
-                              absl::StrJoin(words, "; "), best.Name(), best.probability);
-    if (excess.recording >= 0) {
+    finding = absl::StrCat("Left out of the model: ", absl::StrJoin(words, "; "));
+    if (added_sum > 0 && laser_sum > 0) {
+      absl::StrAppendFormat(&finding, ", %.2g %% of the direct laser light",
+                            100 * added_sum / laser_sum);
+    }
+    if (!excess.surface.empty()) {
       absl::StrAppendFormat(
-          &finding,
-          ", most of it in %s, rows %d-%d, columns %d-%d, %.1f electrons a pixel on average",
-          scene.recordings.recordings[static_cast<size_t>(excess.recording)].file,
-          excess.first_row_px, excess.last_row_px, excess.first_column_px, excess.last_column_px,
-          excess.mean_electrons);
-      if (!excess.surface.empty()) {
-        absl::StrAppendFormat(
-            &finding,
-            ", %.0f %% of it on surface \"%s\", brightest at (%.0f, %.0f, %.0f) mm of the part",
-            100 * excess.surface_share, excess.surface, 1e3 * excess.place_m.x(),
-            1e3 * excess.place_m.y(), 1e3 * excess.place_m.z());
-      }
+          &finding, ", most on surface \"%s\", %.1f electrons a pixel in %s", excess.surface,
+          excess.mean_electrons,
+          scene.recordings.recordings[static_cast<size_t>(excess.recording)].file);
     }
     absl::StrAppendFormat(&finding,
                           "; with it held-out chi^2 per degree of freedom falls from %.2f to %.2f.",
                           null_held_out, model_held_out);
-    if (best.Name() == "illumination.interreflection" && laser_sum > 0) {
-      absl::StrAppendFormat(&finding,
-                            " It is %.0f %% of the direct laser light in the images; switch it on "
-                            "with render.laser_interreflection.",
-                            100 * added_sum / laser_sum);
-    }
   }
   diagnosis.set_finding(finding);
   std::map<std::string, double> stages;
@@ -477,8 +529,11 @@ absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
     explanation->set_held_out_chi_squared_per_dof(hypothesis->best.held_out_chi_squared /
                                                   hypothesis->best.held_out_count);
     DescribeEffects(hypothesis->best, hypothesis == &best ? excess : Excess(), scene, explanation);
+    const char* switch_on = best.Name() == "illumination.interreflection"
+                                ? "; render.laser_interreflection switches it on"
+                                : "";
     explanation->set_reason(
-        hypothesis == &best ? "the most probable"
+        hypothesis == &best ? absl::StrCat("the most probable", switch_on)
                             : absl::StrFormat("log evidence %.1f below the most probable",
                                               best.log_predictive - hypothesis->log_predictive));
   }
@@ -494,6 +549,7 @@ absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
   for (int r = 0; r < blocks.recordings(); ++r) improvement->add_recordings(r);
   *diagnosis.mutable_null_fit() = DescribeFit(blocks, null_fit);
   *diagnosis.mutable_model_fit() = DescribeFit(blocks, best.best);
+  DescribeCalibration(scene, best.best, &diagnosis);
   // Smallest factors these recordings show: expected gain 5 is chi^2 of 10.
   for (const Hypothesis& hypothesis : hypotheses) {
     if (hypothesis.effects.size() != 1 || hypothesis.effects[0] == "unknown") continue;

@@ -4,7 +4,9 @@
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <string>
 #include <string_view>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "render_worker/scene_diagnosis/recorded_scene.h"
@@ -19,6 +21,8 @@ struct SceneDiagnosisSettings {
   int tile_blocks = 4;           // blocks on a side of the tiles that are held out in turn
   double registration_px = 0.3;  // standard uncertainty of where the model's image lies
   int max_bounces = 4;           // of light that the null model leaves out
+  std::vector<std::string> excluded_effects = {};  // not to be considered, by id
+  int max_effects = 2;                             // at once; 1 or 2
   int64_t max_image_bytes = int64_t{8} << 30;
   const std::atomic<bool>* cancelled = nullptr;
 };
@@ -30,8 +34,8 @@ using SceneDiagnosisProgress = std::function<void(double, std::string_view)>;
 // the null model's paths within their uncertainties, then with each path that it leaves out, with
 // two of them, and with a free smooth map. These compete by evidence on half of the image's tiles
 // and predictive density on the other half. Verdict "effect" names path, place in the images and
-// surface; "unknown": the map is better than every path; "none". The same inputs give the same
-// bytes for any number of threads.
+// surface; "unknown": the map is better than every path; "none". `calibrated`: the description with
+// the fitted factors. The same inputs give the same bytes for any number of threads.
 // INVALID_ARGUMENT: images that do not match the description (count, size, numbers above the
 // sensor's largest); FAILED_PRECONDITION: no recording with the laser on; CANCELLED; errors of
 // RenderPartFrame.

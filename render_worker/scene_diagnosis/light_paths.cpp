@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
@@ -23,6 +24,14 @@ constexpr double kStrayWidths_m[] = {3e-3, 12e-3};
 constexpr double kHaloRadii_m[] = {5e-5, 2e-4, 1e-3};
 // Fraction of light at which the glare's image is computed; the image is linear in it.
 constexpr double kGlare = 0.1;
+
+// Shapes that lie nearer to the i-th than to the others, on a logarithmic scale.
+std::pair<double, double> ShapeRange(std::span<const double> shapes, size_t i) {
+  const size_t last = shapes.size() - 1;
+  const double below = i > 0 ? shapes[i] / shapes[i - 1] : shapes[1] / shapes[0];
+  const double above = i < last ? shapes[i + 1] / shapes[i] : shapes[last] / shapes[last - 1];
+  return {shapes[i] / std::sqrt(below), shapes[i] * std::sqrt(above)};
+}
 
 struct Variant {
   bool laser = true;
@@ -130,6 +139,14 @@ Image<double> FromAfar(const Image<double>& electrons, const Image<float>& radia
 
 }  // namespace
 
+const std::vector<std::string>& LeftOutEffects() {
+  static const auto& effects = *new std::vector<std::string>{
+      "illumination.interreflection", "illumination.lamp_interreflection",
+      "illumination.ambient_light",   "illumination.laser_stray_light",
+      "optics.veiling_glare",         "sensor.black_level_error"};
+  return effects;
+}
+
 absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
                                            const LightPathSettings& settings) {
   const int recordings = static_cast<int>(scene.recordings.recordings.size());
@@ -203,7 +220,8 @@ absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
                                .parameter = "ambient_radiance_w_m2_sr",
                                .prior_standard_deviation = 0.1});
   std::vector<size_t> stray, glare;
-  for (const double width : kStrayWidths_m) {
+  for (size_t i = 0; i < std::size(kStrayWidths_m); ++i) {
+    const auto [lower, upper] = ShapeRange(kStrayWidths_m, i);
     stray.push_back(add({.effect = "illumination.laser_stray_light",
                          .stage = "illumination",
                          .words = "light that leaves the projector beside the line",
@@ -211,9 +229,12 @@ absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
                          .prior_standard_deviation = 0.05,
                          .laser_light = true,
                          .shape_name = "half_width_m",
-                         .shape = width}));
+                         .shape = kStrayWidths_m[i],
+                         .shape_lower = lower,
+                         .shape_upper = upper}));
   }
-  for (const double radius : kHaloRadii_m) {
+  for (size_t i = 0; i < std::size(kHaloRadii_m); ++i) {
+    const auto [lower, upper] = ShapeRange(kHaloRadii_m, i);
     glare.push_back(add({.effect = "optics.veiling_glare",
                          .stage = "optics",
                          .words = "light scattered in the lens",
@@ -221,12 +242,14 @@ absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
                          .prior_standard_deviation = 0.05,
                          .laser_light = true,
                          .shape_name = "halo_radius_m",
-                         .shape = radius}));
+                         .shape = kHaloRadii_m[i],
+                         .shape_lower = lower,
+                         .shape_upper = upper}));
   }
   const size_t offset_error = add({.effect = "sensor.black_level_error",
                                    .stage = "sensor",
                                    .words = "an offset of the sensor",
-                                   .parameter = "offset_electrons",
+                                   .parameter = "black_level_shift_electrons",
                                    .prior_standard_deviation = 20,
                                    .may_be_negative = true});
 

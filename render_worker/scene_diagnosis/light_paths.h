@@ -29,10 +29,14 @@ struct LightPath {
   // Part of it that diffraction brought from more than two pixels away; empty: none. Its speckle
   // is streaks, long in the direction it came from.
   std::vector<Image<double>> diffracted_electrons = {};
-  // Shape that is given, not fitted, e.g. the radius of a halo; empty name: none.
+  // Shape that is given, not fitted, e.g. the radius of a halo; empty name: none. Between the
+  // geometric means with the next smaller and larger shapes that are tried it is nearest.
   std::string shape_name = {};
-  double shape = 0;
+  double shape = 0, shape_lower = 0, shape_upper = 0;
 };
+
+// Ids of all that may have been left out.
+const std::vector<std::string>& LeftOutEffects();
 
 // What the camera sees, per recording and pixel.
 struct SeenSurface {

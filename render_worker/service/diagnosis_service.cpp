@@ -1,21 +1,25 @@
 #include "render_worker/service/diagnosis_service.h"
 
-#include <spdlog/spdlog.h>
-
-#include <optional>
-#include <set>
+#include <algorithm>
+#include <functional>
 #include <string_view>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "core/part/mesh.h"
 #include "core/recordings/check_recordings.h"
 #include "core/recordings/load_images.h"
+#include "core/recordings/part_inspection.h"
 #include "core/recordings/recordings.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/effects/effect.h"
 #include "render_worker/image_file/image_file.h"
+#include "render_worker/render/part_inspection.h"
+#include "render_worker/scene_diagnosis/light_paths.h"
 #include "render_worker/service/asset_folder.h"
 #include "render_worker/service/reservation.h"
 #include "rpc_server/job_service.h"
@@ -27,7 +31,7 @@ namespace {
 constexpr char kDiagnose[] = "diagnose";
 constexpr char kVerify[] = "verify";
 constexpr int kMostRecordings = 10000;
-constexpr int kMostEffects = 3;
+constexpr int kMostEffects = 3, kMostSceneEffects = 2;
 constexpr int kDefaultEffects = 2;
 constexpr absl::Duration kProgressInterval = absl::Milliseconds(50);
 // Room for what goes around an answer in its message.
@@ -41,15 +45,34 @@ absl::Status InvalidImages(const AssetFolder& files, const std::vector<std::stri
   return InvalidFields(violations);
 }
 
-absl::Status CheckEffectIds(const v1::CreateDiagnosisRequest& request) {
+// `excluded_effects` against `check`, which says what is wrong with an id; `max_effects` in
+// [1, most].
+absl::Status CheckEffects(const v1::CreateDiagnosisRequest& request, int most,
+                          const std::function<absl::Status(const std::string&)>& check) {
   std::vector<FieldViolation> violations;
+  if (request.has_max_effects() && (request.max_effects() < 1 || request.max_effects() > most)) {
+    violations.push_back({"max_effects", absl::StrCat("is ", request.max_effects(),
+                                                      ", must be in [1, ", most, "]")});
+  }
   for (int i = 0; i < request.excluded_effects_size(); ++i) {
-    const auto effect = MakeActiveEffect(request.excluded_effects(i), {});
-    if (effect.ok()) continue;
+    const absl::Status status = check(request.excluded_effects(i));
+    if (status.ok()) continue;
     violations.push_back(
-        {absl::StrCat("excluded_effects[", i, "]"), std::string(effect.status().message())});
+        {absl::StrCat("excluded_effects[", i, "]"), std::string(status.message())});
   }
   return InvalidFields(violations);
+}
+
+// What parts and plates have in common.
+template <typename Settings>
+Settings CommonSettings(const v1::CreateDiagnosisRequest& request, int threads) {
+  Settings settings;
+  settings.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
+  settings.threads = threads;
+  settings.max_effects = request.has_max_effects() ? request.max_effects() : kDefaultEffects;
+  settings.excluded_effects = {request.excluded_effects().begin(),
+                               request.excluded_effects().end()};
+  return settings;
 }
 
 }  // namespace
@@ -58,11 +81,29 @@ absl::Status CheckEffectIds(const v1::CreateDiagnosisRequest& request) {
 struct DiagnosisServiceImpl::CheckedSet {
   CheckedSet(std::atomic<int64_t>* counter, int64_t bytes) : memory(counter, bytes) {}
   Reservation memory;
-  RecordedSet set;
+  RecordingSet description;
+  std::vector<Image<uint16_t>> images;
   std::vector<std::string> warnings;
 };
 
-absl::StatusOr<std::shared_ptr<const DiagnosisServiceImpl::CheckedSet>> DiagnosisServiceImpl::Check(
+struct DiagnosisServiceImpl::CheckedPlate {
+  explicit CheckedPlate(const std::shared_ptr<CheckedSet>& checked)
+      : source(checked),
+        set(MakeRecordedSet(std::move(checked->description), std::move(checked->images))) {}
+  const std::shared_ptr<CheckedSet> source;  // for its share of the memory, and the warnings
+  const RecordedSet set;
+};
+
+// Recordings of a part with the files of its model.
+struct DiagnosisServiceImpl::CheckedScene {
+  CheckedScene(std::shared_ptr<CheckedSet> checked, std::string folder)
+      : source(std::move(checked)), assets(std::move(folder)) {}
+  const std::shared_ptr<CheckedSet> source;
+  AssetFolder assets;
+  RecordedScene scene;
+};
+
+absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServiceImpl::Check(
     const v1::RecordedSetSource& source) {
   const v1::Recordings& message = source.recordings();
   if (message.recordings_size() > kMostRecordings) {
@@ -72,12 +113,6 @@ absl::StatusOr<std::shared_ptr<const DiagnosisServiceImpl::CheckedSet>> Diagnosi
   }
   absl::StatusOr<RecordingSet> description = ParseRecordings(message, "source.recordings");
   if (!description.ok()) return description.status();
-  if (description->format_version != 1) {
-    return InvalidFields(
-        {{"source.recordings.format_version",
-          absl::StrCat("is ", description->format_version,
-                       " (images of a part), must be 1: laser lines on a flat plate")}});
-  }
   AssetFolder files(absl::StrCat(p_.spool_folder, "/set-", next_folder_++));
   absl::Status status = files.Add(source.images(), "source.images", p_.assets);
   if (!status.ok()) return status;
@@ -118,41 +153,118 @@ absl::StatusOr<std::shared_ptr<const DiagnosisServiceImpl::CheckedSet>> Diagnosi
         absl::Seconds(1));
   }
   std::vector<std::string> errors;
-  std::vector<Image<uint16_t>> images =
-      LoadRecordedImages(*description, paths, ReadRawImage, &errors);
+  checked->images = LoadRecordedImages(*description, paths, ReadRawImage, &errors);
   if (!errors.empty()) return InvalidImages(files, errors);
-  RecordingCheck check = CheckRecordings(*description, images);
+  RecordingCheck check = CheckRecordings(*description, checked->images);
   if (!check.errors.empty()) return InvalidImages(files, check.errors);
   checked->warnings = std::move(check.warnings);
-  checked->set = MakeRecordedSet(*std::move(description), std::move(images));
+  checked->description = *std::move(description);
   return checked;
 }
 
-absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(
-    const std::string& kind, const std::string& request_id, const std::string& fingerprint,
-    std::function<absl::StatusOr<std::string>(const DiagnosisProgress&)> run) {
+absl::StatusOr<std::shared_ptr<const DiagnosisServiceImpl::CheckedPlate>>
+DiagnosisServiceImpl::CheckPlate(const v1::RecordedSetSource& source) {
+  if (const int version = source.recordings().format_version(); version == 2) {
+    return InvalidFields({{"source.recordings.format_version",
+                           "is 2 (images of a part), must be 1: laser lines on a flat plate"}});
+  }
+  auto set = Check(source);
+  if (!set.ok()) return set.status();
+  return std::make_shared<const CheckedPlate>(*set);
+}
+
+absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedScene>>
+DiagnosisServiceImpl::CheckScene(const v1::CreateDiagnosisRequest& request) {
+  auto set = Check(request.source());
+  if (!set.ok()) return set.status();
+  auto work = std::make_shared<CheckedScene>(
+      *std::move(set), absl::StrCat(p_.spool_folder, "/scene-", next_folder_++));
+  RecordedScene& scene = work->scene;
+  absl::StatusOr<Inspection> inspection = absl::UnknownError("");
+  if (request.has_inspection()) {
+    inspection = ParsePartInspection(request.inspection(), "inspection");
+  } else {
+    const auto described =
+        InspectionOfRecordings(request.source().recordings(), "source.recordings");
+    if (!described.ok()) return described.status();
+    inspection = ParsePartInspection(*described, "source.recordings.part");
+  }
+  if (!inspection.ok()) return inspection.status();
+  scene.inspection = *std::move(inspection);
+  if (!scene.inspection.effects.empty()) {
+    return InvalidFields({{"inspection.effects", "is not empty: the null model has none"}});
+  }
+  absl::Status status = work->assets.Add(request.assets(), "assets", p_.assets);
+  if (!status.ok()) return status;
+  for (const std::string& file : AssetFiles(scene.inspection)) {
+    if (work->assets.Has(file)) continue;
+    return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
+  }
+  scene.assets = [&assets = work->assets](const std::string& file) { return assets.Resolve(file); };
+  scene.recordings = std::move(work->source->description);
+  scene.raw_dn = std::move(work->source->images);
+  return work;
+}
+
+absl::StatusOr<v1::Diagnosis> DiagnosisServiceImpl::RunScene(CheckedScene& work,
+                                                             SceneDiagnosisSettings settings,
+                                                             const DiagnosisProgress& progress,
+                                                             const std::atomic<bool>& cancelled) {
+  RecordedScene& scene = work.scene;
+  const Inspection& inspection = scene.inspection;
+  auto part = LoadMeshAsset(inspection.part_file, inspection.part_unit, scene.assets);
+  if (!part.ok()) return part.status();
+  scene.part = *std::move(part);
+  const std::string& stated = scene.recordings.part->part_digest;
+  if (const std::string digest = PartDigest(scene.part); !stated.empty() && digest != stated) {
+    const auto size_mm = (1e3 * scene.part.BoundingBox().sizes()).eval();
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: is not the part of the recordings (part.part_digest): another file or another unit; "
+        "it measures %.4g x %.4g x %.4g mm, its digest is %s, that of the recordings %s",
+        inspection.part_file, size_mm.x(), size_mm.y(), size_mm.z(), digest, stated));
+  }
+  auto obstacles = LoadObstacles(inspection, scene.assets);
+  if (!obstacles.ok()) return obstacles.status();
+  scene.obstacles = *std::move(obstacles);
+  settings.cancelled = &cancelled;
+  return p_.functions.diagnose_scene(
+      scene, settings,
+      [&progress](double fraction, std::string_view what) { progress(fraction, what); });
+}
+
+template <typename Request, typename Work>
+absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(const std::string& kind,
+                                                        const Request& request,
+                                                        std::vector<std::string> warnings,
+                                                        Work work) {
+  Request asked = request;
+  asked.clear_request_id();
   absl::StatusOr<JobRecord> job = p_.jobs->Create(
-      kind, request_id, fingerprint,
-      [this, run = std::move(run)](JobContext& context) -> absl::StatusOr<std::string> {
+      kind, request.request_id(), MessageDigest(asked),
+      [this, warnings = std::move(warnings),
+       work = std::move(work)](JobContext& context) -> absl::StatusOr<std::string> {
         // Every report wakes all who watch.
         absl::Time reported = absl::InfinitePast();
-        auto answer = run([&](double fraction, std::string_view what) {
+        const DiagnosisProgress progress = [&](double fraction, std::string_view what) {
           if (const absl::Time now = absl::Now(); now - reported >= kProgressInterval) {
             reported = now;
             context.ReportProgress(fraction, std::string(what));
           }
           return !context.cancelled();
-        });
+        };
+        auto answer = work(progress, context.cancelled());
         if (!answer.ok()) return answer.status();
-        if (answer->size() > kMostAnswerBytes) {
+        for (const std::string& warning : warnings) answer->add_warnings(warning);
+        std::string bytes = answer->SerializeAsString();
+        if (bytes.size() > kMostAnswerBytes) {
           return absl::ResourceExhaustedError(
-              absl::StrCat("the answer has ", answer->size(), " bytes, at most ", kMostAnswerBytes,
+              absl::StrCat("the answer has ", bytes.size(), " bytes, at most ", kMostAnswerBytes,
                            " can be sent: give fewer or smaller recordings"));
         }
-        const std::string key = Sha256Hex(*answer);
-        const auto bytes = static_cast<int64_t>(answer->size());
+        const std::string key = Sha256Hex(bytes);
+        const auto size = static_cast<int64_t>(bytes.size());
         absl::Status kept =
-            results_.Put(key, std::make_shared<const std::string>(*std::move(answer)), bytes);
+            results_.Put(key, std::make_shared<const std::string>(std::move(bytes)), size);
         if (!kept.ok()) return kept;
         return key;
       });
@@ -182,33 +294,57 @@ absl::StatusOr<std::shared_ptr<const std::string>> DiagnosisServiceImpl::Result(
   return result;
 }
 
+absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
+    const v1::CreateDiagnosisRequest& request) {
+  if (!p_.functions.diagnose) return absl::UnimplementedError("this worker does not diagnose");
+  for (const auto& [given, name] : {std::pair(request.has_inspection(), "inspection"),
+                                    std::pair(!request.assets().empty(), "assets")}) {
+    if (given) return InvalidFields({{name, "is for parts; these recordings are of a plate"}});
+  }
+  absl::Status status = CheckEffects(request, kMostEffects, [](const std::string& id) {
+    return MakeActiveEffect(id, {}).status();
+  });
+  if (!status.ok()) return status;
+  auto work = CheckPlate(request.source());
+  if (!work.ok()) return work.status();
+  return CreateJob(kDiagnose, request, (*work)->source->warnings,
+                   [this, settings = CommonSettings<DiagnosisSettings>(request, p_.threads),
+                    work = *work](const DiagnosisProgress& progress, const std::atomic<bool>&) {
+                     return p_.functions.diagnose(work->set, settings, progress);
+                   });
+}
+
+absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
+    const v1::CreateDiagnosisRequest& request) {
+  if (!p_.functions.diagnose_scene) {
+    return absl::UnimplementedError("this worker does not diagnose recordings of parts");
+  }
+  absl::Status status = CheckEffects(request, kMostSceneEffects, [](const std::string& id) {
+    const std::vector<std::string>& known = LeftOutEffects();
+    if (std::find(known.begin(), known.end(), id) != known.end()) return absl::OkStatus();
+    return absl::InvalidArgumentError(absl::StrCat(
+        "is \"", absl::Utf8SafeCEscape(id),
+        "\", which is not considered for parts anyway; these are: ", absl::StrJoin(known, ", ")));
+  });
+  if (!status.ok()) return status;
+  auto work = CheckScene(request);
+  if (!work.ok()) return work.status();
+  auto settings = CommonSettings<SceneDiagnosisSettings>(request, p_.threads);
+  settings.max_image_bytes = p_.max_image_bytes;
+  return CreateJob(kDiagnose, request, (*work)->source->warnings,
+                   [this, settings, work = *work](
+                       const DiagnosisProgress& progress,
+                       const std::atomic<bool>& cancelled) -> absl::StatusOr<v1::Diagnosis> {
+                     auto answer = RunScene(*work, settings, progress, cancelled);
+                     if (!answer.ok()) return work->assets.WithoutFolder(answer.status());
+                     return answer;
+                   });
+}
+
 absl::Status DiagnosisServiceImpl::Diagnosis(const v1::CreateDiagnosisRequest& request,
                                              v1::CreateDiagnosisResponse* response) {
-  if (!p_.functions.diagnose) return absl::UnimplementedError("this worker does not diagnose");
-  DiagnosisSettings settings;
-  settings.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
-  settings.threads = p_.threads;
-  settings.max_effects = request.has_max_effects() ? request.max_effects() : kDefaultEffects;
-  settings.excluded_effects = {request.excluded_effects().begin(),
-                               request.excluded_effects().end()};
-  if (settings.max_effects < 1 || settings.max_effects > kMostEffects) {
-    return InvalidFields({{"max_effects", absl::StrCat("is ", settings.max_effects,
-                                                       ", must be in [1, ", kMostEffects, "]")}});
-  }
-  if (absl::Status status = CheckEffectIds(request); !status.ok()) return status;
-  auto checked = Check(request.source());
-  if (!checked.ok()) return checked.status();
-  v1::CreateDiagnosisRequest asked = request;
-  asked.clear_request_id();
-  auto job = CreateJob(kDiagnose, request.request_id(), MessageDigest(asked),
-                       [this, settings, work = *std::move(checked)](
-                           const DiagnosisProgress& progress) -> absl::StatusOr<std::string> {
-                         auto answer = p_.functions.diagnose(work->set, settings, progress);
-                         if (!answer.ok()) return answer.status();
-                         for (const std::string& warning : work->warnings)
-                           answer->add_warnings(warning);
-                         return answer->SerializeAsString();
-                       });
+  auto job = request.source().recordings().format_version() == 2 ? CreateSceneDiagnosis(request)
+                                                                 : CreatePlateDiagnosis(request);
   if (!job.ok()) return job.status();
   *response->mutable_job() = *std::move(job);
   return absl::OkStatus();
@@ -220,19 +356,13 @@ absl::Status DiagnosisServiceImpl::Verification(const v1::CreateVerificationRequ
   VerificationSettings settings;
   settings.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
   settings.threads = p_.threads;
-  auto checked = Check(request.source());
-  if (!checked.ok()) return checked.status();
-  v1::CreateVerificationRequest asked = request;
-  asked.clear_request_id();
-  auto job = CreateJob(kVerify, request.request_id(), MessageDigest(asked),
-                       [this, settings, work = *std::move(checked)](
-                           const DiagnosisProgress& progress) -> absl::StatusOr<std::string> {
-                         auto answer = p_.functions.verify(work->set, settings, progress);
-                         if (!answer.ok()) return answer.status();
-                         for (const std::string& warning : work->warnings)
-                           answer->add_warnings(warning);
-                         return answer->SerializeAsString();
-                       });
+  auto work = CheckPlate(request.source());
+  if (!work.ok()) return work.status();
+  auto job = CreateJob(
+      kVerify, request, (*work)->source->warnings,
+      [this, settings, work = *work](const DiagnosisProgress& progress, const std::atomic<bool>&) {
+        return p_.functions.verify(work->set, settings, progress);
+      });
   if (!job.ok()) return job.status();
   *response->mutable_job() = *std::move(job);
   return absl::OkStatus();

@@ -6,11 +6,13 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/job/job_store.h"
 #include "render_worker/diagnosis/diagnose.h"
+#include "render_worker/scene_diagnosis/diagnose_scene.h"
 #include "render_worker/service/asset_store.h"
 #include "render_worker/verification/verify.h"
 #include "rpc_server/call_tracker.h"
@@ -21,13 +23,16 @@ namespace sightline {
 
 // What the service runs. A function that is not there: its calls get UNIMPLEMENTED.
 struct RecordingFunctions {
-  // Diagnose and Verify.
+  // Diagnose, Verify and DiagnoseScene.
   std::function<absl::StatusOr<v1::Diagnosis>(const RecordedSet&, const DiagnosisSettings&,
                                               const DiagnosisProgress&)>
-      diagnose;
+      diagnose = nullptr;
   std::function<absl::StatusOr<v1::Verification>(const RecordedSet&, const VerificationSettings&,
                                                  const DiagnosisProgress&)>
-      verify;
+      verify = nullptr;
+  std::function<absl::StatusOr<v1::Diagnosis>(const RecordedScene&, const SceneDiagnosisSettings&,
+                                              const SceneDiagnosisProgress&)>
+      diagnose_scene = nullptr;
 };
 
 class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
@@ -38,8 +43,9 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
     JobStore* jobs;
     CallTracker* calls;
     RecordingFunctions functions;
-    int threads = 1;                           // of one job
-    int64_t max_set_bytes = int64_t{1} << 30;  // raw numbers in memory, all waiting sets together
+    int threads = 1;                             // of one job
+    int64_t max_image_bytes = int64_t{8} << 30;  // memory for one image of a part
+    int64_t max_set_bytes = int64_t{1} << 30;    // raw numbers in memory, all waiting sets together
     int64_t max_result_bytes = int64_t{1} << 30;  // answers in memory; the longest unused go first
   };
   explicit DiagnosisServiceImpl(Parts parts)
@@ -59,15 +65,28 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
 
  private:
   struct CheckedSet;
+  struct CheckedPlate;
+  struct CheckedScene;
 
-  absl::StatusOr<std::shared_ptr<const CheckedSet>> Check(const v1::RecordedSetSource& source);
-  // `run` returns the serialised answer.
-  absl::StatusOr<v1::Job> CreateJob(
-      const std::string& kind, const std::string& request_id, const std::string& fingerprint,
-      std::function<absl::StatusOr<std::string>(const DiagnosisProgress&)> run);
+  absl::StatusOr<std::shared_ptr<CheckedSet>> Check(const v1::RecordedSetSource& source);
+  absl::StatusOr<std::shared_ptr<const CheckedPlate>> CheckPlate(
+      const v1::RecordedSetSource& source);
+  // All but the meshes.
+  absl::StatusOr<std::shared_ptr<CheckedScene>> CheckScene(
+      const v1::CreateDiagnosisRequest& request);
+  absl::StatusOr<v1::Diagnosis> RunScene(CheckedScene& work, SceneDiagnosisSettings settings,
+                                         const DiagnosisProgress& progress,
+                                         const std::atomic<bool>& cancelled);
+  // Queues `work`, a function from DiagnosisProgress and whether it is cancelled to the answer, to
+  // which the warnings are added.
+  template <typename Request, typename Work>
+  absl::StatusOr<v1::Job> CreateJob(const std::string& kind, const Request& request,
+                                    std::vector<std::string> warnings, Work work);
   // The serialised answer of a finished job.
   absl::StatusOr<std::shared_ptr<const std::string>> Result(const std::string& job_id,
                                                             const std::string& kind);
+  absl::StatusOr<v1::Job> CreatePlateDiagnosis(const v1::CreateDiagnosisRequest& request);
+  absl::StatusOr<v1::Job> CreateSceneDiagnosis(const v1::CreateDiagnosisRequest& request);
   absl::Status Diagnosis(const v1::CreateDiagnosisRequest& request,
                          v1::CreateDiagnosisResponse* response);
   absl::Status Verification(const v1::CreateVerificationRequest& request,

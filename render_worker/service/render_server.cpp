@@ -58,7 +58,8 @@ class RenderServerImpl final : public RenderServer {
         service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &calls_,
                   Threads(options.threads), options.max_asset_bytes, options.max_image_bytes}),
         diagnosis_service_({spool_.path(), &assets_, jobs_.get(), &calls_, std::move(functions),
-                            Threads(options.threads), options.max_set_bytes}),
+                            Threads(options.threads), options.max_image_bytes,
+                            options.max_set_bytes}),
         server_("render_worker", &metrics_, &calls_, jobs_.get()) {}
 
   ~RenderServerImpl() override {

@@ -1,6 +1,7 @@
 #include "render_worker/service/server_main.h"
 
 #include "render_worker/diagnosis/diagnose.h"
+#include "render_worker/scene_diagnosis/diagnose_scene.h"
 #include "render_worker/service/render_server.h"
 #include "render_worker/verification/verify.h"
 #include "rpc_server/server_main.h"
@@ -31,7 +32,8 @@ int RenderWorkerMain(int argc, char** argv) {
                    "Memory for the images of all sets of recordings that wait");
   };
   program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
-    auto server = RenderServer::Start(options, {.diagnose = Diagnose, .verify = Verify});
+    auto server = RenderServer::Start(
+        options, {.diagnose = Diagnose, .verify = Verify, .diagnose_scene = DiagnoseScene});
     if (!server.ok()) return server.status();
     return std::unique_ptr<RunningServer>(*std::move(server));
   };

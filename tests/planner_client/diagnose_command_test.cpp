@@ -35,6 +35,9 @@ std::string Bytes(const fs::path& path) {
   return text.str();
 }
 
+constexpr char kTable[] =
+    "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nf 1 2 3\nf 1 3 4\n";
+
 // Finds a wrong f-number, whatever the images are.
 absl::StatusOr<v1::Diagnosis> FindFNumber(const RecordedSet& set, const DiagnosisSettings& settings,
                                           const DiagnosisProgress&) {
@@ -66,6 +69,27 @@ absl::StatusOr<v1::Diagnosis> FindFNumber(const RecordedSet& set, const Diagnosi
   return answer;
 }
 
+// Finds light between surfaces, whatever the images are.
+absl::StatusOr<v1::Diagnosis> FindInterreflection(const RecordedScene& scene,
+                                                  const SceneDiagnosisSettings&,
+                                                  const SceneDiagnosisProgress&) {
+  v1::Diagnosis answer;
+  answer.set_set(scene.recordings.name);
+  answer.set_verdict("effect");
+  answer.set_finding("Light goes from surface to surface.");
+  v1::Explanation* explanation = answer.add_ranked();
+  explanation->set_effect("illumination.interreflection");
+  explanation->set_stage("illumination");
+  explanation->set_probability(0.99);
+  v1::Effect* calibrated = answer.add_calibrated_effects();
+  calibrated->set_effect("illumination.interreflection");
+  (*calibrated->mutable_parameters())["interreflected_light_factor"] = 1;
+  v1::FittedDeviation* laser = answer.mutable_model_fit()->add_deviations();
+  laser->set_name("laser_factor");
+  laser->set_value(0.25);
+  return answer;
+}
+
 absl::StatusOr<v1::Verification> OneNumber(const RecordedSet& set, const VerificationSettings&,
                                            const DiagnosisProgress&) {
   v1::Verification answer;
@@ -87,7 +111,7 @@ class DiagnoseCommandTest : public ::testing::Test {
     options.listen = "unix:" + folder_ + "/s";
     options.spool_folder = folder_;
     options.threads = 2;
-    auto server = RenderServer::Start(options, {FindFNumber, OneNumber});
+    auto server = RenderServer::Start(options, {FindFNumber, OneNumber, FindInterreflection});
     ASSERT_TRUE(server.ok()) << server.status();
     server_ = *std::move(server);
     RenderClientOptions client;
@@ -107,7 +131,9 @@ class DiagnoseCommandTest : public ::testing::Test {
   // `sightline ARGUMENTS --server OURS`.
   Result Run(const std::string& command, const std::vector<std::string>& arguments) {
     CLI::App app;
-    const Command run = command == "diagnose" ? AddDiagnoseCommand(app) : AddVerifyCommand(app);
+    const Command run = command == "diagnose" ? AddDiagnoseCommand(app)
+                        : command == "render" ? AddRenderCommand(app)
+                                              : AddVerifyCommand(app);
     std::vector<std::string> reversed = {server_->address(), "--server"};
     reversed.insert(reversed.end(), arguments.rbegin(), arguments.rend());
     testing::internal::CaptureStdout();
@@ -121,6 +147,34 @@ class DiagnoseCommandTest : public ::testing::Test {
     }
     std::string output = testing::internal::GetCapturedStdout();
     return {exit_code, std::move(output), testing::internal::GetCapturedStderr()};
+  }
+
+  // Makes the set one of a part, a flat table of which the images are as good as any.
+  void MakePart(const std::string& file, const std::string& digest) {
+    const std::string description = folder_ + "/set/recordings.json";
+    v1::Recordings message;
+    ASSERT_TRUE(ReadRecordingsMessage(description, &message).ok());
+    message.set_format_version(2);
+    message.clear_surface();
+    message.clear_rig();
+    message.clear_uncertainty();
+    v1::Recordings::RecordedPart* part = message.mutable_part();
+    part->set_file(file);
+    part->set_part_digest(digest);
+    part->mutable_lens()->set_focal_length_m(0.016);
+    part->mutable_lens()->set_f_number(16);
+    part->mutable_laser()->set_power_w(0.004);
+    v1::Material* material = part->add_materials()->mutable_material();
+    material->set_name("grey");
+    material->mutable_lambert()->set_diffuse_albedo(0.5);
+    for (v1::Recording& recording : *message.mutable_recordings()) {
+      recording.clear_plate_position_id();
+      recording.mutable_measurement()->set_camera_distance_m(0.3);
+      recording.mutable_measurement()->set_triangulation_angle_deg(30);
+      recording.set_scan(1);
+      recording.set_stage_position_m(0);
+    }
+    std::ofstream(description) << ToJson(message);
   }
 
   std::string folder_ = "/tmp/sightline-diagnose-XXXXXX";
@@ -141,7 +195,15 @@ TEST_F(DiagnoseCommandTest, WritesTheAnswerAndACalibratedDescription) {
   ASSERT_TRUE(ReadStrictJsonFile((out / "diagnosis_full.json").string(), &full).ok());
   EXPECT_EQ(full.finding(), "The aperture is smaller than set.");
   EXPECT_THAT(Bytes(out / "report.html"), HasSubstr("The aperture is smaller than set."));
-  EXPECT_FALSE(fs::exists(out / "calibrated/inspection.json"));
+  // The recorded plate itself as an inspection, which can be rendered as it is.
+  const std::string inspection = (out / "calibrated/inspection.json").string();
+  const auto plate = ReadInspection(inspection);
+  ASSERT_TRUE(plate.ok()) << plate.status();
+  EXPECT_DOUBLE_EQ(plate->rig.lens->f_number, 16 * 1.25);
+  EXPECT_TRUE(fs::exists(plate->part_file));
+  const Result rendered = Run("render", {inspection, "--out", folder_ + "/plate"});
+  EXPECT_EQ(rendered.exit_code, kExitDone) << rendered.errors;
+  EXPECT_TRUE(fs::exists(folder_ + "/plate/images/000.png"));
 
   const auto calibrated = ReadRecordings((out / "calibrated/recordings.json").string());
   ASSERT_TRUE(calibrated.ok()) << calibrated.status();
@@ -160,8 +222,7 @@ TEST_F(DiagnoseCommandTest, WritesTheAnswerAndACalibratedDescription) {
 }
 
 TEST_F(DiagnoseCommandTest, CalibratedInspectionIsWrittenOnRequest) {
-  std::ofstream(folder_ + "/table.obj")
-      << "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nf 1 2 3\nf 1 3 4\n";
+  std::ofstream(folder_ + "/table.obj") << kTable;
   const std::string inspection = folder_ + "/inspection.json";
   std::ofstream(inspection) << R"({"name": "table", "part": {"file": "table.obj", "unit": "m"},
     "lens": {"focal_length_m": 0.016, "f_number": 8}})";
@@ -174,10 +235,14 @@ TEST_F(DiagnoseCommandTest, CalibratedInspectionIsWrittenOnRequest) {
   EXPECT_DOUBLE_EQ(read->rig.lens->f_number, 10);
   EXPECT_TRUE(fs::exists(read->part_file));
   EXPECT_THAT(result.output, HasSubstr("lens.f_number 8 -> 10 (optics.f_number_error)"));
+  const Result rendered =
+      Run("render", {out + "/calibrated/inspection.json", "--out", folder_ + "/table"});
+  EXPECT_EQ(rendered.exit_code, kExitWrongInput);  // it has no sensor, as before
+  EXPECT_THAT(rendered.errors, HasSubstr("camera.sensor_file is missing"));
   // One that belongs to an earlier diagnosis does not stay.
   result = Run("diagnose", {folder_ + "/set", "--out", out});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
-  EXPECT_FALSE(fs::exists(out + "/calibrated/inspection.json"));
+  EXPECT_EQ(ReadInspection(out + "/calibrated/inspection.json")->name, "test");
   // Mistakes show before the work.
   std::ofstream(inspection) << R"({"part": {"file": "table.obj", "unit": "m"},
     "lens": {"focal_length_m": 0.016, "f_number": -1}})";
@@ -233,29 +298,75 @@ TEST_F(DiagnoseCommandTest, WrongInputIsNamed) {
   EXPECT_FALSE(fs::exists(set + "/diagnosis/diagnosis.json"));
 }
 
-TEST_F(DiagnoseCommandTest, PartsAreRefused) {
-  v1::Recordings message;
-  const std::string file = folder_ + "/set/recordings.json";
-  ASSERT_TRUE(ReadRecordingsMessage(file, &message).ok());
-  message.set_format_version(2);
-  message.clear_surface();
-  message.clear_rig();
-  message.clear_uncertainty();
-  message.mutable_part()->set_file("head.glb");
-  message.mutable_part()->mutable_lens()->set_focal_length_m(0.016);
-  message.mutable_part()->mutable_lens()->set_f_number(16);
-  for (v1::Recording& recording : *message.mutable_recordings()) {
-    recording.clear_plate_position_id();
-    recording.mutable_measurement()->set_camera_distance_m(0.3);
-    recording.set_scan(1);
-    recording.set_stage_position_m(0);
-  }
-  std::ofstream(file) << ToJson(message);
-  for (const char* command : {"diagnose", "verify"}) {
-    const Result result = Run(command, {folder_ + "/set"});
-    EXPECT_EQ(result.exit_code, kExitWrongInput);
-    EXPECT_THAT(result.errors, HasSubstr(file + ": format_version is 2 (images of a part)"));
-  }
+TEST_F(DiagnoseCommandTest, Part) {
+  ASSERT_NO_FATAL_FAILURE(MakePart("table.obj", ""));
+  std::ofstream(folder_ + "/set/table.obj") << kTable;
+  const Result result = Run("diagnose", {folder_ + "/set", "--part-unit", "m"});
+  ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
+  EXPECT_THAT(result.output, HasSubstr("Light goes from surface to surface."));
+  EXPECT_THAT(result.output, HasSubstr("laser.power_w 0.004 -> 0.005 (laser_factor)"));
+  const fs::path out = folder_ + "/set/diagnosis";
+  const auto answer = nlohmann::json::parse(Bytes(out / "diagnosis.json"));
+  EXPECT_EQ(answer["ranked"][0]["effect"], "illumination.interreflection");
+  EXPECT_THAT(Bytes(out / "report.html"), HasSubstr("Light goes from surface to surface."));
+  const std::string inspection = (out / "calibrated/inspection.json").string();
+  const auto calibrated = ReadInspection(inspection);
+  ASSERT_TRUE(calibrated.ok()) << calibrated.status();
+  EXPECT_TRUE(calibrated->render.laser_interreflection);
+  EXPECT_DOUBLE_EQ(calibrated->rig.laser.power_w, 0.005);
+  EXPECT_TRUE(fs::equivalent(calibrated->part_file, folder_ + "/set/table.obj"));
+  const Result rendered = Run(
+      "render", {inspection, "--out", folder_ + "/table", "--measurement", "0.3,30,0,0,0,0,0,0,0"});
+  EXPECT_EQ(rendered.exit_code, kExitDone) << rendered.errors;
+  // Rendering describes plates by recordings.json, parts by inspection.json.
+  EXPECT_FALSE(fs::exists(out / "calibrated/recordings.json"));
+
+  // The model can be that of an inspection.
+  std::ofstream(folder_ + "/mine.json") << R"({"part": {"file": "set/table.obj", "unit": "m"},
+    "camera": {"sensor": {)" << kSensor << R"(}}, "lens": {"focal_length_m": 0.016, "f_number": 8},
+    "laser": {"power_w": 0.002}, "materials": [{"material": {"name": "paint",
+      "lambert": {"diffuse_albedo": 0.7}}}]})";
+  const Result other = Run("diagnose", {folder_ + "/set", "--inspection", folder_ + "/mine.json"});
+  ASSERT_EQ(other.exit_code, kExitDone) << other.errors;
+  EXPECT_DOUBLE_EQ(ReadInspection(inspection)->rig.laser.power_w, 0.0025);
+}
+
+TEST_F(DiagnoseCommandTest, WhatIsWrongWithAPartIsNamed) {
+  const std::string set = folder_ + "/set";
+  Result result = Run("diagnose", {set, "--part", folder_ + "/table.obj"});
+  EXPECT_EQ(result.exit_code, kExitWrongInput);
+  EXPECT_THAT(result.errors, HasSubstr("--part is for recordings of a part"));
+
+  ASSERT_NO_FATAL_FAILURE(MakePart("table.obj", "0123"));
+  result = Run("verify", {set});
+  EXPECT_EQ(result.exit_code, kExitWrongInput);
+  EXPECT_THAT(result.errors, HasSubstr("recordings.json: format_version is 2 (images of a part)"));
+  result = Run("diagnose", {set});
+  EXPECT_EQ(result.exit_code, kExitWrongInput);
+  EXPECT_THAT(result.errors, HasSubstr("part.unit is missing"));
+  EXPECT_THAT(result.errors, HasSubstr("--part-unit"));
+  result = Run("diagnose", {set, "--part-unit", "m"});
+  EXPECT_EQ(result.exit_code, kExitWrongInput);
+  EXPECT_THAT(result.errors, HasSubstr(set + "/table.obj: cannot be read"));
+  EXPECT_THAT(result.errors, HasSubstr("--part"));
+
+  const std::string part = folder_ + "/other.obj";
+  std::ofstream(part) << kTable;
+  result = Run("diagnose", {set, "--part", part, "--part-unit", "cm"});
+  EXPECT_EQ(result.exit_code, kExitWrongInput);
+  EXPECT_THAT(result.errors, HasSubstr("another file or another unit"));
+  EXPECT_THAT(result.errors, HasSubstr("2 x 2 x 0 mm"));
+  result = Run("diagnose", {set, "--part", part, "--part-unit", "furlong"});
+  EXPECT_EQ(result.exit_code, kExitWrongInput);
+  EXPECT_THAT(result.errors, HasSubstr("furlong"));
+  result = Run("diagnose", {set, "--part", part, "--part-unit", "m", "--max-effects", "3"});
+  EXPECT_EQ(result.exit_code, kExitWrongInput);
+  EXPECT_THAT(result.errors, HasSubstr("max_effects: is 3, must be in [1, 2]"));
+  fs::remove(set + "/images/1.png");
+  result = Run("diagnose", {set, "--part", part, "--part-unit", "m"});
+  EXPECT_EQ(result.exit_code, kExitWrongInput);
+  EXPECT_THAT(result.errors, HasSubstr("1 of 3 images cannot be read: images/1.png"));
+  EXPECT_FALSE(fs::exists(set + "/diagnosis/diagnosis.json"));
 }
 
 }  // namespace

@@ -99,6 +99,50 @@ TEST(DiagnosisReport, DrawsProfilesMapsAndBarsBeforeAndAfter) {
   EXPECT_THAT(Render(one), HasSubstr("e\u1d62 20\u202f%"));
 }
 
+// Of a part tiles of every recording are held out; maps are the picture, the image comes first.
+TEST(DiagnosisReport, OfAPart) {
+  v1::Diagnosis diagnosis = SampleDiagnosis();
+  diagnosis.clear_profiles();
+  diagnosis.mutable_calibrated()->set_format_version(2);
+  diagnosis.mutable_calibrated()->mutable_recordings()->DeleteSubrange(2, 42);
+  diagnosis.mutable_region_maps()->DeleteSubrange(1, 3);
+  diagnosis.mutable_region_maps(0)->set_recording(1);
+  diagnosis.mutable_held_out_improvement()->clear_recordings();
+  for (v1::ModelFit* fit : {diagnosis.mutable_null_fit(), diagnosis.mutable_model_fit()}) {
+    fit->clear_recordings();
+    for (int recording = 0; recording < 2; ++recording) {
+      diagnosis.mutable_held_out_improvement()->add_recordings(recording);
+      for (const bool held_out : {false, true}) {
+        v1::RecordingFit* entry = fit->add_recordings();
+        entry->set_recording(recording);
+        entry->set_held_out(held_out);
+        entry->set_chi_squared(100);
+        entry->set_degrees_of_freedom(80);
+      }
+    }
+  }
+  v1::FittedEffect* effect = diagnosis.mutable_ranked(0)->mutable_effects(0);
+  effect->clear_regions();
+  effect->add_regions("images/001.png: rows 24-183, columns 72-239");
+  effect->add_regions("surface \"sand_cast\" (100 %)");
+  v1::FittedParameter* shape = effect->mutable_parameters(1);
+  shape->clear_standard_error();
+  shape->set_value(2e-4);
+  shape->set_lower(1e-4);
+  shape->set_upper(4e-4);
+  const std::string html = Render(diagnosis);
+  EXPECT_THAT(html, HasSubstr("The picture that shows it"));
+  EXPECT_THAT(html, Not(HasSubstr("Where in the image")));
+  EXPECT_THAT(html, Not(HasSubstr("recording not used in fitting")));
+  EXPECT_THAT(html, Not(HasSubstr("class=\"badge\"")));
+  EXPECT_THAT(html, HasSubstr("tiles not used in fitting"));
+  EXPECT_THAT(html, Not(HasSubstr("all recordings")));
+  EXPECT_THAT(html, HasSubstr("rows 24-183, columns 72-239, surface &quot;sand_cast&quot;"));
+  // A shape that was chosen, not fitted, has a range without a probability.
+  EXPECT_THAT(html, HasSubstr("<strong>0.200\u202fmm</strong>"));
+  EXPECT_THAT(html, HasSubstr("(0.100\u202f\u2026\u202f0.400\u202fmm)"));
+}
+
 TEST(DiagnosisReport, ShowsNoSecondModelWithoutAnEffect) {
   v1::Diagnosis diagnosis = SampleDiagnosis();
   diagnosis.set_verdict("none");

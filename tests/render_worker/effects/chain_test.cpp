@@ -39,6 +39,12 @@ double MeanDn(const FormedImage& image) {
   return sum / static_cast<double>(image.raw_dn.values.size());
 }
 
+double MeanElectrons(const FormedImage& image) {
+  double sum = 0;
+  for (const double electrons : image.mean_photo_electrons.values) sum += electrons;
+  return sum / static_cast<double>(image.mean_photo_electrons.values.size());
+}
+
 TEST(Chain, NullParametersGiveTheSameBytes) {
   const FrameSetup frame = ChainFrame();
   const FormedImage off = Render(frame, {});
@@ -52,6 +58,27 @@ TEST(Chain, NullParametersGiveTheSameBytes) {
   }
   EXPECT_EQ(Render(frame, all).mean_photo_electrons, off.mean_photo_electrons);
   EXPECT_EQ(Render(frame, all).raw_dn, off.raw_dn);
+}
+
+// Almost closed pupils spread their light beyond all bounds; memory has some.
+TEST(Chain, AlmostNothingOfThePupilIsLeft) {
+  const FrameSetup frame = ChainFrame();
+  const double all = MeanElectrons(Render(frame, {}));
+  // f/8 at 16 mm: the pupil's radius is 1 mm. Light passes by area, and part of it leaves the
+  // region.
+  const double closed = MeanElectrons(
+      Render(frame, {Active("optics.mechanical_vignetting", {{"rim_radius_m", 1e-4}})}));
+  EXPECT_GT(closed, 0);
+  EXPECT_LT(closed, 0.011 * all);
+  // At the bounds the rim lies beside the pupil off the axis.
+  for (const double shift : {-0.1, 0.1}) {
+    FrameSetup off_axis = frame;
+    off_axis.roi.row_px = 300;
+    const FormedImage dark =
+        Render(off_axis, {Active("optics.mechanical_vignetting",
+                                 {{"rim_radius_m", 1e-4}, {"rim_shift_per_tangent_m", shift}})});
+    EXPECT_LT(MeanElectrons(dark), 0.011 * all);
+  }
 }
 
 // Strong enough to be seen on this frame.

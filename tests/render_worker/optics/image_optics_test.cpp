@@ -347,5 +347,23 @@ TEST(ImageOptics, MarginHoldsTheEnergyItPromises) {
   }
 }
 
+TEST(ImageOptics, MarginOfACutPupil) {
+  // A rim inside the pupil is the pupil.
+  OpticsModel cut = ClearLens(0.7);
+  Pupil pupil = cut.pupil(0, 0);
+  const double radius = pupil.radius_m;
+  pupil.clips = {{0, 0, 0.5 * radius}};
+  cut.pupil = [&pupil](double, double) { return pupil; };
+  EXPECT_NEAR(RequiredMargin(cut, 0, kPitch_m, 0, 1e-2),
+              RequiredMargin(ClearLens(0.35), 0, kPitch_m, 0, 1e-2), 1);
+  // However little is left, the margin has an end.
+  for (const double clear : {1e-2, 1e-5, 0.0}) {
+    pupil.clips = {{(2 - clear) * radius, 0, radius}};
+    const int margin = RequiredMargin(cut, 0, kPitch_m);
+    EXPECT_GT(margin, 0);
+    EXPECT_LE(margin, 1024);
+  }
+}
+
 }  // namespace
 }  // namespace sightline

@@ -5,13 +5,18 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <set>
 
+#include "render_worker/scene_diagnosis/light_paths.h"
 #include "tests/render_worker/scene_diagnosis/groove_scene.h"
 
 namespace sightline {
 namespace {
 
+using ::testing::Contains;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::UnorderedElementsAreArray;
 
 v1::Diagnosis Diagnosed(const RecordedScene& scene, int threads = 2) {
   SceneDiagnosisSettings settings;
@@ -41,6 +46,58 @@ TEST(DiagnoseScene, FindsInterreflection) {
   EXPECT_NEAR(diagnosis.held_out_improvement().with_effect(), 1, 4 * 2 * std::sqrt(2 / n));
   EXPECT_GT(diagnosis.held_out_improvement().null(), 2);
   EXPECT_THAT(diagnosis.finding(), HasSubstr("paint"));
+  EXPECT_THAT(best.effects(0).regions(), Contains(HasSubstr("surface \"paint\"")));
+  EXPECT_THAT(best.effects(0).regions(), Contains(HasSubstr("mm of the part")));
+  // The description as fitted; power is known to some per cent from these images.
+  ASSERT_EQ(diagnosis.calibrated_effects_size(), 1);
+  EXPECT_EQ(diagnosis.calibrated_effects(0).effect(), "illumination.interreflection");
+  EXPECT_EQ(diagnosis.calibrated().format_version(), 2);
+  EXPECT_EQ(diagnosis.calibrated().recordings_size(), 2);
+  double laser_factor = 1;
+  for (const v1::FittedDeviation& d : diagnosis.model_fit().deviations()) {
+    if (d.name() == "laser_factor") laser_factor += d.value();
+  }
+  EXPECT_NEAR(diagnosis.calibrated().laser().power_w(),
+              scene.recordings.laser.power_w * laser_factor, 1e-12);
+}
+
+// What is excluded is not answered; one effect at most means no pairs.
+TEST(DiagnoseScene, ExcludedEffects) {
+  RecordedScene scene = GrooveScene();
+  scene.recordings.recordings.pop_back();
+  Inspection truth = scene.inspection;
+  truth.render.laser_interreflection = true;
+  ASSERT_NO_FATAL_FAILURE(Record(&scene, truth, {}, 9));
+  SceneDiagnosisSettings settings;
+  settings.excluded_effects = {"illumination.interreflection", "optics.veiling_glare"};
+  settings.max_effects = 1;
+  auto diagnosis = DiagnoseScene(scene, settings, nullptr);
+  ASSERT_TRUE(diagnosis.ok()) << diagnosis.status();
+  std::set<std::string> seen;
+  for (const v1::Explanation& explanation : diagnosis->ranked()) {
+    EXPECT_LE(explanation.effects_size(), 1);
+    seen.insert(explanation.effect());
+  }
+  EXPECT_THAT(seen, ElementsAre("illumination.ambient_light", "illumination.laser_stray_light",
+                                "none", "sensor.black_level_error", "unknown"));
+  settings.max_effects = 3;
+  EXPECT_THAT(DiagnoseScene(scene, settings, nullptr).status().message(),
+              HasSubstr("max_effects: is 3, must be 1 or 2"));
+}
+
+// Every id that is named exists, and the other way round.
+TEST(LightPaths, LeftOutEffectsAreThoseThatAreTraced) {
+  RecordedScene scene = GrooveScene(R"(, "lighting": {"ambient": {"radiance_w_m2_sr": 0.01}})");
+  scene.inspection.render.max_bounces = 0;
+  scene.recordings.recordings.resize(1);
+  scene.recordings.recordings[0].kind = RecordingKind::kDark;
+  const auto light = TraceLightPaths(scene, {});
+  ASSERT_TRUE(light.ok()) << light.status();
+  std::set<std::string> traced;
+  for (const LightPath& path : light->paths) {
+    if (!path.nominal) traced.insert(path.effect);
+  }
+  EXPECT_THAT(traced, UnorderedElementsAreArray(LeftOutEffects()));
 }
 
 TEST(DiagnoseScene, NothingIsMissing) {
@@ -109,6 +166,12 @@ TEST(DiagnoseScene, SaysWhatIsWrong) {
   auto large = DiagnoseScene(scene, {}, nullptr);
   EXPECT_THAT(large.status().message(), HasSubstr("5000"));
   scene.raw_dn.assign(2, Image<uint16_t>(128, 96));
+  scene.recordings.recordings[1].measurement.camera_distance_m = 0.0161;
+  auto near = DiagnoseScene(scene, {}, nullptr);
+  EXPECT_THAT(near.status().message(), HasSubstr("001.png: is focused at 0.0161 m"));
+  for (RecordedImage& image : scene.recordings.recordings) {
+    image.measurement.camera_distance_m = 0.3;
+  }
   for (RecordedImage& image : scene.recordings.recordings) image.kind = RecordingKind::kDark;
   auto dark = DiagnoseScene(scene, {}, nullptr);
   EXPECT_EQ(dark.status().code(), absl::StatusCode::kFailedPrecondition);

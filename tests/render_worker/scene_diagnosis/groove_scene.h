@@ -15,11 +15,14 @@
 
 namespace sightline {
 
+// 90 degrees between the flanks, 12 mm deep; the line runs along y across both.
+inline constexpr char kGrooveObj[] =
+    "v -0.02 -0.012 0.012\nv 0.02 -0.012 0.012\nv -0.02 0 0\nv 0.02 0 0\n"
+    "v -0.02 0.012 0.012\nv 0.02 0.012 0.012\nf 1 3 4\nf 1 4 2\nf 3 5 6\nf 3 6 4\n";
+
 // Nominal description: no interreflection. `more`: further fields of the inspection.
-inline RecordedScene GrooveScene(const std::string& more = "") {
-  v1::Inspection message;
-  const absl::Status status =
-      ParseStrictJson(absl::StrCat(R"({"part": {"file": "groove.obj", "unit": "m"},
+inline std::string GrooveInspectionJson(const std::string& more = "") {
+  return absl::StrCat(R"({"part": {"file": "groove.obj", "unit": "m"},
         "camera": {"sensor": {"sensor_type": "mono", "pixel_pitch_m": 5.3e-6,
           "sensor_columns_px": 128, "sensor_rows_px": 96, "bit_depth_bit": 12,
           "quantum_efficiency": {"mono": 0.53}, "gain_dn_per_electron": 0.4,
@@ -30,18 +33,19 @@ inline RecordedScene GrooveScene(const std::string& more = "") {
           "beam_focus_distance_m": 0.3},
         "render": {"laser_interreflection": false, "exposure_time_s": 0.0005},
         "materials": [{"material": {"name": "paint", "lambert": {"diffuse_albedo": 0.8}}}])",
-                                   more, "}"),
-                      "inspection.json", &message);
+                      more, "}");
+}
+
+inline RecordedScene GrooveScene(const std::string& more = "") {
+  v1::Inspection message;
+  const absl::Status status =
+      ParseStrictJson(GrooveInspectionJson(more), "inspection.json", &message);
   EXPECT_TRUE(status.ok()) << status;
   RecordedScene scene;
   auto inspection = ParseInspection(message, "inspection.json", "");
   EXPECT_TRUE(inspection.ok()) << inspection.status();
   scene.inspection = *inspection;
-  // 90 degrees between the flanks, 12 mm deep; the line runs along y across both.
-  scene.part = *LoadPartFromMemory(
-      "v -0.02 -0.012 0.012\nv 0.02 -0.012 0.012\nv -0.02 0 0\nv 0.02 0 0\n"
-      "v -0.02 0.012 0.012\nv 0.02 0.012 0.012\nf 1 3 4\nf 1 4 2\nf 3 5 6\nf 3 6 4\n",
-      "obj", "m", "groove");
+  scene.part = *LoadPartFromMemory(kGrooveObj, "obj", "m", "groove");
   scene.recordings.format_version = 2;
   scene.recordings.name = "groove";
   for (int i = 0; i < 2; ++i) {

@@ -398,24 +398,15 @@ TEST_F(DiagnosisServiceTest, BadImagesAreNamedWithoutTheServersPaths) {
   }
 }
 
-TEST_F(DiagnosisServiceTest, PartsAreRefused) {
+TEST_F(DiagnosisServiceTest, PlatesHaveNoPartModel) {
   v1::CreateDiagnosisRequest request = Request();
-  v1::Recordings* set = request.mutable_source()->mutable_recordings();
-  set->set_format_version(2);
-  set->clear_surface();
-  set->clear_rig();
-  set->clear_uncertainty();
-  set->mutable_part()->set_file("head.glb");
-  set->mutable_part()->mutable_lens()->set_focal_length_m(0.016);
-  set->mutable_part()->mutable_lens()->set_f_number(16);
-  for (v1::Recording& recording : *set->mutable_recordings()) {
-    recording.clear_plate_position_id();
-    recording.mutable_measurement()->set_camera_distance_m(0.3);
-    recording.set_scan(1);
-    recording.set_stage_position_m(0);
-  }
-  const absl::Status status = Create(request).status();
-  EXPECT_EQ(FieldViolations(status).at(0).field, "source.recordings.format_version") << status;
+  request.mutable_inspection()->set_name("table");
+  absl::Status status = Create(request).status();
+  EXPECT_EQ(FieldViolations(status).at(0).field, "inspection") << status;
+  request = Request();
+  request.add_assets()->set_file("table.obj");
+  status = Create(request).status();
+  EXPECT_EQ(FieldViolations(status).at(0).field, "assets") << status;
 }
 
 TEST_F(DiagnosisServiceTest, SetsThatNeedTooMuchMemoryAreRefused) {

@@ -1,4 +1,4 @@
-#include "render_worker/scene_diagnosis/recorded_scene.h"
+#include "core/recordings/part_inspection.h"
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"

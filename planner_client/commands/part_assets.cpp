@@ -1,0 +1,95 @@
+#include "planner_client/commands/part_assets.h"
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <utility>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "core/inspection/inspection.h"
+#include "core/part/load_part.h"
+#include "planner_client/coverage_client/part_upload.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::string FileName(const std::string& path) { return fs::path(path).filename().string(); }
+
+// Moves a file's bytes into the request under a name of its own.
+absl::Status AddAsset(const std::string& path, const std::string& name,
+                      std::vector<AssetFile>* assets) {
+  absl::StatusOr<std::string> bytes = ReadFile(path);
+  if (!bytes.ok()) return bytes.status();
+  if (bytes->empty()) return absl::InvalidArgumentError(absl::StrCat(path, ": is empty"));
+  assets->push_back({name, *std::move(bytes)});
+  return absl::OkStatus();
+}
+
+// A mesh file. A glTF file with its buffers elsewhere goes as PLY.
+absl::Status AddMesh(const std::string& prefix, std::string* file, std::string* unit,
+                     std::vector<AssetFile>* assets) {
+  const std::string path = *file;
+  const std::string extension = fs::path(path).extension();
+  if (!absl::EqualsIgnoreCase(extension, ".gltf")) {
+    *file = prefix + FileName(path);
+    return AddAsset(path, *file, assets);
+  }
+  absl::StatusOr<TriangleMesh> mesh = LoadPart(path, *unit);
+  if (!mesh.ok()) return mesh.status();
+  if (!mesh->material_names.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": its materials cannot be sent; save it as .glb"));
+  }
+  *file = absl::StrCat(prefix, fs::path(path).stem().string(), ".ply");
+  *unit = std::string("m");
+  assets->push_back({*file, EncodePly(*mesh)});
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<std::string> ReadFile(const std::string& path) {
+  std::ifstream file(path, std::ios::binary);
+  std::ostringstream bytes;
+  if (file) bytes << file.rdbuf();
+  if (!file || fs::is_directory(path)) {
+    return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
+  }
+  return std::move(bytes).str();
+}
+
+absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
+                        std::vector<AssetFile>* assets) {
+  inspection->clear_targets();
+  inspection->clear_measurement();
+  inspection->clear_goal();
+  inspection->clear_costs();
+  absl::Status status = AddMesh("", inspection->mutable_part()->mutable_file(),
+                                inspection->mutable_part()->mutable_unit(), assets);
+  if (!status.ok()) return status;
+  for (int i = 0; i < inspection->obstacles_size(); ++i) {
+    v1::Obstacle* obstacle = inspection->mutable_obstacles(i);
+    status = AddMesh(absl::StrCat("obstacle-", i, "/"), obstacle->mutable_file(),
+                     obstacle->mutable_unit(), assets);
+    if (!status.ok()) return status;
+  }
+  for (int i = 0; i < inspection->materials_size(); ++i) {
+    int number = 0;
+    v1::Material* material = inspection->mutable_materials(i)->mutable_material();
+    for (std::string* file : MutableMaterialFiles(material)) {
+      const std::string name = absl::StrCat("material-", i, "-", number++, "/", FileName(*file));
+      status = AddAsset(*file, name, assets);
+      if (!status.ok()) {
+        return absl::Status(status.code(),
+                            absl::StrCat(context, ": materials[", i, "]: ", status.message()));
+      }
+      *file = name;
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace sightline

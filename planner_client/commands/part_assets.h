@@ -1,0 +1,23 @@
+// The files an inspection needs, on their way to a render worker.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "planner_client/rpc_client/worker_call.h"
+#include "sightline/v1/inspection.pb.h"
+
+namespace sightline {
+
+// Reads a file that may be anything. NOT_FOUND names it.
+absl::StatusOr<std::string> ReadFile(const std::string& path);
+
+// Reads part, obstacles and the materials' files into `assets` and gives them the names under which
+// they go in `inspection`, whose sensor and materials are inline; planning's fields are left out.
+// Errors name the file; `context`: where the inspection comes from.
+absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
+                        std::vector<AssetFile>* assets);
+
+}  // namespace sightline

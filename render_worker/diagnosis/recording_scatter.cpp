@@ -1,0 +1,858 @@
+#include "render_worker/diagnosis/recording_scatter.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <complex>
+#include <functional>
+#include <map>
+#include <numbers>
+#include <string_view>
+#include <utility>
+
+#include "render_worker/effects/described_effect.h"
+#include "render_worker/plate/plate_scene.h"
+
+namespace sightline {
+
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+// Of the variance that speckle and noise leave to a recording's amplitude, which the model's
+// approximations make uncertain.
+constexpr double kScatterError = 0.3;
+// Gain that this may explain [nats]: more is no small error of the model.
+constexpr double kMostUnknownScatter = 15;
+
+// Of strengths: what is drawn is taken for normal and the same all over a block of the line, which
+// in rendered sets costs up to half of vibration's and a third of texture's.
+constexpr double kStrengthError = 0.35;
+
+// What a recording has drawn, besides what all have in common.
+struct Realisation {
+  std::vector<double> light_relative;  // amount of laser light minus 1
+  std::vector<double> shift_px;        // of the image across the line
+  std::vector<double> blur_px2;        // variance of its movement about that place
+
+  explicit Realisation(size_t recordings)
+      : light_relative(recordings, 0), shift_px(recordings, 0), blur_px2(recordings, 0) {}
+};
+
+// Gives every recording of a set its realisation.
+class RealisedEffect final : public DescribedEffect {
+ public:
+  explicit RealisedEffect(Realisation realisation)
+      : DescribedEffect({.id = "realised",
+                         .stage = Stage::kTime,
+                         .summary = "amount of light, place and blur of every recording",
+                         .reference = "",
+                         .parameters = {}}),
+        realisation_(std::move(realisation)) {}
+
+  void OnFrame(FrameSetup& frame, Parameters) const override {
+    frame.laser.power_w *= std::max(0.0, 1 + realisation_.light_relative[frame.recording_index]);
+  }
+
+  void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters) const override {
+    const double pitch_m = frame.sensor.pixel_pitch_m;
+    const double shift_m = pitch_m * realisation_.shift_px[frame.recording_index];
+    const double blur_m2 = pitch_m * pitch_m * realisation_.blur_px2[frame.recording_index];
+    if (shift_m == 0 && blur_m2 == 0) return;
+    optics.transfer.push_back([=](double, double qy) {
+      return std::polar(std::exp(-2 * kPi * kPi * qy * qy * blur_m2), -2 * kPi * qy * shift_m);
+    });
+  }
+
+ private:
+  Realisation realisation_;
+};
+
+// Entries that compare recordings of one speckle pixel by pixel.
+bool ComparesSpeckle(const SetModel& model, int e) {
+  const std::string_view name = model.StatisticOf(e).name();
+  return name == "shared speckle" || name == "temporal noise";
+}
+
+// So much that the null model's parameters are led astray by it.
+bool SpeckleMoves(const SetModel& model, const FitResult& null) {
+  double chi_squared = 0, count = 0;
+  for (int e = 0; e < model.entries(); ++e) {
+    if (!ComparesSpeckle(model, e)) continue;
+    chi_squared += null.residual[e].squaredNorm();
+    count += static_cast<double>(null.residual[e].size());
+  }
+  return chi_squared > 10 * count;
+}
+
+// The known parameters, from what does not compare speckle.
+FitResult FitWithoutMovement(const SetModel& model) {
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  FitSettings settings;
+  for (int e = 0; e < model.entries(); ++e) {
+    settings.use_entry.push_back(!ComparesSpeckle(model, e));
+  }
+  return FitSet(model, start, {}, settings, nullptr);
+}
+
+// Amplitudes are of a recording, or of a block of a plate position.
+enum class Amplitude { kLight, kShift, kReflectance };
+
+// Covariance of the amplitudes and, for movement, the mean blur of every recording.
+struct ScatterLaw {
+  Amplitude amplitude = Amplitude::kLight;
+  // Lower triangular factor of the covariance of the amplitudes.
+  std::function<Eigen::MatrixXd(const std::vector<double>& parameters)> factor;
+  // [px^2] of every laser recording; empty: none.
+  std::function<Eigen::VectorXd(const std::vector<double>& parameters)> mean_blur;
+};
+
+double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(x) / x; }
+
+// Squared mean of a sinusoid of unit amplitude over an exposure, averaged over its phase.
+double ShiftVariance(double frequency_hz, double exposure_s) {
+  return 0.5 * std::pow(Sinc(kPi * frequency_hz * exposure_s), 2);
+}
+
+// The set about a realisation: what is left of the data and what the amplitudes change, whitened.
+struct Linearisation {
+  Eigen::MatrixXd change;                     // of all entries, per unit of every amplitude
+  Eigen::MatrixXd blur;                       // per px^2 of every laser recording; may be empty
+  Eigen::VectorXd origin;                     // the amplitudes' values here
+  Eigen::VectorXd blurred;                    // the blurs' here
+  Eigen::VectorXd residual;                   // extrapolated to amplitudes and known parameters 0
+  Eigen::MatrixXd jacobian;                   // of the known parameters
+  std::map<int, Eigen::MatrixXd> covariance;  // of the entries that have another than the null's
+  double log_determinant = 0;                 // of these over the null's
+
+  // After the known parameters have been taken off:
+  Eigen::LLT<Eigen::MatrixXd> information;  // of them
+  Eigen::MatrixXd inner;                    // V' P V
+  Eigen::VectorXd slope;                    // V' P r
+  double length = 0;                        // r' P r
+  Eigen::MatrixXd blur_inner, blur_cross;   // U' P U, V' P U
+  Eigen::VectorXd blur_slope;               // U' P r
+};
+
+class RecordingScatter {
+ public:
+  // Linearised about `about`; compared with `null`.
+  RecordingScatter(const SetModel& model, const FitResult& about, const FitResult& null)
+      : model_(model), null_(about) {
+    offset_.push_back(0);
+    for (const Eigen::VectorXd& mean : null.mean) {
+      offset_.push_back(offset_.back() + static_cast<int>(mean.size()));
+    }
+    const RecordedSet& set = model.set();
+    std::map<int, int> members;
+    for (size_t f = 0; f < set.frames.size(); ++f) {
+      const int id = set.frames[f].plate_position_id;
+      if (id < 0) continue;
+      lit_.push_back(static_cast<int>(f));
+      slot_.push_back(members[id]++);
+    }
+    for (int id : model.position_ids()) slots_ = std::max(slots_, members[id]);
+    FindAmplitudesOfEntries();
+    // At the best known parameters by the linearised model: the fit may stop short of them.
+    const Eigen::Index parameters = null.standardised.size();
+    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(parameters, parameters);
+    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(parameters);
+    for (int e = 0; e < model.entries(); ++e) {
+      const Eigen::MatrixXd& jacobian = null.jacobian[e];
+      const Eigen::VectorXd residual = null.residual[e] + jacobian * null.standardised;
+      information.noalias() += jacobian.transpose() * jacobian;
+      gradient.noalias() += jacobian.transpose() * residual;
+      null_total_ += residual.squaredNorm() + null.whitening->LogDeterminant(e) -
+                     about.whitening->LogDeterminant(e);
+    }
+    const Eigen::LLT<Eigen::MatrixXd> solver(information);
+    null_total_ -= gradient.dot(solver.solve(gradient));
+    null_total_ += 2 * solver.matrixLLT().diagonal().array().log().sum();
+  }
+
+  ScatterCandidate Evaluate(const Effect& effect);
+
+ private:
+  struct Posterior {
+    Eigen::VectorXd parameters;  // known ones, standardised
+    Eigen::VectorXd amplitudes;
+    Eigen::VectorXd standardised_amplitudes;
+    Eigen::MatrixXd factor;
+    double log_determinant = 0;
+  };
+  struct Peak {
+    std::vector<double> parameters, standard_errors;
+    double log_evidence = 0, gain = -1e300;
+  };
+
+  int rows() const { return offset_.back(); }
+  int lit() const { return static_cast<int>(lit_.size()); }
+
+  // The laser recording of a slot that an entry is about, as an index into lit_; -1: none or
+  // several plate positions.
+  void FindAmplitudesOfEntries() {
+    const RecordedSet& set = model_.set();
+    block_.assign(model_.entries(), -1);
+    position_.assign(model_.entries(), -1);
+    std::map<int, int> next_block;
+    for (int e = 0; e < model_.entries(); ++e) {
+      int position = -1;
+      for (int f : model_.FramesOf(e)) {
+        const int id = set.frames[f].plate_position_id;
+        if (id < 0) continue;
+        if (position >= 0 && id != position) position = -2;
+        if (position != -2) position = id;
+      }
+      position_[e] = std::max(-1, position);
+      if (position >= 0 && model_.StatisticOf(e).name() == "profile") {
+        block_[e] = next_block[position]++;
+      }
+    }
+  }
+
+  SetParameters WithRealisation(const SetParameters& parameters, const RealisedEffect& realised) {
+    SetParameters all = parameters;
+    all.effects.push_back({&realised, {}});
+    return all;
+  }
+
+  Entries MeanOf(const Realisation& realisation, bool middle_only) {
+    const RealisedEffect realised(realisation);
+    return model_.Expect(WithRealisation(null_.parameters, realised), false, middle_only).mean;
+  }
+
+  // Change of all entries, whitened as the null's, per unit of what `values` holds for each laser
+  // recording. Recordings of different plate positions move together: their entries differ.
+  Eigen::MatrixXd Derivative(const Realisation& at, std::vector<double> Realisation::*values,
+                             double step, const Entries& origin) {
+    Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), lit());
+    for (int slot = 0; slot < slots_; ++slot) {
+      Realisation moved = at;
+      std::map<int, int> recording_of;  // plate position -> index into lit_
+      for (int i = 0; i < lit(); ++i) {
+        if (slot_[i] != slot) continue;
+        (moved.*values)[lit_[i]] += step;
+        recording_of[model_.set().frames[lit_[i]].plate_position_id] = i;
+      }
+      const Entries mean = MeanOf(moved, true);
+      for (int e = 0; e < model_.entries(); ++e) {
+        const auto recording = recording_of.find(position_[e]);
+        if (recording == recording_of.end()) continue;
+        change.col(recording->second).segment(offset_[e], mean[e].size()) =
+            (*null_.whitening)(e, (mean[e] - origin[e]) / step);
+      }
+    }
+    return change;
+  }
+
+  Eigen::MatrixXd ReflectanceOfLight(const Eigen::MatrixXd& light) const {
+    const int blocks = model_.blocks_along_line();
+    const std::vector<int>& ids = model_.position_ids();
+    Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), blocks * ids.size());
+    for (int e = 0; e < model_.entries(); ++e) {
+      if (position_[e] < 0) continue;
+      const auto at = std::find(ids.begin(), ids.end(), position_[e]) - ids.begin();
+      const int size = offset_[e + 1] - offset_[e];
+      const Eigen::VectorXd sum = light.middleRows(offset_[e], size).rowwise().sum();
+      for (int block = 0; block < blocks; ++block) {
+        if (block_[e] >= 0 && block != block_[e]) continue;
+        change.col(at * blocks + block).segment(offset_[e], size) =
+            block_[e] >= 0 ? sum : Eigen::VectorXd(sum / blocks);
+      }
+    }
+    return change;
+  }
+
+  // Square of a whitening's inverse.
+  Eigen::MatrixXd NullCovariance(int e) const {
+    const Eigen::Index n = offset_[e + 1] - offset_[e];
+    Eigen::MatrixXd inverse(n, n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      inverse.col(i) = (*null_.whitening)(e, Eigen::VectorXd::Unit(n, i));
+    }
+    const Eigen::MatrixXd factor =
+        inverse.triangularView<Eigen::Lower>().solve(Eigen::MatrixXd::Identity(n, n));
+    return factor * factor.transpose();
+  }
+
+  // Movement makes speckle change between recordings of it: what that does is known to a part
+  // only, which the null's covariance does not hold.
+  bool ChangesCovariance(int e) const { return position_[e] >= 0 && ComparesSpeckle(model_, e); }
+
+  Linearisation Linearise(Amplitude amplitude, const Realisation& at) {
+    Linearisation linear;
+    const Entries mean = MeanOf(at, false);
+    const Entries middle = MeanOf(at, true);
+    linear.residual.resize(rows());
+    linear.jacobian.resize(rows(), null_.standardised.size());
+    for (int e = 0; e < model_.entries(); ++e) {
+      const int n = offset_[e + 1] - offset_[e];
+      linear.residual.segment(offset_[e], n) =
+          (*null_.whitening)(e, model_.observed()[e] - mean[e]);
+      linear.jacobian.middleRows(offset_[e], n) = null_.jacobian[e];
+    }
+    if (amplitude == Amplitude::kShift) {
+      linear.change = Derivative(at, &Realisation::shift_px, 0.1, middle);
+      linear.blur = Derivative(at, &Realisation::blur_px2, 0.1, middle);
+      linear.origin = AtLit(at.shift_px);
+      linear.blurred = AtLit(at.blur_px2);
+      RenewCovariance(at, linear);
+    } else {
+      linear.change = Derivative(at, &Realisation::light_relative, 0.02, middle);
+      linear.origin = AtLit(at.light_relative);
+    }
+    linear.residual += linear.jacobian * null_.standardised + linear.change * linear.origin;
+    if (amplitude == Amplitude::kReflectance) {
+      linear.change = ReflectanceOfLight(linear.change);
+      linear.origin = Eigen::VectorXd::Zero(linear.change.cols());
+    }
+    Project(linear);
+    return linear;
+  }
+
+  Eigen::VectorXd AtLit(const std::vector<double>& values) const {
+    Eigen::VectorXd lit_values(lit());
+    for (int i = 0; i < lit(); ++i) lit_values[i] = values[lit_[i]];
+    return lit_values;
+  }
+
+  void RenewCovariance(const Realisation& at, Linearisation& linear) {
+    const RealisedEffect realised(at);
+    const std::vector<Eigen::MatrixXd> covariance =
+        model_.Expect(WithRealisation(null_.parameters, realised), true, true).covariance;
+    const std::vector<Eigen::MatrixXd> before =
+        model_
+            .Expect(
+                WithRealisation(null_.parameters, RealisedEffect(Realisation(at.shift_px.size()))),
+                true, true)
+            .covariance;
+    for (int e = 0; e < model_.entries(); ++e) {
+      if (!ChangesCovariance(e)) continue;
+      const int n = offset_[e + 1] - offset_[e];
+      const Eigen::MatrixXd null_covariance = NullCovariance(e);
+      Eigen::MatrixXd renewed = null_covariance;
+      renewed.diagonal() += (covariance[e] - before[e]).diagonal().cwiseMax(0);
+      const Eigen::LLT<Eigen::MatrixXd> old_factor(null_covariance), new_factor(renewed);
+      const Eigen::MatrixXd old_lower = old_factor.matrixL();
+      const auto again = [&](auto block) {
+        const Eigen::MatrixXd raw = old_lower * block;
+        block = new_factor.matrixL().solve(raw);
+      };
+      again(linear.residual.segment(offset_[e], n));
+      again(linear.jacobian.middleRows(offset_[e], n));
+      again(linear.change.middleRows(offset_[e], n));
+      again(linear.blur.middleRows(offset_[e], n));
+      linear.covariance[e] = renewed;
+      linear.log_determinant += 2 * (new_factor.matrixLLT().diagonal().array().log().sum() -
+                                     old_factor.matrixLLT().diagonal().array().log().sum());
+    }
+  }
+
+  void Project(Linearisation& linear) const {
+    const Eigen::Index n = linear.jacobian.cols();
+    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
+    information.noalias() += linear.jacobian.transpose() * linear.jacobian;
+    linear.information.compute(information);
+    const auto project = [&](const Eigen::MatrixXd& v) -> Eigen::MatrixXd {
+      return v - linear.jacobian * linear.information.solve(linear.jacobian.transpose() * v);
+    };
+    const Eigen::VectorXd residual = project(linear.residual);
+    const Eigen::MatrixXd change = project(linear.change);
+    linear.inner.noalias() = linear.change.transpose() * change;
+    linear.slope = linear.change.transpose() * residual;
+    linear.length = linear.residual.dot(residual);
+    if (linear.blur.size() == 0) return;
+    const Eigen::MatrixXd blur = project(linear.blur);
+    linear.blur_inner.noalias() = linear.blur.transpose() * blur;
+    linear.blur_cross.noalias() = linear.change.transpose() * blur;
+    linear.blur_slope = linear.blur.transpose() * residual;
+  }
+
+  // The slope and length of the residual once the mean blur has been taken off.
+  static std::pair<Eigen::VectorXd, double> Remaining(const Linearisation& linear,
+                                                      const ScatterLaw& law,
+                                                      const std::vector<double>& parameters) {
+    if (!law.mean_blur) return {linear.slope, linear.length};
+    const Eigen::VectorXd more = law.mean_blur(parameters) - linear.blurred;
+    return {linear.slope - linear.blur_cross * more,
+            linear.length - 2 * more.dot(linear.blur_slope) + more.dot(linear.blur_inner * more)};
+  }
+
+  // Of the covariance of the amplitudes and of what the null's own scatter is not known to.
+  Eigen::MatrixXd Factor(const Linearisation& linear, const ScatterLaw& law,
+                         const std::vector<double>& parameters) const {
+    const Eigen::MatrixXd factor = law.factor(parameters);
+    Eigen::MatrixXd covariance = factor * factor.transpose();
+    covariance.diagonal() += kScatterError * linear.inner.diagonal().cwiseMax(1e-6).cwiseInverse();
+    return covariance.llt().matrixL();
+  }
+
+  // Log-likelihood over the null's, amplitudes and known parameters integrated out.
+  double Gain(const Linearisation& linear, const ScatterLaw& law,
+              const std::vector<double>& parameters) const {
+    const Eigen::MatrixXd factor = Factor(linear, law, parameters);
+    const auto [slope, length] = Remaining(linear, law, parameters);
+    Eigen::MatrixXd information = factor.transpose() * linear.inner * factor;
+    information.diagonal().array() += 1;
+    const Eigen::LLT<Eigen::MatrixXd> solver(information);
+    const Eigen::VectorXd gradient = factor.transpose() * slope;
+    const double known = 2 * linear.information.matrixLLT().diagonal().array().log().sum();
+    return 0.5 * (null_total_ - length + gradient.dot(solver.solve(gradient))) -
+           solver.matrixLLT().diagonal().array().log().sum() -
+           0.5 * (known + linear.log_determinant);
+  }
+
+  Peak Search(const Linearisation& linear, const ScatterLaw& law, const Effect& effect) const;
+  Posterior MostProbable(const Linearisation& linear, const ScatterLaw& law,
+                         const std::vector<double>& parameters) const;
+  ScatterLaw LawOf(std::string_view id) const;
+  Eigen::MatrixXd TextureFactor(const std::vector<double>& parameters) const;
+  Realisation RealisationOf(const ScatterLaw& law, const std::vector<double>& parameters,
+                            const Posterior& posterior) const;
+  std::vector<double> EstimateShifts();
+  FitResult Describe(const Linearisation& linear, const ScatterLaw& law,
+                     const ScatterCandidate& candidate, const Posterior& posterior,
+                     const Realisation& realisation);
+
+  const SetModel& model_;
+  const FitResult& null_;
+  std::vector<int> offset_;    // of the entries in the vector of all
+  std::vector<int> position_;  // of every entry: plate position; -1: none or several
+  std::vector<int> block_;     // of every entry: along the line; -1: all
+  std::vector<int> lit_;       // recordings with laser light
+  std::vector<int> slot_;      // of these: place among those of its plate position
+  int slots_ = 0;
+  double null_total_ = 0;
+};
+
+// Covariance of the mean reflectance of blocks, exp(-r^2/l^2) averaged along the blocks and over
+// the width of the line.
+Eigen::MatrixXd RecordingScatter::TextureFactor(const std::vector<double>& parameters) const {
+  const double rms = parameters[0], length_m = parameters[1];
+  const int blocks = model_.blocks_along_line();
+  const RecordedSet& set = model_.set();
+  const std::vector<int>& ids = model_.position_ids();
+  const Eigen::Index n = blocks * static_cast<Eigen::Index>(ids.size());
+  Eigen::MatrixXd factor = Eigen::MatrixXd::Zero(n, n);
+  // Integral of erf, for the mean over two intervals.
+  const auto twice = [&](double x) {
+    const double t = x / length_m;
+    return 0.5 * length_m * length_m * (std::sqrt(kPi) * t * std::erf(t) + std::exp(-t * t));
+  };
+  for (size_t p = 0; p < ids.size(); ++p) {
+    const auto of_position = [&](const RecordedFrame& f) { return f.plate_position_id == ids[p]; };
+    const FrameSetup& frame =
+        std::find_if(set.frames.begin(), set.frames.end(), of_position)->nominal;
+    const double magnification = frame.ImageDistance() / frame.plate.camera_distance_m;
+    const double block_m =
+        frame.roi.columns_px * frame.sensor.pixel_pitch_m / (blocks * magnification);
+    const double deviation_m = BeamRadius(frame.laser, frame.plate.laser_distance_m) /
+                               (2 * std::cos(frame.plate.incidence_angle_rad));
+    const double across = 1 / std::sqrt(1 + 4 * std::pow(deviation_m / length_m, 2));
+    Eigen::MatrixXd covariance(blocks, blocks);
+    for (int a = 0; a < blocks; ++a) {
+      for (int b = 0; b < blocks; ++b) {
+        const double d = (a - b) * block_m;
+        covariance(a, b) = rms * rms * across *
+                           (twice(d + block_m) - 2 * twice(d) + twice(d - block_m)) /
+                           (block_m * block_m);
+      }
+      covariance(a, a) *= 1 + 1e-6;
+    }
+    const auto at = static_cast<Eigen::Index>(p) * blocks;
+    factor.block(at, at, blocks, blocks) = covariance.llt().matrixL();
+  }
+  return factor;
+}
+
+ScatterLaw RecordingScatter::LawOf(std::string_view id) const {
+  const RecordedSet& set = model_.set();
+  Eigen::VectorXd exposure_s(lit());
+  for (int i = 0; i < lit(); ++i) exposure_s[i] = set.frames[lit_[i]].nominal.exposure_time_s;
+  const auto diagonal = [](const Eigen::VectorXd& deviation) -> Eigen::MatrixXd {
+    return deviation.asDiagonal();
+  };
+  ScatterLaw law;
+  if (id == "illumination.power_noise") {
+    law.factor = [=, n = lit()](const std::vector<double>& p) {
+      return diagonal(Eigen::VectorXd::Constant(n, p[0]));
+    };
+  } else if (id == "time.exposure_jitter") {
+    law.factor = [=](const std::vector<double>& p) {
+      return diagonal(p[0] * exposure_s.cwiseInverse());
+    };
+  } else if (id == "surface.albedo_texture") {
+    law.amplitude = Amplitude::kReflectance;
+    law.factor = [this](const std::vector<double>& p) { return TextureFactor(p); };
+  } else {
+    law.amplitude = Amplitude::kShift;
+    const auto variance = [=](double frequency_hz) -> Eigen::VectorXd {
+      return exposure_s.unaryExpr([=](double t) { return ShiftVariance(frequency_hz, t); });
+    };
+    law.factor = [=](const std::vector<double>& p) {
+      return diagonal(p[0] * variance(p[1]).cwiseSqrt());
+    };
+    law.mean_blur = [=](const std::vector<double>& p) -> Eigen::VectorXd {
+      return p[0] * p[0] * (0.5 - variance(p[1]).array());
+    };
+  }
+  return law;
+}
+
+// The evidence is integrated over a grid: logarithmic in the strength, in the shape's standardised
+// scale.
+RecordingScatter::Peak RecordingScatter::Search(const Linearisation& linear, const ScatterLaw& law,
+                                                const Effect& effect) const {
+  const std::vector<EffectParameter>& description = effect.description().parameters;
+  const EffectParameter& strength = description[0];
+  const bool shaped = description.size() > 1;
+  struct Point {
+    std::vector<double> parameters;
+    double gain, log_weight;  // of the prior's mass
+  };
+  const auto grid = [&](double low, double high, double step, double shape_low, double shape_high,
+                        double shape_step) {
+    std::vector<Point> points;
+    const int strengths = static_cast<int>(std::lround((high - low) / step)) + 1;
+    const int shapes =
+        shaped ? static_cast<int>(std::lround((shape_high - shape_low) / shape_step)) + 1 : 1;
+    for (int j = 0; j < shapes; ++j) {
+      double log_shape = 0, shape = 0;
+      if (shaped) {
+        const double z = shape_low + j * shape_step;
+        shape = ParameterFromStandardised(description[1], z);
+        log_shape = std::log(shape_step / (kPi * (1 + z * z)));
+      }
+      for (int i = 0; i < strengths; ++i) {
+        const double u = low + i * step, z = std::exp(u);
+        std::vector<double> parameters = {std::min(strength.upper, strength.prior_scale * z)};
+        if (shaped) parameters.push_back(shape);
+        const double gain = Gain(linear, law, parameters);
+        points.push_back({std::move(parameters), gain,
+                          log_shape + std::log(step * z * 2 / (kPi * (1 + z * z)))});
+      }
+    }
+    return points;
+  };
+  const auto summarise = [&](const std::vector<Point>& points) {
+    Peak peak;
+    const Point* best = &points.front();
+    double largest = -1e300;
+    for (const Point& point : points) {
+      largest = std::max(largest, point.gain + point.log_weight);
+      if (point.gain > best->gain) best = &point;
+    }
+    double sum = 0;
+    std::vector<double> square(description.size(), 0);
+    for (const Point& point : points) {
+      const double weight = std::exp(point.gain + point.log_weight - largest);
+      sum += weight;
+      for (size_t k = 0; k < square.size(); ++k) {
+        square[k] += weight * std::pow(point.parameters[k] - best->parameters[k], 2);
+      }
+    }
+    peak.parameters = best->parameters;
+    peak.gain = best->gain;
+    peak.log_evidence = largest + std::log(sum);
+    for (double s : square) peak.standard_errors.push_back(std::sqrt(s / sum));
+    return peak;
+  };
+  constexpr double kWeakest = -6;  // log of the strength over its scale
+  const double strongest = std::log(strength.upper / strength.prior_scale);
+  const Peak coarse = summarise(grid(kWeakest, std::min(strongest, 4.0), 0.4, -6, 6, 0.5));
+  if (coarse.gain < 1) return coarse;
+  std::array<double, 2> best = {
+      std::log(coarse.parameters[0] / strength.prior_scale),
+      shaped ? StandardisedParameter(description[1], coarse.parameters[1]) : 0};
+  const auto parameters_at = [&](const std::array<double, 2>& x) {
+    std::vector<double> parameters = {
+        std::min(strength.upper, strength.prior_scale * std::exp(x[0]))};
+    if (shaped) parameters.push_back(ParameterFromStandardised(description[1], x[1]));
+    return parameters;
+  };
+  const auto gain_at = [&](const std::array<double, 2>& x) {
+    return Gain(linear, law, parameters_at(x));
+  };
+  double gain = coarse.gain;
+  for (double step = 0.2; step > 2e-3; step /= 2) {
+    for (bool moved = true; moved;) {
+      moved = false;
+      for (size_t k = 0; k < description.size(); ++k) {
+        for (const double sign : {-1.0, 1.0}) {
+          std::array<double, 2> next = best;
+          next[k] += sign * step;
+          const double there = gain_at(next);
+          if (!(there > gain + 1e-3)) continue;
+          gain = there;
+          best = next;
+          moved = true;
+        }
+      }
+    }
+  }
+  Peak fine = summarise(grid(std::max(kWeakest, best[0] - 0.6), std::min(strongest, best[0] + 0.6),
+                             0.1, best[1] - 0.5, best[1] + 0.5, 0.1));
+  fine.parameters = parameters_at(best);
+  fine.gain = gain;
+  // A wide distribution is covered by the coarse grid only; a narrow one falls between the points,
+  // but has a curvature.
+  double laplace = gain;
+  for (size_t k = 0; k < description.size(); ++k) {
+    constexpr double kStep = 0.02;
+    std::array<double, 2> less = best, more = best;
+    less[k] -= kStep;
+    more[k] += kStep;
+    const double curvature = (2 * gain - gain_at(less) - gain_at(more)) / (kStep * kStep);
+    const double slope = std::abs(parameters_at(more)[k] - parameters_at(less)[k]) / (2 * kStep);
+    const double z = k == 0 ? std::exp(best[0]) : best[1];
+    laplace += std::log((k == 0 ? 2 * z : 1) / (kPi * (1 + z * z)) *
+                        std::sqrt(2 * kPi / std::max(1.0, curvature)));
+    if (curvature > 1) {
+      fine.standard_errors[k] = std::max(fine.standard_errors[k], slope / std::sqrt(curvature));
+    }
+  }
+  fine.log_evidence = std::max({laplace, fine.log_evidence, coarse.log_evidence});
+  return fine;
+}
+
+RecordingScatter::Posterior RecordingScatter::MostProbable(
+    const Linearisation& linear, const ScatterLaw& law,
+    const std::vector<double>& parameters) const {
+  Posterior posterior;
+  posterior.factor = Factor(linear, law, parameters);
+  const Eigen::VectorXd slope = Remaining(linear, law, parameters).first;
+  Eigen::MatrixXd information = posterior.factor.transpose() * linear.inner * posterior.factor;
+  information.diagonal().array() += 1;
+  const Eigen::LLT<Eigen::MatrixXd> solver(information);
+  posterior.standardised_amplitudes = solver.solve(posterior.factor.transpose() * slope);
+  posterior.amplitudes = posterior.factor * posterior.standardised_amplitudes;
+  Eigen::VectorXd residual = linear.residual - linear.change * posterior.amplitudes;
+  if (law.mean_blur) residual -= linear.blur * (law.mean_blur(parameters) - linear.blurred);
+  posterior.parameters = linear.information.solve(linear.jacobian.transpose() * residual);
+  posterior.log_determinant = 2 * (solver.matrixLLT().diagonal().array().log().sum() +
+                                   linear.information.matrixLLT().diagonal().array().log().sum());
+  return posterior;
+}
+
+Realisation RecordingScatter::RealisationOf(const ScatterLaw& law,
+                                            const std::vector<double>& parameters,
+                                            const Posterior& posterior) const {
+  Realisation realisation(model_.set().frames.size());
+  const std::vector<int>& ids = model_.position_ids();
+  const int blocks = model_.blocks_along_line();
+  const Eigen::VectorXd blur = law.mean_blur ? law.mean_blur(parameters) : Eigen::VectorXd();
+  for (int i = 0; i < lit(); ++i) {
+    const int f = lit_[i];
+    if (law.amplitude == Amplitude::kLight) {
+      realisation.light_relative[f] = posterior.amplitudes[i];
+    } else if (law.amplitude == Amplitude::kShift) {
+      realisation.shift_px[f] = posterior.amplitudes[i];
+      realisation.blur_px2[f] = blur[i];
+    } else {
+      const auto at =
+          std::find(ids.begin(), ids.end(), model_.set().frames[f].plate_position_id) - ids.begin();
+      realisation.light_relative[f] = posterior.amplitudes.segment(at * blocks, blocks).mean();
+    }
+  }
+  return realisation;
+}
+
+// Place of the line in every recording from where it is on average at its plate position, by its
+// centroid [px]; 0 where that is near enough for what is linear. The known parameters hold the
+// average.
+std::vector<double> RecordingScatter::EstimateShifts() {
+  const RecordedSet& set = model_.set();
+  const ExpectedSet expected = model_.ExpectStrips(null_.parameters, false);
+  const auto centroid = [](const std::vector<double>& rows) {
+    std::vector<double> sorted = rows;
+    std::sort(sorted.begin(), sorted.end());
+    const double background = sorted[sorted.size() / 4];
+    const double threshold = background + 0.1 * (sorted.back() - background);
+    double sum = 0, moment = 0;
+    for (size_t row = 0; row < rows.size(); ++row) {
+      if (rows[row] <= threshold) continue;
+      sum += rows[row] - background;
+      moment += (rows[row] - background) * static_cast<double>(row);
+    }
+    return sum > 0 ? moment / sum : 0;
+  };
+  std::vector<double> shifts(set.frames.size(), 0);
+  for (int f : lit_) {
+    const Image<uint16_t>& raw = set.frames[f].raw_dn;
+    std::vector<double> seen(raw.rows_px, 0), modelled(raw.rows_px, 0);
+    for (int row = 0; row < raw.rows_px; ++row) {
+      for (int c = 0; c < raw.columns_px; ++c) seen[row] += raw.At(row, c);
+      for (const std::vector<ExpectedFrame>& strips : expected.strips) {
+        for (int c = 0; c < 2; ++c) modelled[row] += strips[f].MeanDn(row, c);
+      }
+    }
+    // Both rows of a Bayer cell together.
+    for (int row = 0; row + 1 < raw.rows_px; ++row) {
+      seen[row] += seen[row + 1];
+      modelled[row] += modelled[row + 1];
+    }
+    shifts[f] = centroid(seen) - centroid(modelled);
+  }
+  constexpr double kNear_px = 0.3;
+  for (int id : model_.position_ids()) {
+    double mean = 0, count = 0, farthest = 0;
+    const auto of_position = [&](int f) { return set.frames[f].plate_position_id == id; };
+    for (int f : lit_) {
+      mean += of_position(f) ? shifts[f] : 0;
+      count += of_position(f) ? 1 : 0;
+    }
+    for (int f : lit_) {
+      if (!of_position(f)) continue;
+      shifts[f] -= mean / count;
+      farthest = std::max(farthest, std::abs(shifts[f]));
+    }
+    for (int f : lit_) {
+      if (of_position(f) && farthest < kNear_px) shifts[f] = 0;
+    }
+  }
+  return shifts;
+}
+
+// The fit by the model itself at the most probable realisation.
+FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterLaw& law,
+                                     const ScatterCandidate& candidate, const Posterior& posterior,
+                                     const Realisation& realisation) {
+  FitResult fit = null_;
+  SetupDeviation uncertainty = model_.set().description.uncertainty;
+  Eigen::Index at = 0;
+  for (int i = 0; i < kDeviations; ++i) {
+    const double scale = DeviationAt(uncertainty, i);
+    if (scale > 0) DeviationAt(fit.parameters.deviations, i) = posterior.parameters[at++] * scale;
+  }
+  if (uncertainty.line_position_each_px > 0) {
+    for (int id : model_.position_ids()) {
+      fit.parameters.line_shift_px[id] =
+          posterior.parameters[at++] * uncertainty.line_position_each_px;
+    }
+  }
+  const RealisedEffect realised(realisation);
+  fit.mean = model_.Expect(WithRealisation(fit.parameters, realised), false).mean;
+  const int first = static_cast<int>(fit.parameters.effects.size());
+  fit.parameters.effects.push_back({candidate.effect, candidate.parameters});
+  for (size_t k = 0; k < candidate.parameters.size(); ++k) {
+    fit.free.push_back({first, static_cast<int>(k)});
+    fit.effect_standard_errors.push_back(candidate.standard_errors[k]);
+  }
+  if (law.amplitude == Amplitude::kReflectance) {
+    // Blocks differ, which a recording's amount of light does not express.
+    const Eigen::VectorXd change = linear.change * posterior.amplitudes;
+    const Eigen::VectorXd moved = linear.jacobian * (posterior.parameters - null_.standardised);
+    for (int e = 0; e < model_.entries(); ++e) {
+      const int n = offset_[e + 1] - offset_[e];
+      fit.residual[e] = null_.residual[e] - (change + moved).segment(offset_[e], n);
+      const Eigen::LLT<Eigen::MatrixXd> solver(NullCovariance(e));
+      fit.mean[e] = model_.observed()[e] - solver.matrixL() * fit.residual[e];
+    }
+  } else {
+    if (!linear.covariance.empty()) {
+      std::vector<Eigen::MatrixXd> covariance;
+      for (int e = 0; e < model_.entries(); ++e) {
+        const auto renewed = linear.covariance.find(e);
+        covariance.push_back(renewed != linear.covariance.end() ? renewed->second
+                                                                : NullCovariance(e));
+      }
+      fit.whitening = std::make_shared<const Whitening>(covariance, Entries());
+      fit.data_log_determinant += linear.log_determinant;
+    }
+    for (int e = 0; e < model_.entries(); ++e) {
+      fit.residual[e] = (*fit.whitening)(e, model_.observed()[e] - fit.mean[e]);
+    }
+  }
+  const Eigen::MatrixXd columns = linear.change * posterior.factor;
+  fit.chi_squared = 0;
+  for (int e = 0; e < model_.entries(); ++e) {
+    const int n = offset_[e + 1] - offset_[e];
+    Eigen::MatrixXd jacobian(n, linear.jacobian.cols() + columns.cols());
+    jacobian << linear.jacobian.middleRows(offset_[e], n), columns.middleRows(offset_[e], n);
+    fit.jacobian[e] = std::move(jacobian);
+    fit.entry_chi_squared[e] = fit.residual[e].squaredNorm();
+    fit.chi_squared += fit.entry_chi_squared[e];
+  }
+  fit.standardised.resize(posterior.parameters.size() + posterior.amplitudes.size());
+  fit.standardised << posterior.parameters, posterior.standardised_amplitudes;
+  Eigen::MatrixXd information =
+      Eigen::MatrixXd::Identity(fit.standardised.size(), fit.standardised.size());
+  for (const Eigen::MatrixXd& jacobian : fit.jacobian) {
+    information.noalias() += jacobian.transpose() * jacobian;
+  }
+  fit.covariance = information.llt().solve(
+      Eigen::MatrixXd::Identity(fit.standardised.size(), fit.standardised.size()));
+  fit.prior = fit.standardised.squaredNorm();
+  fit.log_determinant = posterior.log_determinant;
+  return fit;
+}
+
+ScatterCandidate RecordingScatter::Evaluate(const Effect& effect) {
+  const ScatterLaw law = LawOf(effect.description().id);
+  Realisation at(model_.set().frames.size());
+  if (law.amplitude == Amplitude::kShift) at.shift_px = EstimateShifts();
+  Linearisation linear = Linearise(law.amplitude, at);
+  Peak peak = Search(linear, law, effect);
+  // What the uncertainty of the null's own scatter explains is no effect.
+  std::vector<double> none = peak.parameters;
+  none[0] = 0;
+  const double baseline = std::clamp(Gain(linear, law, none), 0.0, kMostUnknownScatter);
+  Posterior posterior = MostProbable(linear, law, peak.parameters);
+  // Again where that has led to, if it is anywhere.
+  constexpr double kWorthwhile = 3;
+  const int rounds = law.amplitude == Amplitude::kReflectance ? 0
+                     : law.amplitude == Amplitude::kShift     ? 3
+                                                              : 1;
+  for (int round = 0; round < rounds && peak.gain - baseline > kWorthwhile; ++round) {
+    at = RealisationOf(law, peak.parameters, posterior);
+    linear = Linearise(law.amplitude, at);
+    const double before = peak.gain;
+    peak = Search(linear, law, effect);
+    posterior = MostProbable(linear, law, peak.parameters);
+    if (std::abs(peak.gain - before) < 0.5) break;
+  }
+  ScatterCandidate candidate;
+  candidate.effect = &effect;
+  candidate.parameters = peak.parameters;
+  candidate.standard_errors = peak.standard_errors;
+  if (law.amplitude != Amplitude::kLight) {
+    candidate.standard_errors[0] =
+        std::hypot(candidate.standard_errors[0], kStrengthError * candidate.parameters[0]);
+  }
+  candidate.log_evidence = peak.log_evidence - baseline;
+  candidate.largest_gain = peak.gain - baseline;
+  const Realisation realisation = RealisationOf(law, peak.parameters, posterior);
+  candidate.light_relative = realisation.light_relative;
+  candidate.shift_px = realisation.shift_px;
+  candidate.fit = Describe(linear, law, candidate, posterior, realisation);
+  return candidate;
+}
+
+constexpr std::array<std::string_view, 4> kKnown = {
+    "illumination.power_noise", "time.exposure_jitter", "surface.albedo_texture",
+    "time.vibration_blur"};
+
+}  // namespace
+
+bool IsRecordingScatter(const Effect& effect) {
+  return std::find(kKnown.begin(), kKnown.end(), effect.description().id) != kKnown.end();
+}
+
+std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, const FitResult& null,
+                                                      std::span<const Effect* const> effects) {
+  std::vector<ScatterCandidate> candidates;
+  RecordingScatter scatter(model, null, null);
+  for (const Effect* effect : effects) {
+    if (!IsRecordingScatter(*effect)) continue;
+    if (effect->description().id == "time.vibration_blur" && SpeckleMoves(model, null)) {
+      const FitResult still = FitWithoutMovement(model);
+      candidates.push_back(RecordingScatter(model, still, null).Evaluate(*effect));
+    } else {
+      candidates.push_back(scatter.Evaluate(*effect));
+    }
+  }
+  return candidates;
+}
+
+}  // namespace sightline

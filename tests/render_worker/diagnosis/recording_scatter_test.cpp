@@ -1,0 +1,118 @@
+// What recordings draw anew is told from what all have in common, by how they scatter.
+#include "render_worker/diagnosis/recording_scatter.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <string_view>
+#include <vector>
+
+#include "render_worker/diagnosis/fit_quality.h"
+#include "render_worker/image_chain/form_image.h"
+#include "render_worker/recordings/plate_frames.h"
+#include "rendered_set.h"
+
+namespace sightline {
+namespace {
+
+constexpr std::string_view kPowerNoise = "illumination.power_noise";
+constexpr std::string_view kExposureJitter = "time.exposure_jitter";
+constexpr std::string_view kAlbedoTexture = "surface.albedo_texture";
+constexpr std::string_view kVibration = "time.vibration_blur";
+
+// The small set, with repeats of one speckle and more plate positions at short exposures.
+RecordingSet Description() {
+  RecordingSet set = SmallSetDescription();
+  const auto add = [&](double exposure_s, double f_number, int position, int repeat_group) {
+    RecordedImage image = set.recordings.front();
+    image.timestamp_s = 20.0 * static_cast<double>(set.recordings.size());
+    image.exposure_time_s = exposure_s;
+    image.f_number = f_number;
+    image.same_speckle = position == set.recordings.back().plate_position_id;
+    image.plate_position_id = position;
+    image.repeat_group = repeat_group;
+    set.recordings.push_back(image);
+  };
+  for (int i = 0; i < 3; ++i) add(1.2e-3, 5.6, 50, 50);
+  for (int i = 0; i < 4; ++i) add(3.1e-4, 2.8, 60 + i, 60);
+  for (int i = 0; i < 3; ++i) add(2.5e-3, 8, 70 + i, 70);
+  return set;
+}
+
+RecordedSet Render(const std::vector<ActiveEffect>& effects, uint64_t seed) {
+  SetupDeviation deviation;
+  deviation.focus_distance_relative = 0.01;
+  deviation.power_relative = -0.04;
+  deviation.line_position_common_px = 0.8;
+  deviation.line_position_each_px = 0.3;
+  RecordingSet set = Description();
+  std::vector<Image<uint16_t>> raw_dn;
+  for (size_t i = 0; i < set.recordings.size(); ++i) {
+    const FrameSetup frame = PlateFrame(set, static_cast<int>(i), {deviation, seed});
+    raw_dn.push_back(RenderPlateFrame(frame, effects, nullptr, 1)->raw_dn);
+  }
+  return MakeRecordedSet(std::move(set), std::move(raw_dn));
+}
+
+struct Compared {
+  FitResult null;
+  std::vector<ScatterCandidate> candidates;
+  const ScatterCandidate* best = nullptr;
+};
+
+Compared Compare(const SetModel& model) {
+  const std::vector<const Effect*> effects = {FindEffect(kPowerNoise), FindEffect(kExposureJitter),
+                                              FindEffect(kAlbedoTexture), FindEffect(kVibration)};
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  Compared compared;
+  compared.null = FitSet(model, start, {}, {}, nullptr);
+  compared.candidates = CompareRecordingScatter(model, compared.null, effects);
+  for (const ScatterCandidate& candidate : compared.candidates) {
+    if (compared.best == nullptr || candidate.log_evidence > compared.best->log_evidence) {
+      compared.best = &candidate;
+    }
+  }
+  return compared;
+}
+
+// The effect is named among the four and its strength found; what it has drawn is taken off.
+void ExpectFound(std::string_view id, std::vector<double> parameters, uint64_t seed) {
+  SCOPED_TRACE(id);
+  const RecordedSet set = Render({ActiveEffect{FindEffect(id), parameters}}, seed);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  ASSERT_EQ(compared.candidates.size(), 4u);
+  const ScatterCandidate& best = *compared.best;
+  EXPECT_EQ(best.effect->description().id, id);
+  EXPECT_GT(best.log_evidence, 5);
+  EXPECT_NEAR(best.parameters[0], parameters[0], 3 * best.standard_errors[0]);
+  EXPECT_LT(best.fit.chi_squared, compared.null.chi_squared);
+  // A recording's own realisation is not known before it is looked at: those not fitted scatter by
+  // it.
+  const EntrySplit split = SplitEntries(model, HeldOutRecordings(set, 1));
+  const PredictedFit before = PredictEntries(compared.null, split.used, split.held_out);
+  const PredictedFit after = PredictEntries(best.fit, split.used, split.held_out);
+  EXPECT_EQ(before.degrees_of_freedom, after.degrees_of_freedom);
+  EXPECT_LT(after.chi_squared, before.chi_squared);
+}
+
+TEST(CompareRecordingScatter, FindsNothingWhereNothingScatters) {
+  for (uint64_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    const RecordedSet set = Render({}, seed);
+    const SetModel model(set, {});
+    EXPECT_LT(Compare(model).best->log_evidence, 2);
+  }
+}
+
+TEST(CompareRecordingScatter, NamesPowerNoise) { ExpectFound(kPowerNoise, {0.06}, 21); }
+
+TEST(CompareRecordingScatter, NamesExposureJitter) { ExpectFound(kExposureJitter, {5e-5}, 22); }
+
+TEST(CompareRecordingScatter, NamesAlbedoTexture) { ExpectFound(kAlbedoTexture, {0.15, 3e-3}, 23); }
+
+TEST(CompareRecordingScatter, NamesVibration) { ExpectFound(kVibration, {1.0, 60}, 24); }
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,84 @@
+#include "render_worker/diagnosis/speckle_statistics.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <vector>
+
+namespace sightline {
+namespace {
+
+constexpr double kWavelength_m = 661e-9, kDistance_m = 0.0168, kPitch_m = 3.45e-6;
+
+LineSpeckle GaussianLine(double radius_m, double sigma_m, double blur_m) {
+  Pupil pupil;
+  pupil.radius_m = radius_m;
+  std::vector<double> ideal;
+  for (int i = -2048; i < 2048; ++i) {
+    const double v = i * kPitch_m / 4 / sigma_m;
+    ideal.push_back(std::exp(-0.5 * v * v));
+  }
+  return {pupil,    kWavelength_m, kDistance_m,     blur_m / radius_m,
+          kPitch_m, ideal,         -512 * kPitch_m, kPitch_m / 4};
+}
+
+double Radius(double airy_px) { return kWavelength_m * kDistance_m / (2 * airy_px * kPitch_m); }
+
+// A wide line in focus lights the pupil evenly: |mu|^2 of the Airy pattern, averaged over the
+// distances of two pixels (Goodman, Speckle Phenomena in Optics, 4.4).
+TEST(LineSpeckle, WideLineInFocusIsThatOfTheAiryPattern) {
+  for (const double airy_px : {0.56, 1.6, 3.2}) {
+    const LineSpeckle line = GaussianLine(Radius(airy_px), 60 * kPitch_m, 0);
+    for (int lag = 0; lag <= 2; ++lag) {
+      constexpr int kSteps = 200;
+      double sum = 0;
+      for (int i = 0; i < kSteps; ++i) {
+        for (int j = 0; j < kSteps; ++j) {
+          const double dx = (i + 0.5) / kSteps * 2 - 1, dy = (j + 0.5) / kSteps * 2 - 1;
+          const double x = std::numbers::pi * std::hypot(dx, dy + lag) / airy_px;
+          const double mu = 2 * std::cyl_bessel_j(1.0, x) / x;
+          sum += (1 - std::abs(dx)) * (1 - std::abs(dy)) * mu * mu;
+        }
+      }
+      const double exact = sum * 4 / (kSteps * kSteps);
+      // Sampling of the pupil; the line is so wide that its own width adds 5e-4 at most.
+      EXPECT_NEAR(line.At(4).At(0, lag), exact, 0.006) << airy_px << " " << lag;
+      EXPECT_NEAR(line.At(4).At(lag, 0), exact, 0.006) << airy_px << " " << lag;
+    }
+  }
+}
+
+// A line far finer than the Airy pattern is coherent across, so speckle varies along it only and
+// pixels above each other agree.
+TEST(LineSpeckle, FineLineIsCoherentAcross) {
+  const LineSpeckle line = GaussianLine(Radius(4), 0.1 * kPitch_m, 0);
+  EXPECT_GT(line.At(4).At(1, 0) / line.At(4).At(0, 0), 0.99);
+  EXPECT_LT(line.At(4).At(0, 3) / line.At(4).At(0, 0), 0.75);
+}
+
+// Defocus: a place sees a part of the pupil only, so speckle grows across the line.
+TEST(LineSpeckle, DefocusStretchesAcross) {
+  const LineSpeckle sharp = GaussianLine(Radius(0.56), 3 * kPitch_m, 0);
+  const LineSpeckle blurred = GaussianLine(Radius(0.56), 3 * kPitch_m, 13 * kPitch_m);
+  EXPECT_GT(blurred.At(4).At(1, 0), 2 * sharp.At(4).At(1, 0));
+  EXPECT_GT(blurred.At(4).At(0, 0), 1.3 * sharp.At(4).At(0, 0));
+}
+
+TEST(GammaLevels, MeanAndVariance) {
+  for (const double contrast_squared : {0.05, 0.3, 0.9}) {
+    const std::vector<double> levels = GammaLevels(contrast_squared, 400);
+    double mean = 0, square = 0;
+    for (const double level : levels) {
+      mean += level / 400;
+      square += level * level / 400;
+    }
+    EXPECT_NEAR(mean, 1, 1e-9);
+    // What scatters within intervals is lost, mostly in the last.
+    EXPECT_NEAR(square - 1, contrast_squared, 0.02 * contrast_squared);
+  }
+}
+
+}  // namespace
+}  // namespace sightline
