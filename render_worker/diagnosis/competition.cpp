@@ -22,7 +22,7 @@ constexpr double kUnknown = 0.05;
 constexpr double kOneMore = 0.1;
 // The model's own errors (of the speckle's law, of its correlations) are no noise: they can look
 // like an effect. Differences in evidence count less by this factor.
-constexpr double kEvidenceWeight = 0.6;
+constexpr double kEvidenceWeight = 0.8;
 
 constexpr size_t kFitted = 12;       // candidates fitted with the null model's derivatives
 constexpr size_t kFittedAgain = 5;   // with their own

@@ -25,6 +25,9 @@ namespace {
 
 constexpr int kLeastPositions = 4;  // of the plate: fewer say nothing over so many unknowns
 constexpr int kProfiles = 4;
+// Of a colour sensor's efficiency for other light than the laser's, which its description does not
+// give: the radiance of that light is known as badly.
+constexpr double kEfficiencyError = 0.4;
 
 std::string Text(std::string_view text) { return std::string(text); }
 
@@ -60,8 +63,10 @@ std::vector<const Effect*> EffectsToConsider(const std::vector<std::string>& exc
   return effects;
 }
 
-v1::FittedEffect DescribeEffect(const Candidate& candidate, size_t index) {
+v1::FittedEffect DescribeEffect(const SetModel& model, const Candidate& candidate, size_t index) {
   const ActiveEffect& active = candidate.effects[index];
+  const bool colour =
+      model.set().frames.front().nominal.sensor.colour_filter != ColourFilter::kMono;
   const EffectDescription& description = active.effect->description();
   v1::FittedEffect fitted;
   fitted.set_effect(Text(description.id));
@@ -77,8 +82,10 @@ v1::FittedEffect DescribeEffect(const Candidate& candidate, size_t index) {
       const FreeEffectParameter& free = candidate.free[f];
       if (free.effect != static_cast<int>(index) || free.parameter != static_cast<int>(k)) continue;
       // The change an effect makes is itself known to a part only.
+      const double model_error =
+          colour && parameter.name == "ambient_radiance_w_m2_sr" ? kEfficiencyError : kEffectError;
       const double error = std::hypot(candidate.fit.effect_standard_errors[f],
-                                      kEffectError * (active.parameters[k] - parameter.null_value));
+                                      model_error * (active.parameters[k] - parameter.null_value));
       value->set_standard_error(error);
       value->set_lower(std::max(parameter.lower, active.parameters[k] - 1.96 * error));
       value->set_upper(std::min(parameter.upper, active.parameters[k] + 1.96 * error));
@@ -149,7 +156,7 @@ void AddExplanations(const SetModel& model, const Competition& competition, uint
     explanation->set_stage(stage);
     explanation->set_probability(candidate.probability);
     for (size_t i : Leading(candidate, competition)) {
-      if (!IsFreeForm(candidate)) *explanation->add_effects() = DescribeEffect(candidate, i);
+      if (!IsFreeForm(candidate)) *explanation->add_effects() = DescribeEffect(model, candidate, i);
     }
     explanation->set_log_evidence_gain(candidate.log_evidence);
     const PredictedFit predicted = CrossValidate(model, candidate.fit, seed);

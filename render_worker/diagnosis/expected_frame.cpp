@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <boost/math/special_functions/erf.hpp>
 #include <cmath>
 #include <numbers>
+#include <numeric>
+#include <set>
 #include <string_view>
 
 #include "render_worker/diagnosis/line_spread.h"
@@ -37,6 +40,40 @@ double MeanClipped(double mean, double deviation, double top) {
   const double inside = Distribution(high) - Distribution(low);
   return mean * inside + deviation * (Density(low) - Density(high)) +
          top * (1 - Distribution(high));
+}
+
+// What the converter makes of every number; empty if it leaves all as they are.
+std::vector<uint16_t> ConvertedNumbers(const FrameSetup& frame,
+                                       std::span<const ActiveEffect> effects) {
+  Image<uint16_t> ramp(static_cast<int>(frame.sensor.largest_dn()) + 1, 1);
+  std::iota(ramp.values.begin(), ramp.values.end(), uint16_t{0});
+  const std::vector<uint16_t> numbers = ramp.values;
+  for (const ActiveEffect& active : effects) {
+    active.effect->OnRaw(ramp, frame, active.parameters);
+  }
+  if (ramp.values == numbers) return {};
+  return ramp.values;
+}
+
+// Mean change by `converted` of a normal number of this mean and deviation, rounded: at equally
+// likely values of it.
+float MeanConversion(const std::vector<uint16_t>& converted, float mean, float deviation) {
+  constexpr int kValues = 64;
+  static const std::array<float, kValues> normal = [] {
+    std::array<float, kValues> quantiles;
+    for (int i = 0; i < kValues; ++i) {
+      quantiles[i] =
+          static_cast<float>(-std::numbers::sqrt2 * boost::math::erfc_inv(2 * (i + 0.5) / kValues));
+    }
+    return quantiles;
+  }();
+  float sum = 0;
+  for (const float z : normal) {
+    const auto number = static_cast<int>(std::clamp<float>(
+        mean + deviation * z + 0.5F, 0.0F, static_cast<float>(converted.size() - 1)));
+    sum += static_cast<float>(converted[number]) - static_cast<float>(number);
+  }
+  return sum / kValues;
 }
 
 // Laser irradiance of the sensor by a perfect lens at (u, v) (recordings format, section 3).
@@ -223,6 +260,14 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   for (int row = 0; lit && row < frame.roi.rows_px; ++row) {
     place_of_row[row] = expected.speckle->PlaceOf((frame.roi.row_px + row) * sensor.pixel_pitch_m);
   }
+  const std::vector<uint16_t> converted = ConvertedNumbers(frame, effects);
+  // Of the step between the numbers that occur (EMVA 1288 R4.0, section 2.3).
+  const double step_dn =
+      converted.empty()
+          ? 1
+          : static_cast<double>(converted.size()) /
+                static_cast<double>(std::set(converted.begin(), converted.end()).size());
+  const double rounding_variance_dn2 = step_dn * step_dn / 12;
   Image<double> mean_of_levels(frame.roi.columns_px, frame.roi.rows_px, 0.0);
   for (int level = 0; level < level_count; ++level) {
     Image<double> electrons = total;
@@ -240,7 +285,8 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     for (size_t i = 0; i < electrons.values.size(); ++i) {
       mean_of_levels.values[i] += electrons.values[i] / level_count;
       noise.values[i] = static_cast<float>(
-          std::sqrt(gain * gain * (std::max(0.0, electrons.values[i]) + read_variance) + 1.0 / 12));
+          std::sqrt(gain * gain * (std::max(0.0, electrons.values[i]) + read_variance) +
+                    rounding_variance_dn2));
       electrons.values[i] =
           std::min(electrons.values[i] + dark_electrons, sensor.saturation_capacity_electrons);
     }
@@ -252,16 +298,10 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
       dn.values[i] = static_cast<float>(
           MeanClipped(gain * electrons.values[i] + sensor.black_level_dn, noise.values[i], top_dn));
     }
-    Image<uint16_t> raw(dn.columns_px, dn.rows_px);
-    for (size_t i = 0; i < raw.values.size(); ++i) {
-      raw.values[i] = static_cast<uint16_t>(std::lround(dn.values[i]));
-    }
-    const Image<uint16_t> before = raw;
-    for (const ActiveEffect& active : effects) {
-      active.effect->OnRaw(raw, frame, active.parameters);
-    }
-    for (size_t i = 0; i < dn.values.size(); ++i) {
-      dn.values[i] += static_cast<float>(raw.values[i]) - static_cast<float>(before.values[i]);
+    if (!converted.empty()) {
+      for (size_t i = 0; i < dn.values.size(); ++i) {
+        dn.values[i] += MeanConversion(converted, dn.values[i], noise.values[i]);
+      }
     }
     expected.level_dn.push_back(std::move(dn));
   }
@@ -270,7 +310,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   for (size_t i = 0; i < mean_of_levels.values.size(); ++i) {
     const double mean = std::max(0.0, mean_of_levels.values[i]);
     expected.noise_variance_dn2.values[i] =
-        static_cast<float>(gain * gain * (mean + read_variance) + 1.0 / 12);
+        static_cast<float>(gain * gain * (mean + read_variance) + rounding_variance_dn2);
     expected.pattern_variance_dn2.values[i] = static_cast<float>(
         gain * gain *
         (std::pow(sensor.prnu_relative * mean, 2) + std::pow(sensor.dsnu_electrons, 2)));

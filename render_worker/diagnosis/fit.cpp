@@ -342,6 +342,7 @@ class Fitter {
                            2e-3;
       result.effect_standard_errors.push_back(sigma * std::abs(slope));
     }
+    for (int i = 0; i < vector_.size(); ++i) result.held.push_back(HeldByBound(state, i));
     result.chi_squared = state.chi_squared;
     result.prior = state.x.head(vector_.first_effect()).squaredNorm();
     for (size_t e = 0; e < state.residual.size(); ++e) {

@@ -61,6 +61,7 @@ struct FitResult {
   // Standardised: deviations over their uncertainties, line shifts over theirs, effects'
   // parameters. Columns of the Jacobian are in this order.
   Eigen::VectorXd standardised;
+  std::vector<bool> held;                      // at a bound that the data would go beyond
   Eigen::MatrixXd covariance;                  // posterior, of `standardised`
   std::vector<double> effect_standard_errors;  // of `free`, in their units
   Entries mean;                                // expected

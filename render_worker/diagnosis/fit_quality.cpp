@@ -86,11 +86,15 @@ PredictedFit PredictEntries(const FitResult& fit, const std::vector<bool>& use_e
   PredictedFit predicted;
   for (size_t e = 0; e < fit.residual.size(); ++e) {
     if (!predict_entry[e]) continue;
-    const Eigen::VectorXd residual = fit.residual[e] - fit.jacobian[e] * step;
+    Eigen::MatrixXd jacobian = fit.jacobian[e];
+    for (size_t i = 0; i < fit.held.size(); ++i) {
+      if (fit.held[i]) jacobian.col(static_cast<Eigen::Index>(i)).setZero();
+    }
+    const Eigen::VectorXd residual = fit.residual[e] - jacobian * step;
     predicted.chi_squared += residual.squaredNorm();
     predicted.degrees_of_freedom += static_cast<int>(residual.size());
-    information.noalias() += fit.jacobian[e].transpose() * fit.jacobian[e];
-    gradient.noalias() += fit.jacobian[e].transpose() * residual;
+    information.noalias() += jacobian.transpose() * jacobian;
+    gradient.noalias() += jacobian.transpose() * residual;
   }
   predicted.chi_squared -= gradient.dot(information.llt().solve(gradient));
   return predicted;

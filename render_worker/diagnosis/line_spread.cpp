@@ -33,9 +33,9 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   const double defocus_waves =
       std::abs(defocus_curvature_per_m) * radius_m * radius_m / (2 * wavelength_m);
   const double spread_m = wavelength_m * image_distance_m / (2 * radius_m);
-  constexpr double kPeriod_m = 1.2e-3;
+  constexpr double kPeriod_m = 3.6e-3;
   int samples = 64;
-  while (samples < 1024 && (samples < 24 * defocus_waves || samples * spread_m < kPeriod_m)) {
+  while (samples < 4096 && (samples < 24 * defocus_waves || samples * spread_m < kPeriod_m)) {
     samples *= 2;
   }
   const int chords = std::min(samples, 128);
@@ -69,8 +69,8 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   }
   // `power` is the line spread function; zeros around it make its transform fine enough to be
   // interpolated.
-  constexpr int kPadding = 8;
-  const int padded = 2 * samples * kPadding;
+  const int padding = std::max(1, 8192 / samples);
+  const int padded = 2 * samples * padding;
   FourierBuffer<float> spread(FourierStride(padded));
   FourierBuffer<std::complex<float>> correlation(FourierStride(padded / 2 + 1));
   const double total = std::accumulate(power.begin(), power.end(), 0.0);
@@ -82,9 +82,9 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   // Frequency q shifts the pupil by lambda b q.
   std::vector<std::complex<double>> transfer(count, 0);
   for (int k = 0; k < count; ++k) {
-    const double shift = wavelength_m * image_distance_m * k * step_per_m / step_m * kPadding;
+    const double shift = wavelength_m * image_distance_m * k * step_per_m / step_m * padding;
     const int below = static_cast<int>(shift);
-    if (below >= samples * kPadding) break;
+    if (below >= samples * padding) break;
     const double t = shift - below;
     // The other way round than the transform goes.
     const std::complex<double> here(correlation[below]), next(correlation[below + 1]);

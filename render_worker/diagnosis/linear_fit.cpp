@@ -19,6 +19,9 @@ LinearFit::LinearFit(const FitResult& fit, std::vector<bool> use_entry)
     }
     at += n;
   }
+  for (size_t i = 0; i < fit.held.size(); ++i) {
+    if (fit.held[i]) jacobian_.col(static_cast<Eigen::Index>(i)).setZero();
+  }
   Eigen::MatrixXd information = Eigen::MatrixXd::Identity(jacobian_.cols(), jacobian_.cols());
   information.noalias() += jacobian_.transpose() * jacobian_;
   information_.compute(information);
@@ -42,7 +45,11 @@ Eigen::VectorXd LinearFit::Absorb(const Eigen::VectorXd& change) const {
 }
 
 Eigen::VectorXd LinearFit::Step() const {
-  return information_.solve(jacobian_.transpose() * residual_ - fit_.standardised);
+  Eigen::VectorXd gradient = jacobian_.transpose() * residual_ - fit_.standardised;
+  for (size_t i = 0; i < fit_.held.size(); ++i) {
+    if (fit_.held[i]) gradient[static_cast<Eigen::Index>(i)] = 0;
+  }
+  return information_.solve(gradient);
 }
 
 Eigen::VectorXd LinearFit::Project(const Eigen::VectorXd& change) const {

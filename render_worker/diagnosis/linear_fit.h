@@ -1,5 +1,5 @@
 // A fit's neighbourhood, linearised: what a small change of the expectation is worth after the
-// parameters fitted have moved to absorb what they can of it.
+// parameters fitted have moved to absorb what they can of it. Those held by a bound stay there.
 #pragma once
 
 #include <Eigen/Cholesky>

@@ -20,6 +20,8 @@ constexpr double kModelError = 0.005;
 // Of the far wings of the line's image, below this part of its crest: renderers cut them off.
 constexpr double kWingError = 0.5;
 constexpr double kWing = 0.003;
+// And of what is left of it at the region's edge.
+constexpr double kTailError = 1;
 // Of the largest number, where half of the speckle is cut off: its law there is not quite a Gamma
 // law.
 constexpr double kSaturationError = 0.01;
@@ -40,6 +42,22 @@ void MakePositive(Eigen::MatrixXd& covariance) {
   const Eigen::VectorXd rescale =
       deviation.cwiseQuotient(correlation.diagonal().cwiseMax(1e-30).cwiseSqrt());
   covariance = rescale.asDiagonal() * correlation * rescale.asDiagonal();
+}
+
+// Signal at the outermost bins, from which all is counted: a hard-edged pupil's line spread falls
+// off with the square of the distance, so its fall from two thirds of the way tells what is left.
+double SignalAtEdge(const std::vector<ProfileBin>& bins, const Eigen::ArrayXd& signal) {
+  double edge_px = 0;
+  for (const ProfileBin& bin : bins) edge_px = std::max(edge_px, std::abs(bin.centre_px));
+  double sum = 0;
+  int count = 0;
+  for (size_t i = 0; i < bins.size(); ++i) {
+    const double x_px = std::abs(bins[i].centre_px);
+    if (x_px < 0.55 * edge_px || x_px > 0.8 * edge_px) continue;
+    sum += signal[static_cast<Eigen::Index>(i)] / (std::pow(edge_px / x_px, 2) - 1);
+    ++count;
+  }
+  return count > 0 ? std::clamp(sum / count, 0.0, kWing * signal.maxCoeff()) : 0;
 }
 
 }  // namespace
@@ -234,7 +252,11 @@ Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_i
   for (const std::vector<ProfileBin>& bins : members.bins) {
     const auto size = static_cast<Eigen::Index>(bins.size());
     const Eigen::ArrayXd signal = means.segment(first_entry, size).array() - background;
-    wing.segment(first_entry, size) = kWingError * signal.min(kWing * signal.maxCoeff()).matrix();
+    wing.segment(first_entry, size) = (kWingError * signal.min(kWing * signal.maxCoeff()) +
+                                       kTailError * SignalAtEdge(bins, signal))
+                                          .matrix();
+    // Alike in all blocks, whose entries do not know of each other.
+    wing.segment(first_entry, size) *= std::sqrt(static_cast<double>(blocks_));
     first_entry += static_cast<int>(size);
   }
   for (int i = 0; i < members.size; ++i) {

@@ -582,6 +582,7 @@ RecordingScatter::Peak RecordingScatter::Search(const Linearisation& linear, con
         for (const double sign : {-1.0, 1.0}) {
           std::array<double, 2> next = best;
           next[k] += sign * step;
+          next[0] = std::clamp(next[0], kWeakest, strongest);
           const double there = gain_at(next);
           if (!(there > gain + 1e-3)) continue;
           gain = there;

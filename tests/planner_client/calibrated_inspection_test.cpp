@@ -90,7 +90,7 @@ TEST(CalibratedInspection, DeviationsGoWhereTheyBelong) {
   AddDeviation(&diagnosis, "divergence_relative", 0.05);
   AddDeviation(&diagnosis, "beam_focus_distance_m", -0.06);
   AddDeviation(&diagnosis, "diffuse_albedo_relative", 0.07);
-  AddDeviation(&diagnosis, "specular_f0_relative", 0.08);
+  AddDeviation(&diagnosis, "specular_f0_relative", -0.08);
   AddDeviation(&diagnosis, "ggx_alpha_relative", -0.09);
   AddDeviation(&diagnosis, "quantum_efficiency_relative", 0.1);
   AddDeviation(&diagnosis, "gain_relative", 0.11);
@@ -109,7 +109,7 @@ TEST(CalibratedInspection, DeviationsGoWhereTheyBelong) {
   EXPECT_DOUBLE_EQ(i.laser().beam_focus_distance_m(), 0.9 - 0.06);
   const v1::Material::LambertGgx& surface = i.materials(0).material().lambert_ggx();
   EXPECT_DOUBLE_EQ(surface.diffuse_albedo(), 0.35 * 1.07);
-  EXPECT_DOUBLE_EQ(surface.specular_f0(), 0.6 * 1.08);
+  EXPECT_DOUBLE_EQ(surface.specular_f0(), 0.6 * 0.92);
   EXPECT_DOUBLE_EQ(surface.ggx_alpha(), 0.4 * 0.91);
   EXPECT_DOUBLE_EQ(i.materials(1).material().lambert().diffuse_albedo(), 0.5);
   EXPECT_DOUBLE_EQ(i.camera().sensor().quantum_efficiency().mono(), 0.5 * 1.1);
@@ -117,6 +117,18 @@ TEST(CalibratedInspection, DeviationsGoWhereTheyBelong) {
   EXPECT_DOUBLE_EQ(i.camera().sensor().dark_mean_electrons(), 27.5 + 1.2);
   EXPECT_DOUBLE_EQ(i.camera().sensor().dark_noise_electrons(), 6.5 * 1.13);
   EXPECT_TRUE(ParseInspection(i, "calibrated", "").ok());
+}
+
+TEST(CalibratedInspection, ReflectsNoMoreThanItReceives) {
+  v1::Diagnosis diagnosis;
+  AddDeviation(&diagnosis, "specular_f0_relative", 0.2);
+  const CalibratedInspection result = CalibrateInspection(MakeInspection(), Nominal(), diagnosis);
+  const v1::Inspection& i = result.inspection;
+  EXPECT_TRUE(ParseInspection(i, "calibrated", "").ok());
+  // The light that comes back is the same.
+  const v1::Material::LambertGgx& surface = i.materials(0).material().lambert_ggx();
+  EXPECT_NEAR(i.laser().power_w() * surface.diffuse_albedo(), 0.005 * 0.35, 1e-12);
+  EXPECT_NEAR(i.laser().power_w() * surface.specular_f0(), 0.005 * 0.6 * 1.2, 1e-12);
 }
 
 TEST(CalibratedInspection, WhatCannotBeSaidIsAWarning) {

@@ -9,7 +9,9 @@
 #include <vector>
 
 #include "render_worker/diagnosis/competition.h"
+#include "render_worker/diagnosis/expected_frame.h"
 #include "render_worker/diagnosis/fit_quality.h"
+#include "render_worker/diagnosis/linear_fit.h"
 #include "render_worker/diagnosis/power.h"
 #include "render_worker/diagnosis/profile_statistic.h"
 #include "rendered_set.h"
@@ -137,6 +139,40 @@ TEST(Diagnose, UnknownExcludedEffectIsRefused) {
   settings.excluded_effects = {"optics.magic"};
   const auto diagnosis = Diagnose(MakeRecordedSet(SmallSetDescription(), {}), settings, nullptr);
   EXPECT_EQ(diagnosis.status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST(ExpectFrame, AStuckBitTakesHalfANumberOnAverage) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    FrameSetup frame = DeviatedFrame(set, static_cast<int>(f), {});
+    if (frame.laser_on && frame.shutter_open) continue;
+    frame.roi.columns_px = 2;
+    // Noise over several numbers, so that even and odd ones are equally likely.
+    frame.sensor.dark_noise_electrons = 3 / frame.sensor.gain_dn_per_electron;
+    frame.sensor.dark_mean_electrons = 40.3 / frame.sensor.gain_dn_per_electron;
+    const std::vector<ActiveEffect> stuck = {{FindEffect("sensor.adc_missing_bits"), {1}}};
+    const ExpectedFrame plain = ExpectFrame(frame, {}, nullptr, nullptr, 4);
+    const ExpectedFrame expected = ExpectFrame(frame, stuck, nullptr, nullptr, 4);
+    EXPECT_NEAR(expected.MeanDn(0, 0) - plain.MeanDn(0, 0), -0.5, 0.05);
+    EXPECT_NEAR(expected.noise_variance_dn2.At(0, 0) - plain.noise_variance_dn2.At(0, 0),
+                (4.0 - 1.0) / 12, 1e-4);
+    return;
+  }
+  FAIL() << "no dark frame";
+}
+
+TEST(LinearFit, WhatABoundHoldsAbsorbsNothing) {
+  FitResult fit;
+  fit.standardised = Eigen::VectorXd::Constant(1, 3);
+  fit.residual = {Eigen::VectorXd::Constant(2, 5)};
+  fit.jacobian = {Eigen::MatrixXd::Constant(2, 1, 10)};
+  fit.held = {false};
+  const Eigen::VectorXd change = Eigen::VectorXd::Ones(2);
+  EXPECT_LT(LinearFit(fit).Inner(change, change), 0.02);
+  EXPECT_NE(LinearFit(fit).Step()[0], 0);
+  fit.held = {true};
+  EXPECT_DOUBLE_EQ(LinearFit(fit).Inner(change, change), 2);
+  EXPECT_EQ(LinearFit(fit).Step()[0], 0);
 }
 
 TEST(ChiSquaredPValue, KnownValues) {
