@@ -115,9 +115,12 @@ class Report {
         if (recording.held_out()) held_out_.insert(recording.recording());
       }
     }
-    // Of parts: tiles of every recording are held out, none as a whole.
+    // Of parts: tiles of every recording are held out, none as a whole. Of plates: every recording
+    // is held out in its turn.
     of_part_ = d_.calibrated().format_version() == 2;
-    if (of_part_) held_out_.clear();
+    if (of_part_ || static_cast<int>(held_out_.size()) >= d_.model_fit().recordings_size()) {
+      held_out_.clear();
+    }
   }
 
   std::string Html() const {
@@ -540,7 +543,8 @@ class Report {
         absl::StrCat(GroupedInteger(before.degrees_of_freedom()), " dof"));
     const v1::HeldOutImprovement& held_out = d_.held_out_improvement();
     if (held_out.null() > 0 && !of_part_) {
-      add("held-out recordings", held_out.null(), held_out.with_effect(),
+      add(held_out_.empty() ? "every recording, predicted from others" : "held-out recordings",
+          held_out.null(), held_out.with_effect(),
           held_out.recordings().empty() ? ""
                                         : absl::StrCat(held_out.recordings_size(), " recordings"));
     }
