@@ -80,7 +80,14 @@ class Competing {
     Screen();
     FitSingles();
     FitPairs();
-    FitUnderOneCovariance();
+    AddRecordingScatter();
+    // If scatter explains most, the covariance of the null model is the one it has been compared
+    // under; that of another effect may have room for it by chance.
+    if (!IsScatter(candidates_.empty() ? Candidate() : candidates_.front())) {
+      std::erase_if(candidates_, IsScatter);
+      FitUnderOneCovariance();
+      AddRecordingScatter();
+    }
     Rank();
     return std::move(competition_);
   }
@@ -426,6 +433,10 @@ class Competing {
   }
 
   // What is drawn anew for every recording changes no expectation: it competes on its own terms.
+  static bool IsScatter(const Candidate& candidate) {
+    return !candidate.effects.empty() && IsRecordingScatter(*candidate.effects[0].effect);
+  }
+
   void AddRecordingScatter() {
     if (stopped_) return;
     for (ScatterCandidate& scatter :
@@ -435,12 +446,20 @@ class Competing {
       candidate.free = scatter.fit.free;
       candidate.log_evidence = scatter.log_evidence;
       candidate.fit = std::move(scatter.fit);
+      // Where the null model is far off, its linearisation is too; at what has been drawn the model
+      // itself counts.
+      const FitResult& null = competition_.null;
+      if (null.chi_squared > kRejected * null.data_count) {
+        const double determinants = candidate.fit.data_log_determinant - null.data_log_determinant;
+        candidate.log_evidence =
+            std::max(candidate.log_evidence, LogEvidence(candidate, null) - 0.5 * determinants);
+      }
       candidates_.push_back(std::move(candidate));
     }
+    SortByEvidence();
   }
 
   void Rank() {
-    AddRecordingScatter();
     Candidate none;
     none.fit = competition_.null;
     candidates_.push_back(std::move(none));
