@@ -31,8 +31,9 @@ constexpr double kRejected = 1.5;    // chi squared over numbers above which it 
 constexpr double kLeastGain = 1.5;   // [nats] worth a fit
 // The null model's deviations may hide an effect that it does not fail for.
 constexpr size_t kFittedAfreshAnyway = 2;
-constexpr double kPromising = 10;     // [nats]
-constexpr double kMostAmplitude = 3;  // of an added effect, over that at which it was looked at
+constexpr double kPromising = 10;      // [nats]
+constexpr double kMiddleError = 0.02;  // of a change taken to be alike along the line
+constexpr double kMostAmplitude = 3;   // of an added effect, over that at which it was looked at
 
 // Whole numbers: not fitted, tried.
 std::vector<double> WholeNumbers(const EffectParameter& parameter) {
@@ -50,6 +51,12 @@ std::vector<double> NullValues(const Effect& effect) {
 // Logarithm of a Cauchy prior of the standardised strengths: half of all rigs within one scale.
 double LogPrior(const Candidate& candidate) {
   double sum = 0;
+  for (const ActiveEffect& active : candidate.effects) {
+    for (const EffectParameter& parameter : active.effect->description().parameters) {
+      const std::vector<double> tried = WholeNumbers(parameter);
+      if (!tried.empty()) sum -= std::log(static_cast<double>(tried.size()));
+    }
+  }
   for (const FreeEffectParameter& free : candidate.free) {
     const ActiveEffect& active = candidate.effects[free.effect];
     const EffectParameter& parameter = active.effect->description().parameters[free.parameter];
@@ -74,6 +81,7 @@ class Competing {
             const std::function<bool(double)>& progress)
       : model_(model), settings_(settings), progress_(progress), linear_(null) {
     competition_.null = null;
+    null_middle_ = model_.Expect(null.parameters, false, true).mean;
   }
 
   Competition Run() {
@@ -98,18 +106,23 @@ class Competing {
     return !stopped_;
   }
 
-  Eigen::VectorXd ChangeOf(const ActiveEffect& active) const {
+  // `middle_only`: as if the whole line were like its middle; a fraction of the time.
+  Eigen::VectorXd ChangeOf(const ActiveEffect& active, bool middle_only = false) const {
     SetParameters parameters = competition_.null.parameters;
     parameters.effects = {active};
-    return linear_.Change(model_.Expect(parameters, false).mean);
+    Entries mean = model_.Expect(parameters, false, middle_only).mean;
+    for (size_t e = 0; middle_only && e < mean.size(); ++e) {
+      mean[e] += competition_.null.mean[e] - null_middle_[e];
+    }
+    return linear_.Change(mean);
   }
 
   double Gain(const Eigen::VectorXd& change) const {
     return linear_.residual().dot(change) - 0.5 * linear_.Inner(change, change);
   }
 
-  void Try(const ActiveEffect& active, ScreenedEffect& best) const {
-    Eigen::VectorXd change = ChangeOf(active);
+  void Try(const ActiveEffect& active, bool middle_only, ScreenedEffect& best) const {
+    Eigen::VectorXd change = ChangeOf(active, middle_only);
     const double gain = Gain(change);
     if (gain > best.gain || best.change.size() == 0) {
       best.strongest = active;
@@ -135,13 +148,14 @@ class Competing {
     ScreenedEffect best;
     best.strongest = null;
     if (parameters.size() == 1 && !WholeNumbers(parameters[0]).empty()) {
-      for (double value : WholeNumbers(parameters[0])) Try({&effect, {value}}, best);
+      for (double value : WholeNumbers(parameters[0])) Try({&effect, {value}}, false, best);
       return best;
     }
     // Parameters that change nothing by themselves only shape what others do.
     constexpr double kProbe = 0.5;
     std::vector<size_t> strengths, shapes;
     std::vector<Eigen::VectorXd> slopes;
+    bool middle_only = true;  // alike along the line, in all that has been looked at
     for (size_t k = 0; k < parameters.size(); ++k) {
       ActiveEffect probe = null;
       const double sign = parameters[k].null_value < parameters[k].upper ? 1 : -1;
@@ -159,6 +173,8 @@ class Competing {
           best.parameter = static_cast<int>(k);
           best.detectable = length > 1e-9 ? std::abs(step) * std::sqrt(10 / length) : 0;
         }
+        const Eigen::VectorXd error = change - ChangeOf(probe, true);
+        middle_only = middle_only && error.norm() < kMiddleError * change.norm();
         strengths.push_back(k);
         slopes.push_back(change / step);
       } else {
@@ -166,7 +182,7 @@ class Competing {
       }
     }
     if (strengths.empty()) return best;
-    TrySlopes(null, strengths, slopes, best);
+    TrySlopes(null, strengths, slopes, middle_only, best);
     for (size_t shape : shapes) {
       for (double z : {-1.5, 1.5}) {
         ActiveEffect shaped = null;
@@ -176,10 +192,10 @@ class Competing {
           ActiveEffect probe = shaped;
           const EffectParameter& strength = parameters[strengths[s]];
           probe.parameters[strengths[s]] = ParameterFromStandardised(strength, kProbe);
-          slopes[s] =
-              ChangeOf(probe) / StandardisedParameter(strength, probe.parameters[strengths[s]]);
+          slopes[s] = ChangeOf(probe, middle_only) /
+                      StandardisedParameter(strength, probe.parameters[strengths[s]]);
         }
-        TrySlopes(shaped, strengths, slopes, best);
+        TrySlopes(shaped, strengths, slopes, middle_only, best);
       }
     }
     // Far from linear: larger steps either way.
@@ -188,7 +204,7 @@ class Competing {
         ActiveEffect far = null;
         const EffectParameter& strength = parameters[strengths[0]];
         far.parameters[strengths[0]] = ParameterFromStandardised(strength, z);
-        if (far.parameters[strengths[0]] != strength.null_value) Try(far, best);
+        if (far.parameters[strengths[0]] != strength.null_value) Try(far, middle_only, best);
       }
     }
     return best;
@@ -196,7 +212,8 @@ class Competing {
 
   // The best strengths if everything were linear, and half of that.
   void TrySlopes(const ActiveEffect& shaped, const std::vector<size_t>& strengths,
-                 const std::vector<Eigen::VectorXd>& slopes, ScreenedEffect& best) const {
+                 const std::vector<Eigen::VectorXd>& slopes, bool middle_only,
+                 ScreenedEffect& best) const {
     const int n = static_cast<int>(strengths.size());
     Eigen::MatrixXd information = 0.01 * Eigen::MatrixXd::Identity(n, n);
     Eigen::VectorXd gradient(n);
@@ -222,7 +239,7 @@ class Competing {
         best.linear_best = active;
       }
       const double before = best.gain;
-      Try(active, best);
+      Try(active, middle_only, best);
       if (part == 1 && best.gain > before && best.gain > 0.6 * linear_gain) return;
     }
   }
@@ -516,6 +533,7 @@ class Competing {
   const std::function<bool(double)>& progress_;
   LinearFit linear_;
   Competition competition_;
+  Entries null_middle_;  // expected if the whole line were like its middle
   std::vector<Candidate> candidates_;
   bool stopped_ = false;
 };

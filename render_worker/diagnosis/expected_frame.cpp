@@ -20,26 +20,38 @@ namespace sightline {
 namespace {
 
 constexpr int kSamplesPerPx = 4;
+constexpr double kNoLight = 1e-9;  // of the brightest place's: all such places count as dark
+constexpr double kLinear = 0.03;   // of the noise: levels that differ by less do so linearly
 
 // Standard normal distribution and density.
 double Distribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
 double Density(double x) { return std::exp(-0.5 * x * x) / std::sqrt(2 * std::numbers::pi); }
 
-// Mean of min(max(X, 0), top) for X normal.
-double MeanClipped(double mean, double deviation, double top) {
+// Mean of min(max(X, 0), top) for X normal, whose variance grows by `gain` with its mean (shot
+// noise), and its slope with the mean.
+struct Clipped {
+  double mean = 0, slope = 1;
+};
+
+Clipped MeanClipped(double mean, double deviation, double top, double gain) {
   const double low = -mean / deviation, high = (top - mean) / deviation;
-  if (low < -6 && high > 6) return mean;
-  if (high < -6) return top;
-  if (low > 6) return 0;
+  if (low < -6 && high > 6) return {mean, 1};
+  if (high < -6) return {top, 0};
+  if (low > 6) return {0, 0};
+  const double growth = gain / (2 * deviation);  // of the deviation with the mean
   // Mostly one end is far away.
-  if (high > 6) return mean * Distribution(-low) + deviation * Density(low);
+  if (high > 6) {
+    const double above = Distribution(-low), density = Density(low);
+    return {mean * above + deviation * density, above + growth * density};
+  }
   if (low < -6) {
-    const double below = Distribution(high);
-    return mean * below - deviation * Density(high) + top * (1 - below);
+    const double below = Distribution(high), density = Density(high);
+    return {mean * below - deviation * density + top * (1 - below), below - growth * density};
   }
   const double inside = Distribution(high) - Distribution(low);
-  return mean * inside + deviation * (Density(low) - Density(high)) +
-         top * (1 - Distribution(high));
+  const double densities = Density(low) - Density(high);
+  return {mean * inside + deviation * densities + top * (1 - Distribution(high)),
+          inside + growth * densities};
 }
 
 // What the converter makes of every number; empty if it leaves all as they are.
@@ -76,9 +88,12 @@ float MeanConversion(const std::vector<uint16_t>& converted, float mean, float d
   return sum / kValues;
 }
 
-// Laser irradiance of the sensor by a perfect lens at (u, v) (recordings format, section 3).
-double IdealIrradiance(const PlateScene& scene, const FrameSetup& frame, double u_m, double v_m,
-                       double* depth_m) {
+// Place on the plate that is seen at (u, v), and its distance.
+struct PlatePoint {
+  double x_m = 0, s_m = 0, distance_m = 0;
+};
+
+PlatePoint SeenAt(const PlateScene& scene, const FrameSetup& frame, double u_m, double v_m) {
   const double b = frame.ImageDistance();
   SensorPoint seen{u_m, v_m};
   if (scene.image_mapping) seen = scene.image_mapping(seen);
@@ -90,11 +105,18 @@ double IdealIrradiance(const PlateScene& scene, const FrameSetup& frame, double 
     x = seen.u_m * distance_m / b;
     s = seen.v_m * distance_m / b;
   }
-  *depth_m = distance_m;
+  return {x, s, distance_m};
+}
+
+// Irradiance of the sensor by a perfect lens at (u, v) over that of the plate by the laser
+// (recordings format, section 3).
+double Throughput(const PlateScene& scene, const FrameSetup& frame, const PlatePoint& point,
+                  double u_m, double v_m) {
+  const double b = frame.ImageDistance();
   const double cos2 = b * b / (b * b + u_m * u_m + v_m * v_m);
   const double aperture = frame.PupilDiameter() / b;
   return std::numbers::pi / 4 * frame.lens.transmission * aperture * aperture * cos2 * cos2 *
-         scene.brdf_per_sr(x, s) * scene.laser_irradiance_w_m2(x, s);
+         scene.brdf_per_sr(point.x_m, point.s_m);
 }
 
 // Mean irradiance of every pixel, alike in all columns; fills in what `imaging` has not.
@@ -107,13 +129,26 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
   const int margin_px = (length / kSamplesPerPx - roi.rows_px) / 2;
   const double step_per_m = kSamplesPerPx / (length * pitch_m);
   const double u_m = (roi.column_px + 0.5 * (roi.columns_px - 1)) * pitch_m;
+  const auto v_of = [&](int i) {
+    return (roi.row_px - margin_px + (i + 0.5) / kSamplesPerPx - 0.5) * pitch_m;
+  };
   std::vector<double> ideal(length);
+  std::vector<PlatePoint> points(length);
+  double brightest = 0;
+  for (int i = 0; i < length; ++i) {
+    points[i] = SeenAt(scene, frame, u_m, v_of(i));
+    ideal[i] = scene.laser_irradiance_w_m2(points[i].x_m, points[i].s_m);
+    brightest = std::max(brightest, ideal[i]);
+  }
   double weighted_depth_m = 0, weighted_v_m = 0, sum = 0;
   for (int i = 0; i < length; ++i) {
-    const double v_m = (roi.row_px - margin_px + (i + 0.5) / kSamplesPerPx - 0.5) * pitch_m;
-    double depth_m = 0;
-    ideal[i] = IdealIrradiance(scene, frame, u_m, v_m, &depth_m);
-    weighted_depth_m += ideal[i] * depth_m;
+    if (ideal[i] <= kNoLight * brightest) {
+      ideal[i] = 0;
+      continue;
+    }
+    const double v_m = v_of(i);
+    ideal[i] *= Throughput(scene, frame, points[i], u_m, v_m);
+    weighted_depth_m += ideal[i] * points[i].distance_m;
     weighted_v_m += ideal[i] * v_m;
     sum += ideal[i];
   }
@@ -268,7 +303,13 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
           : static_cast<double>(converted.size()) /
                 static_cast<double>(std::set(converted.begin(), converted.end()).size());
   const double rounding_variance_dn2 = step_dn * step_dn / 12;
+  // Where there is hardly any light, levels hardly differ: what is clipped is computed once.
+  struct Level {
+    double mean = 0;
+    Clipped clipped;
+  };
   Image<double> mean_of_levels(frame.roi.columns_px, frame.roi.rows_px, 0.0);
+  std::vector<Level> first_level(mean_of_levels.values.size());
   for (int level = 0; level < level_count; ++level) {
     Image<double> electrons = total;
     for (int row = 0; row < electrons.rows_px; ++row) {
@@ -295,8 +336,16 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     }
     Image<float> dn(electrons.columns_px, electrons.rows_px);
     for (size_t i = 0; i < dn.values.size(); ++i) {
-      dn.values[i] = static_cast<float>(
-          MeanClipped(gain * electrons.values[i] + sensor.black_level_dn, noise.values[i], top_dn));
+      const double mean = gain * electrons.values[i] + sensor.black_level_dn;
+      Level& first = first_level[i];
+      if (level == 0 || std::abs(mean - first.mean) > kLinear * noise.values[i]) {
+        const Clipped clipped = MeanClipped(mean, noise.values[i], top_dn, gain);
+        if (level == 0) first = {mean, clipped};
+        dn.values[i] = static_cast<float>(clipped.mean);
+      } else {
+        dn.values[i] =
+            static_cast<float>(first.clipped.mean + first.clipped.slope * (mean - first.mean));
+      }
     }
     if (!converted.empty()) {
       for (size_t i = 0; i < dn.values.size(); ++i) {

@@ -48,7 +48,8 @@ class ParameterVector {
 
   int size() const { return first_effect() + static_cast<int>(free_.size()); }
   int first_shift() const { return static_cast<int>(deviations_.size()); }
-  int first_effect() const { return first_shift() + shifts_; }
+  int first_model_error() const { return first_shift() + shifts_; }
+  int first_effect() const { return first_model_error() + ModelError::kCount; }
   int shifts() const { return shifts_; }
   std::string_view DeviationName(int i) const { return kDeviationNames[deviations_[i]]; }
   const EffectParameter& Parameter(size_t k) const {
@@ -65,6 +66,7 @@ class ParameterVector {
       x[i++] =
           parameters.line_shift_px[model_.position_ids()[s]] / uncertainty_.line_position_each_px;
     }
+    for (double error : parameters.model_error.standardised) x[i++] = error;
     for (size_t k = 0; k < free_.size(); ++k) {
       x[i++] = StandardisedParameter(
           Parameter(k), parameters.effects[free_[k].effect].parameters[free_[k].parameter]);
@@ -82,6 +84,7 @@ class ParameterVector {
       parameters.line_shift_px[model_.position_ids()[s]] =
           x[i++] * uncertainty_.line_position_each_px;
     }
+    for (double& error : parameters.model_error.standardised) error = x[i++];
     for (size_t k = 0; k < free_.size(); ++k) {
       parameters.effects[free_[k].effect].parameters[free_[k].parameter] =
           ParameterFromStandardised(Parameter(k), x[i++]);
@@ -206,7 +209,7 @@ class Fitter {
   void Differentiate(const State& state, const Entries& origin, bool middle_only, int i) {
     Eigen::VectorXd moved = state.x;
     double step = steps_[i];
-    const bool shift = i >= vector_.first_shift() && i < vector_.first_effect();
+    const bool shift = i >= vector_.first_shift() && i < vector_.first_model_error();
     if (shift) {
       moved.segment(vector_.first_shift(), vector_.shifts()).array() += step;
     } else {
@@ -267,6 +270,9 @@ class Fitter {
         }
       }
       if (vector_.shifts() > 0) Differentiate(state, origin, middle_only, vector_.first_shift());
+      for (int i = vector_.first_model_error(); i < vector_.first_effect(); ++i) {
+        Differentiate(state, origin, middle_only, i);
+      }
     }
     for (int i = vector_.first_effect(); i < n; ++i) Differentiate(state, state.mean, false, i);
     information_ = Eigen::MatrixXd::Identity(n, n);

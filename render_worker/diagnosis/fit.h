@@ -58,8 +58,8 @@ struct FitSettings {
 struct FitResult {
   SetParameters parameters;
   std::vector<FreeEffectParameter> free;
-  // Standardised: deviations over their uncertainties, line shifts over theirs, effects'
-  // parameters. Columns of the Jacobian are in this order.
+  // Standardised: deviations over their uncertainties, line shifts over theirs, errors of the
+  // model, effects' parameters. Columns of the Jacobian are in this order.
   Eigen::VectorXd standardised;
   std::vector<bool> held;                      // at a bound that the data would go beyond
   Eigen::MatrixXd covariance;                  // posterior, of `standardised`

@@ -4,11 +4,12 @@
 #include <array>
 #include <cassert>
 #include <cmath>
-#include <map>
-#include <mutex>
 #include <numbers>
 #include <numeric>
+#include <optional>
+#include <tuple>
 
+#include "render_worker/diagnosis/memo.h"
 #include "render_worker/optics/complex_product.h"
 #include "render_worker/optics/fourier.h"
 
@@ -22,6 +23,28 @@ constexpr double kTwoPi = 2 * std::numbers::pi;
 bool IsPlain(const Pupil& pupil) {
   return pupil.IsFullCircle() && pupil.obstruction_radius_m == 0 && !pupil.HasWavefrontError();
 }
+
+// Wavefront error along the chord at x: a low polynomial, so parabolas through some places do.
+class ChordWavefront {
+ public:
+  ChordWavefront(const Pupil& pupil, double radius_m, double x) : radius_m_(radius_m) {
+    for (int i = 0; i <= kSteps; ++i) {
+      places_[i] = pupil.WavefrontError(x, radius_m * (2.0 * i / kSteps - 1));
+    }
+  }
+  double At(double y) const {
+    const double place = 0.5 * (y / radius_m_ + 1) * kSteps;
+    const int middle = std::clamp(static_cast<int>(std::lround(place)), 1, kSteps - 1);
+    const double t = place - middle;
+    const double before = places_[middle - 1], here = places_[middle], after = places_[middle + 1];
+    return here + 0.5 * t * (after - before) + 0.5 * t * t * (after - 2 * here + before);
+  }
+
+ private:
+  static constexpr int kSteps = 128;
+  double radius_m_;
+  std::array<double, kSteps + 1> places_{};
+};
 
 std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double wavelength_m,
                                                       double image_distance_m,
@@ -57,12 +80,14 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   for (int c = IsPlain(pupil) ? chords / 2 : 0; c < chords; ++c) {
     const double x = ((c + 0.5) / chords * 2 - 1) * radius_m;
     chord.Clear();
+    std::optional<ChordWavefront> wavefront;
+    if (aberrated) wavefront.emplace(pupil, radius_m, x);
     for (int i = 0; i < samples; ++i) {
       const double y = (i + 0.5) * step_m - radius_m;
       const double transmission = pupil.Transmission(x, y);
       if (transmission == 0) continue;
       chord[i] = static_cast<float>(transmission) * defocus[i];
-      if (aberrated) chord[i] = Product(chord[i], phasor(pupil.WavefrontError(x, y)));
+      if (wavefront) chord[i] = Product(chord[i], phasor(wavefront->At(y)));
     }
     along.Run(chord.data());
     for (size_t k = 0; k < power.size(); ++k) power[k] += std::norm(chord[k]);
@@ -99,28 +124,15 @@ std::vector<std::complex<double>> LineTransfer(const Pupil& pupil, double wavele
                                                double image_distance_m,
                                                double defocus_curvature_per_m, double step_per_m,
                                                int count) {
-  if (!IsPlain(pupil)) {
-    return ComputeLineTransfer(pupil, wavelength_m, image_distance_m, defocus_curvature_per_m,
-                               step_per_m, count);
-  }
-  // A plain lens is looked at again and again: most effects leave it as it is.
-  using Key = std::array<double, 6>;
-  constexpr size_t kMost = 1024;  // 16 kB each
-  static std::mutex mutex;
-  static auto* const known = new std::map<Key, std::vector<std::complex<double>>>;
-  const Key key = {pupil.OuterRadius(),     wavelength_m, image_distance_m,
-                   defocus_curvature_per_m, step_per_m,   static_cast<double>(count)};
-  {
-    const std::lock_guard<std::mutex> lock(mutex);
-    const auto found = known->find(key);
-    if (found != known->end()) return found->second;
-  }
-  std::vector<std::complex<double>> transfer = ComputeLineTransfer(
-      pupil, wavelength_m, image_distance_m, defocus_curvature_per_m, step_per_m, count);
-  const std::lock_guard<std::mutex> lock(mutex);
-  if (known->size() >= kMost) known->clear();
-  known->emplace(key, transfer);
-  return transfer;
+  // The same lens is looked at again and again: most effects leave it as it is.
+  using Key = std::tuple<Pupil, double, double, double, double, int>;
+  constexpr size_t kMost = 4096;  // 16 kB each
+  static auto* const known = new Memo<Key, std::vector<std::complex<double>>>(kMost);
+  return known->Get(
+      {pupil, wavelength_m, image_distance_m, defocus_curvature_per_m, step_per_m, count}, [&] {
+        return ComputeLineTransfer(pupil, wavelength_m, image_distance_m, defocus_curvature_per_m,
+                                   step_per_m, count);
+      });
 }
 
 std::vector<std::complex<double>> PixelTransfer(int samples_per_px, int length,

@@ -292,7 +292,7 @@ Eigen::VectorXd TextureStatistic::Expected(const ExpectedSet& expected, int inde
       const double count = static_cast<double>(bin.rows.size());
       square += signal * signal / count;
     }
-    values[at++] = variance / square;
+    values[at++] = variance / square * (1 + expected.model_error.Of(ModelError::kContrast));
     for (double correlation : correlations) values[at++] = correlation / rows;
   }
   return values;

@@ -31,15 +31,20 @@ std::vector<double> BinEdges(double width_px, double farthest_px) {
 
 }  // namespace
 
+double DefocusRadiusPx(const FrameSetup& frame) {
+  const double b = frame.ImageDistance();
+  const double object_b = 1 / (1 / frame.lens.focal_length_m - 1 / frame.plate.camera_distance_m);
+  return frame.PupilDiameter() * std::abs(1 - b / object_b) / 2 / frame.sensor.pixel_pitch_m;
+}
+
 double NominalWidthPx(const FrameSetup& frame) {
   const double b = frame.ImageDistance();
   const double magnification = b / frame.plate.camera_distance_m;
   const double beam_m = BeamRadius(frame.laser, frame.plate.laser_distance_m) / 2 * magnification /
                         std::cos(frame.plate.incidence_angle_rad);
   const double diffraction_m = 0.5 * frame.laser.wavelength_m * b / frame.PupilDiameter();
-  const double object_b = 1 / (1 / frame.lens.focal_length_m - 1 / frame.plate.camera_distance_m);
-  const double defocus_m = frame.PupilDiameter() * std::abs(1 - b / object_b) / 4;
-  return std::hypot(std::hypot(beam_m, diffraction_m), defocus_m) / frame.sensor.pixel_pitch_m;
+  return std::hypot(std::hypot(beam_m, diffraction_m) / frame.sensor.pixel_pitch_m,
+                    DefocusRadiusPx(frame) / 2);
 }
 
 std::vector<PixelPlane> PixelPlanes(const Sensor& sensor) {

@@ -32,4 +32,7 @@ std::vector<ProfileBin> MakeProfileBins(const RecordedFrame& recorded,
 // Standard deviation of the nominal line's image, roughly: beam, diffraction, defocus.
 double NominalWidthPx(const FrameSetup& frame);
 
+// Radius of the disc that a point of the nominal line is blurred to by defocus alone.
+double DefocusRadiusPx(const FrameSetup& frame);
+
 }  // namespace sightline

@@ -18,10 +18,12 @@ constexpr double kUnsharedVariance = 0.12;
 constexpr double kUnsharedBetweenRecordings = 0.3;
 constexpr double kModelError = 0.005;
 // Of the far wings of the line's image, below this part of its crest: renderers cut them off.
-constexpr double kWingError = 0.5;
+constexpr double kWingError = 0.1;
 constexpr double kWing = 0.003;
-// And of what is left of it at the region's edge.
-constexpr double kTailError = 1;
+// And of what is left of it at the region's edge, besides what all recordings have in common: for
+// lines in focus and out of focus.
+constexpr double kTailInFocusError = 0.3, kTailOutOfFocusError = 1;
+constexpr double kInFocusPx = 2;  // radius of the blur up to which a line is in focus
 // Of the largest number, where half of the speckle is cut off: its law there is not quite a Gamma
 // law.
 constexpr double kSaturationError = 0.01;
@@ -46,18 +48,39 @@ void MakePositive(Eigen::MatrixXd& covariance) {
 
 // Signal at the outermost bins, from which all is counted: a hard-edged pupil's line spread falls
 // off with the square of the distance, so its fall from two thirds of the way tells what is left.
-double SignalAtEdge(const std::vector<ProfileBin>& bins, const Eigen::ArrayXd& signal) {
+double SignalAtEdge(const std::vector<ProfileBin>& bins, const Eigen::ArrayXd& signal, int plane) {
   double edge_px = 0;
   for (const ProfileBin& bin : bins) edge_px = std::max(edge_px, std::abs(bin.centre_px));
-  double sum = 0;
-  int count = 0;
+  double crest = 0, left = 0, nearest = 0.3;
   for (size_t i = 0; i < bins.size(); ++i) {
-    const double x_px = std::abs(bins[i].centre_px);
-    if (x_px < 0.55 * edge_px || x_px > 0.8 * edge_px) continue;
-    sum += signal[static_cast<Eigen::Index>(i)] / (std::pow(edge_px / x_px, 2) - 1);
-    ++count;
+    if (bins[i].plane != plane) continue;
+    const double here = signal[static_cast<Eigen::Index>(i)];
+    crest = std::max(crest, here);
+    const double x = std::abs(bins[i].centre_px) / edge_px;
+    if (std::abs(x - 2.0 / 3) >= nearest) continue;
+    nearest = std::abs(x - 2.0 / 3);
+    left = here / (1 / (x * x) - 1);
   }
-  return count > 0 ? std::clamp(sum / count, 0.0, kWing * signal.maxCoeff()) : 0;
+  return std::clamp(left, 0.0, kWing * crest);
+}
+
+// The same for every bin of a group.
+Eigen::VectorXd Tails(const Eigen::VectorXd& means, const ProfileGroup& members) {
+  Eigen::VectorXd tails(means.size());
+  const double background = means.minCoeff();
+  Eigen::Index first = 0;
+  for (const std::vector<ProfileBin>& bins : members.bins) {
+    const auto size = static_cast<Eigen::Index>(bins.size());
+    const Eigen::ArrayXd signal = means.segment(first, size).array() - background;
+    std::map<int, double> of_plane;
+    for (const ProfileBin& bin : bins) {
+      if (!of_plane.contains(bin.plane)) {
+        of_plane[bin.plane] = SignalAtEdge(bins, signal, bin.plane);
+      }
+      tails[first++] = of_plane[bin.plane];
+    }
+  }
+  return tails;
 }
 
 }  // namespace
@@ -74,6 +97,7 @@ ProfileStatistic::ProfileStatistic(const RecordedSet& set, int blocks_along_line
     if (group == static_cast<int>(groups_.size())) groups_.emplace_back();
     ProfileGroup& members = groups_[group];
     members.frames.push_back(static_cast<int>(f));
+    members.in_focus.push_back(DefocusRadiusPx(recorded.nominal) < kInFocusPx);
     members.columns_px = recorded.nominal.roi.columns_px;
     std::vector<ProfileBin> bins = MakeProfileBins(recorded, planes_);
     members.size += static_cast<int>(bins.size());
@@ -142,6 +166,19 @@ Eigen::VectorXd ProfileStatistic::Expected(const ExpectedSet& set, int entry_ind
         }
       }
       means[entry++] = sum / count;
+    }
+  }
+  const ModelError& error = set.model_error;
+  const double in_focus = error.Of(ModelError::kTailInFocus);
+  const double out_of_focus = error.Of(ModelError::kTailOutOfFocus);
+  if (in_focus != 0 || out_of_focus != 0) {
+    const Eigen::VectorXd tails = Tails(means, members);
+    entry = 0;
+    for (size_t m = 0; m < members.frames.size(); ++m) {
+      const auto size = static_cast<Eigen::Index>(members.bins[m].size());
+      means.segment(entry, size) +=
+          (members.in_focus[m] ? in_focus : out_of_focus) * tails.segment(entry, size);
+      entry += static_cast<int>(size);
     }
   }
   return means;
@@ -247,26 +284,28 @@ Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_i
   // signal.
   const Eigen::VectorXd means = Expected(set, entry_index);
   const double background = means.minCoeff();
-  Eigen::VectorXd wing(members.size);  // what is doubtful in the wings, alike in all recordings
+  // What is doubtful in the wings and in what is left at the edge: alike in all bins of a group,
+  // and in all blocks, whose entries do not know of each other.
+  Eigen::VectorXd wing(members.size), tail = Tails(means, members);
   int first_entry = 0;
-  for (const std::vector<ProfileBin>& bins : members.bins) {
-    const auto size = static_cast<Eigen::Index>(bins.size());
+  for (size_t m = 0; m < members.frames.size(); ++m) {
+    const auto size = static_cast<Eigen::Index>(members.bins[m].size());
     const Eigen::ArrayXd signal = means.segment(first_entry, size).array() - background;
-    wing.segment(first_entry, size) = (kWingError * signal.min(kWing * signal.maxCoeff()) +
-                                       kTailError * SignalAtEdge(bins, signal))
-                                          .matrix();
-    // Alike in all blocks, whose entries do not know of each other.
-    wing.segment(first_entry, size) *= std::sqrt(static_cast<double>(blocks_));
+    wing.segment(first_entry, size) = (kWingError * signal.min(kWing * signal.maxCoeff())).matrix();
+    tail.segment(first_entry, size) *=
+        members.in_focus[m] ? kTailInFocusError : kTailOutOfFocusError;
     first_entry += static_cast<int>(size);
   }
+  wing *= std::sqrt(static_cast<double>(blocks_));
+  tail *= std::sqrt(static_cast<double>(blocks_));
   for (int i = 0; i < members.size; ++i) {
     const double signal = means[i] - background;
     covariance(i, i) *=
         1 + (members.frames.size() > 1 ? kUnsharedBetweenRecordings : kUnsharedVariance);
     covariance(i, i) += std::pow(kModelError * signal, 2) + noise_variance[i] +
-                        saturation_variance[i] + 0.25 * wing[i] * wing[i];
+                        saturation_variance[i] + 0.25 * (wing[i] * wing[i] + tail[i] * tail[i]);
   }
-  covariance += wing * wing.transpose();
+  covariance += wing * wing.transpose() + tail * tail.transpose();
   return covariance;
 }
 

@@ -16,6 +16,7 @@ struct ProfileGroup {
   std::vector<int> frames;                    // of the set
   std::vector<std::vector<ProfileBin>> bins;  // of every frame
   int size = 0;                               // entries of a block's vector
+  std::vector<bool> in_focus;                 // every frame
   int columns_px = 0;                         // of the frames
 };
 

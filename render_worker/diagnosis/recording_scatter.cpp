@@ -5,14 +5,14 @@
 #include <array>
 #include <cmath>
 #include <complex>
-#include <functional>
 #include <map>
 #include <numbers>
 #include <string_view>
 #include <utility>
 
+#include "render_worker/diagnosis/line_displacement.h"
+#include "render_worker/diagnosis/scatter_law.h"
 #include "render_worker/effects/described_effect.h"
-#include "render_worker/plate/plate_scene.h"
 
 namespace sightline {
 
@@ -94,25 +94,6 @@ FitResult FitWithoutMovement(const SetModel& model) {
     settings.use_entry.push_back(!ComparesSpeckle(model, e));
   }
   return FitSet(model, start, {}, settings, nullptr);
-}
-
-// Amplitudes are of a recording, or of a block of a plate position.
-enum class Amplitude { kLight, kShift, kReflectance };
-
-// Covariance of the amplitudes and, for movement, the mean blur of every recording.
-struct ScatterLaw {
-  Amplitude amplitude = Amplitude::kLight;
-  // Lower triangular factor of the covariance of the amplitudes.
-  std::function<Eigen::MatrixXd(const std::vector<double>& parameters)> factor;
-  // [px^2] of every laser recording; empty: none.
-  std::function<Eigen::VectorXd(const std::vector<double>& parameters)> mean_blur;
-};
-
-double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(x) / x; }
-
-// Squared mean of a sinusoid of unit amplitude over an exposure, averaged over its phase.
-double ShiftVariance(double frequency_hz, double exposure_s) {
-  return 0.5 * std::pow(Sinc(kPi * frequency_hz * exposure_s), 2);
 }
 
 // The set about a realisation: what is left of the data and what the amplitudes change, whitened.
@@ -406,8 +387,6 @@ class RecordingScatter {
   Peak Search(const Linearisation& linear, const ScatterLaw& law, const Effect& effect) const;
   Posterior MostProbable(const Linearisation& linear, const ScatterLaw& law,
                          const std::vector<double>& parameters) const;
-  ScatterLaw LawOf(std::string_view id) const;
-  Eigen::MatrixXd TextureFactor(const std::vector<double>& parameters) const;
   Realisation RealisationOf(const ScatterLaw& law, const std::vector<double>& parameters,
                             const Posterior& posterior) const;
   std::vector<double> EstimateShifts();
@@ -425,80 +404,6 @@ class RecordingScatter {
   int slots_ = 0;
   double null_total_ = 0;
 };
-
-// Covariance of the mean reflectance of blocks, exp(-r^2/l^2) averaged along the blocks and over
-// the width of the line.
-Eigen::MatrixXd RecordingScatter::TextureFactor(const std::vector<double>& parameters) const {
-  const double rms = parameters[0], length_m = parameters[1];
-  const int blocks = model_.blocks_along_line();
-  const RecordedSet& set = model_.set();
-  const std::vector<int>& ids = model_.position_ids();
-  const Eigen::Index n = blocks * static_cast<Eigen::Index>(ids.size());
-  Eigen::MatrixXd factor = Eigen::MatrixXd::Zero(n, n);
-  // Integral of erf, for the mean over two intervals.
-  const auto twice = [&](double x) {
-    const double t = x / length_m;
-    return 0.5 * length_m * length_m * (std::sqrt(kPi) * t * std::erf(t) + std::exp(-t * t));
-  };
-  for (size_t p = 0; p < ids.size(); ++p) {
-    const auto of_position = [&](const RecordedFrame& f) { return f.plate_position_id == ids[p]; };
-    const FrameSetup& frame =
-        std::find_if(set.frames.begin(), set.frames.end(), of_position)->nominal;
-    const double magnification = frame.ImageDistance() / frame.plate.camera_distance_m;
-    const double block_m =
-        frame.roi.columns_px * frame.sensor.pixel_pitch_m / (blocks * magnification);
-    const double deviation_m = BeamRadius(frame.laser, frame.plate.laser_distance_m) /
-                               (2 * std::cos(frame.plate.incidence_angle_rad));
-    const double across = 1 / std::sqrt(1 + 4 * std::pow(deviation_m / length_m, 2));
-    Eigen::MatrixXd covariance(blocks, blocks);
-    for (int a = 0; a < blocks; ++a) {
-      for (int b = 0; b < blocks; ++b) {
-        const double d = (a - b) * block_m;
-        covariance(a, b) = rms * rms * across *
-                           (twice(d + block_m) - 2 * twice(d) + twice(d - block_m)) /
-                           (block_m * block_m);
-      }
-      covariance(a, a) *= 1 + 1e-6;
-    }
-    const auto at = static_cast<Eigen::Index>(p) * blocks;
-    factor.block(at, at, blocks, blocks) = covariance.llt().matrixL();
-  }
-  return factor;
-}
-
-ScatterLaw RecordingScatter::LawOf(std::string_view id) const {
-  const RecordedSet& set = model_.set();
-  Eigen::VectorXd exposure_s(lit());
-  for (int i = 0; i < lit(); ++i) exposure_s[i] = set.frames[lit_[i]].nominal.exposure_time_s;
-  const auto diagonal = [](const Eigen::VectorXd& deviation) -> Eigen::MatrixXd {
-    return deviation.asDiagonal();
-  };
-  ScatterLaw law;
-  if (id == "illumination.power_noise") {
-    law.factor = [=, n = lit()](const std::vector<double>& p) {
-      return diagonal(Eigen::VectorXd::Constant(n, p[0]));
-    };
-  } else if (id == "time.exposure_jitter") {
-    law.factor = [=](const std::vector<double>& p) {
-      return diagonal(p[0] * exposure_s.cwiseInverse());
-    };
-  } else if (id == "surface.albedo_texture") {
-    law.amplitude = Amplitude::kReflectance;
-    law.factor = [this](const std::vector<double>& p) { return TextureFactor(p); };
-  } else {
-    law.amplitude = Amplitude::kShift;
-    const auto variance = [=](double frequency_hz) -> Eigen::VectorXd {
-      return exposure_s.unaryExpr([=](double t) { return ShiftVariance(frequency_hz, t); });
-    };
-    law.factor = [=](const std::vector<double>& p) {
-      return diagonal(p[0] * variance(p[1]).cwiseSqrt());
-    };
-    law.mean_blur = [=](const std::vector<double>& p) -> Eigen::VectorXd {
-      return p[0] * p[0] * (0.5 - variance(p[1]).array());
-    };
-  }
-  return law;
-}
 
 // The evidence is integrated over a grid: logarithmic in the strength, in the shape's standardised
 // scale.
@@ -665,36 +570,8 @@ Realisation RecordingScatter::RealisationOf(const ScatterLaw& law,
 std::vector<double> RecordingScatter::EstimateShifts() {
   const RecordedSet& set = model_.set();
   const ExpectedSet expected = model_.ExpectStrips(null_.parameters, false);
-  const auto centroid = [](const std::vector<double>& rows) {
-    std::vector<double> sorted = rows;
-    std::sort(sorted.begin(), sorted.end());
-    const double background = sorted[sorted.size() / 4];
-    const double threshold = background + 0.1 * (sorted.back() - background);
-    double sum = 0, moment = 0;
-    for (size_t row = 0; row < rows.size(); ++row) {
-      if (rows[row] <= threshold) continue;
-      sum += rows[row] - background;
-      moment += (rows[row] - background) * static_cast<double>(row);
-    }
-    return sum > 0 ? moment / sum : 0;
-  };
   std::vector<double> shifts(set.frames.size(), 0);
-  for (int f : lit_) {
-    const Image<uint16_t>& raw = set.frames[f].raw_dn;
-    std::vector<double> seen(raw.rows_px, 0), modelled(raw.rows_px, 0);
-    for (int row = 0; row < raw.rows_px; ++row) {
-      for (int c = 0; c < raw.columns_px; ++c) seen[row] += raw.At(row, c);
-      for (const std::vector<ExpectedFrame>& strips : expected.strips) {
-        for (int c = 0; c < 2; ++c) modelled[row] += strips[f].MeanDn(row, c);
-      }
-    }
-    // Both rows of a Bayer cell together.
-    for (int row = 0; row + 1 < raw.rows_px; ++row) {
-      seen[row] += seen[row + 1];
-      modelled[row] += modelled[row + 1];
-    }
-    shifts[f] = centroid(seen) - centroid(modelled);
-  }
+  for (int f : lit_) shifts[f] = LineDisplacementPx(set, expected, f);
   constexpr double kNear_px = 0.3;
   for (int id : model_.position_ids()) {
     double mean = 0, count = 0, farthest = 0;
@@ -732,6 +609,7 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
           posterior.parameters[at++] * uncertainty.line_position_each_px;
     }
   }
+  for (double& error : fit.parameters.model_error.standardised) error = posterior.parameters[at++];
   const RealisedEffect realised(realisation);
   fit.mean = model_.Expect(WithRealisation(fit.parameters, realised), false).mean;
   const int first = static_cast<int>(fit.parameters.effects.size());
@@ -790,7 +668,7 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
 }
 
 ScatterCandidate RecordingScatter::Evaluate(const Effect& effect) {
-  const ScatterLaw law = LawOf(effect.description().id);
+  const ScatterLaw law = ScatterLawOf(effect.description().id, model_);
   Realisation at(model_.set().frames.size());
   if (law.amplitude == Amplitude::kShift) at.shift_px = EstimateShifts();
   Linearisation linear = Linearise(law.amplitude, at);

@@ -8,6 +8,7 @@
 #include "render_worker/diagnosis/burst_statistic.h"
 #include "render_worker/diagnosis/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/histogram_statistic.h"
+#include "render_worker/diagnosis/line_displacement.h"
 #include "render_worker/diagnosis/noise_statistics.h"
 #include "render_worker/diagnosis/profile_statistic.h"
 #include "render_worker/diagnosis/shared_speckle_statistic.h"
@@ -96,6 +97,7 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
   const int bursts = static_cast<int>(bursts_.size());
   ExpectedSet expected;
   expected.effects = parameters.effects;
+  expected.model_error = parameters.model_error;
   const bool colour =
       frames > 0 && set_.frames[0].nominal.sensor.colour_filter != ColourFilter::kMono;
   const int margin_px = colour && NeedsNeighbours(parameters.effects) ? 2 : 0;
@@ -143,38 +145,12 @@ std::map<int, double> SetModel::EstimateLineShifts(const SetParameters& paramete
   SetParameters centred = parameters;
   centred.line_shift_px.clear();
   const ExpectedSet expected = ExpectStrips(centred, false);
-  const auto centroid = [](const std::vector<double>& rows) {
-    std::vector<double> sorted = rows;
-    std::sort(sorted.begin(), sorted.end());
-    const double background = sorted[sorted.size() / 4];
-    const double threshold = background + 0.1 * (sorted.back() - background);
-    double sum = 0, moment = 0;
-    for (size_t row = 0; row < rows.size(); ++row) {
-      if (rows[row] <= threshold) continue;
-      sum += rows[row] - background;
-      moment += (rows[row] - background) * static_cast<double>(row);
-    }
-    return sum > 0 ? moment / sum : 0;
-  };
   std::map<int, std::pair<double, int>> sums;
   for (size_t f = 0; f < set_.frames.size(); ++f) {
     const RecordedFrame& recorded = set_.frames[f];
     if (recorded.plate_position_id < 0) continue;
-    const Image<uint16_t>& raw = recorded.raw_dn;
-    std::vector<double> seen(raw.rows_px, 0), modelled(raw.rows_px, 0);
-    for (int row = 0; row < raw.rows_px; ++row) {
-      for (int c = 0; c < raw.columns_px; ++c) seen[row] += raw.At(row, c);
-      for (const std::vector<ExpectedFrame>& strips : expected.strips) {
-        for (int c = 0; c < 2; ++c) modelled[row] += strips[f].MeanDn(row, c);
-      }
-    }
-    // Both rows of a Bayer cell together.
-    for (int row = 0; row + 1 < raw.rows_px; ++row) {
-      seen[row] += seen[row + 1];
-      modelled[row] += modelled[row + 1];
-    }
     auto& [sum, count] = sums[recorded.plate_position_id];
-    sum += centroid(seen) - centroid(modelled);
+    sum += LineDisplacementPx(set_, expected, static_cast<int>(f));
     ++count;
   }
   std::map<int, double> shifts;

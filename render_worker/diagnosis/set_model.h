@@ -16,6 +16,7 @@ namespace sightline {
 struct SetParameters {
   SetupDeviation deviations;
   std::map<int, double> line_shift_px;  // of every plate position, besides the common one
+  ModelError model_error;
   std::vector<ActiveEffect> effects;
 };
 

@@ -6,11 +6,12 @@
 #include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 #include <cstdlib>
-#include <map>
-#include <mutex>
 #include <numbers>
 #include <numeric>
+#include <tuple>
 #include <utility>
+
+#include "render_worker/diagnosis/memo.h"
 
 namespace sightline {
 
@@ -327,6 +328,79 @@ double LightThrough(const Pupil& pupil, const SampledPupil& sampled, int row, in
   return sum / (kParts * kParts);
 }
 
+// A line of Gaussian profile, as it is looked at.
+struct SpeckledLine {
+  double wavelength_m, image_distance_m, blur, pixel_pitch_m;
+  double line_m, lit_m;  // standard deviations without and with diffraction
+  int lag;               // greatest
+};
+
+constexpr int kSides = 4;  // places on either side of the line's middle
+
+std::vector<SpecklePixelCovariance> OfCircle(double radius_m, const SpeckledLine& line,
+                                             double spacing_m) {
+  const CircleLine circle(radius_m, line.wavelength_m, line.image_distance_m, line.blur,
+                          line.line_m, line.lit_m, line.pixel_pitch_m, line.lag);
+  std::vector<SpecklePixelCovariance> places;
+  for (int place = -kSides; place <= 0; ++place) {
+    places.emplace_back(line.lag, circle.reach(), circle.reach(),
+                        circle.PixelCovariances(-place * spacing_m));
+  }
+  for (int place = 1; place <= kSides; ++place) {
+    SpecklePixelCovariance other_side = places[kSides - place];
+    places.push_back(std::move(other_side));
+  }
+  return places;
+}
+
+// By samples of the pupil; the line's own width counts only as far as it lights them.
+std::vector<SpecklePixelCovariance> OfSamples(const Pupil& pupil, const SpeckledLine& line,
+                                              double spacing_m) {
+  const SampledPupil sampled = SamplePupil(pupil.OuterRadius(), line.wavelength_m,
+                                           line.image_distance_m, line.pixel_pitch_m, line.lag);
+  std::vector<double> light;
+  for (int i = 0; i < sampled.rows; ++i) {
+    for (int j = 0; j < sampled.columns; ++j) {
+      light.push_back(LightThrough(pupil, sampled, i, j, line.line_m / line.lit_m));
+    }
+  }
+  const RowOverlaps overlaps(sampled, light);
+  std::vector<SpecklePixelCovariance> places;
+  std::vector<double> weights(sampled.rows, 1.0);
+  for (int place = -kSides; place <= kSides; ++place) {
+    for (int i = 0; i < sampled.rows; ++i) {
+      const double v = (place * spacing_m - line.blur * sampled.Y(i)) / line.lit_m;
+      weights[i] = std::exp(-0.5 * v * v) + 1e-12;
+    }
+    places.emplace_back(line.lag, sampled.row_reach, sampled.column_reach,
+                        PixelCovariances(sampled, overlaps, weights));
+  }
+  return places;
+}
+
+// What the shape changes, on the statistics of the circle around it.
+std::vector<SpecklePixelCovariance> OfShape(const Pupil& pupil, const SpeckledLine& line,
+                                            double spacing_m) {
+  Pupil circle;
+  circle.radius_m = pupil.OuterRadius();
+  const std::vector<SpecklePixelCovariance> exact = OfCircle(circle.radius_m, line, spacing_m);
+  const std::vector<SpecklePixelCovariance> shaped = OfSamples(pupil, line, spacing_m);
+  const std::vector<SpecklePixelCovariance> round = OfSamples(circle, line, spacing_m);
+  std::vector<SpecklePixelCovariance> places;
+  for (size_t place = 0; place < exact.size(); ++place) {
+    std::vector<double> values;
+    for (int r = 0; r <= line.lag; ++r) {
+      for (int c = 0; c <= line.lag; ++c) {
+        const double before = round[place].At(r, c);
+        const double change = before > 1e-3 ? std::max(0.0, shaped[place].At(r, c) / before) : 1.0;
+        values.push_back(exact[place].At(r, c) * change);
+      }
+    }
+    places.emplace_back(line.lag, line.lag, line.lag, std::move(values));
+  }
+  return places;
+}
+
 }  // namespace
 
 SpecklePixelCovariance::SpecklePixelCovariance(const Pupil& pupil, const PupilWeight& weight,
@@ -374,86 +448,24 @@ LineSpeckle::LineSpeckle(const Pupil& pupil, double wavelength_m, double image_d
       wavelength_m * image_distance_m / (2 * pupil.OuterRadius()) /
       (pixel_pitch_m * std::min(stretch, blur_radius_m > lit_m ? lit_m / blur_radius_m : 1.0));
   const int lag = std::clamp(2 + static_cast<int>(std::ceil(3 * size_px)), 3, 10);
-  const int sides = 4;
-  spacing_m_ = (blur_radius_m + 2 * lit_m) / sides;
-  // Light of the sampled pupil by its rows, for pupils of any shape.
-  const auto sampled_places = [&](const Pupil& shape) {
-    const SampledPupil sampled =
-        SamplePupil(pupil.OuterRadius(), wavelength_m, image_distance_m, pixel_pitch_m, lag);
-    std::vector<double> light;
-    for (int i = 0; i < sampled.rows; ++i) {
-      for (int j = 0; j < sampled.columns; ++j) {
-        light.push_back(LightThrough(shape, sampled, i, j, stretch));
-      }
-    }
-    const RowOverlaps overlaps(sampled, light);
-    std::vector<SpecklePixelCovariance> places;
-    std::vector<double> weights(sampled.rows, 1.0);
-    for (int place = -sides; place <= sides; ++place) {
-      for (int i = 0; i < sampled.rows; ++i) {
-        const double v = (place * spacing_m_ - blur * sampled.Y(i)) / lit_m;
-        weights[i] = std::exp(-0.5 * v * v) + 1e-12;
-      }
-      SpecklePixelCovariance covariance;
-      covariance.max_lag_ = lag;
-      covariance.row_reach_ = sampled.row_reach;
-      covariance.column_reach_ = sampled.column_reach;
-      covariance.values_ = PixelCovariances(sampled, overlaps, weights);
-      places.push_back(std::move(covariance));
-    }
-    return places;
-  };
-  if (!pupil.IsFullCircle() || pupil.obstruction_radius_m != 0) {
-    // What the shape changes, on the statistics of the circle around it.
-    Pupil circle;
-    circle.radius_m = pupil.OuterRadius();
-    const LineSpeckle round(circle, wavelength_m, image_distance_m, blur_per_pupil, pixel_pitch_m,
-                            ideal, first_v_m, sample_pitch_m);
-    auto places = std::make_shared<std::vector<SpecklePixelCovariance>>(*round.places_);
-    const std::vector<SpecklePixelCovariance> shaped = sampled_places(pupil);
-    const std::vector<SpecklePixelCovariance> of_circle = sampled_places(circle);
-    for (size_t place = 0; place < places->size(); ++place) {
-      for (size_t i = 0; i < shaped[place].values_.size(); ++i) {
-        const double before = of_circle[place].values_[i];
-        if (before > 1e-3) {
-          (*places)[place].values_[i] *= std::max(0.0, shaped[place].values_[i] / before);
-        }
-      }
-    }
-    places_ = std::move(places);
-    return;
-  }
-  // The same line through a plain lens is looked at again and again: most effects leave both alone.
-  using Key = std::array<double, 6>;
-  constexpr size_t kMost = 1024;  // up to 9 kB each
-  static std::mutex mutex;
+  spacing_m_ = (blur_radius_m + 2 * lit_m) / kSides;
+  // The same line through the same lens is looked at again and again: most effects leave both
+  // alone.
+  using Key = std::tuple<Pupil, double, double, double, double, double>;
+  constexpr size_t kMost = 4096;  // up to 9 kB each
   static auto* const known =
-      new std::map<Key, std::shared_ptr<const std::vector<SpecklePixelCovariance>>>;
-  const Key key = {pupil.OuterRadius(), wavelength_m, image_distance_m, blur,
-                   pixel_pitch_m,       line_m};
-  {
-    const std::lock_guard<std::mutex> lock(mutex);
-    const auto found = known->find(key);
-    if (found != known->end()) {
-      places_ = found->second;
-      return;
-    }
-  }
-  const CircleLine line(pupil.OuterRadius(), wavelength_m, image_distance_m, blur, line_m, lit_m,
-                        pixel_pitch_m, lag);
-  auto places = std::make_shared<std::vector<SpecklePixelCovariance>>(2 * sides + 1,
-                                                                      SpecklePixelCovariance());
-  for (int place = 0; place <= sides; ++place) {
-    SpecklePixelCovariance& covariance = (*places)[sides + place];
-    covariance.max_lag_ = lag;
-    covariance.row_reach_ = covariance.column_reach_ = line.reach();
-    covariance.values_ = line.PixelCovariances(place * spacing_m_);
-    (*places)[sides - place] = covariance;
-  }
-  places_ = std::move(places);
-  const std::lock_guard<std::mutex> lock(mutex);
-  if (known->size() >= kMost) known->clear();
-  known->emplace(key, places_);
+      new Memo<Key, std::shared_ptr<const std::vector<SpecklePixelCovariance>>>(kMost);
+  const SpeckledLine line{wavelength_m, image_distance_m, blur, pixel_pitch_m, line_m, lit_m, lag};
+  // Of the wavefront's errors speckle of an even object knows nothing.
+  Pupil shape = pupil;
+  shape.zernike_m.clear();
+  shape.seidel.clear();
+  if (shape.IsFullCircle()) shape.clips.clear();
+  places_ = known->Get({shape, wavelength_m, image_distance_m, blur, pixel_pitch_m, line_m}, [&] {
+    return std::make_shared<const std::vector<SpecklePixelCovariance>>(
+        shape.IsFullCircle() ? OfCircle(shape.radius_m, line, spacing_m_)
+                             : OfShape(shape, line, spacing_m_));
+  });
 }
 
 int LineSpeckle::PlaceOf(double v_m) const {
@@ -488,6 +500,13 @@ std::vector<double> ComputeGammaLevels(double contrast_squared, int count) {
     levels[i] = (end - below) * count;
     below = end;
   }
+  // Means of intervals vary less than what lies in them.
+  double variance = 0;
+  for (double level : levels) variance += (level - 1) * (level - 1) / count;
+  if (variance > 0) {
+    const double stretch = std::sqrt(contrast_squared / variance);
+    for (double& level : levels) level = std::max(0.0, 1 + stretch * (level - 1));
+  }
   return levels;
 }
 
@@ -495,21 +514,10 @@ std::vector<double> ComputeGammaLevels(double contrast_squared, int count) {
 
 std::vector<double> GammaLevels(double contrast_squared, int count) {
   if (contrast_squared <= 0) return std::vector<double>(count, 1.0);
-  using Key = std::pair<double, int>;
   constexpr size_t kMost = 16384;
-  static std::mutex mutex;
-  static auto* const known = new std::map<Key, std::vector<double>>;
-  const Key key = {contrast_squared, count};
-  {
-    const std::lock_guard<std::mutex> lock(mutex);
-    const auto found = known->find(key);
-    if (found != known->end()) return found->second;
-  }
-  std::vector<double> levels = ComputeGammaLevels(contrast_squared, count);
-  const std::lock_guard<std::mutex> lock(mutex);
-  if (known->size() >= kMost) known->clear();
-  known->emplace(key, levels);
-  return levels;
+  static auto* const known = new Memo<std::pair<double, int>, std::vector<double>>(kMost);
+  return known->Get({contrast_squared, count},
+                    [&] { return ComputeGammaLevels(contrast_squared, count); });
 }
 
 }  // namespace sightline

@@ -4,6 +4,7 @@
 
 #include <functional>
 #include <memory>
+#include <utility>
 #include <vector>
 
 #include "core/image/image.h"
@@ -23,16 +24,19 @@ class SpecklePixelCovariance {
  public:
   SpecklePixelCovariance(const Pupil& pupil, const PupilWeight& weight, double wavelength_m,
                          double image_distance_m, double pixel_pitch_m, int max_lag);
+  // `values` by lag, row by row; zero beyond the reaches.
+  SpecklePixelCovariance(int max_lag, int row_reach, int column_reach, std::vector<double> values)
+      : max_lag_(max_lag),
+        row_reach_(row_reach),
+        column_reach_(column_reach),
+        values_(std::move(values)) {}
 
   double At(int rows, int columns) const;
   int max_lag() const { return max_lag_; }
 
  private:
-  friend class LineSpeckle;
-  SpecklePixelCovariance() = default;
-
   int max_lag_ = 0;
-  int row_reach_ = 0, column_reach_ = 0;  // farther it is zero
+  int row_reach_ = 0, column_reach_ = 0;
   std::vector<double> values_;
 };
 
@@ -59,7 +63,8 @@ class LineSpeckle {
 };
 
 // A pixel's irradiance follows about a Gamma law of shape M = 1/contrast^2 (Goodman 4.7.2). Factors
-// of the mean, the average of each of `count` equally likely intervals; their mean is 1.
+// of the mean, the average of each of `count` equally likely intervals, stretched about the mean so
+// that they have the law's variance; their mean is 1.
 std::vector<double> GammaLevels(double contrast_squared, int count);
 
 }  // namespace sightline

@@ -1,6 +1,7 @@
 // The lens's exit pupil: shape and wavefront error, and what follows for diffraction.
 #pragma once
 
+#include <compare>
 #include <complex>
 #include <vector>
 
@@ -17,6 +18,8 @@ struct SeidelTerm {
   int radial_power = 0;
   int cosine_power = 0;
   double axis_rad = 0;
+
+  auto operator<=>(const SeidelTerm&) const = default;
 };
 
 // A disc that light must also pass (the rims of other lenses).
@@ -24,6 +27,8 @@ struct PupilClip {
   double centre_u_m = 0;
   double centre_v_m = 0;
   double radius_m = 0;
+
+  auto operator<=>(const PupilClip&) const = default;
 };
 
 struct Pupil {
@@ -44,6 +49,8 @@ struct Pupil {
   // A full circle (clips that do not cut count as none).
   bool IsFullCircle() const;
   bool HasWavefrontError() const { return !zernike_m.empty() || !seidel.empty(); }
+
+  auto operator<=>(const Pupil&) const = default;
 };
 
 // Thin lens of the frame: D = f/N, blades, obstruction, Zernike terms.

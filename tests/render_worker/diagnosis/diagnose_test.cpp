@@ -79,6 +79,30 @@ TEST(ProfileStatistic, CovarianceIsPositiveOutOfFocus) {
   }
 }
 
+// A bug found: how uncertain what is left at the region's edge is was lost where no bin lay at the
+// right place.
+TEST(ProfileStatistic, TailsAreUncertainWhateverTheBins) {
+  for (const double f_number : {1.4, 2.8, 8.0}) {
+    for (const double distance_m : {0.28, 0.31, 0.33}) {
+      RecordingSet description = SmallSetDescription();
+      for (RecordedImage& image : description.recordings) {
+        image.f_number = f_number;
+        image.camera_distance_m = distance_m;
+      }
+      const RecordedSet set = MakeRecordedSet(description, {});
+      const SetModel model(set, {});
+      SetParameters more;
+      more.model_error.standardised = {1, 1, 0};
+      const SetModel::Expectation nominal = model.Expect({}, false);
+      const SetModel::Expectation raised = model.Expect(more, false);
+      for (int e = 0; e < model.entries(); ++e) {
+        if (model.StatisticOf(e).name() != "profile" || nominal.mean[e].size() < 10) continue;
+        EXPECT_GT((raised.mean[e] - nominal.mean[e]).minCoeff(), 0) << f_number << " " << e;
+      }
+    }
+  }
+}
+
 TEST(NullInformation, GainGrowsWithTheSquareOfAWeakEffect) {
   const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
   const NullInformation information(set, {}, {});

@@ -1,0 +1,29 @@
+// How recordings scatter about their expectation by effects that are drawn anew for each of them.
+#pragma once
+
+#include <Eigen/Core>
+#include <functional>
+#include <string_view>
+#include <vector>
+
+#include "render_worker/diagnosis/set_model.h"
+
+namespace sightline {
+
+// Amplitudes are of a recording, or of a block of a plate position.
+enum class Amplitude { kLight, kShift, kReflectance };
+
+// Covariance of the amplitudes and, for movement, the mean blur of every recording.
+struct ScatterLaw {
+  Amplitude amplitude = Amplitude::kLight;
+  // Lower triangular factor of the covariance of the amplitudes.
+  std::function<Eigen::MatrixXd(const std::vector<double>& parameters)> factor;
+  // [px^2] of every laser recording; empty: none.
+  std::function<Eigen::VectorXd(const std::vector<double>& parameters)> mean_blur;
+};
+
+// Of an effect that IsRecordingScatter; `model` must outlive the law. Amplitudes are in the order
+// of the laser recordings, or of blocks by plate positions.
+ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model);
+
+}  // namespace sightline
