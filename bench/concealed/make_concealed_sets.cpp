@@ -112,21 +112,27 @@ struct DrawnEffect {
 // What the null model of a set says about effects; made when it is first needed.
 class SetKnowledge {
  public:
-  SetKnowledge(const RecordedSet& set, int threads) : set_(set), threads_(threads) {}
+  SetKnowledge(const RecordedSet& set, const SetupDeviation& deviation, int threads)
+      : set_(set), threads_(threads) {
+    truth_.deviations = deviation;
+    truth_.deviations.line_position_each_px = 0;  // of every position, not known here
+  }
 
   ExpectedGain Gain() {
     if (!fine_) {
       SetModelSettings settings;
       settings.threads = threads_;
-      fine_ = std::make_unique<NullInformation>(set_, settings, SetParameters{});
+      fine_ = std::make_unique<NullInformation>(set_, settings, truth_);
+      gain_of_none_ = fine_->ExpectedGain({});  // deviations moved towards the nominal ones
       const ActiveEffect sample = {FindEffect("illumination.power_error"), {1.1}};
       if (const double gain = fine_->ExpectedGain({sample}); !(gain > 0 && std::isfinite(gain))) {
         Fail(set_.description.name + ": the expected gain of a power error is " +
              std::to_string(gain));
       }
     }
-    return
-        [this](const std::vector<ActiveEffect>& effects) { return fine_->ExpectedGain(effects); };
+    return [this](const std::vector<ActiveEffect>& effects) {
+      return fine_->ExpectedGain(effects) - gain_of_none_;
+    };
   }
   // Coarser: shares, not numbers, are wanted, of many effects.
   Alternatives& OtherEffects() {
@@ -156,6 +162,8 @@ class SetKnowledge {
 
  private:
   const RecordedSet& set_;
+  SetParameters truth_;
+  double gain_of_none_ = 0;
   int threads_;
   struct Coarse {
     Coarse(const RecordedSet& set, const SetModelSettings& settings)
@@ -345,7 +353,8 @@ class Maker {
     truth["effects"] = Json::array();
     std::vector<ActiveEffect> effects;
     const RecordedSet planned = Planned(set);
-    SetKnowledge knowledge(planned, options_.threads);
+    const SetupDeviation deviation = DrawDeviation(set.uncertainty, own);
+    SetKnowledge knowledge(planned, deviation, options_.threads);
     CounterRandom random(DeriveSeed(own, "effects"), 0);
     if (kind != Kind::kNull) {
       const std::vector<const Effect*> vocabulary = VocabularyEffects();
@@ -373,7 +382,7 @@ class Maker {
       }
     }
     PlateFrameOptions frame_options;
-    frame_options.deviation = DrawDeviation(set.uncertainty, own);
+    frame_options.deviation = deviation;
     frame_options.seed = own;
     truth["nuisance"] = DeviationJson(frame_options.deviation);
     Render(set, effects, frame_options, folder);

@@ -32,6 +32,7 @@ constexpr double kLeastGain = 1.5;   // [nats] worth a fit
 // The null model's deviations may hide an effect that it does not fail for.
 constexpr size_t kFittedAfreshAnyway = 2;
 constexpr double kPromising = 10;      // [nats]
+constexpr double kLinearLength = 25;   // of a change, squared and whitened: it is linear so far
 constexpr double kMiddleError = 0.02;  // of a change taken to be alike along the line
 constexpr double kMostAmplitude = 3;   // of an added effect, over that at which it was looked at
 
@@ -154,7 +155,7 @@ class Competing {
     // Parameters that change nothing by themselves only shape what others do.
     constexpr double kProbe = 0.5;
     std::vector<size_t> strengths, shapes;
-    std::vector<Eigen::VectorXd> slopes;
+    std::vector<Eigen::VectorXd> slopes, near_slopes;  // near: by steps small enough to be linear
     bool middle_only = true;  // alike along the line, in all that has been looked at
     for (size_t k = 0; k < parameters.size(); ++k) {
       ActiveEffect probe = null;
@@ -177,14 +178,33 @@ class Competing {
         middle_only = middle_only && error.norm() < kMiddleError * change.norm();
         strengths.push_back(k);
         slopes.push_back(change / step);
+        near_slopes.push_back(slopes.back());
+        const double length = linear_.Inner(change, change);
+        if (length > kLinearLength) {
+          const double near = step * std::sqrt(kLinearLength / length);
+          probe.parameters[k] = ParameterFromStandardised(parameters[k], near);
+          near_slopes.back() = ChangeOf(probe, middle_only) / near;
+        }
       } else {
         shapes.push_back(k);
       }
     }
-    if (strengths.empty()) return best;
-    TrySlopes(null, strengths, slopes, middle_only, best);
+    // Nothing by itself: beyond a threshold only, or a strength with another parameter far off.
+    const bool hidden = strengths.empty();
+    if (hidden) {
+      for (size_t k : shapes) TryBeyondThreshold(null, k, best);
+      if (best.gain > 0 || parameters.size() < 2) return best;
+      strengths = {0};
+      slopes.resize(1);
+      shapes.erase(shapes.begin());
+    } else {
+      TrySlopes(null, strengths, slopes, middle_only, best);
+      TrySlopes(null, strengths, near_slopes, middle_only, best);
+    }
+    const std::vector<double> offsets =
+        hidden ? std::vector<double>{-4.5, -3, -1.5, 1.5} : std::vector<double>{-1.5, 1.5};
     for (size_t shape : shapes) {
-      for (double z : {-1.5, 1.5}) {
+      for (double z : offsets) {
         ActiveEffect shaped = null;
         shaped.parameters[shape] = ParameterFromStandardised(parameters[shape], z);
         if (shaped.parameters[shape] == null.parameters[shape]) continue;
@@ -208,6 +228,36 @@ class Competing {
       }
     }
     return best;
+  }
+
+  // A parameter that changes nothing until it is far from its null value (a full well, a rim):
+  // values beyond the one from which on it does, alone and with the others changed.
+  void TryBeyondThreshold(const ActiveEffect& null, size_t k, ScreenedEffect& best) const {
+    const std::vector<EffectParameter>& parameters = null.effect->description().parameters;
+    const auto at = [&](double value) {
+      ActiveEffect active = null;
+      active.parameters[k] = value;
+      return active;
+    };
+    const auto changes = [&](double value) { return ChangeOf(at(value)).squaredNorm() > 1e-12; };
+    double without = null.parameters[k], with = parameters[k].lower;
+    if (!(with > 0 && with < without) || !changes(with)) return;
+    while (without / with > 1.01) {
+      const double middle = std::sqrt(without * with);
+      (changes(middle) ? with : without) = middle;
+    }
+    for (const double ratio : {1.0, 0.97, 0.92, 0.85, 0.7, 0.5}) {
+      const ActiveEffect beyond = at(std::max(parameters[k].lower, ratio * with));
+      Try(beyond, false, best);
+      for (size_t j = 0; j < parameters.size(); ++j) {
+        if (j == k) continue;
+        for (const double z : {-1.5, 1.5}) {
+          ActiveEffect shaped = beyond;
+          shaped.parameters[j] = ParameterFromStandardised(parameters[j], z);
+          Try(shaped, false, best);
+        }
+      }
+    }
   }
 
   // The best strengths if everything were linear, and half of that.
@@ -319,9 +369,17 @@ class Competing {
       const bool promising = i < kFittedAfreshAnyway && promise(*order[i]) > kPromising;
       if ((rejected || displaced || promising) && afresh < kFittedAfresh) {
         ++afresh;
-        candidates_.push_back(
-            MakeCandidate({displaced ? order[i]->linear_best : order[i]->strongest}));
+        const ActiveEffect& start = displaced ? order[i]->linear_best : order[i]->strongest;
+        candidates_.push_back(MakeCandidate({start}));
         FitAfresh(candidates_.back());
+        // With little weight on the data it may have lost its way.
+        if (candidates_.back().log_evidence < 0.8 * promise(*order[i])) {
+          Candidate near = MakeCandidate({start});
+          Fit(near, competition_.null, false, 4);
+          if (near.log_evidence > candidates_.back().log_evidence) {
+            candidates_.back() = std::move(near);
+          }
+        }
       } else {
         candidates_.push_back(MakeCandidate({order[i]->strongest}));
         Fit(candidates_.back(), competition_.null, false, 4);

@@ -303,6 +303,17 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
           : static_cast<double>(converted.size()) /
                 static_cast<double>(std::set(converted.begin(), converted.end()).size());
   const double rounding_variance_dn2 = step_dn * step_dn / 12;
+  // A full pixel has no noise: what it would hold is cut off together with its noise, at the number
+  // a full pixel gives or at the largest.
+  const double capacity = sensor.saturation_capacity_electrons;
+  const double overfull_electrons = capacity + 6 * std::sqrt(capacity);
+  Image<double> plateau_dn(frame.roi.columns_px, frame.roi.rows_px, capacity);
+  for (const ActiveEffect& active : effects) {
+    active.effect->OnElectrons(plateau_dn, frame, active.parameters);
+  }
+  for (double& plateau : plateau_dn.values) {
+    plateau = std::clamp(std::floor(gain * plateau + sensor.black_level_dn + 0.5), 0.0, top_dn);
+  }
   // Where there is hardly any light, levels hardly differ: what is clipped is computed once.
   struct Level {
     double mean = 0;
@@ -328,8 +339,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
       noise.values[i] = static_cast<float>(
           std::sqrt(gain * gain * (std::max(0.0, electrons.values[i]) + read_variance) +
                     rounding_variance_dn2));
-      electrons.values[i] =
-          std::min(electrons.values[i] + dark_electrons, sensor.saturation_capacity_electrons);
+      electrons.values[i] = std::min(electrons.values[i] + dark_electrons, overfull_electrons);
     }
     for (const ActiveEffect& active : effects) {
       active.effect->OnElectrons(electrons, frame, active.parameters);
@@ -339,7 +349,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
       const double mean = gain * electrons.values[i] + sensor.black_level_dn;
       Level& first = first_level[i];
       if (level == 0 || std::abs(mean - first.mean) > kLinear * noise.values[i]) {
-        const Clipped clipped = MeanClipped(mean, noise.values[i], top_dn, gain);
+        const Clipped clipped = MeanClipped(mean, noise.values[i], plateau_dn.values[i], gain);
         if (level == 0) first = {mean, clipped};
         dn.values[i] = static_cast<float>(clipped.mean);
       } else {

@@ -404,6 +404,12 @@ Whitening::Whitening(const std::vector<Eigen::MatrixXd>& covariance, const Entri
   }
 }
 
+SetParameters AtStandardised(const SetModel& model, const SetParameters& from,
+                             const Eigen::VectorXd& standardised) {
+  ParameterVector vector(model, from, {});
+  return vector.ToParameters(vector.Bounded(standardised.head(vector.size())));
+}
+
 FitResult LineariseSet(const SetModel& model, const SetParameters& parameters) {
   return Fitter(model, parameters, {}, {}, nullptr).LineariseAt(parameters);
 }

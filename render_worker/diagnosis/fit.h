@@ -76,6 +76,11 @@ struct FitResult {
   std::vector<double> entry_chi_squared;  // also of entries not used
 };
 
+// `from` with deviations, line shifts and errors of the model as `standardised` (first as in
+// FitResult), within their bounds.
+SetParameters AtStandardised(const SetModel& model, const SetParameters& from,
+                             const Eigen::VectorXd& standardised);
+
 // Levenberg-Marquardt with finite differences; `start` must have the line to within its width.
 // `reference`: a fit of the same model with fewer free parameters, or null.
 FitResult FitSet(const SetModel& model, const SetParameters& start,

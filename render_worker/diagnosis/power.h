@@ -19,7 +19,7 @@ class NullInformation {
 
   // Expected gain in log-likelihood [nats] of the true model over the refitted null model if these
   // effects are there: half the squared length of the whitened change of the statistics' means,
-  // after the best deviations (with their priors) have been taken off.
+  // after the best deviations (with their priors) have been refitted.
   double ExpectedGain(const std::vector<ActiveEffect>& effects) const;
 
  private:

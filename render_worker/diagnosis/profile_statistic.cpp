@@ -18,7 +18,7 @@ constexpr double kUnsharedVariance = 0.12;
 constexpr double kUnsharedBetweenRecordings = 0.3;
 constexpr double kModelError = 0.005;
 // Of the far wings of the line's image, below this part of its crest: renderers cut them off.
-constexpr double kWingError = 0.1;
+constexpr double kWingError = 0.2;
 constexpr double kWing = 0.003;
 // And of what is left of it at the region's edge, besides what all recordings have in common: for
 // lines in focus and out of focus.

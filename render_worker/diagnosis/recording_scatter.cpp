@@ -465,7 +465,11 @@ RecordingScatter::Peak RecordingScatter::Search(const Linearisation& linear, con
   };
   constexpr double kWeakest = -6;  // log of the strength over its scale
   const double strongest = std::log(strength.upper / strength.prior_scale);
-  const Peak coarse = summarise(grid(kWeakest, std::min(strongest, 4.0), 0.4, -6, 6, 0.5));
+  const double longest =
+      shaped ? std::min(6.0, StandardisedParameter(
+                                 description[1], std::min(law.largest_shape, description[1].upper)))
+             : 0;
+  const Peak coarse = summarise(grid(kWeakest, std::min(strongest, 4.0), 0.4, -6, longest, 0.5));
   if (coarse.gain < 1) return coarse;
   std::array<double, 2> best = {
       std::log(coarse.parameters[0] / strength.prior_scale),
@@ -488,6 +492,7 @@ RecordingScatter::Peak RecordingScatter::Search(const Linearisation& linear, con
           std::array<double, 2> next = best;
           next[k] += sign * step;
           next[0] = std::clamp(next[0], kWeakest, strongest);
+          next[1] = std::min(next[1], longest);
           const double there = gain_at(next);
           if (!(there > gain + 1e-3)) continue;
           gain = there;
@@ -498,7 +503,7 @@ RecordingScatter::Peak RecordingScatter::Search(const Linearisation& linear, con
     }
   }
   Peak fine = summarise(grid(std::max(kWeakest, best[0] - 0.6), std::min(strongest, best[0] + 0.6),
-                             0.1, best[1] - 0.5, best[1] + 0.5, 0.1));
+                             0.1, best[1] - 0.5, std::min(longest, best[1] + 0.5), 0.1));
   fine.parameters = parameters_at(best);
   fine.gain = gain;
   // A wide distribution is covered by the coarse grid only; a narrow one falls between the points,

@@ -20,6 +20,13 @@ double ShiftVariance(double frequency_hz, double exposure_s) {
   return 0.5 * std::pow(Sinc(kPi * frequency_hz * exposure_s), 2);
 }
 
+// Length of a block on the plate.
+double BlockLength(const SetModel& model, const FrameSetup& frame) {
+  const double magnification = frame.ImageDistance() / frame.plate.camera_distance_m;
+  return frame.roi.columns_px * frame.sensor.pixel_pitch_m /
+         (model.blocks_along_line() * magnification);
+}
+
 // Covariance of the mean reflectance of blocks, exp(-r^2/l^2) averaged along the blocks and over
 // the width of the line.
 Eigen::MatrixXd TextureFactor(const SetModel& model, const std::vector<double>& parameters) {
@@ -38,9 +45,7 @@ Eigen::MatrixXd TextureFactor(const SetModel& model, const std::vector<double>& 
     const auto of_position = [&](const RecordedFrame& f) { return f.plate_position_id == ids[p]; };
     const FrameSetup& frame =
         std::find_if(set.frames.begin(), set.frames.end(), of_position)->nominal;
-    const double magnification = frame.ImageDistance() / frame.plate.camera_distance_m;
-    const double block_m =
-        frame.roi.columns_px * frame.sensor.pixel_pitch_m / (blocks * magnification);
+    const double block_m = BlockLength(model, frame);
     const double deviation_m = BeamRadius(frame.laser, frame.plate.laser_distance_m) /
                                (2 * std::cos(frame.plate.incidence_angle_rad));
     const double across = 1 / std::sqrt(1 + 4 * std::pow(deviation_m / length_m, 2));
@@ -83,6 +88,7 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
     };
   } else if (id == "surface.albedo_texture") {
     law.amplitude = Amplitude::kReflectance;
+    law.largest_shape = BlockLength(model, model.set().frames.front().nominal);
     law.factor = [&model](const std::vector<double>& p) { return TextureFactor(model, p); };
   } else {
     law.amplitude = Amplitude::kShift;

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <functional>
+#include <limits>
 #include <string_view>
 #include <vector>
 
@@ -18,6 +19,8 @@ struct ScatterLaw {
   Amplitude amplitude = Amplitude::kLight;
   // Lower triangular factor of the covariance of the amplitudes.
   std::function<Eigen::MatrixXd(const std::vector<double>& parameters)> factor;
+  // Of the second parameter: what is larger is no scatter within a recording.
+  double largest_shape = std::numeric_limits<double>::infinity();
   // [px^2] of every laser recording; empty: none.
   std::function<Eigen::VectorXd(const std::vector<double>& parameters)> mean_blur;
 };

@@ -8,6 +8,7 @@
 #include "render_worker/diagnosis/burst_statistic.h"
 #include "render_worker/diagnosis/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/histogram_statistic.h"
+#include "render_worker/diagnosis/hot_pixels.h"
 #include "render_worker/diagnosis/line_displacement.h"
 #include "render_worker/diagnosis/noise_statistics.h"
 #include "render_worker/diagnosis/profile_statistic.h"
@@ -83,10 +84,13 @@ SetModel::SetModel(const RecordedSet& set, const SetModelSettings& settings)
   statistics_.push_back(std::make_unique<FixedPatternStatistic>(set));
   statistics_.push_back(std::make_unique<BurstStatistic>(set));
   const bool recorded = !set.frames.empty() && !set.frames.front().raw_dn.values.empty();
+  const RecordedSet cleaned = recorded ? WithoutHotPixels(set) : RecordedSet{};
   for (size_t s = 0; s < statistics_.size(); ++s) {
+    // Hot pixels are a fixed pattern.
+    const RecordedSet& seen = statistics_[s]->name() == "fixed pattern" ? set : cleaned;
     for (int entry = 0; entry < statistics_[s]->entries(); ++entry) {
       places_.emplace_back(static_cast<int>(s), entry);
-      observed_.push_back(recorded ? statistics_[s]->Observed(set, entry) : Eigen::VectorXd());
+      observed_.push_back(recorded ? statistics_[s]->Observed(seen, entry) : Eigen::VectorXd());
     }
   }
 }

@@ -6,11 +6,13 @@
 #include <Eigen/Eigenvalues>
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "render_worker/diagnosis/competition.h"
 #include "render_worker/diagnosis/expected_frame.h"
 #include "render_worker/diagnosis/fit_quality.h"
+#include "render_worker/diagnosis/hot_pixels.h"
 #include "render_worker/diagnosis/linear_fit.h"
 #include "render_worker/diagnosis/power.h"
 #include "render_worker/diagnosis/profile_statistic.h"
@@ -183,6 +185,81 @@ TEST(ExpectFrame, AStuckBitTakesHalfANumberOnAverage) {
     return;
   }
   FAIL() << "no dark frame";
+}
+
+// A bug found: a full well just above the converter's largest number, which cannot be seen, changed
+// the mean of full pixels.
+TEST(ExpectFrame, AFullWellAboveTheConverterIsNotSeen) {
+  RecordingSet description = SmallSetDescription();
+  description.camera.saturation_capacity_electrons = 1e6;
+  FrameSetup frame = MakeRecordedSet(description, {}).frames.front().nominal;
+  frame.exposure_time_s *= 20;
+  const Sensor& sensor = frame.sensor;
+  const double largest_electrons =
+      (sensor.largest_dn() - sensor.black_level_dn) / sensor.gain_dn_per_electron;
+  const auto brightest = [&](double full_well_electrons) {
+    const std::vector<ActiveEffect> effects = {
+        {FindEffect("sensor.lower_full_well"), {full_well_electrons}}};
+    const ExpectedFrame expected = ExpectFrame(frame, effects, nullptr, nullptr, 12);
+    double largest = 0;
+    for (int row = 0; row < frame.roi.rows_px; ++row) {
+      largest = std::max(largest, expected.MeanDn(row, 0));
+    }
+    return largest;
+  };
+  const double without = brightest(1e6);
+  EXPECT_GT(without, 0.9 * sensor.largest_dn());
+  EXPECT_NEAR(brightest(1.005 * largest_electrons), without, 1e-3);
+  EXPECT_LT(brightest(0.95 * largest_electrons), without - 5);
+}
+
+// A bug found: a few hot pixels spoiled every variance, and another effect was named.
+TEST(WithoutHotPixels, ReplacesThemEverywhereAndNothingElse) {
+  const RecordingSet description = SmallSetDescription();
+  std::vector<Image<uint16_t>> images;
+  for (const RecordedImage& recording : description.recordings) {
+    Image<uint16_t> image(recording.roi_columns_px, recording.roi_rows_px);
+    for (size_t i = 0; i < image.values.size(); ++i) {
+      image.values[i] = static_cast<uint16_t>(20 + (i * 7919) % 5);
+    }
+    images.push_back(std::move(image));
+  }
+  const Image<uint16_t> before = images.front();
+  images.back().At(60, 50) = 700;  // seen in a dark frame, lies on the line of the others
+  images.front().At(60, 50) = 400;
+  images.front().At(62, 90) = images.front().At(62, 91) = 400;  // on the line: may be speckle
+  const RecordedSet cleaned = WithoutHotPixels(MakeRecordedSet(description, images));
+  EXPECT_LE(cleaned.frames.back().raw_dn.At(60, 50), 25);
+  EXPECT_LE(cleaned.frames.front().raw_dn.At(60, 50), 25);
+  EXPECT_EQ(cleaned.frames.front().raw_dn.At(62, 90), 400);
+  int changed = 0;
+  for (size_t i = 0; i < before.values.size(); ++i) {
+    changed += cleaned.frames.front().raw_dn.values[i] != images.front().values[i];
+  }
+  EXPECT_EQ(changed, 1);
+}
+
+// Bugs found: effects that begin beyond a threshold, or of which the first step tried moves the
+// line by many pixels, were not even fitted.
+TEST(Compete, FindsWhatBeginsFarFromItsNullValueAndWhatIsFarFromLinear) {
+  const std::vector<std::pair<std::string, std::vector<double>>> cases = {
+      {"sensor.lower_full_well", {2000}}, {"geometry.laser_roll", {0.05}}};
+  for (const auto& [id, parameters] : cases) {
+    const Effect* effect = FindEffect(id);
+    const RecordedSet set = RenderSmallSet(SomeDeviations(), {{effect, parameters}}, 5);
+    const SetModel model(set, {});
+    CompetitionSettings settings;
+    const std::vector<const Effect*> effects = {effect};
+    settings.effects = effects;
+    const Competition competition =
+        Compete(model, FitNull(model), settings, [](double) { return true; });
+    const Candidate& best = competition.ranked.front();
+    ASSERT_FALSE(best.effects.empty()) << id;
+    const double error =
+        std::hypot(best.fit.effect_standard_errors[0], kEffectError * parameters[0]);
+    EXPECT_LT(error, 0.2 * parameters[0]) << id;
+    EXPECT_NEAR(best.effects[0].parameters[0], parameters[0], 4 * error) << id;
+  }
 }
 
 TEST(LinearFit, WhatABoundHoldsAbsorbsNothing) {
