@@ -75,7 +75,7 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   const bool aberrated = pupil.HasWavefrontError();
   const FourierPlan along(FourierPlan::Direction::kForward, 2 * samples);
   FourierBuffer<std::complex<float>> chord(FourierStride(2 * samples));
-  std::vector<double> power(2 * samples, 0);
+  std::vector<double> power(2 * static_cast<size_t>(samples), 0);
   // Both halves of a plain pupil are alike.
   for (int c = IsPlain(pupil) ? chords / 2 : 0; c < chords; ++c) {
     const double x = ((c + 0.5) / chords * 2 - 1) * radius_m;

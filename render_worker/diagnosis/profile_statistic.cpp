@@ -262,7 +262,7 @@ Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_i
                    [](const RowLevels& a, const RowLevels& b) { return a.row < b.row; });
   const auto table_of = [&](int row) {
     const double v_m = (front.frame.roi.row_px + row) * front.frame.sensor.pixel_pitch_m;
-    return &correlation[line.PlaceOf(v_m) * distances * 3];
+    return &correlation[static_cast<size_t>(line.PlaceOf(v_m)) * distances * 3];
   };
   for (size_t i = 0; i < all.size(); ++i) {
     const double* here = table_of(all[i].row);

@@ -98,7 +98,7 @@ class RowOverlaps {
     const int count = static_cast<int>(kinds.size());
     by_kinds_.resize(static_cast<size_t>(count) * count);
     totals_.resize(count);
-    std::vector<double> twice(3 * columns, 0);  // with room for the shifts
+    std::vector<double> twice(3 * static_cast<size_t>(columns), 0);  // with room for the shifts
     Eigen::VectorXd overlaps(2 * columns - 1);
     for (int k = 0; k < count; ++k) {
       std::copy(kinds[k], kinds[k] + columns, twice.begin() + columns);
