@@ -192,6 +192,7 @@ class Competing {
     // Nothing by itself: beyond a threshold only, or a strength with another parameter far off.
     const bool hidden = strengths.empty();
     if (hidden) {
+      middle_only = false;  // nothing has been looked at
       for (size_t k : shapes) TryBeyondThreshold(null, k, best);
       if (best.gain > 0 || parameters.size() < 2) return best;
       strengths = {0};

@@ -19,12 +19,8 @@ using SensorPixel = std::pair<int, int>;  // row, column
 
 // Rows of a plane without laser light.
 std::vector<int> UnlitRows(const RecordedFrame& recorded, const PixelPlane& plane) {
-  const FrameSetup& frame = recorded.nominal;
-  const double centre_px = frame.ImageDistance() / frame.plate.camera_distance_m *
-                               frame.plate.line_offset_m / frame.sensor.pixel_pitch_m -
-                           frame.roi.row_px;
-  const double lit_px =
-      recorded.plate_position_id < 0 ? 0 : 8 * NominalWidthPx(recorded.nominal) + 40;
+  const double centre_px = NominalLineRow(recorded.nominal);
+  const double lit_px = recorded.plate_position_id < 0 ? 0 : UnlitDistancePx(recorded.nominal);
   std::vector<int> rows;
   for (int row = plane.first_row; row < recorded.raw_dn.rows_px; row += plane.step) {
     if (lit_px == 0 || std::abs(row - centre_px) > lit_px) rows.push_back(row);

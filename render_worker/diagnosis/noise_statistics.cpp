@@ -140,7 +140,7 @@ TextureStatistic::TextureStatistic(const RecordedSet& set, int blocks_along_line
     std::vector<std::vector<ProfileBin>> cores(planes_.size());
     for (ProfileBin& bin : MakeProfileBins(recorded, planes_)) {
       const double distance_px = std::abs(bin.centre_px);
-      if (distance_px > 8 * width_px + 40) {
+      if (distance_px > UnlitDistancePx(recorded.nominal)) {
         ProfileBin& far = backgrounds[bin.plane];
         far.plane = bin.plane;
         far.rows.insert(far.rows.end(), bin.rows.begin(), bin.rows.end());

@@ -31,6 +31,14 @@ std::vector<double> BinEdges(double width_px, double farthest_px) {
 
 }  // namespace
 
+double NominalLineRow(const FrameSetup& frame) {
+  return frame.ImageDistance() / frame.plate.camera_distance_m * frame.plate.line_offset_m /
+             frame.sensor.pixel_pitch_m -
+         frame.roi.row_px;
+}
+
+double UnlitDistancePx(const FrameSetup& frame) { return 8 * NominalWidthPx(frame) + 40; }
+
 double DefocusRadiusPx(const FrameSetup& frame) {
   const double b = frame.ImageDistance();
   const double object_b = 1 / (1 / frame.lens.focal_length_m - 1 / frame.plate.camera_distance_m);
@@ -57,9 +65,7 @@ std::vector<ProfileBin> MakeProfileBins(const RecordedFrame& recorded,
   const FrameSetup& frame = recorded.nominal;
   std::vector<ProfileBin> bins;
   const int rows_px = frame.roi.rows_px;
-  const double centre_px = frame.ImageDistance() / frame.plate.camera_distance_m *
-                               frame.plate.line_offset_m / frame.sensor.pixel_pitch_m -
-                           frame.roi.row_px;
+  const double centre_px = NominalLineRow(frame);
   const double farthest_px = std::max(centre_px, rows_px - centre_px);
   std::vector<double> edges = {1e9};
   if (recorded.plate_position_id >= 0) edges = BinEdges(NominalWidthPx(frame), farthest_px);

@@ -32,6 +32,12 @@ std::vector<ProfileBin> MakeProfileBins(const RecordedFrame& recorded,
 // Standard deviation of the nominal line's image, roughly: beam, diffraction, defocus.
 double NominalWidthPx(const FrameSetup& frame);
 
+// Row of the nominal line in its region.
+double NominalLineRow(const FrameSetup& frame);
+
+// Distance from the nominal line beyond which its light counts as none.
+double UnlitDistancePx(const FrameSetup& frame);
+
 // Radius of the disc that a point of the nominal line is blurred to by defocus alone.
 double DefocusRadiusPx(const FrameSetup& frame);
 
