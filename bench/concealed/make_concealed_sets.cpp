@@ -45,6 +45,7 @@ struct Options {
   bool small_nulls = false;
   bool only_table = false;
   int threads = 2;
+  std::vector<double> gains = {5, 20, 100};  // expected, to draw from [nats]
 };
 
 [[noreturn]] void Fail(const std::string& message) {
@@ -76,9 +77,9 @@ const char* KindName(Kind kind) {
   return kNames[static_cast<int>(kind)];
 }
 
-double DrawTarget(CounterRandom& random) {
-  constexpr double kTargets[] = {5, 20, 100};
-  return kTargets[std::min(2, static_cast<int>(3 * random.Uniform()))];
+double DrawTarget(const std::vector<double>& gains, CounterRandom& random) {
+  const auto count = static_cast<double>(gains.size());
+  return gains[std::min(gains.size() - 1, static_cast<size_t>(count * random.Uniform()))];
 }
 
 // The one of 5, 20 and 100 that is nearest.
@@ -124,7 +125,8 @@ class SetKnowledge {
       settings.threads = threads_;
       fine_ = std::make_unique<NullInformation>(set_, settings, truth_);
       gain_of_none_ = fine_->ExpectedGain({});  // deviations moved towards the nominal ones
-      const ActiveEffect sample = {FindEffect("illumination.power_error"), {1.1}};
+      // Far beyond what deviations could make up for.
+      const ActiveEffect sample = {FindEffect("illumination.power_error"), {2}};
       if (const double gain = fine_->ExpectedGain({sample}); !(gain > 0 && std::isfinite(gain))) {
         Fail(set_.description.name + ": the expected gain of a power error is " +
              std::to_string(gain));
@@ -233,7 +235,7 @@ class Maker {
                          const std::vector<const Effect*>& from, const Effect* first,
                          CounterRandom& random, const Effect* other) {
     DrawnEffect drawn;
-    drawn.target = DrawTarget(random);
+    drawn.target = DrawTarget(options_.gains, random);
     const Effect* effect = first;
     constexpr int kMostDraws = 200;
     for (; drawn.redrawn < kMostDraws; ++drawn.redrawn) {
@@ -428,6 +430,8 @@ int main(int argc, char** argv) {
   app.add_flag("--small-nulls", options.small_nulls, "nulls of 13 recordings of 192 x 160");
   app.add_flag("--table-only", options.only_table,
                "accept equivalents known from physics only, without computing them for every set");
+  app.add_option("--gains", options.gains, "expected gains to draw from; default 5 20 100")
+      ->check(CLI::PositiveNumber);
   app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);
   CLI11_PARSE(app, argc, argv);
   sightline::bench::Maker(options).Run();
