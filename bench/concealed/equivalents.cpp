@@ -72,32 +72,30 @@ Alternatives::Direction Alternatives::Weak(const EffectFamily& family) const {
   return direction;
 }
 
-void Alternatives::Prepare() {
-  prepared_ = true;
+const std::vector<std::vector<Alternatives::Direction>>& Alternatives::DirectionsOf(
+    const Effect& effect) {
+  const auto [known, fresh] = directions_.try_emplace(&effect);
+  if (!fresh) return known->second;
   constexpr int kShapes = 3;
-  for (const Effect* effect : VocabularyEffects()) {
-    for (const std::vector<EffectFamily>& families : SpanningFamilies(*effect, camera_, kShapes)) {
-      std::vector<Direction> directions;
-      for (const EffectFamily& family : families) {
-        Direction direction = Weak(family);
-        if (0.5 * direction.change.dot(direction.projected) > 0.01 * kWeakGain) {
-          directions.push_back(std::move(direction));
-        }
+  for (const std::vector<EffectFamily>& families : SpanningFamilies(effect, camera_, kShapes)) {
+    std::vector<Direction> directions;
+    for (const EffectFamily& family : families) {
+      Direction direction = Weak(family);
+      if (0.5 * direction.change.dot(direction.projected) > 0.01 * kWeakGain) {
+        directions.push_back(std::move(direction));
       }
-      if (!directions.empty()) alternatives_.push_back(std::move(directions));
     }
+    if (!directions.empty()) known->second.push_back(std::move(directions));
   }
+  return known->second;
 }
 
-std::map<std::string, double> Alternatives::Explained(const ActiveEffect& truth) {
-  if (!prepared_) Prepare();
+double Alternatives::Explained(const ActiveEffect& truth, const Effect& other) {
   const Eigen::VectorXd change = model_.change({truth});
   const double square = 2 * Gain(change);
-  std::map<std::string, double> explained;
-  if (!(square > 1e-6)) return explained;
-  for (const std::vector<Direction>& directions : alternatives_) {
-    const Effect* effect = directions.front().family.effect;
-    if (effect == truth.effect) continue;
+  double best = 0;
+  if (!(square > 1e-6)) return best;
+  for (const std::vector<Direction>& directions : DirectionsOf(other)) {
     const auto n = static_cast<Eigen::Index>(directions.size());
     Eigen::VectorXd inner(n);
     Eigen::MatrixXd gram(n, n);
@@ -108,7 +106,7 @@ std::map<std::string, double> Alternatives::Explained(const ActiveEffect& truth)
       }
     }
     const Eigen::VectorXd coefficient = gram.completeOrthogonalDecomposition().solve(inner);
-    double share = inner.dot(coefficient) / square;
+    const double share = inner.dot(coefficient) / square;
     ActiveEffect start = directions.front().family.At(0);
     for (Eigen::Index i = 0; i < n; ++i) {
       const EffectFamily& family = directions[i].family;
@@ -118,19 +116,14 @@ std::map<std::string, double> Alternatives::Explained(const ActiveEffect& truth)
         continue;
       }
       for (size_t k = 0; k < family.direction.size(); ++k) {
-        const EffectParameter& parameter = effect->description().parameters[k];
+        const EffectParameter& parameter = other.description().parameters[k];
         start.parameters[k] = std::clamp(start.parameters[k] + scale * family.direction[k],
                                          parameter.lower, parameter.upper);
       }
     }
-    share = share < kNear ? std::min(share, kNear) : Refined(start, change, square);
-    double& best = explained[std::string(effect->description().id)];
-    best = std::max(best, share);
+    best = std::max(best, share < kNear ? share : Refined(start, change, square));
   }
-  for (auto it = explained.begin(); it != explained.end();) {
-    it = it->second < 0.5 ? explained.erase(it) : std::next(it);
-  }
-  return explained;
+  return best;
 }
 
 // Best share over all parameters of the alternative.

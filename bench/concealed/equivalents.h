@@ -24,19 +24,14 @@ struct ChangeModel {
   std::function<Eigen::VectorXd(const Eigen::VectorXd&)> project;
 };
 
-// An alternative whose best-fitting change explains at least this share of the square of the
-// effect's change, beyond what refitted deviations explain, counts as the same.
-inline constexpr double kExplainedShare = 0.98;
-
-// Every effect of the vocabulary in turn: a linear fit of its strengths, for a few shapes; then,
+// Effects of the vocabulary, one at a time: a linear fit of its strengths, for a few shapes; then,
 // where that comes near, all its parameters by Gauss and Newton within their bounds.
 class Alternatives {
  public:
   Alternatives(ChangeModel model, const Sensor& camera);
 
-  // Share of what `truth` changes that each other effect can explain, by id; those below a half are
-  // left out. Empty if `truth` changes nothing.
-  std::map<std::string, double> Explained(const ActiveEffect& truth);
+  // Share of what `truth` changes that the best of `other` explains. 0 if `truth` changes nothing.
+  double Explained(const ActiveEffect& truth, const Effect& other);
 
  private:
   struct Direction {
@@ -47,13 +42,13 @@ class Alternatives {
 
   double Gain(const Eigen::VectorXd& change) const;
   Direction Weak(const EffectFamily& family) const;
-  void Prepare();
+  // Strengths of one effect, for every shape looked at.
+  const std::vector<std::vector<Direction>>& DirectionsOf(const Effect& effect);
   double Refined(ActiveEffect start, const Eigen::VectorXd& truth, double square) const;
 
   ChangeModel model_;
   const Sensor camera_;
-  bool prepared_ = false;
-  std::vector<std::vector<Direction>> alternatives_;  // strengths of one effect with one shape
+  std::map<const Effect*, std::vector<std::vector<Direction>>> directions_;  // as far as wanted
 };
 
 }  // namespace sightline::bench

@@ -22,7 +22,6 @@
 #include "bench/concealed/variant_laws.h"
 #include "core/random/counter_random.h"
 #include "render_worker/diagnosis/expected_frame.h"
-#include "render_worker/diagnosis/linear_fit.h"
 #include "render_worker/diagnosis/power.h"
 #include "render_worker/diagnosis/recorded_set.h"
 #include "render_worker/image_chain/form_image.h"
@@ -43,7 +42,6 @@ struct Options {
   int64_t seed = 1;
   int nulls = 0, single = 0, pairs = 0, variants = 0;
   bool small_nulls = false;
-  bool only_table = false;
   int threads = 2;
   std::vector<double> gains = {5, 20, 100};  // expected, to draw from [nats]
 };
@@ -110,56 +108,32 @@ struct DrawnEffect {
   int redrawn = 0;
 };
 
-// What the null model of a set says about effects; made when it is first needed.
-class SetKnowledge {
+// Expected gains in a set, from a null model that is made when it is first needed.
+class SetPower {
  public:
-  SetKnowledge(const RecordedSet& set, const SetupDeviation& deviation, int threads)
+  SetPower(const RecordedSet& set, const SetupDeviation& deviation, int threads)
       : set_(set), threads_(threads) {
     truth_.deviations = deviation;
     truth_.deviations.line_position_each_px = 0;  // of every position, not known here
   }
 
   ExpectedGain Gain() {
-    if (!fine_) {
+    if (!information_) {
       SetModelSettings settings;
       settings.threads = threads_;
-      fine_ = std::make_unique<NullInformation>(set_, settings, truth_);
-      gain_of_none_ = fine_->ExpectedGain({});  // deviations moved towards the nominal ones
+      information_ = std::make_unique<NullInformation>(set_, settings, truth_);
+      gain_of_none_ = information_->ExpectedGain({});  // deviations moved towards the nominal ones
       // Far beyond what deviations could make up for.
       const ActiveEffect sample = {FindEffect("illumination.power_error"), {2}};
-      if (const double gain = fine_->ExpectedGain({sample}); !(gain > 0 && std::isfinite(gain))) {
+      if (const double gain = information_->ExpectedGain({sample});
+          !(gain > 0 && std::isfinite(gain))) {
         Fail(set_.description.name + ": the expected gain of a power error is " +
              std::to_string(gain));
       }
     }
     return [this](const std::vector<ActiveEffect>& effects) {
-      return fine_->ExpectedGain(effects) - gain_of_none_;
+      return information_->ExpectedGain(effects) - gain_of_none_;
     };
-  }
-  // Coarser: shares, not numbers, are wanted, of many effects.
-  Alternatives& OtherEffects() {
-    if (!alternatives_) {
-      SetModelSettings settings;
-      settings.blocks_along_line = 3;
-      settings.speckle_levels = 6;
-      settings.threads = threads_;
-      coarse_ = std::make_unique<Coarse>(set_, settings);
-      const Coarse& coarse = *coarse_;
-      ChangeModel changes;
-      changes.change = [&coarse](const std::vector<ActiveEffect>& effects) {
-        SetParameters parameters;
-        parameters.effects = effects;
-        Eigen::VectorXd change = coarse.linear.Change(coarse.model.Expect(parameters, false).mean);
-        // Beyond sense, e.g. a closed pupil: like nothing else.
-        if (!change.allFinite()) change.setZero();
-        return change;
-      };
-      changes.project = [&coarse](const Eigen::VectorXd& change) {
-        return coarse.linear.Project(change);
-      };
-      alternatives_ = std::make_unique<Alternatives>(changes, set_.description.camera);
-    }
-    return *alternatives_;
   }
 
  private:
@@ -167,16 +141,7 @@ class SetKnowledge {
   SetParameters truth_;
   double gain_of_none_ = 0;
   int threads_;
-  struct Coarse {
-    Coarse(const RecordedSet& set, const SetModelSettings& settings)
-        : model(set, settings), fit(LineariseSet(model, {})), linear(fit) {}
-    SetModel model;
-    FitResult fit;
-    LinearFit linear;
-  };
-  std::unique_ptr<NullInformation> fine_;
-  std::unique_ptr<Coarse> coarse_;
-  std::unique_ptr<Alternatives> alternatives_;
+  std::unique_ptr<NullInformation> information_;
 };
 
 class Maker {
@@ -231,7 +196,7 @@ class Maker {
   }
 
   // An effect that this rig can show, at the strength wanted.
-  DrawnEffect DrawEffect(SetKnowledge& knowledge, const Sensor& camera,
+  DrawnEffect DrawEffect(SetPower& power, const Sensor& camera,
                          const std::vector<const Effect*>& from, const Effect* first,
                          CounterRandom& random, const Effect* other) {
     DrawnEffect drawn;
@@ -245,13 +210,13 @@ class Maker {
       }
       if (other != nullptr && effect->description().stage == other->description().stage) continue;
       drawn.family = DrawFamily(*effect, camera, random);
-      drawn.scaled = ScaleToGain(drawn.family, knowledge.Gain(), drawn.target);
+      drawn.scaled = ScaleToGain(drawn.family, power.Gain(), drawn.target);
       if (!drawn.scaled.gain_known || drawn.scaled.gain >= kRoom * kUndetectable) return drawn;
     }
     Fail("no effect can be seen in this set");
   }
 
-  Json Describe(const DrawnEffect& drawn, SetKnowledge& knowledge, const Sensor& camera) {
+  static Json Describe(const DrawnEffect& drawn, const Sensor& camera) {
     const EffectDescription& description = drawn.scaled.effect.effect->description();
     const VariantLaw* variant = FindVariant(drawn.scaled.effect.effect);
     Json json;
@@ -280,17 +245,6 @@ class Maker {
     std::vector<std::string> accepted = {variant ? "unknown" : std::string(description.id)};
     for (const std::string& id : PhysicallyEquivalent(drawn.scaled.effect, camera)) {
       accepted.push_back(id);
-    }
-    if (!options_.only_table && drawn.scaled.gain_known) {
-      Json explained = Json::object();
-      for (const auto& [id, share] : knowledge.OtherEffects().Explained(drawn.scaled.effect)) {
-        explained[id] = std::round(1e4 * share) / 1e4;
-        if (share >= kExplainedShare &&
-            std::find(accepted.begin(), accepted.end(), id) == accepted.end()) {
-          accepted.push_back(id);
-        }
-      }
-      json["explained_by_others"] = explained;
     }
     json["accepted"] = accepted;
     return json;
@@ -356,7 +310,7 @@ class Maker {
     std::vector<ActiveEffect> effects;
     const RecordedSet planned = Planned(set);
     const SetupDeviation deviation = DrawDeviation(set.uncertainty, own);
-    SetKnowledge knowledge(planned, deviation, options_.threads);
+    SetPower power(planned, deviation, options_.threads);
     CounterRandom random(DeriveSeed(own, "effects"), 0);
     if (kind != Kind::kNull) {
       const std::vector<const Effect*> vocabulary = VocabularyEffects();
@@ -364,23 +318,23 @@ class Maker {
       const uint64_t order = DeriveSeed(seed_, KindName(kind));
       std::vector<DrawnEffect> drawn;
       drawn.push_back(
-          DrawEffect(knowledge, set.camera, from, InTurn(from, order, index), random, nullptr));
+          DrawEffect(power, set.camera, from, InTurn(from, order, index), random, nullptr));
       if (kind == Kind::kPair) {
         const Effect* second =
             from[std::min(from.size() - 1, static_cast<size_t>(static_cast<double>(from.size()) *
                                                                random.Uniform()))];
         drawn.push_back(
-            DrawEffect(knowledge, set.camera, from, second, random, drawn[0].scaled.effect.effect));
+            DrawEffect(power, set.camera, from, second, random, drawn[0].scaled.effect.effect));
       }
       for (const DrawnEffect& one : drawn) {
         effects.push_back(one.scaled.effect);
-        truth["effects"].push_back(Describe(one, knowledge, set.camera));
+        truth["effects"].push_back(Describe(one, set.camera));
       }
       if (kind == Kind::kPair) {
         if (const absl::Status status = OrderEffects(&effects); !status.ok()) {
           Fail(status.ToString());
         }
-        truth["gain_together"] = knowledge.Gain()(effects);
+        truth["gain_together"] = power.Gain()(effects);
       }
     }
     PlateFrameOptions frame_options;
@@ -428,8 +382,6 @@ int main(int argc, char** argv) {
   app.add_option("--pairs", options.pairs)->check(CLI::NonNegativeNumber);
   app.add_option("--variants", options.variants)->check(CLI::NonNegativeNumber);
   app.add_flag("--small-nulls", options.small_nulls, "nulls of 13 recordings of 192 x 160");
-  app.add_flag("--table-only", options.only_table,
-               "accept equivalents known from physics only, without computing them for every set");
   app.add_option("--gains", options.gains, "expected gains to draw from; default 5 20 100")
       ->check(CLI::PositiveNumber);
   app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);

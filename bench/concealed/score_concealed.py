@@ -13,6 +13,10 @@ import pathlib
 import sys
 
 LEVELS = (5, 20, 100)
+# Share of what the true effect changes that another must explain to be as right an answer.
+EXPLAINED_SHARE = 0.98
+# What it leaves in log-likelihood [nats] where the recordings cannot tell it from the true one.
+NOT_TOLD_APART = 2
 STAGES = ("illumination", "surface", "optics", "geometry", "sensor", "time", "none", "unknown")
 
 
@@ -93,6 +97,25 @@ def read_folder(folder):
             if path.name not in ("times.json", "score.json")}
 
 
+def with_equivalents(truth, proven):
+    """The truth with what prove_equivalents found: `accepted` takes in what explains nearly all,
+    `not_told_apart` what leaves too little for these recordings to tell."""
+    effects = []
+    for effect in truth["effects"]:
+        accepted = list(effect["accepted"])
+        near = []
+        for name, explained in sorted(proven.items()):
+            if name in accepted:
+                continue
+            if explained >= EXPLAINED_SHARE:
+                accepted.append(name)
+            elif isinstance(effect["gain_expected"], (int, float)) \
+                    and (1 - explained) * effect["gain_expected"] < NOT_TOLD_APART:
+                near.append(name)
+        effects.append({**effect, "accepted": accepted, "not_told_apart": near})
+    return {**truth, "effects": effects}
+
+
 def ranked(answer):
     if answer is None or answer.get("failed"):
         return []
@@ -139,18 +162,21 @@ def claims(answer):
     return [top] + list(answer.get("also_present", []) or [])
 
 
-def excess_removed(answer):
-    """Part of the held-out excess chi squared that the model takes away; None: not said, or there
-    was none."""
+def excess_removed(effect, answer):
+    """Part of the held-out excess chi squared that the model takes away: the excess is what the
+    refitted null model is expected to leave beyond the true one, twice the expected gain. None:
+    not known, or not said."""
     full = (answer or {}).get("full") or {}
     held_out = (answer or {}).get("held_out_improvement") or full.get("held_out_improvement") or {}
+    gain = effect["gain_expected"]
     try:
         null, model = float(held_out["null"]), float(held_out["with_effect"])
+        degrees = float(full["model_fit"]["degrees_of_freedom"])
     except (KeyError, TypeError, ValueError):
         return None
-    if null <= 1:
+    if not isinstance(gain, (int, float)) or gain <= 0:
         return None
-    return (null - model) / (null - 1)
+    return (null - model) * degrees / (2 * gain)
 
 
 def model_p_value(answer):
@@ -259,14 +285,16 @@ def score_pairs(truths, answers):
             "wrong_claim": share(extra, n), "stage_of_one": share(stage, n)}
 
 
-def right_without_module(effect, answer, removed):
-    """`unknown` at the right stage, or a proven equivalent that was not taken away."""
+def right_without_module(effect, answer, removed, near=False):
+    """`unknown` at the right stage, or a proven equivalent that was not taken away; `near`: or what
+    the recordings cannot tell from the truth."""
     top = first(answer)
     if top is None:
         return False
     if top["effect"] == "unknown":
         return stage_of(top) in stages_accepted(effect)
-    return top["effect"] in effect["accepted"] and top["effect"] not in removed
+    accepted = effect["accepted"] + (effect.get("not_told_apart", []) if near else [])
+    return top["effect"] in accepted and top["effect"] not in removed
 
 
 def score_without_module(cases):
@@ -274,11 +302,12 @@ def score_without_module(cases):
     result = {}
     for level in (*LEVELS, "all"):
         chosen = [c for c in cases if level == "all" or c[0]["gain_level"] == level]
-        found = named = improved = both = half_of = named_wrong = 0
+        found = named = named_near = improved = both = half_of = named_wrong = 0
         for effect, answer, removed in chosen:
             good = right_without_module(effect, answer, removed)
-            part = excess_removed(answer)
+            part = excess_removed(effect, answer)
             top = first(answer)
+            named_near += right_without_module(effect, answer, removed, near=True)
             found += is_accusation(answer)
             named += good
             named_wrong += top is not None and top["effect"] not in ("none", "unknown") and not good
@@ -287,6 +316,7 @@ def score_without_module(cases):
             both += good and part is not None and part >= 0.5
         n = len(chosen)
         result[str(level)] = {"found": share(found, n), "answered_right": share(named, n),
+                              "answered_right_or_near": share(named_near, n),
                               "wrong_name": share(named_wrong, n),
                               "half_of_excess_removed": share(improved, half_of),
                               "right_and_improved": share(both, n)}
@@ -429,7 +459,7 @@ def score_fit(truths, answers):
     ps = [model_p_value(answers.get(t["set"])) for t in sets]
     every = [t for t in truths if t["kind"] == "single"]
     all_ps = [model_p_value(answers.get(t["set"])) for t in every]
-    parts = [excess_removed(answers.get(t["set"])) for t in sets]
+    parts = [excess_removed(t["effects"][0], answers.get(t["set"])) for t in sets]
     parts = [p for p in parts if p is not None]
     return {"not_rejected": share(sum(p is not None and p > 0.01 for p in all_ps), len(all_ps)),
             "not_rejected_20_100": share(sum(p is not None and p > 0.01 for p in ps), len(ps)),
@@ -440,8 +470,10 @@ def score_fit(truths, answers):
 
 def score(out, answers_folder):
     out, answers_folder = pathlib.Path(out), pathlib.Path(answers_folder)
-    truths = [truth for _, truth in sorted(read_folder(out / "truth").items())]
     answers = read_folder(answers_folder)
+    proven = answers.pop("equivalents", {})
+    truths = [with_equivalents(truth, proven.get(truth["set"], {}))
+              for _, truth in sorted(read_folder(out / "truth").items())]
     asked = [t for t in truths if t["set"] in answers]
     result = {"sets": len(truths), "answered": len(asked),
               "failed": [t["set"] for t in asked if answers[t["set"]].get("failed")]}
@@ -539,10 +571,10 @@ def report(result):
     for key, title in (("variants", "Variant laws"), ("leave_one_out", "Leave-one-out")):
         lines += ["", f"## {title}", ""]
         lines += table(["gain", "found", "unknown or equivalent at the right stage",
-                        "a wrong effect named", "half of held-out excess removed (where said)",
+                        "or not to be told apart", "a wrong effect named", "half of held-out excess removed (where said)",
                         "both"],
                        [[level] + [share_text(g[k]) for k in
-                                   ("found", "answered_right", "wrong_name",
+                                   ("found", "answered_right", "answered_right_or_near", "wrong_name",
                                     "half_of_excess_removed", "right_and_improved")]
                         for level, g in result[key].items()])
     fit = result["fit"]

@@ -23,15 +23,16 @@ def effect(name, level, stage=None, accepted=None, **parameters):
             "gain_expected": float(level), "accepted": accepted or [name], "parameters": parameters}
 
 
-def answer(*entries, held_out=None, also=(), p_value=None):
+def answer(*entries, held_out=None, also=(), p_value=None, degrees_of_freedom=100):
     result = {"verdict": "none" if entries[0][0] == "none" else "effect",
               "ranked": [{"effect": e[0], "stage": e[1], "probability": e[2],
                           **(e[3] if len(e) > 3 else {})} for e in entries],
               "also_present": list(also)}
     if held_out:
         result["held_out_improvement"] = {"null": held_out[0], "with_effect": held_out[1]}
+    result["full"] = {"model_fit": {"degrees_of_freedom": degrees_of_freedom}}
     if p_value is not None:
-        result["full"] = {"model_fit": {"p_value": p_value}}
+        result["full"]["model_fit"]["p_value"] = p_value
     return result
 
 
@@ -130,10 +131,11 @@ class Scores(unittest.TestCase):
 
     def test_variants_and_leave_one_out(self):
         ring = effect("variant.ring_halo", 20, "optics", ["unknown"])
-        good = answer(("unknown", "optics", 0.8), held_out=(2.0, 1.2))
-        weak = answer(("unknown", "optics", 0.8), held_out=(2.0, 1.8))
-        wrong_stage = answer(("unknown", "sensor", 0.8), held_out=(2.0, 1.2))
-        named = answer(("optics.veiling_glare", "optics", 0.8), held_out=(2.0, 1.1))
+        forty = {"degrees_of_freedom": 40}  # an expected excess of 1 for each
+        good = answer(("unknown", "optics", 0.8), held_out=(2.0, 1.2), **forty)
+        weak = answer(("unknown", "optics", 0.8), held_out=(2.0, 1.8), **forty)
+        wrong_stage = answer(("unknown", "sensor", 0.8), held_out=(2.0, 1.2), **forty)
+        named = answer(("optics.veiling_glare", "optics", 0.8), held_out=(2.0, 1.1), **forty)
         for k, given in enumerate((good, weak, wrong_stage, named)):
             self.add(f"set_{k}", "variant", [ring], given)
         truth = effect("surface.albedo_error", 100,
@@ -154,6 +156,19 @@ class Scores(unittest.TestCase):
         row = result["leave_one_out"]["all"]
         # What was taken away cannot be the answer.
         self.assertEqual((row["answered_right"]["hits"], row["answered_right"]["of"]), (1, 2))
+
+    def test_proven_equivalents(self):
+        linear = effect("variant.linear_power_drift", 20, "illumination", ["unknown"])
+        for k in range(3):
+            self.add(f"set_{k}", "variant", [linear],
+                     answer(("illumination.power_drift", "illumination", 0.9), held_out=(2, 1)))
+        # Left of 20 nats: 0.2, 1, 4.
+        proven = {f"set_{k}": {"illumination.power_drift": share}
+                  for k, share in enumerate((0.99, 0.95, 0.8))}
+        (self.answers / "equivalents.json").write_text(json.dumps(proven))
+        row = self.score()["variants"]["20"]
+        self.assertEqual([row[k]["hits"] for k in ("answered_right", "answered_right_or_near")],
+                         [1, 2])
 
     def test_pairs(self):
         both = [effect("optics.coma", 20), effect("sensor.prnu", 20)]
