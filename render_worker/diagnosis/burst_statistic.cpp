@@ -54,26 +54,14 @@ double Contrast(const std::vector<double>& weights, const std::vector<double>& r
   return sum;
 }
 
-bool SameRegion(const RegionOfInterest& a, const RegionOfInterest& b) {
-  return a.column_px == b.column_px && a.row_px == b.row_px && a.columns_px == b.columns_px &&
-         a.rows_px == b.rows_px;
-}
-
 }  // namespace
 
 BurstStatistic::BurstStatistic(const RecordedSet& set) {
-  const auto preceding = [&](int f) {
-    const bool follows =
-        f > 0 && set.frames[f].nominal.burst_frame_index > 0 &&
-        set.frames[f - 1].nominal.burst_frame_index + 1 == set.frames[f].nominal.burst_frame_index;
-    return follows && SameRegion(set.frames[f - 1].nominal.roi, set.frames[f].nominal.roi) ? f - 1
-                                                                                           : -1;
-  };
   for (int f = 1; f < static_cast<int>(set.frames.size()); ++f) {
     const RecordedFrame& recorded = set.frames[f];
     Entry entry;
     entry.seen = f;
-    entry.preceding = preceding(f);
+    entry.preceding = PrecedingFrame(set, f);
     entry.columns_px = recorded.nominal.roi.columns_px;
     if (entry.preceding < 0) continue;
     if (recorded.plate_position_id < 0) {
@@ -89,7 +77,7 @@ BurstStatistic::BurstStatistic(const RecordedSet& set) {
         }
       }
       if (entry.compared < 0) continue;
-      entry.preceding_compared = preceding(entry.compared);
+      entry.preceding_compared = PrecedingFrame(set, entry.compared);
       const auto exposure = [&](int frame) {
         return frame < 0 ? 0 : set.frames[frame].nominal.exposure_time_s;
       };

@@ -32,6 +32,7 @@ constexpr double kLeastGain = 1.5;   // [nats] worth a fit
 // The null model's deviations may hide an effect that it does not fail for.
 constexpr size_t kFittedAfreshAnyway = 2;
 constexpr double kPromising = 10;      // [nats]
+constexpr double kPairGain = 8;        // [nats] about what a second effect's prior odds cost
 constexpr double kLinearLength = 25;   // of a change, squared and whitened: it is linear so far
 constexpr double kMiddleError = 0.02;  // of a change taken to be alike along the line
 constexpr double kMostAmplitude = 3;   // of an added effect, over that at which it was looked at
@@ -202,22 +203,15 @@ class Competing {
       TrySlopes(null, strengths, slopes, middle_only, best);
       TrySlopes(null, strengths, near_slopes, middle_only, best);
     }
-    const std::vector<double> offsets =
-        hidden ? std::vector<double>{-4.5, -3, -1.5, 1.5} : std::vector<double>{-1.5, 1.5};
-    for (size_t shape : shapes) {
-      for (double z : offsets) {
-        ActiveEffect shaped = null;
-        shaped.parameters[shape] = ParameterFromStandardised(parameters[shape], z);
-        if (shaped.parameters[shape] == null.parameters[shape]) continue;
-        for (size_t s = 0; s < strengths.size(); ++s) {
-          ActiveEffect probe = shaped;
-          const EffectParameter& strength = parameters[strengths[s]];
-          probe.parameters[strengths[s]] = ParameterFromStandardised(strength, kProbe);
-          slopes[s] = ChangeOf(probe, middle_only) /
-                      StandardisedParameter(strength, probe.parameters[strengths[s]]);
-        }
-        TrySlopes(shaped, strengths, slopes, middle_only, best);
+    for (const ActiveEffect& shaped : OtherShapes(null, shapes, hidden)) {
+      for (size_t s = 0; s < strengths.size(); ++s) {
+        ActiveEffect probe = shaped;
+        const EffectParameter& strength = parameters[strengths[s]];
+        probe.parameters[strengths[s]] = ParameterFromStandardised(strength, kProbe);
+        slopes[s] = ChangeOf(probe, middle_only) /
+                    StandardisedParameter(strength, probe.parameters[strengths[s]]);
       }
+      TrySlopes(shaped, strengths, slopes, middle_only, best);
     }
     // Far from linear: larger steps either way.
     if (strengths.size() == 1) {
@@ -229,6 +223,35 @@ class Competing {
       }
     }
     return best;
+  }
+
+  // Besides that of `null`: all combinations of the values that descriptions say to start from; of
+  // other shapes one at a time, either way.
+  static std::vector<ActiveEffect> OtherShapes(const ActiveEffect& null,
+                                               const std::vector<size_t>& shapes, bool hidden) {
+    const std::vector<EffectParameter>& parameters = null.effect->description().parameters;
+    std::vector<ActiveEffect> tried = {null};
+    for (size_t shape : shapes) {
+      const size_t before = tried.size();
+      for (double value : parameters[shape].starts) {
+        for (size_t i = 0; i < before; ++i) {
+          tried.push_back(tried[i]);
+          tried.back().parameters[shape] = value;
+        }
+      }
+    }
+    tried.erase(tried.begin());
+    const std::vector<double> offsets =
+        hidden ? std::vector<double>{-4.5, -3, -1.5, 1.5} : std::vector<double>{-1.5, 1.5};
+    for (size_t shape : shapes) {
+      if (!parameters[shape].starts.empty()) continue;
+      for (double z : offsets) {
+        ActiveEffect shaped = null;
+        shaped.parameters[shape] = ParameterFromStandardised(parameters[shape], z);
+        if (shaped.parameters[shape] != null.parameters[shape]) tried.push_back(shaped);
+      }
+    }
+    return tried;
   }
 
   // A parameter that changes nothing until it is far from its null value (a full well, a rim):
@@ -430,7 +453,7 @@ class Competing {
       std::vector<Candidate> made;
       for (size_t j = 0; j < joints.size() && made.size() < 4; ++j) {
         const Joint& joint = joints[j];
-        if (joint.gain < 5) break;
+        if (joint.gain < kPairGain) break;
         if (!Report(0.75 + 0.02 * static_cast<double>(j))) return;
         ActiveEffect added = joint.added->strongest;
         const auto& parameters = added.effect->description().parameters;

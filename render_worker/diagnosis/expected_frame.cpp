@@ -20,8 +20,10 @@ namespace sightline {
 namespace {
 
 constexpr int kSamplesPerPx = 4;
-constexpr double kNoLight = 1e-9;  // of the brightest place's: all such places count as dark
-constexpr double kLinear = 0.03;   // of the noise: levels that differ by less do so linearly
+constexpr int kPlacesAlongBlock = 16;
+constexpr double kLitAlongLine = 1e-3;  // of the brightest, across the line
+constexpr double kNoLight = 1e-9;       // of the brightest place's: all such places count as dark
+constexpr double kLinear = 0.03;        // of the noise: levels that differ by less do so linearly
 
 // Standard normal distribution and density.
 double Distribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
@@ -119,9 +121,26 @@ double Throughput(const PlateScene& scene, const FrameSetup& frame, const PlateP
          scene.brdf_per_sr(point.x_m, point.s_m);
 }
 
-// Mean irradiance of every pixel, alike in all columns; fills in what `imaging` has not.
+// Laser light along a block about the column at u: summed across the line at each of some places.
+std::vector<double> LightAlongLine(const PlateScene& scene, const FrameSetup& frame, double u_m,
+                                   double width_m, double first_v_m, double last_v_m,
+                                   double step_m) {
+  std::vector<double> light(kPlacesAlongBlock, 0);
+  for (int i = 0; i < kPlacesAlongBlock; ++i) {
+    const double place_m = u_m + ((i + 0.5) / kPlacesAlongBlock - 0.5) * width_m;
+    for (double v_m = first_v_m; v_m <= last_v_m; v_m += step_m) {
+      const PlatePoint point = SeenAt(scene, frame, place_m, v_m);
+      light[i] += scene.laser_irradiance_w_m2(point.x_m, point.s_m);
+    }
+  }
+  return light;
+}
+
+// Mean irradiance of every pixel, alike in all columns; fills in what `imaging` has not. With
+// `block_columns_px` that of the block in the mean, and `level_along_line`.
 Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const OpticsModel& optics,
-                       std::shared_ptr<const LineImaging>& imaging) {
+                       int block_columns_px, std::shared_ptr<const LineImaging>& imaging,
+                       std::vector<double>& level_along_line) {
   const RegionOfInterest& roi = frame.roi;
   const double pitch_m = frame.sensor.pixel_pitch_m;
   const int length =
@@ -139,6 +158,26 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
     points[i] = SeenAt(scene, frame, u_m, v_of(i));
     ideal[i] = scene.laser_irradiance_w_m2(points[i].x_m, points[i].s_m);
     brightest = std::max(brightest, ideal[i]);
+  }
+  if (!scene.constant_along_line && block_columns_px > 0 && brightest > 0) {
+    const auto lit = [&](double value) { return value > kLitAlongLine * brightest; };
+    const auto first = std::find_if(ideal.begin(), ideal.end(), lit) - ideal.begin();
+    const auto last = std::find_if(ideal.rbegin(), ideal.rend(), lit).base() - ideal.begin() - 1;
+    // Room for a line that is not straight along the rows.
+    const double room_m = 0.1 * block_columns_px * pitch_m;
+    level_along_line = LightAlongLine(
+        scene, frame, u_m, block_columns_px * pitch_m, v_of(static_cast<int>(first)) - room_m,
+        v_of(static_cast<int>(last)) + room_m, pitch_m / kSamplesPerPx);
+    double mean = 0;
+    for (double light : level_along_line) mean += light / kPlacesAlongBlock;
+    for (double& light : level_along_line) light /= mean;
+    const double middle =
+        LightAlongLine(scene, frame, u_m, 0, v_of(static_cast<int>(first)) - room_m,
+                       v_of(static_cast<int>(last)) + room_m, pitch_m / kSamplesPerPx)
+            .front();
+    if (middle > 0) {
+      for (double& value : ideal) value *= mean / middle;
+    }
   }
   double weighted_depth_m = 0, weighted_v_m = 0, sum = 0;
   for (int i = 0; i < length; ++i) {
@@ -192,6 +231,65 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
   return image;
 }
 
+// Shares of the pixels around in what a pixel gets, after charge has spread: the relative change of
+// its charge with theirs. Empty where there is no charge.
+Image<double> ChargeShares(const Image<double>& electrons, int row, int column,
+                           const FrameSetup& frame, std::span<const ActiveEffect> spreading) {
+  constexpr int kReach = 2, kSize = 2 * kReach + 1;
+  constexpr double kStep = 1e-3;
+  Image<double> around(kSize, kSize);
+  for (int i = 0; i < kSize; ++i) {
+    for (int j = 0; j < kSize; ++j) {
+      const int other = std::clamp(row + i - kReach, 0, electrons.rows_px - 1);
+      around.At(i, j) = electrons.At(other, electrons.columns_px < 2 ? 0 : (column + j) % 2);
+    }
+  }
+  const auto middle_after = [&](Image<double> image) {
+    for (const ActiveEffect& active : spreading) {
+      active.effect->OnMeanElectrons(image, nullptr, frame, active.parameters);
+      active.effect->OnElectrons(image, frame, active.parameters);
+    }
+    return image.At(kReach, kReach);
+  };
+  const double after = middle_after(around);
+  Image<double> shares(kSize, kSize, 0.0);
+  if (!(after > 0)) return {};
+  double sum = 0;
+  for (int i = 0; i < kSize; ++i) {
+    for (int j = 0; j < kSize; ++j) {
+      Image<double> changed = around;
+      changed.At(i, j) *= 1 + kStep;
+      shares.At(i, j) = (middle_after(std::move(changed)) - after) / (kStep * after);
+      sum += shares.At(i, j);
+    }
+  }
+  return std::isfinite(sum) ? shares : Image<double>();
+}
+
+double ColumnSum(const Image<double>& image, int first_row, int column) {
+  double sum = 0;
+  for (int row = first_row; row < image.rows_px; row += 2) sum += image.At(row, column);
+  return sum;
+}
+
+// Speckle of charge that has spread: less contrast, longer correlation. Of the pixels at one place
+// of a cell of the colour filter, 0 to 3 by rows.
+std::shared_ptr<const LineSpeckle> AfterChargeSpread(const LineSpeckle& speckle, int cell,
+                                                     const Image<double>& electrons,
+                                                     const FrameSetup& frame,
+                                                     std::span<const ActiveEffect> spreading) {
+  std::vector<SpecklePixelCovariance> covariances;
+  for (int place = 0; place < speckle.places(); ++place) {
+    const double middle =
+        speckle.PlaceCentre_m(place) / frame.sensor.pixel_pitch_m - frame.roi.row_px;
+    int row = std::clamp(static_cast<int>(std::lround(middle)), 0, electrons.rows_px - 1);
+    if (row % 2 != cell / 2) row = row > 0 ? row - 1 : std::min(1, electrons.rows_px - 1);
+    const Image<double> shares = ChargeShares(electrons, row, cell % 2, frame, spreading);
+    covariances.push_back(shares.empty() ? speckle.At(place) : speckle.At(place).Shared(shares));
+  }
+  return std::make_shared<const LineSpeckle>(speckle.With(std::move(covariances)));
+}
+
 // Light of lamps and windows on the plate: smooth, so neither blurred nor speckled.
 void AddAmbient(const PlateScene& scene, const FrameSetup& frame, PixelIrradiance& light) {
   PlateScene lamps = scene;
@@ -222,7 +320,8 @@ Image<T> Widened(const Image<T>& column, int columns_px) {
 
 ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEffect> all_effects,
                             const Image<double>* previous,
-                            std::shared_ptr<const LineImaging> known_imaging, int speckle_levels) {
+                            std::shared_ptr<const LineImaging> known_imaging, int speckle_levels,
+                            int block_columns_px) {
   ExpectedFrame expected;
   // Numbers of the sensor may tell how a pattern scatters; what scatters between recordings does
   // not change their expectation.
@@ -258,7 +357,8 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   if (frame.shutter_open && scene.ambient_radiance_w_m2_sr) AddAmbient(scene, frame, light);
   light.laser_irradiance_w_m2 = Image<float>(frame.roi.columns_px, frame.roi.rows_px, 0.0F);
   if (lit) {
-    light.laser_irradiance_w_m2 = ImageLine(scene, frame, optics, expected.imaging);
+    light.laser_irradiance_w_m2 = ImageLine(scene, frame, optics, block_columns_px,
+                                            expected.imaging, expected.level_along_line);
     expected.speckle = expected.imaging->speckle;
   }
   for (const ActiveEffect& active : effects) {
@@ -269,6 +369,24 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
             dark_laser.laser_irradiance_w_m2.values.end(), 0.0F);
   const Image<double> total = MeanPhotoElectrons(light, frame);
   const Image<double> steady = MeanPhotoElectrons(dark_laser, frame);
+  std::vector<ActiveEffect> spreading;
+  for (const ActiveEffect& active : effects) {
+    if (SpreadsCharge(*active.effect)) spreading.push_back(active);
+  }
+  if (lit && !spreading.empty()) {
+    const bool colour = frame.sensor.colour_filter != ColourFilter::kMono;
+    for (int cell = 0; cell < (colour ? 4 : 1); ++cell) {
+      expected.speckle_of_cell[cell] =
+          AfterChargeSpread(*expected.imaging->speckle, cell, total, frame, spreading);
+    }
+    int brightest = 0;  // by the laser's light
+    for (int cell = 1; colour && cell < 4; ++cell) {
+      const auto light_of = [&](int c) { return ColumnSum(total, c / 2, c % 2); };
+      if (light_of(cell) > light_of(brightest)) brightest = cell;
+    }
+    expected.speckle = expected.speckle_of_cell[brightest];
+    if (!colour) expected.speckle_of_cell = {};
+  }
 
   const Sensor& sensor = frame.sensor;
   const double dark_electrons =
@@ -282,14 +400,18 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   const double top_dn = sensor.largest_dn();
   const int level_count = lit ? speckle_levels : 1;
   // Speckle's contrast depends on the place across the line.
-  std::vector<std::vector<double>> levels_of_place;
-  if (lit) {
-    for (int place = 0; place < expected.speckle->places(); ++place) {
-      levels_of_place.push_back(
-          GammaLevels(expected.speckle->At(place).At(0, 0) * pattern_share, level_count));
+  std::array<std::vector<std::vector<double>>, 4> levels_of_place;  // of a cell's pixels
+  const bool cells_differ = expected.speckle_of_cell[0] != nullptr;
+  for (int cell = 0; cell < (cells_differ ? 4 : 1); ++cell) {
+    if (!lit) {
+      levels_of_place[cell] = {{1.0}};
+      continue;
     }
-  } else {
-    levels_of_place = {{1.0}};
+    const LineSpeckle& of_cell = cells_differ ? *expected.speckle_of_cell[cell] : *expected.speckle;
+    for (int place = 0; place < of_cell.places(); ++place) {
+      levels_of_place[cell].push_back(
+          GammaLevels(of_cell.At(place).At(0, 0) * pattern_share, level_count));
+    }
   }
   std::vector<int> place_of_row(frame.roi.rows_px, 0);
   for (int row = 0; lit && row < frame.roi.rows_px; ++row) {
@@ -322,16 +444,30 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   Image<double> mean_of_levels(frame.roi.columns_px, frame.roi.rows_px, 0.0);
   std::vector<Level> first_level(mean_of_levels.values.size());
   for (int level = 0; level < level_count; ++level) {
-    Image<double> electrons = total;
-    for (int row = 0; row < electrons.rows_px; ++row) {
-      const double factor = levels_of_place[place_of_row[row]][level];
-      for (int column = 0; column < electrons.columns_px; ++column) {
-        const double other = steady.At(row, column);
-        electrons.At(row, column) = other + factor * (electrons.At(row, column) - other);
+    // Charge comes from neighbours whose light is as far from its mean: what it scatters in all is
+    // in the level already.
+    Image<double> electrons(total.columns_px, total.rows_px);
+    for (int cell = 0; cell < (cells_differ ? 4 : 1); ++cell) {
+      Image<double> scaled = total;
+      for (int row = 0; row < scaled.rows_px; ++row) {
+        const double factor = levels_of_place[cell][place_of_row[row]][level];
+        for (int column = 0; column < scaled.columns_px; ++column) {
+          const double other = steady.At(row, column);
+          scaled.At(row, column) = other + factor * (scaled.At(row, column) - other);
+        }
       }
-    }
-    for (const ActiveEffect& active : effects) {
-      active.effect->OnMeanElectrons(electrons, previous, frame, active.parameters);
+      for (const ActiveEffect& active : effects) {
+        active.effect->OnMeanElectrons(scaled, previous, frame, active.parameters);
+      }
+      if (!cells_differ) {
+        electrons = std::move(scaled);
+        break;
+      }
+      for (int row = cell / 2; row < scaled.rows_px; row += 2) {
+        for (int column = cell % 2; column < scaled.columns_px; column += 2) {
+          electrons.At(row, column) = scaled.At(row, column);
+        }
+      }
     }
     Image<float> noise(electrons.columns_px, electrons.rows_px);
     for (size_t i = 0; i < electrons.values.size(); ++i) {
@@ -380,6 +516,12 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
 
 }  // namespace
 
+bool SpreadsCharge(const Effect& effect) {
+  const std::string_view id = effect.description().id;
+  return id == "sensor.crosstalk" || id == "sensor.brighter_fatter" ||
+         id == "unknown.charge_spread";
+}
+
 bool IsDrawn(const Effect& effect) {
   static constexpr std::array<std::string_view, 9> kDrawn = {"illumination.power_noise",
                                                              "time.exposure_jitter",
@@ -399,16 +541,19 @@ double ExpectedFrame::MeanDn(int row, int column) const {
   return sum / static_cast<double>(level_dn.size());
 }
 
-const SpecklePixelCovariance& ExpectedFrame::SpeckleAt(int row) const {
-  return speckle->At(speckle->PlaceOf((frame.roi.row_px + row) * frame.sensor.pixel_pitch_m));
+const SpecklePixelCovariance& ExpectedFrame::SpeckleAt(int row, int column) const {
+  const LineSpeckle* of_cell = speckle_of_cell[2 * (row % 2) + column % 2].get();
+  if (of_cell == nullptr) of_cell = speckle.get();
+  return of_cell->At(of_cell->PlaceOf((frame.roi.row_px + row) * frame.sensor.pixel_pitch_m));
 }
 
 ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect> effects,
                           const Image<double>* previous, std::shared_ptr<const LineImaging> imaging,
-                          int speckle_levels) {
+                          int speckle_levels, int block_columns_px) {
   const int columns_px = frame.roi.columns_px;
   if (frame.sensor.colour_filter != ColourFilter::kMono || columns_px < 2) {
-    return ExpectColumns(frame, effects, previous, std::move(imaging), speckle_levels);
+    return ExpectColumns(frame, effects, previous, std::move(imaging), speckle_levels,
+                         block_columns_px);
   }
   // Without colours all columns are alike: one will do.
   FrameSetup narrow = frame;
@@ -423,7 +568,7 @@ ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect>
   }
   ExpectedFrame expected =
       ExpectColumns(narrow, effects, previous == nullptr ? nullptr : &previous_column,
-                    std::move(imaging), speckle_levels);
+                    std::move(imaging), speckle_levels, block_columns_px);
   expected.frame.roi.column_px -= columns_px / 2;
   expected.frame.roi.columns_px = columns_px;
   for (Image<float>& level : expected.level_dn) level = Widened(level, columns_px);

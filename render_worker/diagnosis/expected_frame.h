@@ -7,6 +7,7 @@
 // sensor's response is averaged over that. The effects' hooks are those of the renderer.
 #pragma once
 
+#include <array>
 #include <complex>
 #include <memory>
 #include <span>
@@ -39,23 +40,33 @@ struct ExpectedFrame {
   double row_scatter_dn = 0, column_scatter_dn = 0;
   Image<double> mean_photo_electrons;          // the next frame of the burst needs it
   std::shared_ptr<const LineSpeckle> speckle;  // of one pattern; null: no laser light
+  // Where charge spreads on a colour sensor: of the four pixels of a cell; else null.
+  std::array<std::shared_ptr<const LineSpeckle>, 4> speckle_of_cell;
   std::shared_ptr<const LineImaging> imaging;  // the same
 
+  // Laser light at evenly spaced places of the block that the strip stands for, over its mean;
+  // empty: alike all along.
+  std::vector<double> level_along_line;
+
   double MeanDn(int row, int column) const;
-  // Speckle of the pixels of a row.
-  const SpecklePixelCovariance& SpeckleAt(int row) const;
+  // Speckle of the pixels of a row; of a colour sensor that of the given column.
+  const SpecklePixelCovariance& SpeckleAt(int row, int column = 0) const;
 };
 
 // True for effects whose realisation is drawn by chance and cannot be known: they do not change the
 // expectation of a pixel, only how pixels or recordings scatter.
 bool IsDrawn(const Effect& effect);
 
+// True for effects that move charge between neighbouring pixels.
+bool SpreadsCharge(const Effect& effect);
+
 // `frame`: nominal with deviations applied; its region of interest is narrow enough that the line's
 // profile is that of its middle column. `previous`: mean electrons of the frame before in the
 // burst, or nullptr. `imaging`: of another strip of the frame, or null; taken over as far as the
-// optics are the same all over the field, and its speckle always.
+// optics are the same all over the field, and its speckle always. `block_columns_px`: of the block
+// that the strip is the middle of and whose mean it stands for; 0: for itself.
 ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect> effects,
                           const Image<double>* previous, std::shared_ptr<const LineImaging> imaging,
-                          int speckle_levels);
+                          int speckle_levels, int block_columns_px = 0);
 
 }  // namespace sightline

@@ -20,6 +20,7 @@ constexpr Lag kLags[] = {{0, 0}, {0, 3}, {3, 0}, {0, 8}, {0, 16}, {0, 32}};
 constexpr int kLagCount = static_cast<int>(std::size(kLags));
 // Relative signal that blocks and their strips leave, squared.
 constexpr double kPatternError = 1e-5;
+constexpr double kAlongError = 0.1;    // of the product of the light along the line
 constexpr double kLeastSignal = 0.02;  // of the largest number, for a row to count
 constexpr double kLimit = 4;           // of dark residuals
 constexpr double kOutlier = 5;
@@ -135,6 +136,43 @@ std::array<double, kDarkValues> DarkProducts(const std::vector<Image<double>>& f
   // Products of different rows of a column only.
   return {pixels / (pairs * area),
           rows > 1 ? (column_means - pixels) / (pairs * area * (rows - 1)) : 0};
+}
+
+// Mean products, over pairs of frames, of the light along the line about its blocks' means: it
+// stays on the sensor as far as it looks alike in all of them.
+Eigen::VectorXd ProductsAlongLine(const ExpectedSet& expected, const std::vector<int>& frames,
+                                  int columns_px) {
+  Eigen::VectorXd products = Eigen::VectorXd::Zero(kLagCount);
+  std::vector<std::vector<double>> deviations;  // of every frame, all along the line
+  for (int f : frames) {
+    std::vector<double> along;
+    for (const std::vector<ExpectedFrame>& strips : expected.strips) {
+      for (double level : strips[f].level_along_line) along.push_back(level - 1);
+    }
+    if (along.empty()) return products;
+    deviations.push_back(std::move(along));
+  }
+  const size_t places = deviations.front().size();
+  for (int l = 0; l < kLagCount; ++l) {
+    const double shift = kLags[l].columns * static_cast<double>(places) / columns_px;
+    const auto below = static_cast<size_t>(shift);
+    const double part = shift - static_cast<double>(below);
+    double count = 0;
+    for (size_t i = 0; i + below + 1 < places; ++i) {
+      double here = 0, there = 0, squares = 0;
+      for (const std::vector<double>& along : deviations) {
+        const double shifted = (1 - part) * along[i + below] + part * along[i + below + 1];
+        here += along[i];
+        there += shifted;
+        squares += along[i] * shifted;
+      }
+      products[l] += 0.5 * (here * there - squares);
+      ++count;
+    }
+    const auto n = static_cast<double>(frames.size());
+    products[l] /= std::max(1.0, count) * 0.5 * n * (n - 1);
+  }
+  return products;
 }
 
 // Rows may jump from frame to frame: no fixed pattern.
@@ -326,7 +364,7 @@ Eigen::VectorXd FixedPatternStatistic::ExpectedPattern(const ExpectedSet& expect
   const FrameSetup& frame = expected.strips.front()[entry.frames.front()].frame;
   values[0] = std::pow(frame.sensor.prnu_relative, 2);
   for (const Eigen::VectorXd& drawn : DrawnPatterns(expected, entry)) values += drawn / kDraws;
-  return values;
+  return values + ProductsAlongLine(expected, entry.frames, entry.roi.columns_px);
 }
 
 Eigen::VectorXd FixedPatternStatistic::ObservedDark(const RecordedSet& set,
@@ -544,6 +582,11 @@ Eigen::MatrixXd FixedPatternStatistic::Covariance(const ExpectedSet& expected, i
     if (total[l] > 0)
       covariance(l, l) += scatter * 0.5 * entry.roi.columns_px / (total[l] * total[l]);
   }
+  // Recordings weigh by their light, here all alike.
+  const Eigen::VectorXd along =
+      kAlongError * ProductsAlongLine(expected, entry.frames, entry.roi.columns_px);
+  covariance += along * along.transpose();
+  covariance.diagonal() += along.cwiseAbs2();
   // One draw is seen, the mean of several expected.
   const std::vector<Eigen::VectorXd> drawn = DrawnPatterns(expected, entry);
   Eigen::VectorXd mean = Eigen::VectorXd::Zero(kLagCount);

@@ -6,7 +6,6 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
-#include <optional>
 #include <tuple>
 
 #include "render_worker/diagnosis/memo.h"
@@ -34,14 +33,14 @@ class ChordWavefront {
   }
   double At(double y) const {
     const double place = 0.5 * (y / radius_m_ + 1) * kSteps;
-    const int middle = std::clamp(static_cast<int>(std::lround(place)), 1, kSteps - 1);
+    const int middle = std::clamp(static_cast<int>(place + 0.5), 1, kSteps - 1);
     const double t = place - middle;
     const double before = places_[middle - 1], here = places_[middle], after = places_[middle + 1];
     return here + 0.5 * t * (after - before) + 0.5 * t * t * (after - 2 * here + before);
   }
 
  private:
-  static constexpr int kSteps = 128;
+  static constexpr int kSteps = 64;
   double radius_m_;
   std::array<double, kSteps + 1> places_{};
 };
@@ -63,16 +62,15 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   }
   const int chords = std::min(samples, 128);
   const double step_m = 2 * radius_m / samples;
-  const auto phasor = [&](double wavefront_m) {
-    return std::complex<float>(std::polar(1.0, kTwoPi / wavelength_m * wavefront_m));
-  };
+  const auto defocus_at = [&](double y) { return -0.5 * defocus_curvature_per_m * y * y; };
   // Defocus of the place along a chord; that of the chord's own place turns all of it alike.
-  std::vector<std::complex<float>> defocus(samples);
+  std::vector<std::complex<float>> phasors(samples);
   for (int i = 0; i < samples; ++i) {
-    const double y = (i + 0.5) * step_m - radius_m;
-    defocus[i] = phasor(-0.5 * defocus_curvature_per_m * y * y);
+    phasors[i] = PhasorOfTurns(defocus_at((i + 0.5) * step_m - radius_m) / wavelength_m);
   }
+  const bool circle = pupil.IsFullCircle();
   const bool aberrated = pupil.HasWavefrontError();
+  std::vector<double> turns(aberrated ? samples : 0);
   const FourierPlan along(FourierPlan::Direction::kForward, 2 * samples);
   FourierBuffer<std::complex<float>> chord(FourierStride(2 * samples));
   std::vector<double> power(2 * static_cast<size_t>(samples), 0);
@@ -80,14 +78,19 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   for (int c = IsPlain(pupil) ? chords / 2 : 0; c < chords; ++c) {
     const double x = ((c + 0.5) / chords * 2 - 1) * radius_m;
     chord.Clear();
-    std::optional<ChordWavefront> wavefront;
-    if (aberrated) wavefront.emplace(pupil, radius_m, x);
+    if (aberrated) {
+      const ChordWavefront wavefront(pupil, radius_m, x);
+      for (int i = 0; i < samples; ++i) {
+        const double y = (i + 0.5) * step_m - radius_m;
+        turns[i] = (wavefront.At(y) + defocus_at(y)) / wavelength_m;
+      }
+      for (int i = 0; i < samples; ++i) phasors[i] = PhasorOfTurns(turns[i]);
+    }
     for (int i = 0; i < samples; ++i) {
       const double y = (i + 0.5) * step_m - radius_m;
-      const double transmission = pupil.Transmission(x, y);
-      if (transmission == 0) continue;
-      chord[i] = static_cast<float>(transmission) * defocus[i];
-      if (wavefront) chord[i] = Product(chord[i], phasor(wavefront->At(y)));
+      const bool inside =
+          circle ? x * x + y * y <= radius_m * radius_m : pupil.Transmission(x, y) > 0;
+      chord[i] = inside ? phasors[i] : 0;
     }
     along.Run(chord.data());
     for (size_t k = 0; k < power.size(); ++k) power[k] += std::norm(chord[k]);

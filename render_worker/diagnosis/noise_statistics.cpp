@@ -85,6 +85,13 @@ double MeanOf(const Image<uint16_t>& raw, const PixelPlane& plane, const Profile
   return sum / count;
 }
 
+// Relative variance of the laser light along the block of a strip.
+double VarianceAlongLine(const ExpectedFrame& strip) {
+  double sum = 0;
+  for (double level : strip.level_along_line) sum += (level - 1) * (level - 1);
+  return strip.level_along_line.empty() ? 0 : sum / strip.level_along_line.size();
+}
+
 double BlackDn(const Sensor& sensor) {
   return sensor.black_level_dn + sensor.gain_dn_per_electron * sensor.dark_mean_electrons;
 }
@@ -234,13 +241,16 @@ Eigen::VectorXd TextureStatistic::Expected(const ExpectedSet& expected, int inde
   };
   struct Row {
     double level = 0, noise = 0, signal = 0;
+    double along = 0;  // variance of what differs slowly along the line
   };
   const auto row_of = [&](const PixelPlane& plane, int row) {
     Row sum;
     for (const std::vector<ExpectedFrame>& strips : expected.strips) {
       sum.level += LevelVariance(strips[f], row, plane.first_column) / blocks;
       sum.noise += NoiseVariance(strips[f], row, plane.first_column) / blocks;
-      sum.signal += (strips[f].MeanDn(row, plane.first_column) - black_dn) / blocks;
+      const double signal = strips[f].MeanDn(row, plane.first_column) - black_dn;
+      sum.signal += signal / blocks;
+      sum.along += signal * signal * VarianceAlongLine(strips[f]) / blocks;
     }
     return sum;
   };
@@ -262,30 +272,33 @@ Eigen::VectorXd TextureStatistic::Expected(const ExpectedSet& expected, int inde
       double signal = 0;
       for (int row : bin.rows) {
         const Row row_here = row_of(plane, row);
-        const SpecklePixelCovariance& speckle = front.SpeckleAt(row);
+        const SpecklePixelCovariance& speckle = front.SpeckleAt(row, plane.first_column);
         const double one = speckle.At(0, 0), share = share_of(row);
-        const double here = row_here.level * (1 - share) + row_here.noise * (1 - 1.0 / columns);
+        const double here =
+            row_here.level * (1 - share) + row_here.noise * (1 - 1.0 / columns) + row_here.along;
         variance += here;
         signal += row_here.signal;
         ++rows;
         for (int lag = 1; lag <= kCorrelationLags; ++lag) {
           const int other = OtherRow(row, lag * step, rows_px);
           const Row row_there = row_of(plane, other);
-          const double there =
-              row_there.level * (1 - share_of(other)) + row_there.noise * (1 - 1.0 / columns);
+          const double there = row_there.level * (1 - share_of(other)) +
+                               row_there.noise * (1 - 1.0 / columns) + row_there.along;
           correlations[2 * lag - 2] += (row_here.level * (speckle.At(0, lag * step) / one - share) -
-                                        row_here.noise / columns) /
+                                        row_here.noise / columns + row_here.along) /
                                        here;
           // Of two rows: about the place between them.
-          const SpecklePixelCovariance& between = front.SpeckleAt((row + other) / 2);
-          const double both = std::sqrt(one * front.SpeckleAt(other).At(0, 0));
+          const SpecklePixelCovariance& between =
+              front.SpeckleAt(step > 1 ? row : (row + other) / 2, plane.first_column);
+          const double both = std::sqrt(one * front.SpeckleAt(other, plane.first_column).At(0, 0));
           double row_share = 0;
           for (int c = -columns + 1; c < columns; ++c) {
             row_share += (1 - std::abs(c) / static_cast<double>(columns)) *
                          between.At(lag * step, c * step) / (both * columns);
           }
-          correlations[2 * lag - 1] += std::sqrt(row_here.level * row_there.level) *
-                                       (between.At(lag * step, 0) / both - row_share) /
+          correlations[2 * lag - 1] += (std::sqrt(row_here.level * row_there.level) *
+                                            (between.At(lag * step, 0) / both - row_share) +
+                                        std::sqrt(row_here.along * row_there.along)) /
                                        std::sqrt(here * there);
         }
       }
@@ -494,6 +507,9 @@ Eigen::MatrixXd RepeatStatistic::Covariance(const ExpectedSet& expected, int ind
 DarkStatistic::DarkStatistic(const RecordedSet& set) {
   for (size_t f = 0; f < set.frames.size(); ++f) {
     if (set.frames[f].plate_position_id >= 0) continue;
+    // What light has left is looked at in bursts: here it would be noise.
+    const int before = PrecedingFrame(set, static_cast<int>(f));
+    if (before >= 0 && set.frames[before].plate_position_id >= 0) continue;
     frames_.push_back({static_cast<int>(f)});
     const RegionOfInterest& roi = set.frames[f].nominal.roi;
     sizes_px_.emplace_back(roi.columns_px, roi.rows_px);

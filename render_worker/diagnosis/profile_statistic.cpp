@@ -1,6 +1,6 @@
 #include "render_worker/diagnosis/profile_statistic.h"
 
-#include <Eigen/Eigenvalues>
+#include <Eigen/Cholesky>
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -28,22 +28,23 @@ constexpr double kInFocusPx = 2;  // radius of the blur up to which a line is in
 // law.
 constexpr double kSaturationError = 0.01;
 
-// The nearest covariance with these variances: correlations that are put together from places with
-// different statistics need not be one.
+// A covariance with these variances: correlations that are put together from places with different
+// statistics need not be one, and are then lowered alike.
 void MakePositive(Eigen::MatrixXd& covariance) {
   const Eigen::VectorXd deviation = covariance.diagonal().cwiseMax(1e-30).cwiseSqrt();
   const Eigen::VectorXd inverse = deviation.cwiseInverse();
-  Eigen::MatrixXd correlation = inverse.asDiagonal() * covariance * inverse.asDiagonal();
-  // Mostly it is one, but for what is added to the variances anyway.
-  Eigen::MatrixXd raised = correlation;
-  raised.diagonal().array() += 0.01;
-  if (raised.llt().info() == Eigen::Success) return;
-  const Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd> solver(correlation);
-  correlation = solver.eigenvectors() * solver.eigenvalues().cwiseMax(0).asDiagonal() *
-                solver.eigenvectors().transpose();
-  const Eigen::VectorXd rescale =
-      deviation.cwiseQuotient(correlation.diagonal().cwiseMax(1e-30).cwiseSqrt());
-  covariance = rescale.asDiagonal() * correlation * rescale.asDiagonal();
+  const Eigen::MatrixXd correlation = inverse.asDiagonal() * covariance * inverse.asDiagonal();
+  for (double part = 1; part > 0.05; part *= 0.9) {
+    Eigen::MatrixXd lowered = part * correlation;
+    // Something is added to the variances anyway.
+    lowered.diagonal().setConstant(1.01);
+    if (lowered.llt().info() != Eigen::Success) continue;
+    if (part == 1) return;
+    lowered.diagonal().setOnes();
+    covariance = deviation.asDiagonal() * lowered * deviation.asDiagonal();
+    return;
+  }
+  covariance = Eigen::MatrixXd(covariance.diagonal().asDiagonal());
 }
 
 // Signal at the outermost bins, from which all is counted: a hard-edged pupil's line spread falls

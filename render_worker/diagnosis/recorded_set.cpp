@@ -31,6 +31,17 @@ double& DeviationAt(SetupDeviation& d, int index) {
   return *fields[index];
 }
 
+int PrecedingFrame(const RecordedSet& set, int f) {
+  if (f < 1 || set.frames[f].nominal.burst_frame_index < 1) return -1;
+  const FrameSetup& before = set.frames[f - 1].nominal;
+  const FrameSetup& frame = set.frames[f].nominal;
+  const bool follows = before.burst_frame_index + 1 == frame.burst_frame_index;
+  const RegionOfInterest &a = before.roi, &b = frame.roi;
+  const bool same_region = a.column_px == b.column_px && a.row_px == b.row_px &&
+                           a.columns_px == b.columns_px && a.rows_px == b.rows_px;
+  return follows && same_region ? f - 1 : -1;
+}
+
 RecordedSet MakeRecordedSet(RecordingSet description, std::vector<Image<uint16_t>> raw_dn) {
   RecordedSet set;
   set.description = std::move(description);

@@ -31,16 +31,6 @@ void ForAll(int count, int threads, const Work& work) {
   run();
 }
 
-// Charge that goes to neighbours: on a colour sensor those at the edges of a narrow strip are
-// missing.
-bool NeedsNeighbours(const std::vector<ActiveEffect>& effects) {
-  return std::any_of(effects.begin(), effects.end(), [](const ActiveEffect& active) {
-    const std::string_view id = active.effect->description().id;
-    return id == "sensor.crosstalk" || id == "sensor.brighter_fatter" ||
-           id == "unknown.charge_spread";
-  });
-}
-
 template <typename T>
 Image<T> Inner(const Image<T>& image, int margin_px) {
   Image<T> inner(image.columns_px - 2 * margin_px, image.rows_px);
@@ -104,7 +94,11 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
   expected.model_error = parameters.model_error;
   const bool colour =
       frames > 0 && set_.frames[0].nominal.sensor.colour_filter != ColourFilter::kMono;
-  const int margin_px = colour && NeedsNeighbours(parameters.effects) ? 2 : 0;
+  // On a colour sensor charge goes to the neighbours of a narrow strip's edges too.
+  const bool spreads =
+      std::any_of(parameters.effects.begin(), parameters.effects.end(),
+                  [](const ActiveEffect& active) { return SpreadsCharge(*active.effect); });
+  const int margin_px = colour && spreads ? 2 : 0;
   std::vector<FrameSetup> setups(frames);
   expected.strips.assign(blocks, std::vector<ExpectedFrame>(frames));
   for (int f = 0; f < frames; ++f) {
@@ -129,8 +123,10 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
             f > first && margin_px == 0 ? &strips[f - 1].mean_photo_electrons : nullptr;
         frame.roi.column_px -= margin_px;
         frame.roi.columns_px += 2 * margin_px;
-        strips[f] =
-            ExpectFrame(frame, parameters.effects, previous, imaging, settings_.speckle_levels);
+        const auto [first_column, last_column] =
+            BlockColumns(setups[f].roi.columns_px, blocks, block);
+        strips[f] = ExpectFrame(frame, parameters.effects, previous, imaging,
+                                settings_.speckle_levels, last_column - first_column);
         if (margin_px > 0) CutMargin(strips[f], margin_px);
         imaging = strips[f].imaging;
         if (middle_only) {

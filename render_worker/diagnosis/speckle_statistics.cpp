@@ -468,10 +468,45 @@ LineSpeckle::LineSpeckle(const Pupil& pupil, double wavelength_m, double image_d
   });
 }
 
+LineSpeckle LineSpeckle::With(std::vector<SpecklePixelCovariance> covariances) const {
+  LineSpeckle other = *this;
+  other.places_ =
+      std::make_shared<const std::vector<SpecklePixelCovariance>>(std::move(covariances));
+  return other;
+}
+
 int LineSpeckle::PlaceOf(double v_m) const {
   const int sides = (places() - 1) / 2;
   const double place = std::clamp((v_m - centre_m_) / spacing_m_, -1.0 * sides, 1.0 * sides);
   return sides + static_cast<int>(std::lround(place));
+}
+
+SpecklePixelCovariance SpecklePixelCovariance::Shared(const Image<double>& shares) const {
+  const int rows = shares.rows_px, columns = shares.columns_px;
+  // By distance: products of shares.
+  Image<double> products(2 * columns - 1, 2 * rows - 1, 0.0);
+  for (int i = 0; i < rows; ++i) {
+    for (int j = 0; j < columns; ++j) {
+      for (int k = 0; shares.At(i, j) != 0 && k < rows; ++k) {
+        for (int l = 0; l < columns; ++l) {
+          products.At(k - i + rows - 1, l - j + columns - 1) += shares.At(i, j) * shares.At(k, l);
+        }
+      }
+    }
+  }
+  std::vector<double> values;
+  for (int r = 0; r <= max_lag_; ++r) {
+    for (int c = 0; c <= max_lag_; ++c) {
+      double sum = 0;
+      for (int i = 0; i < products.rows_px; ++i) {
+        for (int j = 0; j < products.columns_px; ++j) {
+          sum += products.At(i, j) * At(r + i - rows + 1, c + j - columns + 1);
+        }
+      }
+      values.push_back(sum);
+    }
+  }
+  return {max_lag_, max_lag_, max_lag_, std::move(values)};
 }
 
 double SpecklePixelCovariance::At(int rows, int columns) const {

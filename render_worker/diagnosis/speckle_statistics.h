@@ -33,6 +33,9 @@ class SpecklePixelCovariance {
 
   double At(int rows, int columns) const;
   int max_lag() const { return max_lag_; }
+  // Of pixels that take up shares of what falls on those around them (`shares`: odd sizes, the
+  // pixel itself in the middle; relative to what they get in all).
+  SpecklePixelCovariance Shared(const Image<double>& shares) const;
 
  private:
   int max_lag_ = 0;
@@ -56,6 +59,11 @@ class LineSpeckle {
   int PlaceOf(double v_m) const;
   const SpecklePixelCovariance& At(int place) const { return (*places_)[place]; }
   int max_lag() const { return places_->front().max_lag(); }
+  double PlaceCentre_m(int place) const {
+    return centre_m_ + (place - (places() - 1) / 2) * spacing_m_;
+  }
+  // The same line with other covariances, one a place.
+  LineSpeckle With(std::vector<SpecklePixelCovariance> covariances) const;
 
  private:
   double centre_m_ = 0, spacing_m_ = 1;

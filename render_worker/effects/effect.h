@@ -26,6 +26,9 @@ struct EffectParameter {
   // Half of all rigs that have the effect are believed to deviate from the null value by less than
   // this (scale of the prior, in the parameter's unit; > 0).
   double prior_scale;
+  // Of a shape: values from which to search besides the null value, where one does not lead to
+  // another (a place, a phase, a period).
+  std::vector<double> starts = {};
 };
 
 struct EffectDescription {

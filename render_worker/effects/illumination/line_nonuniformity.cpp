@@ -1,11 +1,9 @@
 // Powell lens that spreads the light unevenly: a slope along the line and a ripple in fan angle.
-// The place on the line is X/(L/2), 1 at its end, L = 2 d tan(fan/2); the phase of the ripple is
-// drawn once a rig.
+// The place on the line is X/(L/2), 1 at its end, L = 2 d tan(fan/2).
 #include <algorithm>
 #include <cmath>
 #include <numbers>
 
-#include "core/random/counter_random.h"
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"
 
@@ -23,7 +21,8 @@ class LineNonuniformityEffect final : public DescribedEffect {
              .reference = "Powell, US patent 4826299 (1989); thesis 5.3.1, laser lines",
              .parameters = {{"slope_relative", 0, -1, 1, 0.1},
                             {"ripple_relative", 0, 0, 0.9, 0.05},
-                            {"ripple_period_deg", 2, 0.05, 90, 2}}}) {}
+                            {"ripple_period_deg", 2, 0.05, 90, 2, {0.7, 1.2, 4, 8}},
+                            {"ripple_phase_deg", 0, -360, 360, 180, {-90, 90, 180}}}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     const double slope = p[0], ripple = p[1];
@@ -31,8 +30,7 @@ class LineNonuniformityEffect final : public DescribedEffect {
     const double distance = frame.plate.laser_distance_m;
     const double half_length = distance * std::tan(frame.laser.fan_angle_rad / 2);
     const double turns_per_rad = 180 / p[2] * 2;  // 2 pi/period, in radians of angle
-    CounterRandom random(DeriveSeed(frame.seeds.rig, "line ripple"), 0);
-    const double phase = 2 * std::numbers::pi * random.Uniform();
+    const double phase = p[3] * std::numbers::pi / 180;
     scene.constant_along_line = false;
     scene.laser_irradiance_w_m2 = [=, before = std::move(scene.laser_irradiance_w_m2)](double x_m,
                                                                                        double s_m) {

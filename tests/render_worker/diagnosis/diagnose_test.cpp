@@ -4,7 +4,9 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -185,6 +187,38 @@ TEST(ExpectFrame, AStuckBitTakesHalfANumberOnAverage) {
     return;
   }
   FAIL() << "no dark frame";
+}
+
+// A bug found: a ripple as fine as a block was taken at the block's middle, and its scatter within
+// for a pattern of the sensor.
+TEST(ExpectFrame, AStripStandsForTheMeanOfItsBlock) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  const auto lit = std::find_if(set.frames.begin(), set.frames.end(),
+                                [](const RecordedFrame& f) { return f.plate_position_id >= 0; });
+  FrameSetup frame = lit->nominal;
+  constexpr int kBlock_px = 96;
+  const double seen_m = kBlock_px * frame.sensor.pixel_pitch_m * frame.plate.camera_distance_m /
+                        frame.ImageDistance();
+  const double turn_deg = std::atan(seen_m / frame.plate.laser_distance_m) * 180 / std::numbers::pi;
+  frame.roi.column_px = -1;
+  frame.roi.columns_px = 2;
+  const std::vector<ActiveEffect> ripple = {
+      {FindEffect("illumination.line_nonuniformity"), {0, 0.3, turn_deg, 0}}};
+  const ExpectedFrame even = ExpectFrame(frame, {}, nullptr, nullptr, 4, kBlock_px);
+  const ExpectedFrame mean = ExpectFrame(frame, ripple, nullptr, nullptr, 4, kBlock_px);
+  const ExpectedFrame middle = ExpectFrame(frame, ripple, nullptr, nullptr, 4);
+  const auto light = [&](const ExpectedFrame& expected) {
+    double sum = 0;
+    for (int row = 0; row < frame.roi.rows_px; ++row)
+      sum += expected.mean_photo_electrons.At(row, 0);
+    return sum;
+  };
+  EXPECT_NEAR(light(mean) / light(even), 1, 0.01);
+  EXPECT_NEAR(light(middle) / light(even), 1.3, 0.01);
+  EXPECT_TRUE(even.level_along_line.empty());
+  double variance = 0;
+  for (double level : mean.level_along_line) variance += (level - 1) * (level - 1);
+  EXPECT_NEAR(variance / static_cast<double>(mean.level_along_line.size()), 0.3 * 0.3 / 2, 1e-3);
 }
 
 // A bug found: a full well just above the converter's largest number, which cannot be seen, changed

@@ -13,6 +13,7 @@
 #include "render_worker/diagnosis/burst_statistic.h"
 #include "render_worker/diagnosis/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/histogram_statistic.h"
+#include "render_worker/diagnosis/noise_statistics.h"
 #include "render_worker/diagnosis/shared_speckle_statistic.h"
 #include "render_worker/diagnosis/strips.h"
 #include "render_worker/image_chain/form_image.h"
@@ -208,8 +209,8 @@ struct Planted {
 };
 
 template <typename Statistic>
-void ExpectRefuted(const std::vector<Planted>& all) {
-  const RecordingSet description = Recordings(false);
+void ExpectRefuted(const std::vector<Planted>& all, bool colour = false) {
+  const RecordingSet description = Recordings(colour);
   for (const Planted& planted : all) {
     const std::vector<ActiveEffect> effects = {Active(planted.id, planted.parameters)};
     const RecordedSet set = Render(description, kSeed, effects);
@@ -240,6 +241,28 @@ TEST(FixedPatternStatistic, ShowsWhatStaysOnTheSensor) {
                                         {"sensor.hot_pixels", {2e-3}, 100, 3},
                                         {"sensor.prnu", {0.06}, 20, 3},
                                         {"optics.cover_glass_etalon", {0.1, 30, 0}, 20, 3}});
+}
+
+class Texture : public TextureStatistic {
+ public:
+  explicit Texture(const RecordedSet& set) : TextureStatistic(set, kBlocks) {}
+};
+
+// A bug found: the speckle of charge that spreads was that of the light, and crosstalk was called
+// partial coherence.
+TEST(TextureStatistic, ChargeThatSpreadsTakesContrastAndCorrelates) {
+  ExpectRefuted<Texture>(
+      {{"sensor.crosstalk", {0.05}, 50, 1.5}, {"sensor.crosstalk", {0.15}, 200, 2}});
+  ExpectRefuted<Texture>({{"sensor.crosstalk", {0.1}, 100, 2}}, true);
+}
+
+// A bug found: the image that a bright frame left in a dark one was called row noise.
+TEST(DarkStatistic, LeavesOutFramesThatFollowLight) {
+  const RecordedSet set = Render(Recordings(false), kSeed, {Active("sensor.image_lag", {2e-3})});
+  const DarkStatistic statistic(set);
+  EXPECT_EQ(statistic.entries(), 3);
+  const Comparison null = Compare(statistic, set, Expect(set, {}));
+  EXPECT_LT(null.chi_squared, 2.5 * null.count);
 }
 
 TEST(BurstStatistic, ShowsWhatTheFrameBeforeLeft) {

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <utility>
 #include <vector>
 
 namespace sightline {
@@ -68,6 +69,20 @@ TEST(LineSpeckle, DefocusStretchesAcross) {
 
 // A bug found: means of a dozen intervals vary less than what lies in them, and speckle's contrast
 // was 4 % too low.
+TEST(SpecklePixelCovariance, SharedByNeighboursIsTheCorrelationOfTheirShares) {
+  // Independent pixels of contrast 1, of which each keeps 60 % and gives 10 % to four neighbours.
+  const SpecklePixelCovariance independent(3, 0, 0, std::vector<double>(16, 1.0));
+  Image<double> shares(3, 3, 0.0);
+  shares.At(1, 1) = 0.6;
+  for (const auto& [i, j] : {std::pair{0, 1}, {1, 0}, {1, 2}, {2, 1}}) shares.At(i, j) = 0.1;
+  const SpecklePixelCovariance shared = independent.Shared(shares);
+  EXPECT_NEAR(shared.At(0, 0), 0.36 + 4 * 0.01, 1e-12);
+  EXPECT_NEAR(shared.At(0, 1), 2 * 0.6 * 0.1, 1e-12);
+  EXPECT_NEAR(shared.At(1, 1), 2 * 0.1 * 0.1, 1e-12);
+  EXPECT_NEAR(shared.At(2, 0), 0.1 * 0.1, 1e-12);
+  EXPECT_NEAR(shared.At(3, 0), 0, 1e-12);
+}
+
 TEST(GammaLevels, MeanAndVarianceOfFewAsOfMany) {
   for (const int count : {12, 400}) {
     for (const double contrast_squared : {0.05, 0.3, 0.9}) {
