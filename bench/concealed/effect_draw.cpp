@@ -155,6 +155,7 @@ bool ShowsBeyondTheMean(const Effect& effect) {
                                "sensor.adc_missing_bits",
                                "sensor.image_lag",
                                "time.plate_motion",
+                               "time.vibration_blur",
                                "time.exposure_jitter",
                                "variant.defocus_speckle_loss"};
   return std::find(kIds.begin(), kIds.end(), effect.description().id) != kIds.end();

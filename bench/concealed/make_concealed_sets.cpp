@@ -24,6 +24,7 @@
 #include "render_worker/diagnosis/expected_frame.h"
 #include "render_worker/diagnosis/power.h"
 #include "render_worker/diagnosis/recorded_set.h"
+#include "render_worker/diagnosis/recording_scatter.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/image_file/image_file.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -132,6 +133,8 @@ class SetPower {
       }
     }
     return [this](const std::vector<ActiveEffect>& effects) {
+      // What is drawn for every recording counts as known there, which it is not.
+      if (effects.size() == 1 && IsRecordingScatter(*effects[0].effect)) return 0.0;
       return information_->ExpectedGain(effects) - gain_of_none_;
     };
   }

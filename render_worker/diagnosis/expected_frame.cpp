@@ -10,6 +10,7 @@
 #include <set>
 #include <string_view>
 
+#include "render_worker/diagnosis/charge_spread.h"
 #include "render_worker/diagnosis/line_spread.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/plate/plate_scene.h"
@@ -20,6 +21,7 @@ namespace sightline {
 namespace {
 
 constexpr int kSamplesPerPx = 4;
+constexpr double kLeastContrast = 1e-6;  // squared
 constexpr int kPlacesAlongBlock = 16;
 constexpr double kLitAlongLine = 1e-3;  // of the brightest, across the line
 constexpr double kNoLight = 1e-9;       // of the brightest place's: all such places count as dark
@@ -231,65 +233,6 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
   return image;
 }
 
-// Shares of the pixels around in what a pixel gets, after charge has spread: the relative change of
-// its charge with theirs. Empty where there is no charge.
-Image<double> ChargeShares(const Image<double>& electrons, int row, int column,
-                           const FrameSetup& frame, std::span<const ActiveEffect> spreading) {
-  constexpr int kReach = 2, kSize = 2 * kReach + 1;
-  constexpr double kStep = 1e-3;
-  Image<double> around(kSize, kSize);
-  for (int i = 0; i < kSize; ++i) {
-    for (int j = 0; j < kSize; ++j) {
-      const int other = std::clamp(row + i - kReach, 0, electrons.rows_px - 1);
-      around.At(i, j) = electrons.At(other, electrons.columns_px < 2 ? 0 : (column + j) % 2);
-    }
-  }
-  const auto middle_after = [&](Image<double> image) {
-    for (const ActiveEffect& active : spreading) {
-      active.effect->OnMeanElectrons(image, nullptr, frame, active.parameters);
-      active.effect->OnElectrons(image, frame, active.parameters);
-    }
-    return image.At(kReach, kReach);
-  };
-  const double after = middle_after(around);
-  Image<double> shares(kSize, kSize, 0.0);
-  if (!(after > 0)) return {};
-  double sum = 0;
-  for (int i = 0; i < kSize; ++i) {
-    for (int j = 0; j < kSize; ++j) {
-      Image<double> changed = around;
-      changed.At(i, j) *= 1 + kStep;
-      shares.At(i, j) = (middle_after(std::move(changed)) - after) / (kStep * after);
-      sum += shares.At(i, j);
-    }
-  }
-  return std::isfinite(sum) ? shares : Image<double>();
-}
-
-double ColumnSum(const Image<double>& image, int first_row, int column) {
-  double sum = 0;
-  for (int row = first_row; row < image.rows_px; row += 2) sum += image.At(row, column);
-  return sum;
-}
-
-// Speckle of charge that has spread: less contrast, longer correlation. Of the pixels at one place
-// of a cell of the colour filter, 0 to 3 by rows.
-std::shared_ptr<const LineSpeckle> AfterChargeSpread(const LineSpeckle& speckle, int cell,
-                                                     const Image<double>& electrons,
-                                                     const FrameSetup& frame,
-                                                     std::span<const ActiveEffect> spreading) {
-  std::vector<SpecklePixelCovariance> covariances;
-  for (int place = 0; place < speckle.places(); ++place) {
-    const double middle =
-        speckle.PlaceCentre_m(place) / frame.sensor.pixel_pitch_m - frame.roi.row_px;
-    int row = std::clamp(static_cast<int>(std::lround(middle)), 0, electrons.rows_px - 1);
-    if (row % 2 != cell / 2) row = row > 0 ? row - 1 : std::min(1, electrons.rows_px - 1);
-    const Image<double> shares = ChargeShares(electrons, row, cell % 2, frame, spreading);
-    covariances.push_back(shares.empty() ? speckle.At(place) : speckle.At(place).Shared(shares));
-  }
-  return std::make_shared<const LineSpeckle>(speckle.With(std::move(covariances)));
-}
-
 // Light of lamps and windows on the plate: smooth, so neither blurred nor speckled.
 void AddAmbient(const PlateScene& scene, const FrameSetup& frame, PixelIrradiance& light) {
   PlateScene lamps = scene;
@@ -369,23 +312,10 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
             dark_laser.laser_irradiance_w_m2.values.end(), 0.0F);
   const Image<double> total = MeanPhotoElectrons(light, frame);
   const Image<double> steady = MeanPhotoElectrons(dark_laser, frame);
-  std::vector<ActiveEffect> spreading;
-  for (const ActiveEffect& active : effects) {
-    if (SpreadsCharge(*active.effect)) spreading.push_back(active);
-  }
-  if (lit && !spreading.empty()) {
-    const bool colour = frame.sensor.colour_filter != ColourFilter::kMono;
-    for (int cell = 0; cell < (colour ? 4 : 1); ++cell) {
-      expected.speckle_of_cell[cell] =
-          AfterChargeSpread(*expected.imaging->speckle, cell, total, frame, spreading);
-    }
-    int brightest = 0;  // by the laser's light
-    for (int cell = 1; colour && cell < 4; ++cell) {
-      const auto light_of = [&](int c) { return ColumnSum(total, c / 2, c % 2); };
-      if (light_of(cell) > light_of(brightest)) brightest = cell;
-    }
-    expected.speckle = expected.speckle_of_cell[brightest];
-    if (!colour) expected.speckle_of_cell = {};
+  if (lit) {
+    expected.speckle_of_cell = AfterChargeSpread(*expected.speckle, total, frame, effects);
+    const auto& of_cell = expected.speckle_of_cell;
+    if (of_cell[0] != nullptr) expected.speckle = of_cell[BrightestCell(total)];
   }
 
   const Sensor& sensor = frame.sensor;
@@ -401,7 +331,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   const int level_count = lit ? speckle_levels : 1;
   // Speckle's contrast depends on the place across the line.
   std::array<std::vector<std::vector<double>>, 4> levels_of_place;  // of a cell's pixels
-  const bool cells_differ = expected.speckle_of_cell[0] != nullptr;
+  const bool cells_differ = expected.speckle_of_cell[0] != expected.speckle_of_cell[1];
   for (int cell = 0; cell < (cells_differ ? 4 : 1); ++cell) {
     if (!lit) {
       levels_of_place[cell] = {{1.0}};
@@ -409,8 +339,10 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     }
     const LineSpeckle& of_cell = cells_differ ? *expected.speckle_of_cell[cell] : *expected.speckle;
     for (int place = 0; place < of_cell.places(); ++place) {
-      levels_of_place[cell].push_back(
-          GammaLevels(of_cell.At(place).At(0, 0) * pattern_share, level_count));
+      // Strengths beyond sense would move more charge than there is.
+      const double contrast_squared =
+          std::clamp(of_cell.At(place).At(0, 0) * pattern_share, kLeastContrast, 1.0);
+      levels_of_place[cell].push_back(GammaLevels(contrast_squared, level_count));
     }
   }
   std::vector<int> place_of_row(frame.roi.rows_px, 0);
@@ -515,12 +447,6 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
 }
 
 }  // namespace
-
-bool SpreadsCharge(const Effect& effect) {
-  const std::string_view id = effect.description().id;
-  return id == "sensor.crosstalk" || id == "sensor.brighter_fatter" ||
-         id == "unknown.charge_spread";
-}
 
 bool IsDrawn(const Effect& effect) {
   static constexpr std::array<std::string_view, 9> kDrawn = {"illumination.power_noise",

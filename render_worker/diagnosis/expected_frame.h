@@ -40,7 +40,7 @@ struct ExpectedFrame {
   double row_scatter_dn = 0, column_scatter_dn = 0;
   Image<double> mean_photo_electrons;          // the next frame of the burst needs it
   std::shared_ptr<const LineSpeckle> speckle;  // of one pattern; null: no laser light
-  // Where charge spreads on a colour sensor: of the four pixels of a cell; else null.
+  // Where charge spreads: of the four pixels of a cell of the colour filter; else null.
   std::array<std::shared_ptr<const LineSpeckle>, 4> speckle_of_cell;
   std::shared_ptr<const LineImaging> imaging;  // the same
 
@@ -56,9 +56,6 @@ struct ExpectedFrame {
 // True for effects whose realisation is drawn by chance and cannot be known: they do not change the
 // expectation of a pixel, only how pixels or recordings scatter.
 bool IsDrawn(const Effect& effect);
-
-// True for effects that move charge between neighbouring pixels.
-bool SpreadsCharge(const Effect& effect);
 
 // `frame`: nominal with deviations applied; its region of interest is narrow enough that the line's
 // profile is that of its middle column. `previous`: mean electrons of the frame before in the

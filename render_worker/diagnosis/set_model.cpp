@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "render_worker/diagnosis/burst_statistic.h"
+#include "render_worker/diagnosis/charge_spread.h"
 #include "render_worker/diagnosis/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/histogram_statistic.h"
 #include "render_worker/diagnosis/hot_pixels.h"

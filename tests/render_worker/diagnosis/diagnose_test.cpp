@@ -221,6 +221,25 @@ TEST(ExpectFrame, AStripStandsForTheMeanOfItsBlock) {
   EXPECT_NEAR(variance / static_cast<double>(mean.level_along_line.size()), 0.3 * 0.3 / 2, 1e-3);
 }
 
+// A bug found: charge that flows faster than there is any gave speckle more contrast than it can
+// have, and its law could not be computed.
+TEST(ExpectFrame, StrengthsBeyondSenseAreComputed) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  for (const RecordedFrame& recorded : set.frames) {
+    if (recorded.plate_position_id < 0) continue;
+    FrameSetup frame = recorded.nominal;
+    frame.roi.columns_px = 2;
+    for (const ActiveEffect& strongest :
+         {ActiveEffect{FindEffect("sensor.brighter_fatter"), {1e-5}},
+          ActiveEffect{FindEffect("sensor.crosstalk"), {0.2}}}) {
+      const ExpectedFrame expected = ExpectFrame(frame, {&strongest, 1}, nullptr, nullptr, 12);
+      for (int row = 0; row < frame.roi.rows_px; ++row) {
+        ASSERT_TRUE(std::isfinite(expected.MeanDn(row, 0)));
+      }
+    }
+  }
+}
+
 // A bug found: a full well just above the converter's largest number, which cannot be seen, changed
 // the mean of full pixels.
 TEST(ExpectFrame, AFullWellAboveTheConverterIsNotSeen) {
