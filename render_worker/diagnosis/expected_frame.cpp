@@ -123,17 +123,13 @@ double Throughput(const PlateScene& scene, const FrameSetup& frame, const PlateP
          scene.brdf_per_sr(point.x_m, point.s_m);
 }
 
-// Laser light along a block about the column at u: summed across the line at each of some places.
-std::vector<double> LightAlongLine(const PlateScene& scene, const FrameSetup& frame, double u_m,
-                                   double width_m, double first_v_m, double last_v_m,
-                                   double step_m) {
-  std::vector<double> light(kPlacesAlongBlock, 0);
-  for (int i = 0; i < kPlacesAlongBlock; ++i) {
-    const double place_m = u_m + ((i + 0.5) / kPlacesAlongBlock - 0.5) * width_m;
-    for (double v_m = first_v_m; v_m <= last_v_m; v_m += step_m) {
-      const PlatePoint point = SeenAt(scene, frame, place_m, v_m);
-      light[i] += scene.laser_irradiance_w_m2(point.x_m, point.s_m);
-    }
+// Laser light on the plate summed across the line, in the column at u.
+double LightAcrossLine(const PlateScene& scene, const FrameSetup& frame, double u_m,
+                       double first_v_m, double last_v_m) {
+  double light = 0;
+  for (double v_m = first_v_m; v_m <= last_v_m; v_m += frame.sensor.pixel_pitch_m / kSamplesPerPx) {
+    const PlatePoint point = SeenAt(scene, frame, u_m, v_m);
+    light += scene.laser_irradiance_w_m2(point.x_m, point.s_m);
   }
   return light;
 }
@@ -165,20 +161,23 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
     const auto lit = [&](double value) { return value > kLitAlongLine * brightest; };
     const auto first = std::find_if(ideal.begin(), ideal.end(), lit) - ideal.begin();
     const auto last = std::find_if(ideal.rbegin(), ideal.rend(), lit).base() - ideal.begin() - 1;
-    // Room for a line that is not straight along the rows.
+    // Room for a line that is not straight along the rows: up to 11 degrees.
     const double room_m = 0.1 * block_columns_px * pitch_m;
-    level_along_line = LightAlongLine(
-        scene, frame, u_m, block_columns_px * pitch_m, v_of(static_cast<int>(first)) - room_m,
-        v_of(static_cast<int>(last)) + room_m, pitch_m / kSamplesPerPx);
+    const double first_v_m = v_of(static_cast<int>(first)) - room_m;
+    const double last_v_m = v_of(static_cast<int>(last)) + room_m;
     double mean = 0;
-    for (double light : level_along_line) mean += light / kPlacesAlongBlock;
-    for (double& light : level_along_line) light /= mean;
-    const double middle =
-        LightAlongLine(scene, frame, u_m, 0, v_of(static_cast<int>(first)) - room_m,
-                       v_of(static_cast<int>(last)) + room_m, pitch_m / kSamplesPerPx)
-            .front();
-    if (middle > 0) {
+    for (int i = 0; i < kPlacesAlongBlock; ++i) {
+      const double place = (i + 0.5) / kPlacesAlongBlock - 0.5;
+      level_along_line.push_back(LightAcrossLine(
+          scene, frame, u_m + place * block_columns_px * pitch_m, first_v_m, last_v_m));
+      mean += level_along_line.back() / kPlacesAlongBlock;
+    }
+    const double middle = LightAcrossLine(scene, frame, u_m, first_v_m, last_v_m);
+    if (mean > 0 && middle > 0) {
+      for (double& light : level_along_line) light /= mean;
       for (double& value : ideal) value *= mean / middle;
+    } else {
+      level_along_line.clear();
     }
   }
   double weighted_depth_m = 0, weighted_v_m = 0, sum = 0;

@@ -149,7 +149,10 @@ Eigen::VectorXd ProductsAlongLine(const ExpectedSet& expected, const std::vector
     for (const std::vector<ExpectedFrame>& strips : expected.strips) {
       for (double level : strips[f].level_along_line) along.push_back(level - 1);
     }
-    if (along.empty()) return products;
+    // A strip without light has none.
+    if (along.empty() || (!deviations.empty() && along.size() != deviations.front().size())) {
+      return products;
+    }
     deviations.push_back(std::move(along));
   }
   const size_t places = deviations.front().size();
