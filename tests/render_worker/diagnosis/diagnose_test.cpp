@@ -169,6 +169,31 @@ TEST(Diagnose, UnknownExcludedEffectIsRefused) {
   EXPECT_EQ(diagnosis.status().code(), absl::StatusCode::kInvalidArgument);
 }
 
+TEST(UpdateDerivatives, FollowTheChangeThatWasSeenAndKeepZeros) {
+  Eigen::MatrixXd jacobian(2, 3);
+  jacobian << 1, 2, 0, 0, 0, 0;
+  const Eigen::Vector3d moves(0.5, -1, 2);
+  UpdateDerivatives(moves, Eigen::Vector2d(4, 7), jacobian);
+  EXPECT_NEAR(jacobian.row(0).dot(moves), 4, 1e-12);
+  EXPECT_EQ(jacobian(0, 2), 0);
+  EXPECT_EQ(jacobian.row(1).norm(), 0);  // nothing it could follow by
+  // Least change: along the moves that count.
+  EXPECT_NEAR((jacobian(0, 0) - 1) / (jacobian(0, 1) - 2), 0.5 / -1, 1e-12);
+}
+
+// A bug found: the search for the deviation that does the same stopped where it is far from linear.
+TEST(ExpectedGain, NoiseWithinItsUncertaintyCostsItsPriorOnly) {
+  constexpr double kUncertainty = 0.2;
+  RecordingSet description = SmallSetDescription();
+  description.uncertainty.dark_noise_relative = kUncertainty;
+  const RecordedSet set = MakeRecordedSet(description, {});
+  const NullInformation information(set, {}, {});
+  const double gain = information.ExpectedGain(
+      {{FindEffect("sensor.read_noise_excess"), {1 + 2.5 * kUncertainty}}});
+  EXPECT_GT(gain, 0);
+  EXPECT_LT(gain, 0.5 * 2.5 * 2.5);
+}
+
 TEST(ExpectFrame, AStuckBitTakesHalfANumberOnAverage) {
   const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
   for (size_t f = 0; f < set.frames.size(); ++f) {
