@@ -164,49 +164,7 @@ TEST(EffectDraw, StepsOfWholeNumbersAndUnseenEffects) {
   EXPECT_GT(unseen.effect.parameters[0], 0);
 }
 
-// A made-up set: every parameter changes the data in a direction of its own.
-ChangeModel MadeUpModel(const std::map<std::string, std::string>& alike) {
-  ChangeModel model;
-  model.change = [alike](const std::vector<ActiveEffect>& effects) {
-    Eigen::VectorXd sum = Eigen::VectorXd::Zero(300);
-    for (const ActiveEffect& active : effects) {
-      const EffectDescription& description = active.effect->description();
-      std::string id(description.id);
-      if (const auto found = alike.find(id); found != alike.end()) id = found->second;
-      for (size_t k = 0; k < active.parameters.size(); ++k) {
-        CounterRandom random(DeriveSeed(k, id.c_str()), 0);
-        const EffectParameter& parameter = description.parameters[k];
-        const double x = (active.parameters[k] - parameter.null_value) / parameter.prior_scale;
-        for (double& value : sum) value += x * random.Normal();
-      }
-    }
-    return sum;
-  };
-  model.project = [](const Eigen::VectorXd& change) { return change; };
-  return model;
-}
-
-TEST(Alternatives, FindsWhatChangesTheSame) {
-  Alternatives alternatives(MadeUpModel({{"illumination.power_error", "amplitude"},
-                                         {"surface.albedo_error", "amplitude"}}),
-                            Sensor{});
-  const ActiveEffect truth = {FindEffect("surface.albedo_error"), {1.3}};
-  EXPECT_GT(alternatives.Explained(truth, *FindEffect("illumination.power_error")), 0.999);
-  EXPECT_LT(alternatives.Explained(truth, *FindEffect("optics.transmission_error")), 0.5);
-}
-
-TEST(Alternatives, BoundsCount) {
-  // Dark current cannot be negative, a black level can.
-  Alternatives alternatives(
-      MadeUpModel({{"sensor.dark_current", "dark"}, {"sensor.black_level_error", "dark"}}),
-      Sensor{});
-  const Effect* black = FindEffect("sensor.black_level_error");
-  const Effect& dark = *FindEffect("sensor.dark_current");
-  EXPECT_GT(alternatives.Explained({black, {5}}, dark), 0.999);
-  EXPECT_LT(alternatives.Explained({black, {-5}}, dark), 0.5);
-}
-
-TEST(Alternatives, ProductsAreEquivalentByPhysics) {
+TEST(PhysicallyEquivalent, ProductsAreEquivalentByPhysics) {
   const ActiveEffect albedo = {FindEffect("surface.albedo_error"), {1.3}};
   EXPECT_THAT(PhysicallyEquivalent(albedo, Sensor{}),
               ::testing::UnorderedElementsAre("illumination.power_error",

@@ -204,39 +204,6 @@ EffectFamily DrawFamily(const Effect& effect, const Sensor& camera, CounterRando
   return family;
 }
 
-std::vector<std::vector<EffectFamily>> SpanningFamilies(const Effect& effect, const Sensor& camera,
-                                                        int count) {
-  const Recipe& recipe = RecipeOf(effect);
-  const std::vector<EffectParameter>& parameters = effect.description().parameters;
-  std::vector<std::vector<EffectFamily>> spanning;
-  if (recipe.whole_numbers) return spanning;
-  const bool shaped = !recipe.shapes.empty();
-  for (int i = 0; i < (shaped ? count : 1); ++i) {
-    EffectFamily base;
-    base.effect = &effect;
-    base.geometric = recipe.geometric;
-    base.direction.assign(parameters.size(), 0);
-    std::vector<size_t> strengths;
-    for (size_t k = 0; k < parameters.size(); ++k) {
-      const Shape* shape = FindShape(recipe, parameters[k].name);
-      const bool first = shape != nullptr && shape == recipe.shapes.data();
-      base.shape.push_back(first ? ShapeValue(*shape, camera, count > 1 ? i / (count - 1.0) : 0.5)
-                                 : parameters[k].null_value);
-      if (shape == nullptr && !IsDead(effect, k, camera)) strengths.push_back(k);
-    }
-    std::vector<EffectFamily> families;
-    for (const size_t k : strengths) {
-      EffectFamily family = base;
-      const bool down = parameters[k].upper <= parameters[k].null_value;
-      family.direction[k] = parameters[k].prior_scale * (down ? -1 : 1);
-      SetLargestScale(family);
-      families.push_back(family);
-    }
-    spanning.push_back(families);
-  }
-  return spanning;
-}
-
 ScaledEffect ScaleToGain(const EffectFamily& family, const ExpectedGain& gain, double target) {
   assert(target > 0);
   constexpr int kMostEvaluations = 24;

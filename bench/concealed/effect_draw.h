@@ -38,11 +38,6 @@ bool ShowsBeyondTheMean(const Effect& effect);
 // Draws what the strength leaves open: signs, ratios of several strengths, parameters that merely
 // shape (log-uniform or uniform within a plausible range about their typical values).
 EffectFamily DrawFamily(const Effect& effect, const Sensor& camera, CounterRandom& random);
-// The same family with `count` other values of its first shape parameter across that range, and
-// positive directions; one entry for every parameter that makes a strength of its own. These span
-// what the effect can look like.
-std::vector<std::vector<EffectFamily>> SpanningFamilies(const Effect& effect, const Sensor& camera,
-                                                        int count);
 
 struct ScaledEffect {
   ActiveEffect effect;

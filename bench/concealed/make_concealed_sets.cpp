@@ -118,7 +118,8 @@ class SetPower {
     truth_.deviations.line_position_each_px = 0;  // of every position, not known here
   }
 
-  ExpectedGain Gain() {
+  // `roughly`: as NullInformation::ExpectedGain.
+  ExpectedGain Gain(bool roughly = false) {
     if (!information_) {
       SetModelSettings settings;
       settings.threads = threads_;
@@ -126,17 +127,28 @@ class SetPower {
       gain_of_none_ = information_->ExpectedGain({});  // deviations moved towards the nominal ones
       // Far beyond what deviations could make up for.
       const ActiveEffect sample = {FindEffect("illumination.power_error"), {2}};
-      if (const double gain = information_->ExpectedGain({sample});
+      if (const double gain = information_->ExpectedGain({sample}, true);
           !(gain > 0 && std::isfinite(gain))) {
         Fail(set_.description.name + ": the expected gain of a power error is " +
              std::to_string(gain));
       }
     }
-    return [this](const std::vector<ActiveEffect>& effects) {
+    return [this, roughly](const std::vector<ActiveEffect>& effects) {
       // What is drawn for every recording counts as known there, which it is not.
       if (effects.size() == 1 && IsRecordingScatter(*effects[0].effect)) return 0.0;
-      return information_->ExpectedGain(effects) - gain_of_none_;
+      return information_->ExpectedGain(effects, roughly) - gain_of_none_;
     };
+  }
+
+  // Roughly first: that is enough wherever deviations are about linear.
+  ScaledEffect Scaled(const EffectFamily& family, double target) {
+    ScaledEffect scaled = ScaleToGain(family, Gain(true), target);
+    if (!scaled.gain_known || scaled.gain < kRoom * kUndetectable) return scaled;
+    constexpr double kEnough = 0.1;
+    const double gain = Gain()({scaled.effect});
+    if (std::abs(gain / scaled.gain - 1) > kEnough) return ScaleToGain(family, Gain(), target);
+    scaled.gain = gain;
+    return scaled;
   }
 
  private:
@@ -198,8 +210,17 @@ class Maker {
     fs::rename(temporary, path);
   }
 
+  // The largest strength drawn is four times the family's: a quarter of the shortest exposure.
+  static void KeepExposuresPositive(const RecordingSet& set, EffectFamily& family) {
+    if (family.effect->description().id != "time.exposure_jitter") return;
+    for (const RecordedImage& recording : set.recordings) {
+      if (recording.kind == RecordingKind::kDark) continue;
+      family.direction[0] = std::min(family.direction[0], recording.exposure_time_s / 16);
+    }
+  }
+
   // An effect that this rig can show, at the strength wanted.
-  DrawnEffect DrawEffect(SetPower& power, const Sensor& camera,
+  DrawnEffect DrawEffect(SetPower& power, const RecordingSet& set,
                          const std::vector<const Effect*>& from, const Effect* first,
                          CounterRandom& random, const Effect* other) {
     DrawnEffect drawn;
@@ -212,8 +233,9 @@ class Maker {
         effect = from[std::min(count - 1, static_cast<int>(count * random.Uniform()))];
       }
       if (other != nullptr && effect->description().stage == other->description().stage) continue;
-      drawn.family = DrawFamily(*effect, camera, random);
-      drawn.scaled = ScaleToGain(drawn.family, power.Gain(), drawn.target);
+      drawn.family = DrawFamily(*effect, set.camera, random);
+      KeepExposuresPositive(set, drawn.family);
+      drawn.scaled = power.Scaled(drawn.family, drawn.target);
       if (!drawn.scaled.gain_known || drawn.scaled.gain >= kRoom * kUndetectable) return drawn;
     }
     Fail("no effect can be seen in this set");
@@ -320,14 +342,13 @@ class Maker {
       const std::vector<const Effect*>& from = kind == Kind::kVariant ? variants_ : vocabulary;
       const uint64_t order = DeriveSeed(seed_, KindName(kind));
       std::vector<DrawnEffect> drawn;
-      drawn.push_back(
-          DrawEffect(power, set.camera, from, InTurn(from, order, index), random, nullptr));
+      drawn.push_back(DrawEffect(power, set, from, InTurn(from, order, index), random, nullptr));
       if (kind == Kind::kPair) {
         const Effect* second =
             from[std::min(from.size() - 1, static_cast<size_t>(static_cast<double>(from.size()) *
                                                                random.Uniform()))];
         drawn.push_back(
-            DrawEffect(power, set.camera, from, second, random, drawn[0].scaled.effect.effect));
+            DrawEffect(power, set, from, second, random, drawn[0].scaled.effect.effect));
       }
       for (const DrawnEffect& one : drawn) {
         effects.push_back(one.scaled.effect);

@@ -1,21 +1,22 @@
 // How much of what a concealed set's effect changes the effects that were answered instead explain.
 //   prove_equivalents OUT ANSWERS: writes ANSWERS/equivalents.json
 #include <CLI/CLI.hpp>
+#include <algorithm>
 #include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <numbers>
 #include <set>
 #include <string>
 #include <utility>
 #include <vector>
 
-#include "bench/concealed/equivalents.h"
 #include "bench/concealed/variant_laws.h"
 #include "core/recordings/recordings.h"
-#include "render_worker/diagnosis/fit.h"
-#include "render_worker/diagnosis/linear_fit.h"
+#include "render_worker/diagnosis/power.h"
 #include "render_worker/diagnosis/recorded_set.h"
 #include "render_worker/image_file/image_file.h"
 
@@ -63,45 +64,47 @@ ActiveEffect TrueEffect(const Json& json) {
   return active;
 }
 
-// Effects among the first three explanations of every answer about a set.
-std::set<std::string> Answered(const fs::path& answers, const std::string& set) {
-  std::set<std::string> ids;
+SetupDeviation TrueDeviation(const Json& json) {
+  SetupDeviation deviation;
+  for (int i = 0; i < kDeviations; ++i) {
+    const std::string name = kDeviationNames[i];
+    if (name == "line_position_each_px") continue;  // of every position, not known here
+    const double unit = name.ends_with("_deg") ? std::numbers::pi / 180 : 1.0;
+    DeviationAt(deviation, i) = json[name].get<double>() * unit;
+  }
+  return deviation;
+}
+
+// Effects among the first three explanations of every answer about a set, as fitted there.
+std::map<std::string, ActiveEffect> Answered(const fs::path& answers, const std::string& set) {
+  std::map<std::string, ActiveEffect> answered;
   for (const fs::path& path :
        {answers / (set + ".json"), answers / "leave_one_out" / (set + ".json")}) {
     if (!fs::exists(path)) continue;
     const Json answer = ReadJson(path);
     if (!answer.contains("ranked")) continue;
     for (size_t i = 0; i < answer["ranked"].size() && i < 3; ++i) {
-      ids.insert(answer["ranked"][i]["effect"].get<std::string>());
+      const std::string id = answer["ranked"][i]["effect"];
+      if (FindEffect(id) == nullptr) continue;  // none, unknown
+      answered.emplace(id, TrueEffect(answer["ranked"][i]));
     }
   }
-  return ids;
+  return answered;
 }
 
-Json Explained(const fs::path& folder, const ActiveEffect& truth,
-               const std::vector<const Effect*>& others) {
-  // Coarser than the diagnosis: shares, not numbers, are wanted.
-  SetModelSettings settings;
-  settings.blocks_along_line = 3;
-  settings.speckle_levels = 6;
-  const RecordedSet set = ReadSet(folder);
-  const SetModel model(set, settings);
-  const FitResult fit = LineariseSet(model, {});
-  const LinearFit linear(fit);
-  ChangeModel changes;
-  changes.change = [&](const std::vector<ActiveEffect>& effects) {
-    SetParameters parameters;
-    parameters.effects = effects;
-    Eigen::VectorXd change = linear.Change(model.Expect(parameters, false).mean);
-    // Beyond sense, e.g. a closed pupil: like nothing else.
-    if (!change.allFinite()) change.setZero();
-    return change;
-  };
-  changes.project = [&](const Eigen::VectorXd& change) { return linear.Project(change); };
-  Alternatives alternatives(changes, set.description.camera);
+// Of the gain expected from the truth, the share that each of the others gains as well, refitted.
+Json Explained(const RecordedSet& set, const Json& truth,
+               const std::map<std::string, ActiveEffect>& others) {
+  SetParameters at;
+  at.deviations = TrueDeviation(truth["nuisance"]);
+  const NullInformation information(set, {}, at);
+  const std::vector<ActiveEffect> effect = {TrueEffect(truth["effects"][0])};
+  const double none = information.ExpectedGain({});  // deviations moved towards the nominal ones
+  const double gain = information.ExpectedGain(effect) - none;
   Json shares = Json::object();
-  for (const Effect* other : others) {
-    shares[std::string(other->description().id)] = alternatives.Explained(truth, *other);
+  for (const auto& [id, other] : others) {
+    const double left = information.GainLeft(effect, {other}) - none;
+    shares[id] = gain > 0 ? std::clamp(1 - left / gain, 0.0, 1.0) : 0.0;
   }
   return shares;
 }
@@ -114,17 +117,15 @@ void Run(const fs::path& out, const fs::path& answers) {
   for (const fs::path& path : truths) {
     const Json truth = ReadJson(path);
     const std::string name = truth["set"];
-    // Of pairs the scorer asks for the effects themselves.
-    if (truth["effects"].size() != 1) continue;
-    const ActiveEffect effect = TrueEffect(truth["effects"][0]);
-    std::vector<const Effect*> others;
-    for (const std::string& id : Answered(answers, name)) {
-      const Effect* other = FindEffect(id);
-      const bool known = proven.contains(name) && proven[name].contains(id);
-      if (other != nullptr && other != effect.effect && !known) others.push_back(other);
-    }
+    // Of pairs the scorer asks for the effects themselves; what is drawn anew has no expected gain.
+    if (truth["effects"].size() != 1 || truth["effects"][0]["gain_expected"] == "unknown") continue;
+    std::map<std::string, ActiveEffect> others = Answered(answers, name);
+    std::erase_if(others, [&](const auto& other) {
+      return other.first == truth["effects"][0]["effect"] ||
+             (proven.contains(name) && proven[name].contains(other.first));
+    });
     if (others.empty()) continue;
-    proven[name].update(Explained(out / "sets" / name, effect, others));
+    proven[name].update(Explained(ReadSet(out / "sets" / name), truth, others));
     std::printf("%s\n", name.c_str());
     std::fflush(stdout);
     std::ofstream file(result);

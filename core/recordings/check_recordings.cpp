@@ -457,6 +457,7 @@ class Check {
             "the line outside the region of interest; record it again",
             "no line", {i});
         no_line_.insert(i);
+        result_.without_line.push_back(i);
       }
       if (!IsDark(i) || !line.found) continue;
       // A trace of the frame before is the sensor's (image lag), not a mistake.
@@ -791,6 +792,31 @@ class Check {
 RecordingCheck CheckRecordings(const RecordingSet& set,
                                const std::vector<Image<uint16_t>>& raw_dn) {
   return Check(set, raw_dn).Run();
+}
+
+std::vector<std::string> LeaveOutWithoutLine(const RecordingCheck& check, RecordingSet* set,
+                                             std::vector<Image<uint16_t>>* raw_dn) {
+  constexpr size_t kMostShare = 10;  // one in
+  std::vector<RecordedImage>& recordings = set->recordings;
+  const auto lasers =
+      static_cast<size_t>(std::count_if(recordings.begin(), recordings.end(), [](const auto& r) {
+        return r.kind == RecordingKind::kLaser;
+      }));
+  if (check.without_line.size() * kMostShare > lasers) return {};
+  for (const int i : check.without_line) {
+    const bool followed =
+        i + 1 < static_cast<int>(recordings.size()) && recordings[i + 1].burst_frame_index > 0;
+    if (recordings[i].burst_frame_index > 0 || followed) return {};
+  }
+  std::vector<std::string> left_out;
+  for (auto i = check.without_line.rbegin(); i != check.without_line.rend(); ++i) {
+    left_out.insert(left_out.begin(),
+                    absl::StrCat(recordings[*i].file,
+                                 ": kind is \"laser\", but there is no line; it was left out"));
+    recordings.erase(recordings.begin() + *i);
+    raw_dn->erase(raw_dn->begin() + *i);
+  }
+  return left_out;
 }
 
 }  // namespace sightline

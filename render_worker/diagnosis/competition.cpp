@@ -37,13 +37,6 @@ constexpr double kLinearLength = 25;   // of a change, squared and whitened: it 
 constexpr double kMiddleError = 0.02;  // of a change taken to be alike along the line
 constexpr double kMostAmplitude = 3;   // of an added effect, over that at which it was looked at
 
-// Whole numbers: not fitted, tried.
-std::vector<double> WholeNumbers(const EffectParameter& parameter) {
-  if (parameter.name == "missing_bits") return {1, 2, 3, 4};
-  if (parameter.name == "blades") return {5, 6, 7, 8, 9};
-  return {};
-}
-
 std::vector<double> NullValues(const Effect& effect) {
   std::vector<double> values;
   for (const EffectParameter& p : effect.description().parameters) values.push_back(p.null_value);
@@ -329,14 +322,7 @@ class Competing {
       const absl::Status ordered = OrderEffects(&candidate.effects);
       (void)ordered;
     }
-    for (size_t e = 0; e < candidate.effects.size(); ++e) {
-      const std::vector<EffectParameter>& parameters =
-          candidate.effects[e].effect->description().parameters;
-      for (size_t k = 0; k < parameters.size(); ++k) {
-        if (!WholeNumbers(parameters[k]).empty()) continue;
-        candidate.free.push_back({static_cast<int>(e), static_cast<int>(k)});
-      }
-    }
+    candidate.free = FreeParameters(candidate.effects);
     return candidate;
   }
 

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 
+#include "render_worker/diagnosis/broyden_update.h"
 #include "render_worker/plate/plate_scene.h"
 
 namespace sightline {
@@ -18,6 +19,12 @@ constexpr double kChange = 1;
 constexpr double kLargestStep = 0.25;
 // Of deviations, in standard uncertainties: what needs more is not explained by them.
 constexpr double kLargestDeviation = 3;
+
+// The last round is repeated while it lowers the sum of squares by more; not where the model fails:
+// there the covariance follows whatever the deviations are driven to.
+constexpr double kUnfinished = 2;
+constexpr double kFails = 1.5;  // chi squared over numbers
+constexpr int kMostRepeats = 6;
 
 // A typical value of something positive, over which nothing else is known.
 bool IsLogarithmic(const EffectParameter& p) { return p.null_value > 0 && p.lower >= 0; }
@@ -149,24 +156,39 @@ class Fitter {
     const std::vector<Eigen::MatrixXd>* known =
         settings_.renew_jacobian ? nullptr : &reference_->jacobian;
     bool fresh = false;
-    for (const FitSettings::Round& round : rounds) {
+    int repeats = 0;
+    for (size_t r = 0; r < rounds.size(); ++r) {
       if (settings_.rounds.empty()) {
         whitening_ = reference_->whitening;
         state.mean = model_.Expect(vector_.ToParameters(state.x), false).mean;
       } else {
-        Renew(state, round);
+        Renew(state, rounds[r]);
       }
       Compare(state);
-      double damping = 1e-3;
+      const double start_of_round = state.total;
+      double damping = 1e-3, at_renewal = state.total;
+      bool renew = false;
+      int renewals = 0;
       for (int iteration = 0; iteration < settings_.max_iterations; ++iteration) {
         // Derivatives with respect to the deviations change little within a round.
-        Linearise(state, iteration > 0 ? &jacobian_ : known);
+        Linearise(state, renew ? nullptr : iteration > 0 ? &jacobian_ : known);
         fresh = true;
         const double before = state.total;
-        if (!Step(state, damping)) break;
-        fresh = false;
-        if (before - state.total < 0.05 + 1e-5 * before) break;
+        const bool stepped = Step(state, damping);
+        if (stepped) fresh = false;
+        const bool stuck = !stepped || before - state.total < 0.05 + 1e-5 * before;
+        renew = stuck && renewals < settings_.most_renewals;
+        if (stuck && (!renew || (renewals > 0 && at_renewal - state.total < 1))) break;
+        if (!renew) continue;
+        ++renewals;
+        at_renewal = state.total;
+        damping = 1e-3;
       }
+      // Not there yet: once more, under the covariance of where it is now.
+      const bool last = r + 1 == rounds.size() && !settings_.rounds.empty();
+      const bool unfinished =
+          start_of_round - state.total > kUnfinished && state.chi_squared < kFails * Numbers(state);
+      if (last && unfinished && repeats++ < kMostRepeats) --r;
     }
     if (!fresh) Linearise(state, &jacobian_);
     FitResult result = Result(state);
@@ -179,11 +201,23 @@ class Fitter {
     return settings_.use_entry.empty() || settings_.use_entry[entry];
   }
 
+  const Entries& Observed() const {
+    return settings_.observed != nullptr ? *settings_.observed : model_.observed();
+  }
+
+  int Numbers(const State& state) const {
+    int numbers = 0;
+    for (size_t e = 0; e < state.residual.size(); ++e) {
+      if (Used(e)) numbers += static_cast<int>(state.residual[e].size());
+    }
+    return numbers;
+  }
+
   void Renew(State& state, const FitSettings::Round& round) {
     SetModel::Expectation expectation = model_.Expect(vector_.ToParameters(state.x), true);
     Entries unexplained;
     for (size_t e = 0; e < expectation.mean.size(); ++e) {
-      const Eigen::VectorXd& observed = model_.observed()[e];
+      const Eigen::VectorXd& observed = Observed()[e];
       const Eigen::ArrayXd residual = (observed - expectation.mean[e]).array();
       const double background = observed.size() > 0 ? observed.minCoeff() : 0;
       unexplained.push_back(((round.of_signal * (observed.array() - background)).square() +
@@ -199,7 +233,7 @@ class Fitter {
     state.residual.resize(state.mean.size());
     state.chi_squared = 0;
     for (size_t e = 0; e < state.mean.size(); ++e) {
-      state.residual[e] = (*whitening_)(static_cast<int>(e), model_.observed()[e] - state.mean[e]);
+      state.residual[e] = (*whitening_)(static_cast<int>(e), Observed()[e] - state.mean[e]);
       if (Used(e)) state.chi_squared += state.residual[e].squaredNorm();
     }
     state.total = state.chi_squared + state.x.squaredNorm();
@@ -325,6 +359,7 @@ class Fitter {
       next.mean = model_.Expect(vector_.ToParameters(next.x), false).mean;
       Compare(next);
       if (next.total < state.total) {
+        Bend(next.x - state.x, state, next);
         state = std::move(next);
         damping = std::max(1e-6, damping / 10);
         return true;
@@ -332,6 +367,14 @@ class Fitter {
       damping = std::max(damping * 10, 1e-2);
     }
     return false;
+  }
+
+  // The derivatives kept, to what was seen between two states.
+  void Bend(const Eigen::VectorXd& moves, const State& from, const State& to) {
+    if (moves.norm() < kFirstStep) return;  // too short to tell a slope
+    for (size_t e = 0; e < jacobian_.size(); ++e) {
+      UpdateDerivatives(moves, from.residual[e] - to.residual[e], jacobian_[e]);
+    }
   }
 
   FitResult Result(State& state) {
@@ -356,8 +399,8 @@ class Fitter {
       if (Used(e)) {
         result.data_log_determinant += whitening_->LogDeterminant(static_cast<int>(e));
       }
-      if (Used(e)) result.data_count += static_cast<int>(state.residual[e].size());
     }
+    result.data_count = Numbers(state);
     result.standardised = state.x;
     result.mean = std::move(state.mean);
     result.residual = std::move(state.residual);
@@ -378,6 +421,25 @@ class Fitter {
 };
 
 }  // namespace
+
+std::vector<double> WholeNumbers(const EffectParameter& parameter) {
+  if (parameter.name == "missing_bits") return {1, 2, 3, 4};
+  if (parameter.name == "blades") return {5, 6, 7, 8, 9};
+  return {};
+}
+
+std::vector<FreeEffectParameter> FreeParameters(const std::vector<ActiveEffect>& effects) {
+  std::vector<FreeEffectParameter> free;
+  for (size_t e = 0; e < effects.size(); ++e) {
+    const std::vector<EffectParameter>& parameters = effects[e].effect->description().parameters;
+    for (size_t k = 0; k < parameters.size(); ++k) {
+      if (WholeNumbers(parameters[k]).empty()) {
+        free.push_back({static_cast<int>(e), static_cast<int>(k)});
+      }
+    }
+  }
+  return free;
+}
 
 double StandardisedParameter(const EffectParameter& parameter, double value) {
   if (IsLogarithmic(parameter)) {

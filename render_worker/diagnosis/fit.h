@@ -16,6 +16,11 @@ struct FreeEffectParameter {
   int parameter = 0;  // index into its parameters
 };
 
+// Values of a parameter that is tried, not fitted: missing bits, blades. Empty: it is fitted.
+std::vector<double> WholeNumbers(const EffectParameter& parameter);
+// All that are fitted.
+std::vector<FreeEffectParameter> FreeParameters(const std::vector<ActiveEffect>& effects);
+
 // Scale on which a parameter is fitted and its prior is standard normal around the null value:
 // logarithmic where the null value is a typical value of a positive quantity.
 double StandardisedParameter(const EffectParameter& parameter, double value);
@@ -48,11 +53,14 @@ struct FitSettings {
   std::vector<Round> rounds = {{0.1, 0.3}, {0.01, 0.1}, {0, 0}, {0, 0}};
   int max_iterations = 4;      // a round
   bool renew_jacobian = true;  // of the deviations; false: that of `reference` is kept
+  int most_renewals = 0;       // of the derivatives where steps help no more, in a round
   // Derivatives with respect to the deviations from the middle of the line only: faster, but what
   // an effect and a deviation do alike is taken for different.
   bool middle_only = false;
   // Entries to use; empty: all.
   std::vector<bool> use_entry;
+  // What is to be explained; null: the model's recordings.
+  const Entries* observed = nullptr;
 };
 
 struct FitResult {

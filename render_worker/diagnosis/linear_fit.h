@@ -9,11 +9,6 @@
 
 namespace sightline {
 
-// Broyden's update: derivatives bent to the `change` that was seen when the parameters moved by
-// `moves`. Derivatives that are zero stay so (Schubert, Math. Comp. 24, 1970, 27-30).
-void UpdateDerivatives(const Eigen::VectorXd& moves, const Eigen::VectorXd& change,
-                       Eigen::MatrixXd& jacobian);
-
 class LinearFit {
  public:
   // Entries not in `use_entry` (empty: all) count nothing.
@@ -32,7 +27,6 @@ class LinearFit {
   Eigen::VectorXd Absorb(const Eigen::VectorXd& change) const;
   // Inverse of the parameters' posterior covariance, from the entries used.
   Eigen::MatrixXd information() const { return information_.reconstructedMatrix(); }
-  const Eigen::MatrixXd& jacobian() const { return jacobian_; }
   // From the fit's parameters to the best ones for the entries used.
   Eigen::VectorXd Step() const;
 

@@ -1,29 +1,25 @@
 #include "render_worker/diagnosis/power.h"
 
-#include <Eigen/Cholesky>
-#include <algorithm>
-#include <cmath>
 #include <utility>
 
 #include "render_worker/diagnosis/fit.h"
-#include "render_worker/diagnosis/linear_fit.h"
 
 namespace sightline {
 
 namespace {
 
-constexpr int kMostSteps = 12;
-constexpr double kShortestStep = 0.01;
-constexpr double kConverged = 0.05;  // [nats]
+// Enough where deviations are far from linear; most fits stop after five.
+constexpr int kMostIterations = 40;
+constexpr int kRoughIterations = 8;
+constexpr int kMostRenewals = 3;
 
 }  // namespace
 
 struct NullInformation::State {
   State(const RecordedSet& set, const SetModelSettings& settings, const SetParameters& parameters)
-      : model(set, settings), fit(LineariseSet(model, parameters)), linear(fit) {}
+      : model(set, settings), fit(LineariseSet(model, parameters)) {}
   SetModel model;
   FitResult fit;
-  LinearFit linear;
 };
 
 NullInformation::NullInformation(const RecordedSet& set, const SetModelSettings& settings,
@@ -32,43 +28,31 @@ NullInformation::NullInformation(const RecordedSet& set, const SetModelSettings&
 
 NullInformation::~NullInformation() = default;
 
-double NullInformation::ExpectedGain(const std::vector<ActiveEffect>& effects) const {
-  const State& state = *state_;
-  SetParameters parameters = state.fit.parameters;
-  parameters.effects = effects;
-  const Eigen::VectorXd change = state.linear.Change(state.model.Expect(parameters, false).mean);
-  // Gauss and Newton: a shift of the line or a factor of the noise is far from linear, and what a
-  // deviation makes as well must not count.
-  const double prior = state.fit.standardised.squaredNorm();
-  Eigen::MatrixXd jacobian = state.linear.jacobian();
-  Eigen::VectorXd standardised = state.fit.standardised;
-  Eigen::VectorXd rest = change;
-  double least = 0.5 * change.squaredNorm();
-  double length = 1;  // of the step; shorter where the model is bent too much for the whole
-  for (int step = 0; step < kMostSteps && length > kShortestStep; ++step) {
-    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(jacobian.cols(), jacobian.cols());
-    information.noalias() += jacobian.transpose() * jacobian;
-    const Eigen::VectorXd moved =
-        standardised + length * information.llt().solve(jacobian.transpose() * rest - standardised);
-    const SetParameters refitted = AtStandardised(state.model, state.fit.parameters, moved);
-    const Eigen::VectorXd left =
-        change - state.linear.Change(state.model.Expect(refitted, false).mean);
-    const double here = 0.5 * (left.squaredNorm() + moved.squaredNorm() - prior);
-    const Eigen::VectorXd moves = moved - standardised;
-    if (!(moves.squaredNorm() > 0)) break;
-    UpdateDerivatives(moves, rest - left, jacobian);
-    if (!(here < least)) {
-      length *= 0.3;
-      continue;
-    }
-    const double improved = least - here;
-    standardised = moved;
-    rest = left;
-    least = here;
-    if (length == 1 && improved < kConverged + 0.01 * std::abs(least)) break;
-    length = std::min(1.0, 2 * length);
-  }
-  return least;
+double NullInformation::ExpectedGain(const std::vector<ActiveEffect>& effects,
+                                     bool roughly) const {
+  return Left(effects, {}, roughly ? 0 : kMostRenewals);
+}
+
+double NullInformation::GainLeft(const std::vector<ActiveEffect>& effects,
+                                 const std::vector<ActiveEffect>& instead) const {
+  return Left(effects, instead, kMostRenewals);
+}
+
+double NullInformation::Left(const std::vector<ActiveEffect>& effects,
+                             const std::vector<ActiveEffect>& instead, int most_renewals) const {
+  const FitResult& null = state_->fit;
+  SetParameters truth = null.parameters, start = null.parameters;
+  truth.effects = effects;
+  start.effects = instead;
+  const Entries observed = state_->model.Expect(truth, false).mean;
+  FitSettings settings;
+  settings.rounds.clear();
+  settings.renew_jacobian = false;
+  settings.max_iterations = most_renewals > 0 ? kMostIterations : kRoughIterations;
+  settings.most_renewals = most_renewals;
+  settings.observed = &observed;
+  const FitResult refit = FitSet(state_->model, start, FreeParameters(instead), settings, &null);
+  return 0.5 * (refit.chi_squared + refit.prior - null.prior);
 }
 
 }  // namespace sightline

@@ -20,9 +20,17 @@ class NullInformation {
   // Expected gain in log-likelihood [nats] of the true model over the refitted null model if these
   // effects are there: half the squared length of the whitened change of the statistics' means,
   // after the best deviations (with their priors) have been refitted.
-  double ExpectedGain(const std::vector<ActiveEffect>& effects) const;
+  // `roughly`: some times faster, may be too large where deviations are far from linear.
+  double ExpectedGain(const std::vector<ActiveEffect>& effects, bool roughly = false) const;
+  // What is left of it with other effects in the model, all their parameters refitted from these
+  // values on: near 0 if the recordings cannot tell the two apart.
+  double GainLeft(const std::vector<ActiveEffect>& effects,
+                  const std::vector<ActiveEffect>& instead) const;
 
  private:
+  double Left(const std::vector<ActiveEffect>& effects, const std::vector<ActiveEffect>& instead,
+              int most_renewals) const;
+
   struct State;
   std::unique_ptr<State> state_;
 };

@@ -62,11 +62,15 @@ double ImageShift(FrameSetup frame, std::span<const ActiveEffect> effects, uint6
   return -phase / (2 * std::numbers::pi * kTurnsPerPx);
 }
 
+double DarkDn(const Sensor& sensor) {
+  return sensor.gain_dn_per_electron * sensor.dark_mean_electrons + sensor.black_level_dn;
+}
+
 // Temporal noise at a number [DN^2]: shot noise of what it has above the dark mean; none where the
 // pixel is full.
 double NoiseVariance(const Sensor& sensor, double level_dn) {
   const double gain = sensor.gain_dn_per_electron;
-  const double dark_dn = gain * sensor.dark_mean_electrons + sensor.black_level_dn;
+  const double dark_dn = DarkDn(sensor);
   const double full_dn = gain * sensor.saturation_capacity_electrons + sensor.black_level_dn;
   if (level_dn > full_dn - 0.5) return 1.0 / 12;
   return std::pow(gain * sensor.dark_noise_electrons, 2) + 1.0 / 12 +
@@ -269,7 +273,8 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
                           static_cast<double>(expected.strips.size() * kColumns * levels);
     for (int row = 0; row < any.noise_variance_dn2.rows_px; ++row) {
       for (int column = 0; column < kColumns; ++column) {
-        std::vector<double> mean(pairs + 1), spread(pairs + 1, 0);
+        // Variance of the levels over their mean above the dark.
+        std::vector<double> mean(pairs + 1), spread(pairs + 1, 0), dark(pairs + 1, 0);
         for (size_t i = 0; i <= pairs; ++i) {
           const int f = i < pairs ? entry.pairs[i].first : entry.pairs[i - 1].second;
           mean[i] = strips[f].MeanDn(row, column);
@@ -277,6 +282,8 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
           for (const Image<float>& level : strips[f].level_dn) {
             spread[i] += std::pow(level.At(row, column) - mean[i], 2) / static_cast<double>(levels);
           }
+          dark[i] = DarkDn(strips[f].frame.sensor);
+          spread[i] /= std::max(1e-9, mean[i] - dark[i]);
         }
         for (size_t q = 0; q < levels; ++q) {
           int at = 0;
@@ -306,8 +313,12 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
               const double difference = level_b - pair.ratio * level_a;
               // The fixed offsets of the pixels do not scale with the exposure.
               const double dsnu = sensor.dsnu_electrons * gain * (1 - pair.ratio);
-              const double noise = noise_b + pair.ratio * pair.ratio * noise_a + dsnu * dsnu +
-                                   2 * decorrelation[i] * spread[i + 1];
+              // Moving speckle changes in proportion to the root of the irradiance: the
+              // derivatives of a circular Gaussian field are independent of the field (Goodman,
+              // Speckle Phenomena in Optics, on the derivatives of speckle intensity).
+              const double noise =
+                  noise_b + pair.ratio * pair.ratio * noise_a + dsnu * dsnu +
+                  2 * decorrelation[i] * spread[i + 1] * std::max(0.0, level_b - dark[i + 1]);
               const double relative = noise / pair.NominalVariance(z);
               double sum = 0;
               for (int bin = 0; bin < bins; ++bin) {

@@ -156,8 +156,12 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
   checked->images = LoadRecordedImages(*description, paths, ReadRawImage, &errors);
   if (!errors.empty()) return InvalidImages(files, errors);
   RecordingCheck check = CheckRecordings(*description, checked->images);
+  const std::vector<std::string> left_out =
+      LeaveOutWithoutLine(check, &*description, &checked->images);
+  if (!left_out.empty()) check = CheckRecordings(*description, checked->images);
   if (!check.errors.empty()) return InvalidImages(files, check.errors);
-  checked->warnings = std::move(check.warnings);
+  checked->warnings = left_out;
+  checked->warnings.insert(checked->warnings.end(), check.warnings.begin(), check.warnings.end());
   checked->description = *std::move(description);
   return checked;
 }

@@ -11,6 +11,7 @@
 #include <utility>
 #include <vector>
 
+#include "render_worker/diagnosis/broyden_update.h"
 #include "render_worker/diagnosis/competition.h"
 #include "render_worker/diagnosis/expected_frame.h"
 #include "render_worker/diagnosis/fit_quality.h"
@@ -60,6 +61,26 @@ TEST(FitSet, FindsDeviationsWithinTheirErrors) {
     EXPECT_LE(error, 1.0001 * scale);
     ++column;
   }
+}
+
+// A bug found: a null model that had not found its deviations within its rounds was taken as it
+// was, and what it lacked hid the effect that was there.
+TEST(FitSet, GoesOnUntilItIsThere) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  const SetModel model(set, {});
+  SetParameters truth;
+  truth.deviations = SomeDeviations();
+  truth.deviations.line_position_each_px = 0;
+  const Entries observed = model.Expect(truth, false).mean;
+  FitSettings settings;
+  settings.rounds = {{0.1, 0.3}, {0, 0}};
+  settings.max_iterations = 1;
+  settings.observed = &observed;
+  const FitResult fit = FitSet(model, {}, {}, settings, nullptr);
+  settings.rounds = {{0, 0}, {0, 0}};
+  settings.max_iterations = 10;
+  const FitResult further = FitSet(model, fit.parameters, {}, settings, nullptr);
+  EXPECT_LT(fit.chi_squared + fit.prior, further.chi_squared + further.prior + 2);
 }
 
 // A bug found: correlations put together from places with different speckle were none.
@@ -179,6 +200,17 @@ TEST(UpdateDerivatives, FollowTheChangeThatWasSeenAndKeepZeros) {
   EXPECT_EQ(jacobian.row(1).norm(), 0);  // nothing it could follow by
   // Least change: along the moves that count.
   EXPECT_NEAR((jacobian(0, 0) - 1) / (jacobian(0, 1) - 2), 0.5 / -1, 1e-12);
+}
+
+TEST(ExpectedGain, WhatAnotherEffectMakesAsWellIsNotLeft) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  const NullInformation information(set, {}, {});
+  const std::vector<ActiveEffect> albedo = {{FindEffect("surface.albedo_error"), {1.5}}};
+  const double gain = information.ExpectedGain(albedo);
+  ASSERT_GT(gain, 10);
+  EXPECT_LT(information.GainLeft(albedo, {{FindEffect("illumination.power_error"), {1.1}}}),
+            0.01 * gain);
+  EXPECT_GT(information.GainLeft(albedo, {{FindEffect("sensor.dark_current"), {1}}}), 0.9 * gain);
 }
 
 // A bug found: the search for the deviation that does the same stopped where it is far from linear.
