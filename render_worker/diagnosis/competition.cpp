@@ -91,6 +91,7 @@ class Competing {
       FitUnderOneCovariance();
       AddRecordingScatter();
     }
+    AddScatterToBest();
     Rank();
     return std::move(competition_);
   }
@@ -541,6 +542,32 @@ class Competing {
       }
       candidates_.push_back(std::move(candidate));
     }
+    SortByEvidence();
+  }
+
+  // Pairs of an effect and of what scatters besides it.
+  void AddScatterToBest() {
+    constexpr int kBases = 2;
+    if (stopped_ || settings_.max_effects < 2) return;
+    std::vector<Candidate> made;
+    int bases = 0;
+    for (const Candidate& base : candidates_) {
+      if (bases == kBases || base.log_evidence < kPairGain) break;
+      if (base.effects.size() != 1 || IsFreeForm(base) || IsScatter(base)) continue;
+      ++bases;
+      for (ScatterCandidate& scatter :
+           CompareRecordingScatter(model_, base.fit, settings_.effects)) {
+        if (scatter.log_evidence < kPairGain) continue;
+        Candidate pair;
+        pair.effects = base.effects;
+        pair.effects.push_back({scatter.effect, scatter.parameters});
+        pair.free = scatter.fit.free;
+        pair.log_evidence = base.log_evidence + scatter.log_evidence;
+        pair.fit = std::move(scatter.fit);
+        made.push_back(std::move(pair));
+      }
+    }
+    std::move(made.begin(), made.end(), std::back_inserter(candidates_));
     SortByEvidence();
   }
 

@@ -23,14 +23,15 @@ class LinearFit {
   double Inner(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
   // The change without what the parameters absorb, so that Inner(a, b) = a . Project(b).
   Eigen::VectorXd Project(const Eigen::VectorXd& change) const;
-  // How the parameters (standardised) move to absorb a change of the residual.
-  Eigen::VectorXd Absorb(const Eigen::VectorXd& change) const;
   // Inverse of the parameters' posterior covariance, from the entries used.
   Eigen::MatrixXd information() const { return information_.reconstructedMatrix(); }
   // From the fit's parameters to the best ones for the entries used.
   Eigen::VectorXd Step() const;
 
  private:
+  // How the parameters (standardised) move to absorb a change of the residual.
+  Eigen::VectorXd Absorb(const Eigen::VectorXd& change) const;
+
   const FitResult& fit_;
   std::vector<bool> use_entry_;
   Eigen::VectorXd residual_;

@@ -85,15 +85,16 @@ bool SpeckleMoves(const SetModel& model, const FitResult& null) {
   return chi_squared > 10 * count;
 }
 
-// The known parameters, from what does not compare speckle.
-FitResult FitWithoutMovement(const SetModel& model) {
+// The parameters of `null`, from what does not compare speckle.
+FitResult FitWithoutMovement(const SetModel& model, const FitResult& null) {
   SetParameters start;
+  start.effects = null.parameters.effects;
   start.line_shift_px = model.EstimateLineShifts(start);
   FitSettings settings;
   for (int e = 0; e < model.entries(); ++e) {
     settings.use_entry.push_back(!ComparesSpeckle(model, e));
   }
-  return FitSet(model, start, {}, settings, nullptr);
+  return FitSet(model, start, null.free, settings, nullptr);
 }
 
 // The set about a realisation: what is left of the data and what the amplitudes change, whitened.
@@ -615,6 +616,11 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
     }
   }
   for (double& error : fit.parameters.model_error.standardised) error = posterior.parameters[at++];
+  for (const FreeEffectParameter& free : null_.free) {
+    ActiveEffect& active = fit.parameters.effects[free.effect];
+    active.parameters[free.parameter] = ParameterFromStandardised(
+        active.effect->description().parameters[free.parameter], posterior.parameters[at++]);
+  }
   const RealisedEffect realised(realisation);
   fit.mean = model_.Expect(WithRealisation(fit.parameters, realised), false).mean;
   const int first = static_cast<int>(fit.parameters.effects.size());
@@ -730,7 +736,7 @@ std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, con
   for (const Effect* effect : effects) {
     if (!IsRecordingScatter(*effect)) continue;
     if (effect->description().id == "time.vibration_blur" && SpeckleMoves(model, null)) {
-      const FitResult still = FitWithoutMovement(model);
+      const FitResult still = FitWithoutMovement(model, null);
       candidates.push_back(RecordingScatter(model, still, null).Evaluate(*effect));
     } else {
       candidates.push_back(scatter.Evaluate(*effect));

@@ -37,7 +37,8 @@ struct ScatterCandidate {
 // the entries per unit of every amplitude, P the projection that takes off what the known
 // parameters absorb and r the whitened residual, b = V' P r and A = V' P V, the logarithm of the
 // likelihood over that of the null is b' (1/K + A)^-1 b / 2 - log det(1 + K A) / 2 (Bishop, Pattern
-// Recognition and Machine Learning, 3.5.1). `null`: a fit of `model` to all its data.
+// Recognition and Machine Learning, 3.5.1). `null`: a fit of `model` to all its data, perhaps
+// with effects: what scatters besides them is looked for.
 std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, const FitResult& null,
                                                       std::span<const Effect* const> effects);
 

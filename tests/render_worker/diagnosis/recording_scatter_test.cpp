@@ -7,6 +7,7 @@
 #include <string_view>
 #include <vector>
 
+#include "render_worker/diagnosis/competition.h"
 #include "render_worker/diagnosis/fit_quality.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -113,6 +114,28 @@ TEST(CompareRecordingScatter, NamesExposureJitter) { ExpectFound(kExposureJitter
 TEST(CompareRecordingScatter, NamesAlbedoTexture) { ExpectFound(kAlbedoTexture, {0.15, 3e-3}, 23); }
 
 TEST(CompareRecordingScatter, NamesVibration) { ExpectFound(kVibration, {1.0, 60}, 24); }
+
+TEST(Compete, NamesWhatScattersBesidesAnotherEffect) {
+  const Effect* dark_current = FindEffect("sensor.dark_current");
+  const RecordedSet set = Render({{dark_current, {25}}, {FindEffect(kPowerNoise), {0.06}}}, 25);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const std::vector<const Effect*> effects = {
+      dark_current, FindEffect("illumination.ambient_light"), FindEffect(kPowerNoise),
+      FindEffect(kExposureJitter), FindEffect(kVibration)};
+  CompetitionSettings settings;
+  settings.effects = effects;
+  const Competition competition =
+      Compete(model, FitSet(model, start, {}, {}, nullptr), settings, [](double) { return true; });
+  const Candidate& best = competition.ranked.front();
+  ASSERT_EQ(best.effects.size(), 2u);
+  EXPECT_EQ(best.effects[0].effect, dark_current);
+  EXPECT_EQ(best.effects[1].effect->description().id, kPowerNoise);
+  ASSERT_EQ(best.fit.effect_standard_errors.size(), 2u);
+  EXPECT_NEAR(best.effects[0].parameters[0], 25, 4 * best.fit.effect_standard_errors[0]);
+  EXPECT_NEAR(best.effects[1].parameters[0], 0.06, 4 * best.fit.effect_standard_errors[1]);
+}
 
 }  // namespace
 }  // namespace sightline
