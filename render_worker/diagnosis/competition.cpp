@@ -33,6 +33,7 @@ constexpr double kLeastGain = 1.5;   // [nats] worth a fit
 constexpr size_t kFittedAfreshAnyway = 2;
 constexpr double kPromising = 10;      // [nats]
 constexpr double kPairGain = 8;        // [nats] about what a second effect's prior odds cost
+constexpr size_t kScatterBases = 2;    // effects besides which scatter is looked for
 constexpr double kLinearLength = 25;   // of a change, squared and whitened: it is linear so far
 constexpr double kMiddleError = 0.02;  // of a change taken to be alike along the line
 constexpr double kMostAmplitude = 3;   // of an added effect, over that at which it was looked at
@@ -405,14 +406,49 @@ class Competing {
            std::find(forms.begin(), forms.end(), candidate.effects[0].effect) != forms.end();
   }
 
+  // An effect besides those of a candidate: what it gains by the linearised model, and how much of
+  // its change is needed for that.
+  struct Joint {
+    const Candidate* base;
+    const ScreenedEffect* added;
+    double gain, amplitude;
+  };
+
+  void AddJoints(const Candidate& base, std::vector<Joint>& joints) const {
+    const LinearFit linear(base.fit);
+    for (const ScreenedEffect& added : competition_.screened) {
+      if (added.change.size() == 0 || IsFreeForm(MakeCandidate({added.strongest}))) continue;
+      const bool there =
+          std::any_of(base.effects.begin(), base.effects.end(),
+                      [&](const ActiveEffect& e) { return e.effect == added.strongest.effect; });
+      const double length = linear.Inner(added.change, added.change);
+      if (there || length < 1e-6) continue;
+      const double slope = linear.residual().dot(added.change);
+      // Where the known parameters do nearly the same, a straight line leads far astray.
+      const double amplitude = std::clamp(slope / length, -kMostAmplitude, kMostAmplitude);
+      joints.push_back({&base, &added, amplitude * (slope - 0.5 * amplitude * length), amplitude});
+    }
+  }
+
+  static void SortByGain(std::vector<Joint>& joints) {
+    std::stable_sort(joints.begin(), joints.end(),
+                     [](const Joint& a, const Joint& b) { return a.gain > b.gain; });
+  }
+
+  static ActiveEffect AddedEffect(const Joint& joint) {
+    ActiveEffect added = joint.added->strongest;
+    const auto& parameters = added.effect->description().parameters;
+    for (size_t k = 0; k < parameters.size(); ++k) {
+      if (!WholeNumbers(parameters[k]).empty()) continue;
+      const double z = StandardisedParameter(parameters[k], added.parameters[k]);
+      added.parameters[k] = ParameterFromStandardised(parameters[k], z * joint.amplitude);
+    }
+    return added;
+  }
+
   void FitPairs() {
     size_t first = 0;
     for (int count = 2; count <= settings_.max_effects; ++count) {
-      struct Joint {
-        const Candidate* base;
-        const ScreenedEffect* added;
-        double gain, amplitude;
-      };
       std::vector<Joint> joints;
       const size_t end = candidates_.size();
       size_t bases = 0;
@@ -420,37 +456,16 @@ class Competing {
         const Candidate& base = candidates_[c];
         if (IsFreeForm(base) || base.effects.size() + 1 != static_cast<size_t>(count)) continue;
         ++bases;
-        const LinearFit linear(base.fit);
-        for (const ScreenedEffect& added : competition_.screened) {
-          if (added.change.size() == 0 || IsFreeForm(MakeCandidate({added.strongest}))) continue;
-          const bool there = std::any_of(
-              base.effects.begin(), base.effects.end(),
-              [&](const ActiveEffect& e) { return e.effect == added.strongest.effect; });
-          const double length = linear.Inner(added.change, added.change);
-          if (there || length < 1e-6) continue;
-          const double slope = linear.residual().dot(added.change);
-          // Where the known parameters do nearly the same, a straight line leads far astray.
-          const double amplitude = std::clamp(slope / length, -kMostAmplitude, kMostAmplitude);
-          joints.push_back(
-              {&base, &added, amplitude * (slope - 0.5 * amplitude * length), amplitude});
-        }
+        AddJoints(base, joints);
       }
-      std::stable_sort(joints.begin(), joints.end(),
-                       [](const Joint& a, const Joint& b) { return a.gain > b.gain; });
+      SortByGain(joints);
       std::vector<Candidate> made;
       for (size_t j = 0; j < joints.size() && made.size() < 4; ++j) {
         const Joint& joint = joints[j];
         if (joint.gain < kPairGain) break;
         if (!Report(0.75 + 0.02 * static_cast<double>(j))) return;
-        ActiveEffect added = joint.added->strongest;
-        const auto& parameters = added.effect->description().parameters;
-        for (size_t k = 0; k < parameters.size(); ++k) {
-          if (!WholeNumbers(parameters[k]).empty()) continue;
-          const double z = StandardisedParameter(parameters[k], added.parameters[k]);
-          added.parameters[k] = ParameterFromStandardised(parameters[k], z * joint.amplitude);
-        }
         std::vector<ActiveEffect> effects = joint.base->effects;
-        effects.push_back(added);
+        effects.push_back(AddedEffect(joint));
         Candidate candidate = MakeCandidate(std::move(effects));
         candidate.fit.parameters = joint.base->fit.parameters;
         candidate.fit.mean = joint.base->fit.mean;
@@ -545,29 +560,44 @@ class Competing {
     SortByEvidence();
   }
 
+  // The best effects by themselves, or the best besides what scatters if that explains most.
+  std::vector<Candidate> BasesOfScatter() const {
+    std::vector<Candidate> bases;
+    const Candidate& best = candidates_.front();
+    if (IsScatter(best)) {
+      std::vector<Joint> joints;
+      AddJoints(best, joints);
+      SortByGain(joints);
+      for (const Joint& joint : joints) {
+        if (bases.size() == kScatterBases || joint.gain < kPairGain) break;
+        bases.push_back(MakeCandidate({AddedEffect(joint)}));
+        Fit(bases.back(), competition_.null, false, 4);
+      }
+      return bases;
+    }
+    for (const Candidate& candidate : candidates_) {
+      if (bases.size() == kScatterBases || candidate.log_evidence < kPairGain) break;
+      const bool single = candidate.effects.size() == 1;
+      if (single && !IsFreeForm(candidate) && !IsScatter(candidate)) bases.push_back(candidate);
+    }
+    return bases;
+  }
+
   // Pairs of an effect and of what scatters besides it.
   void AddScatterToBest() {
-    constexpr int kBases = 2;
-    if (stopped_ || settings_.max_effects < 2) return;
-    std::vector<Candidate> made;
-    int bases = 0;
-    for (const Candidate& base : candidates_) {
-      if (bases == kBases || base.log_evidence < kPairGain) break;
-      if (base.effects.size() != 1 || IsFreeForm(base) || IsScatter(base)) continue;
-      ++bases;
+    if (stopped_ || settings_.max_effects < 2 || candidates_.empty()) return;
+    for (const Candidate& base : BasesOfScatter()) {
       for (ScatterCandidate& scatter :
            CompareRecordingScatter(model_, base.fit, settings_.effects)) {
         if (scatter.log_evidence < kPairGain) continue;
         Candidate pair;
-        pair.effects = base.effects;
-        pair.effects.push_back({scatter.effect, scatter.parameters});
+        pair.effects = scatter.fit.parameters.effects;
         pair.free = scatter.fit.free;
         pair.log_evidence = base.log_evidence + scatter.log_evidence;
         pair.fit = std::move(scatter.fit);
-        made.push_back(std::move(pair));
+        candidates_.push_back(std::move(pair));
       }
     }
-    std::move(made.begin(), made.end(), std::back_inserter(candidates_));
     SortByEvidence();
   }
 
