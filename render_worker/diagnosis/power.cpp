@@ -28,8 +28,7 @@ NullInformation::NullInformation(const RecordedSet& set, const SetModelSettings&
 
 NullInformation::~NullInformation() = default;
 
-double NullInformation::ExpectedGain(const std::vector<ActiveEffect>& effects,
-                                     bool roughly) const {
+double NullInformation::ExpectedGain(const std::vector<ActiveEffect>& effects, bool roughly) const {
   return Left(effects, {}, roughly ? 0 : kMostRenewals);
 }
 
