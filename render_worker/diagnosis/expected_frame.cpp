@@ -11,7 +11,6 @@
 #include <string_view>
 
 #include "render_worker/diagnosis/charge_spread.h"
-#include "render_worker/diagnosis/integrated_speckle.h"
 #include "render_worker/diagnosis/line_spread.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/plate/plate_scene.h"
@@ -342,7 +341,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
       // Strengths beyond sense would move more charge than there is.
       const double contrast_squared =
           std::clamp(of_cell.At(place).At(0, 0) * pattern_share, kLeastContrast, 1.0);
-      levels_of_place[cell].push_back(SpeckleLevels(contrast_squared, level_count));
+      levels_of_place[cell].push_back(GammaLevels(contrast_squared, level_count));
     }
   }
   std::vector<int> place_of_row(frame.roi.rows_px, 0);

@@ -20,8 +20,10 @@ constexpr double kLargestStep = 0.25;
 // Of deviations, in standard uncertainties: what needs more is not explained by them.
 constexpr double kLargestDeviation = 3;
 
-// The last round is repeated while it lowers the sum of squares by more and the likelihood gains.
+// The last round is repeated while it lowers the sum of squares by more; not where the model fails:
+// there the covariance follows whatever the deviations are driven to.
 constexpr double kUnfinished = 2;
+constexpr double kFails = 1.5;  // chi squared over numbers
 constexpr int kMostRepeats = 6;
 
 // A typical value of something positive, over which nothing else is known.
@@ -155,9 +157,6 @@ class Fitter {
         settings_.renew_jacobian ? nullptr : &reference_->jacobian;
     bool fresh = false;
     int repeats = 0;
-    State best;
-    std::shared_ptr<const Whitening> best_whitening;
-    double best_likelihood = 0;  // twice its negative logarithm
     for (size_t r = 0; r < rounds.size(); ++r) {
       if (settings_.rounds.empty()) {
         whitening_ = reference_->whitening;
@@ -185,25 +184,13 @@ class Fitter {
         at_renewal = state.total;
         damping = 1e-3;
       }
-      if (r + 1 < rounds.size() || settings_.rounds.empty()) continue;
-      // Where the model fails, the covariance follows whatever the deviations are driven to.
-      const double likelihood = state.total + LogDeterminant();
-      if (repeats > 0 && likelihood > best_likelihood) {
-        state = std::move(best);
-        whitening_ = std::move(best_whitening);
-        jacobian_.clear();
-        fresh = false;
-        break;
-      }
       // Not there yet: once more, under the covariance of where it is now.
-      if (start_of_round - state.total > kUnfinished && repeats++ < kMostRepeats) {
-        best = state;
-        best_whitening = whitening_;
-        best_likelihood = likelihood;
-        --r;
-      }
+      const bool last = r + 1 == rounds.size() && !settings_.rounds.empty();
+      const bool unfinished =
+          start_of_round - state.total > kUnfinished && state.chi_squared < kFails * Numbers(state);
+      if (last && unfinished && repeats++ < kMostRepeats) --r;
     }
-    if (!fresh) Linearise(state, jacobian_.empty() ? nullptr : &jacobian_);
+    if (!fresh) Linearise(state, &jacobian_);
     FitResult result = Result(state);
     result.free = free;
     return result;
@@ -218,13 +205,12 @@ class Fitter {
     return settings_.observed != nullptr ? *settings_.observed : model_.observed();
   }
 
-  // Of the covariances of the data that is used.
-  double LogDeterminant() const {
-    double sum = 0;
-    for (size_t e = 0; e < model_.observed().size(); ++e) {
-      if (Used(e)) sum += whitening_->LogDeterminant(static_cast<int>(e));
+  int Numbers(const State& state) const {
+    int numbers = 0;
+    for (size_t e = 0; e < state.residual.size(); ++e) {
+      if (Used(e)) numbers += static_cast<int>(state.residual[e].size());
     }
-    return sum;
+    return numbers;
   }
 
   void Renew(State& state, const FitSettings::Round& round) {
@@ -385,7 +371,8 @@ class Fitter {
 
   // The derivatives kept, to what was seen between two states.
   void Bend(const Eigen::VectorXd& moves, const State& from, const State& to) {
-    if (moves.norm() < kFirstStep) return;  // too short to tell a slope
+    // Recordings scatter, which is no slope; nor is it told by a short move.
+    if (settings_.observed == nullptr || moves.norm() < kFirstStep) return;
     for (size_t e = 0; e < jacobian_.size(); ++e) {
       UpdateDerivatives(moves, from.residual[e] - to.residual[e], jacobian_[e]);
     }
@@ -410,9 +397,11 @@ class Fitter {
     result.prior = state.x.head(vector_.first_effect()).squaredNorm();
     for (size_t e = 0; e < state.residual.size(); ++e) {
       result.entry_chi_squared.push_back(state.residual[e].squaredNorm());
-      if (Used(e)) result.data_count += static_cast<int>(state.residual[e].size());
+      if (Used(e)) {
+        result.data_log_determinant += whitening_->LogDeterminant(static_cast<int>(e));
+      }
     }
-    result.data_log_determinant = LogDeterminant();
+    result.data_count = Numbers(state);
     result.standardised = state.x;
     result.mean = std::move(state.mean);
     result.residual = std::move(state.residual);

@@ -283,26 +283,6 @@ TEST(TextureStatistic, ChargeThatSpreadsTakesContrastAndCorrelates) {
   ExpectRefuted<Texture>({{"sensor.crosstalk", {0.1}, 100, 2}}, true);
 }
 
-// A bug found: exposures of one place repeat its speckle, and what was odd about it counted as
-// often.
-TEST(TextureStatistic, RecordingsOfOneSpeckleCountOnce) {
-  RecordingSet description = Recordings(false);
-  const auto error = [&] {
-    const RecordedSet planned = MakeRecordedSet(description, {});
-    const Eigen::MatrixXd covariance = Texture(planned).Covariance(Expect(planned, {}), 0);
-    // After the background: squared contrast, then the correlations.
-    return Eigen::Vector2d(covariance(1, 1), covariance(2, 2));
-  };
-  const Eigen::Vector2d several = error();
-  description.recordings.erase(description.recordings.begin() + 1,
-                               description.recordings.begin() + 6);
-  const Eigen::Vector2d one = error();
-  EXPECT_GT(several[0], 2 * one[0]);
-  EXPECT_GT(several[1], 2 * one[1]);
-  EXPECT_LT(several[0], 6.001 * one[0]);
-  EXPECT_LT(several[1], 6.001 * one[1]);
-}
-
 // A bug found: the image that a bright frame left in a dark one was called row noise.
 TEST(DarkStatistic, LeavesOutFramesThatFollowLight) {
   const RecordedSet set = Render(Recordings(false), kSeed, {Active("sensor.image_lag", {2e-3})});
