@@ -1,7 +1,5 @@
 #include "render_worker/diagnosis/power.h"
 
-#include <utility>
-
 #include "render_worker/diagnosis/fit.h"
 
 namespace sightline {
