@@ -586,9 +586,13 @@ class Competing {
   // Pairs of an effect and of what scatters besides it.
   void AddScatterToBest() {
     if (stopped_ || settings_.max_effects < 2 || candidates_.empty()) return;
+    // What explains most is part of every pair.
+    std::span<const Effect* const> effects = settings_.effects;
+    const Effect* const only =
+        IsScatter(candidates_.front()) ? candidates_.front().effects[0].effect : nullptr;
+    if (only != nullptr) effects = {&only, 1};
     for (const Candidate& base : BasesOfScatter()) {
-      for (ScatterCandidate& scatter :
-           CompareRecordingScatter(model_, base.fit, settings_.effects)) {
+      for (ScatterCandidate& scatter : CompareRecordingScatter(model_, base.fit, effects)) {
         if (scatter.log_evidence < kPairGain) continue;
         Candidate pair;
         pair.effects = scatter.fit.parameters.effects;

@@ -10,7 +10,9 @@
 #include <set>
 #include <string_view>
 
+#include "render_worker/diagnosis/blurred_speckle.h"
 #include "render_worker/diagnosis/charge_spread.h"
+#include "render_worker/diagnosis/integrated_speckle.h"
 #include "render_worker/diagnosis/line_spread.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/plate/plate_scene.h"
@@ -206,19 +208,31 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
                                   step_per_m, length / 2 + 1);
     const double clear = ClearFraction(pupil);
     const std::vector<std::complex<double>> pixel = PixelTransfer(kSamplesPerPx, length, pitch_m);
+    for (size_t k = 0; k < line->transfer.size(); ++k) line->transfer[k] *= clear * pixel[k];
+    const auto image = [&] {
+      return BlurAcrossLine(ideal, kSamplesPerPx, margin_px, roi.rows_px, line->transfer);
+    };
+    const bool new_speckle = imaging == nullptr;
+    std::vector<double> before;
+    if (new_speckle && !optics.transfer.empty()) before = image();
     for (size_t k = 0; k < line->transfer.size(); ++k) {
-      line->transfer[k] *= clear * pixel[k];
       for (const TransferFunction& factor : optics.transfer) {
         line->transfer[k] *= factor(0, static_cast<double>(k) * step_per_m);
       }
     }
-    line->speckle = imaging != nullptr
-                        ? imaging->speckle
-                        : std::make_shared<LineSpeckle>(
-                              pupil, optics.wavelength_m, optics.image_distance_m,
-                              optics.image_distance_m * curvature, pitch_m, ideal,
-                              (roi.row_px - margin_px + 0.5 / kSamplesPerPx - 0.5) * pitch_m,
-                              pitch_m / kSamplesPerPx);
+    if (new_speckle) {
+      LineSpeckle speckle(pupil, optics.wavelength_m, optics.image_distance_m,
+                          optics.image_distance_m * curvature, pitch_m, ideal,
+                          (roi.row_px - margin_px + 0.5 / kSamplesPerPx - 0.5) * pitch_m,
+                          pitch_m / kSamplesPerPx);
+      if (!before.empty()) {
+        speckle = BlurredSpeckle(speckle, optics.transfer, pitch_m, roi.row_px * pitch_m, before,
+                                 image());
+      }
+      line->speckle = std::make_shared<LineSpeckle>(std::move(speckle));
+    } else {
+      line->speckle = imaging->speckle;
+    }
     imaging = std::move(line);
   }
   const std::vector<double> profile =
@@ -341,7 +355,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
       // Strengths beyond sense would move more charge than there is.
       const double contrast_squared =
           std::clamp(of_cell.At(place).At(0, 0) * pattern_share, kLeastContrast, 1.0);
-      levels_of_place[cell].push_back(GammaLevels(contrast_squared, level_count));
+      levels_of_place[cell].push_back(SpeckleLevels(contrast_squared, level_count));
     }
   }
   std::vector<int> place_of_row(frame.roi.rows_px, 0);

@@ -3,7 +3,7 @@
 //
 // The laser line is long and its optics change slowly along it, so the mean irradiance across the
 // line is a convolution in one dimension with the line spread function of the pupil, done at a few
-// places along the line. A pixel's irradiance scatters about its mean by a Gamma law (Goodman); the
+// places along the line. A pixel's irradiance scatters about its mean (SpeckleLevels); the
 // sensor's response is averaged over that. The effects' hooks are those of the renderer.
 #pragma once
 

@@ -17,13 +17,13 @@ namespace {
 constexpr double kFirstStep = 0.05;
 constexpr double kChange = 1;
 constexpr double kLargestStep = 0.25;
+constexpr double kNoChange = 0.1;  // part of kChange
+constexpr int kMostAttempts = 4;
 // Of deviations, in standard uncertainties: what needs more is not explained by them.
 constexpr double kLargestDeviation = 3;
 
-// The last round is repeated while it lowers the sum of squares by more; not where the model fails:
-// there the covariance follows whatever the deviations are driven to.
+// The last round is repeated while it lowers the sum of squares by more and the likelihood gains.
 constexpr double kUnfinished = 2;
-constexpr double kFails = 1.5;  // chi squared over numbers
 constexpr int kMostRepeats = 6;
 
 // A typical value of something positive, over which nothing else is known.
@@ -157,6 +157,9 @@ class Fitter {
         settings_.renew_jacobian ? nullptr : &reference_->jacobian;
     bool fresh = false;
     int repeats = 0;
+    State best;
+    std::shared_ptr<const Whitening> best_whitening;
+    double best_likelihood = 0;  // twice its negative logarithm
     for (size_t r = 0; r < rounds.size(); ++r) {
       if (settings_.rounds.empty()) {
         whitening_ = reference_->whitening;
@@ -184,13 +187,25 @@ class Fitter {
         at_renewal = state.total;
         damping = 1e-3;
       }
+      if (r + 1 < rounds.size() || settings_.rounds.empty()) continue;
+      // Where the model fails, the covariance follows whatever the deviations are driven to.
+      const double likelihood = state.total + LogDeterminant();
+      if (repeats > 0 && likelihood > best_likelihood) {
+        state = std::move(best);
+        whitening_ = std::move(best_whitening);
+        jacobian_.clear();
+        fresh = false;
+        break;
+      }
       // Not there yet: once more, under the covariance of where it is now.
-      const bool last = r + 1 == rounds.size() && !settings_.rounds.empty();
-      const bool unfinished =
-          start_of_round - state.total > kUnfinished && state.chi_squared < kFails * Numbers(state);
-      if (last && unfinished && repeats++ < kMostRepeats) --r;
+      if (start_of_round - state.total > kUnfinished && repeats++ < kMostRepeats) {
+        best = state;
+        best_whitening = whitening_;
+        best_likelihood = likelihood;
+        --r;
+      }
     }
-    if (!fresh) Linearise(state, &jacobian_);
+    if (!fresh) Linearise(state, jacobian_.empty() ? nullptr : &jacobian_);
     FitResult result = Result(state);
     result.free = free;
     return result;
@@ -205,12 +220,13 @@ class Fitter {
     return settings_.observed != nullptr ? *settings_.observed : model_.observed();
   }
 
-  int Numbers(const State& state) const {
-    int numbers = 0;
-    for (size_t e = 0; e < state.residual.size(); ++e) {
-      if (Used(e)) numbers += static_cast<int>(state.residual[e].size());
+  // Of the covariances of the data that is used.
+  double LogDeterminant() const {
+    double sum = 0;
+    for (size_t e = 0; e < model_.observed().size(); ++e) {
+      if (Used(e)) sum += whitening_->LogDeterminant(static_cast<int>(e));
     }
-    return numbers;
+    return sum;
   }
 
   void Renew(State& state, const FitSettings::Round& round) {
@@ -240,7 +256,8 @@ class Fitter {
   }
 
   // One column of the Jacobian by a finite difference from `origin`, the expectation at the state.
-  void Differentiate(const State& state, const Entries& origin, bool middle_only, int i) {
+  void Differentiate(const State& state, const Entries& origin, bool middle_only, int i,
+                     int attempt = 0) {
     Eigen::VectorXd moved = state.x;
     double step = steps_[i];
     const bool shift = i >= vector_.first_shift() && i < vector_.first_model_error();
@@ -270,8 +287,15 @@ class Fitter {
       square += jacobian_[e].col(column).squaredNorm();
     }
     const bool first = steps_[i] == kFirstStep;
-    steps_[i] = std::min(kLargestStep, kChange / std::sqrt(std::max(square, 1e-12)));
-    if (first && steps_[i] < kFirstStep) Differentiate(state, origin, middle_only, i);
+    const double slope = std::sqrt(std::max(square, 1e-12));
+    // What is rounded (a full pixel's number) stays as it is for a while: a longer step.
+    const bool stays =
+        i >= vector_.first_effect() && !first && slope * std::abs(step) < kNoChange * kChange;
+    steps_[i] = std::min(kLargestStep, stays ? 5 * std::abs(step) : kChange / slope);
+    const bool again = stays ? std::abs(step) < kLargestStep : first && steps_[i] < kFirstStep;
+    if (again && attempt < kMostAttempts) {
+      Differentiate(state, origin, middle_only, i, attempt + 1);
+    }
   }
 
   // Finite differences of the whitened expectation. All line shifts move at once: an entry depends
@@ -397,11 +421,9 @@ class Fitter {
     result.prior = state.x.head(vector_.first_effect()).squaredNorm();
     for (size_t e = 0; e < state.residual.size(); ++e) {
       result.entry_chi_squared.push_back(state.residual[e].squaredNorm());
-      if (Used(e)) {
-        result.data_log_determinant += whitening_->LogDeterminant(static_cast<int>(e));
-      }
+      if (Used(e)) result.data_count += static_cast<int>(state.residual[e].size());
     }
-    result.data_count = Numbers(state);
+    result.data_log_determinant = LogDeterminant();
     result.standardised = state.x;
     result.mean = std::move(state.mean);
     result.residual = std::move(state.residual);

@@ -181,6 +181,14 @@ TextureStatistic::TextureStatistic(const RecordedSet& set, int blocks_along_line
     }
     entries_.push_back(std::move(entry));
   }
+  for (Entry& entry : entries_) {
+    const RecordedFrame& own = set.frames[entry.frames.front()];
+    entry.sharing =
+        static_cast<int>(std::count_if(entries_.begin(), entries_.end(), [&](const Entry& other) {
+          return !other.cores.empty() && SameSpeckle(own, set.frames[other.frames.front()]);
+        }));
+    entry.sharing = std::max(1, entry.sharing);
+  }
 }
 
 Eigen::VectorXd TextureStatistic::Observed(const RecordedSet& set, int index) const {
@@ -364,12 +372,13 @@ Eigen::MatrixXd TextureStatistic::Covariance(const ExpectedSet& expected, int in
     // Variance of a variance: 2 plus the excess kurtosis, 6/M for a Gamma law.
     const double spread = 2 + 6 * speckle.At(0, 0) * share * share;
     const double count = columns * rows;
-    contrast_errors.push_back(values[at] * std::sqrt(spread * correlated / count));
+    const double of_one = correlated / count * entry.sharing;
+    contrast_errors.push_back(values[at] * std::sqrt(spread * of_one));
     middles.push_back(share);
     covariance(at, at) =
         std::pow(contrast_errors.back(), 2) + std::pow(kContrastError * values[at], 2);
     ++at;
-    const double error = std::hypot(std::sqrt(1.5 * correlated / count), kCorrelationError);
+    const double error = std::hypot(std::sqrt(1.5 * of_one), kCorrelationError);
     for (int i = 0; i < 2 * kCorrelationLags; ++i, ++at) covariance(at, at) = error * error;
   }
   // Planes share their speckle where it is larger than a pixel.

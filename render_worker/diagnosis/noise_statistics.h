@@ -31,6 +31,7 @@ class TextureStatistic : public SetStatistic {
     std::vector<std::vector<ProfileBin>> cores;  // bins of the line's middle, of every plane used
     std::vector<ProfileBin> backgrounds;         // one of every plane
     int columns_px = 0;
+    int sharing = 1;  // entries about the same speckle: together they say what one does
   };
   int blocks_;
   std::vector<PixelPlane> planes_;

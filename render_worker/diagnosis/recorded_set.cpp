@@ -76,4 +76,16 @@ FrameSetup DeviatedFrame(const RecordedSet& set, int index, const SetupDeviation
   return PlateFrame(set.description, index, {cut});
 }
 
+bool SameSpeckle(const RecordedFrame& a, const RecordedFrame& b) {
+  const FrameSetup& p = a.nominal;
+  const FrameSetup& q = b.nominal;
+  return a.plate_position_id >= 0 && a.plate_position_id == b.plate_position_id &&
+         p.lens.f_number == q.lens.f_number && p.lens.focus_distance_m == q.lens.focus_distance_m &&
+         p.plate.camera_distance_m == q.plate.camera_distance_m &&
+         p.plate.laser_distance_m == q.plate.laser_distance_m &&
+         p.plate.line_offset_m == q.plate.line_offset_m && p.roi.column_px == q.roi.column_px &&
+         p.roi.row_px == q.roi.row_px && p.roi.columns_px == q.roi.columns_px &&
+         p.roi.rows_px == q.roi.rows_px;
+}
+
 }  // namespace sightline

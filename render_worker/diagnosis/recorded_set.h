@@ -22,10 +22,13 @@ struct RecordedSet {
   std::vector<RecordedFrame> frames;  // of description.recordings, in order of time
 };
 
-// `raw_dn`: one image for every recording, of its region's size; or none at all.
 // The frame that was read out just before frame f of a burst, of the same region; -1: none.
 int PrecedingFrame(const RecordedSet& set, int f);
 
+// Of one place of the plate through the same optics: pixel by pixel the same speckle.
+bool SameSpeckle(const RecordedFrame& a, const RecordedFrame& b);
+
+// `raw_dn`: one image for every recording, of its region's size; or none at all.
 RecordedSet MakeRecordedSet(RecordingSet description, std::vector<Image<uint16_t>> raw_dn);
 
 // Frame `index` as it would be with these deviations (true minus nominal; line_position_each_px is

@@ -59,8 +59,11 @@ class RealisedEffect final : public DescribedEffect {
     const double shift_m = pitch_m * realisation_.shift_px[frame.recording_index];
     const double blur_m2 = pitch_m * pitch_m * realisation_.blur_px2[frame.recording_index];
     if (shift_m == 0 && blur_m2 == 0) return;
+    // Of whole periods of a sinusoid (Lohmann and Paris, Appl. Opt. 4 (1965) 393); for parts of
+    // one, of the right width.
+    const double amplitude_m = std::sqrt(2 * std::max(0.0, blur_m2));
     optics.transfer.push_back([=](double, double qy) {
-      return std::polar(std::exp(-2 * kPi * kPi * qy * qy * blur_m2), -2 * kPi * qy * shift_m);
+      return ::j0(2 * kPi * qy * amplitude_m) * std::polar(1.0, -2 * kPi * qy * shift_m);
     });
   }
 
@@ -85,16 +88,68 @@ bool SpeckleMoves(const SetModel& model, const FitResult& null) {
   return chi_squared > 10 * count;
 }
 
-// The parameters of `null`, from what does not compare speckle.
-FitResult FitWithoutMovement(const SetModel& model, const FitResult& null) {
-  SetParameters start;
-  start.effects = null.parameters.effects;
-  start.line_shift_px = model.EstimateLineShifts(start);
+// Known parameters of `null` at a realisation, from what does not compare speckle; linearised with
+// all entries. `start`: without the realisation.
+FitResult FitAtRealisation(const SetModel& model, const FitResult& null, SetParameters start,
+                           const Realisation& realisation, std::vector<FitSettings::Round> rounds) {
+  const RealisedEffect realised(realisation);
+  start.effects.push_back({&realised, {}});
   FitSettings settings;
+  settings.rounds = std::move(rounds);
   for (int e = 0; e < model.entries(); ++e) {
     settings.use_entry.push_back(!ComparesSpeckle(model, e));
   }
-  return FitSet(model, start, null.free, settings, nullptr);
+  const SetParameters found = FitSet(model, start, null.free, settings, nullptr).parameters;
+  settings.use_entry.clear();
+  settings.rounds.assign(1, FitSettings::Round());
+  settings.max_iterations = 0;
+  FitResult fit = FitSet(model, found, null.free, settings, nullptr);
+  fit.parameters.effects.pop_back();
+  return fit;
+}
+
+// Of the line in every recording with laser light, from where `parameters` expect it [px].
+std::vector<double> LineDisplacements(const SetModel& model, const SetParameters& parameters) {
+  const RecordedSet& set = model.set();
+  const ExpectedSet expected = model.ExpectStrips(parameters, false);
+  std::vector<double> displacements(set.frames.size(), 0);
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    if (set.frames[f].plate_position_id < 0) continue;
+    displacements[f] = LineDisplacementPx(set, expected, static_cast<int>(f));
+  }
+  return displacements;
+}
+
+// The same from where it is on average at its plate position, which the known parameters hold; 0
+// where that is near enough for what is linear.
+std::vector<double> DisplacementsAtPositions(const SetModel& model,
+                                             const SetParameters& parameters) {
+  const RecordedSet& set = model.set();
+  std::vector<double> displacements = LineDisplacements(model, parameters);
+  for (int id : model.position_ids()) {
+    std::vector<size_t> of_position;
+    for (size_t f = 0; f < set.frames.size(); ++f) {
+      if (set.frames[f].plate_position_id == id) of_position.push_back(f);
+    }
+    double mean = 0, farthest = 0;
+    for (size_t f : of_position) {
+      mean += displacements[f] / static_cast<double>(of_position.size());
+    }
+    for (size_t f : of_position) {
+      displacements[f] -= mean;
+      farthest = std::max(farthest, std::abs(displacements[f]));
+    }
+    constexpr double kNear_px = 0.3;
+    for (size_t f : of_position) {
+      if (farthest < kNear_px) displacements[f] = 0;
+    }
+  }
+  return displacements;
+}
+
+// Twice the negative logarithm of the evidence, but for constants.
+double TwiceCost(const FitResult& fit) {
+  return fit.chi_squared + fit.prior + fit.data_log_determinant + fit.log_determinant;
 }
 
 // The set about a realisation: what is left of the data and what the amplitudes change, whitened.
@@ -119,9 +174,10 @@ struct Linearisation {
 
 class RecordingScatter {
  public:
-  // Linearised about `about`; compared with `null`.
-  RecordingScatter(const SetModel& model, const FitResult& about, const FitResult& null)
-      : model_(model), null_(about) {
+  // Linearised about `about`, a fit at realisation `at`; compared with `null`.
+  RecordingScatter(const SetModel& model, const FitResult& about, const Realisation& at,
+                   const FitResult& null)
+      : model_(model), null_(about), at_(at) {
     offset_.push_back(0);
     for (const Eigen::VectorXd& mean : null.mean) {
       offset_.push_back(offset_.back() + static_cast<int>(mean.size()));
@@ -153,7 +209,8 @@ class RecordingScatter {
     null_total_ += 2 * solver.matrixLLT().diagonal().array().log().sum();
   }
 
-  ScatterCandidate Evaluate(const Effect& effect);
+  // What it finds is left in `at`.
+  ScatterCandidate Evaluate(const Effect& effect, Realisation& at);
 
  private:
   struct Posterior {
@@ -303,12 +360,9 @@ class RecordingScatter {
     const RealisedEffect realised(at);
     const std::vector<Eigen::MatrixXd> covariance =
         model_.Expect(WithRealisation(null_.parameters, realised), true, true).covariance;
+    const RealisedEffect known(at_);
     const std::vector<Eigen::MatrixXd> before =
-        model_
-            .Expect(
-                WithRealisation(null_.parameters, RealisedEffect(Realisation(at.shift_px.size()))),
-                true, true)
-            .covariance;
+        model_.Expect(WithRealisation(null_.parameters, known), true, true).covariance;
     for (int e = 0; e < model_.entries(); ++e) {
       if (!ChangesCovariance(e)) continue;
       const int n = offset_[e + 1] - offset_[e];
@@ -390,13 +444,13 @@ class RecordingScatter {
                          const std::vector<double>& parameters) const;
   Realisation RealisationOf(const ScatterLaw& law, const std::vector<double>& parameters,
                             const Posterior& posterior) const;
-  std::vector<double> EstimateShifts();
   FitResult Describe(const Linearisation& linear, const ScatterLaw& law,
                      const ScatterCandidate& candidate, const Posterior& posterior,
                      const Realisation& realisation);
 
   const SetModel& model_;
   const FitResult& null_;
+  Realisation at_;             // of null_'s covariances
   std::vector<int> offset_;    // of the entries in the vector of all
   std::vector<int> position_;  // of every entry: plate position; -1: none or several
   std::vector<int> block_;     // of every entry: along the line; -1: all
@@ -470,8 +524,15 @@ RecordingScatter::Peak RecordingScatter::Search(const Linearisation& linear, con
       shaped ? std::min(6.0, StandardisedParameter(
                                  description[1], std::min(law.largest_shape, description[1].upper)))
              : 0;
-  const Peak coarse = summarise(grid(kWeakest, std::min(strongest, 4.0), 0.4, -6, longest, 0.5));
+  Peak coarse = summarise(grid(kWeakest, std::min(strongest, 4.0), 0.4, -6, longest, 0.5));
   if (coarse.gain < 1) return coarse;
+  if (law.amplitude == Amplitude::kShift) {
+    // Whole periods in some exposure or other: many peaks along the frequency.
+    const double near = std::log(coarse.parameters[0] / strength.prior_scale);
+    const Peak finer =
+        summarise(grid(near - 0.8, std::min(strongest, near + 0.8), 0.4, -6, longest, 0.05));
+    if (finer.gain > coarse.gain) coarse = finer;
+  }
   std::array<double, 2> best = {
       std::log(coarse.parameters[0] / strength.prior_scale),
       shaped ? StandardisedParameter(description[1], coarse.parameters[1]) : 0};
@@ -570,34 +631,6 @@ Realisation RecordingScatter::RealisationOf(const ScatterLaw& law,
   return realisation;
 }
 
-// Place of the line in every recording from where it is on average at its plate position, by its
-// centroid [px]; 0 where that is near enough for what is linear. The known parameters hold the
-// average.
-std::vector<double> RecordingScatter::EstimateShifts() {
-  const RecordedSet& set = model_.set();
-  const ExpectedSet expected = model_.ExpectStrips(null_.parameters, false);
-  std::vector<double> shifts(set.frames.size(), 0);
-  for (int f : lit_) shifts[f] = LineDisplacementPx(set, expected, f);
-  constexpr double kNear_px = 0.3;
-  for (int id : model_.position_ids()) {
-    double mean = 0, count = 0, farthest = 0;
-    const auto of_position = [&](int f) { return set.frames[f].plate_position_id == id; };
-    for (int f : lit_) {
-      mean += of_position(f) ? shifts[f] : 0;
-      count += of_position(f) ? 1 : 0;
-    }
-    for (int f : lit_) {
-      if (!of_position(f)) continue;
-      shifts[f] -= mean / count;
-      farthest = std::max(farthest, std::abs(shifts[f]));
-    }
-    for (int f : lit_) {
-      if (of_position(f) && farthest < kNear_px) shifts[f] = 0;
-    }
-  }
-  return shifts;
-}
-
 // The fit by the model itself at the most probable realisation.
 FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterLaw& law,
                                      const ScatterCandidate& candidate, const Posterior& posterior,
@@ -678,45 +711,83 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
   return fit;
 }
 
-ScatterCandidate RecordingScatter::Evaluate(const Effect& effect) {
+ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& at) {
   const ScatterLaw law = ScatterLawOf(effect.description().id, model_);
-  Realisation at(model_.set().frames.size());
-  if (law.amplitude == Amplitude::kShift) at.shift_px = EstimateShifts();
-  Linearisation linear = Linearise(law.amplitude, at);
-  Peak peak = Search(linear, law, effect);
-  // What the uncertainty of the null's own scatter explains is no effect.
-  std::vector<double> none = peak.parameters;
-  none[0] = 0;
-  const double baseline = std::clamp(Gain(linear, law, none), 0.0, kMostUnknownScatter);
-  Posterior posterior = MostProbable(linear, law, peak.parameters);
   // Again where that has led to, if it is anywhere.
   constexpr double kWorthwhile = 3;
-  const int rounds = law.amplitude == Amplitude::kReflectance ? 0
-                     : law.amplitude == Amplitude::kShift     ? 3
-                                                              : 1;
-  for (int round = 0; round < rounds && peak.gain - baseline > kWorthwhile; ++round) {
-    at = RealisationOf(law, peak.parameters, posterior);
-    linear = Linearise(law.amplitude, at);
-    const double before = peak.gain;
-    peak = Search(linear, law, effect);
-    posterior = MostProbable(linear, law, peak.parameters);
-    if (std::abs(peak.gain - before) < 0.5) break;
+  const int rounds = law.amplitude == Amplitude::kReflectance ? 1
+                     : law.amplitude == Amplitude::kShift     ? 4
+                                                              : 2;
+  ScatterCandidate best;
+  Realisation from = at;
+  double baseline = 0, before = 0;
+  for (int round = 0; round < rounds; ++round) {
+    const Linearisation linear = Linearise(law.amplitude, from);
+    const Peak peak = Search(linear, law, effect);
+    if (round == 0) {
+      // What the uncertainty of the null's own scatter explains is no effect.
+      std::vector<double> none = peak.parameters;
+      none[0] = 0;
+      baseline = std::clamp(Gain(linear, law, none), 0.0, kMostUnknownScatter);
+    }
+    const Posterior posterior = MostProbable(linear, law, peak.parameters);
+    from = RealisationOf(law, peak.parameters, posterior);
+    ScatterCandidate candidate;
+    candidate.effect = &effect;
+    candidate.parameters = peak.parameters;
+    candidate.standard_errors = peak.standard_errors;
+    if (law.amplitude != Amplitude::kLight) {
+      candidate.standard_errors[0] =
+          std::hypot(candidate.standard_errors[0], kStrengthError * candidate.parameters[0]);
+    }
+    candidate.log_evidence = peak.log_evidence - baseline;
+    candidate.largest_gain = peak.gain - baseline;
+    candidate.light_relative = from.light_relative;
+    candidate.shift_px = from.shift_px;
+    candidate.fit = Describe(linear, law, candidate, posterior, from);
+    // Far off, straight lines lead astray: the model itself decides.
+    if (round == 0 || TwiceCost(candidate.fit) < TwiceCost(best.fit)) {
+      best = std::move(candidate);
+      at = from;
+    }
+    const double gained = peak.gain - before;
+    before = peak.gain;
+    if (peak.gain - baseline <= kWorthwhile || (round > 0 && std::abs(gained) < 0.5)) break;
   }
-  ScatterCandidate candidate;
-  candidate.effect = &effect;
-  candidate.parameters = peak.parameters;
-  candidate.standard_errors = peak.standard_errors;
-  if (law.amplitude != Amplitude::kLight) {
-    candidate.standard_errors[0] =
-        std::hypot(candidate.standard_errors[0], kStrengthError * candidate.parameters[0]);
+  return best;
+}
+
+// Where movement is so strong that it leads the null model's parameters astray: these and what was
+// drawn are found in turn.
+ScatterCandidate EvaluateStrongMovement(const SetModel& model, const FitResult& null,
+                                        const Effect& effect) {
+  SetParameters start;
+  start.effects = null.parameters.effects;
+  Realisation at(model.set().frames.size());
+  at.shift_px = LineDisplacements(model, start);
+  std::vector<FitSettings::Round> rounds = {{0.3, 0.3}, {0.1, 0.3}, {0.01, 0.1}, {0, 0}};
+  ScatterCandidate best;
+  const int most_turns = null.parameters.effects.empty() ? 4 : 2;
+  for (int turn = 0; turn < most_turns; ++turn) {
+    const FitResult about = FitAtRealisation(model, null, start, at, rounds);
+    ScatterCandidate candidate = RecordingScatter(model, about, at, null).Evaluate(effect, at);
+    const double gained = turn == 0 ? 0 : TwiceCost(best.fit) - TwiceCost(candidate.fit);
+    if (turn == 0 || gained > 0) best = std::move(candidate);
+    if (turn > 0 && gained < 1) break;
+    start = best.fit.parameters;
+    start.effects.pop_back();
+    // What no uncertainty of a position allows has been movement.
+    const double allowed_px = 3 * model.set().description.uncertainty.line_position_each_px;
+    for (auto& [id, shift_px] : start.line_shift_px) {
+      const double held_px = std::clamp(shift_px, -allowed_px, allowed_px);
+      for (size_t f = 0; f < at.shift_px.size(); ++f) {
+        if (model.set().frames[f].plate_position_id == id) at.shift_px[f] += shift_px - held_px;
+      }
+      shift_px = held_px;
+    }
+    rounds = {{0, 0.1}, {0, 0}};
   }
-  candidate.log_evidence = peak.log_evidence - baseline;
-  candidate.largest_gain = peak.gain - baseline;
-  const Realisation realisation = RealisationOf(law, peak.parameters, posterior);
-  candidate.light_relative = realisation.light_relative;
-  candidate.shift_px = realisation.shift_px;
-  candidate.fit = Describe(linear, law, candidate, posterior, realisation);
-  return candidate;
+  return best;
 }
 
 constexpr std::array<std::string_view, 4> kKnown = {
@@ -732,15 +803,18 @@ bool IsRecordingScatter(const Effect& effect) {
 std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, const FitResult& null,
                                                       std::span<const Effect* const> effects) {
   std::vector<ScatterCandidate> candidates;
-  RecordingScatter scatter(model, null, null);
+  const Realisation none(model.set().frames.size());
+  RecordingScatter scatter(model, null, none, null);
   for (const Effect* effect : effects) {
     if (!IsRecordingScatter(*effect)) continue;
-    if (effect->description().id == "time.vibration_blur" && SpeckleMoves(model, null)) {
-      const FitResult still = FitWithoutMovement(model, null);
-      candidates.push_back(RecordingScatter(model, still, null).Evaluate(*effect));
-    } else {
-      candidates.push_back(scatter.Evaluate(*effect));
+    const bool moves = effect->description().id == "time.vibration_blur";
+    if (moves && SpeckleMoves(model, null)) {
+      candidates.push_back(EvaluateStrongMovement(model, null, *effect));
+      continue;
     }
+    Realisation at = none;
+    if (moves) at.shift_px = DisplacementsAtPositions(model, null.parameters);
+    candidates.push_back(scatter.Evaluate(*effect, at));
   }
   return candidates;
 }

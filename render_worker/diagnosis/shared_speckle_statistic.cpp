@@ -21,15 +21,6 @@ constexpr double kMotionError = 0.2;
 
 double Distribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
 
-bool SameOptics(const FrameSetup& a, const FrameSetup& b) {
-  return a.lens.f_number == b.lens.f_number && a.lens.focus_distance_m == b.lens.focus_distance_m &&
-         a.plate.camera_distance_m == b.plate.camera_distance_m &&
-         a.plate.laser_distance_m == b.plate.laser_distance_m &&
-         a.plate.line_offset_m == b.plate.line_offset_m && a.roi.column_px == b.roi.column_px &&
-         a.roi.row_px == b.roi.row_px && a.roi.columns_px == b.roi.columns_px &&
-         a.roi.rows_px == b.roi.rows_px;
-}
-
 // Where the speckle is at equally weighted moments of an exposure [px].
 struct Place {
   double u_px = 0, v_px = 0;
@@ -141,7 +132,7 @@ SharedSpeckleStatistic::SharedSpeckleStatistic(const RecordedSet& set) {
     const FrameSetup& front = set.frames[all.front()].nominal;
     Entry entry;
     for (int f : all) {
-      if (SameOptics(front, set.frames[f].nominal)) entry.frames.push_back(f);
+      if (SameSpeckle(set.frames[all.front()], set.frames[f])) entry.frames.push_back(f);
     }
     if (entry.frames.size() < 2) continue;
     std::vector<int> order = entry.frames;

@@ -3,7 +3,6 @@
 #include <Eigen/Core>
 #include <algorithm>
 #include <array>
-#include <boost/math/special_functions/gamma.hpp>
 #include <cmath>
 #include <cstdlib>
 #include <numbers>
@@ -482,6 +481,7 @@ int LineSpeckle::PlaceOf(double v_m) const {
 }
 
 SpecklePixelCovariance SpecklePixelCovariance::Shared(const Image<double>& shares) const {
+  constexpr double kNoShare = 1e-7;  // of the pixel's light, squared
   const int rows = shares.rows_px, columns = shares.columns_px;
   // By distance: products of shares.
   Image<double> products(2 * columns - 1, 2 * rows - 1, 0.0);
@@ -494,16 +494,17 @@ SpecklePixelCovariance SpecklePixelCovariance::Shared(const Image<double>& share
       }
     }
   }
-  std::vector<double> values;
-  for (int r = 0; r <= max_lag_; ++r) {
-    for (int c = 0; c <= max_lag_; ++c) {
-      double sum = 0;
-      for (int i = 0; i < products.rows_px; ++i) {
-        for (int j = 0; j < products.columns_px; ++j) {
-          sum += products.At(i, j) * At(r + i - rows + 1, c + j - columns + 1);
+  std::vector<double> values(static_cast<size_t>(max_lag_ + 1) * (max_lag_ + 1), 0.0);
+  for (int i = 0; i < products.rows_px; ++i) {
+    for (int j = 0; j < products.columns_px; ++j) {
+      const double product = products.At(i, j);
+      if (std::abs(product) < kNoShare) continue;
+      size_t at = 0;
+      for (int r = 0; r <= max_lag_; ++r) {
+        for (int c = 0; c <= max_lag_; ++c) {
+          values[at++] += product * At(r + i - rows + 1, c + j - columns + 1);
         }
       }
-      values.push_back(sum);
     }
   }
   return {max_lag_, max_lag_, max_lag_, std::move(values)};
@@ -514,45 +515,6 @@ double SpecklePixelCovariance::At(int rows, int columns) const {
   columns = std::abs(columns);
   if (rows > row_reach_ || columns > column_reach_) return 0;
   return values_[static_cast<size_t>(rows) * (max_lag_ + 1) + columns];
-}
-
-namespace {
-
-std::vector<double> ComputeGammaLevels(double contrast_squared, int count) {
-  // Plain double: long double costs several times as much.
-  using Policy = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
-  std::vector<double> levels(count, 1.0);
-  const double shape = 1 / contrast_squared;
-  double below = 0;  // integral of x dF up to the interval's start
-  for (int i = 0; i < count; ++i) {
-    const double part = (i + 1.0) / count;
-    double end = 1;
-    if (i + 1 < count) {
-      // Integrated by parts: P(a + 1, x) = P(a, x) - x^a exp(-x) / Gamma(a + 1).
-      const double x = boost::math::gamma_p_inv(shape, part, Policy());
-      end = part - x / shape * boost::math::gamma_p_derivative(shape, x, Policy());
-    }
-    levels[i] = (end - below) * count;
-    below = end;
-  }
-  // Means of intervals vary less than what lies in them.
-  double variance = 0;
-  for (double level : levels) variance += (level - 1) * (level - 1) / count;
-  if (variance > 0) {
-    const double stretch = std::sqrt(contrast_squared / variance);
-    for (double& level : levels) level = std::max(0.0, 1 + stretch * (level - 1));
-  }
-  return levels;
-}
-
-}  // namespace
-
-std::vector<double> GammaLevels(double contrast_squared, int count) {
-  if (contrast_squared <= 0) return std::vector<double>(count, 1.0);
-  constexpr size_t kMost = 16384;
-  static auto* const known = new Memo<std::pair<double, int>, std::vector<double>>(kMost);
-  return known->Get({contrast_squared, count},
-                    [&] { return ComputeGammaLevels(contrast_squared, count); });
 }
 
 }  // namespace sightline

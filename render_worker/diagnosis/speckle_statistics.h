@@ -70,9 +70,4 @@ class LineSpeckle {
   std::shared_ptr<const std::vector<SpecklePixelCovariance>> places_;  // shared by equal lines
 };
 
-// A pixel's irradiance follows about a Gamma law of shape M = 1/contrast^2 (Goodman 4.7.2). Factors
-// of the mean, the average of each of `count` equally likely intervals, stretched about the mean so
-// that they have the law's variance; their mean is 1.
-std::vector<double> GammaLevels(double contrast_squared, int count);
-
 }  // namespace sightline

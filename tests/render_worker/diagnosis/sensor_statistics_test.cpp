@@ -5,6 +5,7 @@
 
 #include <Eigen/Cholesky>
 #include <cmath>
+#include <map>
 #include <memory>
 #include <numbers>
 #include <string>
@@ -281,6 +282,48 @@ TEST(TextureStatistic, ChargeThatSpreadsTakesContrastAndCorrelates) {
   ExpectRefuted<Texture>(
       {{"sensor.crosstalk", {0.05}, 50, 1.5}, {"sensor.crosstalk", {0.15}, 200, 2}});
   ExpectRefuted<Texture>({{"sensor.crosstalk", {0.1}, 100, 2}}, true);
+}
+
+// A bug found: the image's blur left speckle as it was, and what took contrast from saturated rows
+// led strong vibrations astray.
+TEST(TextureStatistic, BlurOfTheImageTakesTheContrastThatIsRendered) {
+  const RecordingSet description = Recordings(false);
+  const RecordedSet sharp = Render(description, kSeed, {});
+  for (const auto& [id, parameters] : std::map<std::string, std::vector<double>>{
+           {"optics.veiling_glare", {0.3, 3e-5}}, {"time.vibration_blur", {1.5, 1000}}}) {
+    const std::vector<ActiveEffect> effects = {Active(id, parameters)};
+    const RecordedSet blurred = Render(description, kSeed, effects);
+    const Texture before(sharp), after(blurred);
+    double seen = 0, expected = 0;  // change of squared contrast, the first number
+    for (int e = 0; e < before.entries(); ++e) {
+      if (before.Observed(sharp, e).size() == 0) continue;
+      seen += after.Observed(blurred, e)[0] - before.Observed(sharp, e)[0];
+      expected +=
+          after.Expected(Expect(blurred, effects), e)[0] - before.Expected(Expect(sharp, {}), e)[0];
+    }
+    EXPECT_LT(seen, 0) << id;
+    EXPECT_NEAR(expected / seen, 1, 0.25) << id;
+  }
+}
+
+// A bug found: exposures of one place repeat its speckle, and what was odd about it counted as
+// often.
+TEST(TextureStatistic, RecordingsOfOneSpeckleCountOnce) {
+  RecordingSet description = Recordings(false);
+  const auto error = [&] {
+    const RecordedSet planned = MakeRecordedSet(description, {});
+    const Eigen::MatrixXd covariance = Texture(planned).Covariance(Expect(planned, {}), 0);
+    // After the background: squared contrast, then the correlations.
+    return Eigen::Vector2d(covariance(1, 1), covariance(2, 2));
+  };
+  const Eigen::Vector2d several = error();
+  description.recordings.erase(description.recordings.begin() + 1,
+                               description.recordings.begin() + 6);
+  const Eigen::Vector2d one = error();
+  EXPECT_GT(several[0], 2 * one[0]);
+  EXPECT_GT(several[1], 2 * one[1]);
+  EXPECT_LT(several[0], 6.001 * one[0]);
+  EXPECT_LT(several[1], 6.001 * one[1]);
 }
 
 // A bug found: the image that a bright frame left in a dark one was called row noise.

@@ -83,21 +83,6 @@ TEST(SpecklePixelCovariance, SharedByNeighboursIsTheCorrelationOfTheirShares) {
   EXPECT_NEAR(shared.At(3, 0), 0, 1e-12);
 }
 
-TEST(GammaLevels, MeanAndVarianceOfFewAsOfMany) {
-  for (const int count : {12, 400}) {
-    for (const double contrast_squared : {0.05, 0.3, 0.9}) {
-      double mean = 0, square = 0;
-      for (const double level : GammaLevels(contrast_squared, count)) {
-        EXPECT_GE(level, 0);
-        mean += level / count;
-        square += level * level / count;
-      }
-      EXPECT_NEAR(mean, 1, 1e-9);
-      EXPECT_NEAR(square - 1, contrast_squared, 1e-3 * contrast_squared);
-    }
-  }
-}
-
 // Aberrations change the image, not the statistics of the speckle of an even object; a blade does.
 TEST(LineSpeckle, ShapeCountsAndWavefrontDoesNot) {
   Pupil pupil;
