@@ -4,15 +4,13 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <complex>
 #include <map>
 #include <numbers>
 #include <string_view>
 #include <utility>
 
-#include "render_worker/diagnosis/line_displacement.h"
+#include "render_worker/diagnosis/realisation.h"
 #include "render_worker/diagnosis/scatter_law.h"
-#include "render_worker/effects/described_effect.h"
 
 namespace sightline {
 
@@ -28,48 +26,6 @@ constexpr double kMostUnknownScatter = 15;
 // Of strengths: what is drawn is taken for normal and the same all over a block of the line, which
 // in rendered sets costs up to half of vibration's and a third of texture's.
 constexpr double kStrengthError = 0.35;
-
-// What a recording has drawn, besides what all have in common.
-struct Realisation {
-  std::vector<double> light_relative;  // amount of laser light minus 1
-  std::vector<double> shift_px;        // of the image across the line
-  std::vector<double> blur_px2;        // variance of its movement about that place
-
-  explicit Realisation(size_t recordings)
-      : light_relative(recordings, 0), shift_px(recordings, 0), blur_px2(recordings, 0) {}
-};
-
-// Gives every recording of a set its realisation.
-class RealisedEffect final : public DescribedEffect {
- public:
-  explicit RealisedEffect(Realisation realisation)
-      : DescribedEffect({.id = "realised",
-                         .stage = Stage::kTime,
-                         .summary = "amount of light, place and blur of every recording",
-                         .reference = "",
-                         .parameters = {}}),
-        realisation_(std::move(realisation)) {}
-
-  void OnFrame(FrameSetup& frame, Parameters) const override {
-    frame.laser.power_w *= std::max(0.0, 1 + realisation_.light_relative[frame.recording_index]);
-  }
-
-  void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters) const override {
-    const double pitch_m = frame.sensor.pixel_pitch_m;
-    const double shift_m = pitch_m * realisation_.shift_px[frame.recording_index];
-    const double blur_m2 = pitch_m * pitch_m * realisation_.blur_px2[frame.recording_index];
-    if (shift_m == 0 && blur_m2 == 0) return;
-    // Of whole periods of a sinusoid (Lohmann and Paris, Appl. Opt. 4 (1965) 393); for parts of
-    // one, of the right width.
-    const double amplitude_m = std::sqrt(2 * std::max(0.0, blur_m2));
-    optics.transfer.push_back([=](double, double qy) {
-      return ::j0(2 * kPi * qy * amplitude_m) * std::polar(1.0, -2 * kPi * qy * shift_m);
-    });
-  }
-
- private:
-  Realisation realisation_;
-};
 
 // Entries that compare recordings of one speckle pixel by pixel.
 bool ComparesSpeckle(const SetModel& model, int e) {
@@ -106,45 +62,6 @@ FitResult FitAtRealisation(const SetModel& model, const FitResult& null, SetPara
   FitResult fit = FitSet(model, found, null.free, settings, nullptr);
   fit.parameters.effects.pop_back();
   return fit;
-}
-
-// Of the line in every recording with laser light, from where `parameters` expect it [px].
-std::vector<double> LineDisplacements(const SetModel& model, const SetParameters& parameters) {
-  const RecordedSet& set = model.set();
-  const ExpectedSet expected = model.ExpectStrips(parameters, false);
-  std::vector<double> displacements(set.frames.size(), 0);
-  for (size_t f = 0; f < set.frames.size(); ++f) {
-    if (set.frames[f].plate_position_id < 0) continue;
-    displacements[f] = LineDisplacementPx(set, expected, static_cast<int>(f));
-  }
-  return displacements;
-}
-
-// The same from where it is on average at its plate position, which the known parameters hold; 0
-// where that is near enough for what is linear.
-std::vector<double> DisplacementsAtPositions(const SetModel& model,
-                                             const SetParameters& parameters) {
-  const RecordedSet& set = model.set();
-  std::vector<double> displacements = LineDisplacements(model, parameters);
-  for (int id : model.position_ids()) {
-    std::vector<size_t> of_position;
-    for (size_t f = 0; f < set.frames.size(); ++f) {
-      if (set.frames[f].plate_position_id == id) of_position.push_back(f);
-    }
-    double mean = 0, farthest = 0;
-    for (size_t f : of_position) {
-      mean += displacements[f] / static_cast<double>(of_position.size());
-    }
-    for (size_t f : of_position) {
-      displacements[f] -= mean;
-      farthest = std::max(farthest, std::abs(displacements[f]));
-    }
-    constexpr double kNear_px = 0.3;
-    for (size_t f : of_position) {
-      if (farthest < kNear_px) displacements[f] = 0;
-    }
-  }
-  return displacements;
 }
 
 // Twice the negative logarithm of the evidence, but for constants.
@@ -529,8 +446,8 @@ RecordingScatter::Peak RecordingScatter::Search(const Linearisation& linear, con
   if (law.amplitude == Amplitude::kShift) {
     // Whole periods in some exposure or other: many peaks along the frequency.
     const double near = std::log(coarse.parameters[0] / strength.prior_scale);
-    const Peak finer =
-        summarise(grid(near - 0.8, std::min(strongest, near + 0.8), 0.4, -6, longest, 0.05));
+    const Peak finer = summarise(grid(std::max(kWeakest, near - 0.8),
+                                      std::min(strongest, near + 0.8), 0.4, -6, longest, 0.05));
     if (finer.gain > coarse.gain) coarse = finer;
   }
   std::array<double, 2> best = {

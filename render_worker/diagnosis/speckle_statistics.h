@@ -60,7 +60,8 @@ class LineSpeckle {
   const SpecklePixelCovariance& At(int place) const { return (*places_)[place]; }
   int max_lag() const { return places_->front().max_lag(); }
   double PlaceCentre_m(int place) const {
-    return centre_m_ + (place - (places() - 1) / 2) * spacing_m_;
+    const int middle = (places() - 1) / 2;
+    return centre_m_ + (place - middle) * spacing_m_;
   }
   // The same line with other covariances, one a place.
   LineSpeckle With(std::vector<SpecklePixelCovariance> covariances) const;

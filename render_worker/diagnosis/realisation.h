@@ -1,0 +1,41 @@
+// What single recordings have drawn (light, movement), besides what all have in common.
+#pragma once
+
+#include <cstddef>
+#include <vector>
+
+#include "render_worker/diagnosis/set_model.h"
+#include "render_worker/effects/described_effect.h"
+
+namespace sightline {
+
+// Of every recording of a set.
+struct Realisation {
+  std::vector<double> light_relative;  // amount of laser light minus 1
+  std::vector<double> shift_px;        // of the image across the line
+  std::vector<double> blur_px2;        // variance of its movement about that place
+
+  explicit Realisation(size_t recordings)
+      : light_relative(recordings, 0), shift_px(recordings, 0), blur_px2(recordings, 0) {}
+};
+
+// Gives every recording of a set its realisation.
+class RealisedEffect final : public DescribedEffect {
+ public:
+  explicit RealisedEffect(Realisation realisation);
+  void OnFrame(FrameSetup& frame, Parameters) const override;
+  void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters) const override;
+
+ private:
+  Realisation realisation_;
+};
+
+// Of the line in every recording with laser light, from where `parameters` expect it [px].
+std::vector<double> LineDisplacements(const SetModel& model, const SetParameters& parameters);
+
+// The same from where it is on average at its plate position, which the known parameters hold; 0
+// where that is near enough for what is linear.
+std::vector<double> DisplacementsAtPositions(const SetModel& model,
+                                             const SetParameters& parameters);
+
+}  // namespace sightline
