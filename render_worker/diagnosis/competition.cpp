@@ -15,10 +15,14 @@ namespace sightline {
 
 namespace {
 
-// Prior odds. Half of all sets are believed to be as described; one in twenty of the others to
-// follow a law that is not in the vocabulary; one in ten to have one more effect.
-constexpr double kNone = 0.5;
+// Prior odds. Three in ten sets are believed to be as described, since who asks has mostly seen
+// something; one in twenty of the others to follow a law that is not in the vocabulary; one in ten
+// to have one more effect.
+constexpr double kNone = 0.3;
 constexpr double kUnknown = 0.05;
+// Of those, half to follow one that is near a known one.
+constexpr double kNearKnown = 0.5;
+constexpr double kStages = 6;  // that share the free-form terms
 constexpr double kOneMore = 0.1;
 // The model's own errors (of the speckle's law, of its correlations) are no noise: they can look
 // like an effect. Differences in evidence count less by this factor.
@@ -93,6 +97,7 @@ class Competing {
       AddRecordingScatter();
     }
     AddScatterToBest();
+    AddTermsToBest();
     Rank();
     return std::move(competition_);
   }
@@ -402,8 +407,9 @@ class Competing {
 
   bool IsFreeForm(const Candidate& candidate) const {
     const auto& forms = settings_.free_forms;
-    return !candidate.effects.empty() &&
-           std::find(forms.begin(), forms.end(), candidate.effects[0].effect) != forms.end();
+    return std::any_of(candidate.effects.begin(), candidate.effects.end(), [&](const auto& active) {
+      return std::find(forms.begin(), forms.end(), active.effect) != forms.end();
+    });
   }
 
   // An effect besides those of a candidate: what it gains by the linearised model, and how much of
@@ -533,6 +539,48 @@ class Competing {
     SortByEvidence();
   }
 
+  // The best effect's law may be near the truth and not it: besides it free-form terms of its
+  // stage, which such a law needs and a true one does not.
+  void AddTermsToBest() {
+    if (stopped_ || candidates_.empty()) return;
+    const Candidate best = candidates_.front();
+    const bool single = best.effects.size() == 1 && !IsFreeForm(best) && !IsScatter(best);
+    if (!single || best.log_evidence < kPromising) return;
+    const LinearFit linear(best.fit);
+    for (const Effect* term : settings_.free_forms) {
+      if (term->description().stage != best.effects[0].effect->description().stage) continue;
+      const auto& parameters = term->description().parameters;
+      const auto n = static_cast<Eigen::Index>(parameters.size());
+      Candidate candidate = best;
+      candidate.effects.push_back({term, NullValues(*term)});
+      std::vector<Eigen::VectorXd> slopes;
+      Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
+      Eigen::VectorXd gradient(n);
+      for (Eigen::Index i = 0; i < n; ++i) {
+        constexpr double kProbe = 0.5;
+        SetParameters moved = best.fit.parameters;
+        moved.effects = candidate.effects;
+        moved.effects[1].parameters[i] = ParameterFromStandardised(parameters[i], kProbe);
+        slopes.push_back(linear.Change(model_.Expect(moved, false).mean) / kProbe);
+        gradient[i] = linear.residual().dot(slopes[i]);
+        for (Eigen::Index j = 0; j <= i; ++j) {
+          const double inner = linear.Inner(slopes[i], slopes[j]);
+          information(i, j) += inner;
+          if (i != j) information(j, i) += inner;
+        }
+      }
+      const Eigen::VectorXd z = information.llt().solve(gradient);
+      if (0.5 * z.dot(gradient) < kPairGain) continue;
+      for (Eigen::Index i = 0; i < n; ++i) {
+        candidate.effects[1].parameters[i] = ParameterFromStandardised(parameters[i], z[i]);
+      }
+      candidate.free = FreeParameters(candidate.effects);
+      Fit(candidate, best.fit, false, 6);
+      candidates_.push_back(std::move(candidate));
+    }
+    SortByEvidence();
+  }
+
   // What is drawn anew for every recording changes no expectation: it competes on its own terms.
   static bool IsScatter(const Candidate& candidate) {
     return !candidate.effects.empty() && IsRecordingScatter(*candidate.effects[0].effect);
@@ -605,31 +653,57 @@ class Competing {
     SortByEvidence();
   }
 
+  // Evidence, less what errors of the model and of the best effect's modelled change may be worth:
+  // these can look like another effect in its place. One more effect, which changes something else,
+  // counts in full once it gains more than such errors could.
+  std::vector<double> TrustedEvidence() const {
+    const double best = std::max(0.0, candidates_.front().log_evidence);
+    const double weight = kEvidenceWeight / (1 + kEffectError * kEffectError * best);
+    double single = 0;
+    for (const Candidate& candidate : candidates_) {
+      if (candidate.effects.size() == 1) single = std::max(single, candidate.log_evidence);
+    }
+    const double error = 2 * kEffectError * kEffectError * single;
+    std::vector<double> trusted;
+    for (const Candidate& candidate : candidates_) {
+      trusted.push_back(weight * candidate.log_evidence);
+      if (candidate.effects.size() < 2 || IsFreeForm(candidate)) continue;
+      const FitResult& fit = candidate.fit;
+      const double misfit = std::max(1.0, fit.chi_squared / std::max(1, fit.data_count));
+      const double more = candidate.log_evidence - single - error;
+      trusted.back() = std::max(trusted.back(), weight * single + kEvidenceWeight / misfit * more);
+    }
+    return trusted;
+  }
+
   void Rank() {
     Candidate none;
     none.fit = competition_.null;
     candidates_.push_back(std::move(none));
+    const std::vector<double> trusted_evidence = TrustedEvidence();
     const double effects = static_cast<double>(settings_.effects.size());
     const double forms = std::max<double>(1, static_cast<double>(settings_.free_forms.size()));
-    const double best = std::max(0.0, candidates_.front().log_evidence);
-    const double weight = kEvidenceWeight / (1 + kEffectError * kEffectError * best);
     double largest = -1e300;
-    for (Candidate& candidate : candidates_) {
+    for (size_t c = 0; c < candidates_.size(); ++c) {
+      Candidate& candidate = candidates_[c];
       if (candidate.effects.empty()) {
         candidate.log_prior = std::log(kNone);
       } else if (IsFreeForm(candidate)) {
-        candidate.log_prior = std::log((1 - kNone) * kUnknown / forms);
+        const bool near_known = candidate.effects.size() > 1;
+        candidate.log_prior =
+            std::log((1 - kNone) * kUnknown *
+                     (near_known ? kNearKnown * kStages / effects : 1 - kNearKnown) / forms);
       } else {
         candidate.log_prior =
             std::log((1 - kNone) * (1 - kUnknown) / effects) +
             (static_cast<double>(candidate.effects.size()) - 1) * std::log(kOneMore / effects);
       }
-      largest = std::max(largest, weight * candidate.log_evidence + candidate.log_prior);
+      candidate.probability = trusted_evidence[c] + candidate.log_prior;
+      largest = std::max(largest, candidate.probability);
     }
     double sum = 0;
     for (Candidate& candidate : candidates_) {
-      candidate.probability =
-          std::exp(weight * candidate.log_evidence + candidate.log_prior - largest);
+      candidate.probability = std::exp(candidate.probability - largest);
       sum += candidate.probability;
     }
     for (Candidate& candidate : candidates_) candidate.probability /= sum;
@@ -642,7 +716,7 @@ class Competing {
 
   void FindClass() {
     const Candidate& best = competition_.ranked.front();
-    if (best.effects.empty()) return;
+    if (best.effects.empty() || IsFreeForm(best)) return;
     const Eigen::VectorXd change = ChangeOf(best.effects.front());
     const double length = linear_.Inner(change, change);
     for (const ScreenedEffect& other : competition_.screened) {

@@ -33,7 +33,7 @@ std::string Text(std::string_view text) { return std::string(text); }
 
 bool IsFreeForm(const Candidate& candidate) {
   return !candidate.effects.empty() &&
-         FindFreeFormTerm(candidate.effects.front().effect->description().id) != nullptr;
+         FindFreeFormTerm(candidate.effects.back().effect->description().id) != nullptr;
 }
 
 absl::Status CheckEnough(const RecordedSet& set) {
@@ -250,7 +250,7 @@ std::string Percent(double probability) {
   return absl::StrFormat("%.0f %%", 100 * std::min(0.99, probability));
 }
 
-void WriteFinding(v1::Diagnosis* diagnosis) {
+void WriteFinding(const Candidate& best, v1::Diagnosis* diagnosis) {
   const v1::Explanation& first = diagnosis->ranked(0);
   const auto chi = [&](double value) { return absl::StrFormat("%.3g", value); };
   const v1::HeldOutImprovement& held_out = diagnosis->held_out_improvement();
@@ -264,6 +264,9 @@ void WriteFinding(v1::Diagnosis* diagnosis) {
   if (first.effect() == "unknown") {
     what = absl::StrCat("Something that no known effect describes is missing at the stage \"",
                         first.stage(), "\"");
+    if (best.effects.size() > 1) {
+      absl::StrAppend(&what, ", near to ", Text(best.effects.front().effect->description().id));
+    }
   } else {
     std::vector<std::string> parts;
     for (const v1::FittedEffect& effect : first.effects()) {
@@ -354,12 +357,12 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
     }
   }
   if (IsFreeForm(best)) {
-    const ActiveEffect& term = best.effects.front();
-    const auto free = static_cast<Eigen::Index>(best.free.size());
+    const ActiveEffect& term = best.effects.back();
+    const auto free = static_cast<Eigen::Index>(term.parameters.size());
     // In the coefficients' units: free forms are linear.
     Eigen::VectorXd scale(free);
     for (Eigen::Index k = 0; k < free; ++k) {
-      scale[k] = term.effect->description().parameters[best.free[k].parameter].prior_scale;
+      scale[k] = term.effect->description().parameters[k].prior_scale;
     }
     const Eigen::MatrixXd covariance =
         scale.asDiagonal() * best.fit.covariance.bottomRightCorner(free, free) * scale.asDiagonal();
@@ -386,7 +389,7 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
         "%d numbers (p = %.1e).",
         best.fit.chi_squared, best.fit.data_count, p_value));
   }
-  WriteFinding(&diagnosis);
+  WriteFinding(best, &diagnosis);
   report(1, "done");
   return diagnosis;
 }

@@ -14,6 +14,7 @@
 #include "render_worker/diagnosis/charge_spread.h"
 #include "render_worker/diagnosis/integrated_speckle.h"
 #include "render_worker/diagnosis/line_spread.h"
+#include "render_worker/diagnosis/texture_law.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/plate/plate_scene.h"
 #include "render_worker/sensor/expose.h"
@@ -154,11 +155,16 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
   std::vector<double> ideal(length);
   std::vector<PlatePoint> points(length);
   double brightest = 0;
+  const bool alike = scene.constant_along_line && !scene.height_m && !scene.image_mapping;
+  const bool known =
+      alike && imaging != nullptr && imaging->irradiance_w_m2.size() == static_cast<size_t>(length);
   for (int i = 0; i < length; ++i) {
     points[i] = SeenAt(scene, frame, u_m, v_of(i));
-    ideal[i] = scene.laser_irradiance_w_m2(points[i].x_m, points[i].s_m);
+    ideal[i] = known ? imaging->irradiance_w_m2[i]
+                     : scene.laser_irradiance_w_m2(points[i].x_m, points[i].s_m);
     brightest = std::max(brightest, ideal[i]);
   }
+  const std::vector<double> irradiance = alike ? ideal : std::vector<double>();
   if (!scene.constant_along_line && block_columns_px > 0 && brightest > 0) {
     const auto lit = [&](double value) { return value > kLitAlongLine * brightest; };
     const auto first = std::find_if(ideal.begin(), ideal.end(), lit) - ideal.begin();
@@ -201,6 +207,7 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
                     std::abs(imaging->curvature_per_m - curvature) <= 1e-9 * std::abs(curvature);
   if (!same) {
     auto line = std::make_shared<LineImaging>();
+    line->irradiance_w_m2 = irradiance;
     line->curvature_per_m = curvature;
     line->length = length;
     const Pupil pupil = optics.pupil(u_m, v_m);
@@ -264,6 +271,52 @@ void AddAmbient(const PlateScene& scene, const FrameSetup& frame, PixelIrradianc
   }
 }
 
+bool IsSmear(const ActiveEffect& active) {
+  return active.effect->description().id == "sensor.smear";
+}
+
+// What smear adds gathers the light of a whole column, whose speckle averages out in part.
+struct SmearTrail {
+  Image<double> laser, steady;  // mean electrons; empty: no smear
+  int crest_row = 0;
+  double contrast_kept = 0;  // of the column's sum over that of a pixel
+};
+
+SmearTrail TrailOfSmear(const Image<double>& total, const Image<double>& steady,
+                        const FrameSetup& frame, std::span<const ActiveEffect> effects,
+                        const LineSpeckle* speckle) {
+  SmearTrail trail;
+  const auto smear = std::find_if(effects.begin(), effects.end(), IsSmear);
+  if (smear == effects.end() || smear->parameters[0] == 0) return trail;
+  const auto added = [&](const Image<double>& electrons) {
+    Image<double> after = electrons;
+    smear->effect->OnMeanElectrons(after, nullptr, frame, smear->parameters);
+    for (size_t i = 0; i < after.values.size(); ++i) after.values[i] -= electrons.values[i];
+    return after;
+  };
+  trail.steady = added(steady);
+  trail.laser = added(total);
+  for (size_t i = 0; i < trail.laser.values.size(); ++i) {
+    trail.laser.values[i] -= trail.steady.values[i];
+  }
+  if (speckle == nullptr) return trail;
+  std::vector<double> light(total.rows_px);
+  for (int row = 0; row < total.rows_px; ++row) light[row] = total.At(row, 0) - steady.At(row, 0);
+  trail.crest_row = static_cast<int>(std::max_element(light.begin(), light.end()) - light.begin());
+  const SpecklePixelCovariance& crest = speckle->At(
+      speckle->PlaceOf((frame.roi.row_px + trail.crest_row) * frame.sensor.pixel_pitch_m));
+  double sum = 0, product = 0;
+  for (int a = 0; a < total.rows_px; ++a) {
+    sum += light[a];
+    const int last = std::min(total.rows_px - 1, a + crest.max_lag());
+    for (int b = std::max(0, a - crest.max_lag()); b <= last; ++b) {
+      product += light[a] * light[b] * crest.At(b - a, 0);
+    }
+  }
+  if (sum > 0) trail.contrast_kept = std::sqrt(std::max(0.0, product / crest.At(0, 0))) / sum;
+  return trail;
+}
+
 // Every column as the first.
 template <typename T>
 Image<T> Widened(const Image<T>& column, int columns_px) {
@@ -292,6 +345,10 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     if (id == "sensor.row_noise") expected.row_scatter_dn = gain * active.parameters[0];
     if (id == "sensor.dsnu_column_pattern")
       expected.column_scatter_dn = gain * active.parameters[0];
+    if (id == "surface.albedo_texture" && block_columns_px > 0) {
+      expected.drawn_variance_along_line = TextureVarianceAlong(
+          nominal, active.parameters, LengthOnPlate(nominal, block_columns_px));
+    }
   }
   expected.imaging = std::move(known_imaging);
   expected.frame = ApplyFrameEffects(nominal, of_frame);
@@ -381,6 +438,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   for (double& plateau : plateau_dn.values) {
     plateau = std::clamp(std::floor(gain * plateau + sensor.black_level_dn + 0.5), 0.0, top_dn);
   }
+  const SmearTrail smear = TrailOfSmear(total, steady, frame, effects, expected.speckle.get());
   // Where there is hardly any light, levels hardly differ: what is clipped is computed once.
   struct Level {
     double mean = 0;
@@ -402,7 +460,15 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
         }
       }
       for (const ActiveEffect& active : effects) {
+        if (IsSmear(active)) continue;
         active.effect->OnMeanElectrons(scaled, previous, frame, active.parameters);
+      }
+      if (!smear.laser.empty()) {
+        const std::vector<double>& crest = levels_of_place[cell][place_of_row[smear.crest_row]];
+        const double factor = 1 + smear.contrast_kept * (crest[level] - 1);
+        for (size_t i = 0; i < scaled.values.size(); ++i) {
+          scaled.values[i] += smear.steady.values[i] + factor * smear.laser.values[i];
+        }
       }
       if (!cells_differ) {
         electrons = std::move(scaled);
@@ -445,6 +511,18 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     }
     expected.level_dn.push_back(std::move(dn));
   }
+  expected.mean_dn = Image<double>(frame.roi.columns_px, frame.roi.rows_px, 0.0);
+  expected.level_variance_dn2 = expected.mean_dn;
+  for (const Image<float>& level : expected.level_dn) {
+    for (size_t i = 0; i < level.values.size(); ++i) expected.mean_dn.values[i] += level.values[i];
+  }
+  for (double& mean : expected.mean_dn.values) mean /= level_count;
+  for (const Image<float>& level : expected.level_dn) {
+    for (size_t i = 0; i < level.values.size(); ++i) {
+      const double deviation = level.values[i] - expected.mean_dn.values[i];
+      expected.level_variance_dn2.values[i] += deviation * deviation / level_count;
+    }
+  }
   expected.noise_variance_dn2 = Image<float>(frame.roi.columns_px, frame.roi.rows_px);
   expected.pattern_variance_dn2 = expected.noise_variance_dn2;
   for (size_t i = 0; i < mean_of_levels.values.size(); ++i) {
@@ -472,12 +550,6 @@ bool IsDrawn(const Effect& effect) {
                                                              "sensor.dsnu_column_pattern",
                                                              "sensor.prnu"};
   return std::find(kDrawn.begin(), kDrawn.end(), effect.description().id) != kDrawn.end();
-}
-
-double ExpectedFrame::MeanDn(int row, int column) const {
-  double sum = 0;
-  for (const Image<float>& level : level_dn) sum += level.At(row, column);
-  return sum / static_cast<double>(level_dn.size());
 }
 
 const SpecklePixelCovariance& ExpectedFrame::SpeckleAt(int row, int column) const {
@@ -511,6 +583,8 @@ ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect>
   expected.frame.roi.column_px -= columns_px / 2;
   expected.frame.roi.columns_px = columns_px;
   for (Image<float>& level : expected.level_dn) level = Widened(level, columns_px);
+  expected.mean_dn = Widened(expected.mean_dn, columns_px);
+  expected.level_variance_dn2 = Widened(expected.level_variance_dn2, columns_px);
   expected.noise_variance_dn2 = Widened(expected.noise_variance_dn2, columns_px);
   expected.pattern_variance_dn2 = Widened(expected.pattern_variance_dn2, columns_px);
   expected.mean_photo_electrons = Widened(expected.mean_photo_electrons, columns_px);

@@ -25,6 +25,8 @@ struct LineImaging {
   int length = 0;                              // samples across the line
   std::vector<std::complex<double>> transfer;  // across the line, the pixel's included
   std::shared_ptr<const LineSpeckle> speckle;  // of one pattern
+  // Of the laser on the plate, at the samples; empty: not the same all along the line.
+  std::vector<double> irradiance_w_m2;
 };
 
 struct ExpectedFrame {
@@ -32,6 +34,8 @@ struct ExpectedFrame {
   // Mean over the noise at equally likely levels of speckle [DN]; their average is the expected
   // image. Dark frames: one level.
   std::vector<Image<float>> level_dn;
+  // Mean and variance over the levels.
+  Image<double> mean_dn, level_variance_dn2;
   // Temporal noise variance at the mean level [DN^2].
   Image<float> noise_variance_dn2;
   // Variance of fixed patterns of the sensor (PRNU, DSNU) at the mean level [DN^2].
@@ -47,8 +51,10 @@ struct ExpectedFrame {
   // Laser light at evenly spaced places of the block that the strip stands for, over its mean;
   // empty: alike all along.
   std::vector<double> level_along_line;
+  // Relative variance of that light by what is drawn anew for every plate position.
+  double drawn_variance_along_line = 0;
 
-  double MeanDn(int row, int column) const;
+  double MeanDn(int row, int column) const { return mean_dn.At(row, column); }
   // Speckle of the pixels of a row; of a colour sensor that of the given column.
   const SpecklePixelCovariance& SpeckleAt(int row, int column = 0) const;
 };

@@ -26,6 +26,10 @@ constexpr double kLargestDeviation = 3;
 constexpr double kUnfinished = 2;
 constexpr int kMostRepeats = 6;
 
+// Where an effect and a deviation do the same, only the prior tells them apart, whose curvature is
+// small against the data's: more damping would keep them where they are.
+constexpr double kLeastDamping = 1e-6;
+
 // A typical value of something positive, over which nothing else is known.
 bool IsLogarithmic(const EffectParameter& p) { return p.null_value > 0 && p.lower >= 0; }
 double LogScale(const EffectParameter& p) { return std::log1p(p.prior_scale / p.null_value); }
@@ -169,7 +173,7 @@ class Fitter {
       }
       Compare(state);
       const double start_of_round = state.total;
-      double damping = 1e-3, at_renewal = state.total;
+      double damping = kLeastDamping, at_renewal = state.total;
       bool renew = false;
       int renewals = 0;
       for (int iteration = 0; iteration < settings_.max_iterations; ++iteration) {
@@ -185,7 +189,7 @@ class Fitter {
         if (!renew) continue;
         ++renewals;
         at_renewal = state.total;
-        damping = 1e-3;
+        damping = kLeastDamping;
       }
       if (r + 1 < rounds.size() || settings_.rounds.empty()) continue;
       // Where the model fails, the covariance follows whatever the deviations are driven to.
@@ -385,7 +389,7 @@ class Fitter {
       if (next.total < state.total) {
         Bend(next.x - state.x, state, next);
         state = std::move(next);
-        damping = std::max(1e-6, damping / 10);
+        damping = std::max(kLeastDamping, damping / 10);
         return true;
       }
       damping = std::max(damping * 10, 1e-2);

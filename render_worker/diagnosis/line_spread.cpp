@@ -2,11 +2,13 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/math/special_functions/legendre.hpp>
 #include <cassert>
 #include <cmath>
 #include <numbers>
 #include <numeric>
 #include <tuple>
+#include <utility>
 
 #include "render_worker/diagnosis/memo.h"
 #include "render_worker/optics/complex_product.h"
@@ -45,19 +47,101 @@ class ChordWavefront {
   std::array<double, kSteps + 1> places_{};
 };
 
-std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double wavelength_m,
-                                                      double image_distance_m,
-                                                      double defocus_curvature_per_m,
-                                                      double step_per_m, int count) {
+// First and past the last of `count` samples of a chord that are inside; of a convex shape by
+// bisection, else all.
+template <typename Inside>
+std::pair<int, int> InsideOf(int count, bool convex, const Inside& inside) {
+  if (!convex) return {0, count};
+  int known = -1;
+  for (int parts = 2; parts <= count && known < 0; parts *= 2) {
+    for (int i = count / parts; i < count && known < 0; i += 2 * (count / parts)) {
+      if (inside(i)) known = i;
+    }
+  }
+  if (known < 0) return {0, 0};
+  int outside = -1, first = known;
+  while (first - outside > 1) {
+    const int middle = (first + outside) / 2;
+    (inside(middle) ? first : outside) = middle;
+  }
+  int last = known, beyond = count;
+  while (beyond - last > 1) {
+    const int middle = (last + beyond) / 2;
+    (inside(middle) ? last : beyond) = middle;
+  }
+  return {first, beyond};
+}
+
+// Of Gauss and Legendre's quadrature over [0, 1].
+struct Quadrature {
+  std::vector<double> places, weights;
+};
+
+Quadrature GaussLegendre(int count) {
+  Quadrature quadrature;
+  const auto add = [&](double zero) {
+    const double slope = boost::math::legendre_p_prime(count, zero);
+    quadrature.places.push_back(0.5 * (1 + zero));
+    quadrature.weights.push_back(1 / ((1 - zero * zero) * slope * slope));
+  };
+  for (const double zero : boost::math::legendre_p_zeros<double>(count)) {
+    add(zero);
+    if (zero > 0) add(-zero);
+  }
+  return quadrature;
+}
+
+// The smallest known one with at least `count` places.
+const Quadrature& QuadratureOf(int count) {
+  constexpr std::array<int, 8> kCounts = {12, 16, 24, 32, 48, 64, 96, 128};
+  static const std::array<Quadrature, kCounts.size()> known = [&] {
+    std::array<Quadrature, kCounts.size()> all;
+    for (size_t i = 0; i < all.size(); ++i) all[i] = GaussLegendre(kCounts[i]);
+    return all;
+  }();
+  const auto enough = std::find_if(kCounts.begin(), kCounts.end(),
+                                   [&](int known_count) { return known_count >= count; });
+  return enough == kCounts.end() ? known.back() : known[enough - kCounts.begin()];
+}
+
+// Hopkins (Proc. R. Soc. A 231 (1955) 91): two circles of unit radius, 2 s apart, have in common
+// (4/pi) int_s^1 sqrt(1 - u^2) cos(2 pi 4 W s (u - s)) du, W waves of defocus at the rim; with u =
+// 1 - (1 - s) v^2 the integrand is smooth.
+std::vector<std::complex<double>> TransferOfCircle(double defocus_waves, double shift_per_step,
+                                                   int count) {
+  std::vector<std::complex<double>> transfer(count, 0);
+  for (int k = 0; k < count && k * shift_per_step < 1; ++k) {
+    const double s = k * shift_per_step, left = 1 - s;
+    const double turns = 4 * defocus_waves * s * left;
+    const Quadrature& quadrature = QuadratureOf(12 + static_cast<int>(3.5 * std::abs(turns)));
+    double sum = 0;
+    for (size_t i = 0; i < quadrature.places.size(); ++i) {
+      const double v = quadrature.places[i], square = v * v;
+      sum += quadrature.weights[i] * square * std::sqrt(2 - left * square) *
+             PhasorOfTurns(turns * (1 - square)).real();
+    }
+    transfer[k] = 8 / std::numbers::pi * left * std::sqrt(left) * sum;
+  }
+  return transfer;
+}
+
+double RimWaves(const Pupil& pupil, double wavelength_m, double defocus_curvature_per_m) {
+  const double radius_m = pupil.OuterRadius();
+  return 0.5 * std::abs(defocus_curvature_per_m) * radius_m * radius_m / wavelength_m;
+}
+
+// By samples of the pupil, of which the line spread function is periodic in at least `period_m`.
+std::vector<std::complex<double>> SampledTransfer(const Pupil& pupil, double wavelength_m,
+                                                  double image_distance_m,
+                                                  double defocus_curvature_per_m, double step_per_m,
+                                                  int count, double period_m) {
   const double radius_m = pupil.OuterRadius();
   // Fine enough that the phase turns by less than a radian or so between samples at the rim, and
   // that the line spread function's period, wavelength times f-number times samples, is long.
-  const double defocus_waves =
-      std::abs(defocus_curvature_per_m) * radius_m * radius_m / (2 * wavelength_m);
+  const double rim_waves = RimWaves(pupil, wavelength_m, defocus_curvature_per_m);
   const double spread_m = wavelength_m * image_distance_m / (2 * radius_m);
-  constexpr double kPeriod_m = 3.6e-3;
   int samples = 64;
-  while (samples < 4096 && (samples < 24 * defocus_waves || samples * spread_m < kPeriod_m)) {
+  while (samples < 4096 && (samples < 24 * rim_waves || samples * spread_m < period_m)) {
     samples *= 2;
   }
   const int chords = std::min(samples, 128);
@@ -69,6 +153,7 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
     phasors[i] = PhasorOfTurns(defocus_at((i + 0.5) * step_m - radius_m) / wavelength_m);
   }
   const bool circle = pupil.IsFullCircle();
+  const bool convex = pupil.obstruction_radius_m <= 0;
   const bool aberrated = pupil.HasWavefrontError();
   std::vector<double> turns(aberrated ? samples : 0);
   const FourierPlan along(FourierPlan::Direction::kForward, 2 * samples);
@@ -86,11 +171,13 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
       }
       for (int i = 0; i < samples; ++i) phasors[i] = PhasorOfTurns(turns[i]);
     }
-    for (int i = 0; i < samples; ++i) {
+    const auto inside = [&](int i) {
       const double y = (i + 0.5) * step_m - radius_m;
-      const bool inside =
-          circle ? x * x + y * y <= radius_m * radius_m : pupil.Transmission(x, y) > 0;
-      chord[i] = inside ? phasors[i] : 0;
+      return circle ? x * x + y * y <= radius_m * radius_m : pupil.Transmission(x, y) > 0;
+    };
+    const auto [first, last] = InsideOf(samples, convex, inside);
+    for (int i = first; i < last; ++i) {
+      if (convex || inside(i)) chord[i] = phasors[i];
     }
     along.Run(chord.data());
     for (size_t k = 0; k < power.size(); ++k) power[k] += std::norm(chord[k]);
@@ -121,6 +208,32 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
   return transfer;
 }
 
+std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double wavelength_m,
+                                                      double image_distance_m,
+                                                      double defocus_curvature_per_m,
+                                                      double step_per_m, int count) {
+  constexpr double kPeriod_m = 3.6e-3, kShortPeriod_m = 0.9e-3;
+  constexpr double kMostWaves = 30;  // that the quadrature is fine enough for
+  const auto sampled = [&](const Pupil& of, double period_m) {
+    return SampledTransfer(of, wavelength_m, image_distance_m, defocus_curvature_per_m, step_per_m,
+                           count, period_m);
+  };
+  const double rim_waves = RimWaves(pupil, wavelength_m, defocus_curvature_per_m);
+  if (rim_waves > kMostWaves || pupil.blades > 0 || pupil.obstruction_radius_m > 0) {
+    return sampled(pupil, kPeriod_m);
+  }
+  const double shift_per_step = wavelength_m * image_distance_m * step_per_m / (2 * pupil.radius_m);
+  std::vector<std::complex<double>> transfer = TransferOfCircle(rim_waves, shift_per_step, count);
+  if (IsPlain(pupil)) return transfer;
+  // Far from the line hard edges alone count: what aberrations change is near.
+  Pupil circle;
+  circle.radius_m = pupil.radius_m;
+  const std::vector<std::complex<double>> shaped = sampled(pupil, kShortPeriod_m);
+  const std::vector<std::complex<double>> round = sampled(circle, kShortPeriod_m);
+  for (int k = 0; k < count; ++k) transfer[k] += shaped[k] - round[k];
+  return transfer;
+}
+
 }  // namespace
 
 std::vector<std::complex<double>> LineTransfer(const Pupil& pupil, double wavelength_m,
@@ -140,16 +253,20 @@ std::vector<std::complex<double>> LineTransfer(const Pupil& pupil, double wavele
 
 std::vector<std::complex<double>> PixelTransfer(int samples_per_px, int length,
                                                 double pixel_pitch_m) {
-  const double step_per_m = samples_per_px / (length * pixel_pitch_m);
-  // A pixel's centre lies half a sample before sample samples_per_px / 2 of its own.
-  const double centre_m = (0.5 * samples_per_px - 0.5) * pixel_pitch_m / samples_per_px;
-  std::vector<std::complex<double>> transfer(length / 2 + 1);
-  for (int k = 0; k <= length / 2; ++k) {
-    const double q = k * step_per_m;
-    const double x = std::numbers::pi * q * pixel_pitch_m;
-    transfer[k] = std::polar(x == 0 ? 1 : std::sin(x) / x, kTwoPi * q * centre_m);
-  }
-  return transfer;
+  using Key = std::tuple<int, int, double>;
+  static auto* const known = new Memo<Key, std::vector<std::complex<double>>>(16);
+  return known->Get({samples_per_px, length, pixel_pitch_m}, [&] {
+    const double step_per_m = samples_per_px / (length * pixel_pitch_m);
+    // A pixel's centre lies half a sample before sample samples_per_px / 2 of its own.
+    const double centre_m = (0.5 * samples_per_px - 0.5) * pixel_pitch_m / samples_per_px;
+    std::vector<std::complex<double>> transfer(length / 2 + 1);
+    for (int k = 0; k <= length / 2; ++k) {
+      const double q = k * step_per_m;
+      const double x = std::numbers::pi * q * pixel_pitch_m;
+      transfer[k] = std::polar(x == 0 ? 1 : std::sin(x) / x, kTwoPi * q * centre_m);
+    }
+    return transfer;
+  });
 }
 
 std::vector<double> BlurAcrossLine(const std::vector<double>& ideal, int samples_per_px,

@@ -25,17 +25,6 @@ constexpr double kLinear = 0.8;
 // Of what speckle that has moved adds to the variance between repeats.
 constexpr double kMovedSpeckleError = 0.2;
 
-// Variance of a strip's pixel over the levels of speckle [DN^2].
-double LevelVariance(const ExpectedFrame& strip, int row, int column) {
-  const double mean = strip.MeanDn(row, column);
-  double sum = 0;
-  for (const Image<float>& level : strip.level_dn) {
-    const double deviation = level.At(row, column) - mean;
-    sum += deviation * deviation;
-  }
-  return sum / static_cast<double>(strip.level_dn.size());
-}
-
 double NoiseVariance(const ExpectedFrame& strip, int row, int column) {
   return strip.noise_variance_dn2.At(row, column) + strip.pattern_variance_dn2.At(row, column);
 }
@@ -89,7 +78,8 @@ double MeanOf(const Image<uint16_t>& raw, const PixelPlane& plane, const Profile
 double VarianceAlongLine(const ExpectedFrame& strip) {
   double sum = 0;
   for (double level : strip.level_along_line) sum += (level - 1) * (level - 1);
-  return strip.level_along_line.empty() ? 0 : sum / strip.level_along_line.size();
+  const double known = strip.level_along_line.empty() ? 0 : sum / strip.level_along_line.size();
+  return known + strip.drawn_variance_along_line;
 }
 
 double BlackDn(const Sensor& sensor) {
@@ -254,11 +244,13 @@ Eigen::VectorXd TextureStatistic::Expected(const ExpectedSet& expected, int inde
   const auto row_of = [&](const PixelPlane& plane, int row) {
     Row sum;
     for (const std::vector<ExpectedFrame>& strips : expected.strips) {
-      sum.level += LevelVariance(strips[f], row, plane.first_column) / blocks;
-      sum.noise += NoiseVariance(strips[f], row, plane.first_column) / blocks;
+      const double along = VarianceAlongLine(strips[f]);
       const double signal = strips[f].MeanDn(row, plane.first_column) - black_dn;
+      // Squared speckle is brighter on average where the light differs.
+      sum.level += (1 + along) * strips[f].level_variance_dn2.At(row, plane.first_column) / blocks;
+      sum.noise += NoiseVariance(strips[f], row, plane.first_column) / blocks;
       sum.signal += signal / blocks;
-      sum.along += signal * signal * VarianceAlongLine(strips[f]) / blocks;
+      sum.along += along * signal * signal / blocks;
     }
     return sum;
   };
@@ -334,7 +326,7 @@ Eigen::MatrixXd TextureStatistic::Covariance(const ExpectedSet& expected, int in
     double level = 0;
     for (int row : bin.rows) {
       for (const std::vector<ExpectedFrame>& strips : expected.strips) {
-        level += LevelVariance(strips[f], row, planes_[bin.plane].first_column) /
+        level += strips[f].level_variance_dn2.At(row, planes_[bin.plane].first_column) /
                  static_cast<double>(expected.strips.size() * bin.rows.size());
       }
     }
@@ -349,7 +341,7 @@ Eigen::MatrixXd TextureStatistic::Covariance(const ExpectedSet& expected, int in
     for (const ProfileBin& bin : core) {
       for (int row : bin.rows) {
         for (const std::vector<ExpectedFrame>& strips : expected.strips) {
-          level += LevelVariance(strips[f], row, planes_[bin.plane].first_column);
+          level += strips[f].level_variance_dn2.At(row, planes_[bin.plane].first_column);
           noise += NoiseVariance(strips[f], row, planes_[bin.plane].first_column);
         }
         middle += row;
@@ -468,7 +460,7 @@ Eigen::VectorXd RepeatStatistic::Expected(const ExpectedSet& expected, int index
                                                       strips[second].level_dn[q].At(row, c));
           sum += difference * difference / (2 * static_cast<double>(levels));
         }
-        if (moved > 0) sum += moved * LevelVariance(strips[first], row, c);
+        if (moved > 0) sum += moved * strips[first].level_variance_dn2.At(row, c);
       }
     }
     values[i] = sum / static_cast<double>(entry.bins[i].rows.size() * expected.strips.size());
@@ -493,7 +485,7 @@ Eigen::MatrixXd RepeatStatistic::Covariance(const ExpectedSet& expected, int ind
       double level = 0;
       for (const std::vector<ExpectedFrame>& strips : expected.strips) {
         for (int row : entry.bins[i].rows) {
-          level += LevelVariance(strips[entry.frames[0]], row, plane.first_column);
+          level += strips[entry.frames[0]].level_variance_dn2.At(row, plane.first_column);
         }
       }
       level /= static_cast<double>(entry.bins[i].rows.size() * expected.strips.size());

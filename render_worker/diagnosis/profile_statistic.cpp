@@ -158,12 +158,10 @@ Eigen::VectorXd ProfileStatistic::Expected(const ExpectedSet& set, int entry_ind
       const PixelPlane& plane = planes_[bin.plane];
       double sum = 0;
       int count = 0;
-      for (const Image<float>& level : expected.level_dn) {
-        for (int row : bin.rows) {
-          for (int c = plane.first_column; c < level.columns_px; c += plane.step) {
-            sum += level.At(row, c);
-            ++count;
-          }
+      for (int row : bin.rows) {
+        for (int c = plane.first_column; c < expected.mean_dn.columns_px; c += plane.step) {
+          sum += expected.MeanDn(row, c);
+          ++count;
         }
       }
       means[entry++] = sum / count;

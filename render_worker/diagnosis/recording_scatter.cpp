@@ -72,21 +72,21 @@ double TwiceCost(const FitResult& fit) {
 // The set about a realisation: what is left of the data and what the amplitudes change, whitened.
 struct Linearisation {
   Eigen::MatrixXd change;                     // of all entries, per unit of every amplitude
-  Eigen::MatrixXd blur;                       // per px^2 of every laser recording; may be empty
+  Eigen::MatrixXd within;                     // per ScatterLaw::within; may be empty
   Eigen::VectorXd origin;                     // the amplitudes' values here
-  Eigen::VectorXd blurred;                    // the blurs' here
+  Eigen::VectorXd within_origin;              // of ScatterLaw::within
   Eigen::VectorXd residual;                   // extrapolated to amplitudes and known parameters 0
   Eigen::MatrixXd jacobian;                   // of the known parameters
   std::map<int, Eigen::MatrixXd> covariance;  // of the entries that have another than the null's
   double log_determinant = 0;                 // of these over the null's
 
   // After the known parameters have been taken off:
-  Eigen::LLT<Eigen::MatrixXd> information;  // of them
-  Eigen::MatrixXd inner;                    // V' P V
-  Eigen::VectorXd slope;                    // V' P r
-  double length = 0;                        // r' P r
-  Eigen::MatrixXd blur_inner, blur_cross;   // U' P U, V' P U
-  Eigen::VectorXd blur_slope;               // U' P r
+  Eigen::LLT<Eigen::MatrixXd> information;     // of them
+  Eigen::MatrixXd inner;                       // V' P V
+  Eigen::VectorXd slope;                       // V' P r
+  double length = 0;                           // r' P r
+  Eigen::MatrixXd within_inner, within_cross;  // U' P U, V' P U
+  Eigen::VectorXd within_slope;                // U' P r
 };
 
 class RecordingScatter {
@@ -220,6 +220,27 @@ class RecordingScatter {
     return change;
   }
 
+  // Per relative variance of the light along the blocks of every laser recording: of the texture of
+  // that recording only.
+  Eigen::MatrixXd ChangeByLightWithinBlocks(const Entries& origin) const {
+    constexpr double kVariance = 1e-2;
+    SetParameters varied = null_.parameters;
+    const Effect* const texture = FindEffect("surface.albedo_texture");
+    varied.effects.push_back({texture, {std::sqrt(kVariance), 1e-3}});
+    const Entries mean = model_.Expect(varied, false).mean;
+    const Eigen::VectorXd variance =
+        ScatterLawOf(texture->description().id, model_).within(varied.effects.back().parameters);
+    Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), lit());
+    for (int e = 0; e < model_.entries(); ++e) {
+      if (model_.StatisticOf(e).name() != "texture") continue;
+      const auto recording = std::find(lit_.begin(), lit_.end(), model_.FramesOf(e).front());
+      const auto i = recording - lit_.begin();
+      change.col(i).segment(offset_[e], mean[e].size()) =
+          (*null_.whitening)(e, (mean[e] - origin[e]) / variance[i]);
+    }
+    return change;
+  }
+
   // Square of a whitening's inverse.
   Eigen::MatrixXd NullCovariance(int e) const {
     const Eigen::Index n = offset_[e + 1] - offset_[e];
@@ -250,9 +271,9 @@ class RecordingScatter {
     }
     if (amplitude == Amplitude::kShift) {
       linear.change = Derivative(at, &Realisation::shift_px, 0.1, middle);
-      linear.blur = Derivative(at, &Realisation::blur_px2, 0.1, middle);
+      linear.within = Derivative(at, &Realisation::blur_px2, 0.1, middle);
       linear.origin = AtLit(at.shift_px);
-      linear.blurred = AtLit(at.blur_px2);
+      linear.within_origin = AtLit(at.blur_px2);
       RenewCovariance(at, linear);
     } else {
       linear.change = Derivative(at, &Realisation::light_relative, 0.02, middle);
@@ -262,6 +283,8 @@ class RecordingScatter {
     if (amplitude == Amplitude::kReflectance) {
       linear.change = ReflectanceOfLight(linear.change);
       linear.origin = Eigen::VectorXd::Zero(linear.change.cols());
+      linear.within = ChangeByLightWithinBlocks(mean);
+      linear.within_origin = Eigen::VectorXd::Zero(lit());
     }
     Project(linear);
     return linear;
@@ -295,7 +318,7 @@ class RecordingScatter {
       again(linear.residual.segment(offset_[e], n));
       again(linear.jacobian.middleRows(offset_[e], n));
       again(linear.change.middleRows(offset_[e], n));
-      again(linear.blur.middleRows(offset_[e], n));
+      again(linear.within.middleRows(offset_[e], n));
       linear.covariance[e] = renewed;
       linear.log_determinant += 2 * (new_factor.matrixLLT().diagonal().array().log().sum() -
                                      old_factor.matrixLLT().diagonal().array().log().sum());
@@ -315,21 +338,22 @@ class RecordingScatter {
     linear.inner.noalias() = linear.change.transpose() * change;
     linear.slope = linear.change.transpose() * residual;
     linear.length = linear.residual.dot(residual);
-    if (linear.blur.size() == 0) return;
-    const Eigen::MatrixXd blur = project(linear.blur);
-    linear.blur_inner.noalias() = linear.blur.transpose() * blur;
-    linear.blur_cross.noalias() = linear.change.transpose() * blur;
-    linear.blur_slope = linear.blur.transpose() * residual;
+    if (linear.within.size() == 0) return;
+    const Eigen::MatrixXd within = project(linear.within);
+    linear.within_inner.noalias() = linear.within.transpose() * within;
+    linear.within_cross.noalias() = linear.change.transpose() * within;
+    linear.within_slope = linear.within.transpose() * residual;
   }
 
-  // The slope and length of the residual once the mean blur has been taken off.
+  // The slope and length of the residual once what is drawn within recordings has been taken off.
   static std::pair<Eigen::VectorXd, double> Remaining(const Linearisation& linear,
                                                       const ScatterLaw& law,
                                                       const std::vector<double>& parameters) {
-    if (!law.mean_blur) return {linear.slope, linear.length};
-    const Eigen::VectorXd more = law.mean_blur(parameters) - linear.blurred;
-    return {linear.slope - linear.blur_cross * more,
-            linear.length - 2 * more.dot(linear.blur_slope) + more.dot(linear.blur_inner * more)};
+    if (!law.within) return {linear.slope, linear.length};
+    const Eigen::VectorXd more = law.within(parameters) - linear.within_origin;
+    return {
+        linear.slope - linear.within_cross * more,
+        linear.length - 2 * more.dot(linear.within_slope) + more.dot(linear.within_inner * more)};
   }
 
   // Of the covariance of the amplitudes and of what the null's own scatter is not known to.
@@ -518,7 +542,7 @@ RecordingScatter::Posterior RecordingScatter::MostProbable(
   posterior.standardised_amplitudes = solver.solve(posterior.factor.transpose() * slope);
   posterior.amplitudes = posterior.factor * posterior.standardised_amplitudes;
   Eigen::VectorXd residual = linear.residual - linear.change * posterior.amplitudes;
-  if (law.mean_blur) residual -= linear.blur * (law.mean_blur(parameters) - linear.blurred);
+  if (law.within) residual -= linear.within * (law.within(parameters) - linear.within_origin);
   posterior.parameters = linear.information.solve(linear.jacobian.transpose() * residual);
   posterior.log_determinant = 2 * (solver.matrixLLT().diagonal().array().log().sum() +
                                    linear.information.matrixLLT().diagonal().array().log().sum());
@@ -531,7 +555,7 @@ Realisation RecordingScatter::RealisationOf(const ScatterLaw& law,
   Realisation realisation(model_.set().frames.size());
   const std::vector<int>& ids = model_.position_ids();
   const int blocks = model_.blocks_along_line();
-  const Eigen::VectorXd blur = law.mean_blur ? law.mean_blur(parameters) : Eigen::VectorXd();
+  const Eigen::VectorXd blur = law.within ? law.within(parameters) : Eigen::VectorXd();
   for (int i = 0; i < lit(); ++i) {
     const int f = lit_[i];
     if (law.amplitude == Amplitude::kLight) {
@@ -581,7 +605,8 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
   }
   if (law.amplitude == Amplitude::kReflectance) {
     // Blocks differ, which a recording's amount of light does not express.
-    const Eigen::VectorXd change = linear.change * posterior.amplitudes;
+    const Eigen::VectorXd change =
+        linear.change * posterior.amplitudes + linear.within * law.within(candidate.parameters);
     const Eigen::VectorXd moved = linear.jacobian * (posterior.parameters - null_.standardised);
     for (int e = 0; e < model_.entries(); ++e) {
       const int n = offset_[e + 1] - offset_[e];

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "render_worker/plate/plate_scene.h"
+#include "render_worker/diagnosis/texture_law.h"
 
 namespace sightline {
 
@@ -20,42 +20,31 @@ double ShiftVariance(double frequency_hz, double exposure_s) {
   return 0.5 * std::pow(Sinc(kPi * frequency_hz * exposure_s), 2);
 }
 
-// Length of a block on the plate.
 double BlockLength(const SetModel& model, const FrameSetup& frame) {
-  const double magnification = frame.ImageDistance() / frame.plate.camera_distance_m;
-  return frame.roi.columns_px * frame.sensor.pixel_pitch_m /
-         (model.blocks_along_line() * magnification);
+  return LengthOnPlate(frame, frame.roi.columns_px) / model.blocks_along_line();
 }
 
-// Covariance of the mean reflectance of blocks, exp(-r^2/l^2) averaged along the blocks and over
-// the width of the line.
+const FrameSetup& FirstAt(const SetModel& model, int plate_position_id) {
+  const std::vector<RecordedFrame>& frames = model.set().frames;
+  return std::find_if(
+             frames.begin(), frames.end(),
+             [&](const RecordedFrame& f) { return f.plate_position_id == plate_position_id; })
+      ->nominal;
+}
+
+// Of the covariance of the mean reflectance of blocks.
 Eigen::MatrixXd TextureFactor(const SetModel& model, const std::vector<double>& parameters) {
-  const double rms = parameters[0], length_m = parameters[1];
   const int blocks = model.blocks_along_line();
-  const RecordedSet& set = model.set();
   const std::vector<int>& ids = model.position_ids();
   const Eigen::Index n = blocks * static_cast<Eigen::Index>(ids.size());
   Eigen::MatrixXd factor = Eigen::MatrixXd::Zero(n, n);
-  // Integral of erf, for the mean over two intervals.
-  const auto twice = [&](double x) {
-    const double t = x / length_m;
-    return 0.5 * length_m * length_m * (std::sqrt(kPi) * t * std::erf(t) + std::exp(-t * t));
-  };
   for (size_t p = 0; p < ids.size(); ++p) {
-    const auto of_position = [&](const RecordedFrame& f) { return f.plate_position_id == ids[p]; };
-    const FrameSetup& frame =
-        std::find_if(set.frames.begin(), set.frames.end(), of_position)->nominal;
+    const FrameSetup& frame = FirstAt(model, ids[p]);
     const double block_m = BlockLength(model, frame);
-    const double deviation_m = BeamRadius(frame.laser, frame.plate.laser_distance_m) /
-                               (2 * std::cos(frame.plate.incidence_angle_rad));
-    const double across = 1 / std::sqrt(1 + 4 * std::pow(deviation_m / length_m, 2));
     Eigen::MatrixXd covariance(blocks, blocks);
     for (int a = 0; a < blocks; ++a) {
       for (int b = 0; b < blocks; ++b) {
-        const double d = (a - b) * block_m;
-        covariance(a, b) = rms * rms * across *
-                           (twice(d + block_m) - 2 * twice(d) + twice(d - block_m)) /
-                           (block_m * block_m);
+        covariance(a, b) = TextureCovariance(frame, parameters, block_m, (a - b) * block_m);
       }
       covariance(a, a) *= 1 + 1e-6;
     }
@@ -90,6 +79,15 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
     law.amplitude = Amplitude::kReflectance;
     law.largest_shape = BlockLength(model, model.set().frames.front().nominal);
     law.factor = [&model](const std::vector<double>& p) { return TextureFactor(model, p); };
+    law.within = [&model, n = exposure_s.size()](const std::vector<double>& p) {
+      Eigen::VectorXd variance(n);
+      Eigen::Index at = 0;
+      for (const RecordedFrame& frame : model.set().frames) {
+        if (frame.plate_position_id < 0) continue;
+        variance[at++] = TextureVarianceAlong(frame.nominal, p, BlockLength(model, frame.nominal));
+      }
+      return variance;
+    };
   } else {
     law.amplitude = Amplitude::kShift;
     const auto variance = [=](double frequency_hz) -> Eigen::VectorXd {
@@ -98,7 +96,7 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
     law.factor = [=](const std::vector<double>& p) {
       return diagonal(p[0] * variance(p[1]).cwiseSqrt());
     };
-    law.mean_blur = [=](const std::vector<double>& p) -> Eigen::VectorXd {
+    law.within = [=](const std::vector<double>& p) -> Eigen::VectorXd {
       return p[0] * p[0] * (0.5 - variance(p[1]).array());
     };
   }

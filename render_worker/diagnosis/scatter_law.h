@@ -14,15 +14,16 @@ namespace sightline {
 // Amplitudes are of a recording, or of a block of a plate position.
 enum class Amplitude { kLight, kShift, kReflectance };
 
-// Covariance of the amplitudes and, for movement, the mean blur of every recording.
+// Covariance of the amplitudes, and what is drawn within a recording, on average.
 struct ScatterLaw {
   Amplitude amplitude = Amplitude::kLight;
   // Lower triangular factor of the covariance of the amplitudes.
   std::function<Eigen::MatrixXd(const std::vector<double>& parameters)> factor;
   // Of the second parameter: what is larger is no scatter within a recording.
   double largest_shape = std::numeric_limits<double>::infinity();
-  // [px^2] of every laser recording; empty: none.
-  std::function<Eigen::VectorXd(const std::vector<double>& parameters)> mean_blur;
+  // Of every laser recording the variance of its movement about its mean place [px^2], or that of
+  // its light along a block, relative; empty: none.
+  std::function<Eigen::VectorXd(const std::vector<double>& parameters)> within;
 };
 
 // Of an effect that IsRecordingScatter; `model` must outlive the law. Amplitudes are in the order

@@ -43,6 +43,8 @@ Image<T> Inner(const Image<T>& image, int margin_px) {
 
 void CutMargin(ExpectedFrame& strip, int margin_px) {
   for (Image<float>& level : strip.level_dn) level = Inner(level, margin_px);
+  strip.mean_dn = Inner(strip.mean_dn, margin_px);
+  strip.level_variance_dn2 = Inner(strip.level_variance_dn2, margin_px);
   strip.noise_variance_dn2 = Inner(strip.noise_variance_dn2, margin_px);
   strip.pattern_variance_dn2 = Inner(strip.pattern_variance_dn2, margin_px);
   strip.mean_photo_electrons = Inner(strip.mean_photo_electrons, margin_px);

@@ -255,24 +255,23 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
                              expected.strips.front()[entry.pairs[i].second], expected.effects);
     if (i > 0) moments.common.emplace_back(Eigen::MatrixXd::Zero(shares.size(), shares.size()));
   }
-  // Both columns of a Bayer cell stand for all of their block.
-  constexpr int kColumns = 2;
+  // The columns of a cell of the colour filter stand for all of their block.
+  const Sensor& of_all = expected.strips.front()[entry.frames.front()].frame.sensor;
+  const int cell_columns = of_all.colour_filter == ColourFilter::kMono ? 1 : 2;
   for (const std::vector<ExpectedFrame>& strips : expected.strips) {
     const ExpectedFrame& any = strips[entry.frames.front()];
     const size_t levels = any.level_dn.size();
     const double pixels = static_cast<double>(entry.columns_px) /
-                          static_cast<double>(expected.strips.size() * kColumns * levels);
+                          static_cast<double>(expected.strips.size() * cell_columns * levels);
     for (int row = 0; row < any.noise_variance_dn2.rows_px; ++row) {
-      for (int column = 0; column < kColumns; ++column) {
+      for (int column = 0; column < cell_columns; ++column) {
         // Variance of the levels over their mean above the dark.
         std::vector<double> mean(pairs + 1), spread(pairs + 1, 0), dark(pairs + 1, 0);
         for (size_t i = 0; i <= pairs; ++i) {
           const int f = i < pairs ? entry.pairs[i].first : entry.pairs[i - 1].second;
           mean[i] = strips[f].MeanDn(row, column);
           if (i == 0 || decorrelation[i - 1] == 0) continue;
-          for (const Image<float>& level : strips[f].level_dn) {
-            spread[i] += std::pow(level.At(row, column) - mean[i], 2) / static_cast<double>(levels);
-          }
+          spread[i] = strips[f].level_variance_dn2.At(row, column);
           dark[i] = DarkDn(strips[f].frame.sensor);
           spread[i] /= std::max(1e-9, mean[i] - dark[i]);
         }

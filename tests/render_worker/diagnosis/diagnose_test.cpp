@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
+#include <complex>
 #include <numbers>
 #include <string>
 #include <utility>
@@ -15,10 +16,12 @@
 #include "render_worker/diagnosis/competition.h"
 #include "render_worker/diagnosis/expected_frame.h"
 #include "render_worker/diagnosis/fit_quality.h"
+#include "render_worker/diagnosis/free_form.h"
 #include "render_worker/diagnosis/hot_pixels.h"
 #include "render_worker/diagnosis/linear_fit.h"
 #include "render_worker/diagnosis/power.h"
 #include "render_worker/diagnosis/profile_statistic.h"
+#include "render_worker/effects/described_effect.h"
 #include "rendered_set.h"
 
 namespace sightline {
@@ -81,6 +84,27 @@ TEST(FitSet, GoesOnUntilItIsThere) {
   settings.max_iterations = 10;
   const FitResult further = FitSet(model, fit.parameters, {}, settings, nullptr);
   EXPECT_LT(fit.chi_squared + fit.prior, further.chi_squared + further.prior + 2);
+}
+
+// A bug found: where an effect does the same as a deviation, the fit stayed where it had come to.
+TEST(FitSet, SharesOutByThePriorWhatTheDataCannot) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  const SetModel model(set, {});
+  const Effect* error = FindEffect("optics.f_number_error");
+  SetParameters parameters;
+  parameters.effects = {{error, {0.8}}};
+  const Entries observed = model.Expect(parameters, false).mean;
+  const double far = -0.04;  // of an uncertainty of 0.015
+  parameters.deviations.f_number_relative = far;
+  parameters.effects[0].parameters[0] = 0.8 / (1 + far);
+  FitSettings settings;
+  settings.rounds = {{0, 0}};
+  settings.max_iterations = 2;
+  settings.observed = &observed;
+  const FitResult fit =
+      FitSet(model, parameters, FreeParameters(parameters.effects), settings, nullptr);
+  EXPECT_NEAR(fit.parameters.deviations.f_number_relative, 0, 0.2 * 0.015);
+  EXPECT_NEAR(fit.parameters.effects[0].parameters[0], 0.8, 0.2 * 0.015);
 }
 
 // A bug found: correlations put together from places with different speckle were none.
@@ -173,6 +197,50 @@ TEST(Compete, NamesDarkCurrentNotAmbientLight) {
 TEST(Compete, FindsNothingWhereNothingIsMissing) {
   const Competition competition = CompeteOn(RenderSmallSet(SomeDeviations(), {}, 17), kSome);
   EXPECT_TRUE(competition.ranked.front().effects.empty());
+}
+
+// In no vocabulary: a part of the light in a ring of 12 px.
+class RingHalo final : public DescribedEffect {
+ public:
+  RingHalo()
+      : DescribedEffect({.id = "test.ring_halo",
+                         .stage = Stage::kOptics,
+                         .summary = "",
+                         .reference = "",
+                         .parameters = {{"fraction", 0, 0, 1, 0.1}}}) {}
+  void OnOptics(OpticsModel& optics, const FrameSetup&, Parameters p) const override {
+    optics.transfer.push_back([part = p[0]](double qx, double qy) {
+      const double x = 2 * std::numbers::pi * 7e-5 * std::hypot(qx, qy);
+      return std::complex<double>(1 - part + part * ::j0(x) * std::exp(-0.01 * x * x));
+    });
+  }
+};
+
+// A bug found: a law of its own was given the name of the nearest known one.
+TEST(Compete, WhatIsNearAKnownLawButNotItIsUnknown) {
+  const RingHalo ring;
+  const Effect* glare = FindEffect("optics.veiling_glare");
+  const std::vector<const Effect*> effects = {glare, FindEffect("sensor.dark_current"),
+                                              FindEffect("illumination.beam_quality")};
+  std::vector<const Effect*> terms;
+  for (const Effect* term : FreeFormTerms()) {
+    if (term->description().stage == Stage::kOptics) terms.push_back(term);
+  }
+  CompetitionSettings settings;
+  settings.effects = effects;
+  settings.free_forms = terms;
+  const auto best = [&](const ActiveEffect& active) {
+    const RecordedSet set = RenderSmallSet(SomeDeviations(), {active}, 19);
+    const SetModel model(set, {});
+    return Compete(model, FitNull(model), settings, [](double) { return true; }).ranked.front();
+  };
+  const Candidate near = best({&ring, {0.2}});
+  ASSERT_FALSE(near.effects.empty());
+  EXPECT_NE(FindFreeFormTerm(near.effects.back().effect->description().id), nullptr);
+  EXPECT_GT(near.probability, 0.5);
+  const Candidate known = best({glare, {0.2, 1e-4}});
+  ASSERT_EQ(known.effects.size(), 1);
+  EXPECT_EQ(known.effects[0].effect, glare);
 }
 
 TEST(Diagnose, TooFewPlatePositionsAreRefused) {

@@ -116,8 +116,9 @@ ExpectedSet Expect(const RecordedSet& set, const std::vector<ActiveEffect>& effe
       frame.roi = StripRegion(frame.roi, kBlocks, block, 2);
       std::vector<ExpectedFrame>& strips = expected.strips[block];
       const bool follows = frame.burst_frame_index > 0;
-      strips.push_back(ExpectFrame(
-          frame, effects, follows ? &strips.back().mean_photo_electrons : nullptr, nullptr, 12));
+      strips.push_back(ExpectFrame(frame, effects,
+                                   follows ? &strips.back().mean_photo_electrons : nullptr, nullptr,
+                                   12, set.frames[f].nominal.roi.columns_px / kBlocks));
     }
   }
   return expected;
@@ -304,6 +305,47 @@ TEST(TextureStatistic, BlurOfTheImageTakesTheContrastThatIsRendered) {
     EXPECT_LT(seen, 0) << id;
     EXPECT_NEAR(expected / seen, 1, 0.1) << id;
   }
+}
+
+// What an effect changes of the texture's first numbers, summed over the entries.
+struct TextureChange {
+  double seen = 0, expected = 0;
+};
+
+TextureChange ChangeOfTexture(const RecordingSet& description, const ActiveEffect& effect) {
+  const RecordedSet plain = Render(description, kSeed, {});
+  const RecordedSet changed = Render(description, kSeed, {effect});
+  const Texture before(plain), after(changed);
+  TextureChange sum;
+  for (int e = 0; e < before.entries(); ++e) {
+    const Eigen::VectorXd was = before.Observed(plain, e), is = after.Observed(changed, e);
+    if (was.size() == 0) continue;
+    sum.seen += is[0] - was[0];
+    sum.expected +=
+        after.Expected(Expect(changed, {effect}), e)[0] - before.Expected(Expect(plain, {}), e)[0];
+  }
+  return sum;
+}
+
+// A bug found: albedo that differs within a block was called a ripple of the line.
+TEST(TextureStatistic, KnowsOfAlbedoThatDiffersWithinABlock) {
+  const TextureChange change =
+      ChangeOfTexture(Recordings(false), Active("surface.albedo_texture", {0.4, 6e-4}));
+  EXPECT_GT(change.seen, 0);
+  EXPECT_NEAR(change.expected / change.seen, 1, 0.25);
+}
+
+// A bug found: what is smeared had the contrast of a single pixel's speckle, and glare was named.
+TEST(TextureStatistic, SmearHasTheContrastOfAColumnsSum) {
+  RecordingSet description = Recordings(false);
+  // With so many rows entries begin with the variance of the background.
+  for (RecordedImage& image : description.recordings) {
+    image.roi_row_px = -96;
+    image.roi_rows_px = 192;
+  }
+  const TextureChange change = ChangeOfTexture(description, Active("sensor.smear", {0.3}));
+  EXPECT_GT(change.seen, 0);
+  EXPECT_NEAR(change.expected / change.seen, 1, 0.25);
 }
 
 // A bug found: exposures of one place repeat its speckle, and what was odd about it counted as
