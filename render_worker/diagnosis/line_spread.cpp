@@ -93,7 +93,7 @@ Quadrature GaussLegendre(int count) {
 
 // The smallest known one with at least `count` places.
 const Quadrature& QuadratureOf(int count) {
-  constexpr std::array<int, 8> kCounts = {12, 16, 24, 32, 48, 64, 96, 128};
+  constexpr std::array<int, 11> kCounts = {12, 16, 24, 32, 48, 64, 96, 128, 192, 256, 384};
   static const std::array<Quadrature, kCounts.size()> known = [&] {
     std::array<Quadrature, kCounts.size()> all;
     for (size_t i = 0; i < all.size(); ++i) all[i] = GaussLegendre(kCounts[i]);
@@ -213,7 +213,7 @@ std::vector<std::complex<double>> ComputeLineTransfer(const Pupil& pupil, double
                                                       double defocus_curvature_per_m,
                                                       double step_per_m, int count) {
   constexpr double kPeriod_m = 3.6e-3, kShortPeriod_m = 0.9e-3;
-  constexpr double kMostWaves = 30;  // that the quadrature is fine enough for
+  constexpr double kMostWaves = 100;  // that the quadrature is fine enough for
   const auto sampled = [&](const Pupil& of, double period_m) {
     return SampledTransfer(of, wavelength_m, image_distance_m, defocus_curvature_per_m, step_per_m,
                            count, period_m);
