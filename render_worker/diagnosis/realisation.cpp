@@ -47,6 +47,40 @@ std::vector<double> LineDisplacements(const SetModel& model, const SetParameters
   return displacements;
 }
 
+std::vector<double> LightExcesses(const SetModel& model, const SetParameters& parameters) {
+  const RecordedSet& set = model.set();
+  const Entries expected = model.Expect(parameters, false).mean;
+  // Scale of the expected line that is nearest to the observed one, where neither is cut off.
+  constexpr double kNotCutOff = 0.8;
+  std::vector<double> product(set.frames.size(), 0), square(set.frames.size(), 0);
+  for (int e = 0; e < model.entries(); ++e) {
+    if (model.StatisticOf(e).name() != "profile") continue;
+    const double background = expected[e].minCoeff();
+    for (int row = 0; row < static_cast<int>(expected[e].size()); ++row) {
+      const int f = model.FrameOfRow(e, row);
+      const double top_dn = kNotCutOff * set.frames[f].nominal.sensor.largest_dn();
+      const double observed = model.observed()[e][row];
+      if (expected[e][row] > top_dn || observed > top_dn) continue;
+      const double signal = expected[e][row] - background;
+      product[f] += signal * (observed - background);
+      square[f] += signal * signal;
+    }
+  }
+  std::vector<double> excesses(set.frames.size(), 0), sorted;
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    if (set.frames[f].plate_position_id < 0 || square[f] <= 0) continue;
+    excesses[f] = product[f] / square[f] - 1;
+    sorted.push_back(excesses[f]);
+  }
+  if (sorted.empty()) return excesses;
+  std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+  const double median = sorted[sorted.size() / 2];
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    if (set.frames[f].plate_position_id >= 0) excesses[f] -= median;
+  }
+  return excesses;
+}
+
 std::vector<double> DisplacementsAtPositions(const SetModel& model,
                                              const SetParameters& parameters) {
   const RecordedSet& set = model.set();

@@ -27,6 +27,8 @@ constexpr double kMostUnknownScatter = 15;
 // in rendered sets costs up to half of vibration's and a third of texture's.
 constexpr double kStrengthError = 0.35;
 
+bool Moves(const Effect& effect) { return effect.description().id == "time.vibration_blur"; }
+
 // Entries that compare recordings of one speckle pixel by pixel.
 bool ComparesSpeckle(const SetModel& model, int e) {
   const std::string_view name = model.StatisticOf(e).name();
@@ -34,7 +36,7 @@ bool ComparesSpeckle(const SetModel& model, int e) {
 }
 
 // So much that the null model's parameters are led astray by it.
-bool SpeckleMoves(const SetModel& model, const FitResult& null) {
+bool ScattersStrongly(const SetModel& model, const FitResult& null) {
   double chi_squared = 0, count = 0;
   for (int e = 0; e < model.entries(); ++e) {
     if (!ComparesSpeckle(model, e)) continue;
@@ -699,17 +701,21 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
   return best;
 }
 
-// Where movement is so strong that it leads the null model's parameters astray: these and what was
-// drawn are found in turn.
-ScatterCandidate EvaluateStrongMovement(const SetModel& model, const FitResult& null,
-                                        const Effect& effect) {
+// Where what was drawn is so strong that it leads the null model's parameters astray: these and
+// what was drawn are found in turn.
+ScatterCandidate EvaluateStrong(const SetModel& model, const FitResult& null,
+                                const Effect& effect) {
   SetParameters start;
   start.effects = null.parameters.effects;
   Realisation at(model.set().frames.size());
-  at.shift_px = LineDisplacements(model, start);
+  if (Moves(effect)) {
+    at.shift_px = LineDisplacements(model, start);
+  } else {
+    at.light_relative = LightExcesses(model, start);
+  }
   std::vector<FitSettings::Round> rounds = {{0.3, 0.3}, {0.1, 0.3}, {0.01, 0.1}, {0, 0}};
   ScatterCandidate best;
-  const int most_turns = null.parameters.effects.empty() ? 4 : 2;
+  const int most_turns = Moves(effect) && null.parameters.effects.empty() ? 4 : 2;
   for (int turn = 0; turn < most_turns; ++turn) {
     const FitResult about = FitAtRealisation(model, null, start, at, rounds);
     ScatterCandidate candidate = RecordingScatter(model, about, at, null).Evaluate(effect, at);
@@ -718,6 +724,8 @@ ScatterCandidate EvaluateStrongMovement(const SetModel& model, const FitResult& 
     if (turn > 0 && gained < 1) break;
     start = best.fit.parameters;
     start.effects.pop_back();
+    rounds = {{0, 0.1}, {0, 0}};
+    if (!Moves(effect)) continue;
     // What no uncertainty of a position allows has been movement.
     const double allowed_px = 3 * model.set().description.uncertainty.line_position_each_px;
     for (auto& [id, shift_px] : start.line_shift_px) {
@@ -727,7 +735,6 @@ ScatterCandidate EvaluateStrongMovement(const SetModel& model, const FitResult& 
       }
       shift_px = held_px;
     }
-    rounds = {{0, 0.1}, {0, 0}};
   }
   return best;
 }
@@ -749,13 +756,13 @@ std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, con
   RecordingScatter scatter(model, null, none, null);
   for (const Effect* effect : effects) {
     if (!IsRecordingScatter(*effect)) continue;
-    const bool moves = effect->description().id == "time.vibration_blur";
-    if (moves && SpeckleMoves(model, null)) {
-      candidates.push_back(EvaluateStrongMovement(model, null, *effect));
+    const bool of_places = effect->description().id == "surface.albedo_texture";
+    if (!of_places && ScattersStrongly(model, null)) {
+      candidates.push_back(EvaluateStrong(model, null, *effect));
       continue;
     }
     Realisation at = none;
-    if (moves) at.shift_px = DisplacementsAtPositions(model, null.parameters);
+    if (Moves(*effect)) at.shift_px = DisplacementsAtPositions(model, null.parameters);
     candidates.push_back(scatter.Evaluate(*effect, at));
   }
   return candidates;
