@@ -715,7 +715,7 @@ ScatterCandidate EvaluateStrong(const SetModel& model, const FitResult& null,
   }
   std::vector<FitSettings::Round> rounds = {{0.3, 0.3}, {0.1, 0.3}, {0.01, 0.1}, {0, 0}};
   ScatterCandidate best;
-  const int most_turns = Moves(effect) && null.parameters.effects.empty() ? 4 : 2;
+  const int most_turns = null.parameters.effects.empty() ? 4 : 2;
   for (int turn = 0; turn < most_turns; ++turn) {
     const FitResult about = FitAtRealisation(model, null, start, at, rounds);
     ScatterCandidate candidate = RecordingScatter(model, about, at, null).Evaluate(effect, at);
