@@ -216,7 +216,7 @@ class RingHalo final : public DescribedEffect {
   }
 };
 
-// A bug found: a law of its own was given the name of the nearest known one.
+// A law of its own is not given the name of the nearest known one; that one keeps its name.
 TEST(Compete, WhatIsNearAKnownLawButNotItIsUnknown) {
   const RingHalo ring;
   const Effect* glare = FindEffect("optics.veiling_glare");
