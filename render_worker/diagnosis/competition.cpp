@@ -255,33 +255,51 @@ class Competing {
   }
 
   // A parameter that changes nothing until it is far from its null value (a full well, a rim):
-  // values beyond the one from which on it does, alone and with the others changed.
+  // values beyond the one from which on it does, alone and with the others changed. These may move
+  // the threshold itself: a rim that is shifted cuts the pupil sooner.
   void TryBeyondThreshold(const ActiveEffect& null, size_t k, ScreenedEffect& best) const {
     const std::vector<EffectParameter>& parameters = null.effect->description().parameters;
-    const auto at = [&](double value) {
-      ActiveEffect active = null;
+    const double threshold = ThresholdOf(null, k);
+    if (threshold == 0) return;
+    TryBeyond(null, k, threshold, best);
+    for (size_t j = 0; j < parameters.size(); ++j) {
+      if (j == k) continue;
+      for (const double z : {-1.5, 1.5}) {
+        ActiveEffect shaped = null;
+        shaped.parameters[j] = ParameterFromStandardised(parameters[j], z);
+        TryBeyond(shaped, k, threshold, best);
+        const double moved = ThresholdOf(shaped, k);
+        if (moved > 1.01 * threshold) TryBeyond(shaped, k, moved, best);
+      }
+    }
+  }
+
+  void TryBeyond(const ActiveEffect& shaped, size_t k, double threshold,
+                 ScreenedEffect& best) const {
+    const double lower = shaped.effect->description().parameters[k].lower;
+    for (const double ratio : {1.0, 0.97, 0.92, 0.85, 0.7, 0.5}) {
+      ActiveEffect beyond = shaped;
+      beyond.parameters[k] = std::max(lower, ratio * threshold);
+      Try(beyond, false, best);
+    }
+  }
+
+  // Largest value of parameter `k` below its null value that changes anything, to a per cent; 0 if
+  // none does.
+  double ThresholdOf(const ActiveEffect& shaped, size_t k) const {
+    const auto changes = [&](double value) {
+      ActiveEffect active = shaped;
       active.parameters[k] = value;
-      return active;
+      return !(ChangeOf(active).squaredNorm() <= 1e-12);  // no light at all: no number
     };
-    const auto changes = [&](double value) { return ChangeOf(at(value)).squaredNorm() > 1e-12; };
-    double without = null.parameters[k], with = parameters[k].lower;
-    if (!(with > 0 && with < without) || !changes(with)) return;
+    double without = shaped.parameters[k];
+    double with = shaped.effect->description().parameters[k].lower;
+    if (!(with > 0 && with < without) || !changes(with)) return 0;
     while (without / with > 1.01) {
       const double middle = std::sqrt(without * with);
       (changes(middle) ? with : without) = middle;
     }
-    for (const double ratio : {1.0, 0.97, 0.92, 0.85, 0.7, 0.5}) {
-      const ActiveEffect beyond = at(std::max(parameters[k].lower, ratio * with));
-      Try(beyond, false, best);
-      for (size_t j = 0; j < parameters.size(); ++j) {
-        if (j == k) continue;
-        for (const double z : {-1.5, 1.5}) {
-          ActiveEffect shaped = beyond;
-          shaped.parameters[j] = ParameterFromStandardised(parameters[j], z);
-          Try(shaped, false, best);
-        }
-      }
-    }
+    return with;
   }
 
   // The best strengths if everything were linear, and half of that.
@@ -297,7 +315,7 @@ class Competing {
     }
     const Eigen::VectorXd z = information.llt().solve(gradient);
     const double linear_gain = 0.5 * z.dot(gradient);
-    if (linear_gain < 0.5 * kLeastGain) return;
+    if (!(linear_gain >= 0.5 * kLeastGain)) return;
     for (double part : {1.0, 0.4}) {
       ActiveEffect active = shaped;
       bool moved = false;

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "render_worker/effects/described_effect.h"
+#include "render_worker/effects/independent_patterns.h"
 
 namespace sightline {
 
@@ -67,6 +68,12 @@ double LinearThroughKnots(const Knots& knots, Effect::Parameters values, double 
     return (1 - t) * values[k - 1] + t * values[k];
   }
   return values.back();
+}
+
+// As many independent patterns of equal mean for every one there is; 1 or more, at most 64.
+inline void SplitIntoModes(SpeckleModel& speckle, double modes) {
+  speckle.pattern_weights =
+      SplitPatterns(speckle.pattern_weights, EqualModes(std::min(modes, 64.0)));
 }
 
 // The terms of each stage, in the order in which they act.

@@ -5,7 +5,6 @@
 #include <numbers>
 
 #include "render_worker/diagnosis/free_form_effect.h"
-#include "render_worker/effects/independent_patterns.h"
 
 namespace sightline {
 namespace {
@@ -190,39 +189,31 @@ class OtherLightTerm final : public FreeFormEffect {
 };
 
 // Speckle of one polarised mode has the largest contrast there is, so the number of modes only
-// grows.
+// grows. What grows with defocus is of the lens (`unknown.speckle_averaging`).
 class CoherenceTerm final : public FreeFormEffect {
  public:
   CoherenceTerm()
-      : FreeFormEffect(
-            "noise",
-            {.id = "unknown.coherence",
-             .stage = Stage::kIllumination,
-             .summary = "number of independent speckle patterns 1 + a + b (4/N)^2 + c (blur/10 "
-                        "px)^2, contrast 1/sqrt(M)",
-             .reference = "Goodman, Speckle Phenomena in Optics, 2nd ed., sections 3.3 and 6.3",
-             .parameters = {{"more_modes", 0, 0, 20, 0.2},
-                            {"more_modes_with_aperture", 0, 0, 20, 0.1},
-                            {"more_modes_with_defocus", 0, 0, 20, 0.1}}}) {}
+      : FreeFormEffect("noise",
+                       {.id = "unknown.coherence",
+                        .stage = Stage::kIllumination,
+                        .summary = "number of independent speckle patterns 1 + a + b (4/N)^2, "
+                                   "contrast 1/sqrt(M)",
+                        .reference = "Goodman, Speckle Phenomena in Optics, 2nd ed., sections 3.3 "
+                                     "and 6.3",
+                        .parameters = {{"more_modes", 0, 0, 20, 0.2},
+                                       {"more_modes_with_aperture", 0, 0, 20, 0.1}}}) {}
 
   void OnSpeckle(SpeckleModel& speckle, const FrameSetup& frame, Parameters p) const override {
     if (IsNull(p)) return;  // the patterns stay as they are
-    const double d = frame.plate.camera_distance_m;
-    const double f = frame.lens.focal_length_m;
-    const double image_of_plate = 1 / (1 / f - 1 / d);
-    const double blur_px = frame.PupilDiameter() * (frame.ImageDistance() / image_of_plate - 1) /
-                           frame.sensor.pixel_pitch_m;
-    const double aperture = 4 / frame.lens.f_number;
-    const double modes = 1 + p[0] + p[1] * aperture * aperture + p[2] * 0.01 * blur_px * blur_px;
-    speckle.pattern_weights =
-        SplitPatterns(speckle.pattern_weights, EqualModes(std::min(modes, 64.0)));
+    SplitIntoModes(speckle, 1 + CurveAt(frame.lens.f_number, p));
   }
 
   Axes CurveAxes() const override {
-    return {"f_number", "speckle_contrast_in_focus", {1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22}};
+    return {"f_number", "more_speckle_patterns", {1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22}};
   }
   double CurveAt(double f_number, Parameters p) const override {
-    return 1 / std::sqrt(1 + p[0] + p[1] * 16 / (f_number * f_number));
+    const double aperture = 4 / f_number;
+    return p[0] + p[1] * aperture * aperture;
   }
 };
 

@@ -231,6 +231,37 @@ class FieldTerm final : public FreeFormEffect {
   }
 };
 
+// What depends on the circle of confusion is the lens's doing. In focus nothing changes.
+class SpeckleAveragingTerm final : public FreeFormEffect {
+ public:
+  SpeckleAveragingTerm()
+      : FreeFormEffect("noise",
+                       {.id = "unknown.speckle_averaging",
+                        .stage = Stage::kOptics,
+                        .summary = "number of independent speckle patterns 1 + a d + b d^2, d the "
+                                   "circle of confusion in 10 px",
+                        .reference = "Goodman, Speckle Phenomena in Optics, 2nd ed., section 5.3",
+                        .parameters = {{"more_modes_with_defocus", 0, 0, 20, 0.1},
+                                       {"more_modes_with_defocus_squared", 0, 0, 20, 0.1}}}) {}
+
+  void OnSpeckle(SpeckleModel& speckle, const FrameSetup& frame, Parameters p) const override {
+    if (IsNull(p)) return;  // the patterns stay as they are
+    const double f = frame.lens.focal_length_m;
+    const double image_of_plate_m = 1 / (1 / f - 1 / frame.plate.camera_distance_m);
+    const double confusion_m =
+        frame.PupilDiameter() * std::abs(frame.ImageDistance() / image_of_plate_m - 1);
+    SplitIntoModes(speckle, 1 + CurveAt(confusion_m / frame.sensor.pixel_pitch_m, p));
+  }
+
+  Axes CurveAxes() const override {
+    return {"circle_of_confusion_px", "more_speckle_patterns", EvenlySpaced(0, 50, 26)};
+  }
+  double CurveAt(double confusion_px, Parameters p) const override {
+    const double d = 0.1 * confusion_px;
+    return d * (p[0] + p[1] * d);
+  }
+};
+
 }  // namespace
 
 std::vector<const FreeFormEffect*> OpticsTerms() {
@@ -239,7 +270,8 @@ std::vector<const FreeFormEffect*> OpticsTerms() {
   static const WavefrontTerm wavefront;
   static const ApertureTerm aperture;
   static const FieldTerm field;
-  return {&halo, &one_sided_halo, &wavefront, &aperture, &field};
+  static const SpeckleAveragingTerm speckle_averaging;
+  return {&halo, &one_sided_halo, &wavefront, &aperture, &field, &speckle_averaging};
 }
 
 }  // namespace sightline

@@ -51,6 +51,44 @@ class ResponseTerm final : public FreeFormEffect {
   }
 };
 
+// With as few coefficients as `unknown.exposure` has, so that the two compete on equal terms:
+// exposures of one scene tell a law of the signal from a law of the time by the profile only.
+class ResponseLawTerm final : public FreeFormEffect {
+ public:
+  ResponseLawTerm()
+      : FreeFormEffect(
+            "response",
+            {.id = "unknown.response_law",
+             .stage = Stage::kSensor,
+             .summary = "charge e reads as e y^a exp(b ln^2 y), y = (e/full + 0.01)/1.01; of "
+                        "light's charge c electrons at most are lost: c e/(e + 1)",
+             .reference = "EMVA 1288 R4.0 Linear, linearity error LE",
+             .parameters = {Coefficient("exponent", 0.5, 0.02), Coefficient("bend", 0.1, 5e-3),
+                            Coefficient("lost_electrons", 1e3, 3)}}) {}
+
+  void OnMeanElectrons(Image<double>& electrons, const Image<double>*, const FrameSetup&,
+                       Parameters p) const override {
+    if (p[2] == 0) return;
+    for (double& e : electrons.values) {
+      if (e > 0) e = std::max(0.0, e - p[2] * e / (e + 1));
+    }
+  }
+  void OnElectrons(Image<double>& electrons, const FrameSetup& frame, Parameters p) const override {
+    if (p[0] == 0 && p[1] == 0) return;
+    const double per_full = 1 / FullScale(frame);
+    for (double& e : electrons.values) e *= 1 + CurveAt(e * per_full, p);
+  }
+
+  Axes CurveAxes() const override {
+    return {"signal_over_full_scale", "response_change_relative_but_for_lost_electrons",
+            EvenlySpaced(0, 1, 41)};
+  }
+  double CurveAt(double signal, Parameters p) const override {
+    const double y = std::log((std::max(0.0, signal) + 0.01) / 1.01);
+    return std::expm1(y * (p[0] + p[1] * y));
+  }
+};
+
 class DarkSignalTerm final : public FreeFormEffect {
  public:
   DarkSignalTerm()
@@ -245,12 +283,13 @@ class MemoryTerm final : public FreeFormEffect {
 
 std::vector<const FreeFormEffect*> SensorTerms() {
   static const ResponseTerm response;
+  static const ResponseLawTerm response_law;
   static const DarkSignalTerm dark_signal;
   static const NoiseTerm noise;
   static const ChargeSpreadTerm charge_spread;
   static const ColumnTrailTerm column_trail;
   static const MemoryTerm memory;
-  return {&charge_spread, &column_trail, &memory, &dark_signal, &noise, &response};
+  return {&charge_spread, &column_trail, &memory, &dark_signal, &noise, &response_law, &response};
 }
 
 }  // namespace sightline

@@ -20,9 +20,14 @@ class MechanicalVignettingEffect final : public DescribedEffect {
                          .parameters = {{"rim_radius_m", 0.1, 1e-4, 0.1, 0.09},
                                         {"rim_shift_per_tangent_m", 0, -0.1, 0.1, 0.01}}}) {}
 
-  void OnOptics(OpticsModel& optics, const FrameSetup&, Parameters p) const override {
+  void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters p) const override {
     const double rim = p[0];
     const double shift = p[1] / optics.image_distance_m;
+    const Sensor& sensor = frame.sensor;
+    const double corner_m =
+        0.5 * sensor.pixel_pitch_m * std::hypot(sensor.columns_px, sensor.rows_px);
+    // A rim that cuts nothing anywhere leaves the lens as it is, alike over the field.
+    if (std::abs(shift) * corner_m + optics.pupil(0, 0).OuterRadius() <= rim) return;
     if (shift != 0) optics.field_dependent = true;
     optics.pupil = [rim, shift, before = std::move(optics.pupil)](double u_m, double v_m) {
       Pupil pupil = before(u_m, v_m);
