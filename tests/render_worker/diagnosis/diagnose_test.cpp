@@ -440,6 +440,24 @@ TEST(Compete, FindsWhatBeginsFarFromItsNullValueAndWhatIsFarFromLinear) {
   }
 }
 
+// A rim that cuts only where it is shifted.
+TEST(Compete, FindsWhatBeginsFartherOffWithAnotherParameter) {
+  const Effect* effect = FindEffect("optics.mechanical_vignetting");
+  const std::vector<double> parameters = {3.4e-3, 0.05};  // the pupil's radius is 2.9 mm at most
+  const RecordedSet set = RenderSmallSet(SomeDeviations(), {{effect, parameters}}, 5);
+  const SetModel model(set, {});
+  CompetitionSettings settings;
+  const std::vector<const Effect*> effects = {effect};
+  settings.effects = effects;
+  const Competition competition =
+      Compete(model, FitNull(model), settings, [](double) { return true; });
+  const Candidate& best = competition.ranked.front();
+  ASSERT_FALSE(best.effects.empty());
+  EXPECT_GT(best.log_evidence, 10);
+  // Rim and shift follow each other: only their being there is certain.
+  EXPECT_GT(best.effects[0].parameters[0], 2.857e-3);
+}
+
 TEST(LinearFit, WhatABoundHoldsAbsorbsNothing) {
   FitResult fit;
   fit.standardised = Eigen::VectorXd::Constant(1, 3);

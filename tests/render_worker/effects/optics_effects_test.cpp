@@ -165,6 +165,20 @@ TEST(MechanicalVignetting, CutsOffAxisOnly) {
   EXPECT_LT(ClearFraction(optics.pupil(5e-3, 0)), ClearFraction(pupil));
 }
 
+TEST(MechanicalVignetting, RimThatCutsNothingLeavesTheLensAsItIs) {
+  // The corner of the sensor sees the rim shifted by less than what is left between the two.
+  const FrameSetup frame = TestFrame();
+  const double corner_m =
+      0.5 * frame.sensor.pixel_pitch_m * std::hypot(frame.sensor.columns_px, frame.sensor.rows_px);
+  const double shift_at_corner_m = 0.008 * corner_m / TestOptics(frame).image_distance_m;
+  for (const double room : {0.99, 1.01}) {
+    const OpticsModel optics = After(
+        "optics.mechanical_vignetting",
+        {{"rim_radius_m", 2e-3 + room * shift_at_corner_m}, {"rim_shift_per_tangent_m", 0.008}});
+    EXPECT_EQ(optics.field_dependent, room < 1) << room;
+  }
+}
+
 TEST(SpecklePatterns, ContrastOfModesAndPolarisation) {
   for (const double modes : {1.0, 1.3, 2.0, 2.7, 5.0, 12.4}) {
     EXPECT_NEAR(ContrastSquared(Speckle("illumination.partial_coherence", {{"modes", modes}})),
