@@ -6,6 +6,8 @@
 #include <utility>
 #include <vector>
 
+#include "render_worker/diagnosis/integrated_speckle.h"
+
 namespace sightline {
 
 namespace {
@@ -73,6 +75,49 @@ bool SpreadsCharge(const Effect& effect) {
   const std::string_view id = effect.description().id;
   return id == "sensor.crosstalk" || id == "sensor.brighter_fatter" ||
          id == "unknown.charge_spread";
+}
+
+bool SpreadsByCharge(const Effect& effect) {
+  return effect.description().id == "sensor.brighter_fatter";
+}
+
+Image<double> SpreadGivenLevel(const Image<double>& electrons, const StripLevel& level,
+                               const ActiveEffect& effect, const FrameSetup& frame) {
+  const int rows = electrons.rows_px, columns = electrons.columns_px;
+  constexpr int kLevels = 8;
+  constexpr double kLeastContrast = 1e-6;  // squared
+  const auto neighbour = [&](int row, int column, double correlation) {
+    const double f = level.factor.At(row, column), rest = 1 - correlation;
+    const double mean = rest + correlation * f;
+    const double variance = level.contrast_squared[row] * rest * (rest + 2 * correlation * f);
+    const double contrast_squared = std::clamp(variance / (mean * mean), kLeastContrast, 1.0);
+    double square = 0;
+    for (const double other : SpeckleLevels(contrast_squared, kLevels)) {
+      const double charge =
+          std::min(level.full_electrons,
+                   level.steady.At(row, column) + level.laser.At(row, column) * mean * other);
+      square += charge * charge / kLevels;
+    }
+    return std::sqrt(square);
+  };
+  Image<double> spread = electrons;
+  for (int column = 0; column < columns; ++column) {
+    const int beside = columns > 1 ? column ^ 1 : 0;
+    for (int parity = 0; parity < 2; ++parity) {
+      // Every second row is looked at, in the middle; the rest are neighbours.
+      Image<double> around(3, rows);
+      for (int row = 0; row < rows; ++row) {
+        const bool looked_at = row % 2 == parity;
+        around.At(row, 1) =
+            looked_at ? electrons.At(row, column) : neighbour(row, column, level.across_line[row]);
+        around.At(row, 0) = neighbour(row, beside, level.along_line[row]);
+        around.At(row, 2) = around.At(row, 0);
+      }
+      effect.effect->OnElectrons(around, frame, effect.parameters);
+      for (int row = parity; row < rows; row += 2) spread.At(row, column) = around.At(row, 1);
+    }
+  }
+  return spread;
 }
 
 int BrightestCell(const Image<double>& electrons) {

@@ -382,6 +382,20 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
             dark_laser.laser_irradiance_w_m2.values.end(), 0.0F);
   const Image<double> total = MeanPhotoElectrons(light, frame);
   const Image<double> steady = MeanPhotoElectrons(dark_laser, frame);
+  // Levels of what spreads by charge follow from the flow at each of them.
+  const bool by_charge = lit && std::any_of(effects.begin(), effects.end(), [](const auto& active) {
+                           return SpreadsByCharge(*active.effect);
+                         });
+  std::array<std::shared_ptr<const LineSpeckle>, 4> before_flow;
+  if (by_charge) {
+    std::vector<ActiveEffect> others;
+    std::copy_if(effects.begin(), effects.end(), std::back_inserter(others),
+                 [](const auto& active) { return !SpreadsByCharge(*active.effect); });
+    before_flow = AfterChargeSpread(*expected.speckle, total, frame, others);
+    for (auto& of_cell : before_flow) {
+      if (of_cell == nullptr) of_cell = expected.speckle;
+    }
+  }
   if (lit) {
     expected.speckle_of_cell = AfterChargeSpread(*expected.speckle, total, frame, effects);
     const auto& of_cell = expected.speckle_of_cell;
@@ -407,7 +421,9 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
       levels_of_place[cell] = {{1.0}};
       continue;
     }
-    const LineSpeckle& of_cell = cells_differ ? *expected.speckle_of_cell[cell] : *expected.speckle;
+    const LineSpeckle& of_cell = by_charge      ? *before_flow[cell]
+                                 : cells_differ ? *expected.speckle_of_cell[cell]
+                                                : *expected.speckle;
     for (int place = 0; place < of_cell.places(); ++place) {
       // Strengths beyond sense would move more charge than there is.
       const double contrast_squared =
@@ -418,6 +434,22 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   std::vector<int> place_of_row(frame.roi.rows_px, 0);
   for (int row = 0; lit && row < frame.roi.rows_px; ++row) {
     place_of_row[row] = expected.speckle->PlaceOf((frame.roi.row_px + row) * sensor.pixel_pitch_m);
+  }
+  std::vector<double> contrast_squared, across_line, along_line;  // of rows
+  for (int row = 0; by_charge && row < frame.roi.rows_px; ++row) {
+    const SpecklePixelCovariance& here = before_flow[0]->At(place_of_row[row]);
+    const double one = std::max(kLeastContrast, here.At(0, 0));
+    contrast_squared.push_back(std::clamp(one * pattern_share, kLeastContrast, 1.0));
+    across_line.push_back(std::clamp(here.At(1, 0) / one, 0.0, 1.0));
+    along_line.push_back(std::clamp(here.At(0, 1) / one, 0.0, 1.0));
+  }
+  Image<double> laser, not_laser;  // mean electrons
+  if (by_charge) {
+    laser = not_laser = total;
+    for (size_t i = 0; i < laser.values.size(); ++i) {
+      laser.values[i] -= steady.values[i];
+      not_laser.values[i] = steady.values[i] + dark_electrons;
+    }
   }
   const std::vector<uint16_t> converted = ConvertedNumbers(frame, effects);
   // Of the step between the numbers that occur (EMVA 1288 R4.0, section 2.3).
@@ -488,8 +520,25 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
                     rounding_variance_dn2));
       electrons.values[i] = std::min(electrons.values[i] + dark_electrons, overfull_electrons);
     }
+    Image<double> factor;
+    if (by_charge) {
+      factor = electrons;
+      for (int row = 0; row < factor.rows_px; ++row) {
+        for (int column = 0; column < factor.columns_px; ++column) {
+          const int cell = cells_differ ? 2 * (row % 2) + column % 2 : 0;
+          factor.At(row, column) = levels_of_place[cell][place_of_row[row]][level];
+        }
+      }
+    }
     for (const ActiveEffect& active : effects) {
-      active.effect->OnElectrons(electrons, frame, active.parameters);
+      if (by_charge && SpreadsByCharge(*active.effect)) {
+        electrons = SpreadGivenLevel(electrons,
+                                     {not_laser, laser, factor, contrast_squared, across_line,
+                                      along_line, overfull_electrons},
+                                     active, frame);
+      } else {
+        active.effect->OnElectrons(electrons, frame, active.parameters);
+      }
     }
     Image<float> dn(electrons.columns_px, electrons.rows_px);
     for (size_t i = 0; i < dn.values.size(); ++i) {

@@ -231,6 +231,13 @@ TEST(SharedSpeckleStatistic, ShowsResponseExposureAndMotion) {
                                          {"time.plate_motion", {2e-5}, 200, 3}});
 }
 
+// A bug found: what flows between pixels was computed as if neighbours were as bright as the pixel
+// itself, and brighter-fatter was called blooming.
+TEST(SharedSpeckleStatistic, ShowsChargeThatFlowsFromBrightToDimPixels) {
+  ExpectRefuted<SharedSpeckleStatistic>({{"sensor.brighter_fatter", {2.5e-6}, 100, 1.5}});
+  ExpectRefuted<SharedSpeckleStatistic>({{"sensor.brighter_fatter", {2.5e-6}, 100, 1.5}}, true);
+}
+
 // A bug found: speckle that moves a little added the same variance to dim and bright pixels, three
 // times what rendered recordings show, since dim pixels weigh most.
 TEST(SharedSpeckleStatistic, ALittleMotionAddsTheVarianceThatIsRendered) {
