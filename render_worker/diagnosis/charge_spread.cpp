@@ -12,6 +12,8 @@ namespace sightline {
 
 namespace {
 
+constexpr double kLeastContrast = 1e-6;  // squared
+
 double ColumnSum(const Image<double>& image, int first_row, int column) {
   double sum = 0;
   for (int row = first_row; row < image.rows_px; row += 2) sum += image.At(row, column);
@@ -81,43 +83,61 @@ bool SpreadsByCharge(const Effect& effect) {
   return effect.description().id == "sensor.brighter_fatter";
 }
 
-Image<double> SpreadGivenLevel(const Image<double>& electrons, const StripLevel& level,
-                               const ActiveEffect& effect, const FrameSetup& frame) {
-  const int rows = electrons.rows_px, columns = electrons.columns_px;
+NeighboursOfLevel::NeighboursOfLevel(Image<double> laser, Image<double> steady,
+                                     const LineSpeckle& speckle, const FrameSetup& frame,
+                                     double pattern_share, double full_electrons)
+    : laser_(std::move(laser)), steady_(std::move(steady)), full_electrons_(full_electrons) {
+  for (int row = 0; row < laser_.rows_px; ++row) {
+    const double v_m = (frame.roi.row_px + row) * frame.sensor.pixel_pitch_m;
+    const SpecklePixelCovariance& here = speckle.At(speckle.PlaceOf(v_m));
+    const double one = std::max(kLeastContrast, here.At(0, 0));
+    contrast_squared_.push_back(std::clamp(one * pattern_share, kLeastContrast, 1.0));
+    across_line_.push_back(std::clamp(here.At(1, 0) / one, 0.0, 1.0));
+    along_line_.push_back(std::clamp(here.At(0, 1) / one, 0.0, 1.0));
+  }
+}
+
+double NeighboursOfLevel::RootMeanSquare(int row, int column, double correlation, double f) const {
   constexpr int kLevels = 8;
-  constexpr double kLeastContrast = 1e-6;  // squared
-  const auto neighbour = [&](int row, int column, double correlation) {
-    const double f = level.factor.At(row, column), rest = 1 - correlation;
-    const double mean = rest + correlation * f;
-    const double variance = level.contrast_squared[row] * rest * (rest + 2 * correlation * f);
-    const double contrast_squared = std::clamp(variance / (mean * mean), kLeastContrast, 1.0);
-    double square = 0;
-    for (const double other : SpeckleLevels(contrast_squared, kLevels)) {
-      const double charge =
-          std::min(level.full_electrons,
-                   level.steady.At(row, column) + level.laser.At(row, column) * mean * other);
-      square += charge * charge / kLevels;
-    }
-    return std::sqrt(square);
-  };
-  Image<double> spread = electrons;
-  for (int column = 0; column < columns; ++column) {
-    const int beside = columns > 1 ? column ^ 1 : 0;
+  constexpr double kBrightest = 3;  // of these, in standard deviations above the mean
+  const double rest = 1 - correlation;
+  const double mean = rest + correlation * f;
+  const double variance = contrast_squared_[row] * rest * (rest + 2 * correlation * f);
+  const double other = steady_.At(row, column), light = laser_.At(row, column) * mean;
+  const double contrast_squared = std::clamp(variance / (mean * mean), kLeastContrast, 1.0);
+  if (other + light * (1 + kBrightest * std::sqrt(contrast_squared)) < full_electrons_) {
+    return std::sqrt(other * (other + 2 * light) + light * light * (1 + contrast_squared));
+  }
+  double sum = 0;
+  for (const double level : SpeckleLevels(contrast_squared, kLevels)) {
+    const double charge = std::min(full_electrons_, other + light * level);
+    sum += charge * charge / kLevels;
+  }
+  return std::sqrt(sum);
+}
+
+Image<double> NeighboursOfLevel::After(const ActiveEffect& effect, const FrameSetup& frame,
+                                       const Image<double>& electrons,
+                                       const Image<double>& factor) const {
+  Image<double> after = electrons;
+  for (int column = 0; column < electrons.columns_px; ++column) {
+    const int beside = electrons.columns_px > 1 ? column ^ 1 : 0;
     for (int parity = 0; parity < 2; ++parity) {
       // Every second row is looked at, in the middle; the rest are neighbours.
-      Image<double> around(3, rows);
-      for (int row = 0; row < rows; ++row) {
-        const bool looked_at = row % 2 == parity;
-        around.At(row, 1) =
-            looked_at ? electrons.At(row, column) : neighbour(row, column, level.across_line[row]);
-        around.At(row, 0) = neighbour(row, beside, level.along_line[row]);
-        around.At(row, 2) = around.At(row, 0);
+      Image<double> around(3, electrons.rows_px);
+      for (int row = 0; row < around.rows_px; ++row) {
+        around.At(row, 1) = row % 2 == parity ? electrons.At(row, column)
+                                              : RootMeanSquare(row, column, across_line_[row],
+                                                               factor.At(row, column));
+        around.At(row, 0) = around.At(row, 2) =
+            RootMeanSquare(row, beside, along_line_[row], factor.At(row, beside));
       }
       effect.effect->OnElectrons(around, frame, effect.parameters);
-      for (int row = parity; row < rows; row += 2) spread.At(row, column) = around.At(row, 1);
+      for (int row = parity; row < around.rows_px; row += 2)
+        after.At(row, column) = around.At(row, 1);
     }
   }
-  return spread;
+  return after;
 }
 
 int BrightestCell(const Image<double>& electrons) {

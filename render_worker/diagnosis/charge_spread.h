@@ -18,26 +18,31 @@ bool SpreadsCharge(const Effect& effect);
 // as bright as the pixel itself.
 bool SpreadsByCharge(const Effect& effect);
 
-// A level of speckle in a strip of one column or of even width: mean electrons without speckle's
-// part and of the laser's light, times `factor` at the level.
-struct StripLevel {
-  const Image<double>& steady;
-  const Image<double>& laser;
-  const Image<double>& factor;
-  // Of every row: contrast squared of the pixels, correlation of neighbours.
-  const std::vector<double>& contrast_squared;
-  const std::vector<double>& across_line;
-  const std::vector<double>& along_line;
-  double full_electrons = 0;  // no pixel holds more
-};
+// Charge around the pixels of a strip of one column or of even width whose speckle is at a given
+// level: f times the mean light. A neighbour's light is then not f times its mean: of bivariate
+// gamma numbers of contrast squared c and correlation r the other's mean is 1 + r (f - 1), its
+// variance c ((1 - r)^2 + 2 r (1 - r) f) (Kibble, Sankhya 5 (1941) 137).
+class NeighboursOfLevel {
+ public:
+  // Mean electrons of the laser's light and of all else; `speckle` before anything flows, whose
+  // contrast squared is `pattern_share` of that of one pattern. No pixel holds more than
+  // `full_electrons`.
+  NeighboursOfLevel(Image<double> laser, Image<double> steady, const LineSpeckle& speckle,
+                    const FrameSetup& frame, double pattern_share, double full_electrons);
 
-// `electrons` of that level after an effect that spreads by charge (`SpreadsByCharge`), a flow of
-// which every part is quadratic in the charge of one pixel. Neighbours have the root mean square
-// they have given this pixel's level f: of bivariate gamma numbers of correlation r the other's
-// mean is 1 + r (f - 1), its variance c ((1 - r)^2 + 2 r (1 - r) f) (Kibble, Sankhya 5 (1941) 137).
-// On average over the levels as much flows as between pixels that are as bright as each other.
-Image<double> SpreadGivenLevel(const Image<double>& electrons, const StripLevel& level,
-                               const ActiveEffect& effect, const FrameSetup& frame);
+  // `electrons` of the level (`factor`: f of every pixel) after an effect that spreads by charge,
+  // whose flow is a difference of squares: neighbours have their root mean square.
+  Image<double> After(const ActiveEffect& effect, const FrameSetup& frame,
+                      const Image<double>& electrons, const Image<double>& factor) const;
+
+ private:
+  double RootMeanSquare(int row, int column, double correlation, double f) const;
+
+  Image<double> laser_, steady_;
+  // Of every row: of the pixels, of neighbours.
+  std::vector<double> contrast_squared_, across_line_, along_line_;
+  double full_electrons_;
+};
 
 // Of the four pixels of a cell of the colour filter (by rows; all four alike without one), the one
 // with most of `electrons`.

@@ -7,6 +7,7 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
+#include <optional>
 #include <set>
 #include <string_view>
 
@@ -383,19 +384,10 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   const Image<double> total = MeanPhotoElectrons(light, frame);
   const Image<double> steady = MeanPhotoElectrons(dark_laser, frame);
   // Levels of what spreads by charge follow from the flow at each of them.
-  const bool by_charge = lit && std::any_of(effects.begin(), effects.end(), [](const auto& active) {
-                           return SpreadsByCharge(*active.effect);
-                         });
-  std::array<std::shared_ptr<const LineSpeckle>, 4> before_flow;
-  if (by_charge) {
-    std::vector<ActiveEffect> others;
-    std::copy_if(effects.begin(), effects.end(), std::back_inserter(others),
-                 [](const auto& active) { return !SpreadsByCharge(*active.effect); });
-    before_flow = AfterChargeSpread(*expected.speckle, total, frame, others);
-    for (auto& of_cell : before_flow) {
-      if (of_cell == nullptr) of_cell = expected.speckle;
-    }
-  }
+  const std::shared_ptr<const LineSpeckle> optical_speckle = expected.speckle;
+  std::vector<ActiveEffect> but_by_charge = effects;
+  std::erase_if(but_by_charge, [](const auto& active) { return SpreadsByCharge(*active.effect); });
+  const bool by_charge = lit && but_by_charge.size() < effects.size();
   if (lit) {
     expected.speckle_of_cell = AfterChargeSpread(*expected.speckle, total, frame, effects);
     const auto& of_cell = expected.speckle_of_cell;
@@ -416,14 +408,19 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   // Speckle's contrast depends on the place across the line.
   std::array<std::vector<std::vector<double>>, 4> levels_of_place;  // of a cell's pixels
   const bool cells_differ = expected.speckle_of_cell[0] != expected.speckle_of_cell[1];
+  auto speckle_of_levels = expected.speckle_of_cell;
+  if (by_charge) {
+    speckle_of_levels = AfterChargeSpread(*optical_speckle, total, frame, but_by_charge);
+    if (speckle_of_levels[0] == nullptr) speckle_of_levels.fill(optical_speckle);
+  } else if (!cells_differ) {
+    speckle_of_levels.fill(expected.speckle);
+  }
   for (int cell = 0; cell < (cells_differ ? 4 : 1); ++cell) {
     if (!lit) {
       levels_of_place[cell] = {{1.0}};
       continue;
     }
-    const LineSpeckle& of_cell = by_charge      ? *before_flow[cell]
-                                 : cells_differ ? *expected.speckle_of_cell[cell]
-                                                : *expected.speckle;
+    const LineSpeckle& of_cell = *speckle_of_levels[cell];
     for (int place = 0; place < of_cell.places(); ++place) {
       // Strengths beyond sense would move more charge than there is.
       const double contrast_squared =
@@ -434,22 +431,6 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   std::vector<int> place_of_row(frame.roi.rows_px, 0);
   for (int row = 0; lit && row < frame.roi.rows_px; ++row) {
     place_of_row[row] = expected.speckle->PlaceOf((frame.roi.row_px + row) * sensor.pixel_pitch_m);
-  }
-  std::vector<double> contrast_squared, across_line, along_line;  // of rows
-  for (int row = 0; by_charge && row < frame.roi.rows_px; ++row) {
-    const SpecklePixelCovariance& here = before_flow[0]->At(place_of_row[row]);
-    const double one = std::max(kLeastContrast, here.At(0, 0));
-    contrast_squared.push_back(std::clamp(one * pattern_share, kLeastContrast, 1.0));
-    across_line.push_back(std::clamp(here.At(1, 0) / one, 0.0, 1.0));
-    along_line.push_back(std::clamp(here.At(0, 1) / one, 0.0, 1.0));
-  }
-  Image<double> laser, not_laser;  // mean electrons
-  if (by_charge) {
-    laser = not_laser = total;
-    for (size_t i = 0; i < laser.values.size(); ++i) {
-      laser.values[i] -= steady.values[i];
-      not_laser.values[i] = steady.values[i] + dark_electrons;
-    }
   }
   const std::vector<uint16_t> converted = ConvertedNumbers(frame, effects);
   // Of the step between the numbers that occur (EMVA 1288 R4.0, section 2.3).
@@ -469,6 +450,16 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   }
   for (double& plateau : plateau_dn.values) {
     plateau = std::clamp(std::floor(gain * plateau + sensor.black_level_dn + 0.5), 0.0, top_dn);
+  }
+  std::optional<NeighboursOfLevel> neighbours;
+  if (by_charge) {
+    Image<double> laser = total, other = steady;
+    for (size_t i = 0; i < laser.values.size(); ++i) {
+      laser.values[i] -= steady.values[i];
+      other.values[i] += dark_electrons;
+    }
+    neighbours.emplace(std::move(laser), std::move(other), *speckle_of_levels[0], frame,
+                       pattern_share, overfull_electrons);
   }
   const SmearTrail smear = TrailOfSmear(total, steady, frame, effects, expected.speckle.get());
   // Where there is hardly any light, levels hardly differ: what is clipped is computed once.
@@ -522,7 +513,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     }
     Image<double> factor;
     if (by_charge) {
-      factor = electrons;
+      factor = Image<double>(electrons.columns_px, electrons.rows_px);
       for (int row = 0; row < factor.rows_px; ++row) {
         for (int column = 0; column < factor.columns_px; ++column) {
           const int cell = cells_differ ? 2 * (row % 2) + column % 2 : 0;
@@ -532,10 +523,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     }
     for (const ActiveEffect& active : effects) {
       if (by_charge && SpreadsByCharge(*active.effect)) {
-        electrons = SpreadGivenLevel(electrons,
-                                     {not_laser, laser, factor, contrast_squared, across_line,
-                                      along_line, overfull_electrons},
-                                     active, frame);
+        electrons = neighbours->After(active, frame, electrons, factor);
       } else {
         active.effect->OnElectrons(electrons, frame, active.parameters);
       }
