@@ -8,26 +8,16 @@
 #pragma once
 
 #include <array>
-#include <complex>
 #include <memory>
 #include <span>
 #include <vector>
 
+#include "render_worker/diagnosis/expected_light.h"
 #include "render_worker/diagnosis/recorded_set.h"
 #include "render_worker/diagnosis/speckle_statistics.h"
 #include "render_worker/effects/effect.h"
 
 namespace sightline {
-
-// Optics of a long line at one place of the field.
-struct LineImaging {
-  double curvature_per_m = 0;                  // of defocus, for which the rest holds
-  int length = 0;                              // samples across the line
-  std::vector<std::complex<double>> transfer;  // across the line, the pixel's included
-  std::shared_ptr<const LineSpeckle> speckle;  // of one pattern
-  // Of the laser on the plate, at the samples; empty: not the same all along the line.
-  std::vector<double> irradiance_w_m2;
-};
 
 struct ExpectedFrame {
   FrameSetup frame;  // as the effects of the setup stage leave it

@@ -10,6 +10,7 @@
 
 #include "core/random/counter_random.h"
 #include "render_worker/diagnosis/linear_fit.h"
+#include "render_worker/sensor/expose.h"
 
 namespace sightline {
 
@@ -18,8 +19,7 @@ namespace {
 // Mean signal of a recording's profiles over what the fit expects; 0: no laser light.
 double IntensityRatio(const SetModel& model, const FitResult& fit, int frame) {
   const Sensor& sensor = model.set().frames[frame].nominal.sensor;
-  const double black_dn =
-      sensor.black_level_dn + sensor.gain_dn_per_electron * sensor.dark_mean_electrons;
+  const double black_dn = DarkMeanDn(sensor);
   double observed = 0, expected = 0;
   for (int e = 0; e < model.entries(); ++e) {
     if (model.StatisticOf(e).name() != "profile") continue;

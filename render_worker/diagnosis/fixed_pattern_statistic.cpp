@@ -216,8 +216,7 @@ FixedPatternStatistic::FixedPatternStatistic(const RecordedSet& set) {
     const FrameSetup& front = set.frames[entry.frames.front()].nominal;
     const Sensor& sensor = front.sensor;
     entry.roi = front.roi;
-    entry.offset_dn =
-        sensor.gain_dn_per_electron * sensor.dark_mean_electrons + sensor.black_level_dn;
+    entry.offset_dn = DarkMeanDn(sensor);
     entry.noise_dn = std::sqrt(
         std::pow(sensor.gain_dn_per_electron * sensor.dark_noise_electrons, 2) + 1.0 / 12);
     for (size_t i = 0; i < entry.frames.size(); ++i) {

@@ -30,8 +30,7 @@ double LargestNumber(std::vector<uint16_t> raw) {
 std::vector<double> Window(const Sensor& sensor, double top_dn) {
   constexpr int kPeriod = 1 << kBits;
   const double noise_dn = sensor.gain_dn_per_electron * sensor.dark_noise_electrons;
-  const double dark_dn =
-      sensor.gain_dn_per_electron * sensor.dark_mean_electrons + sensor.black_level_dn;
+  const double dark_dn = DarkMeanDn(sensor);
   const int numbers = static_cast<int>(sensor.largest_dn()) + 1;
   const int first = kPeriod * (1 + static_cast<int>((dark_dn + 6 * noise_dn) / kPeriod));
   constexpr int kNarrow = 16 * kPeriod;

@@ -8,6 +8,7 @@
 
 #include "render_worker/diagnosis/shared_speckle_statistic.h"
 #include "render_worker/diagnosis/strips.h"
+#include "render_worker/sensor/expose.h"
 
 namespace sightline {
 
@@ -80,10 +81,6 @@ double VarianceAlongLine(const ExpectedFrame& strip) {
   for (double level : strip.level_along_line) sum += (level - 1) * (level - 1);
   const double known = strip.level_along_line.empty() ? 0 : sum / strip.level_along_line.size();
   return known + strip.drawn_variance_along_line;
-}
-
-double BlackDn(const Sensor& sensor) {
-  return sensor.black_level_dn + sensor.gain_dn_per_electron * sensor.dark_mean_electrons;
 }
 
 // A factor between two recordings (of their amount of light), by least squares over the pixels that
@@ -185,7 +182,7 @@ Eigen::VectorXd TextureStatistic::Observed(const RecordedSet& set, int index) co
   const Entry& entry = entries_[index];
   const RecordedFrame& recorded = set.frames[entry.frames.front()];
   const Image<uint16_t>& raw = recorded.raw_dn;
-  const double black_dn = BlackDn(recorded.nominal.sensor);
+  const double black_dn = DarkMeanDn(recorded.nominal.sensor);
   Eigen::VectorXd values(entry.backgrounds.size() + kCoreValues * entry.cores.size());
   int at = 0;
   for (const ProfileBin& bin : entry.backgrounds) {
@@ -226,7 +223,7 @@ Eigen::VectorXd TextureStatistic::Expected(const ExpectedSet& expected, int inde
   const int step = planes_.front().step;
   const int columns = entry.columns_px / blocks / step;
   const int rows_px = front.noise_variance_dn2.rows_px;
-  const double black_dn = BlackDn(nominal_sensor_);
+  const double black_dn = DarkMeanDn(nominal_sensor_);
   const bool lit = front.speckle != nullptr;
   std::vector<double> shares;  // by place across the line
   for (int place = 0; lit && place < front.speckle->places(); ++place) {
@@ -411,7 +408,7 @@ Eigen::VectorXd RepeatStatistic::Observed(const RecordedSet& set, int index) con
   const Image<uint16_t>& a = set.frames[entry.frames[0]].raw_dn;
   const Image<uint16_t>& b = set.frames[entry.frames[1]].raw_dn;
   const Sensor& sensor = set.frames[entry.frames[0]].nominal.sensor;
-  CommonFactor factor(BlackDn(sensor), kLinear * sensor.largest_dn());
+  CommonFactor factor(DarkMeanDn(sensor), kLinear * sensor.largest_dn());
   for (size_t p = 0; p < a.values.size(); ++p) factor.Add(a.values[p], b.values[p]);
   Eigen::VectorXd values(entry.bins.size());
   for (size_t i = 0; i < entry.bins.size(); ++i) {
@@ -434,7 +431,7 @@ Eigen::VectorXd RepeatStatistic::Expected(const ExpectedSet& expected, int index
   const Entry& entry = entries_[index];
   const auto [first, second] = std::pair(entry.frames[0], entry.frames[1]);
   const Sensor& sensor = expected.strips.front()[first].frame.sensor;
-  CommonFactor factor(BlackDn(sensor), kLinear * sensor.largest_dn());
+  CommonFactor factor(DarkMeanDn(sensor), kLinear * sensor.largest_dn());
   for (const std::vector<ExpectedFrame>& strips : expected.strips) {
     for (size_t q = 0; q < strips[first].level_dn.size(); ++q) {
       const std::vector<float>& a = strips[first].level_dn[q].values;

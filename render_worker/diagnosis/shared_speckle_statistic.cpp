@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "render_worker/image_chain/form_image.h"
+#include "render_worker/sensor/expose.h"
 
 namespace sightline {
 
@@ -53,15 +54,11 @@ double ImageShift(FrameSetup frame, std::span<const ActiveEffect> effects, uint6
   return -phase / (2 * std::numbers::pi * kTurnsPerPx);
 }
 
-double DarkDn(const Sensor& sensor) {
-  return sensor.gain_dn_per_electron * sensor.dark_mean_electrons + sensor.black_level_dn;
-}
-
 // Temporal noise at a number [DN^2]: shot noise of what it has above the dark mean; none where the
 // pixel is full.
 double NoiseVariance(const Sensor& sensor, double level_dn) {
   const double gain = sensor.gain_dn_per_electron;
-  const double dark_dn = DarkDn(sensor);
+  const double dark_dn = DarkMeanDn(sensor);
   const double full_dn = gain * sensor.saturation_capacity_electrons + sensor.black_level_dn;
   if (level_dn > full_dn - 0.5) return 1.0 / 12;
   return std::pow(gain * sensor.dark_noise_electrons, 2) + 1.0 / 12 +
@@ -141,7 +138,7 @@ SharedSpeckleStatistic::SharedSpeckleStatistic(const RecordedSet& set) {
     });
     const Sensor& sensor = front.sensor;
     const double gain = sensor.gain_dn_per_electron;
-    const double offset = gain * sensor.dark_mean_electrons + sensor.black_level_dn;
+    const double offset = DarkMeanDn(sensor);
     const double span = sensor.largest_dn() - offset;
     const double dark = std::pow(gain * sensor.dark_noise_electrons, 2) + 1.0 / 12;
     for (size_t i = 0; i + 1 < order.size(); ++i) {
@@ -272,7 +269,7 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
           mean[i] = strips[f].MeanDn(row, column);
           if (i == 0 || decorrelation[i - 1] == 0) continue;
           spread[i] = strips[f].level_variance_dn2.At(row, column);
-          dark[i] = DarkDn(strips[f].frame.sensor);
+          dark[i] = DarkMeanDn(strips[f].frame.sensor);
           spread[i] /= std::max(1e-9, mean[i] - dark[i]);
         }
         for (size_t q = 0; q < levels; ++q) {

@@ -24,6 +24,7 @@
 #include "render_worker/render/part_inspection.h"
 #include "render_worker/render/part_scene.h"
 #include "render_worker/sensor/demosaic.h"
+#include "render_worker/sensor/expose.h"
 
 namespace sightline {
 namespace {
@@ -110,8 +111,7 @@ class ImageWriter {
           Demosaic(raw_dn, sensor_.rows_px / 2 + roi.row_px, sensor_.columns_px / 2 + roi.column_px,
                    DemosaicMethod::kMalvarHeCutler);
       if (!colour.ok()) return colour.status();
-      const double black_dn =
-          sensor_.black_level_dn + sensor_.gain_dn_per_electron * sensor_.dark_mean_electrons;
+      const double black_dn = DarkMeanDn(sensor_);
       WhiteBalance(GreyWorldFactors(*colour, black_dn, sensor_.largest_dn()), black_dn, &*colour);
       const std::string file = absl::StrCat(stem, "_rgb", FileExtension(FormatOf(output_)));
       status = WriteColourImage((fs::path(folder_) / file).string(), *colour, description,

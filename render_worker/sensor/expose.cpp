@@ -48,6 +48,10 @@ Image<double> MeanPhotoElectrons(const PixelIrradiance& light, const FrameSetup&
   return electrons;
 }
 
+double DarkMeanDn(const Sensor& sensor) {
+  return sensor.gain_dn_per_electron * sensor.dark_mean_electrons + sensor.black_level_dn;
+}
+
 double DarkCurrentElectrons(const FrameSetup& frame) {
   const Sensor& sensor = frame.sensor;
   const double doublings =

@@ -16,6 +16,10 @@ namespace sightline {
 // laser is off. Rounding may leave irradiance slightly below 0; such pixels get 0.
 Image<double> MeanPhotoElectrons(const PixelIrradiance& light, const FrameSetup& frame);
 
+// Mean number of a dark pixel at no exposure time: black level and mu_d (EMVA 1288 R4.0, section
+// 2.3) [DN].
+double DarkMeanDn(const Sensor& sensor);
+
 // Mean dark charge of the exposure, mu_I t 2^((T - T_ref) / T_d) (EMVA 1288 R4.0, section 2.4 and
 // 3), without mu_d.
 double DarkCurrentElectrons(const FrameSetup& frame);

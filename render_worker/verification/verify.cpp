@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/plate_frames.h"
+#include "render_worker/sensor/expose.h"
 #include "render_worker/verification/grey_png.h"
 #include "render_worker/verification/line_statistics.h"
 
@@ -62,8 +63,7 @@ absl::Status AddCrops(const Image<uint16_t>& recorded, const Image<uint16_t>& si
   const Image<float> left = Crop(PlaneValues(recorded, plane), row);
   const Image<float> right = Crop(PlaneValues(simulated, plane), row);
   const Sensor& sensor = frame.sensor;
-  const double black_dn =
-      sensor.black_level_dn + sensor.gain_dn_per_electron * sensor.dark_mean_electrons;
+  const double black_dn = DarkMeanDn(sensor);
   const double white_dn = std::max(Brightest(left), Brightest(right));
   absl::StatusOr<std::string> left_png = ScaledPng(left, black_dn, white_dn);
   if (!left_png.ok()) return left_png.status();
