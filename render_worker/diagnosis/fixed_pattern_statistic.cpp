@@ -178,6 +178,128 @@ Eigen::VectorXd ProductsAlongLine(const ExpectedSet& expected, const std::vector
   return products;
 }
 
+// Correlation of the residuals of a frame: speckle's share of the scatter on the line, with
+// speckle's own correlation.
+struct ResidualCorrelation {
+  double share = 0;
+  const SpecklePixelCovariance* speckle = nullptr;
+
+  double At(int rows, int columns) const {
+    if (rows == 0 && columns == 0) return 1;
+    return share * speckle->At(rows, columns) / speckle->At(0, 0);
+  }
+};
+
+// Of every frame, on its row of most weight.
+std::vector<ResidualCorrelation> SpeckleOfResiduals(
+    const ExpectedSet& expected, const std::vector<int>& frames,
+    const std::vector<std::vector<double>>& weights) {
+  std::vector<ResidualCorrelation> correlations;
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const ExpectedFrame& strip = expected.strips[expected.strips.size() / 2][frames[i]];
+    const auto best = std::max_element(weights[i].begin(), weights[i].end()) - weights[i].begin();
+    const int row = static_cast<int>(best / 2), parity = static_cast<int>(best % 2);
+    const double mean = strip.MeanDn(row, parity);
+    double levels = 0;
+    for (const Image<float>& level : strip.level_dn) {
+      levels +=
+          std::pow(level.At(row, parity) - mean, 2) / static_cast<double>(strip.level_dn.size());
+    }
+    correlations.push_back(
+        {levels / (levels + strip.noise_variance_dn2.At(row, parity)), &strip.SpeckleAt(row)});
+  }
+  return correlations;
+}
+
+// Sum of the pairs' weights over all pixels of a region, at every lag.
+std::array<double, kLagCount> TotalWeights(const std::vector<double>& sum,
+                                           const std::vector<std::vector<double>>& each,
+                                           const RegionOfInterest& roi) {
+  std::array<double, kLagCount> total{};
+  for (int l = 0; l < kLagCount; ++l) {
+    for (int row = 0; row + kLags[l].rows < roi.rows_px; ++row) {
+      for (int parity = 0; parity < 2; ++parity) {
+        total[l] +=
+            PairWeight(sum, each, row, parity, kLags[l]) * (roi.columns_px - kLags[l].columns) / 2;
+      }
+    }
+  }
+  return total;
+}
+
+// Covariance of the mean products at two lags: for every pair of frames the sum over l of
+// R_a(l) R_b(l + d) for all differences and sums d of the lags. 0 where there is no weight.
+Eigen::MatrixXd OfSpeckleAndNoise(const std::vector<ResidualCorrelation>& correlations,
+                                  const std::vector<std::vector<double>>& weights,
+                                  const std::array<double, kLagCount>& total, int columns_px) {
+  constexpr double kNegligible = 0.01;
+  struct Correlated {
+    int rows, columns;
+    double value;
+  };
+  std::vector<std::vector<Correlated>> near(correlations.size());
+  for (size_t i = 0; i < correlations.size(); ++i) {
+    const int lag = correlations[i].speckle->max_lag();
+    for (int r = -lag; r <= lag; ++r) {
+      for (int c = -lag; c <= lag; ++c) {
+        const double value = correlations[i].At(r, c);
+        if (value > kNegligible) near[i].push_back({r, c, value});
+      }
+    }
+  }
+  const auto overlap = [&](size_t a, size_t b, int rows, int columns) {
+    double sum = 0;
+    for (const Correlated& l : near[a]) {
+      sum += l.value * correlations[b].At(l.rows + rows, l.columns + columns);
+    }
+    return sum;
+  };
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(kLagCount, kLagCount);
+  for (size_t a = 0; a < correlations.size(); ++a) {
+    for (size_t b = a + 1; b < correlations.size(); ++b) {
+      double product = 0;
+      for (size_t i = 0; i < weights[a].size(); ++i) product += weights[a][i] * weights[b][i];
+      product *= columns_px / 2.0;
+      if (product == 0) continue;
+      for (int l = 0; l < kLagCount; ++l) {
+        for (int m = l; m < kLagCount; ++m) {
+          const double value =
+              0.5 * product *
+              (overlap(a, b, kLags[m].rows - kLags[l].rows, kLags[m].columns - kLags[l].columns) +
+               overlap(a, b, kLags[m].rows + kLags[l].rows, kLags[m].columns + kLags[l].columns));
+          covariance(l, m) += value;
+        }
+      }
+    }
+  }
+  for (int l = 0; l < kLagCount; ++l) {
+    for (int m = l; m < kLagCount; ++m) {
+      const double totals = total[l] * total[m];
+      covariance(l, m) = totals > 0 ? covariance(l, m) / totals : 0;
+      covariance(m, l) = covariance(l, m);
+    }
+  }
+  return covariance;
+}
+
+// Variance that a pattern of the pixels' sensitivity, of this variance, times all else gives the
+// products at lag `l`, and its own scatter: per column, not yet over the weights.
+double ScatterOfSensitivity(double prnu_squared, int l, const std::vector<double>& sum,
+                            const std::vector<std::vector<double>>& weights) {
+  double scatter = 0;
+  for (size_t i = 0; i < sum.size(); ++i) {
+    double squares = 0, mixed = 0;
+    for (const std::vector<double>& each : weights) {
+      squares += each[i] * each[i];
+      mixed += each[i] * std::pow(sum[i] - each[i], 2);
+    }
+    const double pairs = 0.5 * (sum[i] * sum[i] - squares);
+    scatter +=
+        prnu_squared * mixed + (l == 0 ? 2 : 1) * prnu_squared * prnu_squared * pairs * pairs;
+  }
+  return scatter;
+}
+
 // Rows may jump from frame to frame: no fixed pattern.
 void SubtractRowMeans(Image<double>& image) {
   for (int row = 0; row < image.rows_px; ++row) {
@@ -465,124 +587,52 @@ Eigen::VectorXd FixedPatternStatistic::ExpectedDark(const ExpectedSet& expected,
 
 Eigen::MatrixXd FixedPatternStatistic::Covariance(const ExpectedSet& expected, int index) const {
   const Entry& entry = entries_[index];
-  const Eigen::VectorXd values = Expected(expected, index);
+  return entry.laser ? CovarianceOfPattern(expected, entry) : CovarianceInDark(expected, entry);
+}
+
+Eigen::MatrixXd FixedPatternStatistic::CovarianceInDark(const ExpectedSet& expected,
+                                                        const Entry& entry) const {
+  const Eigen::VectorXd values = ExpectedDark(expected, entry);
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(values.size(), values.size());
   const size_t frames = entry.frames.size();
   const double area = static_cast<double>(entry.roi.columns_px) * entry.roi.rows_px;
-  if (!entry.laser) {
-    std::vector<double> variance;  // of a pixel, in units of the nominal noise
-    for (int f : entry.frames) {
-      const ExpectedFrame& strip = expected.strips.front()[f];
-      variance.push_back((strip.noise_variance_dn2.At(0, 0) + strip.pattern_variance_dn2.At(0, 0)) /
-                         (entry.noise_dn * entry.noise_dn));
-    }
-    double products = 0;
-    for (size_t a = 0; a < frames; ++a) {
-      for (size_t b = a + 1; b < frames; ++b) products += variance[a] * variance[b];
-    }
-    const double pairs = 0.5 * static_cast<double>(frames * (frames - 1));
-    const double rows = entry.roi.rows_px;
-    // With the scatter of a pattern that is drawn once.
-    covariance(0, 0) = products / (pairs * pairs * area) + 2 * values[0] * values[0] / area +
-                       2 * values[1] * values[1] / entry.roi.columns_px;
-    covariance(1, 1) = products / (pairs * pairs * area * (rows - 1)) +
-                       2 * values[1] * values[1] / entry.roi.columns_px;
-    for (size_t f = 0; f < frames; ++f) covariance(kDarkValues + f, kDarkValues + f) = 1;
-    return covariance;
+  std::vector<double> variance;  // of a pixel, in units of the nominal noise
+  for (int f : entry.frames) {
+    const ExpectedFrame& strip = expected.strips.front()[f];
+    variance.push_back((strip.noise_variance_dn2.At(0, 0) + strip.pattern_variance_dn2.At(0, 0)) /
+                       (entry.noise_dn * entry.noise_dn));
   }
-  // Correlation of the residuals of every frame: speckle's share of the scatter on the line.
-  constexpr double kNegligible = 0.01;
-  struct Correlated {
-    int rows, columns;
-    double value;
-  };
-  const std::vector<RowWeights> weights = Weights(expected, entry);
-  std::vector<std::vector<Correlated>> near(frames);
-  std::vector<double> share(frames);
-  std::vector<const SpecklePixelCovariance*> speckle(frames);
-  for (size_t i = 0; i < frames; ++i) {
-    const ExpectedFrame& strip = expected.strips[expected.strips.size() / 2][entry.frames[i]];
-    const auto best = std::max_element(weights[i].begin(), weights[i].end()) - weights[i].begin();
-    const int row = static_cast<int>(best / 2), parity = static_cast<int>(best % 2);
-    const double mean = strip.MeanDn(row, parity);
-    double levels = 0;
-    for (const Image<float>& level : strip.level_dn) {
-      levels +=
-          std::pow(level.At(row, parity) - mean, 2) / static_cast<double>(strip.level_dn.size());
-    }
-    share[i] = levels / (levels + strip.noise_variance_dn2.At(row, parity));
-    speckle[i] = &strip.SpeckleAt(row);
-    const int lag = speckle[i]->max_lag();
-    for (int r = -lag; r <= lag; ++r) {
-      for (int c = -lag; c <= lag; ++c) {
-        const double value =
-            r == 0 && c == 0 ? 1 : share[i] * speckle[i]->At(r, c) / speckle[i]->At(0, 0);
-        if (value > kNegligible) near[i].push_back({r, c, value});
-      }
-    }
-  }
-  // Sum over l of R_a(l) R_b(l + d) for all differences and sums of lags.
-  const auto overlap = [&](size_t a, size_t b, int rows, int columns) {
-    double sum = 0;
-    for (const Correlated& l : near[a]) {
-      const int r = l.rows + rows, c = l.columns + columns;
-      sum +=
-          l.value * (r == 0 && c == 0 ? 1 : share[b] * speckle[b]->At(r, c) / speckle[b]->At(0, 0));
-    }
-    return sum;
-  };
-  std::vector<double> total(kLagCount, 0);
-  const std::vector<double> sum = Sum(weights);
-  for (int l = 0; l < kLagCount; ++l) {
-    for (int row = 0; row + kLags[l].rows < entry.roi.rows_px; ++row) {
-      for (int parity = 0; parity < 2; ++parity) {
-        total[l] += PairWeight(sum, weights, row, parity, kLags[l]) *
-                    (entry.roi.columns_px - kLags[l].columns) / 2;
-      }
-    }
-  }
+  double products = 0;
   for (size_t a = 0; a < frames; ++a) {
-    for (size_t b = a + 1; b < frames; ++b) {
-      double product = 0;
-      for (size_t i = 0; i < weights[a].size(); ++i) product += weights[a][i] * weights[b][i];
-      product *= entry.roi.columns_px / 2.0;
-      if (product == 0) continue;
-      for (int l = 0; l < kLagCount; ++l) {
-        for (int m = l; m < kLagCount; ++m) {
-          const double value =
-              0.5 * product *
-              (overlap(a, b, kLags[m].rows - kLags[l].rows, kLags[m].columns - kLags[l].columns) +
-               overlap(a, b, kLags[m].rows + kLags[l].rows, kLags[m].columns + kLags[l].columns));
-          covariance(l, m) += value;
-        }
-      }
-    }
+    for (size_t b = a + 1; b < frames; ++b) products += variance[a] * variance[b];
   }
+  const double pairs = 0.5 * static_cast<double>(frames * (frames - 1));
+  const double rows = entry.roi.rows_px;
+  // With the scatter of a pattern that is drawn once.
+  covariance(0, 0) = products / (pairs * pairs * area) + 2 * values[0] * values[0] / area +
+                     2 * values[1] * values[1] / entry.roi.columns_px;
+  covariance(1, 1) = products / (pairs * pairs * area * (rows - 1)) +
+                     2 * values[1] * values[1] / entry.roi.columns_px;
+  for (size_t f = 0; f < frames; ++f) covariance(kDarkValues + f, kDarkValues + f) = 1;
+  return covariance;
+}
+
+Eigen::MatrixXd FixedPatternStatistic::CovarianceOfPattern(const ExpectedSet& expected,
+                                                           const Entry& entry) const {
+  const std::vector<RowWeights> weights = Weights(expected, entry);
+  const std::vector<double> sum = Sum(weights);
+  const std::array<double, kLagCount> total = TotalWeights(sum, weights, entry.roi);
+  const double prnu = expected.strips.front()[entry.frames.front()].frame.sensor.prnu_relative;
+  Eigen::MatrixXd covariance = OfSpeckleAndNoise(
+      SpeckleOfResiduals(expected, entry.frames, weights), weights, total, entry.roi.columns_px);
   for (int l = 0; l < kLagCount; ++l) {
-    for (int m = l; m < kLagCount; ++m) {
-      const double totals = total[l] * total[m];
-      covariance(l, m) = totals > 0 ? covariance(l, m) / totals : 0;
-      covariance(m, l) = covariance(l, m);
-    }
     covariance(l, l) += kPatternError * kPatternError;
-    if (total[l] <= 0) covariance(l, l) = 1;
-  }
-  // A pattern of the pixels' sensitivity times the rest, and its own scatter.
-  const double prnu =
-      std::pow(expected.strips.front()[entry.frames.front()].frame.sensor.prnu_relative, 2);
-  for (int l = 0; prnu > 0 && l < kLagCount; ++l) {
-    double scatter = 0;
-    for (size_t i = 0; i < sum.size(); ++i) {
-      double squares = 0, mixed = 0;
-      for (const RowWeights& each : weights) {
-        squares += each[i] * each[i];
-        mixed += each[i] * std::pow(sum[i] - each[i], 2);
-      }
-      const double pairs = 0.5 * (sum[i] * sum[i] - squares);
-      scatter += prnu * mixed + (l == 0 ? 2 : 1) * prnu * prnu * pairs * pairs;
+    if (total[l] <= 0) {
+      covariance(l, l) = 1;
+    } else if (prnu > 0) {
+      covariance(l, l) += ScatterOfSensitivity(prnu * prnu, l, sum, weights) * 0.5 *
+                          entry.roi.columns_px / (total[l] * total[l]);
     }
-    if (total[l] > 0)
-      covariance(l, l) += scatter * 0.5 * entry.roi.columns_px / (total[l] * total[l]);
   }
   // Recordings weigh by their light, here all alike.
   const Eigen::VectorXd along =

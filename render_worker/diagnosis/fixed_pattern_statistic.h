@@ -49,6 +49,8 @@ class FixedPatternStatistic : public SetStatistic {
   Eigen::VectorXd ObservedDark(const RecordedSet& set, const Entry& entry) const;
   Eigen::VectorXd ExpectedPattern(const ExpectedSet& expected, const Entry& entry) const;
   Eigen::VectorXd ExpectedDark(const ExpectedSet& expected, const Entry& entry) const;
+  Eigen::MatrixXd CovarianceOfPattern(const ExpectedSet& expected, const Entry& entry) const;
+  Eigen::MatrixXd CovarianceInDark(const ExpectedSet& expected, const Entry& entry) const;
   // Autocovariances of the pattern that effects make of even light, one a draw; empty: none.
   std::vector<Eigen::VectorXd> DrawnPatterns(const ExpectedSet& expected, const Entry& entry) const;
   std::vector<RowWeights> Weights(const ExpectedSet& expected, const Entry& entry) const;

@@ -47,6 +47,52 @@ void MakePositive(Eigen::MatrixXd& covariance) {
   covariance = Eigen::MatrixXd(covariance.diagonal().asDiagonal());
 }
 
+// Correlation of the means of rows over a block's columns, of one plane of the pixels.
+class MeanCorrelation {
+ public:
+  // Of `columns` pixels every `step` columns.
+  MeanCorrelation(const LineSpeckle& line, const FrameSetup& frame, int columns, int step)
+      : line_(line), frame_(frame), distances_(2 * line.max_lag() + 1) {
+    correlation_.resize(static_cast<size_t>(line.places()) * distances_ * kPhases);
+    for (int place = 0; place < line.places(); ++place) {
+      const SpecklePixelCovariance& pixel = line.At(place);
+      for (int dr = -max_lag(); dr <= max_lag(); ++dr) {
+        for (int phase = -1; phase <= 1; ++phase) {
+          double sum = 0;
+          for (int c = -columns + 1; c < columns; ++c) {
+            sum +=
+                (1 - std::abs(c) / static_cast<double>(columns)) * pixel.At(dr, c * step + phase);
+          }
+          correlation_[Index(place, dr, phase)] = sum / (pixel.At(0, 0) * columns);
+        }
+      }
+    }
+  }
+
+  int max_lag() const { return line_.max_lag(); }
+
+  int PlaceOf(int row) const {
+    return line_.PlaceOf((frame_.roi.row_px + row) * frame_.sensor.pixel_pitch_m);
+  }
+
+  // By the speckle at a place across the line, of rows `distance` apart; `phase`: -1, 0 or 1,
+  // columns between the planes of the two.
+  double At(int place, int distance, int phase) const {
+    return correlation_[Index(place, distance, phase)];
+  }
+
+ private:
+  static constexpr int kPhases = 3;
+  size_t Index(int place, int distance, int phase) const {
+    return (static_cast<size_t>(place) * distances_ + distance + max_lag()) * kPhases + phase + 1;
+  }
+
+  const LineSpeckle& line_;
+  const FrameSetup& frame_;
+  int distances_;
+  std::vector<double> correlation_;
+};
+
 // Signal at the outermost bins, from which all is counted: a hard-edged pupil's line spread falls
 // off with the square of the distance, so its fall from two thirds of the way tells what is left.
 double SignalAtEdge(const std::vector<ProfileBin>& bins, const Eigen::ArrayXd& signal, int plane) {
@@ -82,6 +128,36 @@ Eigen::VectorXd Tails(const Eigen::VectorXd& means, const ProfileGroup& members)
     }
   }
   return tails;
+}
+
+// Noise and what the approximations leave: a part of the scatter that neighbours do not share, and
+// of the signal.
+void AddModelErrors(const Eigen::VectorXd& means, const ProfileGroup& members, int blocks,
+                    const Eigen::VectorXd& noise_variance,
+                    const Eigen::VectorXd& saturation_variance, Eigen::MatrixXd& covariance) {
+  const double background = means.minCoeff();
+  // What is doubtful in the wings and in what is left at the edge: alike in all bins of a group,
+  // and in all blocks, whose entries do not know of each other.
+  Eigen::VectorXd wing(members.size), tail = Tails(means, members);
+  int first_entry = 0;
+  for (size_t m = 0; m < members.frames.size(); ++m) {
+    const auto size = static_cast<Eigen::Index>(members.bins[m].size());
+    const Eigen::ArrayXd signal = means.segment(first_entry, size).array() - background;
+    wing.segment(first_entry, size) = (kWingError * signal.min(kWing * signal.maxCoeff())).matrix();
+    tail.segment(first_entry, size) *=
+        members.in_focus[m] ? kTailInFocusError : kTailOutOfFocusError;
+    first_entry += static_cast<int>(size);
+  }
+  wing *= std::sqrt(static_cast<double>(blocks));
+  tail *= std::sqrt(static_cast<double>(blocks));
+  for (int i = 0; i < members.size; ++i) {
+    const double signal = means[i] - background;
+    covariance(i, i) *=
+        1 + (members.frames.size() > 1 ? kUnsharedBetweenRecordings : kUnsharedVariance);
+    covariance(i, i) += std::pow(kModelError * signal, 2) + noise_variance[i] +
+                        saturation_variance[i] + 0.25 * (wing[i] * wing[i] + tail[i] * tail[i]);
+  }
+  covariance += wing * wing.transpose() + tail * tail.transpose();
 }
 
 }  // namespace
@@ -195,7 +271,7 @@ Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_i
   const size_t levels = front.level_dn.size();
   // Deviation of every level from the mean, of every row that is in a bin, at the block's middle.
   struct RowLevels {
-    int entry, row, plane;
+    int entry, row, plane, place;
     double weight;
     std::vector<double> deviation;
   };
@@ -213,7 +289,7 @@ Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_i
         noise += expected.noise_variance_dn2.At(row, column) +
                  expected.pattern_variance_dn2.At(row, column);
         if (levels < 2) continue;
-        RowLevels entry_row{entry, row, bin.plane, weight, std::vector<double>(levels)};
+        RowLevels entry_row{entry, row, bin.plane, 0, weight, std::vector<double>(levels)};
         const double mean = expected.MeanDn(row, column);
         for (size_t q = 0; q < levels; ++q) {
           entry_row.deviation[q] = expected.level_dn[q].At(row, column) - mean;
@@ -235,41 +311,20 @@ Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_i
   }
   if (levels < 2) return noise_variance.asDiagonal();
 
-  // Correlation of the means over a block's columns, by place across the line, distance in rows and
-  // phase of the columns.
-  const LineSpeckle& line = *front.speckle;
-  const int lag = line.max_lag();
   const int step = planes_.front().step;
-  const int columns = (last - first) / step;
-  const int distances = 2 * lag + 1;
-  std::vector<double> correlation(static_cast<size_t>(line.places()) * distances * 3);
-  for (int place = 0; place < line.places(); ++place) {
-    const SpecklePixelCovariance& pixel = line.At(place);
-    for (int dr = -lag; dr <= lag; ++dr) {
-      for (int phase = -1; phase <= 1; ++phase) {
-        double sum = 0;
-        for (int c = -columns + 1; c < columns; ++c) {
-          sum += (1 - std::abs(c) / static_cast<double>(columns)) * pixel.At(dr, c * step + phase);
-        }
-        correlation[(place * distances + dr + lag) * 3 + phase + 1] =
-            sum / (pixel.At(0, 0) * columns);
-      }
-    }
-  }
+  const MeanCorrelation correlation(*front.speckle, front.frame, (last - first) / step, step);
+  const int lag = correlation.max_lag();
+  for (RowLevels& each : all) each.place = correlation.PlaceOf(each.row);
   // Rows of all entries, sorted, so that only near ones meet.
   std::stable_sort(all.begin(), all.end(),
                    [](const RowLevels& a, const RowLevels& b) { return a.row < b.row; });
-  const auto table_of = [&](int row) {
-    const double v_m = (front.frame.roi.row_px + row) * front.frame.sensor.pixel_pitch_m;
-    return &correlation[static_cast<size_t>(line.PlaceOf(v_m)) * distances * 3];
-  };
   for (size_t i = 0; i < all.size(); ++i) {
-    const double* here = table_of(all[i].row);
     for (size_t j = i; j < all.size() && all[j].row - all[i].row <= lag; ++j) {
       const int phase = planes_[all[j].plane].first_column - planes_[all[i].plane].first_column;
-      const int at = (all[j].row - all[i].row + lag) * 3 + phase + 1;
+      const int distance = all[j].row - all[i].row;
       // Both rows' statistics, so that it stays a covariance.
-      const double factor = 0.5 * (here[at] + table_of(all[j].row)[at]);
+      const double factor = 0.5 * (correlation.At(all[i].place, distance, phase) +
+                                   correlation.At(all[j].place, distance, phase));
       double product = 0;
       for (size_t q = 0; q < levels; ++q) product += all[i].deviation[q] * all[j].deviation[q];
       const double value =
@@ -279,32 +334,8 @@ Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_i
     }
   }
   MakePositive(covariance);
-  // What the approximations leave: a part of the scatter that neighbours do not share, and of the
-  // signal.
-  const Eigen::VectorXd means = Expected(set, entry_index);
-  const double background = means.minCoeff();
-  // What is doubtful in the wings and in what is left at the edge: alike in all bins of a group,
-  // and in all blocks, whose entries do not know of each other.
-  Eigen::VectorXd wing(members.size), tail = Tails(means, members);
-  int first_entry = 0;
-  for (size_t m = 0; m < members.frames.size(); ++m) {
-    const auto size = static_cast<Eigen::Index>(members.bins[m].size());
-    const Eigen::ArrayXd signal = means.segment(first_entry, size).array() - background;
-    wing.segment(first_entry, size) = (kWingError * signal.min(kWing * signal.maxCoeff())).matrix();
-    tail.segment(first_entry, size) *=
-        members.in_focus[m] ? kTailInFocusError : kTailOutOfFocusError;
-    first_entry += static_cast<int>(size);
-  }
-  wing *= std::sqrt(static_cast<double>(blocks_));
-  tail *= std::sqrt(static_cast<double>(blocks_));
-  for (int i = 0; i < members.size; ++i) {
-    const double signal = means[i] - background;
-    covariance(i, i) *=
-        1 + (members.frames.size() > 1 ? kUnsharedBetweenRecordings : kUnsharedVariance);
-    covariance(i, i) += std::pow(kModelError * signal, 2) + noise_variance[i] +
-                        saturation_variance[i] + 0.25 * (wing[i] * wing[i] + tail[i] * tail[i]);
-  }
-  covariance += wing * wing.transpose() + tail * tail.transpose();
+  AddModelErrors(Expected(set, entry_index), members, blocks_, noise_variance, saturation_variance,
+                 covariance);
   return covariance;
 }
 
