@@ -76,12 +76,11 @@ std::shared_ptr<const LineSpeckle> OfCell(const LineSpeckle& speckle, int cell,
 bool SpreadsCharge(const Effect& effect) {
   const std::string_view id = effect.description().id;
   return id == "sensor.crosstalk" || id == "sensor.brighter_fatter" ||
-         id == "unknown.charge_spread" || id == "unknown.charge_flow";
+         id == "unknown.charge_spread";
 }
 
 bool SpreadsByCharge(const Effect& effect) {
-  const std::string_view id = effect.description().id;
-  return id == "sensor.brighter_fatter" || id == "unknown.charge_flow";
+  return effect.description().id == "sensor.brighter_fatter";
 }
 
 NeighboursOfLevel::NeighboursOfLevel(Image<double> laser, Image<double> steady,
