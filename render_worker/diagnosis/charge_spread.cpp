@@ -44,8 +44,11 @@ Image<double> ChargeShares(const Image<double>& electrons, int row, int column,
   Image<double> shares(kSize, kSize, 0.0);
   if (!(after > 0)) return {};
   double sum = 0;
+  // Each effect moves charge to the next pixel only.
+  const int reach = std::min(kReach, static_cast<int>(spreading.size()));
   for (int i = 0; i < kSize; ++i) {
     for (int j = 0; j < kSize; ++j) {
+      if (std::abs(i - kReach) + std::abs(j - kReach) > reach) continue;
       Image<double> changed = around;
       changed.At(i, j) *= 1 + kStep;
       shares.At(i, j) = (middle_after(std::move(changed)) - after) / (kStep * after);

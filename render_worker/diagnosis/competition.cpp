@@ -171,9 +171,8 @@ class Competing {
           best.gain = Gain(change);
         }
         if (strengths.empty()) {
-          const double length = linear_.Inner(change, change);
           best.parameter = static_cast<int>(k);
-          best.detectable = length > 1e-9 ? std::abs(step) * std::sqrt(10 / length) : 0;
+          best.detectable = Detectable(null, k, step, linear_.Inner(change, change));
         }
         const Eigen::VectorXd error = change - ChangeOf(probe, true);
         middle_only = middle_only && error.norm() < kMiddleError * change.norm();
@@ -223,6 +222,30 @@ class Competing {
       }
     }
     return best;
+  }
+
+  // Standardised strength of parameter `k` at which the expected gain is 5, from that at `step`,
+  // half of `length`: by the power law through the last two strengths looked at. Variances grow
+  // with the square of a strength, and what is far from linear may follow any law.
+  double Detectable(const ActiveEffect& null, size_t k, double step, double length) const {
+    constexpr double kDetectable = 10;
+    constexpr int kTrials = 4;
+    if (!(length > 1e-9)) return 0;
+    double z = step * std::sqrt(kDetectable / length);
+    for (int trial = 0; trial < kTrials && std::abs(std::log(length / kDetectable)) > 0.2;
+         ++trial) {
+      ActiveEffect probe = null;
+      probe.parameters[k] = ParameterFromStandardised(null.effect->description().parameters[k], z);
+      const Eigen::VectorXd change = ChangeOf(probe);
+      const double here = linear_.Inner(change, change);
+      if (!(here > 1e-9)) break;
+      const double power =
+          z != step ? std::clamp(std::log(here / length) / std::log(z / step), 0.5, 6.0) : 2;
+      step = z;
+      length = here;
+      z *= std::pow(kDetectable / here, 1 / power);
+    }
+    return std::abs(z);
   }
 
   // Besides that of `null`: all combinations of the values that descriptions say to start from; of

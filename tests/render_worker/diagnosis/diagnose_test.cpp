@@ -199,6 +199,32 @@ TEST(Compete, FindsNothingWhereNothingIsMissing) {
   EXPECT_TRUE(competition.ranked.front().effects.empty());
 }
 
+// A bug found: the limit was a straight line's from half a prior scale on, wrong by a factor of ten
+// and more for scatter (whose variance is what counts) and for what moves the line by pixels.
+TEST(Compete, WhatIsSaidToBeDetectableHasAnExpectedGainOfFive) {
+  const RecordedSet set = RenderSmallSet(SomeDeviations(), {}, 23);
+  const std::vector<std::string> ids = {"sensor.row_noise",           "sensor.dark_current",
+                                        "sensor.black_level_error",   "geometry.camera_roll",
+                                        "sensor.dsnu_column_pattern", "surface.curved_plate"};
+  const Competition competition = CompeteOn(set, ids);
+  const NullInformation information(set, {}, competition.null.parameters);
+  int checked = 0;
+  for (const ScreenedEffect& screened : competition.screened) {
+    const EffectDescription& description = screened.strongest.effect->description();
+    ASSERT_GT(screened.detectable, 0) << description.id;
+    std::vector<double> values;
+    for (const EffectParameter& p : description.parameters) values.push_back(p.null_value);
+    values[screened.parameter] =
+        ParameterFromStandardised(description.parameters[screened.parameter], screened.detectable);
+    const double gain = information.ExpectedGain({{screened.strongest.effect, values}});
+    // The screening's null model is not quite that of the end: to a factor of two.
+    EXPECT_GT(gain, 2.5) << description.id;
+    EXPECT_LT(gain, 10) << description.id;
+    ++checked;
+  }
+  EXPECT_EQ(checked, static_cast<int>(ids.size()));
+}
+
 // In no vocabulary: a part of the light in a ring of 12 px.
 class RingHalo final : public DescribedEffect {
  public:
