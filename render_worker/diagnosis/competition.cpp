@@ -629,8 +629,11 @@ class Competing {
 
   void AddRecordingScatter() {
     if (stopped_) return;
+    // An effect that makes recordings of one place agree leaves no strong scatter.
+    const bool perhaps_strong = candidates_.empty() || IsScatter(candidates_.front()) ||
+                                ScattersStrongly(model_, candidates_.front().fit);
     for (ScatterCandidate& scatter :
-         CompareRecordingScatter(model_, competition_.null, settings_.effects)) {
+         CompareRecordingScatter(model_, competition_.null, settings_.effects, perhaps_strong)) {
       Candidate candidate;
       candidate.effects = {{scatter.effect, scatter.parameters}};
       candidate.free = scatter.fit.free;

@@ -35,17 +35,6 @@ bool ComparesSpeckle(const SetModel& model, int e) {
   return name == "shared speckle" || name == "temporal noise";
 }
 
-// So much that the null model's parameters are led astray by it.
-bool ScattersStrongly(const SetModel& model, const FitResult& null) {
-  double chi_squared = 0, count = 0;
-  for (int e = 0; e < model.entries(); ++e) {
-    if (!ComparesSpeckle(model, e)) continue;
-    chi_squared += null.residual[e].squaredNorm();
-    count += static_cast<double>(null.residual[e].size());
-  }
-  return chi_squared > 10 * count;
-}
-
 // Known parameters of `null` at a realisation, from what does not compare speckle; linearised with
 // all entries. `start`: without the realisation.
 FitResult FitAtRealisation(const SetModel& model, const FitResult& null, SetParameters start,
@@ -745,19 +734,32 @@ constexpr std::array<std::string_view, 4> kKnown = {
 
 }  // namespace
 
+// So much that the null model's parameters may have been led astray by it.
+bool ScattersStrongly(const SetModel& model, const FitResult& fit) {
+  double chi_squared = 0, count = 0;
+  for (int e = 0; e < model.entries(); ++e) {
+    if (!ComparesSpeckle(model, e)) continue;
+    chi_squared += fit.residual[e].squaredNorm();
+    count += static_cast<double>(fit.residual[e].size());
+  }
+  return chi_squared > 10 * count;
+}
+
 bool IsRecordingScatter(const Effect& effect) {
   return std::find(kKnown.begin(), kKnown.end(), effect.description().id) != kKnown.end();
 }
 
 std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, const FitResult& null,
-                                                      std::span<const Effect* const> effects) {
+                                                      std::span<const Effect* const> effects,
+                                                      bool perhaps_strong) {
   std::vector<ScatterCandidate> candidates;
+  const bool strong = perhaps_strong && ScattersStrongly(model, null);
   const Realisation none(model.set().frames.size());
   RecordingScatter scatter(model, null, none, null);
   for (const Effect* effect : effects) {
     if (!IsRecordingScatter(*effect)) continue;
     const bool of_places = effect->description().id == "surface.albedo_texture";
-    if (!of_places && ScattersStrongly(model, null)) {
+    if (strong && !of_places) {
       candidates.push_back(EvaluateStrong(model, null, *effect));
       continue;
     }

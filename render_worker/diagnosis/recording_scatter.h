@@ -39,7 +39,14 @@ struct ScatterCandidate {
 // likelihood over that of the null is b' (1/K + A)^-1 b / 2 - log det(1 + K A) / 2 (Bishop, Pattern
 // Recognition and Machine Learning, 3.5.1). `null`: a fit of `model` to all its data, perhaps
 // with effects: what scatters besides them is looked for.
+// `perhaps_strong`: where recordings of one place differ by far more than `null` allows, power
+// noise, exposure jitter and vibration are found in turn with the known parameters, which takes
+// several fits.
 std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, const FitResult& null,
-                                                      std::span<const Effect* const> effects);
+                                                      std::span<const Effect* const> effects,
+                                                      bool perhaps_strong = true);
+
+// True if recordings of one place differ by far more than the fit allows.
+bool ScattersStrongly(const SetModel& model, const FitResult& fit);
 
 }  // namespace sightline
