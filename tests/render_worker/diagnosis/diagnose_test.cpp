@@ -451,12 +451,7 @@ TEST(Compete, FindsWhatBeginsFarFromItsNullValueAndWhatIsFarFromLinear) {
   for (const auto& [id, parameters] : cases) {
     const Effect* effect = FindEffect(id);
     const RecordedSet set = RenderSmallSet(SomeDeviations(), {{effect, parameters}}, 5);
-    const SetModel model(set, {});
-    CompetitionSettings settings;
-    const std::vector<const Effect*> effects = {effect};
-    settings.effects = effects;
-    const Competition competition =
-        Compete(model, FitNull(model), settings, [](double) { return true; });
+    const Competition competition = CompeteOn(set, {id});
     const Candidate& best = competition.ranked.front();
     ASSERT_FALSE(best.effects.empty()) << id;
     const double error =
@@ -471,12 +466,7 @@ TEST(Compete, FindsWhatBeginsFartherOffWithAnotherParameter) {
   const Effect* effect = FindEffect("optics.mechanical_vignetting");
   const std::vector<double> parameters = {3.4e-3, 0.05};  // the pupil's radius is 2.9 mm at most
   const RecordedSet set = RenderSmallSet(SomeDeviations(), {{effect, parameters}}, 5);
-  const SetModel model(set, {});
-  CompetitionSettings settings;
-  const std::vector<const Effect*> effects = {effect};
-  settings.effects = effects;
-  const Competition competition =
-      Compete(model, FitNull(model), settings, [](double) { return true; });
+  const Competition competition = CompeteOn(set, {"optics.mechanical_vignetting"});
   const Candidate& best = competition.ranked.front();
   ASSERT_FALSE(best.effects.empty());
   EXPECT_GT(best.log_evidence, 10);
