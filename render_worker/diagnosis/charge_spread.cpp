@@ -79,11 +79,12 @@ std::shared_ptr<const LineSpeckle> OfCell(const LineSpeckle& speckle, int cell,
 bool SpreadsCharge(const Effect& effect) {
   const std::string_view id = effect.description().id;
   return id == "sensor.crosstalk" || id == "sensor.brighter_fatter" ||
-         id == "unknown.charge_spread";
+         id == "unknown.charge_spread" || id == "unknown.charge_flow";
 }
 
 bool SpreadsByCharge(const Effect& effect) {
-  return effect.description().id == "sensor.brighter_fatter";
+  const std::string_view id = effect.description().id;
+  return id == "sensor.brighter_fatter" || id == "unknown.charge_flow";
 }
 
 NeighboursOfLevel::NeighboursOfLevel(Image<double> laser, Image<double> steady,

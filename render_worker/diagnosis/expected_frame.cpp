@@ -30,6 +30,10 @@ void AddScatter(const FrameSetup& nominal, std::span<const ActiveEffect> effects
     if (id == "sensor.dsnu_column_pattern") {
       expected.column_scatter_dn = gain * active.parameters[0];
     }
+    if (id == "unknown.line_noise") {
+      expected.row_scatter_dn = gain * std::sqrt(active.parameters[0]);
+      expected.column_scatter_dn = gain * std::sqrt(active.parameters[1]);
+    }
     if (id == "surface.albedo_texture" && block_columns_px > 0) {
       expected.drawn_variance_along_line = TextureVarianceAlong(
           nominal, active.parameters, LengthOnPlate(nominal, block_columns_px));
@@ -272,15 +276,16 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
 }  // namespace
 
 bool IsDrawn(const Effect& effect) {
-  static constexpr std::array<std::string_view, 9> kDrawn = {"illumination.power_noise",
-                                                             "time.exposure_jitter",
-                                                             "surface.albedo_texture",
-                                                             "optics.dust",
-                                                             "optics.cover_glass_etalon",
-                                                             "sensor.row_noise",
-                                                             "sensor.hot_pixels",
-                                                             "sensor.dsnu_column_pattern",
-                                                             "sensor.prnu"};
+  static constexpr std::array<std::string_view, 10> kDrawn = {"illumination.power_noise",
+                                                              "time.exposure_jitter",
+                                                              "surface.albedo_texture",
+                                                              "optics.dust",
+                                                              "optics.cover_glass_etalon",
+                                                              "sensor.row_noise",
+                                                              "sensor.hot_pixels",
+                                                              "sensor.dsnu_column_pattern",
+                                                              "sensor.prnu",
+                                                              "unknown.line_noise"};
   return std::find(kDrawn.begin(), kDrawn.end(), effect.description().id) != kDrawn.end();
 }
 

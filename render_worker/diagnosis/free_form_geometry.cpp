@@ -1,5 +1,6 @@
-// Free-form terms of the geometry: where the line lies, what scale its image has, where it is
-// sharp.
+// Free-form terms of the geometry: where camera, projector and line are, what scale its image has,
+// where it is sharp.
+#include <algorithm>
 #include <array>
 #include <cmath>
 
@@ -9,6 +10,29 @@ namespace sightline {
 namespace {
 
 constexpr double kImageHeight_m = 5e-3;
+
+// What is stated of the rig may be off by more than its uncertainty says.
+class SetupTerm final : public FreeFormEffect {
+ public:
+  SetupTerm()
+      : FreeFormEffect("geometry",
+                       {.id = "unknown.setup",
+                        .stage = Stage::kGeometry,
+                        .summary = "camera and projector farther from the plate by a and b, sheet "
+                                   "more inclined by c",
+                        .reference = "thesis eq. 1.1-1.5 (triangulation)",
+                        .parameters = {Coefficient("camera_distance_m", 0.1, 5e-3),
+                                       Coefficient("laser_distance_m", 0.1, 1e-2),
+                                       Coefficient("incidence_angle_rad", 0.35, 0.03)}}) {}
+
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    PlateGeometry& plate = frame.plate;
+    plate.camera_distance_m =
+        std::max(0.1 * plate.camera_distance_m, plate.camera_distance_m + p[0]);
+    plate.laser_distance_m = std::max(0.1 * plate.laser_distance_m, plate.laser_distance_m + p[1]);
+    plate.incidence_angle_rad += p[2];
+  }
+};
 
 class LinePlaceTerm final : public FreeFormEffect {
  public:
@@ -51,31 +75,22 @@ class ImageScaleTerm final : public FreeFormEffect {
             "geometry",
             {.id = "unknown.image_scale",
              .stage = Stage::kGeometry,
-             .summary = "place on the sensor times 1 + a + b r^2 + c r^4 + d u, in 5 mm",
-             .reference = "Brown, Photogrammetric Engineering 37 (1971) 855",
-             .parameters = {Coefficient("scale", 0.5, 0.02), Coefficient("square", 0.5, 0.02),
-                            Coefficient("fourth", 0.5, 0.02),
-                            Coefficient("keystone", 0.5, 0.02)}}) {}
+             .summary = "place on the sensor times 1 + a + b u + c v, in 5 mm",
+             .reference = "Hartley and Zisserman, Multiple View Geometry, 2nd ed., "
+                          "section 2.3 (projective transformations)",
+             .parameters = {Coefficient("scale", 0.5, 0.02), Coefficient("keystone_u", 0.5, 0.02),
+                            Coefficient("keystone_v", 0.5, 0.02)}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup&, Parameters p) const override {
     if (IsNull(p)) return;  // an empty mapping stays empty
-    const std::array<double, 4> c = {p[0], p[1], p[2], p[3]};
+    const std::array<double, 3> c = {p[0], p[1], p[2]};
     scene.image_mapping = [c, before = std::move(scene.image_mapping)](SensorPoint point) {
       if (before) point = before(point);
       const double u = point.u_m / kImageHeight_m, v = point.v_m / kImageHeight_m;
-      const double r2 = u * u + v * v;
       // The sensor point of a larger image looks nearer to the axis.
-      const double factor = 1 / (1 + c[0] + r2 * (c[1] + r2 * c[2]) + c[3] * u);
+      const double factor = 1 / (1 + c[0] + c[1] * u + c[2] * v);
       return SensorPoint{factor * point.u_m, factor * point.v_m};
     };
-  }
-
-  Axes CurveAxes() const override {
-    return {"image_height_m", "scale_factor_without_keystone", EvenlySpaced(0, 6e-3, 25)};
-  }
-  double CurveAt(double height_m, Parameters p) const override {
-    const double r2 = std::pow(height_m / kImageHeight_m, 2);
-    return 1 + p[0] + r2 * (p[1] + r2 * p[2]);
   }
 };
 
@@ -116,10 +131,11 @@ class FocusFieldTerm final : public FreeFormEffect {
 }  // namespace
 
 std::vector<const FreeFormEffect*> GeometryTerms() {
+  static const SetupTerm setup;
   static const LinePlaceTerm line_place;
   static const ImageScaleTerm image_scale;
   static const FocusFieldTerm focus_field;
-  return {&line_place, &image_scale, &focus_field};
+  return {&setup, &line_place, &image_scale, &focus_field};
 }
 
 }  // namespace sightline

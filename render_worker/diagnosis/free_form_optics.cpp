@@ -1,4 +1,5 @@
-// Free-form terms of the lens: halos, wavefront, amount of light against aperture and field.
+// Free-form terms of the lens: halos, wavefront, amount of light against aperture and field,
+// distortion.
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -161,12 +162,14 @@ class ApertureTerm final : public FreeFormEffect {
                        {.id = "unknown.aperture",
                         .stage = Stage::kOptics,
                         .summary = "transmission times (N/4)^a (d_c/0.35 m)^b (d_foc/0.35 m)^c; "
-                                   "diameter of the stop off by the same at every f-number",
+                                   "diameter of the stop off by the same at every f-number, and by "
+                                   "the same part",
                         .reference = "thesis eq. 4.11 (aperture integration)",
                         .parameters = {Coefficient("f_number_exponent", 2, 0.03),
                                        Coefficient("camera_distance_exponent", 4, 0.1),
                                        Coefficient("focus_distance_exponent", 4, 0.1),
-                                       Coefficient("diameter_offset_m", 3e-4, 1e-5)}}) {}
+                                       Coefficient("diameter_offset_m", 3e-4, 1e-5),
+                                       Coefficient("diameter_relative", 0.8, 0.05)}}) {}
 
   void OnFrame(FrameSetup& frame, Parameters p) const override {
     constexpr double kDistance_m = 0.35;
@@ -174,9 +177,10 @@ class ApertureTerm final : public FreeFormEffect {
     frame.lens.transmission *= std::pow(frame.lens.f_number / 4, p[0]) *
                                std::pow(frame.plate.camera_distance_m / kDistance_m, p[1]) *
                                std::pow(frame.lens.focus_distance_m.value() / kDistance_m, p[2]);
-    if (p[3] == 0) return;
+    if (p[3] == 0 && p[4] == 0) return;
     const double diameter = frame.PupilDiameter();
-    frame.lens.f_number = frame.lens.focal_length_m / std::max(0.2 * diameter, diameter + p[3]);
+    frame.lens.f_number =
+        frame.lens.focal_length_m / std::max(0.2 * diameter, diameter * (1 + p[4]) + p[3]);
   }
 
   Axes CurveAxes() const override {
@@ -195,12 +199,13 @@ class FieldTerm final : public FreeFormEffect {
             {.id = "unknown.field",
              .stage = Stage::kOptics,
              .summary = "light times a polynomial of the place on the sensor, in 5 mm: "
-                        "r^2, r^4, r^2 times 4/N, u, v",
+                        "r^2, r^4, r^2 times 4/N, u, v, r^8",
              .reference = "Ray, Applied Photographic Optics, 3rd ed., section 13.4 "
                           "(vignetting)",
              .parameters = {Coefficient("square", 5, 0.1), Coefficient("fourth", 5, 0.1),
                             Coefficient("square_with_aperture", 5, 0.05),
-                            Coefficient("slope_u", 2, 0.03), Coefficient("slope_v", 2, 0.03)}}) {}
+                            Coefficient("slope_u", 2, 0.03), Coefficient("slope_v", 2, 0.03),
+                            Coefficient("eighth", 5, 0.1)}}) {}
 
   void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup& frame,
                          Parameters p) const override {
@@ -212,8 +217,8 @@ class FieldTerm final : public FreeFormEffect {
       for (int j = 0; j < light.roi.columns_px; ++j) {
         const double u = step * (light.roi.column_px + j);
         const double r2 = u * u + v * v;
-        const auto factor =
-            static_cast<float>(std::max(0.0, 1 + r2 * (square + p[1] * r2) + p[3] * u + p[4] * v));
+        const auto factor = static_cast<float>(
+            std::max(0.0, 1 + r2 * (square + r2 * (p[1] + p[5] * r2 * r2)) + p[3] * u + p[4] * v));
         if (!light.laser_irradiance_w_m2.empty()) light.laser_irradiance_w_m2.At(i, j) *= factor;
         for (Image<float>& flux : light.incoherent_electron_flux_m2_s) {
           if (!flux.empty()) flux.At(i, j) *= factor;
@@ -227,7 +232,40 @@ class FieldTerm final : public FreeFormEffect {
   }
   double CurveAt(double height_m, Parameters p) const override {
     const double r2 = std::pow(height_m / kImageHeight_m, 2);
-    return 1 + r2 * (p[0] + p[2] + p[1] * r2);
+    return 1 + r2 * (p[0] + p[2] + r2 * (p[1] + p[5] * r2 * r2));
+  }
+};
+
+class DistortionTerm final : public FreeFormEffect {
+ public:
+  DistortionTerm()
+      : FreeFormEffect(
+            "geometry",
+            {.id = "unknown.distortion",
+             .stage = Stage::kOptics,
+             .summary = "place on the sensor times 1 + a r^2 + b r^4, in 5 mm",
+             .reference = "Brown, Photogrammetric Engineering 37 (1971) 855",
+             .parameters = {Coefficient("square", 0.5, 0.01), Coefficient("fourth", 0.5, 0.01)}}) {}
+
+  void OnPlate(PlateScene& scene, const FrameSetup&, Parameters p) const override {
+    if (IsNull(p)) return;  // an empty mapping stays empty
+    const std::array<double, 2> c = {p[0], p[1]};
+    scene.image_mapping = [c, before = std::move(scene.image_mapping)](SensorPoint point) {
+      if (before) point = before(point);
+      const double r2 =
+          (point.u_m * point.u_m + point.v_m * point.v_m) / (kImageHeight_m * kImageHeight_m);
+      // The sensor point of a larger image looks nearer to the axis.
+      const double factor = 1 / (1 + r2 * (c[0] + r2 * c[1]));
+      return SensorPoint{factor * point.u_m, factor * point.v_m};
+    };
+  }
+
+  Axes CurveAxes() const override {
+    return {"image_height_m", "scale_factor", EvenlySpaced(0, 6e-3, 25)};
+  }
+  double CurveAt(double height_m, Parameters p) const override {
+    const double r2 = std::pow(height_m / kImageHeight_m, 2);
+    return 1 + r2 * (p[0] + p[1] * r2);
   }
 };
 
@@ -270,8 +308,9 @@ std::vector<const FreeFormEffect*> OpticsTerms() {
   static const WavefrontTerm wavefront;
   static const ApertureTerm aperture;
   static const FieldTerm field;
+  static const DistortionTerm distortion;
   static const SpeckleAveragingTerm speckle_averaging;
-  return {&halo, &one_sided_halo, &wavefront, &aperture, &field, &speckle_averaging};
+  return {&halo, &one_sided_halo, &wavefront, &aperture, &field, &distortion, &speckle_averaging};
 }
 
 }  // namespace sightline

@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "render_worker/diagnosis/free_form_effect.h"
+#include "render_worker/effects/vocabulary.h"
 
 namespace sightline {
 namespace {
@@ -176,43 +177,88 @@ class NoiseTerm final : public FreeFormEffect {
   }
 };
 
-// Charge that flows between neighbouring pixels of the region; the sum stays.
+// Rows that jump from frame to frame, columns that differ for good.
+class LineNoiseTerm final : public FreeFormEffect {
+ public:
+  LineNoiseTerm()
+      : FreeFormEffect("noise",
+                       {.id = "unknown.line_noise",
+                        .stage = Stage::kSensor,
+                        .summary = "offsets of rows, drawn anew for every frame, and of columns, "
+                                   "drawn once, normally distributed",
+                        .reference = "EMVA 1288 R4.0 Linear, section 4 (row and column variation)",
+                        .parameters = {{"row_variance_electrons2", 0, 0, 1e6, 4},
+                                       {"column_variance_electrons2", 0, 0, 1e6, 4}}}) {}
+
+  void OnElectrons(Image<double>& electrons, const FrameSetup& frame, Parameters p) const override {
+    RowNoise().OnElectrons(electrons, frame, std::array{std::sqrt(p[0])});
+    DsnuColumnPattern().OnElectrons(electrons, frame, std::array{std::sqrt(p[1])});
+  }
+};
+
+// Charge that flows between neighbouring pixels of the region; the sum stays. `between_rows` and
+// `between_columns` tell what flows from one pixel to the other.
+template <typename Flow>
+void MoveBetweenNeighbours(Image<double>& electrons, const Flow& between_rows,
+                           const Flow& between_columns) {
+  const Image<double> before = electrons;
+  const auto move = [&](int row, int column, int to_row, int to_column, const Flow& flow) {
+    if (to_row == before.rows_px || to_column == before.columns_px) return;
+    const double moved = flow(before.At(row, column), before.At(to_row, to_column));
+    electrons.At(row, column) -= moved;
+    electrons.At(to_row, to_column) += moved;
+  };
+  for (int i = 0; i < before.rows_px; ++i) {
+    for (int j = 0; j < before.columns_px; ++j) {
+      move(i, j, i + 1, j, between_rows);
+      move(i, j, i, j + 1, between_columns);
+    }
+  }
+}
+
 class ChargeSpreadTerm final : public FreeFormEffect {
  public:
   ChargeSpreadTerm()
-      : FreeFormEffect(
-            "point_spread",
-            {.id = "unknown.charge_spread",
-             .stage = Stage::kSensor,
-             .summary = "part of the difference of neighbours flows: across rows, across "
-                        "columns, across rows in proportion to their charge",
-             .reference = "EMVA 1288 R4.0 Linear, section 2.1; Antilogus et al., JINST 9 "
-                          "(2014) C03048",
-             .parameters = {Coefficient("between_rows", 0.2, 0.01),
-                            Coefficient("between_columns", 0.2, 0.01),
-                            Coefficient("between_rows_at_full_scale", 0.2, 0.02)}}) {}
+      : FreeFormEffect("point_spread",
+                       {.id = "unknown.charge_spread",
+                        .stage = Stage::kSensor,
+                        .summary = "part of the difference of neighbours flows: across rows, "
+                                   "across columns",
+                        .reference = "EMVA 1288 R4.0 Linear, section 2.1 (pixels independent)",
+                        .parameters = {Coefficient("between_rows", 0.2, 0.01),
+                                       Coefficient("between_columns", 0.2, 0.01)}}) {}
 
-  void OnMeanElectrons(Image<double>& electrons, const Image<double>*, const FrameSetup& frame,
+  void OnMeanElectrons(Image<double>& electrons, const Image<double>*, const FrameSetup&,
                        Parameters p) const override {
     if (IsNull(p)) return;
-    const double per_electron = p[2] / (2 * FullScale(frame));
-    const Image<double> before = electrons;
-    for (int i = 0; i < before.rows_px; ++i) {
-      for (int j = 0; j < before.columns_px; ++j) {
-        const double here = before.At(i, j);
-        if (i + 1 < before.rows_px) {
-          const double below = before.At(i + 1, j);
-          const double flow = (p[0] + per_electron * (here + below)) * (here - below);
-          electrons.At(i, j) -= flow;
-          electrons.At(i + 1, j) += flow;
-        }
-        if (j + 1 < before.columns_px) {
-          const double flow = p[1] * (here - before.At(i, j + 1));
-          electrons.At(i, j) -= flow;
-          electrons.At(i, j + 1) += flow;
-        }
-      }
-    }
+    const auto part_of_difference = [](double part) {
+      return [part](double from, double to) { return part * (from - to); };
+    };
+    MoveBetweenNeighbours(electrons, part_of_difference(p[0]), part_of_difference(p[1]));
+  }
+};
+
+class ChargeFlowTerm final : public FreeFormEffect {
+ public:
+  ChargeFlowTerm()
+      : FreeFormEffect(
+            "point_spread",
+            {.id = "unknown.charge_flow",
+             .stage = Stage::kSensor,
+             .summary = "part of the difference of neighbours flows, in proportion to their mean "
+                        "over full scale: across rows, across columns",
+             .reference = "Antilogus et al., JINST 9 (2014) C03048",
+             .parameters = {Coefficient("between_rows_at_full_scale", 0.2, 0.01),
+                            Coefficient("between_columns_at_full_scale", 0.2, 0.01)}}) {}
+
+  void OnElectrons(Image<double>& electrons, const FrameSetup& frame, Parameters p) const override {
+    if (IsNull(p)) return;
+    const auto part_of_squares = [&](double part) {
+      return [per_electron = part / (2 * FullScale(frame))](double from, double to) {
+        return per_electron * (from + to) * (from - to);
+      };
+    };
+    MoveBetweenNeighbours(electrons, part_of_squares(p[0]), part_of_squares(p[1]));
   }
 };
 
@@ -286,10 +332,13 @@ std::vector<const FreeFormEffect*> SensorTerms() {
   static const ResponseLawTerm response_law;
   static const DarkSignalTerm dark_signal;
   static const NoiseTerm noise;
+  static const LineNoiseTerm line_noise;
   static const ChargeSpreadTerm charge_spread;
+  static const ChargeFlowTerm charge_flow;
   static const ColumnTrailTerm column_trail;
   static const MemoryTerm memory;
-  return {&charge_spread, &column_trail, &memory, &dark_signal, &noise, &response_law, &response};
+  return {&charge_spread, &charge_flow, &column_trail, &memory,  &dark_signal,
+          &noise,         &line_noise,  &response_law, &response};
 }
 
 }  // namespace sightline

@@ -73,21 +73,23 @@ class ReflectanceTerm final : public FreeFormEffect {
             "multiplicative_light",
             {.id = "unknown.reflectance",
              .stage = Stage::kSurface,
-             .summary = "f_r times 1 + a t + b t^2 + c q^2 + d q t: t, q tangents along "
+             .summary = "f_r times 1 + a t + b t^2 + c q^2 + d q t + e: t, q tangents along "
                         "the line of the directions to camera and laser",
              .reference = "thesis eq. 4.7 (BRDF)",
-             .parameters = {
-                 Coefficient("view_slope", 10, 0.2), Coefficient("view_curvature", 30, 0.5),
-                 Coefficient("laser_curvature", 30, 0.5), Coefficient("view_laser", 30, 0.5)}}) {}
+             .parameters = {Coefficient("view_slope", 10, 0.2),
+                            Coefficient("view_curvature", 30, 0.5),
+                            Coefficient("laser_curvature", 30, 0.5),
+                            Coefficient("view_laser", 30, 0.5), Coefficient("level", 10, 0.2)}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     if (IsNull(p)) return;  // the plate stays constant along X
     const double camera = frame.plate.camera_distance_m, laser = frame.plate.laser_distance_m;
     const std::array<double, 4> c = {p[0], p[1], p[2], p[3]};
-    scene.constant_along_line = false;
-    scene.brdf_per_sr = [=, before = std::move(scene.brdf_per_sr)](double x_m, double s_m) {
+    if (!IsNull(p.first(4))) scene.constant_along_line = false;
+    scene.brdf_per_sr = [=, level = 1 + p[4], before = std::move(scene.brdf_per_sr)](double x_m,
+                                                                                     double s_m) {
       const double t = x_m / camera, q = x_m / laser;
-      const double factor = 1 + c[0] * t + c[1] * t * t + c[2] * q * q + c[3] * q * t;
+      const double factor = level + c[0] * t + c[1] * t * t + c[2] * q * q + c[3] * q * t;
       return std::max(0.0, factor) * before(x_m, s_m);
     };
   }
@@ -95,7 +97,7 @@ class ReflectanceTerm final : public FreeFormEffect {
   Axes CurveAxes() const override {
     return {"view_tangent", "reflectance_factor_on_line_of_sight", EvenlySpaced(-0.35, 0.35, 29)};
   }
-  double CurveAt(double t, Parameters p) const override { return 1 + t * (p[0] + p[1] * t); }
+  double CurveAt(double t, Parameters p) const override { return 1 + p[4] + t * (p[0] + p[1] * t); }
 };
 
 }  // namespace
