@@ -3,23 +3,24 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
-#include <numbers>
 #include <optional>
 #include <string_view>
 #include <utility>
 
+#include "render_worker/diagnosis/free_form.h"
 #include "render_worker/diagnosis/linear_fit.h"
 #include "render_worker/diagnosis/recording_scatter.h"
+#include "render_worker/diagnosis/term_selection.h"
 
 namespace sightline {
 
 namespace {
 
 // Prior odds. Three in ten sets are believed to be as described, since who asks has mostly seen
-// something; one in twenty of the others to follow a law that is not in the vocabulary; one in ten
-// to have one more effect.
+// something; one in ten of the others to follow a law that is not in the vocabulary; one in ten to
+// have one more effect.
 constexpr double kNone = 0.3;
-constexpr double kUnknown = 0.05;
+constexpr double kUnknown = 0.1;
 // Of those, half to follow one that is near a known one.
 constexpr double kNearKnown = 0.5;
 constexpr double kStages = 6;  // that share the free-form terms
@@ -41,6 +42,9 @@ constexpr size_t kScatterBases = 2;    // effects besides which scatter is looke
 constexpr double kLinearLength = 25;   // of a change, squared and whitened: it is linear so far
 constexpr double kMiddleError = 0.02;  // of a change taken to be alike along the line
 constexpr double kMostAmplitude = 3;   // of an added effect, over that at which it was looked at
+// Terms that are to be fitted with fewer coefficients: as many, and not farther behind the best.
+constexpr int kSelected = 4;
+constexpr double kSelectedBehind = 15;  // [nats]
 
 std::vector<double> NullValues(const Effect& effect) {
   std::vector<double> values;
@@ -48,22 +52,31 @@ std::vector<double> NullValues(const Effect& effect) {
   return values;
 }
 
-// Logarithm of a Cauchy prior of the standardised strengths: half of all rigs within one scale.
+bool IsTerm(const ActiveEffect& active) {
+  return FindFreeFormTerm(active.effect->description().id) != nullptr;
+}
+
+// Of the strengths, and of which coefficients a free-form term needs.
 double LogPrior(const Candidate& candidate) {
   double sum = 0;
-  for (const ActiveEffect& active : candidate.effects) {
+  for (size_t e = 0; e < candidate.effects.size(); ++e) {
+    const ActiveEffect& active = candidate.effects[e];
     for (const EffectParameter& parameter : active.effect->description().parameters) {
       const std::vector<double> tried = WholeNumbers(parameter);
       if (!tried.empty()) sum -= std::log(static_cast<double>(tried.size()));
     }
+    if (!IsTerm(active)) continue;
+    const auto fitted =
+        std::count_if(candidate.free.begin(), candidate.free.end(),
+                      [&](const auto& free) { return free.effect == static_cast<int>(e); });
+    sum += LogSelectionPrior(static_cast<int>(fitted),
+                             static_cast<int>(active.effect->description().parameters.size()));
   }
   for (const FreeEffectParameter& free : candidate.free) {
     const ActiveEffect& active = candidate.effects[free.effect];
     const EffectParameter& parameter = active.effect->description().parameters[free.parameter];
-    const double z = StandardisedParameter(parameter, active.parameters[free.parameter]);
-    const bool one_sided = parameter.lower == parameter.null_value;
-    sum += std::log((one_sided ? 2 : 1) / (std::numbers::pi * (1 + z * z))) +
-           0.5 * std::log(2 * std::numbers::pi);
+    sum += LogParameterPrior(parameter,
+                             StandardisedParameter(parameter, active.parameters[free.parameter]));
   }
   return sum;
 }
@@ -98,6 +111,7 @@ class Competing {
     }
     AddScatterToBest();
     AddTermsToBest();
+    SelectTerms();
     Rank();
     return std::move(competition_);
   }
@@ -620,6 +634,61 @@ class Competing {
       candidates_.push_back(std::move(candidate));
     }
     SortByEvidence();
+  }
+
+  // Terms hold coefficients for whatever may come; physics that is simple needs few of them.
+  void SelectTerms() {
+    if (stopped_ || candidates_.empty()) return;
+    const double best = candidates_.front().log_evidence;
+    int selected = 0;
+    for (Candidate& candidate : candidates_) {
+      if (!IsFreeForm(candidate) || IsScatter(candidate)) continue;
+      std::optional<Candidate> simpler = WithFewerCoefficients(candidate, best - kSelectedBehind);
+      if (!simpler) continue;
+      if (simpler->log_evidence > candidate.log_evidence) candidate = *std::move(simpler);
+      if (++selected == kSelected) break;
+    }
+    SortByEvidence();
+  }
+
+  // Fitted with those coefficients of its term that the recordings ask for; nothing: that is all,
+  // or the evidence is not expected to reach `least`.
+  std::optional<Candidate> WithFewerCoefficients(const Candidate& candidate, double least) const {
+    const auto first =
+        candidate.fit.standardised.size() - static_cast<Eigen::Index>(candidate.free.size());
+    std::vector<int> coefficients;
+    std::vector<size_t> places;  // in `free`
+    std::vector<EffectParameter> parameters;
+    for (size_t f = 0; f < candidate.free.size(); ++f) {
+      const ActiveEffect& active = candidate.effects[candidate.free[f].effect];
+      if (!IsTerm(active)) continue;
+      coefficients.push_back(static_cast<int>(first) + static_cast<int>(f));
+      places.push_back(f);
+      parameters.push_back(active.effect->description().parameters[candidate.free[f].parameter]);
+    }
+    const TermSelection selection = SelectCoefficients(
+        candidate.fit.standardised, candidate.fit.covariance, coefficients, parameters);
+    if (selection.log_evidence_gain <= 0 ||
+        candidate.log_evidence + selection.log_evidence_gain < least) {
+      return std::nullopt;
+    }
+    Candidate simpler = candidate;
+    for (size_t f = 0; f < candidate.free.size(); ++f) {
+      const auto [effect, parameter] = candidate.free[f];
+      const EffectParameter& described =
+          candidate.effects[effect].effect->description().parameters[parameter];
+      simpler.effects[effect].parameters[parameter] = ParameterFromStandardised(
+          described, selection.standardised[first + static_cast<Eigen::Index>(f)]);
+    }
+    for (size_t k = places.size(); k-- > 0;) {
+      if (!selection.needed[k]) {
+        simpler.free.erase(simpler.free.begin() + static_cast<std::ptrdiff_t>(places[k]));
+      }
+    }
+    simpler.fit.parameters =
+        AtStandardised(model_, candidate.fit.parameters, selection.standardised);
+    Fit(simpler, candidate.fit, false, 4);
+    return simpler;
   }
 
   // What is drawn anew for every recording changes no expectation: it competes on its own terms.

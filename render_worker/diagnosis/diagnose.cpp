@@ -358,14 +358,20 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   }
   if (IsFreeForm(best)) {
     const ActiveEffect& term = best.effects.back();
-    const auto free = static_cast<Eigen::Index>(term.parameters.size());
-    // In the coefficients' units: free forms are linear.
-    Eigen::VectorXd scale(free);
-    for (Eigen::Index k = 0; k < free; ++k) {
-      scale[k] = term.effect->description().parameters[k].prior_scale;
+    // In the coefficients' units: free forms are linear. Those that are not needed are known.
+    const int first_free = static_cast<int>(best.fit.standardised.size() - best.free.size());
+    Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(static_cast<int>(term.parameters.size()),
+                                                   static_cast<int>(best.free.size()));
+    for (size_t f = 0; f < best.free.size(); ++f) {
+      if (best.effects[best.free[f].effect].effect != term.effect) continue;
+      const int parameter = best.free[f].parameter;
+      slopes(parameter, static_cast<int>(f)) =
+          term.effect->description().parameters[parameter].prior_scale;
     }
+    const int count = static_cast<int>(best.free.size());
     const Eigen::MatrixXd covariance =
-        scale.asDiagonal() * best.fit.covariance.bottomRightCorner(free, free) * scale.asDiagonal();
+        slopes * best.fit.covariance.block(first_free, first_free, count, count) *
+        slopes.transpose();
     *diagnosis.mutable_free_form() = DescribeFreeForm(*term.effect, term.parameters, covariance);
     if (diagnosis.laws_size() > 0) diagnosis.mutable_free_form()->set_law(diagnosis.laws(0).law());
     diagnosis.add_warnings(

@@ -276,7 +276,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
 }  // namespace
 
 bool IsDrawn(const Effect& effect) {
-  static constexpr std::array<std::string_view, 10> kDrawn = {"illumination.power_noise",
+  static constexpr std::array<std::string_view, 11> kDrawn = {"illumination.power_noise",
                                                               "time.exposure_jitter",
                                                               "surface.albedo_texture",
                                                               "optics.dust",
@@ -285,7 +285,8 @@ bool IsDrawn(const Effect& effect) {
                                                               "sensor.hot_pixels",
                                                               "sensor.dsnu_column_pattern",
                                                               "sensor.prnu",
-                                                              "unknown.line_noise"};
+                                                              "unknown.line_noise",
+                                                              "unknown.pixel_tail"};
   return std::find(kDrawn.begin(), kDrawn.end(), effect.description().id) != kDrawn.end();
 }
 

@@ -14,7 +14,7 @@ const std::vector<const FreeFormEffect*>& Terms() {
     std::vector<const FreeFormEffect*> all;
     for (const std::vector<const FreeFormEffect*>& of_stage :
          {IlluminationTerms(), SurfaceTerms(), OpticsTerms(), GeometryTerms(), SensorTerms(),
-          TimeTerms()}) {
+          ReadoutTerms(), TimeTerms()}) {
       all.insert(all.end(), of_stage.begin(), of_stage.end());
     }
     return all;

@@ -82,6 +82,7 @@ std::vector<const FreeFormEffect*> SurfaceTerms();
 std::vector<const FreeFormEffect*> OpticsTerms();
 std::vector<const FreeFormEffect*> GeometryTerms();
 std::vector<const FreeFormEffect*> SensorTerms();
+std::vector<const FreeFormEffect*> ReadoutTerms();
 std::vector<const FreeFormEffect*> TimeTerms();
 
 }  // namespace sightline

@@ -1,10 +1,9 @@
-// Free-form terms of the sensor: response, dark signal, noise, charge that goes astray in space and
-// time.
+// Free-form terms of the sensor: response, colours, dark signal, charge that goes astray in space
+// and time. Noise and codes: free_form_readout.cpp.
 #include <array>
 #include <cmath>
 
 #include "render_worker/diagnosis/free_form_effect.h"
-#include "render_worker/effects/vocabulary.h"
 
 namespace sightline {
 namespace {
@@ -140,59 +139,25 @@ class DarkSignalTerm final : public FreeFormEffect {
   double CurveAt(double t, Parameters p) const override { return p[0] + t * (p[1] + t * p[2]); }
 };
 
-class NoiseTerm final : public FreeFormEffect {
+class ColourTerm final : public FreeFormEffect {
  public:
-  NoiseTerm()
-      : FreeFormEffect("noise",
-                       {.id = "unknown.noise",
+  ColourTerm()
+      : FreeFormEffect("response",
+                       {.id = "unknown.colour",
                         .stage = Stage::kSensor,
-                        .summary = "variance of the readout's noise times 1 + a, plus b t; of shot "
-                                   "noise times 1 + c; more fixed pattern of gain and offset",
-                        .reference = "EMVA 1288 R4.0 Linear, sections 2.2 and 4",
-                        .parameters = {Coefficient("read_variance_relative", 100, 0.3),
-                                       Coefficient("variance_electrons2_per_s", 1e6, 30),
-                                       Coefficient("shot_variance_relative", 0.9, 0.05),
-                                       {"gain_pattern_variance", 0, 0, 0.25, 1e-4},
-                                       {"offset_pattern_variance_electrons2", 0, 0, 1e5, 4}}}) {}
+                        .summary = "signal of red, green and blue pixels times 1 + a, b, c",
+                        .reference = "EMVA 1288 R4.0 Linear, section 2.1 (quantum efficiency)",
+                        .parameters = {Coefficient("red_relative", 0.9, 0.1),
+                                       Coefficient("green_relative", 0.9, 0.1),
+                                       Coefficient("blue_relative", 0.9, 0.1)}}) {}
 
-  // More shot noise at the same mean: fewer electrons, each worth more.
   void OnFrame(FrameSetup& frame, Parameters p) const override {
-    if (IsNull(p)) return;  // a square root of a square would round
-    Sensor& sensor = frame.sensor;
-    const double variance = sensor.dark_noise_electrons * sensor.dark_noise_electrons * (1 + p[0]) +
-                            p[1] * frame.exposure_time_s;
-    sensor.dark_noise_electrons = std::sqrt(std::max(0.0, variance));
-    sensor.prnu_relative = std::hypot(sensor.prnu_relative, std::sqrt(p[3]));
-    sensor.dsnu_electrons = std::hypot(sensor.dsnu_electrons, std::sqrt(p[4]));
-    const double worth = 1 + p[2];
-    sensor.gain_dn_per_electron *= worth;
-    for (double* electrons : {&sensor.saturation_capacity_electrons, &sensor.dark_mean_electrons,
-                              &sensor.dark_noise_electrons, &sensor.dark_current_electrons_per_s,
-                              &sensor.dsnu_electrons}) {
-      *electrons /= worth;
+    if (frame.sensor.colour_filter == ColourFilter::kMono) return;
+    for (int channel = 0; channel < frame.sensor.channels(); ++channel) {
+      for (double& efficiency : frame.sensor.quantum_efficiency[channel].quantum_efficiency) {
+        efficiency *= 1 + p[channel];
+      }
     }
-    for (QuantumEfficiencyCurve& curve : sensor.quantum_efficiency) {
-      for (double& efficiency : curve.quantum_efficiency) efficiency /= worth;
-    }
-  }
-};
-
-// Rows that jump from frame to frame, columns that differ for good.
-class LineNoiseTerm final : public FreeFormEffect {
- public:
-  LineNoiseTerm()
-      : FreeFormEffect("noise",
-                       {.id = "unknown.line_noise",
-                        .stage = Stage::kSensor,
-                        .summary = "offsets of rows, drawn anew for every frame, and of columns, "
-                                   "drawn once, normally distributed",
-                        .reference = "EMVA 1288 R4.0 Linear, section 4 (row and column variation)",
-                        .parameters = {{"row_variance_electrons2", 0, 0, 1e6, 4},
-                                       {"column_variance_electrons2", 0, 0, 1e6, 4}}}) {}
-
-  void OnElectrons(Image<double>& electrons, const FrameSetup& frame, Parameters p) const override {
-    RowNoise().OnElectrons(electrons, frame, std::array{std::sqrt(p[0])});
-    DsnuColumnPattern().OnElectrons(electrons, frame, std::array{std::sqrt(p[1])});
   }
 };
 
@@ -330,15 +295,14 @@ class MemoryTerm final : public FreeFormEffect {
 std::vector<const FreeFormEffect*> SensorTerms() {
   static const ResponseTerm response;
   static const ResponseLawTerm response_law;
+  static const ColourTerm colour;
   static const DarkSignalTerm dark_signal;
-  static const NoiseTerm noise;
-  static const LineNoiseTerm line_noise;
   static const ChargeSpreadTerm charge_spread;
   static const ChargeFlowTerm charge_flow;
   static const ColumnTrailTerm column_trail;
   static const MemoryTerm memory;
-  return {&charge_spread, &charge_flow, &column_trail, &memory,  &dark_signal,
-          &noise,         &line_noise,  &response_law, &response};
+  return {&charge_spread, &charge_flow, &column_trail, &memory,
+          &colour,        &dark_signal, &response_law, &response};
 }
 
 }  // namespace sightline

@@ -69,12 +69,43 @@ class DarkCourseTerm final : public FreeFormEffect {
   }
 };
 
+// The line stays where it is.
+class MotionTerm final : public FreeFormEffect {
+ public:
+  MotionTerm()
+      : FreeFormEffect("time_course",
+                       {.id = "unknown.motion",
+                        .stage = Stage::kTime,
+                        .summary = "scatterers have moved along the line by a t + b t^2/1000 s "
+                                   "since the start",
+                        .reference = "Goodman, Speckle Phenomena in Optics, 2nd ed., section 5.3 "
+                                     "(moving diffuser)",
+                        .parameters = {Coefficient("speed_m_s", 0.1, 1e-5),
+                                       Coefficient("growth_m_s", 0.1, 1e-5)}}) {}
+
+  void OnSpeckle(SpeckleModel& speckle, const FrameSetup& frame, Parameters p) const override {
+    if (IsNull(p)) return;
+    const double image_scale = frame.ImageDistance() / frame.plate.camera_distance_m;
+    for (SpeckleModel::Shift& shift : speckle.shifts) {
+      shift.u_m += image_scale * CurveAt(frame.timestamp_s, p);
+    }
+  }
+
+  Axes CurveAxes() const override {
+    return {"timestamp_s", "way_along_line_m", EvenlySpaced(0, 2000, 81)};
+  }
+  double CurveAt(double timestamp_s, Parameters p) const override {
+    return timestamp_s * (p[0] + p[1] * timestamp_s / 1000);
+  }
+};
+
 }  // namespace
 
 std::vector<const FreeFormEffect*> TimeTerms() {
   static const ExposureTerm exposure;
   static const DarkCourseTerm dark_course;
-  return {&exposure, &dark_course};
+  static const MotionTerm motion;
+  return {&exposure, &dark_course, &motion};
 }
 
 }  // namespace sightline

@@ -1,0 +1,66 @@
+#include "render_worker/diagnosis/term_selection.h"
+
+#include <Eigen/Cholesky>
+#include <cassert>
+#include <cmath>
+#include <numbers>
+
+namespace sightline {
+
+double LogParameterPrior(const EffectParameter& parameter, double standardised) {
+  const bool one_sided = parameter.lower == parameter.null_value;
+  return std::log((one_sided ? 2 : 1) / (std::numbers::pi * (1 + standardised * standardised))) +
+         0.5 * std::log(2 * std::numbers::pi);
+}
+
+double LogSelectionPrior(int needed, int all) {
+  assert(1 <= needed && needed <= all);
+  return -std::log(all) - std::lgamma(all + 1.0) + std::lgamma(needed + 1.0) +
+         std::lgamma(all - needed + 1.0);
+}
+
+TermSelection SelectCoefficients(const Eigen::VectorXd& standardised,
+                                 const Eigen::MatrixXd& covariance,
+                                 std::span<const int> coefficients,
+                                 std::span<const EffectParameter> parameters) {
+  assert(coefficients.size() == parameters.size() && coefficients.size() <= 16);
+  const int n = static_cast<int>(coefficients.size());
+  const auto log_priors = [&](const Eigen::VectorXd& values, unsigned dropped) {
+    double sum = 0;
+    for (int k = 0; k < n; ++k) {
+      if ((dropped >> k & 1U) == 0)
+        sum += LogParameterPrior(parameters[k], values[coefficients[k]]);
+    }
+    return sum;
+  };
+  const auto square = [&](const Eigen::VectorXd& values) {
+    double sum = 0;
+    for (const int i : coefficients) sum += values[i] * values[i];
+    return sum;
+  };
+  TermSelection best{std::vector<bool>(n, true), standardised, 0};
+  const double log_priors_of_all = log_priors(standardised, 0) + LogSelectionPrior(n, n);
+  for (unsigned dropped = 1; dropped + 1 < 1U << n; ++dropped) {
+    std::vector<int> at;
+    for (int k = 0; k < n; ++k) {
+      if ((dropped >> k & 1U) != 0) at.push_back(coefficients[k]);
+    }
+    const Eigen::LLT<Eigen::MatrixXd> theirs(covariance(at, at));
+    const Eigen::VectorXd weighed = theirs.solve(standardised(at));
+    Eigen::VectorXd moved = standardised - covariance(Eigen::all, at) * weighed;
+    moved(at).setZero();
+    // The normal priors of the coefficients serve the fit only.
+    const double chi_squared =
+        standardised(at).dot(weighed) - (square(moved) - square(standardised));
+    const double log_determinant = 2 * theirs.matrixLLT().diagonal().array().log().sum();
+    const double gain = -0.5 * (chi_squared + log_determinant) + log_priors(moved, dropped) +
+                        LogSelectionPrior(n - static_cast<int>(at.size()), n) - log_priors_of_all;
+    if (!(gain > best.log_evidence_gain)) continue;
+    for (int k = 0; k < n; ++k) best.needed[k] = (dropped >> k & 1U) == 0;
+    best.standardised = std::move(moved);
+    best.log_evidence_gain = gain;
+  }
+  return best;
+}
+
+}  // namespace sightline
