@@ -269,6 +269,28 @@ TEST(Compete, WhatIsNearAKnownLawButNotItIsUnknown) {
   EXPECT_EQ(known.effects[0].effect, glare);
 }
 
+// With all its coefficients the term for dark signals could as well bend and slope.
+TEST(Compete, DarkSignalThatGrowsWithTimeTakesOneCoefficient) {
+  const Effect* dark_signal = FindFreeFormTerm("unknown.dark_signal");
+  const std::vector<const Effect*> effects = {FindEffect("optics.veiling_glare"),
+                                              FindEffect("illumination.ambient_light")};
+  const std::vector<const Effect*> terms = {FindFreeFormTerm("unknown.dark_course"), dark_signal};
+  CompetitionSettings settings;
+  settings.effects = effects;
+  settings.free_forms = terms;
+  const RecordedSet set =
+      RenderSmallSet(SomeDeviations(), {{FindEffect("sensor.dark_current"), {25}}}, 29);
+  const SetModel model(set, {});
+  const Candidate best =
+      Compete(model, FitNull(model), settings, [](double) { return true; }).ranked.front();
+  ASSERT_EQ(best.effects.size(), 1);
+  EXPECT_EQ(best.effects[0].effect, dark_signal);
+  ASSERT_EQ(best.free.size(), 1);
+  const int fitted = best.free[0].parameter;
+  EXPECT_EQ(dark_signal->description().parameters[fitted].name, "electrons_per_s");
+  EXPECT_NEAR(best.effects[0].parameters[fitted], 25, 4 * best.fit.effect_standard_errors[0]);
+}
+
 TEST(Diagnose, TooFewPlatePositionsAreRefused) {
   RecordingSet description = SmallSetDescription();
   description.recordings.resize(3);
