@@ -12,8 +12,6 @@ namespace sightline {
 
 namespace {
 
-constexpr double kLeastContrast = 1e-6;  // squared
-
 double ColumnSum(const Image<double>& image, int first_row, int column) {
   double sum = 0;
   for (int row = first_row; row < image.rows_px; row += 2) sum += image.At(row, column);
@@ -94,8 +92,8 @@ NeighboursOfLevel::NeighboursOfLevel(Image<double> laser, Image<double> steady,
   for (int row = 0; row < laser_.rows_px; ++row) {
     const double v_m = (frame.roi.row_px + row) * frame.sensor.pixel_pitch_m;
     const SpecklePixelCovariance& here = speckle.At(speckle.PlaceOf(v_m));
-    const double one = std::max(kLeastContrast, here.At(0, 0));
-    contrast_squared_.push_back(std::clamp(one * pattern_share, kLeastContrast, 1.0));
+    const double one = std::max(kLeastContrastSquared, here.At(0, 0));
+    contrast_squared_.push_back(std::clamp(one * pattern_share, kLeastContrastSquared, 1.0));
     across_line_.push_back(std::clamp(here.At(1, 0) / one, 0.0, 1.0));
     along_line_.push_back(std::clamp(here.At(0, 1) / one, 0.0, 1.0));
   }
@@ -108,7 +106,7 @@ double NeighboursOfLevel::RootMeanSquare(int row, int column, double correlation
   const double mean = rest + correlation * f;
   const double variance = contrast_squared_[row] * rest * (rest + 2 * correlation * f);
   const double other = steady_.At(row, column), light = laser_.At(row, column) * mean;
-  const double contrast_squared = std::clamp(variance / (mean * mean), kLeastContrast, 1.0);
+  const double contrast_squared = std::clamp(variance / (mean * mean), kLeastContrastSquared, 1.0);
   if (other + light * (1 + kBrightest * std::sqrt(contrast_squared)) < full_electrons_) {
     return std::sqrt(other * (other + 2 * light) + light * light * (1 + contrast_squared));
   }

@@ -18,8 +18,6 @@ namespace sightline {
 
 namespace {
 
-constexpr double kLeastContrast = 1e-6;  // squared
-
 // Numbers that drawn effects tell of how patterns scatter.
 void AddScatter(const FrameSetup& nominal, std::span<const ActiveEffect> effects,
                 int block_columns_px, ExpectedFrame& expected) {
@@ -62,8 +60,8 @@ class LevelFactors {
     for (int cell = 0; cell < cells_; ++cell) {
       for (int place = 0; place < speckle[cell]->places(); ++place) {
         // Strengths beyond sense would move more charge than there is.
-        const double contrast_squared =
-            std::clamp(speckle[cell]->At(place).At(0, 0) * pattern_share, kLeastContrast, 1.0);
+        const double contrast_squared = std::clamp(
+            speckle[cell]->At(place).At(0, 0) * pattern_share, kLeastContrastSquared, 1.0);
         of_place_[cell].push_back(SpeckleLevels(contrast_squared, levels));
       }
     }

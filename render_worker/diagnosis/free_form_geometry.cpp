@@ -1,5 +1,5 @@
-// Free-form terms of the geometry: where camera, projector and line are, what scale its image has,
-// where it is sharp.
+// Free-form terms of the geometry: where camera, projector and line are, how the sensor lies to
+// them. What scale the image has is the lens's doing.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -68,27 +68,26 @@ class LinePlaceTerm final : public FreeFormEffect {
   }
 };
 
-class ImageScaleTerm final : public FreeFormEffect {
+class KeystoneTerm final : public FreeFormEffect {
  public:
-  ImageScaleTerm()
-      : FreeFormEffect(
-            "geometry",
-            {.id = "unknown.image_scale",
-             .stage = Stage::kGeometry,
-             .summary = "place on the sensor times 1 + a + b u + c v, in 5 mm",
-             .reference = "Hartley and Zisserman, Multiple View Geometry, 2nd ed., "
-                          "section 2.3 (projective transformations)",
-             .parameters = {Coefficient("scale", 0.5, 0.02), Coefficient("keystone_u", 0.5, 0.02),
-                            Coefficient("keystone_v", 0.5, 0.02)}}) {}
+  KeystoneTerm()
+      : FreeFormEffect("geometry",
+                       {.id = "unknown.keystone",
+                        .stage = Stage::kGeometry,
+                        .summary = "place on the sensor times 1 + a u + b v, in 5 mm",
+                        .reference = "Hartley and Zisserman, Multiple View Geometry, 2nd ed., "
+                                     "section 2.3 (projective transformations)",
+                        .parameters = {Coefficient("keystone_u", 0.5, 0.02),
+                                       Coefficient("keystone_v", 0.5, 0.02)}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup&, Parameters p) const override {
     if (IsNull(p)) return;  // an empty mapping stays empty
-    const std::array<double, 3> c = {p[0], p[1], p[2]};
+    const std::array<double, 2> c = {p[0], p[1]};
     scene.image_mapping = [c, before = std::move(scene.image_mapping)](SensorPoint point) {
       if (before) point = before(point);
       const double u = point.u_m / kImageHeight_m, v = point.v_m / kImageHeight_m;
       // The sensor point of a larger image looks nearer to the axis.
-      const double factor = 1 / (1 + c[0] + c[1] * u + c[2] * v);
+      const double factor = 1 / (1 + c[0] * u + c[1] * v);
       return SensorPoint{factor * point.u_m, factor * point.v_m};
     };
   }
@@ -97,25 +96,23 @@ class ImageScaleTerm final : public FreeFormEffect {
 class FocusFieldTerm final : public FreeFormEffect {
  public:
   FocusFieldTerm()
-      : FreeFormEffect(
-            "geometry",
-            {.id = "unknown.focus_field",
-             .stage = Stage::kGeometry,
-             .summary = "defocus changed by a u + b u^2 + c v over 5 mm, and times 1 + d",
-             .reference = "Scheimpflug, GB patent 1196 (1904); thesis eq. 5.6",
-             .parameters = {Coefficient("slope_u_per_m", 10, 0.2),
-                            Coefficient("square_u_per_m", 10, 0.2),
-                            Coefficient("slope_v_per_m", 10, 0.2),
-                            Coefficient("defocus_relative", 1, 0.05)}}) {}
+      : FreeFormEffect("geometry",
+                       {.id = "unknown.focus_field",
+                        .stage = Stage::kGeometry,
+                        .summary = "defocus changed by a u + b u^2 + c v over 5 mm",
+                        .reference = "Scheimpflug, GB patent 1196 (1904); thesis eq. 5.6",
+                        .parameters = {Coefficient("slope_u_per_m", 10, 0.2),
+                                       Coefficient("square_u_per_m", 10, 0.2),
+                                       Coefficient("slope_v_per_m", 10, 0.2)}}) {}
 
   void OnOptics(OpticsModel& optics, const FrameSetup&, Parameters p) const override {
     if (IsNull(p)) return;  // the field stays the same everywhere
-    const std::array<double, 4> c = {p[0], p[1], p[2], p[3]};
-    if (!IsNull(p.first(3))) optics.field_dependent = true;
+    const std::array<double, 3> c = {p[0], p[1], p[2]};
+    optics.field_dependent = true;
     optics.curvature = [c, before = std::move(optics.curvature)](double depth_m, double u_m,
                                                                  double v_m) {
       const double u = u_m / kImageHeight_m, v = v_m / kImageHeight_m;
-      return before(depth_m, u_m, v_m) * (1 + c[3]) + u * (c[0] + c[1] * u) + c[2] * v;
+      return before(depth_m, u_m, v_m) + u * (c[0] + c[1] * u) + c[2] * v;
     };
   }
 
@@ -133,9 +130,9 @@ class FocusFieldTerm final : public FreeFormEffect {
 std::vector<const FreeFormEffect*> GeometryTerms() {
   static const SetupTerm setup;
   static const LinePlaceTerm line_place;
-  static const ImageScaleTerm image_scale;
+  static const KeystoneTerm keystone;
   static const FocusFieldTerm focus_field;
-  return {&setup, &line_place, &image_scale, &focus_field};
+  return {&setup, &line_place, &keystone, &focus_field};
 }
 
 }  // namespace sightline

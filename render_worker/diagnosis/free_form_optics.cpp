@@ -117,17 +117,21 @@ class WavefrontTerm final : public FreeFormEffect {
             "point_spread",
             {.id = "unknown.wavefront",
              .stage = Stage::kOptics,
-             .summary = "wavefront: defocus, defocus times (4/N)^2, (r/R)^4, (r/R)^6",
+             .summary = "focused on another distance; wavefront: defocus times (4/N)^2, (r/R)^4, "
+                        "(r/R)^6",
              .reference = "Welford, Aberrations of Optical Systems (1986), chapter 8; thesis eq. "
                           "4.25",
-             .parameters = {Coefficient("defocus_per_m", 5, 0.1),
+             .parameters = {Coefficient("focus_distance_relative", 0.5, 0.03),
                             Coefficient("defocus_with_aperture_per_m", 5, 0.05),
                             Coefficient("fourth_order_waves", 50, 2),
                             Coefficient("sixth_order_waves", 50, 2)}}) {}
 
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    frame.lens.focus_distance_m = frame.lens.focus_distance_m.value() * (1 + p[0]);
+  }
   void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters p) const override {
     const double aperture = 4 / frame.lens.f_number;
-    const double more = p[0] + p[1] * aperture * aperture;
+    const double more = p[1] * aperture * aperture;
     if (more != 0) {
       optics.curvature = [more, before = std::move(optics.curvature)](double depth_m, double u_m,
                                                                       double v_m) {
@@ -199,26 +203,27 @@ class FieldTerm final : public FreeFormEffect {
             {.id = "unknown.field",
              .stage = Stage::kOptics,
              .summary = "light times a polynomial of the place on the sensor, in 5 mm: "
-                        "r^2, r^4, r^2 times 4/N, u, v, r^8",
+                        "r^2, r^4, r^2 times 4/N, u, v, r^8 times (4/N)^2",
              .reference = "Ray, Applied Photographic Optics, 3rd ed., section 13.4 "
                           "(vignetting)",
              .parameters = {Coefficient("square", 5, 0.1), Coefficient("fourth", 5, 0.1),
                             Coefficient("square_with_aperture", 5, 0.05),
                             Coefficient("slope_u", 2, 0.03), Coefficient("slope_v", 2, 0.03),
-                            Coefficient("eighth", 5, 0.1)}}) {}
+                            Coefficient("eighth_with_aperture_squared", 5, 0.1)}}) {}
 
   void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup& frame,
                          Parameters p) const override {
     if (IsNull(p)) return;
     const double step = frame.sensor.pixel_pitch_m / kImageHeight_m;
-    const double square = p[0] + p[2] * 4 / frame.lens.f_number;
+    const double aperture = 4 / frame.lens.f_number;
+    const double square = p[0] + p[2] * aperture, eighth = p[5] * aperture * aperture;
     for (int i = 0; i < light.roi.rows_px; ++i) {
       const double v = step * (light.roi.row_px + i);
       for (int j = 0; j < light.roi.columns_px; ++j) {
         const double u = step * (light.roi.column_px + j);
         const double r2 = u * u + v * v;
-        const auto factor = static_cast<float>(
-            std::max(0.0, 1 + r2 * (square + r2 * (p[1] + p[5] * r2 * r2)) + p[3] * u + p[4] * v));
+        const auto factor = static_cast<float>(std::max(
+            0.0, 1 + r2 * (square + r2 * (p[1] + eighth * r2 * r2)) + p[3] * u + p[4] * v));
         if (!light.laser_irradiance_w_m2.empty()) light.laser_irradiance_w_m2.At(i, j) *= factor;
         for (Image<float>& flux : light.incoherent_electron_flux_m2_s) {
           if (!flux.empty()) flux.At(i, j) *= factor;
@@ -243,19 +248,20 @@ class DistortionTerm final : public FreeFormEffect {
             "geometry",
             {.id = "unknown.distortion",
              .stage = Stage::kOptics,
-             .summary = "place on the sensor times 1 + a r^2 + b r^4, in 5 mm",
+             .summary = "place on the sensor times 1 + a + b r^2 + c r^4, in 5 mm",
              .reference = "Brown, Photogrammetric Engineering 37 (1971) 855",
-             .parameters = {Coefficient("square", 0.5, 0.01), Coefficient("fourth", 0.5, 0.01)}}) {}
+             .parameters = {Coefficient("scale", 0.5, 0.02), Coefficient("square", 0.5, 0.01),
+                            Coefficient("fourth", 0.5, 0.01)}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup&, Parameters p) const override {
     if (IsNull(p)) return;  // an empty mapping stays empty
-    const std::array<double, 2> c = {p[0], p[1]};
+    const std::array<double, 3> c = {p[0], p[1], p[2]};
     scene.image_mapping = [c, before = std::move(scene.image_mapping)](SensorPoint point) {
       if (before) point = before(point);
       const double r2 =
           (point.u_m * point.u_m + point.v_m * point.v_m) / (kImageHeight_m * kImageHeight_m);
       // The sensor point of a larger image looks nearer to the axis.
-      const double factor = 1 / (1 + r2 * (c[0] + r2 * c[1]));
+      const double factor = 1 / (1 + c[0] + r2 * (c[1] + r2 * c[2]));
       return SensorPoint{factor * point.u_m, factor * point.v_m};
     };
   }
@@ -265,7 +271,7 @@ class DistortionTerm final : public FreeFormEffect {
   }
   double CurveAt(double height_m, Parameters p) const override {
     const double r2 = std::pow(height_m / kImageHeight_m, 2);
-    return 1 + r2 * (p[0] + p[1] * r2);
+    return 1 + p[0] + r2 * (p[1] + p[2] * r2);
   }
 };
 

@@ -23,7 +23,7 @@ class NoiseTerm final : public FreeFormEffect {
                         .parameters = {Coefficient("read_variance_relative", 100, 0.3),
                                        Coefficient("variance_electrons2_per_s", 1e6, 30),
                                        Coefficient("shot_variance_relative", 0.9, 0.05),
-                                       {"gain_pattern_variance", 0, 0, 0.25, 1e-4},
+                                       {"gain_pattern_variance", 0, 0, 0.25, 1e-3},
                                        {"offset_pattern_variance_electrons2", 0, 0, 1e5, 4}}}) {}
 
   // More shot noise at the same mean: fewer electrons, each worth more.

@@ -12,6 +12,9 @@
 
 namespace sightline {
 
+// Of speckle that is computed with: without any there would be no law of it.
+inline constexpr double kLeastContrastSquared = 1e-6;
+
 // How much light passes each place of the pupil towards one place of the image; 1 everywhere for an
 // evenly lit object.
 using PupilWeight = std::function<double(double x_m, double y_m)>;
