@@ -203,27 +203,26 @@ class FieldTerm final : public FreeFormEffect {
             {.id = "unknown.field",
              .stage = Stage::kOptics,
              .summary = "light times a polynomial of the place on the sensor, in 5 mm: "
-                        "r^2, r^4, r^2 times 4/N, u, v, r^8 times (4/N)^2",
+                        "r^2, r^4, r^2 times 4/N, u, v, r^8",
              .reference = "Ray, Applied Photographic Optics, 3rd ed., section 13.4 "
                           "(vignetting)",
              .parameters = {Coefficient("square", 5, 0.1), Coefficient("fourth", 5, 0.1),
                             Coefficient("square_with_aperture", 5, 0.05),
                             Coefficient("slope_u", 2, 0.03), Coefficient("slope_v", 2, 0.03),
-                            Coefficient("eighth_with_aperture_squared", 5, 0.1)}}) {}
+                            Coefficient("eighth", 5, 0.1)}}) {}
 
   void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup& frame,
                          Parameters p) const override {
     if (IsNull(p)) return;
     const double step = frame.sensor.pixel_pitch_m / kImageHeight_m;
-    const double aperture = 4 / frame.lens.f_number;
-    const double square = p[0] + p[2] * aperture, eighth = p[5] * aperture * aperture;
+    const double square = p[0] + p[2] * 4 / frame.lens.f_number;
     for (int i = 0; i < light.roi.rows_px; ++i) {
       const double v = step * (light.roi.row_px + i);
       for (int j = 0; j < light.roi.columns_px; ++j) {
         const double u = step * (light.roi.column_px + j);
         const double r2 = u * u + v * v;
-        const auto factor = static_cast<float>(std::max(
-            0.0, 1 + r2 * (square + r2 * (p[1] + eighth * r2 * r2)) + p[3] * u + p[4] * v));
+        const auto factor = static_cast<float>(
+            std::max(0.0, 1 + r2 * (square + r2 * (p[1] + p[5] * r2 * r2)) + p[3] * u + p[4] * v));
         if (!light.laser_irradiance_w_m2.empty()) light.laser_irradiance_w_m2.At(i, j) *= factor;
         for (Image<float>& flux : light.incoherent_electron_flux_m2_s) {
           if (!flux.empty()) flux.At(i, j) *= factor;
