@@ -87,14 +87,7 @@ class PixelTailTerm final : public FreeFormEffect {
     for (size_t k = 0; k < mean.size(); ++k) {
       if (p[k] == 0) continue;
       const uint64_t seed = DeriveSeed(frame.seeds.camera, kNames[k]);
-      for (int i = 0; i < electrons.rows_px; ++i) {
-        for (int j = 0; j < electrons.columns_px; ++j) {
-          CounterRandom random(seed, PixelStream(frame.roi.column_px + j, frame.roi.row_px + i));
-          if (random.Uniform() < p[k]) {
-            electrons.At(i, j) -= mean[k] * std::log(1 - random.Uniform());
-          }
-        }
-      }
+      AddToSomePixels(electrons, frame.roi, seed, p[k], mean[k]);
     }
   }
 

@@ -2,8 +2,10 @@
 #pragma once
 
 #include <algorithm>
+#include <cmath>
 #include <cstdint>
 
+#include "core/random/counter_random.h"
 #include "render_worker/frame/ideal_image.h"
 
 namespace sightline {
@@ -28,6 +30,19 @@ void MultiplyLight(PixelIrradiance& light, bool laser_only, const Factor& factor
 inline uint64_t PixelStream(int column_px, int row_px) {
   return static_cast<uint64_t>(static_cast<uint32_t>(row_px)) << 32 |
          static_cast<uint32_t>(column_px);
+}
+
+// Adds exponentially distributed charge of this mean to a part of the pixels, always the same ones:
+// those whose own random number lies below the part. `roi`: where the image is on the sensor.
+inline void AddToSomePixels(Image<double>& electrons, const RegionOfInterest& roi, uint64_t seed,
+                            double part, double mean_electrons) {
+  for (int i = 0; i < electrons.rows_px; ++i) {
+    for (int j = 0; j < electrons.columns_px; ++j) {
+      CounterRandom random(seed, PixelStream(roi.column_px + j, roi.row_px + i));
+      if (random.Uniform() >= part) continue;
+      electrons.At(i, j) -= mean_electrons * std::log(1 - random.Uniform());
+    }
+  }
 }
 
 }  // namespace sightline

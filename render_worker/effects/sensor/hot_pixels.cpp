@@ -30,13 +30,7 @@ class HotPixelsEffect final : public DescribedEffect {
         kMeanDarkCurrent_electrons_per_s * frame.exposure_time_s *
         std::exp2((frame.sensor_temperature_c - sensor.dark_current_reference_temperature_c) /
                   sensor.dark_current_doubling_k);
-    for (int i = 0; i < electrons.rows_px; ++i) {
-      for (int j = 0; j < electrons.columns_px; ++j) {
-        CounterRandom random(seed, PixelStream(frame.roi.column_px + j, frame.roi.row_px + i));
-        if (random.Uniform() >= p[0]) continue;
-        electrons.At(i, j) -= mean * std::log(1 - random.Uniform());
-      }
-    }
+    AddToSomePixels(electrons, frame.roi, seed, p[0], mean);
   }
 };
 

@@ -269,26 +269,48 @@ TEST(Compete, WhatIsNearAKnownLawButNotItIsUnknown) {
   EXPECT_EQ(known.effects[0].effect, glare);
 }
 
-// With all its coefficients the term for dark signals could as well bend and slope.
-TEST(Compete, DarkSignalThatGrowsWithTimeTakesOneCoefficient) {
-  const Effect* dark_signal = FindFreeFormTerm("unknown.dark_signal");
-  const std::vector<const Effect*> effects = {FindEffect("optics.veiling_glare"),
-                                              FindEffect("illumination.ambient_light")};
-  const std::vector<const Effect*> terms = {FindFreeFormTerm("unknown.dark_course"), dark_signal};
+// The best of an effect and two terms, all others left out.
+Candidate BestAgainst(const RecordedSet& set, const char* effect, const char* term,
+                      const char* other_term) {
+  const std::vector<const Effect*> effects = {FindEffect(effect)};
+  const std::vector<const Effect*> terms = {FindFreeFormTerm(other_term), FindFreeFormTerm(term)};
   CompetitionSettings settings;
   settings.effects = effects;
   settings.free_forms = terms;
+  const SetModel model(set, {});
+  return Compete(model, FitNull(model), settings, [](double) { return true; }).ranked.front();
+}
+
+// With all its coefficients the term for dark signals could as well bend and slope.
+TEST(Compete, DarkSignalThatGrowsWithTimeTakesOneCoefficient) {
   const RecordedSet set =
       RenderSmallSet(SomeDeviations(), {{FindEffect("sensor.dark_current"), {25}}}, 29);
-  const SetModel model(set, {});
   const Candidate best =
-      Compete(model, FitNull(model), settings, [](double) { return true; }).ranked.front();
+      BestAgainst(set, "illumination.ambient_light", "unknown.dark_signal", "unknown.dark_course");
   ASSERT_EQ(best.effects.size(), 1);
-  EXPECT_EQ(best.effects[0].effect, dark_signal);
+  const EffectDescription& term = best.effects[0].effect->description();
+  EXPECT_EQ(term.id, "unknown.dark_signal");
   ASSERT_EQ(best.free.size(), 1);
   const int fitted = best.free[0].parameter;
-  EXPECT_EQ(dark_signal->description().parameters[fitted].name, "electrons_per_s");
+  EXPECT_EQ(term.parameters[fitted].name, "electrons_per_s");
   EXPECT_NEAR(best.effects[0].parameters[fitted], 25, 4 * best.fit.effect_standard_errors[0]);
+}
+
+// A bug found: its variance is a hundred times a weak pattern's, which the prior did not allow.
+TEST(Compete, AStrongPixelPatternIsOneOfTheSensor) {
+  const RecordedSet set =
+      RenderSmallSet(SomeDeviations(), {{FindEffect("sensor.prnu"), {0.1}}}, 31);
+  const Candidate best =
+      BestAgainst(set, "optics.cover_glass_etalon", "unknown.noise", "unknown.field");
+  ASSERT_EQ(best.effects.size(), 1);
+  const EffectDescription& term = best.effects[0].effect->description();
+  ASSERT_EQ(term.id, "unknown.noise");
+  for (size_t k = 0; k < term.parameters.size(); ++k) {
+    if (term.parameters[k].name != "gain_pattern_variance") continue;
+    // In few recordings the prior draws it towards 0.
+    EXPECT_GT(std::sqrt(best.effects[0].parameters[k]), 0.03);
+    EXPECT_LT(std::sqrt(best.effects[0].parameters[k]), 0.11);
+  }
 }
 
 TEST(Diagnose, TooFewPlatePositionsAreRefused) {
