@@ -226,9 +226,10 @@ class Competing {
       }
       TrySlopes(shaped, strengths, slopes, middle_only, best);
     }
-    // Far from linear: larger steps either way.
+    // Far from linear (defocus acts alike in both directions near the focus): larger steps either
+    // way.
     if (strengths.size() == 1) {
-      for (double z : {-3.0, 3.0}) {
+      for (double z : {-3.0, -1.0, 1.0, 3.0}) {
         ActiveEffect far = null;
         const EffectParameter& strength = parameters[strengths[0]];
         far.parameters[strengths[0]] = ParameterFromStandardised(strength, z);

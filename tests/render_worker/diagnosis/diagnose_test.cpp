@@ -505,6 +505,37 @@ TEST(Compete, FindsWhatBeginsFarFromItsNullValueAndWhatIsFarFromLinear) {
   }
 }
 
+// Does next to nothing on one side of 0 and begins with a threshold on the other, as curvature of
+// the field does where the recordings are a little out of focus.
+class OneSided final : public DescribedEffect {
+ public:
+  OneSided()
+      : DescribedEffect({.id = "test.one_sided",
+                         .stage = Stage::kSensor,
+                         .summary = "",
+                         .reference = "",
+                         .parameters = {{"strength", 0, -10, 10, 1}}}) {}
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    frame.sensor.dark_mean_electrons += 5 * std::max(0.0, -p[0] - 0.3) - 0.02 * p[0];
+  }
+};
+
+// A bug found: besides straight lines only three prior scales either way were looked at, which is
+// too much of it.
+TEST(Compete, FindsWhatNoStraightLineLeadsTo) {
+  const OneSided effect;
+  const std::vector<const Effect*> effects = {&effect};
+  CompetitionSettings settings;
+  settings.effects = effects;
+  const RecordedSet set = RenderSmallSet(SomeDeviations(), {{&effect, {-1.2}}}, 37);
+  const SetModel model(set, {});
+  const Competition competition =
+      Compete(model, FitNull(model), settings, [](double) { return true; });
+  EXPECT_GT(competition.screened[0].gain, 0.5 * competition.ranked.front().log_evidence);
+  ASSERT_FALSE(competition.ranked.front().effects.empty());
+  EXPECT_NEAR(competition.ranked.front().effects[0].parameters[0], -1.2, 0.2);
+}
+
 // A rim that cuts only where it is shifted.
 TEST(Compete, FindsWhatBeginsFartherOffWithAnotherParameter) {
   const Effect* effect = FindEffect("optics.mechanical_vignetting");
