@@ -416,6 +416,8 @@ class Competing {
   }
 
   void SortByEvidence() {
+    // A start that leaves no light at all has no number to compare.
+    std::erase_if(candidates_, [](const auto& c) { return !std::isfinite(c.log_evidence); });
     std::stable_sort(
         candidates_.begin(), candidates_.end(),
         [](const Candidate& a, const Candidate& b) { return a.log_evidence > b.log_evidence; });
@@ -734,6 +736,7 @@ class Competing {
         if (bases.size() == kScatterBases || joint.gain < kPairGain) break;
         bases.push_back(MakeCandidate({AddedEffect(joint)}));
         Fit(bases.back(), competition_.null, false, 4);
+        if (!std::isfinite(bases.back().log_evidence)) bases.pop_back();
       }
       return bases;
     }

@@ -536,6 +536,37 @@ TEST(Compete, FindsWhatNoStraightLineLeadsTo) {
   EXPECT_NEAR(competition.ranked.front().effects[0].parameters[0], -1.2, 0.2);
 }
 
+// No number beyond a strength, as a rim that cuts all the light.
+class Blackout final : public DescribedEffect {
+ public:
+  Blackout()
+      : DescribedEffect({.id = "test.blackout",
+                         .stage = Stage::kSensor,
+                         .summary = "",
+                         .reference = "",
+                         .parameters = {{"strength", 0, -10, 10, 1}}}) {}
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    frame.sensor.dark_mean_electrons += p[0] > 1 ? std::nan("") : p[0];
+  }
+};
+
+// A bug found: one fit that had started there made all probabilities no numbers.
+TEST(Compete, AFitWithoutNumbersIsNoExplanation) {
+  const Blackout blackout;
+  const std::vector<const Effect*> effects = {&blackout, FindEffect("sensor.dark_current")};
+  CompetitionSettings settings;
+  settings.effects = effects;
+  SetupDeviation deviation = SomeDeviations();
+  deviation.dark_mean_electrons = 3;  // ten standard uncertainties
+  const RecordedSet set = RenderSmallSet(deviation, {}, 41);
+  const SetModel model(set, {});
+  const Competition competition =
+      Compete(model, FitNull(model), settings, [](double) { return true; });
+  double sum = 0;
+  for (const Candidate& candidate : competition.ranked) sum += candidate.probability;
+  EXPECT_NEAR(sum, 1, 1e-9);
+}
+
 // A rim that cuts only where it is shifted.
 TEST(Compete, FindsWhatBeginsFartherOffWithAnotherParameter) {
   const Effect* effect = FindEffect("optics.mechanical_vignetting");
