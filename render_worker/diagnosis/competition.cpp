@@ -534,7 +534,8 @@ class Competing {
         candidate.fit.parameters = joint.base->fit.parameters;
         candidate.fit.mean = joint.base->fit.mean;
         Fit(candidate, competition_.null, false, 4);
-        made.push_back(std::move(candidate));
+        // No base of further effects, if it leaves no light.
+        if (std::isfinite(candidate.log_evidence)) made.push_back(std::move(candidate));
       }
       first = end;
       if (made.empty()) break;
