@@ -670,8 +670,9 @@ class Competing {
       places.push_back(f);
       parameters.push_back(active.effect->description().parameters[candidate.free[f].parameter]);
     }
-    const TermSelection selection = SelectCoefficients(
-        candidate.fit.standardised, candidate.fit.covariance, coefficients, parameters);
+    const TermSelection selection =
+        SelectCoefficients(candidate.fit.standardised, candidate.fit.covariance,
+                           candidate.fit.prior_weight, coefficients, parameters);
     if (selection.log_evidence_gain <= 0 ||
         candidate.log_evidence + selection.log_evidence_gain < least) {
       return std::nullopt;

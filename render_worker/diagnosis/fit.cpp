@@ -63,6 +63,16 @@ class ParameterVector {
   int first_effect() const { return first_model_error() + ModelError::kCount; }
   int shifts() const { return shifts_; }
   std::string_view DeviationName(int i) const { return kDeviationNames[deviations_[i]]; }
+  Eigen::VectorXd PriorWeights(const Eigen::VectorXd& x) const {
+    Eigen::VectorXd weights = Eigen::VectorXd::Ones(size());
+    for (int i = first_effect(); i < size(); ++i) weights[i] = FitPriorWeight(x[i]);
+    return weights;
+  }
+  double Penalty(const Eigen::VectorXd& x) const {
+    double sum = x.head(first_effect()).squaredNorm();
+    for (int i = first_effect(); i < size(); ++i) sum += FitPenalty(x[i]);
+    return sum;
+  }
   const EffectParameter& Parameter(size_t k) const {
     return start_.effects[free_[k].effect].effect->description().parameters[free_[k].parameter];
   }
@@ -256,7 +266,7 @@ class Fitter {
       state.residual[e] = (*whitening_)(static_cast<int>(e), Observed()[e] - state.mean[e]);
       if (Used(e)) state.chi_squared += state.residual[e].squaredNorm();
     }
-    state.total = state.chi_squared + state.x.squaredNorm();
+    state.total = state.chi_squared + vector_.Penalty(state.x);
   }
 
   // One column of the Jacobian by a finite difference from `origin`, the expectation at the state.
@@ -337,13 +347,20 @@ class Fitter {
       }
     }
     for (int i = vector_.first_effect(); i < n; ++i) Differentiate(state, state.mean, false, i);
-    information_ = Eigen::MatrixXd::Identity(n, n);
-    gradient_ = -state.x;
+    information_ = vector_.PriorWeights(state.x).asDiagonal();
     for (size_t e = 0; e < jacobian_.size(); ++e) {
-      if (!Used(e)) continue;
-      information_.noalias() += jacobian_[e].transpose() * jacobian_[e];
-      gradient_.noalias() += jacobian_[e].transpose() * state.residual[e];
+      if (Used(e)) information_.noalias() += jacobian_[e].transpose() * jacobian_[e];
     }
+    gradient_ = GradientAt(state);
+  }
+
+  // Downhill, with the derivatives kept.
+  Eigen::VectorXd GradientAt(const State& state) const {
+    Eigen::VectorXd gradient = -vector_.PriorWeights(state.x).cwiseProduct(state.x);
+    for (size_t e = 0; e < jacobian_.size(); ++e) {
+      if (Used(e)) gradient.noalias() += jacobian_[e].transpose() * state.residual[e];
+    }
+    return gradient;
   }
 
   // Change of the logarithm of the amount of light with parameter i.
@@ -369,7 +386,16 @@ class Fitter {
     return std::abs(vector_.Bounded(moved)[i] - moved[i]) > 5e-7;
   }
 
-  // Levenberg and Marquardt. False: no step lowers the sum.
+  State At(const Eigen::VectorXd& x) {
+    State state;
+    state.x = vector_.Bounded(x);
+    state.mean = model_.Expect(vector_.ToParameters(state.x), false).mean;
+    Compare(state);
+    return state;
+  }
+
+  // Levenberg and Marquardt, with a second-order correction (Nocedal and Wright, Numerical
+  // Optimization (2006), 18.3). False: no step lowers the sum.
   bool Step(State& state, double& damping) {
     for (int attempt = 0; attempt < 6; ++attempt) {
       Eigen::MatrixXd damped = information_;
@@ -382,10 +408,17 @@ class Fitter {
         damped(i, i) = 1;
         downhill[i] = 0;
       }
-      State next;
-      next.x = vector_.Bounded(state.x + damped.llt().solve(downhill));
-      next.mean = model_.Expect(vector_.ToParameters(next.x), false).mean;
-      Compare(next);
+      const Eigen::LLT<Eigen::MatrixXd> solver(damped);
+      State next = At(state.x + solver.solve(downhill));
+      if (next.total >= state.total) {
+        // Along a curved valley (an effect and a deviation do nearly the same) a straight step
+        // leaves its floor: back to it before the step is judged.
+        Eigen::VectorXd back = GradientAt(next);
+        for (int i = 0; i < back.size(); ++i) {
+          if (downhill[i] == 0) back[i] = 0;
+        }
+        next = At(next.x + solver.solve(back));
+      }
       if (next.total < state.total) {
         Bend(next.x - state.x, state, next);
         state = std::move(next);
@@ -429,6 +462,7 @@ class Fitter {
     }
     result.data_log_determinant = LogDeterminant();
     result.standardised = state.x;
+    result.prior_weight = vector_.PriorWeights(state.x);
     result.mean = std::move(state.mean);
     result.residual = std::move(state.residual);
     result.jacobian = std::move(jacobian_);
@@ -481,6 +515,15 @@ double ParameterFromStandardised(const EffectParameter& parameter, double standa
                            ? parameter.null_value * std::exp(standardised * LogScale(parameter))
                            : parameter.null_value + standardised * parameter.prior_scale;
   return std::clamp(value, parameter.lower, parameter.upper);
+}
+
+double FitPenalty(double standardised) {
+  const double square = standardised * standardised;
+  return square <= 1 ? square : 1 + 2 * std::log((1 + square) / 2);
+}
+
+double FitPriorWeight(double standardised) {
+  return 2 / (1 + std::max(1.0, standardised * standardised));
 }
 
 Whitening::Whitening(const std::vector<Eigen::MatrixXd>& covariance, const Entries& unexplained) {

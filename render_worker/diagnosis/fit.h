@@ -26,6 +26,12 @@ std::vector<FreeEffectParameter> FreeParameters(const std::vector<ActiveEffect>&
 double StandardisedParameter(const EffectParameter& parameter, double value);
 double ParameterFromStandardised(const EffectParameter& parameter, double standardised);
 
+// The prior of an effect's standardised parameter while it is fitted: normal within one scale,
+// Cauchy's tails beyond, so that a strong effect is not pulled towards none. Twice its negative
+// logarithm less that at 0, and the weight w with which its derivative is 2 w z.
+double FitPenalty(double standardised);
+double FitPriorWeight(double standardised);
+
 // Square roots of the inverse covariances of a model's entries.
 class Whitening {
  public:
@@ -69,8 +75,9 @@ struct FitResult {
   // Standardised: deviations over their uncertainties, line shifts over theirs, errors of the
   // model, effects' parameters. Columns of the Jacobian are in this order.
   Eigen::VectorXd standardised;
-  std::vector<bool> held;                      // at a bound that the data would go beyond
-  Eigen::MatrixXd covariance;                  // posterior, of `standardised`
+  Eigen::VectorXd prior_weight;  // inverse variances of their priors: 1, or less of strong effects
+  std::vector<bool> held;        // at a bound that the data would go beyond
+  Eigen::MatrixXd covariance;    // posterior, of `standardised`
   std::vector<double> effect_standard_errors;  // of `free`, in their units
   Entries mean;                                // expected
   std::shared_ptr<const Whitening> whitening;

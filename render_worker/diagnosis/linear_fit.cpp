@@ -22,7 +22,7 @@ LinearFit::LinearFit(const FitResult& fit, std::vector<bool> use_entry)
   for (size_t i = 0; i < fit.held.size(); ++i) {
     if (fit.held[i]) jacobian_.col(static_cast<Eigen::Index>(i)).setZero();
   }
-  Eigen::MatrixXd information = Eigen::MatrixXd::Identity(jacobian_.cols(), jacobian_.cols());
+  Eigen::MatrixXd information = fit.prior_weight.asDiagonal();
   information.noalias() += jacobian_.transpose() * jacobian_;
   information_.compute(information);
 }
@@ -45,7 +45,8 @@ Eigen::VectorXd LinearFit::Absorb(const Eigen::VectorXd& change) const {
 }
 
 Eigen::VectorXd LinearFit::Step() const {
-  Eigen::VectorXd gradient = jacobian_.transpose() * residual_ - fit_.standardised;
+  Eigen::VectorXd gradient =
+      jacobian_.transpose() * residual_ - fit_.prior_weight.cwiseProduct(fit_.standardised);
   for (size_t i = 0; i < fit_.held.size(); ++i) {
     if (fit_.held[i]) gradient[static_cast<Eigen::Index>(i)] = 0;
   }

@@ -101,9 +101,8 @@ class RecordingScatter {
     for (int id : model.position_ids()) slots_ = std::max(slots_, members[id]);
     FindAmplitudesOfEntries();
     // At the best known parameters by the linearised model: the fit may stop short of them.
-    const Eigen::Index parameters = null.standardised.size();
-    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(parameters, parameters);
-    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(parameters);
+    Eigen::MatrixXd information = null.prior_weight.asDiagonal();
+    Eigen::VectorXd gradient = Eigen::VectorXd::Zero(null.standardised.size());
     for (int e = 0; e < model.entries(); ++e) {
       const Eigen::MatrixXd& jacobian = null.jacobian[e];
       const Eigen::VectorXd residual = null.residual[e] + jacobian * null.standardised;
@@ -317,8 +316,7 @@ class RecordingScatter {
   }
 
   void Project(Linearisation& linear) const {
-    const Eigen::Index n = linear.jacobian.cols();
-    Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
+    Eigen::MatrixXd information = null_.prior_weight.asDiagonal();
     information.noalias() += linear.jacobian.transpose() * linear.jacobian;
     linear.information.compute(information);
     const auto project = [&](const Eigen::MatrixXd& v) -> Eigen::MatrixXd {
@@ -632,8 +630,8 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
   }
   fit.standardised.resize(posterior.parameters.size() + posterior.amplitudes.size());
   fit.standardised << posterior.parameters, posterior.standardised_amplitudes;
-  Eigen::MatrixXd information =
-      Eigen::MatrixXd::Identity(fit.standardised.size(), fit.standardised.size());
+  fit.prior_weight = Eigen::VectorXd::Ones(fit.standardised.size());
+  Eigen::MatrixXd information = fit.prior_weight.asDiagonal();
   for (const Eigen::MatrixXd& jacobian : fit.jacobian) {
     information.noalias() += jacobian.transpose() * jacobian;
   }

@@ -21,6 +21,7 @@ double LogSelectionPrior(int needed, int all) {
 
 TermSelection SelectCoefficients(const Eigen::VectorXd& standardised,
                                  const Eigen::MatrixXd& covariance,
+                                 const Eigen::VectorXd& prior_weight,
                                  std::span<const int> coefficients,
                                  std::span<const EffectParameter> parameters) {
   assert(coefficients.size() == parameters.size() && coefficients.size() <= 16);
@@ -35,7 +36,7 @@ TermSelection SelectCoefficients(const Eigen::VectorXd& standardised,
   };
   const auto square = [&](const Eigen::VectorXd& values) {
     double sum = 0;
-    for (const int i : coefficients) sum += values[i] * values[i];
+    for (const int i : coefficients) sum += prior_weight[i] * values[i] * values[i];
     return sum;
   };
   TermSelection best{std::vector<bool>(n, true), standardised, 0};
@@ -49,7 +50,7 @@ TermSelection SelectCoefficients(const Eigen::VectorXd& standardised,
     const Eigen::VectorXd weighed = theirs.solve(standardised(at));
     Eigen::VectorXd moved = standardised - covariance(Eigen::all, at) * weighed;
     moved(at).setZero();
-    // The normal priors of the coefficients serve the fit only.
+    // The priors of the fit serve the fit only.
     const double chi_squared =
         standardised(at).dot(weighed) - (square(moved) - square(standardised));
     const double log_determinant = 2 * theirs.matrixLLT().diagonal().array().log().sum();

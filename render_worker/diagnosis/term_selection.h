@@ -28,11 +28,12 @@ struct TermSelection {
 
 // The choice of `coefficients` (of these parameters, at these indices into `standardised`) that has
 // the largest evidence, in the normal approximation around a fit: `standardised` and their
-// posterior `covariance` (n x n), in which they have standard normal priors. At least one stays; at
-// most 16. Laplace's approximation: MacKay, Information Theory, Inference, and Learning Algorithms
-// (2003), chapter 28.
+// posterior `covariance` (n x n), in which they have normal priors around 0 with variances of 1 /
+// `prior_weight`. At least one stays; at most 16. Laplace's approximation: MacKay, Information
+// Theory, Inference, and Learning Algorithms (2003), chapter 28.
 TermSelection SelectCoefficients(const Eigen::VectorXd& standardised,
                                  const Eigen::MatrixXd& covariance,
+                                 const Eigen::VectorXd& prior_weight,
                                  std::span<const int> coefficients,
                                  std::span<const EffectParameter> parameters);
 

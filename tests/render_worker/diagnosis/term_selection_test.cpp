@@ -88,7 +88,8 @@ TEST(TermSelection, FindsTheChoiceOfLargestEvidence) {
     const std::vector<int> all = {0, 1, 2, 3, 4, 5};
     const std::vector<int> at = {2, 3, 4, 5};
     const TermSelection selection =
-        SelectCoefficients(model.Best(all), model.Information(all).inverse(), at, coefficients);
+        SelectCoefficients(model.Best(all), model.Information(all).inverse(),
+                           Eigen::VectorXd::Ones(kFirst + kCoefficients), at, coefficients);
     double largest = -1e300;
     std::vector<int> best;
     for (unsigned chosen = 1; chosen < 1U << kCoefficients; ++chosen) {
