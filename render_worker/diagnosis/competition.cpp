@@ -7,7 +7,6 @@
 #include <string_view>
 #include <utility>
 
-#include "render_worker/diagnosis/free_form.h"
 #include "render_worker/diagnosis/linear_fit.h"
 #include "render_worker/diagnosis/recording_scatter.h"
 #include "render_worker/diagnosis/term_selection.h"
@@ -16,19 +15,6 @@ namespace sightline {
 
 namespace {
 
-// Prior odds. Three in ten sets are believed to be as described, since who asks has mostly seen
-// something; one in ten of the others to follow a law that is not in the vocabulary; one in ten to
-// have one more effect.
-constexpr double kNone = 0.3;
-constexpr double kUnknown = 0.1;
-// Of those, half to follow one that is near a known one.
-constexpr double kNearKnown = 0.5;
-constexpr double kStages = 6;  // that share the free-form terms
-constexpr double kOneMore = 0.1;
-// The model's own errors (of the speckle's law, of its correlations) are no noise: they can look
-// like an effect. Differences in evidence count less by this factor.
-constexpr double kEvidenceWeight = 0.8;
-
 constexpr size_t kFitted = 12;       // candidates fitted with the null model's derivatives
 constexpr size_t kFittedAgain = 5;   // with their own
 constexpr size_t kFittedAfresh = 4;  // from the nominal description on, if the null model fails:
@@ -36,65 +22,20 @@ constexpr double kRejected = 1.5;    // chi squared over numbers above which it 
 constexpr double kLeastGain = 1.5;   // [nats] worth a fit
 // The null model's deviations may hide an effect that it does not fail for.
 constexpr size_t kFittedAfreshAnyway = 2;
-constexpr double kPromising = 10;      // [nats]
-constexpr double kPairGain = 8;        // [nats] about what a second effect's prior odds cost
-constexpr size_t kScatterBases = 2;    // effects besides which scatter is looked for
-constexpr double kLinearLength = 25;   // of a change, squared and whitened: it is linear so far
-constexpr double kMiddleError = 0.02;  // of a change taken to be alike along the line
-constexpr double kMostAmplitude = 3;   // of an added effect, over that at which it was looked at
+constexpr double kPromising = 10;     // [nats]
+constexpr double kPairGain = 8;       // [nats] about what a second effect's prior odds cost
+constexpr size_t kScatterBases = 2;   // effects besides which scatter is looked for
+constexpr double kMostAmplitude = 3;  // of an added effect, over that at which it was looked at
 // Terms that are to be fitted with fewer coefficients: as many, and not farther behind the best.
 constexpr int kSelected = 4;
 constexpr double kSelectedBehind = 15;  // [nats]
-
-std::vector<double> NullValues(const Effect& effect) {
-  std::vector<double> values;
-  for (const EffectParameter& p : effect.description().parameters) values.push_back(p.null_value);
-  return values;
-}
-
-bool IsTerm(const ActiveEffect& active) {
-  return FindFreeFormTerm(active.effect->description().id) != nullptr;
-}
-
-// Of the strengths, and of which coefficients a free-form term needs.
-double LogPrior(const Candidate& candidate) {
-  double sum = 0;
-  for (size_t e = 0; e < candidate.effects.size(); ++e) {
-    const ActiveEffect& active = candidate.effects[e];
-    for (const EffectParameter& parameter : active.effect->description().parameters) {
-      const std::vector<double> tried = WholeNumbers(parameter);
-      if (!tried.empty()) sum -= std::log(static_cast<double>(tried.size()));
-    }
-    if (!IsTerm(active)) continue;
-    const auto fitted =
-        std::count_if(candidate.free.begin(), candidate.free.end(),
-                      [&](const auto& free) { return free.effect == static_cast<int>(e); });
-    sum += LogSelectionPrior(static_cast<int>(fitted),
-                             static_cast<int>(active.effect->description().parameters.size()));
-  }
-  for (const FreeEffectParameter& free : candidate.free) {
-    const ActiveEffect& active = candidate.effects[free.effect];
-    const EffectParameter& parameter = active.effect->description().parameters[free.parameter];
-    sum += LogParameterPrior(parameter,
-                             StandardisedParameter(parameter, active.parameters[free.parameter]));
-  }
-  return sum;
-}
-
-double LogEvidence(const Candidate& candidate, const FitResult& null) {
-  const FitResult& fit = candidate.fit;
-  return -0.5 * (fit.chi_squared + fit.prior + fit.log_determinant - null.chi_squared - null.prior -
-                 null.log_determinant) +
-         LogPrior(candidate);
-}
 
 class Competing {
  public:
   Competing(const SetModel& model, const FitResult& null, const CompetitionSettings& settings,
             const std::function<bool(double)>& progress)
-      : model_(model), settings_(settings), progress_(progress), linear_(null) {
+      : model_(model), settings_(settings), progress_(progress), screening_(model, null) {
     competition_.null = null;
-    null_middle_ = model_.Expect(null.parameters, false, true).mean;
   }
 
   Competition Run() {
@@ -112,7 +53,14 @@ class Competing {
     AddScatterToBest();
     AddTermsToBest();
     SelectTerms();
-    Rank();
+    Candidate none;
+    none.fit = competition_.null;
+    candidates_.push_back(std::move(none));
+    RankCandidates({.effects = static_cast<int>(settings_.effects.size()),
+                    .free_forms = static_cast<int>(settings_.free_forms.size())},
+                   &candidates_);
+    competition_.ranked = std::move(candidates_);
+    FindClass();
     return std::move(competition_);
   }
 
@@ -122,31 +70,6 @@ class Competing {
     return !stopped_;
   }
 
-  // `middle_only`: as if the whole line were like its middle; a fraction of the time.
-  Eigen::VectorXd ChangeOf(const ActiveEffect& active, bool middle_only = false) const {
-    SetParameters parameters = competition_.null.parameters;
-    parameters.effects = {active};
-    Entries mean = model_.Expect(parameters, false, middle_only).mean;
-    for (size_t e = 0; middle_only && e < mean.size(); ++e) {
-      mean[e] += competition_.null.mean[e] - null_middle_[e];
-    }
-    return linear_.Change(mean);
-  }
-
-  double Gain(const Eigen::VectorXd& change) const {
-    return linear_.residual().dot(change) - 0.5 * linear_.Inner(change, change);
-  }
-
-  void Try(const ActiveEffect& active, bool middle_only, ScreenedEffect& best) const {
-    Eigen::VectorXd change = ChangeOf(active, middle_only);
-    const double gain = Gain(change);
-    if (gain > best.gain || best.change.size() == 0) {
-      best.strongest = active;
-      best.change = std::move(change);
-      best.gain = gain;
-    }
-  }
-
   void Screen() {
     std::vector<const Effect*> all;
     std::copy_if(settings_.effects.begin(), settings_.effects.end(), std::back_inserter(all),
@@ -154,239 +77,8 @@ class Competing {
     all.insert(all.end(), settings_.free_forms.begin(), settings_.free_forms.end());
     for (size_t i = 0; i < all.size(); ++i) {
       if (!Report(0.5 * static_cast<double>(i) / static_cast<double>(all.size()))) return;
-      competition_.screened.push_back(ScreenEffect(*all[i]));
+      competition_.screened.push_back(screening_.Screen(*all[i]));
     }
-  }
-
-  ScreenedEffect ScreenEffect(const Effect& effect) const {
-    const std::vector<EffectParameter>& parameters = effect.description().parameters;
-    const ActiveEffect null{&effect, NullValues(effect)};
-    ScreenedEffect best;
-    best.strongest = null;
-    if (parameters.size() == 1 && !WholeNumbers(parameters[0]).empty()) {
-      for (double value : WholeNumbers(parameters[0])) Try({&effect, {value}}, false, best);
-      return best;
-    }
-    // Parameters that change nothing by themselves only shape what others do.
-    constexpr double kProbe = 0.5;
-    std::vector<size_t> strengths, shapes;
-    std::vector<Eigen::VectorXd> slopes, near_slopes;  // near: by steps small enough to be linear
-    bool middle_only = true;  // alike along the line, in all that has been looked at
-    for (size_t k = 0; k < parameters.size(); ++k) {
-      ActiveEffect probe = null;
-      const double sign = parameters[k].null_value < parameters[k].upper ? 1 : -1;
-      probe.parameters[k] = ParameterFromStandardised(parameters[k], sign * kProbe);
-      const double step = StandardisedParameter(parameters[k], probe.parameters[k]);
-      Eigen::VectorXd change = ChangeOf(probe);
-      if (change.squaredNorm() > 1e-12) {
-        if (Gain(change) > best.gain || best.change.size() == 0) {
-          best.strongest = probe;
-          best.change = change;
-          best.gain = Gain(change);
-        }
-        if (strengths.empty()) {
-          best.parameter = static_cast<int>(k);
-          best.detectable = Detectable(null, k, step, linear_.Inner(change, change));
-        }
-        const Eigen::VectorXd error = change - ChangeOf(probe, true);
-        middle_only = middle_only && error.norm() < kMiddleError * change.norm();
-        strengths.push_back(k);
-        slopes.push_back(change / step);
-        near_slopes.push_back(slopes.back());
-        const double length = linear_.Inner(change, change);
-        if (length > kLinearLength) {
-          const double near = step * std::sqrt(kLinearLength / length);
-          probe.parameters[k] = ParameterFromStandardised(parameters[k], near);
-          near_slopes.back() = ChangeOf(probe, middle_only) / near;
-        }
-      } else {
-        shapes.push_back(k);
-      }
-    }
-    // Nothing by itself: beyond a threshold only, or a strength with another parameter far off.
-    const bool hidden = strengths.empty();
-    if (hidden) {
-      middle_only = false;  // nothing has been looked at
-      for (size_t k : shapes) TryBeyondThreshold(null, k, best);
-      if (best.gain > 0 || parameters.size() < 2) return best;
-      strengths = {0};
-      slopes.resize(1);
-      shapes.erase(shapes.begin());
-    } else {
-      TrySlopes(null, strengths, slopes, middle_only, best);
-      TrySlopes(null, strengths, near_slopes, middle_only, best);
-    }
-    for (const ActiveEffect& shaped : OtherShapes(null, shapes, hidden)) {
-      for (size_t s = 0; s < strengths.size(); ++s) {
-        ActiveEffect probe = shaped;
-        const EffectParameter& strength = parameters[strengths[s]];
-        probe.parameters[strengths[s]] = ParameterFromStandardised(strength, kProbe);
-        slopes[s] = ChangeOf(probe, middle_only) /
-                    StandardisedParameter(strength, probe.parameters[strengths[s]]);
-      }
-      TrySlopes(shaped, strengths, slopes, middle_only, best);
-    }
-    // Far from linear (defocus acts alike in both directions near the focus): larger steps either
-    // way.
-    if (strengths.size() == 1) {
-      for (double z : {-3.0, -1.0, 1.0, 3.0}) {
-        ActiveEffect far = null;
-        const EffectParameter& strength = parameters[strengths[0]];
-        far.parameters[strengths[0]] = ParameterFromStandardised(strength, z);
-        if (far.parameters[strengths[0]] != strength.null_value) Try(far, middle_only, best);
-      }
-    }
-    return best;
-  }
-
-  // Standardised strength of parameter `k` at which the expected gain is 5, from that at `step`,
-  // half of `length`: by the power law through the last two strengths looked at. Variances grow
-  // with the square of a strength, and what is far from linear may follow any law.
-  double Detectable(const ActiveEffect& null, size_t k, double step, double length) const {
-    constexpr double kDetectable = 10;
-    constexpr int kTrials = 4;
-    if (!(length > 1e-9)) return 0;
-    double z = step * std::sqrt(kDetectable / length);
-    for (int trial = 0; trial < kTrials && std::abs(std::log(length / kDetectable)) > 0.2;
-         ++trial) {
-      ActiveEffect probe = null;
-      probe.parameters[k] = ParameterFromStandardised(null.effect->description().parameters[k], z);
-      const Eigen::VectorXd change = ChangeOf(probe);
-      const double here = linear_.Inner(change, change);
-      if (!(here > 1e-9)) break;
-      const double power =
-          z != step ? std::clamp(std::log(here / length) / std::log(z / step), 0.5, 6.0) : 2;
-      step = z;
-      length = here;
-      z *= std::pow(kDetectable / here, 1 / power);
-    }
-    return std::abs(z);
-  }
-
-  // Besides that of `null`: all combinations of the values that descriptions say to start from; of
-  // other shapes one at a time, either way.
-  static std::vector<ActiveEffect> OtherShapes(const ActiveEffect& null,
-                                               const std::vector<size_t>& shapes, bool hidden) {
-    const std::vector<EffectParameter>& parameters = null.effect->description().parameters;
-    std::vector<ActiveEffect> tried = {null};
-    for (size_t shape : shapes) {
-      const size_t before = tried.size();
-      for (double value : parameters[shape].starts) {
-        for (size_t i = 0; i < before; ++i) {
-          tried.push_back(tried[i]);
-          tried.back().parameters[shape] = value;
-        }
-      }
-    }
-    tried.erase(tried.begin());
-    const std::vector<double> offsets =
-        hidden ? std::vector<double>{-4.5, -3, -1.5, 1.5} : std::vector<double>{-1.5, 1.5};
-    for (size_t shape : shapes) {
-      if (!parameters[shape].starts.empty()) continue;
-      for (double z : offsets) {
-        ActiveEffect shaped = null;
-        shaped.parameters[shape] = ParameterFromStandardised(parameters[shape], z);
-        if (shaped.parameters[shape] != null.parameters[shape]) tried.push_back(shaped);
-      }
-    }
-    return tried;
-  }
-
-  // A parameter that changes nothing until it is far from its null value (a full well, a rim):
-  // values beyond the one from which on it does, alone and with the others changed. These may move
-  // the threshold itself: a rim that is shifted cuts the pupil sooner.
-  void TryBeyondThreshold(const ActiveEffect& null, size_t k, ScreenedEffect& best) const {
-    const std::vector<EffectParameter>& parameters = null.effect->description().parameters;
-    const double threshold = ThresholdOf(null, k);
-    if (threshold == 0) return;
-    TryBeyond(null, k, threshold, best);
-    for (size_t j = 0; j < parameters.size(); ++j) {
-      if (j == k) continue;
-      for (const double z : {-1.5, 1.5}) {
-        ActiveEffect shaped = null;
-        shaped.parameters[j] = ParameterFromStandardised(parameters[j], z);
-        TryBeyond(shaped, k, threshold, best);
-        const double moved = ThresholdOf(shaped, k);
-        if (moved > 1.01 * threshold) TryBeyond(shaped, k, moved, best);
-      }
-    }
-  }
-
-  void TryBeyond(const ActiveEffect& shaped, size_t k, double threshold,
-                 ScreenedEffect& best) const {
-    const double lower = shaped.effect->description().parameters[k].lower;
-    for (const double ratio : {1.0, 0.97, 0.92, 0.85, 0.7, 0.5}) {
-      ActiveEffect beyond = shaped;
-      beyond.parameters[k] = std::max(lower, ratio * threshold);
-      Try(beyond, false, best);
-    }
-  }
-
-  // Largest value of parameter `k` below its null value that changes anything, to a per cent; 0 if
-  // none does.
-  double ThresholdOf(const ActiveEffect& shaped, size_t k) const {
-    const auto changes = [&](double value) {
-      ActiveEffect active = shaped;
-      active.parameters[k] = value;
-      return !(ChangeOf(active).squaredNorm() <= 1e-12);  // no light at all: no number
-    };
-    double without = shaped.parameters[k];
-    double with = shaped.effect->description().parameters[k].lower;
-    if (!(with > 0 && with < without) || !changes(with)) return 0;
-    while (without / with > 1.01) {
-      const double middle = std::sqrt(without * with);
-      (changes(middle) ? with : without) = middle;
-    }
-    return with;
-  }
-
-  // The best strengths if everything were linear, and half of that.
-  void TrySlopes(const ActiveEffect& shaped, const std::vector<size_t>& strengths,
-                 const std::vector<Eigen::VectorXd>& slopes, bool middle_only,
-                 ScreenedEffect& best) const {
-    const int n = static_cast<int>(strengths.size());
-    Eigen::MatrixXd information = 0.01 * Eigen::MatrixXd::Identity(n, n);
-    Eigen::VectorXd gradient(n);
-    for (int i = 0; i < n; ++i) {
-      gradient[i] = linear_.residual().dot(slopes[i]);
-      for (int j = 0; j < n; ++j) information(i, j) += linear_.Inner(slopes[i], slopes[j]);
-    }
-    const Eigen::VectorXd z = information.llt().solve(gradient);
-    const double linear_gain = 0.5 * z.dot(gradient);
-    if (!(linear_gain >= 0.5 * kLeastGain)) return;
-    for (double part : {1.0, 0.4}) {
-      ActiveEffect active = shaped;
-      bool moved = false;
-      for (int i = 0; i < n; ++i) {
-        const EffectParameter& parameter = shaped.effect->description().parameters[strengths[i]];
-        double& value = active.parameters[strengths[i]];
-        value = ParameterFromStandardised(parameter, std::clamp(part * z[i], -8.0, 8.0));
-        moved = moved || value != parameter.null_value;
-      }
-      if (!moved) return;
-      if (linear_gain > best.linear_gain) {
-        best.linear_gain = linear_gain;
-        best.linear_best = active;
-      }
-      const double before = best.gain;
-      Try(active, middle_only, best);
-      if (part == 1 && best.gain > before && best.gain > 0.6 * linear_gain) return;
-    }
-  }
-
-  static Candidate MakeCandidate(std::vector<ActiveEffect> effects) {
-    Candidate candidate;
-    std::stable_sort(effects.begin(), effects.end(), [](const auto& a, const auto& b) {
-      return a.effect->description().id < b.effect->description().id;
-    });
-    candidate.effects = std::move(effects);
-    // In the order in which they act; terms of unknown physics are alone.
-    if (candidate.effects.size() > 1) {
-      const absl::Status ordered = OrderEffects(&candidate.effects);
-      (void)ordered;
-    }
-    candidate.free = FreeParameters(candidate.effects);
-    return candidate;
   }
 
   void Fit(Candidate& candidate, const FitResult& reference, bool renew, int iterations) const {
@@ -463,13 +155,6 @@ class Competing {
     SortByEvidence();
   }
 
-  bool IsFreeForm(const Candidate& candidate) const {
-    const auto& forms = settings_.free_forms;
-    return std::any_of(candidate.effects.begin(), candidate.effects.end(), [&](const auto& active) {
-      return std::find(forms.begin(), forms.end(), active.effect) != forms.end();
-    });
-  }
-
   // An effect besides those of a candidate: what it gains by the linearised model, and how much of
   // its change is needed for that.
   struct Joint {
@@ -481,7 +166,7 @@ class Competing {
   void AddJoints(const Candidate& base, std::vector<Joint>& joints) const {
     const LinearFit linear(base.fit);
     for (const ScreenedEffect& added : competition_.screened) {
-      if (added.change.size() == 0 || IsFreeForm(MakeCandidate({added.strongest}))) continue;
+      if (added.change.size() == 0 || IsFreeForm(*added.strongest.effect)) continue;
       const bool there =
           std::any_of(base.effects.begin(), base.effects.end(),
                       [&](const ActiveEffect& e) { return e.effect == added.strongest.effect; });
@@ -611,7 +296,7 @@ class Competing {
       const auto& parameters = term->description().parameters;
       const auto n = static_cast<Eigen::Index>(parameters.size());
       Candidate candidate = best;
-      candidate.effects.push_back({term, NullValues(*term)});
+      candidate.effects.push_back(AtNullValues(*term));
       std::vector<Eigen::VectorXd> slopes;
       Eigen::MatrixXd information = Eigen::MatrixXd::Identity(n, n);
       Eigen::VectorXd gradient(n);
@@ -665,7 +350,7 @@ class Competing {
     std::vector<EffectParameter> parameters;
     for (size_t f = 0; f < candidate.free.size(); ++f) {
       const ActiveEffect& active = candidate.effects[candidate.free[f].effect];
-      if (!IsTerm(active)) continue;
+      if (!IsFreeForm(*active.effect)) continue;
       coefficients.push_back(static_cast<int>(first) + static_cast<int>(f));
       places.push_back(f);
       parameters.push_back(active.effect->description().parameters[candidate.free[f].parameter]);
@@ -694,11 +379,6 @@ class Competing {
         AtStandardised(model_, candidate.fit.parameters, selection.standardised);
     Fit(simpler, candidate.fit, false, 4);
     return simpler;
-  }
-
-  // What is drawn anew for every recording changes no expectation: it competes on its own terms.
-  static bool IsScatter(const Candidate& candidate) {
-    return !candidate.effects.empty() && IsRecordingScatter(*candidate.effects[0].effect);
   }
 
   void AddRecordingScatter() {
@@ -772,78 +452,18 @@ class Competing {
     SortByEvidence();
   }
 
-  // Evidence, less what errors of the model and of the best effect's modelled change may be worth:
-  // these can look like another effect in its place. One more effect, which changes something else,
-  // counts in full once it gains more than such errors could.
-  std::vector<double> TrustedEvidence() const {
-    const double best = std::max(0.0, candidates_.front().log_evidence);
-    const double weight = kEvidenceWeight / (1 + kEffectError * kEffectError * best);
-    double single = 0;
-    for (const Candidate& candidate : candidates_) {
-      if (candidate.effects.size() == 1) single = std::max(single, candidate.log_evidence);
-    }
-    const double error = 2 * kEffectError * kEffectError * single;
-    std::vector<double> trusted;
-    for (const Candidate& candidate : candidates_) {
-      trusted.push_back(weight * candidate.log_evidence);
-      if (candidate.effects.size() < 2 || IsFreeForm(candidate)) continue;
-      const FitResult& fit = candidate.fit;
-      const double misfit = std::max(1.0, fit.chi_squared / std::max(1, fit.data_count));
-      const double more = candidate.log_evidence - single - error;
-      trusted.back() = std::max(trusted.back(), weight * single + kEvidenceWeight / misfit * more);
-    }
-    return trusted;
-  }
-
-  void Rank() {
-    Candidate none;
-    none.fit = competition_.null;
-    candidates_.push_back(std::move(none));
-    const std::vector<double> trusted_evidence = TrustedEvidence();
-    const double effects = static_cast<double>(settings_.effects.size());
-    const double forms = std::max<double>(1, static_cast<double>(settings_.free_forms.size()));
-    double largest = -1e300;
-    for (size_t c = 0; c < candidates_.size(); ++c) {
-      Candidate& candidate = candidates_[c];
-      if (candidate.effects.empty()) {
-        candidate.log_prior = std::log(kNone);
-      } else if (IsFreeForm(candidate)) {
-        const bool near_known = candidate.effects.size() > 1;
-        candidate.log_prior =
-            std::log((1 - kNone) * kUnknown *
-                     (near_known ? kNearKnown * kStages / effects : 1 - kNearKnown) / forms);
-      } else {
-        candidate.log_prior =
-            std::log((1 - kNone) * (1 - kUnknown) / effects) +
-            (static_cast<double>(candidate.effects.size()) - 1) * std::log(kOneMore / effects);
-      }
-      candidate.probability = trusted_evidence[c] + candidate.log_prior;
-      largest = std::max(largest, candidate.probability);
-    }
-    double sum = 0;
-    for (Candidate& candidate : candidates_) {
-      candidate.probability = std::exp(candidate.probability - largest);
-      sum += candidate.probability;
-    }
-    for (Candidate& candidate : candidates_) candidate.probability /= sum;
-    std::stable_sort(
-        candidates_.begin(), candidates_.end(),
-        [](const Candidate& a, const Candidate& b) { return a.probability > b.probability; });
-    competition_.ranked = std::move(candidates_);
-    FindClass();
-  }
-
   void FindClass() {
     const Candidate& best = competition_.ranked.front();
     if (best.effects.empty() || IsFreeForm(best)) return;
-    const Eigen::VectorXd change = ChangeOf(best.effects.front());
-    const double length = linear_.Inner(change, change);
+    const LinearFit& linear = screening_.linear();
+    const Eigen::VectorXd change = screening_.ChangeOf(best.effects.front());
+    const double length = linear.Inner(change, change);
     for (const ScreenedEffect& other : competition_.screened) {
       const Effect* effect = other.strongest.effect;
       if (effect == best.effects.front().effect || other.change.size() == 0) continue;
-      if (IsFreeForm(MakeCandidate({other.strongest}))) continue;
-      const double product = linear_.Inner(change, other.change);
-      const double other_length = linear_.Inner(other.change, other.change);
+      if (IsFreeForm(*effect)) continue;
+      const double product = linear.Inner(change, other.change);
+      const double other_length = linear.Inner(other.change, other.change);
       if (other_length > 1e-9 && product * product > 0.98 * length * other_length) {
         competition_.same_class.push_back(effect);
       }
@@ -853,9 +473,8 @@ class Competing {
   const SetModel& model_;
   CompetitionSettings settings_;
   const std::function<bool(double)>& progress_;
-  LinearFit linear_;
+  Screening screening_;
   Competition competition_;
-  Entries null_middle_;  // expected if the whole line were like its middle
   std::vector<Candidate> candidates_;
   bool stopped_ = false;
 };

@@ -31,11 +31,6 @@ constexpr double kEfficiencyError = 0.4;
 
 std::string Text(std::string_view text) { return std::string(text); }
 
-bool IsFreeForm(const Candidate& candidate) {
-  return !candidate.effects.empty() &&
-         FindFreeFormTerm(candidate.effects.back().effect->description().id) != nullptr;
-}
-
 absl::Status CheckEnough(const RecordedSet& set) {
   std::set<int> positions;
   for (const RecordedFrame& frame : set.frames) {
@@ -203,7 +198,7 @@ void AddStages(const Competition& competition, v1::Diagnosis* diagnosis) {
 void AddPower(const Competition& competition, v1::Diagnosis* diagnosis) {
   for (const ScreenedEffect& screened : competition.screened) {
     const EffectDescription& description = screened.strongest.effect->description();
-    if (FindFreeFormTerm(description.id) != nullptr || screened.detectable <= 0) continue;
+    if (IsFreeForm(*screened.strongest.effect) || screened.detectable <= 0) continue;
     const EffectParameter& parameter = description.parameters[screened.parameter];
     const double up = ParameterFromStandardised(parameter, screened.detectable);
     const double strength = up != parameter.null_value

@@ -1,0 +1,47 @@
+// An explanation of a set, its evidence, and how probable it is among others.
+#pragma once
+
+#include <vector>
+
+#include "render_worker/diagnosis/fit.h"
+
+namespace sightline {
+
+// The change an effect makes is modelled to about this part of it. Where it is thousands of
+// standard deviations, that part is many, which explanations must not be told apart by.
+constexpr double kEffectError = 0.02;
+
+struct Candidate {
+  std::vector<ActiveEffect> effects;  // with fitted strengths; none: the null model
+  std::vector<FreeEffectParameter> free;
+  FitResult fit;
+  // Logarithm of the evidence by Laplace's approximation, over that of the null model [nats]; the
+  // whole set under one covariance.
+  double log_evidence = 0;
+  double log_prior = 0;
+  double probability = 0;
+};
+
+// All parameters that are fitted are free; effects in the order in which they act.
+Candidate MakeCandidate(std::vector<ActiveEffect> effects);
+
+// Of unknown physics: a term of it, or a named effect and such a term.
+bool IsFreeForm(const Effect& effect);
+bool IsFreeForm(const Candidate& candidate);
+// Of what is drawn anew for every recording.
+bool IsScatter(const Candidate& candidate);
+
+// By Laplace's approximation; `null` under the same covariance. With Cauchy's priors of strengths.
+double LogEvidence(const Candidate& candidate, const FitResult& null);
+
+// How many there are to choose from: priors are shared out among them.
+struct CandidateCounts {
+  int effects = 0;
+  int free_forms = 0;
+};
+
+// Fills in `log_prior` and `probability`, most probable first. `candidates`: at least one, the null
+// model among them.
+void RankCandidates(const CandidateCounts& counts, std::vector<Candidate>* candidates);
+
+}  // namespace sightline

@@ -1,0 +1,51 @@
+// What single effects can do to a set's expectation, from the null model linearised: where the
+// competition starts from.
+#pragma once
+
+#include <Eigen/Core>
+#include <vector>
+
+#include "render_worker/diagnosis/fit.h"
+#include "render_worker/diagnosis/linear_fit.h"
+
+namespace sightline {
+
+struct ScreenedEffect {
+  ActiveEffect strongest;  // where the recordings fit best, about; any, if they do not
+  Eigen::VectorXd change;  // there, whitened
+  double gain = 0;         // in log-likelihood [nats]
+  // If everything were linear. Much more than `gain`: the null model's deviations have taken the
+  // effect's place, and both must move together.
+  double linear_gain = 0;
+  ActiveEffect linear_best;
+  // Standardised strength of its first parameter that has one, at which the expected gain is 5.
+  int parameter = 0;
+  double detectable = 0;  // 0: the recordings do not show it
+};
+
+// With all parameters at their null values.
+ActiveEffect AtNullValues(const Effect& effect);
+
+class Screening {
+ public:
+  // Both must outlive it; `null` has no effects.
+  Screening(const SetModel& model, const FitResult& null);
+
+  // From a few strengths and shapes. Not for what is drawn anew for every recording, which changes
+  // no expectation.
+  ScreenedEffect Screen(const Effect& effect) const;
+
+  // Whitened change of the null model's expectation. `middle_only`: as if the whole line were like
+  // its middle; a fraction of the time.
+  Eigen::VectorXd ChangeOf(const ActiveEffect& active, bool middle_only = false) const;
+
+  const LinearFit& linear() const { return linear_; }
+
+ private:
+  const SetModel& model_;
+  const FitResult& null_;
+  LinearFit linear_;
+  Entries null_middle_;  // expected if the whole line were like its middle
+};
+
+}  // namespace sightline
