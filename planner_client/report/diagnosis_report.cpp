@@ -758,8 +758,10 @@ class Report {
         const std::string& name = names[static_cast<size_t>(i)];
         std::optional<double> error;
         if (!term.standard_errors().empty()) error = term.standard_errors(i);
-        rows.push_back({EscapeHtml(QuantityName(name)),
-                        EscapeHtml(QuantityWithError(name, term.values(i), error))});
+        const bool needed = term.values(i) != 0 || error != 0.0;
+        rows.push_back(
+            {EscapeHtml(QuantityName(name)),
+             needed ? EscapeHtml(QuantityWithError(name, term.values(i), error)) : "not needed"});
       }
       return html + PageTable({"coefficient", "value"}, rows, {0});
     }

@@ -63,6 +63,8 @@ struct Suffix {
 
 // Longer ones first where one is the end of another.
 constexpr Suffix kSuffixes[] = {
+    {"_electrons2_per_s", UnitKind::kPlain, 1, "\u202f(e\u207b)\u00b2/s"},
+    {"_electrons2", UnitKind::kPlain, 1, "\u202f(e\u207b)\u00b2"},
     {"_electrons_per_s", UnitKind::kPlain, 1, "\u202fe\u207b/s"},
     {"_per_electron", UnitKind::kPlain, 1, "\u202f/\u202fe\u207b"},
     {"_per_tangent_m", UnitKind::kMetre, 1, ""},

@@ -162,15 +162,16 @@ TEST(DiagnosisReport, ListsCoefficientsOfTermsWithoutACurve) {
   v1::FreeFormTerm* term = diagnosis.mutable_free_form();
   term->Clear();
   term->set_stage("geometry");
-  term->set_abscissa("coefficient: shift_px, roll_deg");
-  for (const double value : {1.25, -0.4}) {
+  term->set_abscissa("coefficient: shift_px, roll_deg, bow_m");
+  for (const double value : {1.25, -0.4, 0.0}) {
     term->add_values(value);
     term->add_abscissa_values(term->values_size() - 1);
-    term->add_standard_errors(0.1);
+    term->add_standard_errors(value == 0 ? 0 : 0.1);
   }
   const std::string html = Render(diagnosis);
   EXPECT_THAT(html, HasSubstr("1.25\u202f\u00b1\u202f0.10\u202fpx"));
   EXPECT_THAT(html, HasSubstr("\u22120.40\u202f\u00b1\u202f0.10\u00b0"));
+  EXPECT_THAT(html, HasSubstr("not needed"));
 }
 
 TEST(DiagnosisReport, SaysThatThereIsNoDependence) {

@@ -52,6 +52,8 @@ TEST(QuantityWithError, RoundsToTwoDigitsOfTheError) {
   // The unit follows the larger of both.
   EXPECT_EQ(QuantityWithError("bow_m", 1e-7, 2e-3), "0.0\u202f\u00b1\u202f2.0\u202fmm");
   EXPECT_EQ(QuantityWithError("bow_m", 1e-3, std::nullopt), "1.00\u202fmm");
+  EXPECT_EQ(QuantityWithError("variance_electrons2_per_s", 31.2, 4.1),
+            "31.2\u202f\u00b1\u202f4.1\u202f(e\u207b)\u00b2/s");
   EXPECT_EQ(QuantityInterval("glare_fraction", 0.0471, 0.0553),
             "4.71\u202f\u2026\u202f5.53\u202f%");
 }
