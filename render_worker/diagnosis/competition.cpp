@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <iterator>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -36,6 +35,13 @@ class Competing {
             const std::function<bool(double)>& progress)
       : model_(model), settings_(settings), progress_(progress), screening_(model, null) {
     competition_.null = null;
+    const auto sort = [&](std::span<const Effect* const> effects) {
+      for (const Effect* effect : effects) {
+        (IsRecordingScatter(*effect) ? scattering_ : expected_).push_back(effect);
+      }
+    };
+    sort(settings.effects);
+    sort(settings.free_forms);
   }
 
   Competition Run() {
@@ -71,13 +77,10 @@ class Competing {
   }
 
   void Screen() {
-    std::vector<const Effect*> all;
-    std::copy_if(settings_.effects.begin(), settings_.effects.end(), std::back_inserter(all),
-                 [](const Effect* effect) { return !IsRecordingScatter(*effect); });
-    all.insert(all.end(), settings_.free_forms.begin(), settings_.free_forms.end());
-    for (size_t i = 0; i < all.size(); ++i) {
-      if (!Report(0.5 * static_cast<double>(i) / static_cast<double>(all.size()))) return;
-      competition_.screened.push_back(screening_.Screen(*all[i]));
+    const auto count = static_cast<double>(expected_.size());
+    for (size_t i = 0; i < expected_.size(); ++i) {
+      if (!Report(0.5 * static_cast<double>(i) / count)) return;
+      competition_.screened.push_back(screening_.Screen(*expected_[i]));
     }
   }
 
@@ -292,7 +295,10 @@ class Competing {
     if (!single || best.log_evidence < kPromising) return;
     const LinearFit linear(best.fit);
     for (const Effect* term : settings_.free_forms) {
-      if (term->description().stage != best.effects[0].effect->description().stage) continue;
+      if (term->description().stage != best.effects[0].effect->description().stage ||
+          IsRecordingScatter(*term)) {
+        continue;
+      }
       const auto& parameters = term->description().parameters;
       const auto n = static_cast<Eigen::Index>(parameters.size());
       Candidate candidate = best;
@@ -387,7 +393,7 @@ class Competing {
     const bool perhaps_strong = candidates_.empty() || IsScatter(candidates_.front()) ||
                                 ScattersStrongly(model_, candidates_.front().fit);
     for (ScatterCandidate& scatter :
-         CompareRecordingScatter(model_, competition_.null, settings_.effects, perhaps_strong)) {
+         CompareRecordingScatter(model_, competition_.null, scattering_, perhaps_strong)) {
       Candidate candidate;
       candidate.effects = {{scatter.effect, scatter.parameters}};
       candidate.free = scatter.fit.free;
@@ -474,6 +480,8 @@ class Competing {
   CompetitionSettings settings_;
   const std::function<bool(double)>& progress_;
   Screening screening_;
+  // Of the settings: what changes expectations, and what scatters between recordings.
+  std::vector<const Effect*> expected_, scattering_;
   Competition competition_;
   std::vector<Candidate> candidates_;
   bool stopped_ = false;

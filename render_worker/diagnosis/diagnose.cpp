@@ -17,6 +17,7 @@
 #include "render_worker/diagnosis/free_form.h"
 #include "render_worker/diagnosis/next_recording.h"
 #include "render_worker/diagnosis/pictures.h"
+#include "render_worker/diagnosis/recording_scatter.h"
 #include "render_worker/diagnosis/setup_law.h"
 
 namespace sightline {
@@ -90,6 +91,29 @@ v1::FittedEffect DescribeEffect(const SetModel& model, const Candidate& candidat
   for (std::string_view region : signature.regions) fitted.add_regions(Text(region));
   for (std::string_view quantity : signature.depends_on) fitted.add_depends_on(Text(quantity));
   return fitted;
+}
+
+// Of a free-form term's coefficients, in their units; those that are not needed are known.
+Eigen::MatrixXd CoefficientCovariance(const Candidate& candidate) {
+  const ActiveEffect& term = candidate.effects.back();
+  const auto coefficients = static_cast<Eigen::Index>(term.parameters.size());
+  const auto free = static_cast<Eigen::Index>(candidate.free.size());
+  const FitResult& fit = candidate.fit;
+  if (IsRecordingScatter(*term.effect)) {
+    // What was drawn is in the fit, not its law.
+    return Eigen::Map<const Eigen::VectorXd>(fit.effect_standard_errors.data(), free)
+        .tail(coefficients)
+        .cwiseAbs2()
+        .asDiagonal();
+  }
+  // Free forms are linear.
+  Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(coefficients, free);
+  for (Eigen::Index f = 0; f < free; ++f) {
+    const auto [effect, parameter] = candidate.free[static_cast<size_t>(f)];
+    if (candidate.effects[effect].effect != term.effect) continue;
+    slopes(parameter, f) = term.effect->description().parameters[parameter].prior_scale;
+  }
+  return slopes * fit.covariance.bottomRightCorner(free, free) * slopes.transpose();
 }
 
 // The effect that explains more by itself first.
@@ -353,21 +377,8 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   }
   if (IsFreeForm(best)) {
     const ActiveEffect& term = best.effects.back();
-    // In the coefficients' units: free forms are linear. Those that are not needed are known.
-    const int first_free = static_cast<int>(best.fit.standardised.size() - best.free.size());
-    Eigen::MatrixXd slopes = Eigen::MatrixXd::Zero(static_cast<int>(term.parameters.size()),
-                                                   static_cast<int>(best.free.size()));
-    for (size_t f = 0; f < best.free.size(); ++f) {
-      if (best.effects[best.free[f].effect].effect != term.effect) continue;
-      const int parameter = best.free[f].parameter;
-      slopes(parameter, static_cast<int>(f)) =
-          term.effect->description().parameters[parameter].prior_scale;
-    }
-    const int count = static_cast<int>(best.free.size());
-    const Eigen::MatrixXd covariance =
-        slopes * best.fit.covariance.block(first_free, first_free, count, count) *
-        slopes.transpose();
-    *diagnosis.mutable_free_form() = DescribeFreeForm(*term.effect, term.parameters, covariance);
+    *diagnosis.mutable_free_form() =
+        DescribeFreeForm(*term.effect, term.parameters, CoefficientCovariance(best));
     if (diagnosis.laws_size() > 0) diagnosis.mutable_free_form()->set_law(diagnosis.laws(0).law());
     diagnosis.add_warnings(
         "The free-form term is not among the calibrated effects: renderers do not know it.");

@@ -139,6 +139,23 @@ class PowerCourseTerm final : public FreeFormEffect {
   }
 };
 
+// Any course of the power that the recordings' own amounts of light tell: white noise where it
+// forgets between recordings, a course in time where it does not. Drawn for every recording
+// (scatter_law), so it changes no expectation.
+class PowerScatterTerm final : public FreeFormEffect {
+ public:
+  PowerScatterTerm()
+      : FreeFormEffect("noise", {.id = "unknown.power_scatter",
+                                 .stage = Stage::kIllumination,
+                                 .summary = "power of recordings scatters normally by s, with "
+                                            "correlation exp(-|time apart| / t)",
+                                 .reference = "Uhlenbeck and Ornstein, Phys. Rev. 36 (1930) 823; "
+                                              "Rasmussen and Williams, Gaussian Processes for "
+                                              "Machine Learning, 4.2.1",
+                                 .parameters = {{"power_scatter_relative", 0, 0, 0.5, 0.03},
+                                                {"correlation_time_s", 100, 0.1, 1e5, 900}}}) {}
+};
+
 // Linear throughout: radiance below 0 takes light away, as far as there is any.
 class OtherLightTerm final : public FreeFormEffect {
  public:
@@ -223,9 +240,10 @@ std::vector<const FreeFormEffect*> IlluminationTerms() {
   static const BeamTerm beam;
   static const AlongLineTerm along_line;
   static const PowerCourseTerm power_course;
+  static const PowerScatterTerm power_scatter;
   static const OtherLightTerm other_light;
   static const CoherenceTerm coherence;
-  return {&beam, &along_line, &power_course, &other_light, &coherence};
+  return {&beam, &along_line, &power_course, &power_scatter, &other_light, &coherence};
 }
 
 }  // namespace sightline

@@ -726,9 +726,9 @@ ScatterCandidate EvaluateStrong(const SetModel& model, const FitResult& null,
   return best;
 }
 
-constexpr std::array<std::string_view, 4> kKnown = {
+constexpr std::array<std::string_view, 5> kKnown = {
     "illumination.power_noise", "time.exposure_jitter", "surface.albedo_texture",
-    "time.vibration_blur"};
+    "time.vibration_blur", "unknown.power_scatter"};
 
 }  // namespace
 

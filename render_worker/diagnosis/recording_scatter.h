@@ -1,6 +1,6 @@
 // Effects whose realisation is drawn anew for every recording (power noise, exposure jitter,
-// vibration) or every place on the plate (texture): they say nothing about the expectation of a
-// recording, only how recordings scatter about it.
+// vibration, the free-form scatter of the power) or every place on the plate (texture): they say
+// nothing about the expectation of a recording, only how recordings scatter about it.
 #pragma once
 
 #include <span>

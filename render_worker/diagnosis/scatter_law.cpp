@@ -54,12 +54,27 @@ Eigen::MatrixXd TextureFactor(const SetModel& model, const std::vector<double>& 
   return factor;
 }
 
+// Factor of the correlation of what forgets where it was with time.
+Eigen::MatrixXd Forgetting(const std::vector<double>& times_s, double correlation_time_s) {
+  const auto n = static_cast<Eigen::Index>(times_s.size());
+  Eigen::MatrixXd correlation(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j) {
+      correlation(i, j) = std::exp(-std::abs(times_s[i] - times_s[j]) / correlation_time_s);
+    }
+    correlation(i, i) += 1e-9;  // recordings of one moment
+  }
+  return correlation.llt().matrixL();
+}
+
 }  // namespace
 
 ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
-  std::vector<double> lit_exposure_s;
+  std::vector<double> lit_exposure_s, lit_time_s;
   for (const RecordedFrame& frame : model.set().frames) {
-    if (frame.plate_position_id >= 0) lit_exposure_s.push_back(frame.nominal.exposure_time_s);
+    if (frame.plate_position_id < 0) continue;
+    lit_exposure_s.push_back(frame.nominal.exposure_time_s);
+    lit_time_s.push_back(frame.nominal.timestamp_s);
   }
   const Eigen::VectorXd exposure_s = Eigen::Map<const Eigen::VectorXd>(
       lit_exposure_s.data(), static_cast<Eigen::Index>(lit_exposure_s.size()));
@@ -71,6 +86,8 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
     law.factor = [=, n = exposure_s.size()](const std::vector<double>& p) {
       return diagonal(Eigen::VectorXd::Constant(n, p[0]));
     };
+  } else if (id == "unknown.power_scatter") {
+    law.factor = [=](const std::vector<double>& p) { return p[0] * Forgetting(lit_time_s, p[1]); };
   } else if (id == "time.exposure_jitter") {
     law.factor = [=](const std::vector<double>& p) {
       return diagonal(p[0] * exposure_s.cwiseInverse());

@@ -4,11 +4,14 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 #include <string_view>
 #include <vector>
 
 #include "render_worker/diagnosis/competition.h"
 #include "render_worker/diagnosis/fit_quality.h"
+#include "render_worker/diagnosis/free_form.h"
+#include "render_worker/effects/described_effect.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/plate_frames.h"
 #include "rendered_set.h"
@@ -139,6 +142,57 @@ TEST(CompareRecordingScatter, NamesExposureJitter) { ExpectFound(kExposureJitter
 TEST(CompareRecordingScatter, NamesAlbedoTexture) { ExpectFound(kAlbedoTexture, {0.15, 3e-3}, 23); }
 
 TEST(CompareRecordingScatter, NamesVibration) { ExpectFound(kVibration, {1.0, 60}, 24); }
+
+// Power that swings slowly: no effect of the vocabulary does.
+class SwingingPower final : public DescribedEffect {
+ public:
+  SwingingPower()
+      : DescribedEffect({.id = "test.swinging_power",
+                         .stage = Stage::kIllumination,
+                         .summary = "power swings with the time",
+                         .reference = "none",
+                         .parameters = {{"relative", 0, 0, 1, 0.1}, {"period_s", 1, 1, 1e4, 1}}}) {}
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    frame.laser.power_w *= 1 + p[0] * std::sin(2 * std::numbers::pi * frame.timestamp_s / p[1]);
+  }
+};
+
+TEST(CompareRecordingScatter, APowerThatSwingsIsNoNoiseOfAVocabularyButRemembers) {
+  const SwingingPower swinging;
+  const RecordedSet set = Render({{&swinging, {0.15, 300}}}, 26);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const Effect* const term = FindFreeFormTerm("unknown.power_scatter");
+  const std::vector<const Effect*> effects = {FindEffect(kPowerNoise), FindEffect(kExposureJitter),
+                                              FindEffect(kAlbedoTexture), FindEffect(kVibration),
+                                              term};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  ASSERT_EQ(candidates.size(), 5u);
+  for (size_t i = 0; i + 1 < candidates.size(); ++i) {
+    EXPECT_GT(candidates.back().log_evidence, candidates[i].log_evidence + 3)
+        << effects[i]->description().id;
+  }
+  // A quarter of a period or so.
+  EXPECT_GT(candidates.back().parameters[1], 30);
+  EXPECT_LT(candidates.back().parameters[1], 3000);
+}
+
+TEST(CompareRecordingScatter, NoiseOfThePowerForgetsAtOnce) {
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kPowerNoise), {0.06}}}, 21);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const std::vector<const Effect*> effects = {FindEffect(kPowerNoise),
+                                              FindFreeFormTerm("unknown.power_scatter")};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  // It contains the law and pays for the time that it leaves open.
+  EXPECT_NEAR(candidates[1].largest_gain, candidates[0].largest_gain, 1.5);
+  EXPECT_LT(candidates[1].log_evidence, candidates[0].log_evidence);
+  EXPECT_GT(candidates[1].log_evidence, candidates[0].log_evidence - 4);
+}
 
 TEST(Compete, NamesWhatScattersBesidesAnotherEffect) {
   const Effect* dark_current = FindEffect("sensor.dark_current");
