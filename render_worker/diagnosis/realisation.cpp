@@ -47,8 +47,10 @@ std::vector<double> LineDisplacements(const SetModel& model, const SetParameters
   return displacements;
 }
 
-std::vector<double> LightExcesses(const SetModel& model, const SetParameters& parameters) {
+std::vector<double> LightExcesses(const SetModel& model, SetParameters parameters) {
   const RecordedSet& set = model.set();
+  // Where a line is not where it is expected, its light would seem to be missing.
+  parameters.line_shift_px = model.EstimateLineShifts(parameters);
   const Entries expected = model.Expect(parameters, false).mean;
   // Scale of the expected line that is nearest to the observed one, where neither is cut off.
   constexpr double kNotCutOff = 0.8;

@@ -33,9 +33,9 @@ class RealisedEffect final : public DescribedEffect {
 // Of the line in every recording with laser light, from where `parameters` expect it [px].
 std::vector<double> LineDisplacements(const SetModel& model, const SetParameters& parameters);
 
-// Laser light in every recording over what `parameters` expect, minus 1; 0 for the median
-// recording, since the known parameters hold what all have in common.
-std::vector<double> LightExcesses(const SetModel& model, const SetParameters& parameters);
+// Laser light in every recording over what `parameters` expect, wherever the line is, minus 1; 0
+// for the median recording, since the known parameters hold what all have in common.
+std::vector<double> LightExcesses(const SetModel& model, SetParameters parameters);
 
 // The displacements from where the line is on average at its plate position, which the known
 // parameters hold; 0 where that is near enough for what is linear.

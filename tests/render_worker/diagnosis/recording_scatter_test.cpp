@@ -11,6 +11,7 @@
 #include "render_worker/diagnosis/competition.h"
 #include "render_worker/diagnosis/fit_quality.h"
 #include "render_worker/diagnosis/free_form.h"
+#include "render_worker/diagnosis/realisation.h"
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -99,6 +100,16 @@ void ExpectFound(std::string_view id, std::vector<double> parameters, uint64_t s
   const PredictedFit after = PredictEntries(best.fit, split.used, split.held_out);
   EXPECT_EQ(before.degrees_of_freedom, after.degrees_of_freedom);
   EXPECT_LT(after.chi_squared, before.chi_squared);
+}
+
+// A bug found: far from the axis, where another distance moves the line by more than its width, its
+// light was taken to be missing, and strong jitter was not found at all.
+TEST(LightExcesses, AreThoseOfTheLineWhereverItIs) {
+  SetupDeviation deviation;
+  deviation.line_position_each_px = 12;
+  const RecordedSet set = RenderSmallSet(deviation, {}, 6);
+  const SetModel model(set, {});
+  for (const double excess : LightExcesses(model, {})) EXPECT_NEAR(excess, 0, 0.12);
 }
 
 TEST(CompareRecordingScatter, FindsNothingWhereNothingScatters) {
