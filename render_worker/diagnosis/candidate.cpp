@@ -51,6 +51,19 @@ double LogPrior(const Candidate& candidate) {
   return sum;
 }
 
+// Of the information of all parameters, those of effects last.
+double LogDeterminantAbout(const FitResult& fit, const FitResult& about) {
+  const auto effects = static_cast<Eigen::Index>(fit.free.size());
+  const Eigen::Index known = fit.standardised.size() - effects;
+  Eigen::MatrixXd information = fit.prior_weight.asDiagonal();
+  for (size_t e = 0; e < fit.jacobian.size(); ++e) {
+    Eigen::MatrixXd jacobian = fit.jacobian[e];
+    jacobian.leftCols(known) = about.jacobian[e].leftCols(known);
+    information.noalias() += jacobian.transpose() * jacobian;
+  }
+  return 2 * information.llt().matrixLLT().diagonal().array().log().sum();
+}
+
 // Evidence, less what errors of the model and of the best effect's modelled change may be worth:
 // these can look like another effect in its place. One more effect, which changes something else,
 // counts in full once it gains more than such errors could.
@@ -109,6 +122,12 @@ double LogEvidence(const Candidate& candidate, const FitResult& null) {
   return -0.5 * (fit.chi_squared + fit.prior + fit.log_determinant - null.chi_squared - null.prior -
                  null.log_determinant) +
          LogPrior(candidate);
+}
+
+double LogEvidence(const Candidate& candidate, const FitResult& null, const FitResult& about) {
+  const FitResult& fit = candidate.fit;
+  const double more = LogDeterminantAbout(fit, about) - LogDeterminantAbout(null, about);
+  return LogEvidence(candidate, null) + 0.5 * (fit.log_determinant - null.log_determinant - more);
 }
 
 void RankCandidates(const CandidateCounts& counts, std::vector<Candidate>* candidates) {

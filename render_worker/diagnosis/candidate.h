@@ -33,6 +33,9 @@ bool IsScatter(const Candidate& candidate);
 
 // By Laplace's approximation; `null` under the same covariance. With Cauchy's priors of strengths.
 double LogEvidence(const Candidate& candidate, const FitResult& null);
+// With the derivatives of `about`, under that covariance too, with respect to the known parameters:
+// those that fits find themselves differ by their steps and places, by nats that tell nothing.
+double LogEvidence(const Candidate& candidate, const FitResult& null, const FitResult& about);
 
 // How many there are to choose from: priors are shared out among them.
 struct CandidateCounts {

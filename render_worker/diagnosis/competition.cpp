@@ -33,7 +33,11 @@ class Competing {
  public:
   Competing(const SetModel& model, const FitResult& null, const CompetitionSettings& settings,
             const std::function<bool(double)>& progress)
-      : model_(model), settings_(settings), progress_(progress), screening_(model, null) {
+      : model_(model),
+        settings_(settings),
+        progress_(progress),
+        screening_(model, null),
+        about_(null) {
     competition_.null = null;
     const auto sort = [&](std::span<const Effect* const> effects) {
       for (const Effect* effect : effects) {
@@ -94,7 +98,7 @@ class Competing {
     settings.max_iterations = iterations;
     candidate.fit = FitSet(model_, start, candidate.free, settings, &reference);
     candidate.effects = candidate.fit.parameters.effects;
-    candidate.log_evidence = LogEvidence(candidate, competition_.null);
+    candidate.log_evidence = LogEvidence(candidate, competition_.null, about_);
   }
 
   // From the nominal description on: where the null model is far off, so are its deviations.
@@ -250,6 +254,7 @@ class Competing {
     null_start.effects.clear();
     FitResult null = FitSet(model_, null_start, {}, settings, &reference);
     competition_.null = std::move(null);
+    about_ = reference;
     if (candidates_.size() > kFitted) candidates_.resize(kFitted);
     for (size_t i = 0; i < candidates_.size(); ++i) {
       if (!Report(0.87 + 0.12 * static_cast<double>(i) / static_cast<double>(candidates_.size())))
@@ -483,6 +488,7 @@ class Competing {
   // Of the settings: what changes expectations, and what scatters between recordings.
   std::vector<const Effect*> expected_, scattering_;
   Competition competition_;
+  FitResult about_;  // whose derivatives with respect to the known parameters count for all
   std::vector<Candidate> candidates_;
   bool stopped_ = false;
 };

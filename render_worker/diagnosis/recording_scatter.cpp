@@ -726,6 +726,33 @@ ScatterCandidate EvaluateStrong(const SetModel& model, const FitResult& null,
   return best;
 }
 
+// Laws of the light, each found with known parameters of its own, again where the best of them has
+// led to: they are to differ by what they say of the light only.
+void EvaluateAboutTheBest(const SetModel& model, const FitResult& null,
+                          std::vector<ScatterCandidate>& candidates) {
+  const auto of_light = [&](const ScatterCandidate& candidate) {
+    return ScatterLawOf(candidate.effect->description().id, model).amplitude == Amplitude::kLight;
+  };
+  const ScatterCandidate* best = nullptr;
+  for (const ScatterCandidate& candidate : candidates) {
+    if (!of_light(candidate)) continue;
+    if (best == nullptr || candidate.log_evidence > best->log_evidence) best = &candidate;
+  }
+  if (best == nullptr) return;
+  Realisation at(model.set().frames.size());
+  at.light_relative = best->light_relative;
+  SetParameters start = best->fit.parameters;
+  start.effects.pop_back();
+  const FitResult about = FitAtRealisation(model, null, start, at, {{0, 0.1}, {0, 0}});
+  RecordingScatter scatter(model, about, at, null);
+  for (ScatterCandidate& candidate : candidates) {
+    if (!of_light(candidate)) continue;
+    Realisation from = at;
+    ScatterCandidate again = scatter.Evaluate(*candidate.effect, from);
+    if (again.log_evidence > candidate.log_evidence) candidate = std::move(again);
+  }
+}
+
 constexpr std::array<std::string_view, 5> kKnown = {
     "illumination.power_noise", "time.exposure_jitter", "surface.albedo_texture",
     "time.vibration_blur", "unknown.power_scatter"};
@@ -765,6 +792,7 @@ std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, con
     if (Moves(*effect)) at.shift_px = DisplacementsAtPositions(model, null.parameters);
     candidates.push_back(scatter.Evaluate(*effect, at));
   }
+  if (strong) EvaluateAboutTheBest(model, null, candidates);
   return candidates;
 }
 

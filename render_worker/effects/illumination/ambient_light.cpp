@@ -70,7 +70,8 @@ class AmbientFlickerEffect final : public DescribedEffect {
                  "the exposure takes its mean",
              .reference = "IEEE 1789-2015 (modulation of lamps)",
              .parameters = {{"ambient_radiance_w_m2_sr", 0, 0, 100, 0.1},
-                            {"flicker_depth", 0, 0, 1, 0.3},
+                            // Light that hardly flickers is ambient light.
+                            {"flicker_depth", 0.3, 0, 1, 0.3},
                             {"flicker_frequency_hz", 100, 1, 10000, 50}}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
