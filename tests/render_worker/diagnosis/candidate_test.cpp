@@ -1,0 +1,73 @@
+// Explanations are told apart by what their effects do.
+#include "render_worker/diagnosis/candidate.h"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Dense>
+#include <cmath>
+#include <vector>
+
+#include "render_worker/effects/effect.h"
+
+namespace sightline {
+namespace {
+
+const Effect* Named() { return FindEffect("illumination.power_error"); }
+
+// Of 40 numbers: two known parameters, then those of effects.
+FitResult SomeFit(const Eigen::MatrixXd& jacobian, int effects) {
+  FitResult fit;
+  fit.jacobian = {jacobian};
+  fit.standardised = Eigen::VectorXd::Zero(jacobian.cols());
+  fit.prior_weight = Eigen::VectorXd::Ones(jacobian.cols());
+  fit.free.assign(effects, {0, 0});
+  fit.chi_squared = 40;
+  fit.data_count = 40;
+  const Eigen::MatrixXd information =
+      jacobian.transpose() * jacobian + Eigen::MatrixXd::Identity(jacobian.cols(), jacobian.cols());
+  fit.log_determinant = std::log(information.determinant());
+  return fit;
+}
+
+Candidate SomeCandidate(const Eigen::MatrixXd& jacobian) {
+  Candidate candidate = MakeCandidate({{Named(), {1}}});
+  candidate.fit = SomeFit(jacobian, 1);
+  return candidate;
+}
+
+// A bug found: the known parameters' derivatives, found by steps of other lengths at places a
+// little apart, told explanations apart by up to four nats.
+TEST(LogEvidence, IsNotToldByDerivativesOfKnownParameters) {
+  srand(5);
+  const Eigen::MatrixXd known = Eigen::MatrixXd::Random(40, 2);
+  const Eigen::MatrixXd effect = Eigen::MatrixXd::Random(40, 1);
+  const FitResult null = SomeFit(known, 0);
+  Eigen::MatrixXd jacobian(40, 3);
+  jacobian << known, effect;
+  const double evidence = LogEvidence(SomeCandidate(jacobian), null);
+  EXPECT_NEAR(LogEvidence(SomeCandidate(jacobian), null, null), evidence, 1e-12);
+  jacobian.leftCols(2) *= 1.3;
+  EXPECT_LT(LogEvidence(SomeCandidate(jacobian), null), evidence - 0.3);
+  EXPECT_NEAR(LogEvidence(SomeCandidate(jacobian), null, null), evidence, 1e-12);
+}
+
+TEST(RankCandidates, ProbabilitiesSumToOneAndFollowEvidenceAndPriors) {
+  std::vector<Candidate> candidates(3);
+  for (int i = 0; i < 2; ++i) {
+    candidates[i] = SomeCandidate(Eigen::MatrixXd::Identity(40, 3));
+    candidates[i].log_evidence = 8.0 + i;
+  }
+  candidates[2].fit = candidates[0].fit;  // the null model
+  RankCandidates({.effects = 60, .free_forms = 30}, &candidates);
+  double sum = 0;
+  for (const Candidate& candidate : candidates) sum += candidate.probability;
+  EXPECT_NEAR(sum, 1, 1e-12);
+  EXPECT_EQ(candidates[0].log_evidence, 9);
+  EXPECT_GT(candidates[0].probability, candidates[1].probability);
+  // One effect of sixty starts with less than that nothing is missing.
+  EXPECT_LT(candidates[0].log_prior, std::log(1.0 / 60));
+  EXPECT_TRUE(candidates[2].effects.empty());
+}
+
+}  // namespace
+}  // namespace sightline
