@@ -70,6 +70,50 @@ class BeamTerm final : public FreeFormEffect {
   }
 };
 
+// What lies beside the beam and grows with it, as no spreading on the plate does: side lobes,
+// spontaneous emission, stray light of the projector.
+class BeamFootTerm final : public FreeFormEffect {
+ public:
+  BeamFootTerm()
+      : FreeFormEffect("point_spread",
+                       {.id = "unknown.beam_foot",
+                        .stage = Stage::kIllumination,
+                        .summary = "parts of the power in profiles of 2, 4 and 8 times the width",
+                        .reference = "ISO 11146-1:2021 (beams that are no Gaussians)",
+                        .parameters = {Coefficient("fraction_at_2_widths", 0.9, 0.05),
+                                       Coefficient("fraction_at_4_widths", 0.9, 0.02),
+                                       Coefficient("fraction_at_8_widths", 0.9, 0.02)}}) {}
+
+  void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
+    if (IsNull(p)) return;  // scaling would round
+    const double centre = frame.plate.line_offset_m;
+    scene.laser_irradiance_w_m2 = [=, c = std::array<double, 3>{p[0], p[1], p[2]},
+                                   before = std::move(scene.laser_irradiance_w_m2)](double x_m,
+                                                                                    double s_m) {
+      double sum = (1 - c[0] - c[1] - c[2]) * before(x_m, s_m);
+      for (size_t k = 0; k < kWidths.size(); ++k) {
+        if (c[k] == 0) continue;
+        sum += c[k] / kWidths[k] * before(x_m, centre + (s_m - centre) / kWidths[k]);
+      }
+      return std::max(0.0, sum);
+    };
+  }
+
+  Axes CurveAxes() const override {
+    return {"place_over_nominal_sigma", "foot_over_nominal_maximum", EvenlySpaced(-16, 16, 65)};
+  }
+  double CurveAt(double t, Parameters p) const override {
+    double sum = 0;
+    for (size_t k = 0; k < kWidths.size(); ++k) {
+      sum += p[k] / kWidths[k] * std::exp(-0.5 * t * t / (kWidths[k] * kWidths[k]));
+    }
+    return sum;
+  }
+
+ private:
+  static constexpr std::array<double, 3> kWidths = {2, 4, 8};
+};
+
 class AlongLineTerm final : public FreeFormEffect {
  public:
   AlongLineTerm()
@@ -238,12 +282,13 @@ class CoherenceTerm final : public FreeFormEffect {
 
 std::vector<const FreeFormEffect*> IlluminationTerms() {
   static const BeamTerm beam;
+  static const BeamFootTerm beam_foot;
   static const AlongLineTerm along_line;
   static const PowerCourseTerm power_course;
   static const PowerScatterTerm power_scatter;
   static const OtherLightTerm other_light;
   static const CoherenceTerm coherence;
-  return {&beam, &along_line, &power_course, &power_scatter, &other_light, &coherence};
+  return {&beam, &beam_foot, &along_line, &power_course, &power_scatter, &other_light, &coherence};
 }
 
 }  // namespace sightline

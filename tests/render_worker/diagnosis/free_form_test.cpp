@@ -304,7 +304,7 @@ TEST(FreeForm, BeamAndPlateSpreadConserveLight) {
     return sum;
   };
   const double null = integral(MakePlateScene(frame));
-  for (const char* id : {"unknown.beam", "unknown.plate_spread"}) {
+  for (const char* id : {"unknown.beam", "unknown.beam_foot", "unknown.plate_spread"}) {
     const Effect& term = Term(id);
     PlateScene scene = MakePlateScene(frame);
     std::vector<double> p = NullOf(term);
