@@ -630,7 +630,8 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
   }
   fit.standardised.resize(posterior.parameters.size() + posterior.amplitudes.size());
   fit.standardised << posterior.parameters, posterior.standardised_amplitudes;
-  fit.prior_weight = Eigen::VectorXd::Ones(fit.standardised.size());
+  fit.prior_weight.resize(fit.standardised.size());
+  fit.prior_weight << null_.prior_weight, Eigen::VectorXd::Ones(posterior.amplitudes.size());
   Eigen::MatrixXd information = fit.prior_weight.asDiagonal();
   for (const Eigen::MatrixXd& jacobian : fit.jacobian) {
     information.noalias() += jacobian.transpose() * jacobian;
