@@ -191,9 +191,10 @@ class Fitter {
         Linearise(state, renew ? nullptr : iteration > 0 ? &jacobian_ : known);
         fresh = true;
         const double before = state.total;
+        const double negligible = Negligible(state);
         const bool stepped = Step(state, damping);
         if (stepped) fresh = false;
-        const bool stuck = !stepped || before - state.total < 0.05 + 1e-5 * before;
+        const bool stuck = !stepped || before - state.total < negligible;
         renew = stuck && renewals < settings_.most_renewals;
         if (stuck && (!renew || (renewals > 0 && at_renewal - state.total < 1))) break;
         if (!renew) continue;
@@ -394,8 +395,11 @@ class Fitter {
     return state;
   }
 
+  // Of the sum to be lowered: what is not worth another step.
+  static double Negligible(const State& state) { return 0.05 + 1e-5 * state.total; }
+
   // Levenberg and Marquardt, with a second-order correction (Nocedal and Wright, Numerical
-  // Optimization (2006), 18.3). False: no step lowers the sum.
+  // Optimization (2006), 18.3). False: no step lowers the sum, or none is worth its evaluation.
   bool Step(State& state, double& damping) {
     for (int attempt = 0; attempt < 6; ++attempt) {
       Eigen::MatrixXd damped = information_;
@@ -409,7 +413,10 @@ class Fitter {
         downhill[i] = 0;
       }
       const Eigen::LLT<Eigen::MatrixXd> solver(damped);
-      State next = At(state.x + solver.solve(downhill));
+      const Eigen::VectorXd move = solver.solve(downhill);
+      const double promised = move.dot(2 * downhill - information_ * move);
+      if (promised < Negligible(state)) return false;
+      State next = At(state.x + move);
       if (next.total >= state.total) {
         // Along a curved valley (an effect and a deviation do nearly the same) a straight step
         // leaves its floor: back to it before the step is judged.

@@ -690,30 +690,46 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
 }
 
 // Where what was drawn is so strong that it leads the null model's parameters astray: these and
-// what was drawn are found in turn.
-ScatterCandidate EvaluateStrong(const SetModel& model, const FitResult& null,
-                                const Effect& effect) {
+// what was drawn are found in turn. `effects` draw the same (light or movement) by different laws,
+// which are compared about one fit: they are to differ by what they say of the draws only.
+std::vector<ScatterCandidate> EvaluateStrong(const SetModel& model, const FitResult& null,
+                                             const std::vector<const Effect*>& effects) {
   SetParameters start;
   start.effects = null.parameters.effects;
   Realisation at(model.set().frames.size());
-  if (Moves(effect)) {
+  const bool moves = Moves(*effects[0]);
+  if (moves) {
     at.shift_px = LineDisplacements(model, start);
   } else {
     at.light_relative = LightExcesses(model, start);
   }
   std::vector<FitSettings::Round> rounds = {{0.3, 0.3}, {0.1, 0.3}, {0.01, 0.1}, {0, 0}};
-  ScatterCandidate best;
+  std::vector<ScatterCandidate> best(effects.size());
+  double cost = 0;
   const int most_turns = null.parameters.effects.empty() ? 4 : 2;
   for (int turn = 0; turn < most_turns; ++turn) {
     const FitResult about = FitAtRealisation(model, null, start, at, rounds);
-    ScatterCandidate candidate = RecordingScatter(model, about, at, null).Evaluate(effect, at);
-    const double gained = turn == 0 ? 0 : TwiceCost(best.fit) - TwiceCost(candidate.fit);
-    if (turn == 0 || gained > 0) best = std::move(candidate);
+    RecordingScatter scatter(model, about, at, null);
+    std::vector<ScatterCandidate> candidates;
+    candidates.reserve(effects.size());
+    std::vector<Realisation> led_to(effects.size(), at);
+    size_t leading = 0;
+    for (size_t i = 0; i < effects.size(); ++i) {
+      candidates.push_back(scatter.Evaluate(*effects[i], led_to[i]));
+      if (i == 0 || candidates[i].log_evidence > candidates[leading].log_evidence) leading = i;
+    }
+    const double cost_of_turn = TwiceCost(candidates[leading].fit);
+    const double gained = turn == 0 ? 0 : cost - cost_of_turn;
+    if (turn == 0 || gained > 0) {
+      cost = cost_of_turn;
+      start = candidates[leading].fit.parameters;
+      start.effects.pop_back();
+      at = led_to[leading];
+      best = std::move(candidates);
+    }
     if (turn > 0 && gained < 1) break;
-    start = best.fit.parameters;
-    start.effects.pop_back();
     rounds = {{0, 0.1}, {0, 0}};
-    if (!Moves(effect)) continue;
+    if (!moves) continue;
     // What no uncertainty of a position allows has been movement.
     const double allowed_px = 3 * model.set().description.uncertainty.line_position_each_px;
     for (auto& [id, shift_px] : start.line_shift_px) {
@@ -725,33 +741,6 @@ ScatterCandidate EvaluateStrong(const SetModel& model, const FitResult& null,
     }
   }
   return best;
-}
-
-// Laws of the light, each found with known parameters of its own, again where the best of them has
-// led to: they are to differ by what they say of the light only.
-void EvaluateAboutTheBest(const SetModel& model, const FitResult& null,
-                          std::vector<ScatterCandidate>& candidates) {
-  const auto of_light = [&](const ScatterCandidate& candidate) {
-    return ScatterLawOf(candidate.effect->description().id, model).amplitude == Amplitude::kLight;
-  };
-  const ScatterCandidate* best = nullptr;
-  for (const ScatterCandidate& candidate : candidates) {
-    if (!of_light(candidate)) continue;
-    if (best == nullptr || candidate.log_evidence > best->log_evidence) best = &candidate;
-  }
-  if (best == nullptr) return;
-  Realisation at(model.set().frames.size());
-  at.light_relative = best->light_relative;
-  SetParameters start = best->fit.parameters;
-  start.effects.pop_back();
-  const FitResult about = FitAtRealisation(model, null, start, at, {{0, 0.1}, {0, 0}});
-  RecordingScatter scatter(model, about, at, null);
-  for (ScatterCandidate& candidate : candidates) {
-    if (!of_light(candidate)) continue;
-    Realisation from = at;
-    ScatterCandidate again = scatter.Evaluate(*candidate.effect, from);
-    if (again.log_evidence > candidate.log_evidence) candidate = std::move(again);
-  }
 }
 
 constexpr std::array<std::string_view, 5> kKnown = {
@@ -778,22 +767,32 @@ bool IsRecordingScatter(const Effect& effect) {
 std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, const FitResult& null,
                                                       std::span<const Effect* const> effects,
                                                       bool perhaps_strong) {
-  std::vector<ScatterCandidate> candidates;
   const bool strong = perhaps_strong && ScattersStrongly(model, null);
   const Realisation none(model.set().frames.size());
   RecordingScatter scatter(model, null, none, null);
+  std::vector<const Effect*> strong_light, strong_movement;
+  std::map<const Effect*, ScatterCandidate> found;
   for (const Effect* effect : effects) {
     if (!IsRecordingScatter(*effect)) continue;
     const bool of_places = effect->description().id == "surface.albedo_texture";
     if (strong && !of_places) {
-      candidates.push_back(EvaluateStrong(model, null, *effect));
+      (Moves(*effect) ? strong_movement : strong_light).push_back(effect);
       continue;
     }
     Realisation at = none;
     if (Moves(*effect)) at.shift_px = DisplacementsAtPositions(model, null.parameters);
-    candidates.push_back(scatter.Evaluate(*effect, at));
+    found[effect] = scatter.Evaluate(*effect, at);
   }
-  if (strong) EvaluateAboutTheBest(model, null, candidates);
+  for (const auto& family : {strong_light, strong_movement}) {
+    if (family.empty()) continue;
+    for (ScatterCandidate& candidate : EvaluateStrong(model, null, family)) {
+      found[candidate.effect] = std::move(candidate);
+    }
+  }
+  std::vector<ScatterCandidate> candidates;
+  for (const Effect* effect : effects) {
+    if (IsRecordingScatter(*effect)) candidates.push_back(std::move(found[effect]));
+  }
   return candidates;
 }
 
