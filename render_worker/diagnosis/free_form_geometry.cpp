@@ -93,36 +93,34 @@ class KeystoneTerm final : public FreeFormEffect {
   }
 };
 
+// A plane sensor that is tilted, or a plate. What is curved is the lens's field
+// (`unknown.focus_curvature`).
 class FocusFieldTerm final : public FreeFormEffect {
  public:
   FocusFieldTerm()
       : FreeFormEffect("geometry",
                        {.id = "unknown.focus_field",
                         .stage = Stage::kGeometry,
-                        .summary = "defocus changed by a u + b u^2 + c v over 5 mm",
+                        .summary = "defocus changed by a u + b v over 5 mm",
                         .reference = "Scheimpflug, GB patent 1196 (1904); thesis eq. 5.6",
                         .parameters = {Coefficient("slope_u_per_m", 10, 0.2),
-                                       Coefficient("square_u_per_m", 10, 0.2),
                                        Coefficient("slope_v_per_m", 10, 0.2)}}) {}
 
   void OnOptics(OpticsModel& optics, const FrameSetup&, Parameters p) const override {
     if (IsNull(p)) return;  // the field stays the same everywhere
-    const std::array<double, 3> c = {p[0], p[1], p[2]};
+    const std::array<double, 2> c = {p[0], p[1]};
     optics.field_dependent = true;
     optics.curvature = [c, before = std::move(optics.curvature)](double depth_m, double u_m,
                                                                  double v_m) {
       const double u = u_m / kImageHeight_m, v = v_m / kImageHeight_m;
-      return before(depth_m, u_m, v_m) + u * (c[0] + c[1] * u) + c[2] * v;
+      return before(depth_m, u_m, v_m) + c[0] * u + c[1] * v;
     };
   }
 
   Axes CurveAxes() const override {
     return {"u_m", "change_of_wavefront_curvature_per_m", EvenlySpaced(-6e-3, 6e-3, 25)};
   }
-  double CurveAt(double u_m, Parameters p) const override {
-    const double u = u_m / kImageHeight_m;
-    return u * (p[0] + p[1] * u);
-  }
+  double CurveAt(double u_m, Parameters p) const override { return p[0] * u_m / kImageHeight_m; }
 };
 
 }  // namespace

@@ -159,6 +159,39 @@ class WavefrontTerm final : public FreeFormEffect {
   }
 };
 
+class FocusCurvatureTerm final : public FreeFormEffect {
+ public:
+  FocusCurvatureTerm()
+      : FreeFormEffect("point_spread",
+                       {.id = "unknown.focus_curvature",
+                        .stage = Stage::kOptics,
+                        .summary = "defocus changed by a r^2 + b r^4, r the image height in 5 mm",
+                        .reference = "Welford, Aberrations of Optical Systems (1986), chapter 8",
+                        .parameters = {Coefficient("square_per_m", 10, 0.2),
+                                       Coefficient("fourth_per_m", 10, 0.2)}}) {}
+
+  void OnOptics(OpticsModel& optics, const FrameSetup&, Parameters p) const override {
+    if (IsNull(p)) return;  // the field stays the same everywhere
+    const std::array<double, 2> c = {p[0], p[1]};
+    optics.field_dependent = true;
+    optics.curvature = [c, before = std::move(optics.curvature)](double depth_m, double u_m,
+                                                                 double v_m) {
+      return before(depth_m, u_m, v_m) + ChangeAt(std::hypot(u_m, v_m), c);
+    };
+  }
+
+  Axes CurveAxes() const override {
+    return {"image_height_m", "change_of_wavefront_curvature_per_m", EvenlySpaced(0, 6e-3, 25)};
+  }
+  double CurveAt(double height_m, Parameters p) const override { return ChangeAt(height_m, p); }
+
+ private:
+  static double ChangeAt(double height_m, std::span<const double> c) {
+    const double r2 = std::pow(height_m / kImageHeight_m, 2);
+    return r2 * (c[0] + c[1] * r2);
+  }
+};
+
 class ApertureTerm final : public FreeFormEffect {
  public:
   ApertureTerm()
@@ -195,6 +228,23 @@ class ApertureTerm final : public FreeFormEffect {
   }
 };
 
+// `factor`: of the place on the sensor (u, v) in units of kImageHeight_m; negative light is none.
+template <typename Factor>
+void MultiplyOverField(PixelIrradiance& light, const FrameSetup& frame, const Factor& factor) {
+  const double step = frame.sensor.pixel_pitch_m / kImageHeight_m;
+  for (int i = 0; i < light.roi.rows_px; ++i) {
+    const double v = step * (light.roi.row_px + i);
+    for (int j = 0; j < light.roi.columns_px; ++j) {
+      const double u = step * (light.roi.column_px + j);
+      const auto times = static_cast<float>(std::max(0.0, factor(u, v)));
+      if (!light.laser_irradiance_w_m2.empty()) light.laser_irradiance_w_m2.At(i, j) *= times;
+      for (Image<float>& flux : light.incoherent_electron_flux_m2_s) {
+        if (!flux.empty()) flux.At(i, j) *= times;
+      }
+    }
+  }
+}
+
 class FieldTerm final : public FreeFormEffect {
  public:
   FieldTerm()
@@ -214,21 +264,11 @@ class FieldTerm final : public FreeFormEffect {
   void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup& frame,
                          Parameters p) const override {
     if (IsNull(p)) return;
-    const double step = frame.sensor.pixel_pitch_m / kImageHeight_m;
     const double square = p[0] + p[2] * 4 / frame.lens.f_number;
-    for (int i = 0; i < light.roi.rows_px; ++i) {
-      const double v = step * (light.roi.row_px + i);
-      for (int j = 0; j < light.roi.columns_px; ++j) {
-        const double u = step * (light.roi.column_px + j);
-        const double r2 = u * u + v * v;
-        const auto factor = static_cast<float>(
-            std::max(0.0, 1 + r2 * (square + r2 * (p[1] + p[5] * r2 * r2)) + p[3] * u + p[4] * v));
-        if (!light.laser_irradiance_w_m2.empty()) light.laser_irradiance_w_m2.At(i, j) *= factor;
-        for (Image<float>& flux : light.incoherent_electron_flux_m2_s) {
-          if (!flux.empty()) flux.At(i, j) *= factor;
-        }
-      }
-    }
+    MultiplyOverField(light, frame, [&](double u, double v) {
+      const double r2 = u * u + v * v;
+      return 1 + r2 * (square + r2 * (p[1] + p[5] * r2 * r2)) + p[3] * u + p[4] * v;
+    });
   }
 
   Axes CurveAxes() const override {
@@ -237,6 +277,45 @@ class FieldTerm final : public FreeFormEffect {
   double CurveAt(double height_m, Parameters p) const override {
     const double r2 = std::pow(height_m / kImageHeight_m, 2);
     return 1 + r2 * (p[0] + p[2] + r2 * (p[1] + p[5] * r2 * r2));
+  }
+};
+
+// A rim before or behind the stop cuts the pupil off the axis only where it is wide, by what no
+// polynomial of low order in the aperture follows.
+class PupilCutTerm final : public FreeFormEffect {
+ public:
+  PupilCutTerm()
+      : FreeFormEffect(
+            "multiplicative_light",
+            {.id = "unknown.pupil_cut",
+             .stage = Stage::kOptics,
+             .summary = "light off the axis times 1 + (a r^2 + b r^4) (1.4/N)^2 + "
+                        "(c r^2 + d r^4) (1.4/N)^6, r the image height in 5 mm",
+             .reference = "Ray, Applied Photographic Optics, 3rd ed., section 13.4 (vignetting)",
+             .parameters = {Coefficient("square_by_area", 5, 0.1),
+                            Coefficient("fourth_by_area", 5, 0.1),
+                            Coefficient("square_wide_open", 5, 0.1),
+                            Coefficient("fourth_wide_open", 5, 0.1)}}) {}
+
+  void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup& frame,
+                         Parameters p) const override {
+    if (IsNull(p)) return;
+    const double area = std::pow(1.4 / frame.lens.f_number, 2);
+    const double wide_open = area * area * area;
+    const double square = p[0] * area + p[2] * wide_open;
+    const double fourth = p[1] * area + p[3] * wide_open;
+    MultiplyOverField(light, frame, [=](double u, double v) {
+      const double r2 = u * u + v * v;
+      return 1 + r2 * (square + r2 * fourth);
+    });
+  }
+
+  Axes CurveAxes() const override {
+    return {"image_height_m", "light_factor_at_f_1.4", EvenlySpaced(0, 6e-3, 25)};
+  }
+  double CurveAt(double height_m, Parameters p) const override {
+    const double r2 = std::pow(height_m / kImageHeight_m, 2);
+    return 1 + r2 * (p[0] + p[2] + r2 * (p[1] + p[3]));
   }
 };
 
@@ -311,11 +390,14 @@ std::vector<const FreeFormEffect*> OpticsTerms() {
   static const HaloTerm halo;
   static const OneSidedHaloTerm one_sided_halo;
   static const WavefrontTerm wavefront;
+  static const FocusCurvatureTerm focus_curvature;
   static const ApertureTerm aperture;
   static const FieldTerm field;
+  static const PupilCutTerm pupil_cut;
   static const DistortionTerm distortion;
   static const SpeckleAveragingTerm speckle_averaging;
-  return {&halo, &one_sided_halo, &wavefront, &aperture, &field, &distortion, &speckle_averaging};
+  return {&halo,  &one_sided_halo, &wavefront,  &focus_curvature,  &aperture,
+          &field, &pupil_cut,      &distortion, &speckle_averaging};
 }
 
 }  // namespace sightline

@@ -41,6 +41,20 @@ class ExposureTerm final : public FreeFormEffect {
   }
 };
 
+// Short exposures scatter most; the power's own scatter is the same at all. Drawn for every
+// recording (scatter_law), so it changes no expectation.
+class ExposureScatterTerm final : public FreeFormEffect {
+ public:
+  ExposureScatterTerm()
+      : FreeFormEffect("noise", {.id = "unknown.exposure_scatter",
+                                 .stage = Stage::kTime,
+                                 .summary = "exposures t scatter normally by s (1 ms/t)^a of "
+                                            "themselves; a = 1: by a constant time",
+                                 .reference = "EMVA 1288 R4.0 Linear, section 2.1 (exposure time)",
+                                 .parameters = {{"exposure_scatter_relative", 0, 0, 0.5, 0.02},
+                                                {"exponent", 1, 0.3, 3, 0.4}}}) {}
+};
+
 class DarkCourseTerm final : public FreeFormEffect {
  public:
   DarkCourseTerm()
@@ -103,9 +117,10 @@ class MotionTerm final : public FreeFormEffect {
 
 std::vector<const FreeFormEffect*> TimeTerms() {
   static const ExposureTerm exposure;
+  static const ExposureScatterTerm exposure_scatter;
   static const DarkCourseTerm dark_course;
   static const MotionTerm motion;
-  return {&exposure, &dark_course, &motion};
+  return {&exposure, &exposure_scatter, &dark_course, &motion};
 }
 
 }  // namespace sightline

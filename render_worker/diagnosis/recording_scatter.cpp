@@ -743,9 +743,9 @@ std::vector<ScatterCandidate> EvaluateStrong(const SetModel& model, const FitRes
   return best;
 }
 
-constexpr std::array<std::string_view, 5> kKnown = {
-    "illumination.power_noise", "time.exposure_jitter", "surface.albedo_texture",
-    "time.vibration_blur", "unknown.power_scatter"};
+constexpr std::array<std::string_view, 6> kKnown = {
+    "illumination.power_noise", "time.exposure_jitter",  "surface.albedo_texture",
+    "time.vibration_blur",      "unknown.power_scatter", "unknown.exposure_scatter"};
 
 }  // namespace
 

@@ -88,6 +88,10 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
     };
   } else if (id == "unknown.power_scatter") {
     law.factor = [=](const std::vector<double>& p) { return p[0] * Forgetting(lit_time_s, p[1]); };
+  } else if (id == "unknown.exposure_scatter") {
+    law.factor = [=](const std::vector<double>& p) {
+      return diagonal(p[0] * (exposure_s.array() / 1e-3).pow(-p[1]).matrix());
+    };
   } else if (id == "time.exposure_jitter") {
     law.factor = [=](const std::vector<double>& p) {
       return diagonal(p[0] * exposure_s.cwiseInverse());

@@ -38,7 +38,7 @@ FrameSetup NominalFrame() {
   }
   frame.lens.focal_length_m = 0.016;
   frame.lens.f_number = 5.6;
-  frame.lens.focus_distance_m = 0.35;
+  frame.lens.focus_distance_m = 0.36;
   frame.lens.transmission = 0.9;
   frame.laser.power_w = 6e-4;
   frame.laser.divergence_rad = 1e-3;
@@ -172,7 +172,8 @@ TEST(FreeForm, EveryCoefficientActsSmoothly) {
   late.exposure_time_s = 3e-3;
   // These change patterns, codes and what differs between frames; they have their own tests.
   const std::set<std::string_view> elsewhere = {"unknown.pixel_tail", "unknown.codes",
-                                                "unknown.motion", "unknown.power_scatter"};
+                                                "unknown.motion", "unknown.power_scatter",
+                                                "unknown.exposure_scatter"};
   for (const Effect* term : FreeFormTerms()) {
     if (elsewhere.contains(term->description().id)) continue;
     // All others change the mean or a variance.
@@ -393,15 +394,19 @@ TEST(FreeForm, RendererAndExpectationAgree) {
   };
   const Image<double> rendered_null = rendered({}), expected_null = expected({});
   for (const char* id :
-       {"unknown.beam", "unknown.along_line", "unknown.power_course", "unknown.other_light",
-        "unknown.plate_spread", "unknown.reflectance", "unknown.halo", "unknown.one_sided_halo",
-        "unknown.wavefront", "unknown.aperture", "unknown.field", "unknown.setup",
-        "unknown.line_place", "unknown.keystone", "unknown.distortion", "unknown.focus_field",
-        "unknown.charge_spread", "unknown.column_trail", "unknown.exposure"}) {
+       {"unknown.beam",          "unknown.along_line",     "unknown.power_course",
+        "unknown.other_light",   "unknown.plate_spread",   "unknown.reflectance",
+        "unknown.halo",          "unknown.one_sided_halo", "unknown.wavefront",
+        "unknown.aperture",      "unknown.field",          "unknown.pupil_cut",
+        "unknown.setup",         "unknown.line_place",     "unknown.keystone",
+        "unknown.distortion",    "unknown.focus_field",    "unknown.focus_curvature",
+        "unknown.charge_spread", "unknown.column_trail",   "unknown.exposure"}) {
     const Effect& term = Term(id);
     std::vector<double> p = NullOf(term);
+    // The renderer's layers of curvature are an eighth of a wave apart at the pupil's rim.
+    const double strength = std::string_view(id).starts_with("unknown.focus") ? 4 : 1;
     for (size_t k = 0; k < p.size(); ++k) {
-      p[k] = term.description().parameters[k].prior_scale * (k % 2 == 0 ? 1 : 0.5);
+      p[k] = strength * term.description().parameters[k].prior_scale * (k % 2 == 0 ? 1 : 0.5);
     }
     const Image<double> a = rendered({{&term, p}}), b = expected({{&term, p}});
     double difference = 0, change = 0;
@@ -544,7 +549,7 @@ Eigen::VectorXd Means(const std::vector<FrameSetup>& frames, const ActiveEffect*
 }
 
 // Part of a variant's chi squared over the null model that the fitted term takes away.
-double Absorbed(const std::vector<FrameSetup>& frames, const Variant& variant,
+double Absorbed(const std::vector<FrameSetup>& frames, const Effect& variant,
                 const std::vector<double>& strength, const char* id,
                 std::vector<double>* coefficients = nullptr) {
   const Effect& term = Term(id);
@@ -635,6 +640,18 @@ TEST(FreeForm, LagShadingAndDarkSignalThatAreNotInTheVocabulary) {
     field.back().roi.column_px = column;
   }
   EXPECT_GT(Absorbed(field, CosinePowerShading(), {2}, "unknown.field"), 0.99);
+  EXPECT_GT(Absorbed(field, *FindEffect("optics.field_curvature"), {4}, "unknown.focus_curvature"),
+            0.99);
+  std::vector<FrameSetup> apertures;
+  for (const double f_number : {1.4, 2.0, 2.8, 5.6}) {
+    for (FrameSetup frame : field) {
+      frame.lens.f_number = f_number;
+      apertures.push_back(frame);
+    }
+  }
+  const Effect& rim = *FindEffect("optics.mechanical_vignetting");
+  EXPECT_GT(Absorbed(apertures, rim, {0.008, 0.01}, "unknown.pupil_cut"), 0.99);
+  EXPECT_LT(Absorbed(apertures, rim, {0.008, 0.01}, "unknown.field"), 0.95);
   std::vector<FrameSetup> dark;
   for (const double time_s : {2e-4, 2e-3, 0.02, 0.1, 0.5}) {
     dark.push_back(DarkFrame());

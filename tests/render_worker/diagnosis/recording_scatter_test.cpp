@@ -205,6 +205,25 @@ TEST(CompareRecordingScatter, NoiseOfThePowerForgetsAtOnce) {
   EXPECT_GT(candidates[1].log_evidence, candidates[0].log_evidence - 4);
 }
 
+TEST(CompareRecordingScatter, JitterOfTheExposureScattersShortOnesMost) {
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kExposureJitter), {5e-5}}}, 22);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const std::vector<const Effect*> effects = {
+      FindEffect(kExposureJitter), FindFreeFormTerm("unknown.exposure_scatter"),
+      FindEffect(kPowerNoise), FindFreeFormTerm("unknown.power_scatter")};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  // It contains the law and pays for the exponent that it leaves open.
+  EXPECT_NEAR(candidates[1].parameters[1], 1, 0.3);
+  EXPECT_GT(candidates[1].log_evidence, candidates[0].log_evidence - 4);
+  EXPECT_LT(candidates[1].log_evidence, candidates[0].log_evidence);
+  // Without the effect itself, the term of its stage is left.
+  EXPECT_GT(candidates[1].log_evidence, candidates[2].log_evidence + 2);
+  EXPECT_GT(candidates[1].log_evidence, candidates[3].log_evidence + 2);
+}
+
 TEST(Compete, NamesWhatScattersBesidesAnotherEffect) {
   const Effect* dark_current = FindEffect("sensor.dark_current");
   const RecordedSet set = Render({{dark_current, {25}}, {FindEffect(kPowerNoise), {0.06}}}, 25);
