@@ -7,24 +7,32 @@ namespace sightline {
 
 namespace {
 
-// [rows]; 0 where nothing is lit.
-double Centroid(const std::vector<double>& rows) {
+struct Moments {
+  double centroid = 0, variance = 0;  // [rows]; 0 where nothing is lit
+};
+
+Moments MomentsOf(const std::vector<double>& rows) {
   std::vector<double> sorted = rows;
   std::sort(sorted.begin(), sorted.end());
   const double background = sorted[sorted.size() / 4];
   const double threshold = background + 0.1 * (sorted.back() - background);
-  double sum = 0, moment = 0;
+  double sum = 0, moment = 0, square = 0;
   for (size_t row = 0; row < rows.size(); ++row) {
     if (rows[row] <= threshold) continue;
+    const auto place = static_cast<double>(row);
     sum += rows[row] - background;
-    moment += (rows[row] - background) * static_cast<double>(row);
+    moment += (rows[row] - background) * place;
+    square += (rows[row] - background) * place * place;
   }
-  return sum > 0 ? moment / sum : 0;
+  if (!(sum > 0)) return {};
+  const double centroid = moment / sum;
+  return {centroid, square / sum - centroid * centroid};
 }
 
 }  // namespace
 
-double LineDisplacementPx(const RecordedSet& set, const ExpectedSet& expected, int frame) {
+LineDisplacement DisplacementOfLine(const RecordedSet& set, const ExpectedSet& expected,
+                                    int frame) {
   const Image<uint16_t>& raw = set.frames[frame].raw_dn;
   std::vector<double> seen(raw.rows_px, 0), modelled(raw.rows_px, 0);
   for (int row = 0; row < raw.rows_px; ++row) {
@@ -38,7 +46,8 @@ double LineDisplacementPx(const RecordedSet& set, const ExpectedSet& expected, i
     seen[row] += seen[row + 1];
     modelled[row] += modelled[row + 1];
   }
-  return Centroid(seen) - Centroid(modelled);
+  const Moments of_seen = MomentsOf(seen), of_modelled = MomentsOf(modelled);
+  return {of_seen.centroid - of_modelled.centroid, of_seen.variance - of_modelled.variance};
 }
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-// Where the line is, before anything is fitted.
+// Where the line is and how wide, before anything is fitted.
 #pragma once
 
 #include "render_worker/diagnosis/recorded_set.h"
@@ -6,8 +6,12 @@
 
 namespace sightline {
 
-// Place of the recorded line from where it is expected, across it, by the centroids of what is well
-// above the background [px].
-double LineDisplacementPx(const RecordedSet& set, const ExpectedSet& expected, int frame);
+// Of the recorded line over the expected one, across it, by the moments of what is well above the
+// background.
+struct LineDisplacement {
+  double shift_px = 0;
+  double broadening_px2 = 0;  // of the variance; cut off with the flanks, too small by a fifth or so
+};
+LineDisplacement DisplacementOfLine(const RecordedSet& set, const ExpectedSet& expected, int frame);
 
 }  // namespace sightline

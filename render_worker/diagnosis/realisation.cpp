@@ -36,15 +36,17 @@ void RealisedEffect::OnOptics(OpticsModel& optics, const FrameSetup& frame, Para
   });
 }
 
-std::vector<double> LineDisplacements(const SetModel& model, const SetParameters& parameters) {
+Realisation LineMovements(const SetModel& model, const SetParameters& parameters) {
   const RecordedSet& set = model.set();
   const ExpectedSet expected = model.ExpectStrips(parameters, false);
-  std::vector<double> displacements(set.frames.size(), 0);
+  Realisation movements(set.frames.size());
   for (size_t f = 0; f < set.frames.size(); ++f) {
     if (set.frames[f].plate_position_id < 0) continue;
-    displacements[f] = LineDisplacementPx(set, expected, static_cast<int>(f));
+    const LineDisplacement seen = DisplacementOfLine(set, expected, static_cast<int>(f));
+    movements.shift_px[f] = seen.shift_px;
+    movements.blur_px2[f] = std::max(0.0, seen.broadening_px2);
   }
-  return displacements;
+  return movements;
 }
 
 std::vector<double> LightExcesses(const SetModel& model, SetParameters parameters) {
@@ -86,7 +88,7 @@ std::vector<double> LightExcesses(const SetModel& model, SetParameters parameter
 std::vector<double> DisplacementsAtPositions(const SetModel& model,
                                              const SetParameters& parameters) {
   const RecordedSet& set = model.set();
-  std::vector<double> displacements = LineDisplacements(model, parameters);
+  std::vector<double> displacements = LineMovements(model, parameters).shift_px;
   for (int id : model.position_ids()) {
     std::vector<size_t> of_position;
     for (size_t f = 0; f < set.frames.size(); ++f) {

@@ -30,8 +30,9 @@ class RealisedEffect final : public DescribedEffect {
   Realisation realisation_;
 };
 
-// Of the line in every recording with laser light, from where `parameters` expect it [px].
-std::vector<double> LineDisplacements(const SetModel& model, const SetParameters& parameters);
+// Of the line in every recording with laser light, from where `parameters` expect it and over the
+// width that they expect.
+Realisation LineMovements(const SetModel& model, const SetParameters& parameters);
 
 // Laser light in every recording over what `parameters` expect, wherever the line is, minus 1; 0
 // for the median recording, since the known parameters hold what all have in common.

@@ -11,6 +11,7 @@
 
 #include "render_worker/diagnosis/realisation.h"
 #include "render_worker/diagnosis/scatter_law.h"
+#include "render_worker/diagnosis/vibration_fit.h"
 
 namespace sightline {
 
@@ -218,8 +219,8 @@ class RecordingScatter {
     const Effect* const texture = FindEffect("surface.albedo_texture");
     varied.effects.push_back({texture, {std::sqrt(kVariance), 1e-3}});
     const Entries mean = model_.Expect(varied, false).mean;
-    const Eigen::VectorXd variance =
-        ScatterLawOf(texture->description().id, model_).within(varied.effects.back().parameters);
+    const Eigen::VectorXd variance = ScatterLawOf(texture->description().id, model_)
+                                         .within(varied.effects.back().parameters, {});
     Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), lit());
     for (int e = 0; e < model_.entries(); ++e) {
       if (model_.StatisticOf(e).name() != "texture") continue;
@@ -339,7 +340,7 @@ class RecordingScatter {
                                                       const ScatterLaw& law,
                                                       const std::vector<double>& parameters) {
     if (!law.within) return {linear.slope, linear.length};
-    const Eigen::VectorXd more = law.within(parameters) - linear.within_origin;
+    const Eigen::VectorXd more = law.within(parameters, linear.origin) - linear.within_origin;
     return {
         linear.slope - linear.within_cross * more,
         linear.length - 2 * more.dot(linear.within_slope) + more.dot(linear.within_inner * more)};
@@ -374,6 +375,8 @@ class RecordingScatter {
                          const std::vector<double>& parameters) const;
   Realisation RealisationOf(const ScatterLaw& law, const std::vector<double>& parameters,
                             const Posterior& posterior) const;
+  std::vector<RecordedMovement> MovementOf(const Linearisation& linear) const;
+  Linearisation LineariseAboutFreeMovement(Linearisation linear);
   FitResult Describe(const Linearisation& linear, const ScatterLaw& law,
                      const ScatterCandidate& candidate, const Posterior& posterior,
                      const Realisation& realisation);
@@ -531,7 +534,8 @@ RecordingScatter::Posterior RecordingScatter::MostProbable(
   posterior.standardised_amplitudes = solver.solve(posterior.factor.transpose() * slope);
   posterior.amplitudes = posterior.factor * posterior.standardised_amplitudes;
   Eigen::VectorXd residual = linear.residual - linear.change * posterior.amplitudes;
-  if (law.within) residual -= linear.within * (law.within(parameters) - linear.within_origin);
+  if (law.within)
+    residual -= linear.within * (law.within(parameters, linear.origin) - linear.within_origin);
   posterior.parameters = linear.information.solve(linear.jacobian.transpose() * residual);
   posterior.log_determinant = 2 * (solver.matrixLLT().diagonal().array().log().sum() +
                                    linear.information.matrixLLT().diagonal().array().log().sum());
@@ -544,7 +548,8 @@ Realisation RecordingScatter::RealisationOf(const ScatterLaw& law,
   Realisation realisation(model_.set().frames.size());
   const std::vector<int>& ids = model_.position_ids();
   const int blocks = model_.blocks_along_line();
-  const Eigen::VectorXd blur = law.within ? law.within(parameters) : Eigen::VectorXd();
+  const Eigen::VectorXd blur =
+      law.within ? law.within(parameters, posterior.amplitudes) : Eigen::VectorXd();
   for (int i = 0; i < lit(); ++i) {
     const int f = lit_[i];
     if (law.amplitude == Amplitude::kLight) {
@@ -559,6 +564,55 @@ Realisation RecordingScatter::RealisationOf(const ScatterLaw& law,
     }
   }
   return realisation;
+}
+
+// Every laser recording's own place and blur, with hardly any prior.
+std::vector<RecordedMovement> RecordingScatter::MovementOf(const Linearisation& linear) const {
+  constexpr double kShift_px = 10, kBlur_px2 = 10;
+  const int n = lit();
+  Eigen::MatrixXd information(2 * n, 2 * n);
+  information << linear.inner, linear.within_cross, linear.within_cross.transpose(),
+      linear.within_inner;
+  information.diagonal().head(n).array() += 1 / (kShift_px * kShift_px);
+  information.diagonal().tail(n).array() += 1 / (kBlur_px2 * kBlur_px2);
+  Eigen::VectorXd slope(2 * n);
+  slope << linear.slope + linear.within_cross * linear.within_origin,
+      linear.within_slope + linear.within_inner * linear.within_origin;
+  const Eigen::LLT<Eigen::MatrixXd> solver(information);
+  const Eigen::VectorXd found = solver.solve(slope);
+  const Eigen::VectorXd variance = solver.solve(Eigen::MatrixXd::Identity(2 * n, 2 * n)).diagonal();
+  // The place of a plate position is hardly told from a movement there.
+  const double place_error_px = model_.set().description.uncertainty.line_position_each_px;
+  std::vector<RecordedMovement> movements;
+  for (int i = 0; i < n; ++i) {
+    movements.push_back({.exposure_time_s = model_.set().frames[lit_[i]].nominal.exposure_time_s,
+                         .shift_px = found[i],
+                         .shift_error_px = std::hypot(std::sqrt(variance[i]), place_error_px),
+                         .blur_px2 = std::max(0.0, found[n + i]),
+                         .blur_error_px2 = std::sqrt(variance[n + i])});
+  }
+  return movements;
+}
+
+// Strong movement is seen in every recording by itself. What a law that is not the right one says
+// of it would keep the next linearisation where that law belongs.
+Linearisation RecordingScatter::LineariseAboutFreeMovement(Linearisation linear) {
+  constexpr int kTurns = 3;
+  constexpr double kLargestStep_px = 0.5, kLargestStep_px2 = 0.5;  // a profile is far from linear
+  for (int turn = 0; turn < kTurns; ++turn) {
+    const std::vector<RecordedMovement> movements = MovementOf(linear);
+    Realisation realisation(model_.set().frames.size());
+    for (int i = 0; i < lit(); ++i) {
+      realisation.shift_px[lit_[i]] =
+          linear.origin[i] +
+          std::clamp(movements[i].shift_px - linear.origin[i], -kLargestStep_px, kLargestStep_px);
+      realisation.blur_px2[lit_[i]] =
+          linear.within_origin[i] + std::clamp(movements[i].blur_px2 - linear.within_origin[i],
+                                               -kLargestStep_px2, kLargestStep_px2);
+    }
+    linear = Linearise(Amplitude::kShift, realisation);
+  }
+  return linear;
 }
 
 // The fit by the model itself at the most probable realisation.
@@ -595,7 +649,8 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
   if (law.amplitude == Amplitude::kReflectance) {
     // Blocks differ, which a recording's amount of light does not express.
     const Eigen::VectorXd change =
-        linear.change * posterior.amplitudes + linear.within * law.within(candidate.parameters);
+        linear.change * posterior.amplitudes +
+        linear.within * law.within(candidate.parameters, posterior.amplitudes);
     const Eigen::VectorXd moved = linear.jacobian * (posterior.parameters - null_.standardised);
     for (int e = 0; e < model_.entries(); ++e) {
       const int n = offset_[e + 1] - offset_[e];
@@ -647,20 +702,28 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
   const ScatterLaw law = ScatterLawOf(effect.description().id, model_);
   // Again where that has led to, if it is anywhere.
   constexpr double kWorthwhile = 3;
-  const int rounds = law.amplitude == Amplitude::kReflectance ? 1
-                     : law.amplitude == Amplitude::kShift     ? 4
-                                                              : 2;
+  const bool moves = law.amplitude == Amplitude::kShift;
+  const int rounds = law.amplitude == Amplitude::kReflectance ? 1 : moves ? 4 : 2;
   ScatterCandidate best;
   Realisation from = at;
   double baseline = 0, before = 0;
   for (int round = 0; round < rounds; ++round) {
-    const Linearisation linear = Linearise(law.amplitude, from);
-    const Peak peak = Search(linear, law, effect);
+    Linearisation linear = Linearise(law.amplitude, from);
+    Peak peak = Search(linear, law, effect);
     if (round == 0) {
       // What the uncertainty of the null's own scatter explains is no effect.
       std::vector<double> none = peak.parameters;
       none[0] = 0;
       baseline = std::clamp(Gain(linear, law, none), 0.0, kMostUnknownScatter);
+    }
+    const bool single =
+        moves && peak.gain - baseline > kWorthwhile && IsSeenInSingleRecordings(MovementOf(linear));
+    if (single) {
+      linear = LineariseAboutFreeMovement(std::move(linear));
+      peak = Search(linear, law, effect);
+      const VibrationFit fit = FitVibration(MovementOf(linear));
+      peak.parameters = {fit.amplitude_px, fit.frequency_hz};
+      peak.standard_errors = {fit.amplitude_error_px, fit.frequency_error_hz};
     }
     const Posterior posterior = MostProbable(linear, law, peak.parameters);
     from = RealisationOf(law, peak.parameters, posterior);
@@ -668,7 +731,7 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
     candidate.effect = &effect;
     candidate.parameters = peak.parameters;
     candidate.standard_errors = peak.standard_errors;
-    if (law.amplitude != Amplitude::kLight) {
+    if (law.amplitude != Amplitude::kLight && !single) {
       candidate.standard_errors[0] =
           std::hypot(candidate.standard_errors[0], kStrengthError * candidate.parameters[0]);
     }
@@ -684,7 +747,8 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
     }
     const double gained = peak.gain - before;
     before = peak.gain;
-    if (peak.gain - baseline <= kWorthwhile || (round > 0 && std::abs(gained) < 0.5)) break;
+    if (single || peak.gain - baseline <= kWorthwhile || (round > 0 && std::abs(gained) < 0.5))
+      break;
   }
   return best;
 }
@@ -699,7 +763,7 @@ std::vector<ScatterCandidate> EvaluateStrong(const SetModel& model, const FitRes
   Realisation at(model.set().frames.size());
   const bool moves = Moves(*effects[0]);
   if (moves) {
-    at.shift_px = LineDisplacements(model, start);
+    at = LineMovements(model, start);
   } else {
     at.light_relative = LightExcesses(model, start);
   }

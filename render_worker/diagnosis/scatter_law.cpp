@@ -6,6 +6,7 @@
 #include <numbers>
 
 #include "render_worker/diagnosis/texture_law.h"
+#include "render_worker/diagnosis/vibration_fit.h"
 
 namespace sightline {
 
@@ -100,7 +101,8 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
     law.amplitude = Amplitude::kReflectance;
     law.largest_shape = BlockLength(model, model.set().frames.front().nominal);
     law.factor = [&model](const std::vector<double>& p) { return TextureFactor(model, p); };
-    law.within = [&model, n = exposure_s.size()](const std::vector<double>& p) {
+    law.within = [&model, n = exposure_s.size()](const std::vector<double>& p,
+                                                 const Eigen::VectorXd&) {
       Eigen::VectorXd variance(n);
       Eigen::Index at = 0;
       for (const RecordedFrame& frame : model.set().frames) {
@@ -117,8 +119,12 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
     law.factor = [=](const std::vector<double>& p) {
       return diagonal(p[0] * variance(p[1]).cwiseSqrt());
     };
-    law.within = [=](const std::vector<double>& p) -> Eigen::VectorXd {
-      return p[0] * p[0] * (0.5 - variance(p[1]).array());
+    law.within = [=](const std::vector<double>& p, const Eigen::VectorXd& shift_px) {
+      Eigen::VectorXd of_movement(exposure_s.size());
+      for (Eigen::Index i = 0; i < of_movement.size(); ++i) {
+        of_movement[i] = BlurByVibration(p[0], p[1], exposure_s[i], shift_px[i]);
+      }
+      return of_movement;
     };
   }
   return law;

@@ -21,9 +21,11 @@ struct ScatterLaw {
   std::function<Eigen::MatrixXd(const std::vector<double>& parameters)> factor;
   // Of the second parameter: what is larger is no scatter within a recording.
   double largest_shape = std::numeric_limits<double>::infinity();
-  // Of every laser recording the variance of its movement about its mean place [px^2], or that of
-  // its light along a block, relative; empty: none.
-  std::function<Eigen::VectorXd(const std::vector<double>& parameters)> within;
+  // Of every laser recording the variance of its movement about its mean place [px^2], given the
+  // amplitudes, or that of its light along a block, relative; empty: none.
+  std::function<Eigen::VectorXd(const std::vector<double>& parameters,
+                                const Eigen::VectorXd& amplitudes)>
+      within;
 };
 
 // Of an effect that IsRecordingScatter; `model` must outlive the law. Amplitudes are in the order

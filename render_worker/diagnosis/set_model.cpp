@@ -153,7 +153,7 @@ std::map<int, double> SetModel::EstimateLineShifts(const SetParameters& paramete
     const RecordedFrame& recorded = set_.frames[f];
     if (recorded.plate_position_id < 0) continue;
     auto& [sum, count] = sums[recorded.plate_position_id];
-    sum += LineDisplacementPx(set_, expected, static_cast<int>(f));
+    sum += DisplacementOfLine(set_, expected, static_cast<int>(f)).shift_px;
     ++count;
   }
   std::map<int, double> shifts;
