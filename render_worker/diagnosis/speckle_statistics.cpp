@@ -156,19 +156,21 @@ std::vector<double> PixelCovariances(const SampledPupil& sampled, const RowOverl
 class CircleLine {
  public:
   CircleLine(double radius_m, double wavelength_m, double image_distance_m, double blur,
-             double line_m, double lit_m, double pitch_m, int max_lag)
+             double line_m, double lit_m, double pitch_m, int row_reach, int max_lag)
       : wave_per_m2_(2 * std::numbers::pi / (wavelength_m * image_distance_m)),
         blur_(blur),
         line_m_(line_m),
         radius_m_(radius_m),
         lit_m_(lit_m),
         pitch_m_(pitch_m),
-        max_lag_(max_lag) {
+        max_lag_(max_lag),
+        row_reach_(std::min(row_reach, max_lag)) {
     const double airy_px = wavelength_m * image_distance_m / (2 * radius_m) / pitch_m;
-    reach_ = std::clamp(static_cast<int>(0.6 * kChords * airy_px), 1, max_lag);
+    // As far as the chords tell lags along the line apart; across it heights can be had at will.
+    column_reach_ = std::clamp(static_cast<int>(0.6 * kChords * airy_px), 1, max_lag);
     steps_per_px_ = 2 * std::clamp(static_cast<int>(std::ceil(2.2 / airy_px)), 2, 8);
-    heights_ = std::clamp(static_cast<int>(std::ceil(
-                              std::max(2.2 * (reach_ + 1) / airy_px, 3 * blur * radius_m / lit_m))),
+    heights_ = std::clamp(static_cast<int>(std::ceil(std::max(2.2 * (row_reach_ + 1) / airy_px,
+                                                              3 * blur * radius_m / lit_m))),
                           32, 120);
     height_step_m_ = 2 * radius_m / heights_;
     // Chords at the nodes of Gauss and Chebyshev: exact for the rim's square root. The other half
@@ -193,32 +195,29 @@ class CircleLine {
       }
       transfer_[e] = transfer;
     }
-    const int distances = (reach_ + 1) * steps_per_px_ + 1;
-    along_ = Eigen::MatrixXd(kChords, distances);
-    across_cos_ = Eigen::MatrixXd(heights_, distances);
-    across_sin_ = Eigen::MatrixXd(heights_, distances);
-    for (int d = 0; d < distances; ++d) {
-      const double phase = wave_per_m2_ * d * pitch_m / steps_per_px_;
+    const double phase_step = wave_per_m2_ * pitch_m / steps_per_px_;
+    along_ = Eigen::MatrixXd(kChords, Distances(column_reach_));
+    for (int d = 0; d < along_.cols(); ++d) {
+      const double phase = d * phase_step;
       for (int j = 0; j < kChords; ++j) {
         along_(j, d) = chord_weight_[j] * std::cos(phase * chord_x_m_[j]);
       }
+    }
+    across_cos_ = Eigen::MatrixXd(heights_, Distances(row_reach_));
+    across_sin_ = Eigen::MatrixXd(heights_, Distances(row_reach_));
+    for (int d = 0; d < across_cos_.cols(); ++d) {
+      const double phase = d * phase_step;
       for (int i = 0; i < heights_; ++i) {
         across_cos_(i, d) = std::cos(phase * Height(i));
         across_sin_(i, d) = std::sin(phase * Height(i));
       }
     }
-    // Two pixels: their distances are spread as a triangle; Simpson's rule on either side.
-    pixels_ = Eigen::MatrixXd::Zero(reach_ + 1, distances);
-    for (int lag = 0; lag <= reach_; ++lag) {
-      for (int t = -steps_per_px_; t <= steps_per_px_; ++t) {
-        const double simpson = t == 0 ? 2 : t % 2 == 0 ? 2 : 4;
-        pixels_(lag, std::abs(lag * steps_per_px_ + t)) +=
-            simpson / (3 * steps_per_px_) * (1 - std::abs(t) / static_cast<double>(steps_per_px_));
-      }
-    }
+    row_pixels_ = PixelsApart(row_reach_);
+    column_pixels_ = PixelsApart(column_reach_);
   }
 
-  int reach() const { return reach_; }
+  int row_reach() const { return row_reach_; }
+  int column_reach() const { return column_reach_; }
 
   // Covariance over the product of means, by lag, about v0.
   std::vector<double> PixelCovariances(double v0_m) const {
@@ -266,13 +265,13 @@ class CircleLine {
     }
     // Over the product of the two pixels' light: of the whole pixels, which a line of their size
     // lights unevenly.
-    const Eigen::VectorXd pixel_means = pixels_ * means;
-    const Eigen::MatrixXd near =
-        pixel_means.cwiseInverse().asDiagonal() * (pixels_ * squares * pixels_.transpose());
+    const Eigen::VectorXd pixel_means = row_pixels_ * means;
+    const Eigen::MatrixXd near = pixel_means.cwiseInverse().asDiagonal() *
+                                 (row_pixels_ * squares * column_pixels_.transpose());
     const int side = max_lag_ + 1;
     std::vector<double> values(static_cast<size_t>(side) * side, 0);
-    for (int r = 0; r <= reach_; ++r) {
-      for (int c = 0; c <= reach_; ++c) values[r * side + c] = near(r, c);
+    for (int r = 0; r <= row_reach_; ++r) {
+      for (int c = 0; c <= column_reach_; ++c) values[r * side + c] = near(r, c);
     }
     return values;
   }
@@ -281,6 +280,21 @@ class CircleLine {
   static constexpr int kChords = 12, kEtas = 64;
 
   double Height(int i) const { return (i + 0.5) * height_step_m_ - radius_m_; }
+  int Distances(int reach) const { return (reach + 1) * steps_per_px_ + 1; }
+
+  // Two pixels, by lag: their distances are spread as a triangle; Simpson's rule on either side.
+  Eigen::MatrixXd PixelsApart(int reach) const {
+    Eigen::MatrixXd pixels = Eigen::MatrixXd::Zero(reach + 1, Distances(reach));
+    for (int lag = 0; lag <= reach; ++lag) {
+      for (int t = -steps_per_px_; t <= steps_per_px_; ++t) {
+        const double simpson = t == 0 ? 2 : t % 2 == 0 ? 2 : 4;
+        pixels(lag, std::abs(lag * steps_per_px_ + t)) +=
+            simpson / (3 * steps_per_px_) * (1 - std::abs(t) / static_cast<double>(steps_per_px_));
+      }
+    }
+    return pixels;
+  }
+
   double Irradiance(double v_m) const {
     double sum = 0.5 * spectrum_[0] * transfer_[0];
     const double turn = 2 * std::cos(wave_per_m2_ * v_m * eta_step_m_);
@@ -295,11 +309,11 @@ class CircleLine {
   }
 
   double wave_per_m2_, blur_, line_m_, radius_m_, lit_m_, pitch_m_;
-  int max_lag_, reach_ = 1, steps_per_px_ = 4, heights_ = 32;
+  int max_lag_, row_reach_, column_reach_ = 1, steps_per_px_ = 4, heights_ = 32;
   double height_step_m_ = 0, eta_step_m_ = 0;
   std::array<double, kChords> chord_half_m_{}, chord_x_m_{}, chord_weight_{};
   std::array<double, kEtas + 1> spectrum_{}, transfer_{};
-  Eigen::MatrixXd along_, across_cos_, across_sin_, pixels_;
+  Eigen::MatrixXd along_, across_cos_, across_sin_, row_pixels_, column_pixels_;
 };
 
 // To some 1e-11: lines that differ by rounding only count as one.
@@ -331,6 +345,7 @@ double LightThrough(const Pupil& pupil, const SampledPupil& sampled, int row, in
 struct SpeckledLine {
   double wavelength_m, image_distance_m, blur, pixel_pitch_m;
   double line_m, lit_m;  // standard deviations without and with diffraction
+  int row_reach;         // lag across the line beyond which speckle is independent
   int lag;               // greatest
 };
 
@@ -339,10 +354,10 @@ constexpr int kSides = 4;  // places on either side of the line's middle
 std::vector<SpecklePixelCovariance> OfCircle(double radius_m, const SpeckledLine& line,
                                              double spacing_m) {
   const CircleLine circle(radius_m, line.wavelength_m, line.image_distance_m, line.blur,
-                          line.line_m, line.lit_m, line.pixel_pitch_m, line.lag);
+                          line.line_m, line.lit_m, line.pixel_pitch_m, line.row_reach, line.lag);
   std::vector<SpecklePixelCovariance> places;
   for (int place = -kSides; place <= 0; ++place) {
-    places.emplace_back(line.lag, circle.reach(), circle.reach(),
+    places.emplace_back(line.lag, circle.row_reach(), circle.column_reach(),
                         circle.PixelCovariances(-place * spacing_m));
   }
   for (int place = 1; place <= kSides; ++place) {
@@ -447,6 +462,7 @@ LineSpeckle::LineSpeckle(const Pupil& pupil, double wavelength_m, double image_d
       wavelength_m * image_distance_m / (2 * pupil.OuterRadius()) /
       (pixel_pitch_m * std::min(stretch, blur_radius_m > lit_m ? lit_m / blur_radius_m : 1.0));
   const int lag = std::clamp(2 + static_cast<int>(std::ceil(3 * size_px)), 3, 10);
+  const int row_reach = 1 + static_cast<int>(std::ceil(1.5 * size_px));
   spacing_m_ = (blur_radius_m + 2 * lit_m) / kSides;
   // The same line through the same lens is looked at again and again: most effects leave both
   // alone.
@@ -454,7 +470,8 @@ LineSpeckle::LineSpeckle(const Pupil& pupil, double wavelength_m, double image_d
   constexpr size_t kMost = 4096;  // up to 9 kB each
   static auto* const known =
       new Memo<Key, std::shared_ptr<const std::vector<SpecklePixelCovariance>>>(kMost);
-  const SpeckledLine line{wavelength_m, image_distance_m, blur, pixel_pitch_m, line_m, lit_m, lag};
+  const SpeckledLine line{wavelength_m, image_distance_m, blur, pixel_pitch_m, line_m,
+                          lit_m,        row_reach,        lag};
   // Of the wavefront's errors speckle of an even object knows nothing.
   Pupil shape = pupil;
   shape.zernike_m.clear();

@@ -67,6 +67,23 @@ TEST(LineSpeckle, DefocusStretchesAcross) {
   EXPECT_GT(blurred.At(4).At(0, 0), 1.3 * sharp.At(4).At(0, 0));
 }
 
+// A bug found: across the line speckle counted as independent two pixels on, as along it, and a
+// radius a little larger made it so one pixel on: a blade was seen where there was none.
+TEST(LineSpeckle, ReachesAcrossAsFarAsDefocusStretchesIt) {
+  constexpr double kAiry_px = 0.28, kBlur_m = 10 * kPitch_m;
+  const auto two_rows_on = [&](double airy_px) {
+    const LineSpeckle line = GaussianLine(Radius(airy_px), kPitch_m, kBlur_m);
+    return line.At(4).At(2, 0) / line.At(4).At(0, 0);
+  };
+  // Places of the pupil that light one place are within a Gaussian as wide as the line, so speckle
+  // across it follows exp(-(d / l)^2) about the middle of the pupil.
+  EXPECT_GT(two_rows_on(kAiry_px), 0.01);
+  for (const double factor : {0.92, 0.96, 1.04, 1.08}) {
+    // The same blur by a smaller pupil stretches alike.
+    EXPECT_NEAR(two_rows_on(factor * kAiry_px) / two_rows_on(kAiry_px), 1, 0.6) << factor;
+  }
+}
+
 // A bug found: means of a dozen intervals vary less than what lies in them, and speckle's contrast
 // was 4 % too low.
 TEST(SpecklePixelCovariance, SharedByNeighboursIsTheCorrelationOfTheirShares) {
