@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <numbers>
 #include <optional>
 #include <string_view>
 #include <utility>
@@ -18,6 +19,14 @@ namespace sightline {
 
 namespace {
 
+// Relative variance of the light along a block about its mean, over all phases of the fringes.
+double FringeVariance(const std::vector<double>& parameters, int block_columns_px) {
+  const double x = std::numbers::pi * block_columns_px / parameters[1] *
+                   std::cos(parameters[2] * std::numbers::pi / 180);
+  const double of_mean = std::abs(x) < 1e-6 ? 1 : std::sin(x) / x;
+  return 0.5 * parameters[0] * parameters[0] * (1 - of_mean * of_mean);
+}
+
 // Numbers that drawn effects tell of how patterns scatter.
 void AddScatter(const FrameSetup& nominal, std::span<const ActiveEffect> effects,
                 int block_columns_px, ExpectedFrame& expected) {
@@ -33,8 +42,11 @@ void AddScatter(const FrameSetup& nominal, std::span<const ActiveEffect> effects
       expected.column_scatter_dn = gain * std::sqrt(active.parameters[1]);
     }
     if (id == "surface.albedo_texture" && block_columns_px > 0) {
-      expected.drawn_variance_along_line = TextureVarianceAlong(
+      expected.drawn_variance_along_line += TextureVarianceAlong(
           nominal, active.parameters, LengthOnPlate(nominal, block_columns_px));
+    }
+    if (id == kCoverGlassEtalon && block_columns_px > 0) {
+      expected.drawn_variance_along_line += FringeVariance(active.parameters, block_columns_px);
     }
   }
 }
@@ -274,17 +286,12 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
 }  // namespace
 
 bool IsDrawn(const Effect& effect) {
-  static constexpr std::array<std::string_view, 11> kDrawn = {"illumination.power_noise",
-                                                              "time.exposure_jitter",
-                                                              "surface.albedo_texture",
-                                                              "optics.dust",
-                                                              "optics.cover_glass_etalon",
-                                                              "sensor.row_noise",
-                                                              "sensor.hot_pixels",
-                                                              "sensor.dsnu_column_pattern",
-                                                              "sensor.prnu",
-                                                              "unknown.line_noise",
-                                                              "unknown.pixel_tail"};
+  static constexpr std::array<std::string_view, 10> kDrawn = {
+      "illumination.power_noise",   "time.exposure_jitter",
+      "surface.albedo_texture",     "optics.dust",
+      "sensor.row_noise",           "sensor.hot_pixels",
+      "sensor.dsnu_column_pattern", "sensor.prnu",
+      "unknown.line_noise",         "unknown.pixel_tail"};
   return std::find(kDrawn.begin(), kDrawn.end(), effect.description().id) != kDrawn.end();
 }
 

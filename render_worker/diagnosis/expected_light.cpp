@@ -4,6 +4,7 @@
 #include <bit>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 #include <utility>
 
 #include "render_worker/diagnosis/blurred_speckle.h"
@@ -196,6 +197,32 @@ void AddAmbient(const PlateScene& scene, const FrameSetup& frame, PixelIrradianc
     }
   }
 }
+
+// Of fringes a strip takes the block's mean. Rows without laser light stay as they are.
+void MultiplyByBlockMean(const ActiveEffect& fringes, const FrameSetup& frame, int block_columns_px,
+                         Image<float>& light) {
+  const auto lit = [](float value) { return value > 0; };
+  const auto first = std::find_if(light.values.begin(), light.values.end(), lit);
+  if (first == light.values.end()) return;
+  const auto last = std::find_if(light.values.rbegin(), light.values.rend(), lit).base();
+  const auto first_row = static_cast<int>((first - light.values.begin()) / light.columns_px);
+  const auto rows =
+      static_cast<int>((last - light.values.begin() - 1) / light.columns_px) + 1 - first_row;
+  PixelIrradiance block;
+  block.roi = {frame.roi.column_px + (frame.roi.columns_px - block_columns_px) / 2,
+               frame.roi.row_px + first_row, block_columns_px, rows};
+  block.laser_irradiance_w_m2 = Image<float>(block_columns_px, rows, 1.0F);
+  fringes.effect->OnPixelIrradiance(block, frame, fringes.parameters);
+  for (int row = 0; row < rows; ++row) {
+    const float* factors = block.laser_irradiance_w_m2.Row(row);
+    const float mean = std::accumulate(factors, factors + block_columns_px, 0.0F) /
+                       static_cast<float>(block_columns_px);
+    for (int column = 0; column < light.columns_px; ++column) {
+      light.At(first_row + row, column) *= mean;
+    }
+  }
+}
+
 }  // namespace
 
 ExpectedLight ExpectLight(const FrameSetup& frame, std::span<const ActiveEffect> effects,
@@ -221,7 +248,11 @@ ExpectedLight ExpectLight(const FrameSetup& frame, std::span<const ActiveEffect>
                                             expected.imaging, expected.level_along_line);
   }
   for (const ActiveEffect& active : effects) {
-    active.effect->OnPixelIrradiance(light, frame, active.parameters);
+    if (active.effect->description().id == kCoverGlassEtalon && block_columns_px > 0) {
+      MultiplyByBlockMean(active, frame, block_columns_px, light.laser_irradiance_w_m2);
+    } else {
+      active.effect->OnPixelIrradiance(light, frame, active.parameters);
+    }
   }
   expected.total_electrons = MeanPhotoElectrons(light, frame);
   std::fill(light.laser_irradiance_w_m2.values.begin(), light.laser_irradiance_w_m2.values.end(),

@@ -5,6 +5,7 @@
 #include <complex>
 #include <memory>
 #include <span>
+#include <string_view>
 #include <vector>
 
 #include "core/image/image.h"
@@ -12,6 +13,9 @@
 #include "render_worker/effects/effect.h"
 
 namespace sightline {
+
+// Its fringes may be finer than a block.
+inline constexpr std::string_view kCoverGlassEtalon = "optics.cover_glass_etalon";
 
 // Optics of a long line at one place of the field.
 struct LineImaging {

@@ -6,6 +6,7 @@
 #include <map>
 #include <tuple>
 
+#include "render_worker/diagnosis/relative_residuals.h"
 #include "render_worker/diagnosis/strips.h"
 #include "render_worker/sensor/expose.h"
 
@@ -27,41 +28,6 @@ constexpr double kOutlier = 5;
 constexpr int kDarkValues = 2;
 constexpr int kDraws = 16;      // of what effects draw at random once a set
 constexpr int kPatchRows = 64;  // of a dark frame, that stand for all
-
-// Relative residuals times the rows' information, and that information.
-struct Residuals {
-  Image<double> value;
-  std::vector<double> weights;
-};
-
-Residuals MakeResiduals(const Image<uint16_t>& raw, double offset_dn, double top_dn, int blocks) {
-  Residuals residuals{Image<double>(raw.columns_px, raw.rows_px, 0.0),
-                      std::vector<double>(2 * static_cast<size_t>(raw.rows_px), 0)};
-  for (int row = 0; row < raw.rows_px; ++row) {
-    for (int parity = 0; parity < 2; ++parity) {
-      double total = 0, square = 0;
-      int pixels = 0;
-      for (int block = 0; block < blocks; ++block) {
-        const auto [first, last] = BlockColumns(raw.columns_px, blocks, block);
-        double sum = 0;
-        int count = 0;
-        for (int c = first + parity; c < last; c += 2, ++count) sum += raw.At(row, c);
-        for (int c = first + parity; c < last; c += 2) {
-          residuals.value.At(row, c) = raw.At(row, c) - sum / count;
-          square += std::pow(residuals.value.At(row, c), 2);
-        }
-        total += sum;
-        pixels += count;
-      }
-      const double signal = total / pixels - offset_dn, variance = square / pixels;
-      const bool used = signal > kLeastSignal * top_dn && variance > 0;
-      const double scale = used ? signal / variance : 0;
-      for (int c = parity; c < raw.columns_px; c += 2) residuals.value.At(row, c) *= scale;
-      residuals.weights[2 * row + parity] = scale * signal;
-    }
-  }
-  return residuals;
-}
 
 // Weight of a pixel's row with that of the pixel a lag away, summed over pairs of frames.
 double PairWeight(const std::vector<double>& sum, const std::vector<std::vector<double>>& each,
@@ -349,7 +315,8 @@ FixedPatternStatistic::FixedPatternStatistic(const RecordedSet& set) {
       }
       if (entry.laser && !recorded.raw_dn.empty()) {
         entry.weights.push_back(
-            MakeResiduals(recorded.raw_dn, entry.offset_dn, sensor.largest_dn(), blocks_).weights);
+            MakeRelativeResiduals(recorded.raw_dn, entry.offset_dn, sensor.largest_dn(), blocks_)
+                .weights);
       }
     }
     entries_.push_back(std::move(entry));
@@ -388,8 +355,8 @@ Eigen::VectorXd FixedPatternStatistic::ObservedPattern(const RecordedSet& set,
   };
   for (int f : entry.frames) {
     const Image<uint16_t>& raw = set.frames[f].raw_dn;
-    const Residuals residuals =
-        MakeResiduals(raw, entry.offset_dn, set.frames[f].nominal.sensor.largest_dn(), blocks_);
+    const RelativeResiduals residuals = MakeRelativeResiduals(
+        raw, entry.offset_dn, set.frames[f].nominal.sensor.largest_dn(), blocks_);
     for (size_t i = 0; i < sum.values.size(); ++i) sum.values[i] += residuals.value.values[i];
     for (int l = 0; l < kLagCount; ++l) values[l] -= 0.5 * products(residuals.value, kLags[l]);
   }

@@ -4,6 +4,9 @@
 #include <cmath>
 #include <utility>
 
+#include "render_worker/diagnosis/expected_light.h"
+#include "render_worker/diagnosis/fringe_search.h"
+
 namespace sightline {
 
 namespace {
@@ -24,7 +27,9 @@ class Search {
     best_.strongest = null_;
   }
 
-  ScreenedEffect Run() {
+  // `seen`: where the recordings themselves show it.
+  ScreenedEffect Run(const std::vector<ActiveEffect>& seen) {
+    for (const ActiveEffect& active : seen) Try(active, false);
     if (parameters_.size() == 1 && !WholeNumbers(parameters_[0]).empty()) {
       for (double value : WholeNumbers(parameters_[0])) Try({null_.effect, {value}}, false);
       return best_;
@@ -267,7 +272,12 @@ Screening::Screening(const SetModel& model, const FitResult& null)
       linear_(null),
       null_middle_(model.Expect(null.parameters, false, true).mean) {}
 
-ScreenedEffect Screening::Screen(const Effect& effect) const { return Search(*this, effect).Run(); }
+ScreenedEffect Screening::Screen(const Effect& effect) const {
+  // Waves lead nowhere from another wave's period.
+  return Search(*this, effect)
+      .Run(effect.description().id == kCoverGlassEtalon ? FringesSeen(model_.set())
+                                                        : std::vector<ActiveEffect>());
+}
 
 Eigen::VectorXd Screening::ChangeOf(const ActiveEffect& active, bool middle_only) const {
   SetParameters parameters = null_.parameters;

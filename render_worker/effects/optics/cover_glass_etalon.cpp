@@ -1,6 +1,7 @@
 // Interference between the faces of the cover glass: straight fringes fixed on the sensor, in laser
 // light only (other light is too broad-band). 1 + V cos(2 pi (u cos a + v sin a)/period + phase),
-// the phase fixed for a camera, averaged over the pixel.
+// averaged over the pixel. The phase is drawn for a camera; the parameter is added to it, which is
+// how recordings of that camera can be matched.
 #include <cmath>
 #include <numbers>
 
@@ -27,12 +28,13 @@ class CoverGlassEtalonEffect final : public DescribedEffect {
              .reference = "Hecht, Optics, 5th ed., section 9.4.1 (fringes of a thin wedge)",
              .parameters = {{"fringe_visibility", 0, 0, 1, 0.05},
                             {"fringe_period_px", 30, 2, 2000, 30},
-                            {"fringe_direction_deg", 0, -180, 180, 90}}}) {}
+                            {"fringe_direction_deg", 0, -180, 180, 90},
+                            {"fringe_phase_deg", 0, -360, 360, 180}}}) {}
 
   void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup& frame,
                          Parameters p) const override {
     CounterRandom random(DeriveSeed(frame.seeds.camera, "cover glass"), 0);
-    const double phase = 2 * std::numbers::pi * random.Uniform();
+    const double phase = 2 * std::numbers::pi * (random.Uniform() + p[3] / 360);
     const double direction = p[2] * std::numbers::pi / 180;
     const double along_u = std::cos(direction) / p[1], along_v = std::sin(direction) / p[1];
     const double amplitude = p[0] * Sinc(along_u) * Sinc(along_v);

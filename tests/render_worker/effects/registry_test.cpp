@@ -55,7 +55,7 @@ const std::vector<VocabularyEntry>& Vocabulary() {
       {"optics.mechanical_vignetting", {"rim_radius_m", "rim_shift_per_tangent_m"}},
       {"optics.polygon_aperture", {"blades"}},
       {"optics.cover_glass_etalon",
-       {"fringe_visibility", "fringe_period_px", "fringe_direction_deg"}},
+       {"fringe_visibility", "fringe_period_px", "fringe_direction_deg", "fringe_phase_deg"}},
       {"optics.dust", {"spots"}},
       {"geometry.camera_distance_error", {"camera_distance_shift_m"}},
       {"geometry.laser_distance_error", {"laser_distance_shift_m"}},
