@@ -8,9 +8,9 @@
 #include <utility>
 
 #include "render_worker/diagnosis/charge_spread.h"
+#include "render_worker/diagnosis/charge_trail.h"
 #include "render_worker/diagnosis/integrated_speckle.h"
 #include "render_worker/diagnosis/mean_numbers.h"
-#include "render_worker/diagnosis/smear_trail.h"
 #include "render_worker/diagnosis/texture_law.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/sensor/expose.h"
@@ -248,10 +248,24 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   const LevelFactors* factors_or_null = factors ? &*factors : nullptr;
   const SmearTrail smear = TrailOfSmear(total, steady, frame, effects, expected.speckle.get());
   const int level_count = factors ? speckle_levels : 1;
+  const auto at_levels = [&](std::span<const ActiveEffect> acting) {
+    std::vector<Image<double>> levels;
+    for (int level = 0; level < level_count; ++level) {
+      levels.push_back(
+          PhotoElectronsAt(level, light, factors_or_null, smear, frame, acting, previous));
+    }
+    return levels;
+  };
+  std::vector<Image<double>> electrons_of_level = at_levels(effects);
+  const auto blooming = std::find_if(effects.begin(), effects.end(), IsBlooming);
+  if (blooming != effects.end() && expected.speckle != nullptr) {
+    std::vector<ActiveEffect> others = effects;
+    std::erase_if(others, IsBlooming);
+    EvenOutOverflow(*blooming, frame, *expected.speckle, at_levels(others), electrons_of_level);
+  }
   Image<double> mean_of_levels(frame.roi.columns_px, frame.roi.rows_px, 0.0);
   for (int level = 0; level < level_count; ++level) {
-    Image<double> electrons =
-        PhotoElectronsAt(level, light, factors_or_null, smear, frame, effects, previous);
+    Image<double>& electrons = electrons_of_level[level];
     Image<float> noise_dn(electrons.columns_px, electrons.rows_px);
     for (size_t i = 0; i < electrons.values.size(); ++i) {
       mean_of_levels.values[i] += electrons.values[i] / level_count;

@@ -342,17 +342,31 @@ TEST(TextureStatistic, KnowsOfAlbedoThatDiffersWithinABlock) {
   EXPECT_NEAR(change.expected / change.seen, 1, 0.25);
 }
 
-// A bug found: what is smeared had the contrast of a single pixel's speckle, and glare was named.
-TEST(TextureStatistic, SmearHasTheContrastOfAColumnsSum) {
-  RecordingSet description = Recordings(false);
-  // With so many rows entries begin with the variance of the background.
+// Entries of its recordings begin with the variance of the background.
+RecordingSet WithBackground(RecordingSet description) {
   for (RecordedImage& image : description.recordings) {
     image.roi_row_px = -96;
     image.roi_rows_px = 192;
   }
-  const TextureChange change = ChangeOfTexture(description, Active("sensor.smear", {0.3}));
+  return description;
+}
+
+// A bug found: what is smeared had the contrast of a single pixel's speckle, and glare was named.
+TEST(TextureStatistic, SmearHasTheContrastOfAColumnsSum) {
+  const TextureChange change =
+      ChangeOfTexture(WithBackground(Recordings(false)), Active("sensor.smear", {0.3}));
   EXPECT_GT(change.seen, 0);
   EXPECT_NEAR(change.expected / change.seen, 1, 0.25);
+}
+
+// A bug found: so had what overflows, 2.4 times the variance that is rendered.
+TEST(TextureStatistic, OverflowHasTheContrastOfAColumnsSum) {
+  for (const std::vector<double>& parameters : {std::vector{0.5, 1500., 12.}, {0.2, 4000., 30.}}) {
+    const TextureChange change =
+        ChangeOfTexture(WithBackground(Recordings(false)), Active("sensor.blooming", parameters));
+    EXPECT_GT(change.seen, 0);
+    EXPECT_NEAR(change.expected / change.seen, 1, 0.25);
+  }
 }
 
 // A bug found: exposures of one place repeat its speckle, and what was odd about it counted as

@@ -1,7 +1,8 @@
-// Charge that smear adds to a frame, and how it scatters.
+// Charge that comes from elsewhere in its column (smear, blooming), and how it scatters.
 #pragma once
 
 #include <span>
+#include <vector>
 
 #include "core/image/image.h"
 #include "render_worker/diagnosis/speckle_statistics.h"
@@ -23,5 +24,13 @@ struct SmearTrail {
 SmearTrail TrailOfSmear(const Image<double>& total, const Image<double>& steady,
                         const FrameSetup& frame, std::span<const ActiveEffect> effects,
                         const LineSpeckle* speckle);
+
+bool IsBlooming(const ActiveEffect& active);
+
+// What overflows comes from many rows too, while every level of speckle takes them to be as bright.
+// `without`, `with`: mean electrons at all levels before and after blooming; `with` is corrected.
+void EvenOutOverflow(const ActiveEffect& blooming, const FrameSetup& frame,
+                     const LineSpeckle& speckle, const std::vector<Image<double>>& without,
+                     std::vector<Image<double>>& with);
 
 }  // namespace sightline
