@@ -404,6 +404,22 @@ TEST(ExpectedGain, NoiseWithinItsUncertaintyCostsItsPriorOnly) {
   EXPECT_LT(gain, 0.5 * 2.5 * 2.5);
 }
 
+// A bug found: a distance far off leads along a narrow valley, and the search stopped on the way.
+TEST(ExpectedGain, DistanceWithinItsUncertaintyCostsItsPriorOnly) {
+  RecordingSet description = SmallSetDescription();
+  description.uncertainty.camera_distance_m = 1e-2;
+  for (RecordedImage& image : description.recordings) image.f_number = 1.4;
+  const RecordedSet set = MakeRecordedSet(description, {});
+  const NullInformation information(set, {}, {});
+  for (const double deviations : {-2.9, -2.0, 2.0, 2.9}) {
+    const double shift_m = deviations * set.description.uncertainty.camera_distance_m;
+    const double gain =
+        information.ExpectedGain({{FindEffect("geometry.camera_distance_error"), {shift_m}}});
+    EXPECT_GT(gain, 0) << deviations;
+    EXPECT_LT(gain, 0.51 * deviations * deviations) << deviations;
+  }
+}
+
 TEST(ExpectFrame, AStuckBitTakesHalfANumberOnAverage) {
   const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
   for (size_t f = 0; f < set.frames.size(); ++f) {
