@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "render_worker/diagnosis/expected_light.h"
+#include "render_worker/diagnosis/flicker_search.h"
 #include "render_worker/diagnosis/fringe_search.h"
 
 namespace sightline {
@@ -273,10 +274,24 @@ Screening::Screening(const SetModel& model, const FitResult& null)
       null_middle_(model.Expect(null.parameters, false, true).mean) {}
 
 ScreenedEffect Screening::Screen(const Effect& effect) const {
-  // Waves lead nowhere from another wave's period.
-  return Search(*this, effect)
-      .Run(effect.description().id == kCoverGlassEtalon ? FringesSeen(model_.set())
-                                                        : std::vector<ActiveEffect>());
+  return Search(*this, effect).Run(Seen(effect));
+}
+
+// Waves lead nowhere from another wave's period.
+std::vector<ActiveEffect> Screening::Seen(const Effect& effect) const {
+  const std::string_view id = effect.description().id;
+  if (id == kCoverGlassEtalon) return FringesSeen(model_.set());
+  if (id != kAmbientFlicker) return {};
+  ActiveEffect steady = AtNullValues(effect);
+  steady.parameters[0] = ParameterFromStandardised(effect.description().parameters[0], kProbe);
+  steady.parameters[1] = 0;
+  // As little as makes it linear.
+  Eigen::VectorXd change = ChangeOf(steady);
+  for (int turn = 0; turn < 3 && change.squaredNorm() > 10 * kLinearLength; ++turn) {
+    steady.parameters[0] *= std::sqrt(kLinearLength / change.squaredNorm());
+    change = ChangeOf(steady);
+  }
+  return FlickerSeen(model_, null_, change, steady.parameters[0]);
 }
 
 Eigen::VectorXd Screening::ChangeOf(const ActiveEffect& active, bool middle_only) const {

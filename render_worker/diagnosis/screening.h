@@ -42,6 +42,9 @@ class Screening {
   const LinearFit& linear() const { return linear_; }
 
  private:
+  // Where the recordings themselves show it.
+  std::vector<ActiveEffect> Seen(const Effect& effect) const;
+
   const SetModel& model_;
   const FitResult& null_;
   LinearFit linear_;
