@@ -2,12 +2,22 @@
 // by a fixed angle, so the offset across the beam grows with distance; stated at 0.4 m. Both lines
 // share the laser's power.
 #include <cmath>
+#include <vector>
 
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"
 
 namespace sightline {
 namespace {
+
+// A copy of a narrow line is found from within its width only.
+std::vector<double> OffsetStarts() {
+  std::vector<double> starts;
+  for (double mm : {0.6, 0.9, 1.3, 1.7, 2.3, 3.0, 4.0, 5.5, 8.0, 12.0}) {
+    starts.insert(starts.end(), {-1e-3 * mm, 1e-3 * mm});
+  }
+  return starts;
+}
 
 class GhostLineEffect final : public DescribedEffect {
  public:
@@ -18,7 +28,7 @@ class GhostLineEffect final : public DescribedEffect {
              .summary = "second line of relative strength g: (E(s) + g E(s - offset))/(1 + g)",
              .reference = "Hecht, Optics, 5th ed., section 9.4 (reflections of a wedged plate)",
              .parameters = {{"ghost_relative", 0, 0, 1, 0.05},
-                            {"ghost_offset_m", 2e-3, -0.05, 0.05, 2e-3}}}) {}
+                            {"ghost_offset_m", 2e-3, -0.05, 0.05, 2e-3, OffsetStarts()}}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     constexpr double kStatedDistance_m = 0.4;

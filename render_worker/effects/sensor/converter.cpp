@@ -35,7 +35,13 @@ class AdcInlEffect final : public DescribedEffect {
                          .summary = "y + A sin(2 pi c y/y_max)",
                          .reference = kReference,
                          .parameters = {{"inl_amplitude_dn", 0, -100, 100, 2},
-                                        {"inl_cycles", 1, 0.25, 64, 2}}}) {}
+                                        // A wave is found from less than half a cycle off only.
+                                        {"inl_cycles",
+                                         1,
+                                         0.25,
+                                         64,
+                                         2,
+                                         {0.5, 1.7, 2.4, 3.1, 3.8, 4.5, 5.2, 6, 7, 8, 10, 12}}}}) {}
 
   void OnElectrons(Image<double>& electrons, const FrameSetup& frame, Parameters p) const override {
     const Sensor& sensor = frame.sensor;

@@ -1,12 +1,12 @@
-#include "render_worker/diagnosis/flicker_search.h"
+#include "render_worker/diagnosis/screening.h"
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <utility>
 #include <vector>
 
 #include "core/random/counter_random.h"
-#include "render_worker/diagnosis/screening.h"
 #include "rendered_set.h"
 
 namespace sightline {
@@ -32,9 +32,8 @@ RecordedSet Planned() {
   return MakeRecordedSet(std::move(description), {});
 }
 
-// Screened where other light is the only thing that is not as expected.
-ScreenedEffect ScreenedFor(const ActiveEffect& truth) {
-  const Effect* flicker = FindEffect("time.ambient_flicker");
+// What screening finds of an effect where nothing else is missing, no noise either.
+std::vector<double> ScreenedFor(const ActiveEffect& truth) {
   const RecordedSet set = Planned();
   const SetModel model(set, {});
   FitResult null = LineariseSet(model, {});
@@ -45,20 +44,35 @@ ScreenedEffect ScreenedFor(const ActiveEffect& truth) {
     residual = change.segment(at, residual.size());
     at += residual.size();
   }
-  return Screening(model, null).Screen(*flicker);
+  return Screening(model, null).Screen(*truth.effect).strongest.parameters;
 }
 
 // A bug found: recordings are minutes apart, so that a hundredth of a hertz is another frequency,
 // and what flickers was taken for smear or glare.
-TEST(FlickerSeen, HasItsFrequencyDepthAndRadiance) {
+TEST(Screening, FlickerHasItsFrequency) {
   for (const double frequency_hz : {33.3, 67.31, 119.98}) {
-    const ScreenedEffect screened =
+    const std::vector<double> found =
         ScreenedFor({FindEffect("time.ambient_flicker"), {1e-3, 0.8, frequency_hz}});
-    const std::vector<double>& found = screened.strongest.parameters;
     EXPECT_NEAR(found[2], frequency_hz, 1e-3);
     // From here a fit finds the rest.
     EXPECT_NEAR(found[0], 1e-3, 2e-4);
     EXPECT_NEAR(found[1], 0.8, 0.25);
+  }
+}
+
+// A bug found: a ghost near the line was called a reflection in the lens, which was searched for.
+TEST(Screening, GhostLineIsFoundFromWithinItsWidth) {
+  for (const double offset_m : {-4.6e-3, -1.06e-3, 1.06e-3, 3.3e-3}) {
+    const std::vector<double> found =
+        ScreenedFor({FindEffect("illumination.ghost_line"), {1e-3, offset_m}});
+    EXPECT_NEAR(found[1], offset_m, 0.2 * std::abs(offset_m));
+  }
+}
+
+TEST(Screening, WavesOfTheConverterAreFoundFromWithinHalfACycle) {
+  for (const double cycles : {1.4, 2.8, 5.5}) {
+    const std::vector<double> found = ScreenedFor({FindEffect("sensor.adc_inl"), {1.5, cycles}});
+    EXPECT_NEAR(found[1], cycles, 0.5);
   }
 }
 
