@@ -16,6 +16,7 @@ constexpr double kLowest_hz = 20, kHighest_hz = 300;  // of lamps on the mains, 
 constexpr int kPeaks = 3;
 constexpr int kStepsOfTurn = 4;           // over the time between the first and the last recording
 constexpr int kStepsTogether = 512;       // by rotation, before phases are computed afresh
+constexpr double kMostProducts = 2e10;    // some ten seconds: 40 recordings within four hours
 constexpr double kWidthOfPeak_hz = 0.01;  // other peaks are farther away
 
 // Other light of every recording by itself, what the known parameters absorb taken off.
@@ -117,7 +118,9 @@ std::vector<ActiveEffect> FlickerSeen(const SetModel& model, const FitResult& nu
   const Eigen::VectorXd of_all = light.information.rowwise().sum();
   const auto [first, last] = std::minmax_element(light.time_s.begin(), light.time_s.end());
   const double step_hz = 1 / (kStepsOfTurn * std::max(1.0, *last - *first));
-  const auto steps = static_cast<int>((kHighest_hz - kLowest_hz) / step_hz);
+  const double all_steps = (kHighest_hz - kLowest_hz) / step_hz;
+  if (all_steps * static_cast<double>(recordings * recordings) > kMostProducts) return {};
+  const auto steps = static_cast<int>(all_steps);
   std::vector<std::complex<double>> phase(recordings), turn(recordings);
   Eigen::VectorXd wave(recordings);
   std::vector<Flicker> peaks;

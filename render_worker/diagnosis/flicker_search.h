@@ -17,7 +17,7 @@ inline constexpr std::string_view kAmbientFlicker = "time.ambient_flicker";
 // The few frequencies at which a mean with a modulation describes the other light of the laser
 // recordings best, with both, as parameters of time.ambient_flicker. `null`: a fit of `model`
 // without effects; `change`: whitened, by steady ambient light of this radiance. Empty: there is no
-// such light.
+// such light, or the search would take too long (many recordings over many hours).
 std::vector<ActiveEffect> FlickerSeen(const SetModel& model, const FitResult& null,
                                       const Eigen::VectorXd& change, double radiance_w_m2_sr);
 
