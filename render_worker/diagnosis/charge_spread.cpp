@@ -128,15 +128,17 @@ Image<double> NeighboursOfLevel::After(const ActiveEffect& effect, const FrameSe
       // Every second row is looked at, in the middle; the rest are neighbours.
       Image<double> around(3, electrons.rows_px);
       for (int row = 0; row < around.rows_px; ++row) {
-        around.At(row, 1) = row % 2 == parity ? electrons.At(row, column)
+        around.At(row, 1) = row % 2 == parity ? std::min(full_electrons_, electrons.At(row, column))
                                               : RootMeanSquare(row, column, across_line_[row],
                                                                factor.At(row, column));
         around.At(row, 0) = around.At(row, 2) =
             RootMeanSquare(row, beside, along_line_[row], factor.At(row, beside));
       }
+      const Image<double> before = around;
       effect.effect->OnElectrons(around, frame, effect.parameters);
-      for (int row = parity; row < around.rows_px; row += 2)
-        after.At(row, column) = around.At(row, 1);
+      for (int row = parity; row < around.rows_px; row += 2) {
+        after.At(row, column) += around.At(row, 1) - before.At(row, 1);
+      }
     }
   }
   return after;

@@ -242,7 +242,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
         other.values[i] += read_noise.dark_electrons;
       }
       neighbours.emplace(std::move(laser), std::move(other), *speckle_of_levels[0], frame,
-                         light.pattern_share, overfull_electrons);
+                         light.pattern_share, sensor.saturation_capacity_electrons);
     }
   }
   const LevelFactors* factors_or_null = factors ? &*factors : nullptr;

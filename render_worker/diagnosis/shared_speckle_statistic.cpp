@@ -230,6 +230,21 @@ Eigen::VectorXd SharedSpeckleStatistic::Observed(const RecordedSet& set, int ind
   return values;
 }
 
+// Levels are few and far apart where light is strong, so that single ones would show in the bins:
+// each stands for as many, on straight lines between them.
+constexpr size_t kPartsOfLevel = 3;
+
+double LevelAt(const ExpectedFrame& frame, int row, int column, size_t part) {
+  const size_t level = part / kPartsOfLevel, last = frame.level_dn.size() - 1;
+  const double offset = (static_cast<double>(part % kPartsOfLevel) + 0.5) / kPartsOfLevel - 0.5;
+  const double here = frame.level_dn[level].At(row, column);
+  if (last == 0) return here;
+  const size_t below = offset < 0 && level > 0 ? level - 1 : std::min(level, last - 1);
+  const double step =
+      frame.level_dn[below + 1].At(row, column) - frame.level_dn[below].At(row, column);
+  return std::min(here + offset * step, frame.frame.sensor.largest_dn());
+}
+
 // Sums over the pixels that the levels of speckle stand for.
 struct SharedSpeckleStatistic::Moments {
   Eigen::VectorXd count, sum,
@@ -258,8 +273,9 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
   for (const std::vector<ExpectedFrame>& strips : expected.strips) {
     const ExpectedFrame& any = strips[entry.frames.front()];
     const size_t levels = any.level_dn.size();
-    const double pixels = static_cast<double>(entry.columns_px) /
-                          static_cast<double>(expected.strips.size() * cell_columns * levels);
+    const double pixels =
+        static_cast<double>(entry.columns_px) /
+        static_cast<double>(expected.strips.size() * cell_columns * levels * kPartsOfLevel);
     for (int row = 0; row < any.noise_variance_dn2.rows_px; ++row) {
       for (int column = 0; column < cell_columns; ++column) {
         // Variance of the levels over their mean above the dark.
@@ -272,7 +288,7 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
           dark[i] = DarkMeanDn(strips[f].frame.sensor);
           spread[i] /= std::max(1e-9, mean[i] - dark[i]);
         }
-        for (size_t q = 0; q < levels; ++q) {
+        for (size_t part = 0; part < levels * kPartsOfLevel; ++part) {
           int at = 0;
           bool used_before = false;
           for (size_t i = 0; i < pairs; ++i) {
@@ -282,15 +298,17 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
             const ExpectedFrame& b = strips[pair.second];
             const Sensor& sensor = b.frame.sensor;
             const double gain = sensor.gain_dn_per_electron;
-            const double level_a = a.level_dn[q].At(row, column);
-            const double level_b = b.level_dn[q].At(row, column);
+            const double level_a = LevelAt(a, row, column, part);
+            const double level_b = LevelAt(b, row, column, part);
             const double noise_a = NoiseVariance(sensor, level_a);
             const double noise_b = NoiseVariance(sensor, level_b);
-            if (level_a + 5 * std::sqrt(noise_a) > pair.saturated_dn) {
+            // Lines between levels cut the corner where saturation begins: whole levels there.
+            const bool whole = part % kPartsOfLevel == kPartsOfLevel / 2;
+            if (whole && level_a + 5 * std::sqrt(noise_a) > pair.saturated_dn) {
               const double share =
                   1 - Distribution((pair.saturated_dn - level_a) / std::sqrt(noise_a));
-              moments.count[at + bins] += pixels * share;
-              moments.sum[at + bins] += pixels * share * level_b;
+              moments.count[at + bins] += kPartsOfLevel * pixels * share;
+              moments.sum[at + bins] += kPartsOfLevel * pixels * share * level_b;
             }
             const double z = level_a + level_b, deviation = std::sqrt(noise_a + noise_b);
             const bool used = z + 5 * deviation > pair.edges_dn.front() &&
