@@ -233,16 +233,23 @@ Eigen::VectorXd SharedSpeckleStatistic::Observed(const RecordedSet& set, int ind
 // Levels are few and far apart where light is strong, so that single ones would show in the bins:
 // each stands for as many, on straight lines between them.
 constexpr size_t kPartsOfLevel = 3;
+constexpr double kStraight = 0.7;  // of the largest number, up to which lines are straight
 
-double LevelAt(const ExpectedFrame& frame, int row, int column, size_t part) {
-  const size_t level = part / kPartsOfLevel, last = frame.level_dn.size() - 1;
+// Numbers of a pixel in two recordings at a part of a level.
+std::pair<double, double> LevelsAt(const ExpectedFrame& a, const ExpectedFrame& b, int row,
+                                   int column, size_t part) {
+  const size_t level = part / kPartsOfLevel, last = a.level_dn.size() - 1;
   const double offset = (static_cast<double>(part % kPartsOfLevel) + 0.5) / kPartsOfLevel - 0.5;
-  const double here = frame.level_dn[level].At(row, column);
-  if (last == 0) return here;
   const size_t below = offset < 0 && level > 0 ? level - 1 : std::min(level, last - 1);
-  const double step =
-      frame.level_dn[below + 1].At(row, column) - frame.level_dn[below].At(row, column);
-  return std::min(here + offset * step, frame.frame.sensor.largest_dn());
+  const auto number = [&](const ExpectedFrame& frame, size_t l) {
+    return static_cast<double>(frame.level_dn[l].At(row, column));
+  };
+  std::pair numbers(number(a, level), number(b, level));
+  if (last == 0) return numbers;
+  if (number(b, below + 1) > kStraight * b.frame.sensor.largest_dn()) return numbers;
+  numbers.first += offset * (number(a, below + 1) - number(a, below));
+  numbers.second += offset * (number(b, below + 1) - number(b, below));
+  return numbers;
 }
 
 // Sums over the pixels that the levels of speckle stand for.
@@ -298,8 +305,7 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
             const ExpectedFrame& b = strips[pair.second];
             const Sensor& sensor = b.frame.sensor;
             const double gain = sensor.gain_dn_per_electron;
-            const double level_a = LevelAt(a, row, column, part);
-            const double level_b = LevelAt(b, row, column, part);
+            const auto [level_a, level_b] = LevelsAt(a, b, row, column, part);
             const double noise_a = NoiseVariance(sensor, level_a);
             const double noise_b = NoiseVariance(sensor, level_b);
             // Lines between levels cut the corner where saturation begins: whole levels there.
