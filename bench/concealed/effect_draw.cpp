@@ -47,7 +47,9 @@ const Recipe& RecipeOf(const Effect& effect) {
        {.shapes = {{"rim_shift_per_tangent_m", 0.01, 0.03, true, true}}, .geometric = true}},
       {"optics.polygon_aperture", {.whole_numbers = true}},
       {"optics.cover_glass_etalon",
-       {.shapes = {{"fringe_period_px", 10, 120}, {"fringe_direction_deg", -180, 180, false}}}},
+       {.shapes = {{"fringe_period_px", 10, 120},
+                   {"fringe_direction_deg", -180, 180, false},
+                   {"fringe_phase_deg", 0, 0, false}}}},  // drawn for the camera as it is
       {"optics.dust", {.whole_numbers = true}},
       {"sensor.lower_full_well", {.geometric = true}},
       {"sensor.blooming",
