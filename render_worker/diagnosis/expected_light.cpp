@@ -180,12 +180,49 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
   return image;
 }
 
-// Light of lamps and windows on the plate: smooth, so neither blurred nor speckled.
-void AddAmbient(const PlateScene& scene, const FrameSetup& frame, PixelIrradiance& light) {
+// Across the line, by the lens in focus (defocus is in the light already): lamps light the plate
+// evenly, which no lens changes; the line's own light of another wavelength does not.
+void BlurAcross(const OpticsModel& optics, const Pupil& pupil, double wavelength_m,
+                double pixel_pitch_m, Image<float>& flux) {
+  constexpr int kLeastMargin_px = 64;
+  constexpr float kEven = 1e-4F;
+  const auto [least, most] = std::minmax_element(flux.values.begin(), flux.values.end());
+  if (*most - *least <= kEven * *most) return;
+  const int length =
+      static_cast<int>(std::bit_ceil(static_cast<unsigned>(flux.rows_px + 2 * kLeastMargin_px)));
+  const int margin_px = (length - flux.rows_px) / 2;
+  const double step_per_m = 1 / (length * pixel_pitch_m);
+  std::vector<std::complex<double>> transfer =
+      LineTransfer(pupil, wavelength_m, optics.image_distance_m, 0, step_per_m, length / 2 + 1);
+  for (size_t k = 0; k < transfer.size(); ++k) {
+    for (const TransferFunction& factor : optics.transfer) {
+      transfer[k] *= factor(0, static_cast<double>(k) * step_per_m);
+    }
+  }
+  std::vector<double> column(length);
+  for (int c = 0; c < flux.columns_px; ++c) {
+    for (int i = 0; i < length; ++i) {
+      column[i] = flux.At(std::clamp(i - margin_px, 0, flux.rows_px - 1), c);
+    }
+    const std::vector<double> blurred =
+        BlurAcrossLine(column, 1, margin_px, flux.rows_px, transfer);
+    for (int row = 0; row < flux.rows_px; ++row) {
+      flux.At(row, c) = static_cast<float>(std::max(0.0, blurred[row]));
+    }
+  }
+}
+
+// Light of the plate that is not the laser's: without speckle.
+void AddAmbient(const PlateScene& scene, const FrameSetup& frame, const OpticsModel& optics,
+                PixelIrradiance& light) {
   PlateScene lamps = scene;
   lamps.laser_irradiance_w_m2 = [](double, double) { return 0.0; };
-  const IdealImage image = RenderPlate(lamps, frame, {frame.roi, 1, 0, frame.sensor.pixel_pitch_m});
+  const double pitch_m = frame.sensor.pixel_pitch_m;
+  const IdealImage image = RenderPlate(lamps, frame, {frame.roi, 1, 0, pitch_m});
   const int margin = image.incoherent_grid.margin_px;
+  const Pupil pupil =
+      optics.pupil((frame.roi.column_px + 0.5 * (frame.roi.columns_px - 1)) * pitch_m,
+                   (frame.roi.row_px + 0.5 * (frame.roi.rows_px - 1)) * pitch_m);
   for (int channel = 0; channel < frame.sensor.channels(); ++channel) {
     const Image<float>& wide = image.incoherent_electron_flux_m2_s[channel];
     Image<float>& flux = light.incoherent_electron_flux_m2_s[channel];
@@ -195,6 +232,7 @@ void AddAmbient(const PlateScene& scene, const FrameSetup& frame, PixelIrradianc
         flux.At(row, column) = wide.At(row + margin, column + margin);
       }
     }
+    BlurAcross(optics, pupil, image.incoherent_wavelength_m[channel], pitch_m, flux);
   }
 }
 
@@ -241,7 +279,7 @@ ExpectedLight ExpectLight(const FrameSetup& frame, std::span<const ActiveEffect>
 
   PixelIrradiance light;
   light.roi = frame.roi;
-  if (frame.shutter_open && scene.ambient_radiance_w_m2_sr) AddAmbient(scene, frame, light);
+  if (frame.shutter_open && scene.ambient_radiance_w_m2_sr) AddAmbient(scene, frame, optics, light);
   light.laser_irradiance_w_m2 = Image<float>(frame.roi.columns_px, frame.roi.rows_px, 0.0F);
   if (frame.laser_on && frame.shutter_open) {
     light.laser_irradiance_w_m2 = ImageLine(scene, frame, optics, block_columns_px,

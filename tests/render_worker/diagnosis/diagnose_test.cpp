@@ -474,6 +474,34 @@ TEST(ExpectFrame, AStripStandsForTheMeanOfItsBlock) {
 
 // A bug found: charge that flows faster than there is any gave speckle more contrast than it can
 // have, and its law could not be computed.
+// A bug found: light of another wavelength counted as sharp as lamps' even light, and fluorescence
+// was called partial coherence.
+TEST(ExpectFrame, FluorescenceIsImagedByTheLens) {
+  const std::vector<ActiveEffect> effects = {{FindEffect("surface.fluorescence"), {0.5}}};
+  const RecordedSet with = RenderSmallSet({}, effects, 7), without = RenderSmallSet({}, {}, 7);
+  double seen = 0, expected = 0;  // added to the rows beside the line's crest
+  for (size_t f = 0; f < with.frames.size(); ++f) {
+    FrameSetup frame = with.frames[f].nominal;
+    if (with.frames[f].plate_position_id < 0 || frame.plate.camera_distance_m != 0.33) continue;
+    frame.roi.columns_px = 1;
+    const ExpectedFrame more = ExpectFrame(frame, effects, nullptr, nullptr, 12);
+    const ExpectedFrame less = ExpectFrame(frame, {}, nullptr, nullptr, 12);
+    const auto& values = less.mean_dn.values;
+    const auto crest =
+        static_cast<int>(std::max_element(values.begin(), values.end()) - values.begin());
+    for (const int distance : {-7, -6, -5, -4, 4, 5, 6, 7}) {
+      const int row = crest + distance, columns = with.frames[f].raw_dn.columns_px;
+      expected += more.MeanDn(row, 0) - less.MeanDn(row, 0);
+      for (int c = 0; c < columns; ++c) {
+        seen += (with.frames[f].raw_dn.At(row, c) - 1.0 * without.frames[f].raw_dn.At(row, c)) /
+                columns;
+      }
+    }
+  }
+  EXPECT_GT(seen, 1);
+  EXPECT_NEAR(expected / seen, 1, 0.1);
+}
+
 TEST(ExpectFrame, StrengthsBeyondSenseAreComputed) {
   const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
   for (const RecordedFrame& recorded : set.frames) {
