@@ -231,24 +231,40 @@ Eigen::VectorXd SharedSpeckleStatistic::Observed(const RecordedSet& set, int ind
 }
 
 // Levels are few and far apart where light is strong, so that single ones would show in the bins:
-// each stands for as many, on straight lines between them.
+// there each stands for as many parts, on straight lines between them.
 constexpr size_t kPartsOfLevel = 3;
 constexpr double kStraight = 0.7;  // of the largest number, up to which lines are straight
 
+double LevelDn(const ExpectedFrame& frame, int row, int column, size_t level) {
+  return frame.level_dn[level].At(row, column);
+}
+
+// 1 where noise blurs the step to the next level in all of these recordings.
+size_t PartsOfLevel(const std::vector<ExpectedFrame>& strips, const std::vector<int>& frames,
+                    int row, int column, size_t level) {
+  for (int f : frames) {
+    const size_t levels = strips[f].level_dn.size();
+    if (levels < 2) continue;
+    const size_t below = std::min(level, levels - 2);
+    const double here = LevelDn(strips[f], row, column, below);
+    const double step = LevelDn(strips[f], row, column, below + 1) - here;
+    if (step * step > NoiseVariance(strips[f].frame.sensor, here)) return kPartsOfLevel;
+  }
+  return 1;
+}
+
 // Numbers of a pixel in two recordings at a part of a level.
 std::pair<double, double> LevelsAt(const ExpectedFrame& a, const ExpectedFrame& b, int row,
-                                   int column, size_t part) {
-  const size_t level = part / kPartsOfLevel, last = a.level_dn.size() - 1;
-  const double offset = (static_cast<double>(part % kPartsOfLevel) + 0.5) / kPartsOfLevel - 0.5;
+                                   int column, size_t level, size_t part, size_t parts) {
+  std::pair numbers(LevelDn(a, row, column, level), LevelDn(b, row, column, level));
+  const size_t last = a.level_dn.size() - 1;
+  const double offset = (static_cast<double>(part) + 0.5) / static_cast<double>(parts) - 0.5;
+  if (last == 0 || offset == 0) return numbers;
   const size_t below = offset < 0 && level > 0 ? level - 1 : std::min(level, last - 1);
-  const auto number = [&](const ExpectedFrame& frame, size_t l) {
-    return static_cast<double>(frame.level_dn[l].At(row, column));
-  };
-  std::pair numbers(number(a, level), number(b, level));
-  if (last == 0) return numbers;
-  if (number(b, below + 1) > kStraight * b.frame.sensor.largest_dn()) return numbers;
-  numbers.first += offset * (number(a, below + 1) - number(a, below));
-  numbers.second += offset * (number(b, below + 1) - number(b, below));
+  const double above_b = LevelDn(b, row, column, below + 1);
+  if (above_b > kStraight * b.frame.sensor.largest_dn()) return numbers;
+  numbers.first += offset * (LevelDn(a, row, column, below + 1) - LevelDn(a, row, column, below));
+  numbers.second += offset * (above_b - LevelDn(b, row, column, below));
   return numbers;
 }
 
@@ -280,9 +296,9 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
   for (const std::vector<ExpectedFrame>& strips : expected.strips) {
     const ExpectedFrame& any = strips[entry.frames.front()];
     const size_t levels = any.level_dn.size();
-    const double pixels =
+    const double pixels_of_level =
         static_cast<double>(entry.columns_px) /
-        static_cast<double>(expected.strips.size() * cell_columns * levels * kPartsOfLevel);
+        static_cast<double>(expected.strips.size() * cell_columns * levels);
     for (int row = 0; row < any.noise_variance_dn2.rows_px; ++row) {
       for (int column = 0; column < cell_columns; ++column) {
         // Variance of the levels over their mean above the dark.
@@ -295,61 +311,65 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
           dark[i] = DarkMeanDn(strips[f].frame.sensor);
           spread[i] /= std::max(1e-9, mean[i] - dark[i]);
         }
-        for (size_t part = 0; part < levels * kPartsOfLevel; ++part) {
-          int at = 0;
-          bool used_before = false;
-          for (size_t i = 0; i < pairs; ++i) {
-            const Pair& pair = entry.pairs[i];
-            const int bins = pair.bins();
-            const ExpectedFrame& a = strips[pair.first];
-            const ExpectedFrame& b = strips[pair.second];
-            const Sensor& sensor = b.frame.sensor;
-            const double gain = sensor.gain_dn_per_electron;
-            const auto [level_a, level_b] = LevelsAt(a, b, row, column, part);
-            const double noise_a = NoiseVariance(sensor, level_a);
-            const double noise_b = NoiseVariance(sensor, level_b);
-            // Lines between levels cut the corner where saturation begins: whole levels there.
-            const bool whole = part % kPartsOfLevel == kPartsOfLevel / 2;
-            if (whole && level_a + 5 * std::sqrt(noise_a) > pair.saturated_dn) {
-              const double share =
-                  1 - Distribution((pair.saturated_dn - level_a) / std::sqrt(noise_a));
-              moments.count[at + bins] += kPartsOfLevel * pixels * share;
-              moments.sum[at + bins] += kPartsOfLevel * pixels * share * level_b;
-            }
-            const double z = level_a + level_b, deviation = std::sqrt(noise_a + noise_b);
-            const bool used = z + 5 * deviation > pair.edges_dn.front() &&
-                              z - 5 * deviation < pair.edges_dn.back();
-            if (used) {
-              Shares(pair.edges_dn, z, deviation, shares);
-              const double difference = level_b - pair.ratio * level_a;
-              // The fixed offsets of the pixels do not scale with the exposure.
-              const double dsnu = sensor.dsnu_electrons * gain * (1 - pair.ratio);
-              // Moving speckle changes in proportion to the root of the irradiance: the
-              // derivatives of a circular Gaussian field are independent of the field (Goodman,
-              // Speckle Phenomena in Optics, on the derivatives of speckle intensity).
-              const double noise =
-                  noise_b + pair.ratio * pair.ratio * noise_a + dsnu * dsnu +
-                  2 * decorrelation[i] * spread[i + 1] * std::max(0.0, level_b - dark[i + 1]);
-              const double relative = noise / pair.NominalVariance(z);
-              double sum = 0;
-              for (int bin = 0; bin < bins; ++bin) {
-                const double weight = pixels * shares[bin];
-                moments.count[at + bin] += weight;
-                moments.sum[at + bin] += weight * difference;
-                moments.noise[at + bin] += weight * noise;
-                sum += weight;
-                if (!used_before || shares[bin] == 0) continue;
-                for (int other = 0; other < bins; ++other) {
-                  moments.common[i - 1](other, bin) -=
-                      before[other] * weight * pair.ratio * noise_a;
-                }
+        for (size_t level = 0; level < levels; ++level) {
+          const size_t parts = PartsOfLevel(strips, entry.frames, row, column, level);
+          const double pixels = pixels_of_level / static_cast<double>(parts);
+          for (size_t part = 0; part < parts; ++part) {
+            int at = 0;
+            bool used_before = false;
+            for (size_t i = 0; i < pairs; ++i) {
+              const Pair& pair = entry.pairs[i];
+              const int bins = pair.bins();
+              const ExpectedFrame& a = strips[pair.first];
+              const ExpectedFrame& b = strips[pair.second];
+              const Sensor& sensor = b.frame.sensor;
+              const double gain = sensor.gain_dn_per_electron;
+              const auto [level_a, level_b] = LevelsAt(a, b, row, column, level, part, parts);
+              const double noise_a = NoiseVariance(sensor, level_a);
+              const double noise_b = NoiseVariance(sensor, level_b);
+              // Lines between levels cut the corner where saturation begins: whole levels there.
+              const bool whole = part == parts / 2;
+              if (whole && level_a + 5 * std::sqrt(noise_a) > pair.saturated_dn) {
+                const double share =
+                    1 - Distribution((pair.saturated_dn - level_a) / std::sqrt(noise_a));
+                moments.count[at + bins] += pixels_of_level * share;
+                moments.sum[at + bins] += pixels_of_level * share * level_b;
               }
-              moments.count[at + bins + 1] += sum;
-              moments.sum[at + bins + 1] += sum * relative;
+              const double z = level_a + level_b, deviation = std::sqrt(noise_a + noise_b);
+              const bool used = z + 5 * deviation > pair.edges_dn.front() &&
+                                z - 5 * deviation < pair.edges_dn.back();
+              if (used) {
+                Shares(pair.edges_dn, z, deviation, shares);
+                const double difference = level_b - pair.ratio * level_a;
+                // The fixed offsets of the pixels do not scale with the exposure.
+                const double dsnu = sensor.dsnu_electrons * gain * (1 - pair.ratio);
+                // Moving speckle changes in proportion to the root of the irradiance: the
+                // derivatives of a circular Gaussian field are independent of the field (Goodman,
+                // Speckle Phenomena in Optics, on the derivatives of speckle intensity).
+                const double noise =
+                    noise_b + pair.ratio * pair.ratio * noise_a + dsnu * dsnu +
+                    2 * decorrelation[i] * spread[i + 1] * std::max(0.0, level_b - dark[i + 1]);
+                const double relative = noise / pair.NominalVariance(z);
+                double sum = 0;
+                for (int bin = 0; bin < bins; ++bin) {
+                  const double weight = pixels * shares[bin];
+                  moments.count[at + bin] += weight;
+                  moments.sum[at + bin] += weight * difference;
+                  moments.noise[at + bin] += weight * noise;
+                  sum += weight;
+                  if (!used_before || shares[bin] == 0) continue;
+                  for (int other = 0; other < bins; ++other) {
+                    moments.common[i - 1](other, bin) -=
+                        before[other] * weight * pair.ratio * noise_a;
+                  }
+                }
+                moments.count[at + bins + 1] += sum;
+                moments.sum[at + bins + 1] += sum * relative;
+              }
+              used_before = used;
+              before.swap(shares);
+              at += pair.size();
             }
-            used_before = used;
-            before.swap(shares);
-            at += pair.size();
           }
         }
       }
