@@ -11,7 +11,7 @@
 
 #include "render_worker/diagnosis/realisation.h"
 #include "render_worker/diagnosis/scatter_law.h"
-#include "render_worker/diagnosis/vibration_fit.h"
+#include "render_worker/diagnosis/vibration_phases.h"
 
 namespace sightline {
 
@@ -718,10 +718,12 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
     }
     const bool single =
         moves && peak.gain - baseline > kWorthwhile && IsSeenInSingleRecordings(MovementOf(linear));
+    std::vector<RecordedMovement> movements;
     if (single) {
       linear = LineariseAboutFreeMovement(std::move(linear));
       peak = Search(linear, law, effect);
-      const VibrationFit fit = FitVibration(MovementOf(linear));
+      movements = MovementOf(linear);
+      const VibrationFit fit = FitVibration(movements);
       peak.parameters = {fit.amplitude_px, fit.frequency_hz};
       peak.standard_errors = {fit.amplitude_error_px, fit.frequency_error_hz};
     }
@@ -739,6 +741,7 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
     candidate.largest_gain = peak.gain - baseline;
     candidate.light_relative = from.light_relative;
     candidate.shift_px = from.shift_px;
+    candidate.movements = std::move(movements);
     candidate.fit = Describe(linear, law, candidate, posterior, from);
     // Far off, straight lines lead astray: the model itself decides.
     if (round == 0 || TwiceCost(candidate.fit) < TwiceCost(best.fit)) {
@@ -807,6 +810,24 @@ std::vector<ScatterCandidate> EvaluateStrong(const SetModel& model, const FitRes
   return best;
 }
 
+// Normal amplitudes and a symmetric blur are left behind where single recordings show more.
+void FollowPhases(const SetModel& model, const FitResult& null, ScatterCandidate& candidate) {
+  SetParameters start = candidate.fit.parameters;
+  start.effects.pop_back();
+  FitResult fit =
+      FitVibrationPhases(model, start, null.free, *candidate.effect,
+                         {candidate.parameters[0], candidate.parameters[1]}, candidate.movements);
+  const double gained = 0.5 * (TwiceCost(candidate.fit) - TwiceCost(fit));
+  if (!(gained > 0)) return;
+  candidate.parameters = fit.parameters.effects.back().parameters;
+  const size_t before = fit.effect_standard_errors.size() - candidate.parameters.size();
+  candidate.standard_errors.assign(fit.effect_standard_errors.begin() + before,
+                                   fit.effect_standard_errors.end());
+  candidate.log_evidence += gained;
+  candidate.largest_gain += gained;
+  candidate.fit = std::move(fit);
+}
+
 constexpr std::array<std::string_view, 6> kKnown = {
     "illumination.power_noise", "time.exposure_jitter",  "surface.albedo_texture",
     "time.vibration_blur",      "unknown.power_scatter", "unknown.exposure_scatter"};
@@ -855,7 +876,9 @@ std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, con
   }
   std::vector<ScatterCandidate> candidates;
   for (const Effect* effect : effects) {
-    if (IsRecordingScatter(*effect)) candidates.push_back(std::move(found[effect]));
+    if (!IsRecordingScatter(*effect)) continue;
+    if (!found[effect].movements.empty()) FollowPhases(model, null, found[effect]);
+    candidates.push_back(std::move(found[effect]));
   }
   return candidates;
 }

@@ -14,8 +14,6 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(x) / x; }
-
 // Squared mean of a sinusoid of unit amplitude over an exposure, averaged over its phase.
 double ShiftVariance(double frequency_hz, double exposure_s) {
   return 0.5 * std::pow(Sinc(kPi * frequency_hz * exposure_s), 2);

@@ -272,6 +272,8 @@ std::pair<double, double> LevelsAt(const ExpectedFrame& a, const ExpectedFrame& 
 struct SharedSpeckleStatistic::Moments {
   Eigen::VectorXd count, sum,
       noise;  // of every value: pixels, mean times them, variance times them
+  // Of every bin: the variance, and that of what is expected of its pixels, over the nominal one.
+  Eigen::VectorXd square, weight;
   std::vector<Eigen::MatrixXd> common;  // of a pair's bins and the next one's: shared noise
   std::vector<double> decorrelation;    // of every pair
 };
@@ -280,6 +282,7 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
                                                                  const Entry& entry) const {
   Moments moments;
   moments.count = moments.sum = moments.noise = Eigen::VectorXd::Zero(entry.size);
+  moments.square = moments.weight = Eigen::VectorXd::Zero(entry.size);
   const size_t pairs = entry.pairs.size();
   std::vector<double>& decorrelation = moments.decorrelation;
   decorrelation.resize(pairs);
@@ -349,22 +352,20 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
                 const double noise =
                     noise_b + pair.ratio * pair.ratio * noise_a + dsnu * dsnu +
                     2 * decorrelation[i] * spread[i + 1] * std::max(0.0, level_b - dark[i + 1]);
-                const double relative = noise / pair.NominalVariance(z);
-                double sum = 0;
+                const double nominal = pair.NominalVariance(z);
                 for (int bin = 0; bin < bins; ++bin) {
                   const double weight = pixels * shares[bin];
                   moments.count[at + bin] += weight;
                   moments.sum[at + bin] += weight * difference;
                   moments.noise[at + bin] += weight * noise;
-                  sum += weight;
+                  moments.square[at + bin] += weight * (noise + difference * difference) / nominal;
+                  moments.weight[at + bin] += weight / nominal;
                   if (!used_before || shares[bin] == 0) continue;
                   for (int other = 0; other < bins; ++other) {
                     moments.common[i - 1](other, bin) -=
                         before[other] * weight * pair.ratio * noise_a;
                   }
                 }
-                moments.count[at + bins + 1] += sum;
-                moments.sum[at + bins + 1] += sum * relative;
               }
               used_before = used;
               before.swap(shares);
@@ -374,6 +375,19 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
         }
       }
     }
+  }
+  // Where the line has moved or light has spread, pixels of one bin differ by what is expected of
+  // them too.
+  int at = 0;
+  for (const Pair& pair : entry.pairs) {
+    const int bins = pair.bins();
+    for (int bin = at; bin < at + bins; ++bin) {
+      if (moments.count[bin] <= 0) continue;
+      const double mean = moments.sum[bin] / moments.count[bin];
+      moments.count[at + bins + 1] += moments.count[bin];
+      moments.sum[at + bins + 1] += moments.square[bin] - mean * mean * moments.weight[bin];
+    }
+    at += pair.size();
   }
   return moments;
 }

@@ -15,8 +15,6 @@ constexpr double kNoLaw = 1e-3;
 // Moments say nothing of a profile's skew, and are taken off a clipped and noisy one.
 constexpr double kShiftError_px = 0.05, kBlurError_px2 = 0.03, kBlurErrorRelative = 0.05;
 
-double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(x) / x; }
-
 double Square(double x) { return x * x; }
 
 // Evenly spaced phases, which have sin(phase) from one end to the other.
@@ -42,6 +40,8 @@ struct Axis {
 };
 
 }  // namespace
+
+double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(x) / x; }
 
 double BlurByVibration(double amplitude_px, double frequency_hz, double exposure_time_s,
                        double mean_px) {

@@ -14,14 +14,17 @@ struct RecordedMovement {
   double blur_px2 = 0, blur_error_px2 = 0;  // variance of the displacement about it
 };
 
+// sin(x) / x: of the mean of a sinusoid over half a phase x either way.
+double Sinc(double x);
+
 // Variance of the displacement about its mean [px^2] during an exposure whose mean displacement is
 // `mean_px`; beyond what A and f allow it counts as the farthest they do.
 double BlurByVibration(double amplitude_px, double frequency_hz, double exposure_time_s,
                        double mean_px);
 
 // Logarithm of the likelihood of the movements [nats] about a common place, which is not known; the
-// phase of each is integrated out, and one in a thousand follows no law. Errors count as at least what the moments leave out of a profile's
-// shape.
+// phase of each is integrated out, and one in a thousand follows no law. Errors count as at least
+// what the moments leave out of a profile's shape.
 double VibrationLogLikelihood(std::span<const RecordedMovement> movements, double amplitude_px,
                               double frequency_hz);
 

@@ -154,6 +154,21 @@ TEST(CompareRecordingScatter, NamesAlbedoTexture) { ExpectFound(kAlbedoTexture, 
 
 TEST(CompareRecordingScatter, NamesVibration) { ExpectFound(kVibration, {1.0, 60}, 24); }
 
+// Exposures that hold parts of a period have skew and flat displacements, by a phase each; speckle
+// of two of them is that of two places of the line.
+TEST(CompareRecordingScatter, FollowsThePhasesOfAStrongVibration) {
+  constexpr double kAmplitude_px = 3, kFrequency_hz = 230;
+  const RecordedSet set =
+      Render({ActiveEffect{FindEffect(kVibration), {kAmplitude_px, kFrequency_hz}}}, 32);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  ASSERT_EQ(compared.best->effect->description().id, kVibration);
+  EXPECT_NEAR(compared.best->parameters[0], kAmplitude_px, 0.02 * kAmplitude_px);
+  EXPECT_NEAR(compared.best->parameters[1], kFrequency_hz, 0.03 * kFrequency_hz);
+  EXPECT_LT(compared.best->standard_errors[0], 0.02 * kAmplitude_px);
+  EXPECT_LT(compared.best->fit.chi_squared, 1.1 * compared.best->fit.data_count);
+}
+
 // Power that swings slowly: no effect of the vocabulary does.
 class SwingingPower final : public DescribedEffect {
  public:

@@ -1,0 +1,323 @@
+#include "render_worker/diagnosis/vibration_phases.h"
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <numbers>
+#include <string_view>
+#include <utility>
+
+#include "render_worker/effects/described_effect.h"
+#include "render_worker/effects/time/sinusoidal_motion.h"
+
+namespace sightline {
+
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+// Standard deviation of a phase that is uniform over the half turn in which its sine differs.
+const double kPhaseScale = kPi / std::sqrt(12.0);
+
+// The phases are those in the middle of the exposures: then amplitude and frequency change them
+// least, and a phase and half a turn minus it look the same.
+class PhasedVibration final : public DescribedEffect {
+ public:
+  PhasedVibration(const EffectDescription& description, std::vector<double> phases_rad)
+      : DescribedEffect(description), phases_rad_(std::move(phases_rad)) {}
+
+  void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters p) const override {
+    const double periods = p[1] * frame.exposure_time_s;
+    optics.transfer.push_back(
+        SinusoidalMotionTransfer(p[0] * frame.sensor.pixel_pitch_m, periods,
+                                 phases_rad_[frame.recording_index] - kPi * periods));
+  }
+
+ private:
+  std::vector<double> phases_rad_;
+};
+
+// Phases in the middle of the exposures that displacement and blur of the recordings speak for.
+// Another effect may displace some of them: none counts for more than a few standard errors.
+std::vector<double> PhasesOf(double amplitude_px, double frequency_hz,
+                             std::span<const RecordedMovement> movements) {
+  constexpr int kPhases = 61;
+  constexpr double kBlurErrorRelative = 0.1;  // moments of a clipped and noisy profile
+  const auto phase = [](int k) { return kPi * (k / (kPhases - 1.0) - 0.5); };
+  const auto distance = [](double difference, double error) {
+    return std::log1p(difference * difference / (2 * error * error));
+  };
+  double least = 1e300;
+  std::vector<double> best_rad;
+  // Of the place about which all move.
+  for (double place_px = -3 * amplitude_px; place_px <= 3 * amplitude_px; place_px += 0.1) {
+    double sum = 0;
+    std::vector<double> phases_rad;
+    for (const RecordedMovement& seen : movements) {
+      const double farthest_px = amplitude_px * Sinc(kPi * frequency_hz * seen.exposure_time_s);
+      const double blur_error =
+          std::hypot(seen.blur_error_px2, kBlurErrorRelative * amplitude_px * amplitude_px);
+      double nearest = 1e300, at = 0;
+      for (int k = 0; k < kPhases; ++k) {
+        const double shift_px = farthest_px * std::sin(phase(k));
+        const double blur =
+            BlurByVibration(amplitude_px, frequency_hz, seen.exposure_time_s, shift_px);
+        const double away = distance(seen.shift_px - place_px - shift_px, seen.shift_error_px) +
+                            distance(seen.blur_px2 - blur, blur_error);
+        if (away >= nearest) continue;
+        nearest = away;
+        at = phase(k);
+      }
+      sum += nearest;
+      phases_rad.push_back(at);
+    }
+    if (sum >= least) continue;
+    least = sum;
+    best_rad = std::move(phases_rad);
+  }
+  return best_rad;
+}
+
+// What the phases of the recordings with laser light do to the entries. Recordings of different
+// plate positions are moved together: their entries differ.
+class Phases {
+ public:
+  explicit Phases(const SetModel& model) : model_(model) {
+    std::map<int, int> members;
+    const std::vector<RecordedFrame>& frames = model.set().frames;
+    for (size_t f = 0; f < frames.size(); ++f) {
+      const int id = frames[f].plate_position_id;
+      if (id < 0) continue;
+      lit_.push_back(static_cast<int>(f));
+      slot_.push_back(members[id]++);
+      slots_ = std::max(slots_, members[id]);
+    }
+  }
+
+  const std::vector<int>& lit() const { return lit_; }
+
+  // Whitened change of all entries per standardised phase.
+  std::vector<Eigen::MatrixXd> Derivatives(const FitResult& fit, const Effect& vibration,
+                                           const std::vector<double>& phases_rad) const {
+    constexpr double kStep_rad = 0.05;
+    std::vector<Eigen::MatrixXd> change;
+    for (const Eigen::VectorXd& mean : fit.mean) {
+      change.emplace_back(
+          Eigen::MatrixXd::Zero(mean.size(), static_cast<Eigen::Index>(lit_.size())));
+    }
+    for (int slot = 0; slot < slots_; ++slot) {
+      std::vector<double> moved_rad = phases_rad;
+      for (size_t i = 0; i < lit_.size(); ++i) {
+        if (slot_[i] == slot) moved_rad[lit_[i]] += kStep_rad;
+      }
+      const Entries mean = Expect(fit, vibration, moved_rad, false);
+      const std::vector<int> moved = MovedOf(slot);
+      for (int e = 0; e < model_.entries(); ++e) {
+        if (moved[e] < 0) continue;
+        change[e].col(moved[e]) =
+            (*fit.whitening)(e, (mean[e] - fit.mean[e]) * (kPhaseScale / kStep_rad));
+      }
+    }
+    return change;
+  }
+
+  // Every recording's phase where it fits best while the others stay, over all of them: near where
+  // the image turns, a phase on the wrong side does not find back.
+  std::vector<double> Search(const FitResult& fit, const Effect& vibration,
+                             const std::vector<bool>& use_entry,
+                             std::vector<double> phases_rad) const {
+    constexpr int kPhases = 12;
+    for (int slot = 0; slot < slots_; ++slot) {
+      const Entries origin = Expect(fit, vibration, phases_rad, true);
+      std::vector<int> moved = MovedOf(slot);
+      for (int e = 0; e < model_.entries(); ++e) {
+        if (!use_entry[e]) moved[e] = -1;
+      }
+      std::vector<double> least(lit_.size(), 0), best_rad = phases_rad;
+      for (int e = 0; e < model_.entries(); ++e) {
+        if (moved[e] >= 0) least[moved[e]] += fit.residual[e].squaredNorm();
+      }
+      for (int k = 0; k < kPhases; ++k) {
+        const double phase_rad = kPi * ((k + 0.5) / kPhases - 0.5);
+        std::vector<double> tried_rad = phases_rad;
+        for (size_t i = 0; i < lit_.size(); ++i) {
+          if (slot_[i] == slot) tried_rad[lit_[i]] = phase_rad;
+        }
+        const Entries mean = Expect(fit, vibration, tried_rad, true);
+        std::vector<double> chi_squared(lit_.size(), 0);
+        for (int e = 0; e < model_.entries(); ++e) {
+          if (moved[e] < 0) continue;
+          chi_squared[moved[e]] +=
+              (fit.residual[e] - (*fit.whitening)(e, mean[e] - origin[e])).squaredNorm();
+        }
+        for (size_t i = 0; i < lit_.size(); ++i) {
+          if (slot_[i] != slot || chi_squared[i] >= least[i]) continue;
+          least[i] = chi_squared[i];
+          best_rad[lit_[i]] = phase_rad;
+        }
+      }
+      phases_rad = std::move(best_rad);
+    }
+    return phases_rad;
+  }
+
+ private:
+  // The expectation of `fit`, whose last effect is the vibration, at other phases.
+  Entries Expect(const FitResult& fit, const Effect& vibration,
+                 const std::vector<double>& phases_rad, bool middle_only) const {
+    const PhasedVibration phased(vibration.description(), phases_rad);
+    SetParameters parameters = fit.parameters;
+    parameters.effects.back().effect = &phased;
+    return model_.Expect(parameters, false, middle_only).mean;
+  }
+
+  // Of every entry: the recording of this slot that it is about, as an index into lit(); or -1.
+  std::vector<int> MovedOf(int slot) const {
+    std::map<int, int> recording_of;  // plate position -> index into lit_
+    for (size_t i = 0; i < lit_.size(); ++i) {
+      if (slot_[i] != slot) continue;
+      recording_of[model_.set().frames[lit_[i]].plate_position_id] = static_cast<int>(i);
+    }
+    std::vector<int> moved;
+    for (int e = 0; e < model_.entries(); ++e) {
+      const auto recording = recording_of.find(PositionOf(e));
+      moved.push_back(recording == recording_of.end() ? -1 : recording->second);
+    }
+    return moved;
+  }
+
+  // Plate position of all laser recordings that an entry is about; -1: none or several.
+  int PositionOf(int entry) const {
+    int position = -1;
+    for (int f : model_.FramesOf(entry)) {
+      const int id = model_.set().frames[f].plate_position_id;
+      if (id < 0 || id == position) continue;
+      if (position >= 0) return -1;
+      position = id;
+    }
+    return position;
+  }
+
+  const SetModel& model_;
+  std::vector<int> lit_, slot_;
+  int slots_ = 0;
+};
+
+// The phases' columns behind the others.
+FitResult WithPhases(FitResult fit, const std::vector<Eigen::MatrixXd>& change,
+                     const std::vector<bool>& use_entry, const Eigen::VectorXd& phases) {
+  const Eigen::Index known = fit.standardised.size(), n = known + phases.size();
+  Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
+  for (size_t e = 0; e < change.size(); ++e) {
+    Eigen::MatrixXd jacobian(change[e].rows(), n);
+    jacobian << fit.jacobian[e], change[e];
+    if (use_entry[e]) {
+      information.noalias() += jacobian.transpose() * jacobian;
+    }
+    fit.jacobian[e] = std::move(jacobian);
+  }
+  fit.standardised.conservativeResize(n);
+  fit.standardised.tail(phases.size()) = phases;
+  fit.prior_weight.conservativeResize(n);
+  fit.prior_weight.tail(phases.size()).setOnes();
+  fit.held.resize(n, false);
+  information.diagonal() += fit.prior_weight;
+  const Eigen::LLT<Eigen::MatrixXd> solver(information);
+  const Eigen::VectorXd conditional = fit.covariance.diagonal();
+  fit.covariance = solver.solve(Eigen::MatrixXd::Identity(n, n));
+  fit.log_determinant = 2 * solver.matrixLLT().diagonal().array().log().sum();
+  fit.prior += phases.squaredNorm();
+  const Eigen::Index first = known - static_cast<Eigen::Index>(fit.free.size());
+  for (size_t k = 0; k < fit.free.size(); ++k) {
+    const Eigen::Index i = first + static_cast<Eigen::Index>(k);
+    fit.effect_standard_errors[k] *= std::sqrt(fit.covariance(i, i) / conditional[i]);
+  }
+  return fit;
+}
+
+double TwiceCost(const FitResult& fit) {
+  return fit.chi_squared + fit.prior + fit.data_log_determinant + fit.log_determinant;
+}
+
+}  // namespace
+
+FitResult FitVibrationPhases(const SetModel& model, const SetParameters& start,
+                             const std::vector<FreeEffectParameter>& free, const Effect& vibration,
+                             const std::vector<double>& law,
+                             std::span<const RecordedMovement> movements) {
+  constexpr int kMostTurns = 8;
+  constexpr double kWorthwhile = 1;  // of twice the negative logarithm of the evidence
+  constexpr double kLargestStep_rad = 0.5, kSmallestPart = 0.2;
+  const Phases phases(model);
+  const std::vector<int>& lit = phases.lit();
+  const std::vector<double> first_rad = PhasesOf(law[0], law[1], movements);
+  std::vector<double> best_rad(model.set().frames.size(), 0);
+  for (size_t i = 0; i < lit.size(); ++i) best_rad[lit[i]] = first_rad[i];
+  std::vector<FreeEffectParameter> all_free = free;
+  const int last = static_cast<int>(start.effects.size());
+  all_free.push_back({last, 0});
+  all_free.push_back({last, 1});
+  FitSettings settings;
+  // What compares recordings of one speckle tells of movements far below a pixel, and nothing of
+  // larger ones: it counts in the end only.
+  for (int e = 0; e < model.entries(); ++e) {
+    const std::string_view name = model.StatisticOf(e).name();
+    settings.use_entry.push_back(name != "shared speckle" && name != "temporal noise");
+  }
+  SetParameters parameters = start;
+  parameters.effects.push_back({&vibration, law});
+  // `reference`: whose covariance and derivatives with respect to the known parameters are kept.
+  const auto fit_at = [&](const std::vector<double>& phases_rad, const FitResult* reference) {
+    const PhasedVibration phased(vibration.description(), phases_rad);
+    parameters.effects.back().effect = &phased;
+    settings.renew_jacobian = reference == nullptr;
+    settings.rounds.clear();
+    if (reference == nullptr) settings.rounds = {{0, 0.1}, {0, 0}};
+    FitResult fit = FitSet(model, parameters, all_free, settings, reference);
+    Eigen::VectorXd standardised(lit.size());
+    for (size_t i = 0; i < lit.size(); ++i) {
+      standardised[static_cast<Eigen::Index>(i)] = phases_rad[lit[i]] / kPhaseScale;
+    }
+    fit = WithPhases(std::move(fit), phases.Derivatives(fit, vibration, phases_rad),
+                     settings.use_entry, standardised);
+    fit.parameters.effects.back().effect = &vibration;
+    return fit;
+  };
+  FitResult best = fit_at(best_rad, nullptr);
+  double part = 1;
+  for (int turn = 0; turn < kMostTurns && part > kSmallestPart; ++turn) {
+    parameters = best.parameters;
+    std::vector<double> tried_rad = best_rad;
+    const bool search = turn == 0;
+    if (search) {
+      tried_rad = phases.Search(best, vibration, settings.use_entry, best_rad);
+    } else {
+      // A step of all parameters together leads the phases; the fit mends the others.
+      Eigen::VectorXd downhill = -best.prior_weight.cwiseProduct(best.standardised);
+      for (int e = 0; e < model.entries(); ++e) {
+        if (!settings.use_entry[e]) continue;
+        downhill.noalias() += best.jacobian[e].transpose() * best.residual[e];
+      }
+      const Eigen::VectorXd step = (best.covariance * downhill).tail(lit.size());
+      for (size_t i = 0; i < lit.size(); ++i) {
+        tried_rad[lit[i]] += part * std::clamp(kPhaseScale * step[static_cast<Eigen::Index>(i)],
+                                               -kLargestStep_rad, kLargestStep_rad);
+      }
+    }
+    FitResult tried = fit_at(tried_rad, &best);
+    const double gained = TwiceCost(best) - TwiceCost(tried);
+    if (gained > 0) {
+      best = std::move(tried);
+      best_rad = std::move(tried_rad);
+      part = 1;
+      if (gained < kWorthwhile) break;
+    } else if (!search) {
+      part /= 2;
+    }
+  }
+  parameters = best.parameters;
+  settings.use_entry.assign(model.entries(), true);
+  return fit_at(best_rad, nullptr);
+}
+
+}  // namespace sightline
