@@ -23,6 +23,7 @@ constexpr double kLeastGain = 1.5;   // [nats] worth a fit
 constexpr size_t kFittedAfreshAnyway = 2;
 constexpr double kPromising = 10;     // [nats]
 constexpr double kPairGain = 8;       // [nats] about what a second effect's prior odds cost
+constexpr size_t kPairs = 4;          // that are fitted; as many of three
 constexpr size_t kScatterBases = 2;   // effects besides which scatter is looked for
 constexpr double kMostAmplitude = 3;  // of an added effect, over that at which it was looked at
 // Terms that are to be fitted with fewer coefficients: as many, and not farther behind the best.
@@ -162,44 +163,78 @@ class Competing {
     SortByEvidence();
   }
 
-  // An effect besides those of a candidate: what it gains by the linearised model, and how much of
-  // its change is needed for that.
+  // An effect besides those of a candidate: what it gains by the linearised model.
   struct Joint {
     const Candidate* base;
-    const ScreenedEffect* added;
-    double gain, amplitude;
+    ActiveEffect added;
+    double gain;
   };
 
-  void AddJoints(const Candidate& base, std::vector<Joint>& joints) const {
-    const LinearFit linear(base.fit);
-    for (const ScreenedEffect& added : competition_.screened) {
-      if (added.change.size() == 0 || IsFreeForm(*added.strongest.effect)) continue;
-      const bool there =
-          std::any_of(base.effects.begin(), base.effects.end(),
-                      [&](const ActiveEffect& e) { return e.effect == added.strongest.effect; });
-      const double length = linear.Inner(added.change, added.change);
-      if (there || length < 1e-6) continue;
-      const double slope = linear.residual().dot(added.change);
+  static bool Has(const Candidate& candidate, const Effect* effect) {
+    return std::any_of(candidate.effects.begin(), candidate.effects.end(),
+                       [&](const ActiveEffect& active) { return active.effect == effect; });
+  }
+
+  // The shape of an effect that has been found by itself belongs to what others have left out, not
+  // to what is left besides them.
+  std::vector<ScreenedEffect> ScreenShapesBesides(const Candidate& base) {
+    std::vector<ScreenedEffect> found;
+    const Screening screening(model_, base.fit);
+    for (const Effect* effect : expected_) {
+      if (IsFreeForm(*effect) || effect->description().parameters.size() < 2) continue;
+      if (!Report(0.75)) break;
+      if (!Has(base, effect)) found.push_back(screening.Screen(*effect));
+    }
+    return found;
+  }
+
+  // `besides`: effects screened about the base, which count instead of those about the null model.
+  void AddJoints(const Candidate& base, const std::vector<ScreenedEffect>& besides,
+                 std::vector<Joint>& joints) const {
+    // What is held at a bound may be so for want of the effect.
+    FitResult released = base.fit;
+    released.held.clear();
+    const LinearFit linear(released);
+    const Eigen::VectorXd residual = linear.ResidualAtBest();
+    for (const ScreenedEffect& by_itself : competition_.screened) {
+      const Effect* effect = by_itself.strongest.effect;
+      if (IsFreeForm(*effect) || Has(base, effect)) continue;
+      const auto again = std::find_if(besides.begin(), besides.end(), [&](const auto& screened) {
+        return screened.strongest.effect == effect;
+      });
+      const ScreenedEffect& screened = again != besides.end() ? *again : by_itself;
+      if (screened.change.size() == 0) continue;
+      const double length = linear.Inner(screened.change, screened.change);
+      if (length < 1e-6) continue;
+      const double slope = residual.dot(screened.change);
       // Where the known parameters do nearly the same, a straight line leads far astray.
       const double amplitude = std::clamp(slope / length, -kMostAmplitude, kMostAmplitude);
-      joints.push_back({&base, &added, amplitude * (slope - 0.5 * amplitude * length), amplitude});
+      joints.push_back({&base, Scaled(screened.strongest, amplitude),
+                        amplitude * (slope - 0.5 * amplitude * length)});
     }
   }
 
-  static void SortByGain(std::vector<Joint>& joints) {
+  // By what both are expected to explain together.
+  static void SortByTotal(std::vector<Joint>& joints) {
+    const auto total = [](const Joint& joint) { return joint.base->log_evidence + joint.gain; };
     std::stable_sort(joints.begin(), joints.end(),
-                     [](const Joint& a, const Joint& b) { return a.gain > b.gain; });
+                     [&](const Joint& a, const Joint& b) { return total(a) > total(b); });
   }
 
-  static ActiveEffect AddedEffect(const Joint& joint) {
-    ActiveEffect added = joint.added->strongest;
-    const auto& parameters = added.effect->description().parameters;
+  static bool SameEffects(const Candidate& a, const Candidate& b) {
+    return a.effects.size() == b.effects.size() &&
+           std::all_of(a.effects.begin(), a.effects.end(),
+                       [&](const ActiveEffect& active) { return Has(b, active.effect); });
+  }
+
+  static ActiveEffect Scaled(ActiveEffect active, double amplitude) {
+    const auto& parameters = active.effect->description().parameters;
     for (size_t k = 0; k < parameters.size(); ++k) {
       if (!WholeNumbers(parameters[k]).empty()) continue;
-      const double z = StandardisedParameter(parameters[k], added.parameters[k]);
-      added.parameters[k] = ParameterFromStandardised(parameters[k], z * joint.amplitude);
+      const double z = StandardisedParameter(parameters[k], active.parameters[k]);
+      active.parameters[k] = ParameterFromStandardised(parameters[k], z * amplitude);
     }
-    return added;
+    return active;
   }
 
   void FitPairs() {
@@ -211,18 +246,24 @@ class Competing {
       for (size_t c = first; c < end && bases < 4; ++c) {
         const Candidate& base = candidates_[c];
         if (IsFreeForm(base) || base.effects.size() + 1 != static_cast<size_t>(count)) continue;
+        const bool best = count == 2 && bases == 0 && base.log_evidence > kPromising;
         ++bases;
-        AddJoints(base, joints);
+        AddJoints(base, best ? ScreenShapesBesides(base) : std::vector<ScreenedEffect>(), joints);
       }
-      SortByGain(joints);
+      SortByTotal(joints);
       std::vector<Candidate> made;
-      for (size_t j = 0; j < joints.size() && made.size() < 4; ++j) {
-        const Joint& joint = joints[j];
-        if (joint.gain < kPairGain) break;
-        if (!Report(0.75 + 0.02 * static_cast<double>(j))) return;
+      for (const Joint& joint : joints) {
+        if (made.size() == kPairs) break;
+        if (joint.gain < kPairGain) continue;
+        if (!Report(0.77 + 0.02 * static_cast<double>(made.size()))) return;
         std::vector<ActiveEffect> effects = joint.base->effects;
-        effects.push_back(AddedEffect(joint));
+        effects.push_back(joint.added);
         Candidate candidate = MakeCandidate(std::move(effects));
+        // Once, however they were put together.
+        if (std::any_of(made.begin(), made.end(),
+                        [&](const Candidate& other) { return SameEffects(other, candidate); })) {
+          continue;
+        }
         candidate.fit.parameters = joint.base->fit.parameters;
         candidate.fit.mean = joint.base->fit.mean;
         Fit(candidate, competition_.null, false, 4);
@@ -423,11 +464,12 @@ class Competing {
     const Candidate& best = candidates_.front();
     if (IsScatter(best)) {
       std::vector<Joint> joints;
-      AddJoints(best, joints);
-      SortByGain(joints);
+      AddJoints(best, {}, joints);
+      SortByTotal(joints);
       for (const Joint& joint : joints) {
-        if (bases.size() == kScatterBases || joint.gain < kPairGain) break;
-        bases.push_back(MakeCandidate({AddedEffect(joint)}));
+        if (bases.size() == kScatterBases) break;
+        if (joint.gain < kPairGain) continue;
+        bases.push_back(MakeCandidate({joint.added}));
         Fit(bases.back(), competition_.null, false, 4);
         if (!std::isfinite(bases.back().log_evidence)) bases.pop_back();
       }

@@ -25,8 +25,9 @@ class LinearFit {
   Eigen::VectorXd Project(const Eigen::VectorXd& change) const;
   // Inverse of the parameters' posterior covariance, from the entries used.
   Eigen::MatrixXd information() const { return information_.reconstructedMatrix(); }
-  // From the fit's parameters to the best ones for the entries used.
+  // From the fit's parameters to the best ones for the entries used, and the residual there.
   Eigen::VectorXd Step() const;
+  Eigen::VectorXd ResidualAtBest() const { return residual_ - jacobian_ * Step(); }
 
  private:
   // How the parameters (standardised) move to absorb a change of the residual.

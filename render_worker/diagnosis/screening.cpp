@@ -267,11 +267,11 @@ ActiveEffect AtNullValues(const Effect& effect) {
   return active;
 }
 
-Screening::Screening(const SetModel& model, const FitResult& null)
+Screening::Screening(const SetModel& model, const FitResult& base)
     : model_(model),
-      null_(null),
-      linear_(null),
-      null_middle_(model.Expect(null.parameters, false, true).mean) {}
+      base_(base),
+      linear_(base),
+      base_middle_(model.Expect(base.parameters, false, true).mean) {}
 
 ScreenedEffect Screening::Screen(const Effect& effect) const {
   return Search(*this, effect).Run(Seen(effect));
@@ -291,15 +291,15 @@ std::vector<ActiveEffect> Screening::Seen(const Effect& effect) const {
     steady.parameters[0] *= std::sqrt(kLinearLength / change.squaredNorm());
     change = ChangeOf(steady);
   }
-  return FlickerSeen(model_, null_, change, steady.parameters[0]);
+  return FlickerSeen(model_, base_, change, steady.parameters[0]);
 }
 
 Eigen::VectorXd Screening::ChangeOf(const ActiveEffect& active, bool middle_only) const {
-  SetParameters parameters = null_.parameters;
-  parameters.effects = {active};
+  SetParameters parameters = base_.parameters;
+  parameters.effects.push_back(active);
   Entries mean = model_.Expect(parameters, false, middle_only).mean;
   for (size_t e = 0; middle_only && e < mean.size(); ++e) {
-    mean[e] += null_.mean[e] - null_middle_[e];
+    mean[e] += base_.mean[e] - base_middle_[e];
   }
   return linear_.Change(mean);
 }

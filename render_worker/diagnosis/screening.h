@@ -1,5 +1,5 @@
-// What single effects can do to a set's expectation, from the null model linearised: where the
-// competition starts from.
+// What single effects can do to a set's expectation, from a fit linearised: where the competition
+// starts from.
 #pragma once
 
 #include <Eigen/Core>
@@ -14,7 +14,7 @@ struct ScreenedEffect {
   ActiveEffect strongest;  // where the recordings fit best, about; any, if they do not
   Eigen::VectorXd change;  // there, whitened
   double gain = 0;         // in log-likelihood [nats]
-  // If everything were linear. Much more than `gain`: the null model's deviations have taken the
+  // If everything were linear. Much more than `gain`: the base's deviations have taken the
   // effect's place, and both must move together.
   double linear_gain = 0;
   ActiveEffect linear_best;
@@ -28,14 +28,15 @@ ActiveEffect AtNullValues(const Effect& effect);
 
 class Screening {
  public:
-  // Both must outlive it; `null` has no effects.
-  Screening(const SetModel& model, const FitResult& null);
+  // Both must outlive it. `base`: the null model, or a fit of effects that others are to be added
+  // to.
+  Screening(const SetModel& model, const FitResult& base);
 
   // From a few strengths and shapes. Not for what is drawn anew for every recording, which changes
   // no expectation.
   ScreenedEffect Screen(const Effect& effect) const;
 
-  // Whitened change of the null model's expectation. `middle_only`: as if the whole line were like
+  // Whitened change of the base's expectation. `middle_only`: as if the whole line were like
   // its middle; a fraction of the time.
   Eigen::VectorXd ChangeOf(const ActiveEffect& active, bool middle_only = false) const;
 
@@ -46,9 +47,9 @@ class Screening {
   std::vector<ActiveEffect> Seen(const Effect& effect) const;
 
   const SetModel& model_;
-  const FitResult& null_;
+  const FitResult& base_;
   LinearFit linear_;
-  Entries null_middle_;  // expected if the whole line were like its middle
+  Entries base_middle_;  // expected if the whole line were like its middle
 };
 
 }  // namespace sightline

@@ -239,6 +239,44 @@ TEST(Compete, FindsNothingWhereNothingIsMissing) {
   EXPECT_TRUE(competition.ranked.front().effects.empty());
 }
 
+// The names of the best explanation.
+std::vector<std::string> Named(const Competition& competition) {
+  std::vector<std::string> ids;
+  for (const ActiveEffect& active : competition.ranked.front().effects) {
+    ids.emplace_back(active.effect->description().id);
+  }
+  std::sort(ids.begin(), ids.end());
+  return ids;
+}
+
+// A bug found: a ghost line by itself was put where a copy of the image is, and tried there only
+// besides the copy.
+TEST(Compete, LooksForTheShapeOfASecondEffectBesidesTheFirst) {
+  const ActiveEffect copy{FindEffect("optics.lens_reflection"), {5e-3, -1.7e-4, 0}};
+  const ActiveEffect ghost{FindEffect("illumination.ghost_line"), {2.5e-3, 1.5e-3}};
+  const Competition competition =
+      CompeteOn(RenderSmallSet(SomeDeviations(), {copy, ghost}, 41),
+                {"optics.lens_reflection", "illumination.ghost_line", "optics.veiling_glare"});
+  ASSERT_EQ(Named(competition),
+            (std::vector<std::string>{"illumination.ghost_line", "optics.lens_reflection"}));
+  for (const ActiveEffect& active : competition.ranked.front().effects) {
+    if (active.effect != ghost.effect) continue;
+    EXPECT_NEAR(active.parameters[1], ghost.parameters[1], 2e-4);
+  }
+}
+
+// Deviations that make up for it are at their bounds, from where the power error takes them back.
+TEST(Compete, NamesAPowerErrorBesidesAnotherEffect) {
+  const Competition competition =
+      CompeteOn(RenderSmallSet(SomeDeviations(),
+                               {{FindEffect("illumination.power_error"), {1.6}},
+                                {FindEffect("illumination.ghost_line"), {0.02, 1.5e-3}}},
+                               42),
+                {"illumination.power_error", "illumination.ghost_line", "sensor.dark_current"});
+  EXPECT_EQ(Named(competition),
+            (std::vector<std::string>{"illumination.ghost_line", "illumination.power_error"}));
+}
+
 // A bug found: the limit was a straight line's from half a prior scale on, wrong by a factor of ten
 // and more for scatter (whose variance is what counts) and for what moves the line by pixels.
 TEST(Compete, WhatIsSaidToBeDetectableHasAnExpectedGainOfFive) {
@@ -677,6 +715,21 @@ TEST(LinearFit, WhatABoundHoldsAbsorbsNothing) {
   fit.held = {true};
   EXPECT_DOUBLE_EQ(LinearFit(fit).Inner(change, change), 2);
   EXPECT_EQ(LinearFit(fit).Step()[0], 0);
+}
+
+// Where an effect may take over from a deviation at its bound, that counts: the residual is that of
+// the best deviation, at which nothing pulls.
+TEST(LinearFit, WhatIsReleasedGoesToItsBest) {
+  FitResult fit;
+  fit.standardised = Eigen::VectorXd::Constant(1, 3);
+  fit.prior_weight = Eigen::VectorXd::Ones(1);
+  fit.residual = {Eigen::VectorXd::Constant(2, 5)};
+  fit.jacobian = {Eigen::MatrixXd::Constant(2, 1, 10)};
+  const LinearFit released(fit);
+  const double best = 3 + released.Step()[0];
+  EXPECT_NEAR(fit.jacobian[0].col(0).dot(released.ResidualAtBest()), best, 1e-9);
+  fit.held = {true};
+  EXPECT_EQ(LinearFit(fit).ResidualAtBest(), fit.residual[0]);
 }
 
 TEST(ChiSquaredPValue, KnownValues) {
