@@ -68,13 +68,16 @@ double LogDeterminantAbout(const FitResult& fit, const FitResult& about) {
 // these can look like another effect in its place. One more effect, which changes something else,
 // counts in full once it gains more than such errors could.
 std::vector<double> TrustedEvidence(const std::vector<Candidate>& candidates) {
-  double best = 0, single = 0;
+  double best = 0, single = 0, effect_error = kEffectError;
   for (const Candidate& candidate : candidates) {
     best = std::max(best, candidate.log_evidence);
-    if (candidate.effects.size() == 1) single = std::max(single, candidate.log_evidence);
+    if (candidate.effects.size() != 1 || candidate.log_evidence < single) continue;
+    single = candidate.log_evidence;
+    // What has been followed through the recordings makes the changes that they show.
+    effect_error = candidate.phases_rad.empty() ? kEffectError : 0;
   }
-  const double weight = kEvidenceWeight / (1 + kEffectError * kEffectError * best);
-  const double error = 2 * kEffectError * kEffectError * single;
+  const double weight = kEvidenceWeight / (1 + effect_error * effect_error * best);
+  const double error = 2 * effect_error * effect_error * single;
   std::vector<double> trusted;
   for (const Candidate& candidate : candidates) {
     trusted.push_back(weight * candidate.log_evidence);

@@ -15,6 +15,7 @@ struct Candidate {
   std::vector<ActiveEffect> effects;  // with fitted strengths; none: the null model
   std::vector<FreeEffectParameter> free;
   FitResult fit;
+  std::vector<double> phases_rad;  // of a vibration that has been followed through the recordings
   // Logarithm of the evidence by Laplace's approximation, over that of the null model [nats]; the
   // whole set under one covariance.
   double log_evidence = 0;

@@ -2,19 +2,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
 #include <string_view>
 #include <utility>
 
 #include "render_worker/diagnosis/linear_fit.h"
+#include "render_worker/diagnosis/realisation.h"
 #include "render_worker/diagnosis/recording_scatter.h"
 #include "render_worker/diagnosis/term_selection.h"
+#include "render_worker/diagnosis/vibration_phases.h"
 
 namespace sightline {
 
 namespace {
 
-constexpr size_t kFitted = 12;       // candidates fitted with the null model's derivatives
+constexpr size_t kFitted = 12;  // candidates fitted with the null model's derivatives
+constexpr size_t kFittedBesidesVibration = 4;
 constexpr size_t kFittedAgain = 5;   // with their own
 constexpr size_t kFittedAfresh = 4;  // from the nominal description on, if the null model fails:
 constexpr double kRejected = 1.5;    // chi squared over numbers above which it does
@@ -51,9 +55,12 @@ class Competing {
 
   Competition Run() {
     Screen();
-    FitSingles();
-    FitPairs();
-    AddRecordingScatter();
+    const bool moves = FollowsVibration();
+    FitSingles(moves ? kFittedBesidesVibration : kFitted);
+    if (!moves) {
+      FitPairs();
+      AddRecordingScatter();
+    }
     // If scatter explains most, the covariance of the null model is the one it has been compared
     // under; that of another effect may have room for it by chance.
     if (!IsScatter(candidates_.empty() ? Candidate() : candidates_.front())) {
@@ -123,7 +130,22 @@ class Competing {
         [](const Candidate& a, const Candidate& b) { return a.log_evidence > b.log_evidence; });
   }
 
-  void FitSingles() {
+  // True if recordings of one place show the line at different ones, and a vibration explains them:
+  // it is among the candidates then, and what the null model leaves tells nothing of others.
+  bool FollowsVibration() {
+    const std::vector<double> displacements =
+        DisplacementsAtPositions(model_, competition_.null.parameters);
+    if (std::all_of(displacements.begin(), displacements.end(), [](double d) { return d == 0; })) {
+      return false;
+    }
+    AddRecordingScatter();
+    if (!candidates_.empty() && !candidates_.front().phases_rad.empty()) return true;
+    candidates_.clear();
+    return false;
+  }
+
+  // `most`: how many.
+  void FitSingles(size_t most) {
     const auto promise = [](const ScreenedEffect& screened) {
       return std::max(screened.gain, screened.linear_gain);
     };
@@ -133,7 +155,7 @@ class Competing {
     }
     std::stable_sort(order.begin(), order.end(),
                      [&](const auto* a, const auto* b) { return promise(*a) > promise(*b); });
-    if (order.size() > kFitted) order.resize(kFitted);
+    if (order.size() > most) order.resize(most);
     const FitResult& null = competition_.null;
     const bool rejected = null.chi_squared > kRejected * null.data_count;
     size_t afresh = 0;
@@ -445,6 +467,7 @@ class Competing {
       candidate.free = scatter.fit.free;
       candidate.log_evidence = scatter.log_evidence;
       candidate.fit = std::move(scatter.fit);
+      candidate.phases_rad = std::move(scatter.phases_rad);
       // Where the null model is far off, its linearisation is too; at what has been drawn the model
       // itself counts.
       const FitResult& null = competition_.null;
@@ -486,6 +509,10 @@ class Competing {
   // Pairs of an effect and of what scatters besides it.
   void AddScatterToBest() {
     if (stopped_ || settings_.max_effects < 2 || candidates_.empty()) return;
+    if (!candidates_.front().phases_rad.empty()) {
+      AddToVibration();
+      return;
+    }
     // What explains most is part of every pair.
     std::span<const Effect* const> effects = settings_.effects;
     const Effect* const only =
@@ -502,6 +529,82 @@ class Competing {
         candidates_.push_back(std::move(pair));
       }
     }
+    SortByEvidence();
+  }
+
+  // Effects besides a vibration that has been followed. Its speckle, which moves during exposures,
+  // is modelled to a part only, and another effect might seem to explain the rest: what is about
+  // speckle is left out.
+  void AddToVibration() {
+    const Candidate best = candidates_.front();
+    const ActiveEffect vibration = best.effects.back();
+    const std::unique_ptr<const Effect> phased =
+        VibrationAtPhases(*vibration.effect, best.phases_rad);
+    std::vector<bool> used;
+    Candidate base = best;
+    for (int e = 0; e < model_.entries(); ++e) {
+      const std::string_view name = model_.StatisticOf(e).name();
+      used.push_back(name != "shared speckle" && name != "temporal noise" && name != "texture");
+      if (used.back()) continue;
+      base.fit.residual[e].setZero();
+      base.fit.jacobian[e].setZero();
+    }
+    base.fit.parameters.effects.back().effect = phased.get();
+    const Screening screening(model_, base.fit, used);
+    std::vector<ScreenedEffect> found;
+    for (const Effect* effect : expected_) {
+      if (IsFreeForm(*effect)) continue;
+      if (!Report(0.97)) return;
+      found.push_back(screening.Screen(*effect));
+    }
+    std::vector<Joint> joints;
+    AddJoints(base, found, joints);
+    SortByTotal(joints);
+    const auto chi_squared_of_used = [&](const FitResult& fit) {
+      double sum = 0;
+      for (size_t e = 0; e < used.size(); ++e) {
+        if (!used[e]) continue;
+        sum += fit.residual[e].squaredNorm() + fit.whitening->LogDeterminant(static_cast<int>(e));
+      }
+      return sum;
+    };
+    base.fit.chi_squared = chi_squared_of_used(base.fit);
+    const auto follow = [&](const std::vector<ActiveEffect>& besides, const Candidate& from) {
+      SetParameters start = from.fit.parameters;
+      start.effects = besides;
+      FollowedVibration followed =
+          FollowVibration(model_, start, FreeParameters(besides), *vibration.effect,
+                          from.effects.back().parameters, from.phases_rad);
+      Candidate candidate;
+      candidate.effects = followed.fit.parameters.effects;
+      candidate.free = followed.fit.free;
+      candidate.fit = std::move(followed.fit);
+      candidate.phases_rad = std::move(followed.phases_rad);
+      const double chi_squared =
+          std::exchange(candidate.fit.chi_squared, chi_squared_of_used(candidate.fit));
+      candidate.log_evidence =
+          best.log_evidence + LogEvidence(candidate, base.fit) - LogEvidence(base, base.fit);
+      candidate.fit.chi_squared = chi_squared;
+      return candidate;
+    };
+    std::vector<Candidate> pairs;
+    for (const Joint& joint : joints) {
+      if (pairs.size() == kScatterBases || joint.gain < kPairGain) break;
+      if (!Report(0.98)) return;
+      Candidate pair = follow({joint.added}, best);
+      if (!std::isfinite(pair.log_evidence)) break;
+      pairs.push_back(std::move(pair));
+    }
+    if (pairs.empty()) return;
+    // The vibration by itself from where the best pair led: its phases may not have been the best.
+    const Candidate& leading = *std::max_element(
+        pairs.begin(), pairs.end(),
+        [](const auto& a, const auto& b) { return a.log_evidence < b.log_evidence; });
+    if (leading.log_evidence > best.log_evidence) {
+      Candidate alone = follow({}, leading);
+      if (alone.log_evidence > best.log_evidence) candidates_.front() = std::move(alone);
+    }
+    for (Candidate& pair : pairs) candidates_.push_back(std::move(pair));
     SortByEvidence();
   }
 

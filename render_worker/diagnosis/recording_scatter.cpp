@@ -11,6 +11,7 @@
 
 #include "render_worker/diagnosis/realisation.h"
 #include "render_worker/diagnosis/scatter_law.h"
+#include "render_worker/diagnosis/vibration_fit.h"
 #include "render_worker/diagnosis/vibration_phases.h"
 
 namespace sightline {
@@ -718,13 +719,14 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
     }
     const bool single =
         moves && peak.gain - baseline > kWorthwhile && IsSeenInSingleRecordings(MovementOf(linear));
-    std::vector<RecordedMovement> movements;
+    std::vector<double> phases_rad;
     if (single) {
       linear = LineariseAboutFreeMovement(std::move(linear));
       peak = Search(linear, law, effect);
-      movements = MovementOf(linear);
+      const std::vector<RecordedMovement> movements = MovementOf(linear);
       const VibrationFit fit = FitVibration(movements);
       peak.parameters = {fit.amplitude_px, fit.frequency_hz};
+      phases_rad = PhasesOfMovements(model_, peak.parameters, movements);
       peak.standard_errors = {fit.amplitude_error_px, fit.frequency_error_hz};
     }
     const Posterior posterior = MostProbable(linear, law, peak.parameters);
@@ -741,7 +743,7 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
     candidate.largest_gain = peak.gain - baseline;
     candidate.light_relative = from.light_relative;
     candidate.shift_px = from.shift_px;
-    candidate.movements = std::move(movements);
+    candidate.phases_rad = std::move(phases_rad);
     candidate.fit = Describe(linear, law, candidate, posterior, from);
     // Far off, straight lines lead astray: the model itself decides.
     if (round == 0 || TwiceCost(candidate.fit) < TwiceCost(best.fit)) {
@@ -814,9 +816,11 @@ std::vector<ScatterCandidate> EvaluateStrong(const SetModel& model, const FitRes
 void FollowPhases(const SetModel& model, const FitResult& null, ScatterCandidate& candidate) {
   SetParameters start = candidate.fit.parameters;
   start.effects.pop_back();
-  FitResult fit =
-      FitVibrationPhases(model, start, null.free, *candidate.effect,
-                         {candidate.parameters[0], candidate.parameters[1]}, candidate.movements);
+  FollowedVibration followed = FollowVibration(model, start, null.free, *candidate.effect,
+                                               {candidate.parameters[0], candidate.parameters[1]},
+                                               std::move(candidate.phases_rad));
+  candidate.phases_rad.clear();
+  FitResult& fit = followed.fit;
   const double gained = 0.5 * (TwiceCost(candidate.fit) - TwiceCost(fit));
   if (!(gained > 0)) return;
   candidate.parameters = fit.parameters.effects.back().parameters;
@@ -826,6 +830,7 @@ void FollowPhases(const SetModel& model, const FitResult& null, ScatterCandidate
   candidate.log_evidence += gained;
   candidate.largest_gain += gained;
   candidate.fit = std::move(fit);
+  candidate.phases_rad = std::move(followed.phases_rad);
 }
 
 constexpr std::array<std::string_view, 6> kKnown = {
@@ -877,7 +882,7 @@ std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, con
   std::vector<ScatterCandidate> candidates;
   for (const Effect* effect : effects) {
     if (!IsRecordingScatter(*effect)) continue;
-    if (!found[effect].movements.empty()) FollowPhases(model, null, found[effect]);
+    if (!found[effect].phases_rad.empty()) FollowPhases(model, null, found[effect]);
     candidates.push_back(std::move(found[effect]));
   }
   return candidates;

@@ -8,7 +8,6 @@
 
 #include "render_worker/diagnosis/fit.h"
 #include "render_worker/diagnosis/set_model.h"
-#include "render_worker/diagnosis/vibration_fit.h"
 
 namespace sightline {
 
@@ -28,8 +27,8 @@ struct ScatterCandidate {
   // Most probable realisation, of every recording.
   std::vector<double> light_relative;  // amount of laser light minus 1
   std::vector<double> shift_px;        // of the image across the line
-  // Of every recording with laser light, where single ones tell a vibration's law; or empty.
-  std::vector<RecordedMovement> movements;
+  // Of a vibration, in the middle of every exposure [rad], where single recordings tell; or empty.
+  std::vector<double> phases_rad;
   // With the amplitudes as further parameters of standard normal prior behind those of `null`, so
   // that what a recording not fitted is predicted to be scatters by them. `chi_squared` is that
   // after the realisation has been taken off, by the model itself and not linearised.

@@ -267,10 +267,10 @@ ActiveEffect AtNullValues(const Effect& effect) {
   return active;
 }
 
-Screening::Screening(const SetModel& model, const FitResult& base)
+Screening::Screening(const SetModel& model, const FitResult& base, std::vector<bool> use_entry)
     : model_(model),
       base_(base),
-      linear_(base),
+      linear_(base, std::move(use_entry)),
       base_middle_(model.Expect(base.parameters, false, true).mean) {}
 
 ScreenedEffect Screening::Screen(const Effect& effect) const {

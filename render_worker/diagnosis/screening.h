@@ -29,8 +29,8 @@ ActiveEffect AtNullValues(const Effect& effect);
 class Screening {
  public:
   // Both must outlive it. `base`: the null model, or a fit of effects that others are to be added
-  // to.
-  Screening(const SetModel& model, const FitResult& base);
+  // to. Entries not in `use_entry` (empty: all) count nothing.
+  Screening(const SetModel& model, const FitResult& base, std::vector<bool> use_entry = {});
 
   // From a few strengths and shapes. Not for what is drawn anew for every recording, which changes
   // no expectation.

@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <map>
 #include <numbers>
@@ -39,8 +40,8 @@ class PhasedVibration final : public DescribedEffect {
 
 // Phases in the middle of the exposures that displacement and blur of the recordings speak for.
 // Another effect may displace some of them: none counts for more than a few standard errors.
-std::vector<double> PhasesOf(double amplitude_px, double frequency_hz,
-                             std::span<const RecordedMovement> movements) {
+std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
+                                std::span<const RecordedMovement> movements) {
   constexpr int kPhases = 61;
   constexpr double kBlurErrorRelative = 0.1;  // moments of a clipped and noisy profile
   const auto phase = [](int k) { return kPi * (k / (kPhases - 1.0) - 0.5); };
@@ -203,34 +204,36 @@ class Phases {
   int slots_ = 0;
 };
 
-// The phases' columns behind the others.
+// With the phases' columns, in front of those of effects.
 FitResult WithPhases(FitResult fit, const std::vector<Eigen::MatrixXd>& change,
                      const std::vector<bool>& use_entry, const Eigen::VectorXd& phases) {
-  const Eigen::Index known = fit.standardised.size(), n = known + phases.size();
+  const auto effects = static_cast<Eigen::Index>(fit.free.size());
+  const Eigen::Index known = fit.standardised.size() - effects;
+  const Eigen::Index n = known + phases.size() + effects;
   Eigen::MatrixXd information = Eigen::MatrixXd::Zero(n, n);
   for (size_t e = 0; e < change.size(); ++e) {
     Eigen::MatrixXd jacobian(change[e].rows(), n);
-    jacobian << fit.jacobian[e], change[e];
-    if (use_entry[e]) {
-      information.noalias() += jacobian.transpose() * jacobian;
-    }
+    jacobian << fit.jacobian[e].leftCols(known), change[e], fit.jacobian[e].rightCols(effects);
+    if (use_entry[e]) information.noalias() += jacobian.transpose() * jacobian;
     fit.jacobian[e] = std::move(jacobian);
   }
-  fit.standardised.conservativeResize(n);
-  fit.standardised.tail(phases.size()) = phases;
-  fit.prior_weight.conservativeResize(n);
-  fit.prior_weight.tail(phases.size()).setOnes();
-  fit.held.resize(n, false);
+  const auto with = [&](const Eigen::VectorXd& of_phases, const Eigen::VectorXd& others) {
+    Eigen::VectorXd all(n);
+    all << others.head(known), of_phases, others.tail(effects);
+    return all;
+  };
+  fit.standardised = with(phases, fit.standardised);
+  fit.prior_weight = with(Eigen::VectorXd::Ones(phases.size()), fit.prior_weight);
+  fit.held.insert(fit.held.begin() + known, phases.size(), false);
   information.diagonal() += fit.prior_weight;
   const Eigen::LLT<Eigen::MatrixXd> solver(information);
-  const Eigen::VectorXd conditional = fit.covariance.diagonal();
+  const Eigen::VectorXd conditional = fit.covariance.diagonal().tail(effects);
   fit.covariance = solver.solve(Eigen::MatrixXd::Identity(n, n));
   fit.log_determinant = 2 * solver.matrixLLT().diagonal().array().log().sum();
   fit.prior += phases.squaredNorm();
-  const Eigen::Index first = known - static_cast<Eigen::Index>(fit.free.size());
-  for (size_t k = 0; k < fit.free.size(); ++k) {
-    const Eigen::Index i = first + static_cast<Eigen::Index>(k);
-    fit.effect_standard_errors[k] *= std::sqrt(fit.covariance(i, i) / conditional[i]);
+  const Eigen::VectorXd marginal = fit.covariance.diagonal().tail(effects);
+  for (Eigen::Index k = 0; k < effects; ++k) {
+    fit.effect_standard_errors[k] *= std::sqrt(marginal[k] / conditional[k]);
   }
   return fit;
 }
@@ -241,22 +244,36 @@ double TwiceCost(const FitResult& fit) {
 
 }  // namespace
 
-FitResult FitVibrationPhases(const SetModel& model, const SetParameters& start,
-                             const std::vector<FreeEffectParameter>& free, const Effect& vibration,
-                             const std::vector<double>& law,
-                             std::span<const RecordedMovement> movements) {
+std::vector<double> PhasesOfMovements(const SetModel& model, const std::vector<double>& law,
+                                      std::span<const RecordedMovement> movements) {
+  const std::vector<double> first_rad = FirstPhases(law[0], law[1], movements);
+  const Phases phases(model);
+  const std::vector<int>& lit = phases.lit();
+  assert(lit.size() == movements.size());
+  std::vector<double> phases_rad(model.set().frames.size(), 0);
+  for (size_t i = 0; i < lit.size(); ++i) phases_rad[lit[i]] = first_rad[i];
+  return phases_rad;
+}
+
+std::unique_ptr<const Effect> VibrationAtPhases(const Effect& vibration,
+                                                std::vector<double> phases_rad) {
+  return std::make_unique<const PhasedVibration>(vibration.description(), std::move(phases_rad));
+}
+
+FollowedVibration FollowVibration(const SetModel& model, const SetParameters& start,
+                                  const std::vector<FreeEffectParameter>& free,
+                                  const Effect& vibration, const std::vector<double>& law,
+                                  std::vector<double> phases_rad) {
   constexpr int kMostTurns = 8;
   constexpr double kWorthwhile = 1;  // of twice the negative logarithm of the evidence
   constexpr double kLargestStep_rad = 0.5, kSmallestPart = 0.2;
   const Phases phases(model);
   const std::vector<int>& lit = phases.lit();
-  const std::vector<double> first_rad = PhasesOf(law[0], law[1], movements);
-  std::vector<double> best_rad(model.set().frames.size(), 0);
-  for (size_t i = 0; i < lit.size(); ++i) best_rad[lit[i]] = first_rad[i];
   std::vector<FreeEffectParameter> all_free = free;
   const int last = static_cast<int>(start.effects.size());
   all_free.push_back({last, 0});
   all_free.push_back({last, 1});
+  const auto phased_and_free = static_cast<Eigen::Index>(lit.size() + all_free.size());
   FitSettings settings;
   // What compares recordings of one speckle tells of movements far below a pixel, and nothing of
   // larger ones: it counts in the end only.
@@ -267,8 +284,8 @@ FitResult FitVibrationPhases(const SetModel& model, const SetParameters& start,
   SetParameters parameters = start;
   parameters.effects.push_back({&vibration, law});
   // `reference`: whose covariance and derivatives with respect to the known parameters are kept.
-  const auto fit_at = [&](const std::vector<double>& phases_rad, const FitResult* reference) {
-    const PhasedVibration phased(vibration.description(), phases_rad);
+  const auto fit_at = [&](const std::vector<double>& at_rad, const FitResult* reference) {
+    const PhasedVibration phased(vibration.description(), at_rad);
     parameters.effects.back().effect = &phased;
     settings.renew_jacobian = reference == nullptr;
     settings.rounds.clear();
@@ -276,21 +293,21 @@ FitResult FitVibrationPhases(const SetModel& model, const SetParameters& start,
     FitResult fit = FitSet(model, parameters, all_free, settings, reference);
     Eigen::VectorXd standardised(lit.size());
     for (size_t i = 0; i < lit.size(); ++i) {
-      standardised[static_cast<Eigen::Index>(i)] = phases_rad[lit[i]] / kPhaseScale;
+      standardised[static_cast<Eigen::Index>(i)] = at_rad[lit[i]] / kPhaseScale;
     }
-    fit = WithPhases(std::move(fit), phases.Derivatives(fit, vibration, phases_rad),
-                     settings.use_entry, standardised);
+    fit = WithPhases(std::move(fit), phases.Derivatives(fit, vibration, at_rad), settings.use_entry,
+                     standardised);
     fit.parameters.effects.back().effect = &vibration;
     return fit;
   };
-  FitResult best = fit_at(best_rad, nullptr);
+  FitResult best = fit_at(phases_rad, nullptr);
   double part = 1;
   for (int turn = 0; turn < kMostTurns && part > kSmallestPart; ++turn) {
     parameters = best.parameters;
-    std::vector<double> tried_rad = best_rad;
+    std::vector<double> tried_rad = phases_rad;
     const bool search = turn == 0;
     if (search) {
-      tried_rad = phases.Search(best, vibration, settings.use_entry, best_rad);
+      tried_rad = phases.Search(best, vibration, settings.use_entry, phases_rad);
     } else {
       // A step of all parameters together leads the phases; the fit mends the others.
       Eigen::VectorXd downhill = -best.prior_weight.cwiseProduct(best.standardised);
@@ -298,7 +315,9 @@ FitResult FitVibrationPhases(const SetModel& model, const SetParameters& start,
         if (!settings.use_entry[e]) continue;
         downhill.noalias() += best.jacobian[e].transpose() * best.residual[e];
       }
-      const Eigen::VectorXd step = (best.covariance * downhill).tail(lit.size());
+      const Eigen::VectorXd step = (best.covariance * downhill)
+                                       .segment(best.standardised.size() - phased_and_free,
+                                                static_cast<Eigen::Index>(lit.size()));
       for (size_t i = 0; i < lit.size(); ++i) {
         tried_rad[lit[i]] += part * std::clamp(kPhaseScale * step[static_cast<Eigen::Index>(i)],
                                                -kLargestStep_rad, kLargestStep_rad);
@@ -308,7 +327,7 @@ FitResult FitVibrationPhases(const SetModel& model, const SetParameters& start,
     const double gained = TwiceCost(best) - TwiceCost(tried);
     if (gained > 0) {
       best = std::move(tried);
-      best_rad = std::move(tried_rad);
+      phases_rad = std::move(tried_rad);
       part = 1;
       if (gained < kWorthwhile) break;
     } else if (!search) {
@@ -317,7 +336,10 @@ FitResult FitVibrationPhases(const SetModel& model, const SetParameters& start,
   }
   parameters = best.parameters;
   settings.use_entry.assign(model.entries(), true);
-  return fit_at(best_rad, nullptr);
+  FollowedVibration followed;
+  followed.fit = fit_at(phases_rad, nullptr);
+  followed.phases_rad = std::move(phases_rad);
+  return followed;
 }
 
 }  // namespace sightline

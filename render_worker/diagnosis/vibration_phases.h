@@ -2,6 +2,7 @@
 // drew: how an exposure's displacements are distributed follows from it exactly, skew and all.
 #pragma once
 
+#include <memory>
 #include <span>
 #include <vector>
 
@@ -11,18 +12,31 @@
 
 namespace sightline {
 
+// Phases in the middle of the exposures [rad] that displacement and blur of the recordings speak
+// for, of every recording of the set; 0 for those without laser light. `law`: amplitude [px] and
+// frequency [Hz]. `movements`: of the recordings with laser light, in order.
+std::vector<double> PhasesOfMovements(const SetModel& model, const std::vector<double>& law,
+                                      std::span<const RecordedMovement> movements);
+
+// The vibration (time.vibration_blur) with these phases instead of drawn ones.
+std::unique_ptr<const Effect> VibrationAtPhases(const Effect& vibration,
+                                                std::vector<double> phases_rad);
+
+struct FollowedVibration {
+  // The vibration is the last effect, its parameters the last free ones. Columns of the phases of
+  // the recordings with laser light, in order, are in front of those of effects' parameters, in
+  // units of their prior, which is normal with the variance of a uniform phase. Standard errors
+  // have the phases integrated out.
+  FitResult fit;
+  std::vector<double> phases_rad;
+};
+
 // Fits the known parameters, `free` ones of the effects of `start`, amplitude and frequency of
-// `vibration` (time.vibration_blur) and the phases, by the model itself, in turn until neither
-// gains. `law`: amplitude [px] and frequency [Hz] to begin with, from which `movements` of the
-// recordings with laser light, in order, give the first phases.
-//
-// The vibration is the last effect of the result, its parameters the last free ones; behind their
-// columns are those of the phases of the recordings with laser light, in order and in units of
-// their prior, which is normal with the variance of a uniform phase. Standard errors have the
-// phases integrated out.
-FitResult FitVibrationPhases(const SetModel& model, const SetParameters& start,
-                             const std::vector<FreeEffectParameter>& free, const Effect& vibration,
-                             const std::vector<double>& law,
-                             std::span<const RecordedMovement> movements);
+// `vibration` (from `law`) and the phases (from `phases_rad`), by the model itself, in turn until
+// neither gains.
+FollowedVibration FollowVibration(const SetModel& model, const SetParameters& start,
+                                  const std::vector<FreeEffectParameter>& free,
+                                  const Effect& vibration, const std::vector<double>& law,
+                                  std::vector<double> phases_rad);
 
 }  // namespace sightline

@@ -239,9 +239,10 @@ TEST(CompareRecordingScatter, JitterOfTheExposureScattersShortOnesMost) {
   EXPECT_GT(candidates[1].log_evidence, candidates[3].log_evidence + 2);
 }
 
-TEST(Compete, NamesWhatScattersBesidesAnotherEffect) {
+// Both are named, with their strengths, where one of them is dark current.
+void ExpectBoth(std::string_view scatter, const std::vector<double>& parameters, uint64_t seed) {
   const Effect* dark_current = FindEffect("sensor.dark_current");
-  const RecordedSet set = Render({{dark_current, {25}}, {FindEffect(kPowerNoise), {0.06}}}, 25);
+  const RecordedSet set = Render({{dark_current, {25}}, {FindEffect(scatter), parameters}}, seed);
   const SetModel model(set, {});
   SetParameters start;
   start.line_shift_px = model.EstimateLineShifts(start);
@@ -255,11 +256,16 @@ TEST(Compete, NamesWhatScattersBesidesAnotherEffect) {
   const Candidate& best = competition.ranked.front();
   ASSERT_EQ(best.effects.size(), 2u);
   EXPECT_EQ(best.effects[0].effect, dark_current);
-  EXPECT_EQ(best.effects[1].effect->description().id, kPowerNoise);
-  ASSERT_EQ(best.fit.effect_standard_errors.size(), 2u);
+  EXPECT_EQ(best.effects[1].effect->description().id, scatter);
+  ASSERT_EQ(best.fit.effect_standard_errors.size(), 1 + parameters.size());
   EXPECT_NEAR(best.effects[0].parameters[0], 25, 4 * best.fit.effect_standard_errors[0]);
-  EXPECT_NEAR(best.effects[1].parameters[0], 0.06, 4 * best.fit.effect_standard_errors[1]);
+  EXPECT_NEAR(best.effects[1].parameters[0], parameters[0], 4 * best.fit.effect_standard_errors[1]);
 }
+
+TEST(Compete, NamesWhatScattersBesidesAnotherEffect) { ExpectBoth(kPowerNoise, {0.06}, 25); }
+
+// What the null model leaves, or anything but the vibration, tells nothing of the dark current.
+TEST(Compete, NamesAnotherEffectBesidesAStrongVibration) { ExpectBoth(kVibration, {3, 230}, 33); }
 
 }  // namespace
 }  // namespace sightline
