@@ -702,12 +702,18 @@ TEST(Compete, FindsWhatBeginsFartherOffWithAnotherParameter) {
   EXPECT_GT(best.effects[0].parameters[0], 2.857e-3);
 }
 
-TEST(LinearFit, WhatABoundHoldsAbsorbsNothing) {
+// Of one deviation, three standard uncertainties off.
+FitResult FitOfOneDeviation() {
   FitResult fit;
   fit.standardised = Eigen::VectorXd::Constant(1, 3);
   fit.prior_weight = Eigen::VectorXd::Ones(1);
   fit.residual = {Eigen::VectorXd::Constant(2, 5)};
   fit.jacobian = {Eigen::MatrixXd::Constant(2, 1, 10)};
+  return fit;
+}
+
+TEST(LinearFit, WhatABoundHoldsAbsorbsNothing) {
+  FitResult fit = FitOfOneDeviation();
   fit.held = {false};
   const Eigen::VectorXd change = Eigen::VectorXd::Ones(2);
   EXPECT_LT(LinearFit(fit).Inner(change, change), 0.02);
@@ -720,11 +726,7 @@ TEST(LinearFit, WhatABoundHoldsAbsorbsNothing) {
 // Where an effect may take over from a deviation at its bound, that counts: the residual is that of
 // the best deviation, at which nothing pulls.
 TEST(LinearFit, WhatIsReleasedGoesToItsBest) {
-  FitResult fit;
-  fit.standardised = Eigen::VectorXd::Constant(1, 3);
-  fit.prior_weight = Eigen::VectorXd::Ones(1);
-  fit.residual = {Eigen::VectorXd::Constant(2, 5)};
-  fit.jacobian = {Eigen::MatrixXd::Constant(2, 1, 10)};
+  FitResult fit = FitOfOneDeviation();
   const LinearFit released(fit);
   const double best = 3 + released.Step()[0];
   EXPECT_NEAR(fit.jacobian[0].col(0).dot(released.ResidualAtBest()), best, 1e-9);
