@@ -295,8 +295,8 @@ FollowedVibration FollowVibration(const SetModel& model, const SetParameters& st
     for (size_t i = 0; i < lit.size(); ++i) {
       standardised[static_cast<Eigen::Index>(i)] = at_rad[lit[i]] / kPhaseScale;
     }
-    fit = WithPhases(std::move(fit), phases.Derivatives(fit, vibration, at_rad), settings.use_entry,
-                     standardised);
+    const std::vector<Eigen::MatrixXd> change = phases.Derivatives(fit, vibration, at_rad);
+    fit = WithPhases(std::move(fit), change, settings.use_entry, standardised);
     fit.parameters.effects.back().effect = &vibration;
     return fit;
   };
