@@ -22,6 +22,7 @@ constexpr size_t kFittedBesidesVibration = 4;
 constexpr size_t kFittedAgain = 5;   // with their own
 constexpr size_t kFittedAfresh = 4;  // from the nominal description on, if the null model fails:
 constexpr double kRejected = 1.5;    // chi squared over numbers above which it does
+constexpr double kHopeless = 1000;   // above which it tells nothing of what it lacks
 constexpr double kLeastGain = 1.5;   // [nats] worth a fit
 // The null model's deviations may hide an effect that it does not fail for.
 constexpr size_t kFittedAfreshAnyway = 2;
@@ -130,9 +131,11 @@ class Competing {
         [](const Candidate& a, const Candidate& b) { return a.log_evidence > b.log_evidence; });
   }
 
-  // True if recordings of one place show the line at different ones, and a vibration explains them:
-  // it is among the candidates then, and what the null model leaves tells nothing of others.
+  // True if nothing is near the null model, recordings of one place show the line at different
+  // ones, and a vibration explains them: it is among the candidates then, and what the null model
+  // leaves tells nothing of others.
   bool FollowsVibration() {
+    if (competition_.null.chi_squared < kHopeless * competition_.null.data_count) return false;
     const std::vector<double> displacements =
         DisplacementsAtPositions(model_, competition_.null.parameters);
     if (std::all_of(displacements.begin(), displacements.end(), [](double d) { return d == 0; })) {
