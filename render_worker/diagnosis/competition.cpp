@@ -17,13 +17,13 @@ namespace sightline {
 
 namespace {
 
-constexpr size_t kFitted = 12;  // candidates fitted with the null model's derivatives
-constexpr size_t kFittedBesidesVibration = 4;
+constexpr size_t kFitted = 12;       // candidates fitted with the null model's derivatives
 constexpr size_t kFittedAgain = 5;   // with their own
 constexpr size_t kFittedAfresh = 4;  // from the nominal description on, if the null model fails:
 constexpr double kRejected = 1.5;    // chi squared over numbers above which it does
 constexpr double kHopeless = 1000;   // above which it tells nothing of what it lacks
-constexpr double kLeastGain = 1.5;   // [nats] worth a fit
+constexpr double kMostlyExplained = 0.05;  // of chi squared left by what brings it near
+constexpr double kLeastGain = 1.5;         // [nats] worth a fit
 // The null model's deviations may hide an effect that it does not fail for.
 constexpr size_t kFittedAfreshAnyway = 2;
 constexpr double kPromising = 10;     // [nats]
@@ -56,15 +56,15 @@ class Competing {
 
   Competition Run() {
     Screen();
-    const bool moves = FollowsVibration();
-    FitSingles(moves ? kFittedBesidesVibration : kFitted);
-    if (!moves) {
+    FitSingles();
+    if (!FollowsVibration()) {
       FitPairs();
+      RenewBest();
       AddRecordingScatter();
     }
     // If scatter explains most, the covariance of the null model is the one it has been compared
     // under; that of another effect may have room for it by chance.
-    if (!IsScatter(candidates_.empty() ? Candidate() : candidates_.front())) {
+    if (!ScatterLeads()) {
       std::erase_if(candidates_, IsScatter);
       FitUnderOneCovariance();
       AddRecordingScatter();
@@ -131,24 +131,45 @@ class Competing {
         [](const Candidate& a, const Candidate& b) { return a.log_evidence > b.log_evidence; });
   }
 
-  // True if nothing is near the null model, recordings of one place show the line at different
-  // ones, and a vibration explains them: it is among the candidates then, and what the null model
-  // leaves tells nothing of others.
+  bool NullIsRejected() const {
+    return competition_.null.chi_squared > kRejected * competition_.null.data_count;
+  }
+
+  // True if nothing is near the null model, no effect found so far brings it there, recordings of
+  // one place show the line at different ones, and a vibration explains them: it is among the
+  // candidates then, and what the null model leaves tells nothing of others.
   bool FollowsVibration() {
-    if (competition_.null.chi_squared < kHopeless * competition_.null.data_count) return false;
-    const std::vector<double> displacements =
-        DisplacementsAtPositions(model_, competition_.null.parameters);
+    const FitResult& null = competition_.null;
+    if (null.chi_squared < kHopeless * null.data_count) return false;
+    if (std::any_of(candidates_.begin(), candidates_.end(), [&](const Candidate& candidate) {
+          return candidate.fit.chi_squared < kMostlyExplained * null.chi_squared;
+        })) {
+      return false;
+    }
+    const std::vector<double> displacements = DisplacementsAtPositions(model_, null.parameters);
     if (std::all_of(displacements.begin(), displacements.end(), [](double d) { return d == 0; })) {
       return false;
     }
+    std::vector<Candidate> others = std::exchange(candidates_, {});
     AddRecordingScatter();
-    if (!candidates_.empty() && !candidates_.front().phases_rad.empty()) return true;
-    candidates_.clear();
-    return false;
+    const bool follows = !candidates_.empty() && !candidates_.front().phases_rad.empty();
+    if (!follows) {
+      candidates_ = std::move(others);
+      return false;
+    }
+    // Under the null model's covariance others tell nothing.
+    const Candidate& vibration = candidates_.front();
+    const double evidence = vibration.log_evidence, cost = TwiceCost(vibration.fit);
+    for (Candidate& other : others) {
+      if (other.fit.whitening == null.whitening) continue;
+      other.log_evidence = evidence - 0.5 * (TwiceCost(other.fit) - cost);
+      candidates_.push_back(std::move(other));
+    }
+    SortByEvidence();
+    return true;
   }
 
-  // `most`: how many.
-  void FitSingles(size_t most) {
+  void FitSingles() {
     const auto promise = [](const ScreenedEffect& screened) {
       return std::max(screened.gain, screened.linear_gain);
     };
@@ -158,9 +179,8 @@ class Competing {
     }
     std::stable_sort(order.begin(), order.end(),
                      [&](const auto* a, const auto* b) { return promise(*a) > promise(*b); });
-    if (order.size() > most) order.resize(most);
-    const FitResult& null = competition_.null;
-    const bool rejected = null.chi_squared > kRejected * null.data_count;
+    if (order.size() > kFitted) order.resize(kFitted);
+    const bool rejected = NullIsRejected();
     size_t afresh = 0;
     for (size_t i = 0; i < order.size(); ++i) {
       if (!Report(0.5 + 0.25 * static_cast<double>(i) / kFitted)) return;
@@ -302,18 +322,37 @@ class Competing {
     SortByEvidence();
   }
 
-  // The covariance of the best model is nearer the truth than that of the null model; derivatives
-  // with respect to the deviations are renewed too.
-  void FitUnderOneCovariance() {
-    if (candidates_.empty() || stopped_) return;
-    Report(0.85);
-    Candidate& best = candidates_.front();
+  // The best of the effects that change what is expected, under its own covariance: where the null
+  // model is rejected, that of the null model tells little.
+  void RenewBest() {
+    if (candidates_.empty() || stopped_ || !NullIsRejected()) return;
+    Report(0.84);
+    best_renewed_ = FitOfBest();
+  }
+
+  FitResult FitOfBest() const {
+    const Candidate& best = candidates_.front();
     FitSettings settings;
     settings.rounds = {{0, 0.1}, {0, 0.02}, {0, 0}, {0, 0}};
     settings.max_iterations = 3;
     SetParameters start = best.fit.parameters;
     start.effects = best.effects;
-    const FitResult reference = FitSet(model_, start, best.free, settings, nullptr);
+    return FitSet(model_, start, best.free, settings, nullptr);
+  }
+
+  bool ScatterLeads() const {
+    if (candidates_.empty() || !IsScatter(candidates_.front())) return false;
+    return !best_renewed_ || TwiceCost(candidates_.front().fit) < TwiceCost(*best_renewed_);
+  }
+
+  // The covariance of the best model is nearer the truth than that of the null model; derivatives
+  // with respect to the deviations are renewed too.
+  void FitUnderOneCovariance() {
+    if (candidates_.empty() || stopped_) return;
+    Report(0.85);
+    const FitResult reference = best_renewed_ ? *std::move(best_renewed_) : FitOfBest();
+    best_renewed_.reset();
+    FitSettings settings;
     settings.rounds.clear();
     settings.max_iterations = 8;
     SetParameters null_start = competition_.null.parameters;
@@ -461,8 +500,9 @@ class Competing {
   void AddRecordingScatter() {
     if (stopped_) return;
     // An effect that makes recordings of one place agree leaves no strong scatter.
-    const bool perhaps_strong = candidates_.empty() || IsScatter(candidates_.front()) ||
-                                ScattersStrongly(model_, candidates_.front().fit);
+    const bool perhaps_strong =
+        candidates_.empty() || IsScatter(candidates_.front()) ||
+        ScattersStrongly(model_, best_renewed_ ? *best_renewed_ : candidates_.front().fit);
     for (ScatterCandidate& scatter :
          CompareRecordingScatter(model_, competition_.null, scattering_, perhaps_strong)) {
       Candidate candidate;
@@ -636,6 +676,8 @@ class Competing {
   // Of the settings: what changes expectations, and what scatters between recordings.
   std::vector<const Effect*> expected_, scattering_;
   Competition competition_;
+  // Of the first candidate, before all are fitted under one covariance.
+  std::optional<FitResult> best_renewed_;
   FitResult about_;  // whose derivatives with respect to the known parameters count for all
   std::vector<Candidate> candidates_;
   bool stopped_ = false;

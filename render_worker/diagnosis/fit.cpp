@@ -543,6 +543,10 @@ Whitening::Whitening(const std::vector<Eigen::MatrixXd>& covariance, const Entri
   }
 }
 
+double TwiceCost(const FitResult& fit) {
+  return fit.chi_squared + fit.prior + fit.data_log_determinant + fit.log_determinant;
+}
+
 SetParameters AtStandardised(const SetModel& model, const SetParameters& from,
                              const Eigen::VectorXd& standardised) {
   ParameterVector vector(model, from, {});

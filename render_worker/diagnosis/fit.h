@@ -91,6 +91,10 @@ struct FitResult {
   std::vector<double> entry_chi_squared;  // also of entries not used
 };
 
+// Twice the negative logarithm of the evidence, but for constants: compares fits of the same data,
+// each under a covariance of its own.
+double TwiceCost(const FitResult& fit);
+
 // `from` with deviations, line shifts and errors of the model as `standardised` (first as in
 // FitResult), within their bounds.
 SetParameters AtStandardised(const SetModel& model, const SetParameters& from,

@@ -26,8 +26,7 @@ constexpr double kLeastSignal = 0.02;  // of the largest number, for a row to co
 constexpr double kLimit = 4;           // of dark residuals
 constexpr double kOutlier = 5;
 constexpr int kDarkValues = 2;
-constexpr int kDraws = 16;      // of what effects draw at random once a set
-constexpr int kPatchRows = 64;  // of a dark frame, that stand for all
+constexpr int kDraws = 16;  // of what effects draw at random once a set
 
 // Weight of a pixel's row with that of the pixel a lag away, summed over pairs of frames.
 double PairWeight(const std::vector<double>& sum, const std::vector<std::vector<double>>& each,
@@ -266,6 +265,90 @@ double ScatterOfSensitivity(double prnu_squared, int l, const std::vector<double
   return scatter;
 }
 
+template <typename Value>
+double Median(std::vector<Value> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Probability that noise of unit variance takes a pixel beyond what counts as an outlier.
+double OutlierProbability(double residual) {
+  return 0.5 * std::erfc((kOutlier - residual) / std::sqrt(2.0));
+}
+
+// Of the pixels that may be outliers of the longest exposure: their places, and the probabilities
+// to be one there and in every frame; for the longest exposure itself 0.
+struct Outlier {
+  size_t pixel;
+  double in_longest;
+  Eigen::VectorXd in_both;
+};
+
+std::vector<Outlier> PossibleOutliers(const std::vector<Image<double>>& frames, size_t longest) {
+  constexpr double kImpossible = 0.5;
+  std::vector<Outlier> outliers;
+  for (size_t i = 0; i < frames[longest].values.size(); ++i) {
+    if (frames[longest].values[i] < kImpossible) continue;
+    Outlier outlier = {i, OutlierProbability(frames[longest].values[i]), {}};
+    outlier.in_both = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(frames.size()));
+    for (size_t f = 0; f < frames.size(); ++f) {
+      if (f == longest) continue;
+      outlier.in_both[static_cast<Eigen::Index>(f)] =
+          outlier.in_longest * OutlierProbability(frames[f].values[i]);
+    }
+    outliers.push_back(std::move(outlier));
+  }
+  return outliers;
+}
+
+// Pixels that are outliers both in a frame and in the longest exposure, expected in every frame.
+Eigen::VectorXd OutlierCounts(const std::vector<Image<double>>& frames, size_t longest) {
+  Eigen::VectorXd counts = Eigen::VectorXd::Zero(static_cast<Eigen::Index>(frames.size()));
+  for (const Outlier& outlier : PossibleOutliers(frames, longest)) counts += outlier.in_both;
+  return counts;
+}
+
+// Covariance between draws of a pattern whose pixels are independent, of the mean product of its
+// pixels and of every frame's 2 sqrt(count + 3/8) of outliers: the same pixels stand out in all.
+Eigen::MatrixXd ScatterOfDraws(const std::vector<Image<double>>& frames, size_t longest) {
+  const auto count = static_cast<Eigen::Index>(frames.size());
+  const auto area = static_cast<double>(frames.front().values.size());
+  std::vector<double> products(frames.front().values.size());
+  double sum = 0, squares = 0;
+  for (size_t i = 0; i < products.size(); ++i) {
+    double values = 0, own = 0;
+    for (const Image<double>& frame : frames) {
+      const double value = Limited(frame.values[i]);
+      values += value;
+      own += value * value;
+    }
+    products[i] =
+        (values * values - own) / static_cast<double>(frames.size() * (frames.size() - 1));
+    sum += products[i];
+    squares += products[i] * products[i];
+  }
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(1 + count, 1 + count);
+  covariance(0, 0) = (squares - sum * sum / area) / (area * area);
+  Eigen::VectorXd counts = Eigen::VectorXd::Zero(count);
+  for (const Outlier& outlier : PossibleOutliers(frames, longest)) {
+    counts += outlier.in_both;
+    if (outlier.in_longest < 1e-12) continue;
+    covariance.block(1, 0, count, 1) += outlier.in_both * (products[outlier.pixel] / area);
+    covariance.bottomRightCorner(count, count) +=
+        outlier.in_both * outlier.in_both.transpose() / outlier.in_longest;
+    covariance.diagonal().tail(count) +=
+        outlier.in_both - outlier.in_both.cwiseAbs2() / outlier.in_longest;
+  }
+  covariance.block(1, 0, count, 1) -= counts * (sum / (area * area));
+  const Eigen::VectorXd slopes = (counts.array() + 0.375).rsqrt();
+  covariance.bottomRightCorner(count, count) =
+      slopes.asDiagonal() * covariance.bottomRightCorner(count, count) * slopes.asDiagonal();
+  covariance.block(1, 0, count, 1) = slopes.asDiagonal() * covariance.block(1, 0, count, 1);
+  covariance.block(0, 1, 1, count) = covariance.block(1, 0, count, 1).transpose();
+  return covariance;
+}
+
 // Rows may jump from frame to frame: no fixed pattern.
 void SubtractRowMeans(Image<double>& image) {
   for (int row = 0; row < image.rows_px; ++row) {
@@ -311,7 +394,7 @@ FixedPatternStatistic::FixedPatternStatistic(const RecordedSet& set) {
       const RecordedFrame& recorded = set.frames[entry.frames[i]];
       if (recorded.nominal.exposure_time_s >
           set.frames[entry.frames[entry.longest]].nominal.exposure_time_s) {
-        entry.longest = static_cast<int>(i);
+        entry.longest = i;
       }
       if (entry.laser && !recorded.raw_dn.empty()) {
         entry.weights.push_back(
@@ -466,9 +549,7 @@ Eigen::VectorXd FixedPatternStatistic::ObservedDark(const RecordedSet& set,
     const Image<uint16_t>& raw = set.frames[f].raw_dn;
     if (raw.empty()) return values;
     // The median: hot pixels do not shift it.
-    std::vector<uint16_t> sorted = raw.values;
-    std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-    const double median = sorted[sorted.size() / 2];
+    const double median = Median(raw.values);
     Image<double> residual(raw.columns_px, raw.rows_px);
     for (size_t i = 0; i < raw.values.size(); ++i) {
       residual.values[i] = (raw.values[i] - median) / entry.noise_dn;
@@ -479,8 +560,7 @@ Eigen::VectorXd FixedPatternStatistic::ObservedDark(const RecordedSet& set,
     double common = 0;
     for (size_t i = 0; i < residuals[f].values.size(); ++i) {
       common += residuals[f].values[i] > kOutlier &&
-                        residuals[entry.longest].values[i] > kOutlier &&
-                        static_cast<int>(f) != entry.longest
+                        residuals[entry.longest].values[i] > kOutlier && f != entry.longest
                     ? 1
                     : 0;
     }
@@ -496,24 +576,14 @@ Eigen::VectorXd FixedPatternStatistic::ObservedDark(const RecordedSet& set,
   return values;
 }
 
-Eigen::VectorXd FixedPatternStatistic::ExpectedDark(const ExpectedSet& expected,
-                                                    const Entry& entry) const {
-  Eigen::VectorXd values(kDarkValues + entry.frames.size());
-  const Sensor& sensor = expected.strips.front()[entry.frames.front()].frame.sensor;
-  values[0] = std::pow(sensor.gain_dn_per_electron * sensor.dsnu_electrons / entry.noise_dn, 2);
-  values[1] = 0;
-  const double none = 2 * std::sqrt(0.375);
-  for (size_t f = 0; f < entry.frames.size(); ++f) values[kDarkValues + f] = none;
-  if (expected.effects.empty()) return values;
-  // Some rows, without noise.
-  std::vector<Image<double>> residuals;
-  const int rows = std::min(kPatchRows, entry.roi.rows_px);
-  bool uniform = true;
+FixedPatternStatistic::DarkPattern FixedPatternStatistic::DarkPatternOf(const ExpectedSet& expected,
+                                                                        const Entry& entry) const {
+  DarkPattern pattern;
+  if (expected.effects.empty()) return pattern;
   for (int f : entry.frames) {
     FrameSetup patch = expected.strips.front()[f].frame;
     patch.roi = entry.roi;
-    patch.roi.rows_px = rows;
-    Image<double> electrons(patch.roi.columns_px, rows, 0.0);
+    Image<double> electrons(patch.roi.columns_px, patch.roi.rows_px, 0.0);
     for (const ActiveEffect& active : expected.effects) {
       active.effect->OnMeanElectrons(electrons, nullptr, patch, active.parameters);
     }
@@ -522,31 +592,33 @@ Eigen::VectorXd FixedPatternStatistic::ExpectedDark(const ExpectedSet& expected,
     for (const ActiveEffect& active : expected.effects) {
       active.effect->OnElectrons(electrons, patch, active.parameters);
     }
-    std::vector<double> sorted = electrons.values;
-    std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-    const double median = sorted[sorted.size() / 2];
+    const auto [least, most] =
+        std::minmax_element(electrons.values.begin(), electrons.values.end());
+    pattern.even = pattern.even && *least == *most;
+    const double median = *least == *most ? *least : Median(electrons.values);
     for (double& e : electrons.values) {
       e = patch.sensor.gain_dn_per_electron * (e - median) / entry.noise_dn;
-      uniform = uniform && e == 0;
     }
-    residuals.push_back(std::move(electrons));
+    pattern.frames.push_back(std::move(electrons));
   }
-  if (uniform) return values;
-  const auto above = [](double x) { return 0.5 * std::erfc((kOutlier - x) / std::sqrt(2.0)); };
-  for (size_t f = 0; f < residuals.size(); ++f) {
-    if (static_cast<int>(f) == entry.longest) continue;
-    double common = 0;
-    for (size_t i = 0; i < residuals[f].values.size(); ++i) {
-      if (residuals[entry.longest].values[i] < 0.5) continue;
-      common += above(residuals[f].values[i]) * above(residuals[entry.longest].values[i]);
-    }
-    values[kDarkValues + f] = 2 * std::sqrt(common * entry.roi.rows_px / rows + 0.375);
-  }
-  for (Image<double>& residual : residuals) {
+  return pattern;
+}
+
+Eigen::VectorXd FixedPatternStatistic::ExpectedDark(const ExpectedSet& expected,
+                                                    const Entry& entry) const {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(kDarkValues + entry.frames.size());
+  const Sensor& sensor = expected.strips.front()[entry.frames.front()].frame.sensor;
+  values[0] = std::pow(sensor.gain_dn_per_electron * sensor.dsnu_electrons / entry.noise_dn, 2);
+  values.tail(values.size() - kDarkValues).setConstant(2 * std::sqrt(0.375));
+  DarkPattern pattern = DarkPatternOf(expected, entry);
+  if (pattern.even) return values;
+  const Eigen::VectorXd counts = OutlierCounts(pattern.frames, entry.longest);
+  values.tail(counts.size()) = 2 * (counts.array() + 0.375).sqrt();
+  for (Image<double>& residual : pattern.frames) {
     for (double& value : residual.values) value = Limited(value);
     SubtractRowMeans(residual);
   }
-  const std::array<double, kDarkValues> products = DarkProducts(residuals);
+  const std::array<double, kDarkValues> products = DarkProducts(pattern.frames);
   values[0] += products[0];
   values[1] += products[1];
   return values;
@@ -580,7 +652,17 @@ Eigen::MatrixXd FixedPatternStatistic::CovarianceInDark(const ExpectedSet& expec
                      2 * values[1] * values[1] / entry.roi.columns_px;
   covariance(1, 1) = products / (pairs * pairs * area * (rows - 1)) +
                      2 * values[1] * values[1] / entry.roi.columns_px;
-  for (size_t f = 0; f < frames; ++f) covariance(kDarkValues + f, kDarkValues + f) = 1;
+  const auto count = static_cast<Eigen::Index>(frames);
+  covariance.diagonal().tail(count).setOnes();
+  const DarkPattern pattern = DarkPatternOf(expected, entry);
+  if (pattern.even) return covariance;
+  // One draw of the pattern is recorded, another one expected; that of counts is in the ones.
+  const Eigen::MatrixXd drawn = ScatterOfDraws(pattern.frames, entry.longest);
+  covariance(0, 0) += 2 * drawn(0, 0);
+  covariance.block(kDarkValues, 0, count, 1) += 2 * drawn.block(1, 0, count, 1);
+  covariance.block(0, kDarkValues, 1, count) += 2 * drawn.block(0, 1, 1, count);
+  covariance.bottomRightCorner(count, count) += 2 * drawn.bottomRightCorner(count, count);
+  covariance.diagonal().tail(count) -= drawn.diagonal().tail(count);
   return covariance;
 }
 

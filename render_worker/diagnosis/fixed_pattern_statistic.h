@@ -41,10 +41,17 @@ class FixedPatternStatistic : public SetStatistic {
     RegionOfInterest roi;
     double offset_dn = 0;             // nominal mean in the dark
     double noise_dn = 0;              // nominal deviation in the dark
-    int longest = 0;                  // of dark frames: index into `frames`
+    size_t longest = 0;               // of dark frames: index into `frames`
     std::vector<RowWeights> weights;  // of every frame, from the recordings; empty: none yet
   };
 
+  // A draw of what effects add to frames in the dark, in units of the nominal dark noise.
+  struct DarkPattern {
+    std::vector<Image<double>> frames;
+    bool even = true;  // in every frame
+  };
+
+  DarkPattern DarkPatternOf(const ExpectedSet& expected, const Entry& entry) const;
   Eigen::VectorXd ObservedPattern(const RecordedSet& set, const Entry& entry) const;
   Eigen::VectorXd ObservedDark(const RecordedSet& set, const Entry& entry) const;
   Eigen::VectorXd ExpectedPattern(const ExpectedSet& expected, const Entry& entry) const;

@@ -57,11 +57,6 @@ FitResult FitAtRealisation(const SetModel& model, const FitResult& null, SetPara
   return fit;
 }
 
-// Twice the negative logarithm of the evidence, but for constants.
-double TwiceCost(const FitResult& fit) {
-  return fit.chi_squared + fit.prior + fit.data_log_determinant + fit.log_determinant;
-}
-
 // The set about a realisation: what is left of the data and what the amplitudes change, whitened.
 struct Linearisation {
   Eigen::MatrixXd change;                     // of all entries, per unit of every amplitude
@@ -882,6 +877,8 @@ std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, con
   std::vector<ScatterCandidate> candidates;
   for (const Effect* effect : effects) {
     if (!IsRecordingScatter(*effect)) continue;
+    // Where something else has made recordings of one place agree, there is nothing to follow.
+    if (!perhaps_strong) found[effect].phases_rad.clear();
     if (!found[effect].phases_rad.empty()) FollowPhases(model, null, found[effect]);
     candidates.push_back(std::move(found[effect]));
   }

@@ -42,8 +42,8 @@ struct ScatterCandidate {
 // Recognition and Machine Learning, 3.5.1). `null`: a fit of `model` to all its data, perhaps
 // with effects: what scatters besides them is looked for.
 // `perhaps_strong`: where recordings of one place differ by far more than `null` allows, power
-// noise, exposure jitter and vibration are found in turn with the known parameters, which takes
-// several fits.
+// noise, exposure jitter and vibration are found in turn with the known parameters, and a vibration
+// that single recordings show is followed through them, which takes several fits.
 std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, const FitResult& null,
                                                       std::span<const Effect* const> effects,
                                                       bool perhaps_strong = true);

@@ -238,10 +238,6 @@ FitResult WithPhases(FitResult fit, const std::vector<Eigen::MatrixXd>& change,
   return fit;
 }
 
-double TwiceCost(const FitResult& fit) {
-  return fit.chi_squared + fit.prior + fit.data_log_determinant + fit.log_determinant;
-}
-
 }  // namespace
 
 std::vector<double> PhasesOfMovements(const SetModel& model, const std::vector<double>& law,

@@ -301,6 +301,31 @@ TEST(FixedPatternStatistic, ShowsWhatStaysOnTheSensor) {
                                         {"optics.cover_glass_etalon", {0.1, 30, 0}, 20, 3}});
 }
 
+// A bug found: every exposure's count of hot pixels was said to scatter by itself, though the same
+// pixels are hot in all, and their mean product as that of a pattern of all pixels. A free form
+// with more coefficients followed what few pixels did by chance.
+TEST(FixedPatternStatistic, HotPixelsOfDifferentSensorsScatterAsItsCovarianceSays) {
+  RecordingSet description = Recordings(false);
+  std::erase_if(description.recordings,
+                [](const RecordedImage& image) { return image.kind == RecordingKind::kLaser; });
+  for (const double t : {0.05, 0.01}) {
+    description.recordings.push_back(Image(RecordingKind::kDark, t, 8, -1));
+  }
+  for (const double fraction : {5e-4, 3e-3}) {
+    const std::vector<ActiveEffect> effects = {Active("sensor.hot_pixels", {fraction})};
+    Comparison sum;
+    for (uint64_t seed = 1; seed <= 40; ++seed) {
+      RecordedSet set = Render(description, seed, effects);
+      for (RecordedFrame& frame : set.frames) frame.nominal.seeds.camera = 1000 + seed;
+      const Comparison one = Compare(FixedPatternStatistic(set), set, Expect(set, effects));
+      sum.chi_squared += one.chi_squared;
+      sum.count += one.count;
+    }
+    // Whether a pixel is hot is no normal distribution: twice the deviation of one.
+    EXPECT_NEAR(sum.chi_squared / sum.count, 1, 8 * std::sqrt(2.0 / sum.count)) << fraction;
+  }
+}
+
 class Texture : public TextureStatistic {
  public:
   explicit Texture(const RecordedSet& set) : TextureStatistic(set, kBlocks) {}
