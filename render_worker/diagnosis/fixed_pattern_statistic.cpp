@@ -579,7 +579,10 @@ Eigen::VectorXd FixedPatternStatistic::ObservedDark(const RecordedSet& set,
 FixedPatternStatistic::DarkPattern FixedPatternStatistic::DarkPatternOf(const ExpectedSet& expected,
                                                                         const Entry& entry) const {
   DarkPattern pattern;
-  if (expected.effects.empty()) return pattern;
+  if (std::none_of(expected.effects.begin(), expected.effects.end(),
+                   [](const ActiveEffect& active) { return IsDrawn(*active.effect); })) {
+    return pattern;
+  }
   for (int f : entry.frames) {
     FrameSetup patch = expected.strips.front()[f].frame;
     patch.roi = entry.roi;

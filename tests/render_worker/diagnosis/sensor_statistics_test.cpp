@@ -311,6 +311,7 @@ TEST(FixedPatternStatistic, HotPixelsOfDifferentSensorsScatterAsItsCovarianceSay
   for (const double t : {0.05, 0.01}) {
     description.recordings.push_back(Image(RecordingKind::kDark, t, 8, -1));
   }
+  for (RecordedImage& image : description.recordings) image.burst_frame_index = 0;
   for (const double fraction : {5e-4, 3e-3}) {
     const std::vector<ActiveEffect> effects = {Active("sensor.hot_pixels", {fraction})};
     Comparison sum;
