@@ -561,8 +561,12 @@ class Competing {
     const Effect* const only =
         IsScatter(candidates_.front()) ? candidates_.front().effects[0].effect : nullptr;
     if (only != nullptr) effects = {&only, 1};
-    for (const Candidate& base : BasesOfScatter()) {
-      for (ScatterCandidate& scatter : CompareRecordingScatter(model_, base.fit, effects)) {
+    const std::vector<Candidate> bases = BasesOfScatter();
+    // Where recordings of one place agree about the best base, others scatter for want of it.
+    const bool perhaps_strong = !bases.empty() && ScattersStrongly(model_, bases.front().fit);
+    for (const Candidate& base : bases) {
+      for (ScatterCandidate& scatter :
+           CompareRecordingScatter(model_, base.fit, effects, perhaps_strong)) {
         if (scatter.log_evidence < kPairGain) continue;
         Candidate pair;
         pair.effects = scatter.fit.parameters.effects;
