@@ -264,6 +264,26 @@ void ExpectBoth(std::string_view scatter, const std::vector<double>& parameters,
 
 TEST(Compete, NamesWhatScattersBesidesAnotherEffect) { ExpectBoth(kPowerNoise, {0.06}, 25); }
 
+// A bug found: the vibration was compared under a covariance of its own, the others under that of
+// the null model, which expects nothing where scattered light is.
+TEST(Compete, CallsScatteredLightAndNoisyRowsNoVibration) {
+  const Effect* scattering = FindEffect("surface.subsurface_scattering");
+  const Effect* row_noise = FindEffect("sensor.row_noise");
+  const RecordedSet set = Render({{scattering, {0.9, 7e-4}}, {row_noise, {20}}}, 34);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const std::vector<const Effect*> effects = {scattering, row_noise, FindEffect(kVibration)};
+  CompetitionSettings settings;
+  settings.effects = effects;
+  const Competition competition =
+      Compete(model, FitSet(model, start, {}, {}, nullptr), settings, [](double) { return true; });
+  const Candidate& best = competition.ranked.front();
+  ASSERT_EQ(best.effects.size(), 2u);
+  EXPECT_TRUE(best.effects[0].effect == scattering || best.effects[1].effect == scattering);
+  EXPECT_TRUE(best.effects[0].effect == row_noise || best.effects[1].effect == row_noise);
+}
+
 // What the null model leaves, or anything but the vibration, tells nothing of the dark current.
 TEST(Compete, NamesAnotherEffectBesidesAStrongVibration) { ExpectBoth(kVibration, {3, 230}, 33); }
 
