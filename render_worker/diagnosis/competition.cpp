@@ -590,8 +590,7 @@ class Competing {
     std::vector<bool> used;
     Candidate base = best;
     for (int e = 0; e < model_.entries(); ++e) {
-      const std::string_view name = model_.StatisticOf(e).name();
-      used.push_back(name != "shared speckle" && name != "temporal noise" && name != "texture");
+      used.push_back(!model_.ComparesSpeckle(e) && model_.StatisticOf(e).name() != "texture");
       if (used.back()) continue;
       base.fit.residual[e].setZero();
       base.fit.jacobian[e].setZero();

@@ -46,6 +46,7 @@ class RepeatStatistic : public SetStatistic {
   explicit RepeatStatistic(const RecordedSet& set);
 
   std::string_view name() const override { return "temporal noise"; }
+  bool compares_speckle() const override { return true; }
   int entries() const override { return static_cast<int>(entries_.size()); }
   const std::vector<int>& Frames(int entry) const override { return entries_[entry].frames; }
   Eigen::VectorXd Observed(const RecordedSet& set, int entry) const override;

@@ -9,6 +9,7 @@
 #include <string_view>
 #include <utility>
 
+#include "render_worker/diagnosis/lit_recordings.h"
 #include "render_worker/diagnosis/realisation.h"
 #include "render_worker/diagnosis/scatter_law.h"
 #include "render_worker/diagnosis/vibration_fit.h"
@@ -31,12 +32,6 @@ constexpr double kStrengthError = 0.35;
 
 bool Moves(const Effect& effect) { return effect.description().id == "time.vibration_blur"; }
 
-// Entries that compare recordings of one speckle pixel by pixel.
-bool ComparesSpeckle(const SetModel& model, int e) {
-  const std::string_view name = model.StatisticOf(e).name();
-  return name == "shared speckle" || name == "temporal noise";
-}
-
 // Known parameters of `null` at a realisation, from what does not compare speckle; linearised with
 // all entries. `start`: without the realisation.
 FitResult FitAtRealisation(const SetModel& model, const FitResult& null, SetParameters start,
@@ -46,7 +41,7 @@ FitResult FitAtRealisation(const SetModel& model, const FitResult& null, SetPara
   FitSettings settings;
   settings.rounds = std::move(rounds);
   for (int e = 0; e < model.entries(); ++e) {
-    settings.use_entry.push_back(!ComparesSpeckle(model, e));
+    settings.use_entry.push_back(!model.ComparesSpeckle(e));
   }
   const SetParameters found = FitSet(model, start, null.free, settings, nullptr).parameters;
   settings.use_entry.clear();
@@ -82,20 +77,11 @@ class RecordingScatter {
   // Linearised about `about`, a fit at realisation `at`; compared with `null`.
   RecordingScatter(const SetModel& model, const FitResult& about, const Realisation& at,
                    const FitResult& null)
-      : model_(model), null_(about), at_(at) {
+      : model_(model), null_(about), at_(at), lit_(model) {
     offset_.push_back(0);
     for (const Eigen::VectorXd& mean : null.mean) {
       offset_.push_back(offset_.back() + static_cast<int>(mean.size()));
     }
-    const RecordedSet& set = model.set();
-    std::map<int, int> members;
-    for (size_t f = 0; f < set.frames.size(); ++f) {
-      const int id = set.frames[f].plate_position_id;
-      if (id < 0) continue;
-      lit_.push_back(static_cast<int>(f));
-      slot_.push_back(members[id]++);
-    }
-    for (int id : model.position_ids()) slots_ = std::max(slots_, members[id]);
     FindAmplitudesOfEntries();
     // At the best known parameters by the linearised model: the fit may stop short of them.
     Eigen::MatrixXd information = null.prior_weight.asDiagonal();
@@ -130,24 +116,14 @@ class RecordingScatter {
   };
 
   int rows() const { return offset_.back(); }
-  int lit() const { return static_cast<int>(lit_.size()); }
+  int lit() const { return lit_.count(); }
 
-  // The laser recording of a slot that an entry is about, as an index into lit_; -1: none or
-  // several plate positions.
   void FindAmplitudesOfEntries() {
-    const RecordedSet& set = model_.set();
     block_.assign(model_.entries(), -1);
-    position_.assign(model_.entries(), -1);
     std::map<int, int> next_block;
     for (int e = 0; e < model_.entries(); ++e) {
-      int position = -1;
-      for (int f : model_.FramesOf(e)) {
-        const int id = set.frames[f].plate_position_id;
-        if (id < 0) continue;
-        if (position >= 0 && id != position) position = -2;
-        if (position != -2) position = id;
-      }
-      position_[e] = std::max(-1, position);
+      const int position = model_.PlatePositionOf(e);
+      position_.push_back(position);
       if (position >= 0 && model_.StatisticOf(e).name() == "profile") {
         block_[e] = next_block[position]++;
       }
@@ -170,19 +146,16 @@ class RecordingScatter {
   Eigen::MatrixXd Derivative(const Realisation& at, std::vector<double> Realisation::*values,
                              double step, const Entries& origin) {
     Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), lit());
-    for (int slot = 0; slot < slots_; ++slot) {
+    for (int slot = 0; slot < lit_.slots(); ++slot) {
       Realisation moved = at;
-      std::map<int, int> recording_of;  // plate position -> index into lit_
       for (int i = 0; i < lit(); ++i) {
-        if (slot_[i] != slot) continue;
-        (moved.*values)[lit_[i]] += step;
-        recording_of[model_.set().frames[lit_[i]].plate_position_id] = i;
+        if (lit_.SlotOf(i) == slot) (moved.*values)[lit_.frames()[i]] += step;
       }
       const Entries mean = MeanOf(moved, true);
+      const std::vector<int> recordings = lit_.RecordingsOfEntries(slot);
       for (int e = 0; e < model_.entries(); ++e) {
-        const auto recording = recording_of.find(position_[e]);
-        if (recording == recording_of.end()) continue;
-        change.col(recording->second).segment(offset_[e], mean[e].size()) =
+        if (recordings[e] < 0) continue;
+        change.col(recordings[e]).segment(offset_[e], mean[e].size()) =
             (*null_.whitening)(e, (mean[e] - origin[e]) / step);
       }
     }
@@ -220,8 +193,9 @@ class RecordingScatter {
     Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), lit());
     for (int e = 0; e < model_.entries(); ++e) {
       if (model_.StatisticOf(e).name() != "texture") continue;
-      const auto recording = std::find(lit_.begin(), lit_.end(), model_.FramesOf(e).front());
-      const auto i = recording - lit_.begin();
+      const std::vector<int>& frames = lit_.frames();
+      const auto i =
+          std::find(frames.begin(), frames.end(), model_.FramesOf(e).front()) - frames.begin();
       change.col(i).segment(offset_[e], mean[e].size()) =
           (*null_.whitening)(e, (mean[e] - origin[e]) / variance[i]);
     }
@@ -242,7 +216,7 @@ class RecordingScatter {
 
   // Movement makes speckle change between recordings of it: what that does is known to a part
   // only, which the null's covariance does not hold.
-  bool ChangesCovariance(int e) const { return position_[e] >= 0 && ComparesSpeckle(model_, e); }
+  bool ChangesCovariance(int e) const { return position_[e] >= 0 && model_.ComparesSpeckle(e); }
 
   Linearisation Linearise(Amplitude amplitude, const Realisation& at) {
     Linearisation linear;
@@ -279,7 +253,7 @@ class RecordingScatter {
 
   Eigen::VectorXd AtLit(const std::vector<double>& values) const {
     Eigen::VectorXd lit_values(lit());
-    for (int i = 0; i < lit(); ++i) lit_values[i] = values[lit_[i]];
+    for (int i = 0; i < lit(); ++i) lit_values[i] = values[lit_.frames()[i]];
     return lit_values;
   }
 
@@ -383,9 +357,7 @@ class RecordingScatter {
   std::vector<int> offset_;    // of the entries in the vector of all
   std::vector<int> position_;  // of every entry: plate position; -1: none or several
   std::vector<int> block_;     // of every entry: along the line; -1: all
-  std::vector<int> lit_;       // recordings with laser light
-  std::vector<int> slot_;      // of these: place among those of its plate position
-  int slots_ = 0;
+  LitRecordings lit_;
   double null_total_ = 0;
 };
 
@@ -547,7 +519,7 @@ Realisation RecordingScatter::RealisationOf(const ScatterLaw& law,
   const Eigen::VectorXd blur =
       law.within ? law.within(parameters, posterior.amplitudes) : Eigen::VectorXd();
   for (int i = 0; i < lit(); ++i) {
-    const int f = lit_[i];
+    const int f = lit_.frames()[i];
     if (law.amplitude == Amplitude::kLight) {
       realisation.light_relative[f] = posterior.amplitudes[i];
     } else if (law.amplitude == Amplitude::kShift) {
@@ -581,11 +553,12 @@ std::vector<RecordedMovement> RecordingScatter::MovementOf(const Linearisation& 
   const double place_error_px = model_.set().description.uncertainty.line_position_each_px;
   std::vector<RecordedMovement> movements;
   for (int i = 0; i < n; ++i) {
-    movements.push_back({.exposure_time_s = model_.set().frames[lit_[i]].nominal.exposure_time_s,
-                         .shift_px = found[i],
-                         .shift_error_px = std::hypot(std::sqrt(variance[i]), place_error_px),
-                         .blur_px2 = std::max(0.0, found[n + i]),
-                         .blur_error_px2 = std::sqrt(variance[n + i])});
+    movements.push_back(
+        {.exposure_time_s = model_.set().frames[lit_.frames()[i]].nominal.exposure_time_s,
+         .shift_px = found[i],
+         .shift_error_px = std::hypot(std::sqrt(variance[i]), place_error_px),
+         .blur_px2 = std::max(0.0, found[n + i]),
+         .blur_error_px2 = std::sqrt(variance[n + i])});
   }
   return movements;
 }
@@ -599,10 +572,10 @@ Linearisation RecordingScatter::LineariseAboutFreeMovement(Linearisation linear)
     const std::vector<RecordedMovement> movements = MovementOf(linear);
     Realisation realisation(model_.set().frames.size());
     for (int i = 0; i < lit(); ++i) {
-      realisation.shift_px[lit_[i]] =
+      realisation.shift_px[lit_.frames()[i]] =
           linear.origin[i] +
           std::clamp(movements[i].shift_px - linear.origin[i], -kLargestStep_px, kLargestStep_px);
-      realisation.blur_px2[lit_[i]] =
+      realisation.blur_px2[lit_.frames()[i]] =
           linear.within_origin[i] + std::clamp(movements[i].blur_px2 - linear.within_origin[i],
                                                -kLargestStep_px2, kLargestStep_px2);
     }
@@ -838,7 +811,7 @@ constexpr std::array<std::string_view, 6> kKnown = {
 bool ScattersStrongly(const SetModel& model, const FitResult& fit) {
   double chi_squared = 0, count = 0;
   for (int e = 0; e < model.entries(); ++e) {
-    if (!ComparesSpeckle(model, e)) continue;
+    if (!model.ComparesSpeckle(e)) continue;
     chi_squared += fit.residual[e].squaredNorm();
     count += static_cast<double>(fit.residual[e].size());
   }

@@ -144,6 +144,17 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
   return expected;
 }
 
+int SetModel::PlatePositionOf(int entry) const {
+  int position = -1;
+  for (int f : FramesOf(entry)) {
+    const int id = set_.frames[f].plate_position_id;
+    if (id < 0 || id == position) continue;
+    if (position >= 0) return -1;
+    position = id;
+  }
+  return position;
+}
+
 std::map<int, double> SetModel::EstimateLineShifts(const SetParameters& parameters) const {
   SetParameters centred = parameters;
   centred.line_shift_px.clear();

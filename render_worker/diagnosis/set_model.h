@@ -45,6 +45,11 @@ class SetModel {
     return StatisticOf(entry).Frames(places_[entry].second);
   }
 
+  // Plate position of all laser recordings that an entry is about; -1: none or several.
+  int PlatePositionOf(int entry) const;
+  // Recordings of one speckle, pixel by pixel.
+  bool ComparesSpeckle(int entry) const { return StatisticOf(entry).compares_speckle(); }
+
   int FrameOfRow(int entry, int row) const {
     return StatisticOf(entry).FrameOfRow(places_[entry].second, row);
   }

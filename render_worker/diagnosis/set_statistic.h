@@ -38,6 +38,8 @@ class SetStatistic {
   virtual ~SetStatistic() = default;
   virtual std::string_view name() const = 0;
   virtual int entries() const = 0;
+  // True: recordings of one speckle, pixel by pixel.
+  virtual bool compares_speckle() const { return false; }
   // Recordings an entry is computed from, in order of time.
   virtual const std::vector<int>& Frames(int entry) const = 0;
   // Recording that number `row` of an entry is about.

@@ -29,6 +29,7 @@ class SharedSpeckleStatistic : public SetStatistic {
   explicit SharedSpeckleStatistic(const RecordedSet& set);
 
   std::string_view name() const override { return "shared speckle"; }
+  bool compares_speckle() const override { return true; }
   int entries() const override { return static_cast<int>(entries_.size()); }
   const std::vector<int>& Frames(int entry) const override { return entries_[entry].frames; }
   int FrameOfRow(int entry, int row) const override;

@@ -4,11 +4,10 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <map>
 #include <numbers>
-#include <string_view>
 #include <utility>
 
+#include "render_worker/diagnosis/lit_recordings.h"
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/time/sinusoidal_motion.h"
 
@@ -79,23 +78,12 @@ std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
   return best_rad;
 }
 
-// What the phases of the recordings with laser light do to the entries. Recordings of different
-// plate positions are moved together: their entries differ.
+// What the phases of the recordings with laser light do to the entries.
 class Phases {
  public:
-  explicit Phases(const SetModel& model) : model_(model) {
-    std::map<int, int> members;
-    const std::vector<RecordedFrame>& frames = model.set().frames;
-    for (size_t f = 0; f < frames.size(); ++f) {
-      const int id = frames[f].plate_position_id;
-      if (id < 0) continue;
-      lit_.push_back(static_cast<int>(f));
-      slot_.push_back(members[id]++);
-      slots_ = std::max(slots_, members[id]);
-    }
-  }
+  explicit Phases(const SetModel& model) : model_(model), lit_(model) {}
 
-  const std::vector<int>& lit() const { return lit_; }
+  const std::vector<int>& lit() const { return lit_.frames(); }
 
   // Whitened change of all entries per standardised phase.
   std::vector<Eigen::MatrixXd> Derivatives(const FitResult& fit, const Effect& vibration,
@@ -103,16 +91,15 @@ class Phases {
     constexpr double kStep_rad = 0.05;
     std::vector<Eigen::MatrixXd> change;
     for (const Eigen::VectorXd& mean : fit.mean) {
-      change.emplace_back(
-          Eigen::MatrixXd::Zero(mean.size(), static_cast<Eigen::Index>(lit_.size())));
+      change.emplace_back(Eigen::MatrixXd::Zero(mean.size(), lit_.count()));
     }
-    for (int slot = 0; slot < slots_; ++slot) {
+    for (int slot = 0; slot < lit_.slots(); ++slot) {
       std::vector<double> moved_rad = phases_rad;
-      for (size_t i = 0; i < lit_.size(); ++i) {
-        if (slot_[i] == slot) moved_rad[lit_[i]] += kStep_rad;
+      for (int i = 0; i < lit_.count(); ++i) {
+        if (lit_.SlotOf(i) == slot) moved_rad[lit()[i]] += kStep_rad;
       }
       const Entries mean = Expect(fit, vibration, moved_rad, false);
-      const std::vector<int> moved = MovedOf(slot);
+      const std::vector<int> moved = lit_.RecordingsOfEntries(slot);
       for (int e = 0; e < model_.entries(); ++e) {
         if (moved[e] < 0) continue;
         change[e].col(moved[e]) =
@@ -128,33 +115,33 @@ class Phases {
                              const std::vector<bool>& use_entry,
                              std::vector<double> phases_rad) const {
     constexpr int kPhases = 12;
-    for (int slot = 0; slot < slots_; ++slot) {
+    for (int slot = 0; slot < lit_.slots(); ++slot) {
       const Entries origin = Expect(fit, vibration, phases_rad, true);
-      std::vector<int> moved = MovedOf(slot);
+      std::vector<int> moved = lit_.RecordingsOfEntries(slot);
       for (int e = 0; e < model_.entries(); ++e) {
         if (!use_entry[e]) moved[e] = -1;
       }
-      std::vector<double> least(lit_.size(), 0), best_rad = phases_rad;
+      std::vector<double> least(lit_.count(), 0), best_rad = phases_rad;
       for (int e = 0; e < model_.entries(); ++e) {
         if (moved[e] >= 0) least[moved[e]] += fit.residual[e].squaredNorm();
       }
       for (int k = 0; k < kPhases; ++k) {
         const double phase_rad = kPi * ((k + 0.5) / kPhases - 0.5);
         std::vector<double> tried_rad = phases_rad;
-        for (size_t i = 0; i < lit_.size(); ++i) {
-          if (slot_[i] == slot) tried_rad[lit_[i]] = phase_rad;
+        for (int i = 0; i < lit_.count(); ++i) {
+          if (lit_.SlotOf(i) == slot) tried_rad[lit()[i]] = phase_rad;
         }
         const Entries mean = Expect(fit, vibration, tried_rad, true);
-        std::vector<double> chi_squared(lit_.size(), 0);
+        std::vector<double> chi_squared(lit_.count(), 0);
         for (int e = 0; e < model_.entries(); ++e) {
           if (moved[e] < 0) continue;
           chi_squared[moved[e]] +=
               (fit.residual[e] - (*fit.whitening)(e, mean[e] - origin[e])).squaredNorm();
         }
-        for (size_t i = 0; i < lit_.size(); ++i) {
-          if (slot_[i] != slot || chi_squared[i] >= least[i]) continue;
+        for (int i = 0; i < lit_.count(); ++i) {
+          if (lit_.SlotOf(i) != slot || chi_squared[i] >= least[i]) continue;
           least[i] = chi_squared[i];
-          best_rad[lit_[i]] = phase_rad;
+          best_rad[lit()[i]] = phase_rad;
         }
       }
       phases_rad = std::move(best_rad);
@@ -172,36 +159,8 @@ class Phases {
     return model_.Expect(parameters, false, middle_only).mean;
   }
 
-  // Of every entry: the recording of this slot that it is about, as an index into lit(); or -1.
-  std::vector<int> MovedOf(int slot) const {
-    std::map<int, int> recording_of;  // plate position -> index into lit_
-    for (size_t i = 0; i < lit_.size(); ++i) {
-      if (slot_[i] != slot) continue;
-      recording_of[model_.set().frames[lit_[i]].plate_position_id] = static_cast<int>(i);
-    }
-    std::vector<int> moved;
-    for (int e = 0; e < model_.entries(); ++e) {
-      const auto recording = recording_of.find(PositionOf(e));
-      moved.push_back(recording == recording_of.end() ? -1 : recording->second);
-    }
-    return moved;
-  }
-
-  // Plate position of all laser recordings that an entry is about; -1: none or several.
-  int PositionOf(int entry) const {
-    int position = -1;
-    for (int f : model_.FramesOf(entry)) {
-      const int id = model_.set().frames[f].plate_position_id;
-      if (id < 0 || id == position) continue;
-      if (position >= 0) return -1;
-      position = id;
-    }
-    return position;
-  }
-
   const SetModel& model_;
-  std::vector<int> lit_, slot_;
-  int slots_ = 0;
+  LitRecordings lit_;
 };
 
 // With the phases' columns, in front of those of effects.
@@ -274,8 +233,7 @@ FollowedVibration FollowVibration(const SetModel& model, const SetParameters& st
   // What compares recordings of one speckle tells of movements far below a pixel, and nothing of
   // larger ones: it counts in the end only.
   for (int e = 0; e < model.entries(); ++e) {
-    const std::string_view name = model.StatisticOf(e).name();
-    settings.use_entry.push_back(name != "shared speckle" && name != "temporal noise");
+    settings.use_entry.push_back(!model.ComparesSpeckle(e));
   }
   SetParameters parameters = start;
   parameters.effects.push_back({&vibration, law});
