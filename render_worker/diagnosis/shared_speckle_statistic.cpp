@@ -279,7 +279,8 @@ struct SharedSpeckleStatistic::Moments {
 };
 
 SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedSet& expected,
-                                                                 const Entry& entry) const {
+                                                                 const Entry& entry,
+                                                                 bool with_common) const {
   Moments moments;
   moments.count = moments.sum = moments.noise = Eigen::VectorXd::Zero(entry.size);
   moments.square = moments.weight = Eigen::VectorXd::Zero(entry.size);
@@ -354,13 +355,14 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
                     2 * decorrelation[i] * spread[i + 1] * std::max(0.0, level_b - dark[i + 1]);
                 const double nominal = pair.NominalVariance(z);
                 for (int bin = 0; bin < bins; ++bin) {
+                  if (shares[bin] == 0) continue;
                   const double weight = pixels * shares[bin];
                   moments.count[at + bin] += weight;
                   moments.sum[at + bin] += weight * difference;
                   moments.noise[at + bin] += weight * noise;
                   moments.square[at + bin] += weight * (noise + difference * difference) / nominal;
                   moments.weight[at + bin] += weight / nominal;
-                  if (!used_before || shares[bin] == 0) continue;
+                  if (!used_before || !with_common) continue;
                   for (int other = 0; other < bins; ++other) {
                     moments.common[i - 1](other, bin) -=
                         before[other] * weight * pair.ratio * noise_a;
@@ -394,7 +396,7 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
 
 Eigen::VectorXd SharedSpeckleStatistic::Expected(const ExpectedSet& expected, int index) const {
   const Entry& entry = entries_[index];
-  const Moments moments = Evaluate(expected, entry);
+  const Moments moments = Evaluate(expected, entry, false);
   Eigen::VectorXd values(entry.size);
   int at = 0;
   for (const Pair& pair : entry.pairs) {
@@ -410,7 +412,7 @@ Eigen::VectorXd SharedSpeckleStatistic::Expected(const ExpectedSet& expected, in
 
 Eigen::MatrixXd SharedSpeckleStatistic::Covariance(const ExpectedSet& expected, int index) const {
   const Entry& entry = entries_[index];
-  const Moments moments = Evaluate(expected, entry);
+  const Moments moments = Evaluate(expected, entry, true);
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(entry.size, entry.size);
   int at = 0;
   for (size_t i = 0; i < entry.pairs.size(); ++i) {

@@ -61,7 +61,8 @@ class SharedSpeckleStatistic : public SetStatistic {
     std::vector<double> observed_count;  // pixels; empty: not recorded yet
   };
   struct Moments;
-  Moments Evaluate(const ExpectedSet& expected, const Entry& entry) const;
+  // `with_common`: with what neighbouring pairs have in common, which the covariance needs only.
+  Moments Evaluate(const ExpectedSet& expected, const Entry& entry, bool with_common) const;
 
   std::vector<Entry> entries_;
 };
