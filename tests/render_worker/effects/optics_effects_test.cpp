@@ -94,6 +94,27 @@ TEST(VibrationBlur, WholePeriodsGiveABesselFunction) {
   }
 }
 
+// Interpolated and, far out, summed up: on both sides of where that changes.
+TEST(VibrationBlur, IsTheSameFunctionNearAndFar) {
+  FrameSetup frame = TestFrame();
+  frame.exposure_time_s = 0.1;
+  const OpticsModel optics =
+      After("time.vibration_blur", {{"vibration_amplitude_px", 8}, {"vibration_frequency_hz", 50}},
+            frame);
+  const double a = 8 * frame.sensor.pixel_pitch_m;
+  // Sums over 32 moments of a quarter period are Bessel functions up to arguments of some 80.
+  for (const double x : {-70.0, -1e-3, 0.1, 3.0, 17.3, 70.0}) {
+    EXPECT_NEAR(
+        std::abs(Transfer(optics, 0, x / (2 * kPi * a)) - std::cyl_bessel_j(0, std::abs(x))), 0,
+        1e-12)
+        << x;
+  }
+  const double before = Transfer(optics, 0, 255.999 / (2 * kPi * a)).real();
+  const double here = Transfer(optics, 0, 256 / (2 * kPi * a)).real();
+  const double after = Transfer(optics, 0, 256.001 / (2 * kPi * a)).real();
+  EXPECT_NEAR(here, 0.5 * (before + after), 1e-6);  // curvature
+}
+
 TEST(VibrationBlur, PartOfAPeriodIsTheMeanOverTheExposure) {
   FrameSetup frame = TestFrame();
   frame.exposure_time_s = 0.0137;
