@@ -226,7 +226,9 @@ class Competing {
     std::vector<ScreenedEffect> found;
     const Screening screening(model_, base.fit);
     for (const Effect* effect : expected_) {
-      if (IsFreeForm(*effect) || effect->description().parameters.size() < 2) continue;
+      const std::vector<EffectParameter>& parameters = effect->description().parameters;
+      const bool shaped = parameters.size() > 1 || !WholeNumbers(parameters[0]).empty();
+      if (IsFreeForm(*effect) || !shaped) continue;
       if (!Report(0.75)) break;
       if (!Has(base, effect)) found.push_back(screening.Screen(*effect));
     }
@@ -524,13 +526,29 @@ class Competing {
     SortByEvidence();
   }
 
+  // Strengths, too, that have been found for want of what scatters are not those besides it.
+  std::vector<ScreenedEffect> ScreenBesidesScatter(const Candidate& scatter) {
+    // What has been drawn is in the residual, not in what is expected of other parameters.
+    FitResult about = scatter.fit;
+    about.mean = model_.Expect(about.parameters, false).mean;
+    const Screening screening(model_, about);
+    std::vector<ScreenedEffect> found;
+    for (const Effect* effect : expected_) {
+      if (IsFreeForm(*effect)) continue;
+      if (!Report(0.96)) break;
+      found.push_back(screening.Screen(*effect));
+    }
+    return found;
+  }
+
   // The best effects by themselves, or the best besides what scatters if that explains most.
-  std::vector<Candidate> BasesOfScatter() const {
+  std::vector<Candidate> BasesOfScatter() {
     std::vector<Candidate> bases;
     const Candidate& best = candidates_.front();
     if (IsScatter(best)) {
       std::vector<Joint> joints;
-      AddJoints(best, {}, joints);
+      AddJoints(best, NullIsRejected() ? ScreenBesidesScatter(best) : std::vector<ScreenedEffect>(),
+                joints);
       SortByTotal(joints);
       for (const Joint& joint : joints) {
         if (bases.size() == kScatterBases) break;

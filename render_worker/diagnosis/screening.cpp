@@ -15,6 +15,7 @@ namespace {
 constexpr double kLeastGain = 0.75;    // [nats] of a straight line, worth a look
 constexpr double kProbe = 0.5;         // standardised
 constexpr double kLinearLength = 25;   // of a change, squared and whitened: it is linear so far
+constexpr double kStraight = 0.5;      // of a straight line's gain, reached where it is one
 constexpr double kMiddleError = 0.02;  // of a change taken to be alike along the line
 
 // Of one effect: what has been found so far, and what is tried next.
@@ -102,6 +103,7 @@ class Search {
         far.parameters[strengths[0]] = ParameterFromStandardised(strength, z);
         if (far.parameters[strengths[0]] != strength.null_value) Try(far, middle_only);
       }
+      if (best_.gain < kStraight * best_.linear_gain) TryBetween(strengths[0], middle_only);
     }
     return best_;
   }
@@ -170,6 +172,19 @@ class Search {
       }
     }
     return tried;
+  }
+
+  // What grows with the square of its strength (the variance of speckle that moves) lies beyond
+  // where a straight line is one, and far below where that line leads.
+  void TryBetween(size_t k, bool middle_only) {
+    const double first = StandardisedParameter(parameters_[k], best_.strongest.parameters[k]);
+    for (double z = 2 * first; z != 0 && std::abs(z) < 3; z *= 2) {
+      ActiveEffect active = null_;
+      active.parameters[k] = ParameterFromStandardised(parameters_[k], z);
+      const double before = best_.gain;
+      Try(active, middle_only);
+      if (best_.gain == before) break;
+    }
   }
 
   // A parameter that changes nothing until it is far from its null value (a full well, a rim):

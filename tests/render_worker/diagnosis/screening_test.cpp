@@ -60,6 +60,17 @@ TEST(Screening, FlickerHasItsFrequency) {
   }
 }
 
+// A bug found: variance grows with the square of the speed, and neither a straight line from where
+// it is one nor a large step came near a speed between.
+TEST(Screening, SpeedOfThePlateIsFoundBetweenALittleAndALot) {
+  const Effect* motion = FindEffect("time.plate_motion");
+  for (const double speed_m_s : {1e-7, 3e-7, 1e-6}) {
+    const double found = std::abs(ScreenedFor({motion, {speed_m_s}})[0]);
+    EXPECT_GT(found, 0.5 * speed_m_s);
+    EXPECT_LT(found, 2 * speed_m_s);
+  }
+}
+
 // A bug found: a ghost near the line was called a reflection in the lens, which was searched for.
 TEST(Screening, GhostLineIsFoundFromWithinItsWidth) {
   for (const double offset_m : {-4.6e-3, -1.06e-3, 1.06e-3, 3.3e-3}) {
