@@ -239,21 +239,24 @@ TEST(CompareRecordingScatter, JitterOfTheExposureScattersShortOnesMost) {
   EXPECT_GT(candidates[1].log_evidence, candidates[3].log_evidence + 2);
 }
 
+Candidate BestOf(const RecordedSet& set, const std::vector<const Effect*>& effects) {
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  CompetitionSettings settings;
+  settings.effects = effects;
+  return Compete(model, FitSet(model, start, {}, {}, nullptr), settings,
+                 [](double) { return true; })
+      .ranked.front();
+}
+
 // Both are named, with their strengths, where one of them is dark current.
 void ExpectBoth(std::string_view scatter, const std::vector<double>& parameters, uint64_t seed) {
   const Effect* dark_current = FindEffect("sensor.dark_current");
   const RecordedSet set = Render({{dark_current, {25}}, {FindEffect(scatter), parameters}}, seed);
-  const SetModel model(set, {});
-  SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
-  const std::vector<const Effect*> effects = {
-      dark_current, FindEffect("illumination.ambient_light"), FindEffect(kPowerNoise),
-      FindEffect(kExposureJitter), FindEffect(kVibration)};
-  CompetitionSettings settings;
-  settings.effects = effects;
-  const Competition competition =
-      Compete(model, FitSet(model, start, {}, {}, nullptr), settings, [](double) { return true; });
-  const Candidate& best = competition.ranked.front();
+  const Candidate best =
+      BestOf(set, {dark_current, FindEffect("illumination.ambient_light"), FindEffect(kPowerNoise),
+                   FindEffect(kExposureJitter), FindEffect(kVibration)});
   ASSERT_EQ(best.effects.size(), 2u);
   EXPECT_EQ(best.effects[0].effect, dark_current);
   EXPECT_EQ(best.effects[1].effect->description().id, scatter);
@@ -270,15 +273,7 @@ TEST(Compete, CallsScatteredLightAndNoisyRowsNoVibration) {
   const Effect* scattering = FindEffect("surface.subsurface_scattering");
   const Effect* row_noise = FindEffect("sensor.row_noise");
   const RecordedSet set = Render({{scattering, {0.9, 7e-4}}, {row_noise, {20}}}, 34);
-  const SetModel model(set, {});
-  SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
-  const std::vector<const Effect*> effects = {scattering, row_noise, FindEffect(kVibration)};
-  CompetitionSettings settings;
-  settings.effects = effects;
-  const Competition competition =
-      Compete(model, FitSet(model, start, {}, {}, nullptr), settings, [](double) { return true; });
-  const Candidate& best = competition.ranked.front();
+  const Candidate best = BestOf(set, {scattering, row_noise, FindEffect(kVibration)});
   ASSERT_EQ(best.effects.size(), 2u);
   EXPECT_TRUE(best.effects[0].effect == scattering || best.effects[1].effect == scattering);
   EXPECT_TRUE(best.effects[0].effect == row_noise || best.effects[1].effect == row_noise);
