@@ -491,7 +491,8 @@ std::vector<Eigen::VectorXd> FixedPatternStatistic::DrawnPatterns(const Expected
   const std::vector<double> sum = Sum(weights);
   int first = entry.roi.rows_px, last = 0;
   for (int row = 0; row < entry.roi.rows_px; ++row) {
-    if (sum[2 * row] + sum[2 * row + 1] == 0) continue;
+    const size_t even = 2 * static_cast<size_t>(row);
+    if (sum[even] + sum[even + 1] == 0) continue;
     first = std::min(first, row);
     last = row + 1;
   }

@@ -537,7 +537,7 @@ Realisation RecordingScatter::RealisationOf(const ScatterLaw& law,
 // Every laser recording's own place and blur, with hardly any prior.
 std::vector<RecordedMovement> RecordingScatter::MovementOf(const Linearisation& linear) const {
   constexpr double kShift_px = 10, kBlur_px2 = 10;
-  const int n = lit();
+  const Eigen::Index n = lit();
   Eigen::MatrixXd information(2 * n, 2 * n);
   information << linear.inner, linear.within_cross, linear.within_cross.transpose(),
       linear.within_inner;
@@ -552,7 +552,7 @@ std::vector<RecordedMovement> RecordingScatter::MovementOf(const Linearisation& 
   // The place of a plate position is hardly told from a movement there.
   const double place_error_px = model_.set().description.uncertainty.line_position_each_px;
   std::vector<RecordedMovement> movements;
-  for (int i = 0; i < n; ++i) {
+  for (int i = 0; i < lit(); ++i) {
     movements.push_back(
         {.exposure_time_s = model_.set().frames[lit_.frames()[i]].nominal.exposure_time_s,
          .shift_px = found[i],

@@ -43,6 +43,7 @@ class Motion {
   // Displacements are amplitudes at most, so that the transfer function is smooth in the turn
   // angle of the amplitude: Lagrange's polynomials through 14 places 1/4 apart are right to 1e-13.
   static constexpr int kPlaces = 14;
+  static constexpr int kFirst = 1 - kPlaces / 2;  // of the places, from the step it is in
   static constexpr double kStep = 0.25;
   static constexpr int kTabulated = 1024;  // steps
 
@@ -66,7 +67,7 @@ class Motion {
     std::array<double, kAll> cosine, sine, turned_cosine, turned_sine;
     for (int k = 0; k < kAll; ++k) {
       const double displacement = k < kMoments / 2 ? quarter_[k] : remainder_[k - kMoments / 2];
-      const double first = displacement * kStep * (1 - kPlaces / 2);
+      const double first = displacement * kStep * kFirst;
       cosine[k] = std::cos(first);
       sine[k] = std::sin(first);
       turned_cosine[k] = std::cos(displacement * kStep);
@@ -107,12 +108,12 @@ class Motion {
     double product = 1;
     for (int j = 0; j < kPlaces; ++j) {
       before[j] = product;
-      product *= t - (j + 1 - kPlaces / 2);
+      product *= t - (j + kFirst);
     }
     product = 1;
     for (int j = kPlaces - 1; j >= 0; --j) {
       after[j] = product;
-      product *= t - (j + 1 - kPlaces / 2);
+      product *= t - (j + kFirst);
     }
     std::complex<double> sum = 0;
     for (int j = 0; j < kPlaces; ++j) {
@@ -125,7 +126,7 @@ class Motion {
   std::array<double, kMoments / 2> quarter_;  // of a quarter period: all magnitudes
   std::array<double, kMoments> remainder_;    // of what is left over whole periods
   double whole_share_ = 0;
-  std::array<std::complex<double>, kTabulated + kPlaces> table_;  // from kPlaces/2 - 1 below 0 on
+  std::array<std::complex<double>, kTabulated + kPlaces> table_;  // from step kFirst on
 };
 
 }  // namespace
