@@ -531,11 +531,15 @@ class Competing {
     // What has been drawn is in the residual, not in what is expected of other parameters.
     FitResult about = scatter.fit;
     about.mean = model_.Expect(about.parameters, false).mean;
-    const Screening screening(model_, about);
+    return ScreenNamed(Screening(model_, about), 0.96);
+  }
+
+  // All effects of the vocabulary that change what is expected. `fraction`: of what is done.
+  std::vector<ScreenedEffect> ScreenNamed(const Screening& screening, double fraction) {
     std::vector<ScreenedEffect> found;
     for (const Effect* effect : expected_) {
       if (IsFreeForm(*effect)) continue;
-      if (!Report(0.96)) break;
+      if (!Report(fraction)) break;
       found.push_back(screening.Screen(*effect));
     }
     return found;
@@ -614,13 +618,8 @@ class Competing {
       base.fit.jacobian[e].setZero();
     }
     base.fit.parameters.effects.back().effect = phased.get();
-    const Screening screening(model_, base.fit, used);
-    std::vector<ScreenedEffect> found;
-    for (const Effect* effect : expected_) {
-      if (IsFreeForm(*effect)) continue;
-      if (!Report(0.97)) return;
-      found.push_back(screening.Screen(*effect));
-    }
+    const std::vector<ScreenedEffect> found = ScreenNamed(Screening(model_, base.fit, used), 0.97);
+    if (stopped_) return;
     std::vector<Joint> joints;
     AddJoints(base, found, joints);
     SortByTotal(joints);
