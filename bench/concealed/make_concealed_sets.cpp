@@ -45,6 +45,7 @@ struct Options {
   bool small_nulls = false;
   int threads = 2;
   std::vector<double> gains = {5, 20, 100};  // expected, to draw from [nats]
+  std::vector<std::string> only;             // names of sets; none: all
 };
 
 [[noreturn]] void Fail(const std::string& message) {
@@ -182,6 +183,7 @@ class Maker {
           Group{Kind::kPair, options_.pairs}, Group{Kind::kVariant, options_.variants}}) {
       for (int i = 0; i < count; ++i) {
         const auto start = std::chrono::steady_clock::now();
+        if (!IsWanted(kind, i)) continue;
         const Json truth = Make(kind, i);
         if (kind == Kind::kSingle) {
           const Json& effect = truth["effects"][0];
@@ -307,11 +309,24 @@ class Maker {
     return json;
   }
 
+  uint64_t SeedOf(Kind kind, int index) const {
+    return DeriveSeed(DeriveSeed(seed_, "concealed set", static_cast<uint64_t>(kind)), "index",
+                      static_cast<uint64_t>(index));
+  }
+
+  static std::string NameOf(uint64_t own_seed) {
+    return absl::StrFormat("set_%08x", static_cast<uint32_t>(DeriveSeed(own_seed, "name")));
+  }
+
+  bool IsWanted(Kind kind, int index) const {
+    const std::vector<std::string>& only = options_.only;
+    return only.empty() ||
+           std::find(only.begin(), only.end(), NameOf(SeedOf(kind, index))) != only.end();
+  }
+
   Json Make(Kind kind, int index) {
-    const uint64_t own = DeriveSeed(DeriveSeed(seed_, "concealed set", static_cast<uint64_t>(kind)),
-                                    "index", static_cast<uint64_t>(index));
-    const std::string name =
-        absl::StrFormat("set_%08x", static_cast<uint32_t>(DeriveSeed(own, "name")));
+    const uint64_t own = SeedOf(kind, index);
+    const std::string name = NameOf(own);
     const fs::path out = options_.out;
     const fs::path folder = out / "sets" / name;
     const fs::path sealed = out / "truth" / (name + ".json");
@@ -408,6 +423,7 @@ int main(int argc, char** argv) {
   app.add_flag("--small-nulls", options.small_nulls, "nulls of 13 recordings of 192 x 160");
   app.add_option("--gains", options.gains, "expected gains to draw from; default 5 20 100")
       ->check(CLI::PositiveNumber);
+  app.add_option("--only", options.only, "of these sets, those that have these names");
   app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);
   CLI11_PARSE(app, argc, argv);
   sightline::bench::Maker(options).Run();

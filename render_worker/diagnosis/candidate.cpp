@@ -25,6 +25,7 @@ constexpr double kOneMore = 0.1;
 // The model's own errors (of the speckle's law, of its correlations) are no noise: they can look
 // like an effect. Differences in evidence count less by this factor.
 constexpr double kEvidenceWeight = 0.8;
+constexpr double kKnownToBeThere = 2;  // standard errors
 
 // Of the strengths, and of which coefficients a free-form term needs.
 double LogPrior(const Candidate& candidate) {
@@ -118,6 +119,25 @@ bool IsFreeForm(const Candidate& candidate) {
 
 bool IsScatter(const Candidate& candidate) {
   return !candidate.effects.empty() && IsRecordingScatter(*candidate.effects[0].effect);
+}
+
+bool EffectsAreThere(const Candidate& candidate) {
+  if (candidate.effects.size() < 2 || IsFreeForm(candidate)) return true;
+  std::vector<bool> fitted(candidate.effects.size()), there(candidate.effects.size());
+  for (size_t f = 0; f < candidate.free.size(); ++f) {
+    const auto [effect, parameter] = candidate.free[f];
+    const ActiveEffect& active = candidate.effects[effect];
+    const double from_null = active.parameters[parameter] -
+                             active.effect->description().parameters[parameter].null_value;
+    fitted[effect] = true;
+    if (std::abs(from_null) > kKnownToBeThere * candidate.fit.effect_standard_errors[f]) {
+      there[effect] = true;
+    }
+  }
+  for (size_t e = 0; e < fitted.size(); ++e) {
+    if (fitted[e] && !there[e]) return false;
+  }
+  return true;
 }
 
 double LogEvidence(const Candidate& candidate, const FitResult& null) {

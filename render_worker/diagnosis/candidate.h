@@ -32,6 +32,11 @@ bool IsFreeForm(const Candidate& candidate);
 // Of what is drawn anew for every recording.
 bool IsScatter(const Candidate& candidate);
 
+// False if the strength of one of several effects is not known to differ from none by two standard
+// errors: nothing would be said by naming it. Whole numbers have no error; one effect is compared
+// with none by its evidence.
+bool EffectsAreThere(const Candidate& candidate);
+
 // By Laplace's approximation; `null` under the same covariance. With Cauchy's priors of strengths.
 double LogEvidence(const Candidate& candidate, const FitResult& null);
 // With the derivatives of `about`, under that covariance too, with respect to the known parameters:

@@ -72,6 +72,7 @@ class Competing {
     AddScatterToBest();
     AddTermsToBest();
     SelectTerms();
+    std::erase_if(candidates_, [](const auto& candidate) { return !EffectsAreThere(candidate); });
     Candidate none;
     none.fit = competition_.null;
     candidates_.push_back(std::move(none));

@@ -23,6 +23,10 @@ constexpr double kContrastError = 0.02;
 constexpr double kCorrelationError = 0.02;
 // Repeats: of the largest number, below which no speckle is cut off.
 constexpr double kLinear = 0.8;
+// Dark noise's standard deviations above which it is light that makes a mean.
+constexpr double kMuchLight = 10;
+// Of the variance, by a mean that is not the expected one: the model is far off there.
+constexpr double kMostChange = 0.5;
 // Of what speckle that has moved adds to the variance between repeats.
 constexpr double kMovedSpeckleError = 0.2;
 
@@ -395,9 +399,18 @@ RepeatStatistic::RepeatStatistic(const RecordedSet& set)
                         first.plate_position_id == second.plate_position_id &&
                         first.repeat_group == second.repeat_group;
       if (!same) continue;
-      entries_.push_back({{static_cast<int>(a), static_cast<int>(b)},
-                          MakeProfileBins(first, planes_),
-                          first.nominal.roi.columns_px});
+      Entry entry;
+      entry.frames = {static_cast<int>(a), static_cast<int>(b)};
+      entry.bins = MakeProfileBins(first, planes_);
+      entry.columns_px = first.nominal.roi.columns_px;
+      if (!first.raw_dn.values.empty()) {
+        for (const ProfileBin& bin : entry.bins) {
+          const PixelPlane& plane = planes_[bin.plane];
+          entry.recorded_mean_dn.push_back(
+              0.5 * (MeanOf(first.raw_dn, plane, bin) + MeanOf(second.raw_dn, plane, bin)));
+        }
+      }
+      entries_.push_back(std::move(entry));
       break;  // the next one only, so that pairs share little
     }
   }
@@ -444,10 +457,11 @@ Eigen::VectorXd RepeatStatistic::Expected(const ExpectedSet& expected, int index
   Eigen::VectorXd values(entry.bins.size());
   for (size_t i = 0; i < entry.bins.size(); ++i) {
     const PixelPlane& plane = planes_[entry.bins[i].plane];
-    double sum = 0;
+    double sum = 0, mean_dn = 0;
     for (int row : entry.bins[i].rows) {
       for (const std::vector<ExpectedFrame>& strips : expected.strips) {
         const int c = plane.first_column;
+        mean_dn += (strips[first].MeanDn(row, c) + strips[second].MeanDn(row, c)) / 2;
         sum += (strips[first].noise_variance_dn2.At(row, c) +
                 strips[second].noise_variance_dn2.At(row, c)) /
                2;
@@ -460,7 +474,17 @@ Eigen::VectorXd RepeatStatistic::Expected(const ExpectedSet& expected, int index
         if (moved > 0) sum += moved * strips[first].level_variance_dn2.At(row, c);
       }
     }
-    values[i] = sum / static_cast<double>(entry.bins[i].rows.size() * expected.strips.size());
+    const auto count = static_cast<double>(entry.bins[i].rows.size() * expected.strips.size());
+    values[i] = sum / count;
+    if (entry.recorded_mean_dn.empty()) continue;
+    // Shot noise goes with the mean. Where there is little light, a mean that differs is a matter
+    // of the black level.
+    const double light_dn = std::max(0.0, mean_dn / count - DarkMeanDn(sensor));
+    const double dark_noise_dn = sensor.gain_dn_per_electron * sensor.dark_noise_electrons;
+    const double of_light = light_dn / (light_dn + kMuchLight * (1 + dark_noise_dn));
+    const double change =
+        of_light * sensor.gain_dn_per_electron * (entry.recorded_mean_dn[i] - mean_dn / count);
+    values[i] += std::clamp(change, -kMostChange * values[i], kMostChange * values[i]);
   }
   return values;
 }

@@ -51,6 +51,22 @@ TEST(LogEvidence, IsNotToldByDerivativesOfKnownParameters) {
   EXPECT_NEAR(LogEvidence(SomeCandidate(jacobian), null, null), evidence, 1e-12);
 }
 
+// A bug found: a strong vibration was named with an astigmatism of 2.9 +- 2.9 waves.
+TEST(EffectsAreThere, AsksForStrengthsThatAreKnown) {
+  Candidate pair =
+      MakeCandidate({{FindEffect("optics.veiling_glare"), {0.1, 0.01}}, {Named(), {1.1}}});
+  const auto with_errors = [&](double power_error) {
+    pair.fit.effect_standard_errors.clear();
+    for (const auto& free : pair.free) {
+      const bool power = pair.effects[free.effect].effect == Named();
+      pair.fit.effect_standard_errors.push_back(power ? power_error : 0.001);
+    }
+    return EffectsAreThere(pair);
+  };
+  EXPECT_TRUE(with_errors(0.02));
+  EXPECT_FALSE(with_errors(0.2));
+}
+
 TEST(RankCandidates, ProbabilitiesSumToOneAndFollowEvidenceAndPriors) {
   std::vector<Candidate> candidates(3);
   for (int i = 0; i < 2; ++i) {

@@ -437,6 +437,43 @@ TEST(TextureStatistic, RecordingsOfOneSpeckleCountOnce) {
   EXPECT_LT(several[1], 6.001 * one[1]);
 }
 
+// A bug found: the speckle of a place makes its shot noise larger or smaller than expected, by more
+// than the repeats' own scatter, and the gain was led astray by it.
+TEST(RepeatStatistic, NoiseIsExpectedAtTheMeanThatIsRecorded) {
+  RecordingSet description = Recordings(false);
+  description.recordings = {Image(RecordingKind::kLaser, 0.05, 32, 1),
+                            Image(RecordingKind::kLaser, 0.05, 32, 1)};
+  constexpr int kSeeds = 16;
+  double square = 0, information = 0, of_gain = 0;
+  for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
+    const RecordedSet set = Render(description, seed, {});
+    const RepeatStatistic statistic(set);
+    ASSERT_EQ(statistic.entries(), 1);
+    const ExpectedSet expected = Expect(set, {});
+    const Eigen::VectorXd values = statistic.Expected(expected, 0);
+    const Eigen::VectorXd residual = statistic.Observed(set, 0) - values;
+    const Eigen::VectorXd gained =
+        statistic.Expected(Expect(set, {Active("sensor.gain_error", {1.1})}), 0) - values;
+    const Eigen::VectorXd weight = statistic.Covariance(expected, 0).diagonal().cwiseInverse();
+    // Of the amount of noise where there is light, over the errors stated.
+    double lit_information = 0, slope = 0, gain_slope = 0;
+    for (Eigen::Index i = 0; i < values.size(); ++i) {
+      if (values[i] < 0.3 * values.maxCoeff()) continue;
+      lit_information += values[i] * weight[i] * values[i];
+      slope += values[i] * weight[i] * residual[i];
+      gain_slope += values[i] * weight[i] * gained[i];
+    }
+    square += slope * slope / lit_information;
+    information += lit_information / kSeeds;
+    of_gain += gain_slope / lit_information / kSeeds;
+  }
+  EXPECT_GT(information, 1 / (0.05 * 0.05));
+  // Chi squared of sixteen: its upper limit of 99.9 %.
+  EXPECT_LT(square, 39.3);
+  // It still tells the gain: shot noise over its mean is K.
+  EXPECT_NEAR(of_gain, 0.1, 0.03);
+}
+
 // A bug found: the image that a bright frame left in a dark one was called row noise.
 TEST(DarkStatistic, LeavesOutFramesThatFollowLight) {
   const RecordedSet set = Render(Recordings(false), kSeed, {Active("sensor.image_lag", {2e-3})});
