@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <cmath>
 
+#include "render_worker/diagnosis/speckle_statistics.h"
+#include "render_worker/sensor/expose.h"
+
 namespace sightline {
 
 namespace {
@@ -131,6 +134,18 @@ Eigen::MatrixXd BurstStatistic::Covariance(const ExpectedSet& expected, int inde
   const Entry& entry = entries_[index];
   const std::vector<double> weights = Weights(expected, entry);
   double variance = kModelError * kModelError;
+  // What is left has the speckle of the frame before.
+  const ExpectedFrame& lit = expected.strips.front()[entry.preceding];
+  if (lit.speckle != nullptr) {
+    std::vector<double> left = RowMeans(expected, entry.seen);
+    std::vector<double> without(left.size(), DarkMeanDn(lit.frame.sensor));
+    if (entry.compared >= 0) without = RowMeans(expected, entry.compared);
+    for (size_t row = 0; row < left.size(); ++row) {
+      left[row] = row < weights.size() ? weights[row] * (left[row] - without[row]) : 0;
+    }
+    variance += VarianceOfRows(*lit.speckle, left, static_cast<int>(entry.columns_px), 1,
+                               lit.frame.roi.row_px, lit.frame.sensor.pixel_pitch_m);
+  }
   for (int f : {entry.seen, entry.compared}) {
     if (f < 0) continue;
     for (const std::vector<ExpectedFrame>& strips : expected.strips) {

@@ -130,16 +130,23 @@ Image<double> PhotoElectronsAt(int level, const ExpectedLight& light, const Leve
   };
   const auto of_cell = [&](int cell) {
     Image<double> scaled = total;
+    // The frame before in a burst shows the same speckle.
+    std::optional<Image<double>> before;
+    if (factors != nullptr && previous != nullptr && previous->values.size() == total.values.size())
+      before = *previous;
     for (int row = 0; row < scaled.rows_px; ++row) {
       const double factor = factor_at(cell, row);
       for (int column = 0; column < scaled.columns_px; ++column) {
         const double other = steady.At(row, column);
-        scaled.At(row, column) = other + factor * (scaled.At(row, column) - other);
+        const double all = scaled.At(row, column);
+        scaled.At(row, column) = other + factor * (all - other);
+        if (before && all > 0) before->At(row, column) *= scaled.At(row, column) / all;
       }
     }
     for (const ActiveEffect& active : effects) {
       if (IsSmear(active)) continue;
-      active.effect->OnMeanElectrons(scaled, previous, frame, active.parameters);
+      active.effect->OnMeanElectrons(scaled, before ? &*before : previous, frame,
+                                     active.parameters);
     }
     if (smear.laser.empty()) return scaled;
     const double factor = 1 + smear.contrast_kept * (factor_at(cell, smear.crest_row) - 1);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <map>
 
+#include "render_worker/diagnosis/speckle_statistics.h"
 #include "render_worker/diagnosis/strips.h"
 
 namespace sightline {
@@ -162,6 +163,29 @@ void AddModelErrors(const Eigen::VectorXd& means, const ProfileGroup& members, i
 
 }  // namespace
 
+// What the frame before has left in a dark one has that frame's speckle.
+Eigen::VectorXd ProfileStatistic::ErrorOfWhatIsLeft(const ProfileGroup& members,
+                                                    const std::vector<ExpectedFrame>& strips,
+                                                    int columns, int step) const {
+  Eigen::VectorXd error = Eigen::VectorXd::Zero(members.size);
+  const ExpectedFrame& lit = strips[members.preceding];
+  const ExpectedFrame& dark = strips[members.frames.front()];
+  if (lit.speckle == nullptr) return error;
+  const FrameSetup& frame = dark.frame;
+  Eigen::Index entry = 0;
+  for (const ProfileBin& bin : members.bins.front()) {
+    std::vector<double> left(frame.roi.rows_px, 0);
+    for (int row : bin.rows) {
+      left[row] = frame.sensor.gain_dn_per_electron *
+                  dark.mean_photo_electrons.At(row, planes_[bin.plane].first_column) /
+                  static_cast<double>(bin.rows.size());
+    }
+    error[entry++] = std::sqrt(VarianceOfRows(*lit.speckle, left, columns, step, frame.roi.row_px,
+                                              frame.sensor.pixel_pitch_m));
+  }
+  return error;
+}
+
 ProfileStatistic::ProfileStatistic(const RecordedSet& set, int blocks_along_line)
     : blocks_(blocks_along_line), planes_(PixelPlanes(set.frames.front().nominal.sensor)) {
   std::map<int, int> group_of_position;
@@ -176,6 +200,11 @@ ProfileStatistic::ProfileStatistic(const RecordedSet& set, int blocks_along_line
     members.frames.push_back(static_cast<int>(f));
     members.in_focus.push_back(DefocusRadiusPx(recorded.nominal) < kInFocusPx);
     members.columns_px = recorded.nominal.roi.columns_px;
+    const int before = PrecedingFrame(set, static_cast<int>(f));
+    if (recorded.plate_position_id < 0 && before >= 0 &&
+        set.frames[before].plate_position_id >= 0) {
+      members.preceding = before;
+    }
     std::vector<ProfileBin> bins = MakeProfileBins(recorded, planes_);
     members.size += static_cast<int>(bins.size());
     members.bins.push_back(std::move(bins));
@@ -309,9 +338,15 @@ Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_i
                                 std::pow(expected.column_scatter_dn, 2) / columns;
     }
   }
-  if (levels < 2) return noise_variance.asDiagonal();
-
   const int step = planes_.front().step;
+  if (levels < 2) {
+    covariance = noise_variance.asDiagonal();
+    if (members.preceding >= 0) {
+      const Eigen::VectorXd left = ErrorOfWhatIsLeft(members, strips, (last - first) / step, step);
+      covariance += left * left.transpose();
+    }
+    return covariance;
+  }
   const MeanCorrelation correlation(*front.speckle, front.frame, (last - first) / step, step);
   const int lag = correlation.max_lag();
   for (RowLevels& each : all) each.place = correlation.PlaceOf(each.row);

@@ -18,6 +18,7 @@ struct ProfileGroup {
   int size = 0;                               // entries of a block's vector
   std::vector<bool> in_focus;                 // every frame
   int columns_px = 0;                         // of the frames
+  int preceding = -1;                         // of a dark frame that follows light; -1: none
 };
 
 class ProfileStatistic : public SetStatistic {
@@ -42,6 +43,10 @@ class ProfileStatistic : public SetStatistic {
   const std::vector<PixelPlane>& planes() const { return planes_; }
 
  private:
+  Eigen::VectorXd ErrorOfWhatIsLeft(const ProfileGroup& members,
+                                    const std::vector<ExpectedFrame>& strips, int columns,
+                                    int step) const;
+
   int blocks_;
   std::vector<PixelPlane> planes_;
   std::vector<ProfileGroup> groups_;

@@ -534,4 +534,32 @@ double SpecklePixelCovariance::At(int rows, int columns) const {
   return values_[static_cast<size_t>(rows) * (max_lag_ + 1) + columns];
 }
 
+double VarianceOfRows(const LineSpeckle& speckle, const std::vector<double>& of_row, int columns,
+                      int step, int first_row_px, double pixel_pitch_m) {
+  const auto rows = static_cast<int>(of_row.size());
+  const int lag = speckle.max_lag();
+  // Covariance of the means of rows, by place and distance.
+  std::vector<std::vector<double>> of_means(speckle.places());
+  for (int place = 0; place < speckle.places(); ++place) {
+    for (int distance = 0; distance <= lag; ++distance) {
+      double sum = 0;
+      for (int c = -columns + 1; c < columns; ++c) {
+        sum += (1 - std::abs(c) / static_cast<double>(columns)) *
+               speckle.At(place).At(distance, c * step);
+      }
+      of_means[place].push_back(sum / columns);
+    }
+  }
+  double variance = 0;
+  for (int row = 0; row < rows; ++row) {
+    if (of_row[row] == 0) continue;
+    const int place = speckle.PlaceOf((first_row_px + row) * pixel_pitch_m);
+    for (int other = row; other < std::min(rows, row + lag + 1); ++other) {
+      variance +=
+          (other == row ? 1 : 2) * of_row[row] * of_row[other] * of_means[place][other - row];
+    }
+  }
+  return std::max(0.0, variance);
+}
+
 }  // namespace sightline

@@ -74,4 +74,9 @@ class LineSpeckle {
   std::shared_ptr<const std::vector<SpecklePixelCovariance>> places_;  // shared by equal lines
 };
 
+// Variance of the sum of what rows hold (`of_row`, on average) that speckle makes: each row is the
+// mean of `columns` pixels, `step` apart. First row: first_row_px of the sensor.
+double VarianceOfRows(const LineSpeckle& speckle, const std::vector<double>& of_row, int columns,
+                      int step, int first_row_px, double pixel_pitch_m);
+
 }  // namespace sightline

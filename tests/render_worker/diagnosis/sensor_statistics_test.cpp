@@ -15,6 +15,7 @@
 #include "render_worker/diagnosis/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/histogram_statistic.h"
 #include "render_worker/diagnosis/noise_statistics.h"
+#include "render_worker/diagnosis/profile_statistic.h"
 #include "render_worker/diagnosis/shared_speckle_statistic.h"
 #include "render_worker/diagnosis/strips.h"
 #include "render_worker/image_chain/form_image.h"
@@ -262,6 +263,40 @@ TEST(SharedSpeckleStatistic, ChargeFlowsAsItIsRendered) {
 
 // A bug found: speckle that moves a little added the same variance to dim and bright pixels, three
 // times what rendered recordings show, since dim pixels weigh most.
+// A bug found: what a long exposure leaves in a short one was said to be even, and was taken for
+// something that bends.
+TEST(SharedSpeckleStatistic, LagHasTheSpeckleOfTheFrameBefore) {
+  double chi_squared = 0;
+  int count = 0;
+  const std::vector<ActiveEffect> effects = {Active("sensor.image_lag", {0.02})};
+  for (uint64_t seed = 1; seed <= 3; ++seed) {
+    const RecordedSet set = Render(Recordings(false), seed, effects);
+    const Comparison right = Compare(SharedSpeckleStatistic(set), set, Expect(set, effects));
+    chi_squared += right.chi_squared;
+    count += right.count;
+  }
+  EXPECT_LT(chi_squared, count + 4 * std::sqrt(2.0 * count));
+}
+
+// A bug found: what it leaves in a dark frame was expected as closely as that frame's noise allows.
+TEST(BurstStatistic, LagScattersAsTheFrameBefore) {
+  double burst = 0, profile = 0;
+  int burst_count = 0, profile_count = 0;
+  const std::vector<ActiveEffect> effects = {Active("sensor.image_lag", {0.02})};
+  for (uint64_t seed = 1; seed <= 3; ++seed) {
+    const RecordedSet set = Render(Recordings(false), seed, effects);
+    const ExpectedSet expected = Expect(set, effects);
+    const Comparison one = Compare(BurstStatistic(set), set, expected);
+    const Comparison other = Compare(ProfileStatistic(set, kBlocks), set, expected);
+    burst += one.chi_squared;
+    burst_count += one.count;
+    profile += other.chi_squared;
+    profile_count += other.count;
+  }
+  EXPECT_LT(burst, burst_count + 4 * std::sqrt(2.0 * burst_count));
+  EXPECT_LT(profile, profile_count + 4 * std::sqrt(2.0 * profile_count));
+}
+
 TEST(SharedSpeckleStatistic, ALittleMotionAddsTheVarianceThatIsRendered) {
   constexpr int kPairs = 5;
   for (const double speed_m_s : {8e-6, 1.6e-5}) {
