@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <utility>
 
 #include "render_worker/diagnosis/speckle_statistics.h"
 #include "render_worker/diagnosis/strips.h"
@@ -209,6 +210,13 @@ ProfileStatistic::ProfileStatistic(const RecordedSet& set, int blocks_along_line
     members.size += static_cast<int>(bins.size());
     members.bins.push_back(std::move(bins));
   }
+  std::map<std::pair<int, int>, int> groups_at;  // column and row of the sensor
+  const auto corner = [&](const ProfileGroup& members) {
+    const RegionOfInterest& roi = set.frames[members.frames.front()].nominal.roi;
+    return std::pair(roi.column_px, roi.row_px);
+  };
+  for (const ProfileGroup& members : groups_) ++groups_at[corner(members)];
+  for (ProfileGroup& members : groups_) members.sharing = groups_at[corner(members)];
 }
 
 int ProfileStatistic::FrameOfRow(int entry, int row) const {
@@ -315,8 +323,9 @@ Eigen::MatrixXd ProfileStatistic::Covariance(const ExpectedSet& set, int entry_i
       double noise = 0;
       for (int row : bin.rows) {
         const int column = middle + plane.first_column;
+        // What is odd about a pixel counts once.
         noise += expected.noise_variance_dn2.At(row, column) +
-                 expected.pattern_variance_dn2.At(row, column);
+                 members.sharing * expected.pattern_variance_dn2.At(row, column);
         if (levels < 2) continue;
         RowLevels entry_row{entry, row, bin.plane, 0, weight, std::vector<double>(levels)};
         const double mean = expected.MeanDn(row, column);

@@ -19,6 +19,7 @@ struct ProfileGroup {
   std::vector<bool> in_focus;                 // every frame
   int columns_px = 0;                         // of the frames
   int preceding = -1;                         // of a dark frame that follows light; -1: none
+  int sharing = 1;                            // groups that see the same pixels of the sensor
 };
 
 class ProfileStatistic : public SetStatistic {

@@ -297,6 +297,29 @@ TEST(BurstStatistic, LagScattersAsTheFrameBefore) {
   EXPECT_LT(profile, profile_count + 4 * std::sqrt(2.0 * profile_count));
 }
 
+// A bug found: a strong pattern of the sensor, the same in all recordings, was taken for ripples of
+// the line as well.
+TEST(ProfileStatistic, PatternOfTheSensorCountsOnce) {
+  RecordingSet description = Recordings(false);
+  const std::vector<ActiveEffect> effects = {Active("sensor.prnu", {0.4})};
+  // That the pattern adds to the brightest bin.
+  const auto variance = [&] {
+    const RecordedSet planned = MakeRecordedSet(description, {});
+    const ExpectedSet without = Expect(planned, {}), with = Expect(planned, effects);
+    const ProfileStatistic statistic(planned, kBlocks);
+    Eigen::Index brightest = 0;
+    statistic.Expected(with, 0).maxCoeff(&brightest);
+    return statistic.Covariance(with, 0)(brightest, brightest) -
+           statistic.Covariance(without, 0)(brightest, brightest);
+  };
+  description.recordings.resize(1);
+  const double alone = variance();
+  description.recordings =
+      std::vector<RecordedImage>(5, Image(RecordingKind::kLaser, 0.0005, 8, 1));
+  for (int i = 0; i < 5; ++i) description.recordings[i].plate_position_id = i;
+  EXPECT_NEAR(variance(), 5 * alone, 0.01 * alone);
+}
+
 TEST(SharedSpeckleStatistic, ALittleMotionAddsTheVarianceThatIsRendered) {
   constexpr int kPairs = 5;
   for (const double speed_m_s : {8e-6, 1.6e-5}) {
