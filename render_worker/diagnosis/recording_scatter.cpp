@@ -83,11 +83,16 @@ class RecordingScatter {
       offset_.push_back(offset_.back() + static_cast<int>(mean.size()));
     }
     FindAmplitudesOfEntries();
+    jacobian_ = null_.jacobian;
+    for (size_t i = 0; i < null_.held.size(); ++i) {
+      if (!null_.held[i]) continue;
+      for (Eigen::MatrixXd& entry : jacobian_) entry.col(static_cast<Eigen::Index>(i)).setZero();
+    }
     // At the best known parameters by the linearised model: the fit may stop short of them.
     Eigen::MatrixXd information = null.prior_weight.asDiagonal();
     Eigen::VectorXd gradient = Eigen::VectorXd::Zero(null.standardised.size());
     for (int e = 0; e < model.entries(); ++e) {
-      const Eigen::MatrixXd& jacobian = null.jacobian[e];
+      const Eigen::MatrixXd& jacobian = jacobian_[e];
       const Eigen::VectorXd residual = null.residual[e] + jacobian * null.standardised;
       information.noalias() += jacobian.transpose() * jacobian;
       gradient.noalias() += jacobian.transpose() * residual;
@@ -228,7 +233,7 @@ class RecordingScatter {
       const int n = offset_[e + 1] - offset_[e];
       linear.residual.segment(offset_[e], n) =
           (*null_.whitening)(e, model_.observed()[e] - mean[e]);
-      linear.jacobian.middleRows(offset_[e], n) = null_.jacobian[e];
+      linear.jacobian.middleRows(offset_[e], n) = jacobian_[e];
     }
     if (amplitude == Amplitude::kShift) {
       linear.change = Derivative(at, &Realisation::shift_px, 0.1, middle);
@@ -353,10 +358,11 @@ class RecordingScatter {
 
   const SetModel& model_;
   const FitResult& null_;
-  Realisation at_;             // of null_'s covariances
-  std::vector<int> offset_;    // of the entries in the vector of all
-  std::vector<int> position_;  // of every entry: plate position; -1: none or several
-  std::vector<int> block_;     // of every entry: along the line; -1: all
+  Realisation at_;                         // of null_'s covariances
+  std::vector<Eigen::MatrixXd> jacobian_;  // of null_; what is held at a bound stays there
+  std::vector<int> offset_;                // of the entries in the vector of all
+  std::vector<int> position_;              // of every entry: plate position; -1: none or several
+  std::vector<int> block_;                 // of every entry: along the line; -1: all
   LitRecordings lit_;
   double null_total_ = 0;
 };
@@ -505,6 +511,10 @@ RecordingScatter::Posterior RecordingScatter::MostProbable(
   if (law.within)
     residual -= linear.within * (law.within(parameters, linear.origin) - linear.within_origin);
   posterior.parameters = linear.information.solve(linear.jacobian.transpose() * residual);
+  for (size_t i = 0; i < null_.held.size(); ++i) {
+    const auto held = static_cast<Eigen::Index>(i);
+    if (null_.held[i]) posterior.parameters[held] = null_.standardised[held];
+  }
   posterior.log_determinant = 2 * (solver.matrixLLT().diagonal().array().log().sum() +
                                    linear.information.matrixLLT().diagonal().array().log().sum());
   return posterior;

@@ -102,6 +102,22 @@ void ExpectFound(std::string_view id, std::vector<double> parameters, uint64_t s
   EXPECT_LT(after.chi_squared, before.chi_squared);
 }
 
+// A bug found: where the black level is off by more than its uncertainty allows, power noise was
+// said to explain it, since the black level besides it was not held.
+TEST(CompareRecordingScatter, KeepsKnownParametersWithinTheirBounds) {
+  const RecordedSet set = Render({{FindEffect("sensor.black_level_error"), {4}}}, 9);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  const double allowed = 3.001 * set.description.uncertainty.dark_mean_electrons;
+  ASSERT_GT(compared.null.parameters.deviations.dark_mean_electrons, 0.99 * allowed);
+  for (const ScatterCandidate& candidate : compared.candidates) {
+    EXPECT_LE(candidate.fit.parameters.deviations.dark_mean_electrons, allowed)
+        << candidate.effect->description().id;
+    EXPECT_GT(candidate.fit.chi_squared, 0.8 * compared.null.chi_squared)
+        << candidate.effect->description().id;
+  }
+}
+
 // A bug found: far from the axis, where another distance moves the line by more than its width, its
 // light was taken to be missing, and strong jitter was not found at all.
 TEST(LightExcesses, AreThoseOfTheLineWhereverItIs) {
