@@ -60,7 +60,7 @@ v1::ProfileComparison CompareProfiles(const SetModel& model, const FitResult& nu
     profile.set_channel(PlaneName(sensor, static_cast<int>(p)));
     double telling = 0;
     for (int row = plane.first_row; row < frame.raw_dn.rows_px; row += plane.step) {
-      double sum = 0, count = 0, null_dn = 0, model_dn = 0, variance = 0;
+      double sum = 0, count = 0, null_dn = 0, model_dn = 0, of_pixel = 0, of_row = 0;
       for (int c = plane.first_column; c < frame.raw_dn.columns_px; c += plane.step) {
         sum += frame.raw_dn.At(row, c);
         ++count;
@@ -75,11 +75,15 @@ v1::ProfileComparison CompareProfiles(const SetModel& model, const FitResult& nu
           speckle += std::pow(level.At(row, plane.first_column) - mean, 2) /
                      static_cast<double>(strip.level_dn.size());
         }
-        variance += (speckle + strip.noise_variance_dn2.At(row, plane.first_column)) / blocks;
+        // Neighbouring columns share some speckle: two columns per independent one.
+        of_pixel += (2 * speckle + strip.noise_variance_dn2.At(row, plane.first_column) +
+                     strip.pattern_variance_dn2.At(row, plane.first_column) +
+                     std::pow(strip.column_scatter_dn, 2)) /
+                    blocks;
+        of_row += std::pow(strip.row_scatter_dn, 2) / blocks;
       }
       const double observed = sum / count;
-      // Neighbouring columns share some speckle: two columns per independent one.
-      const double deviation = std::sqrt(2 * variance / count);
+      const double deviation = std::sqrt(of_pixel / count + of_row);
       profile.add_row_px(frame.nominal.roi.row_px + row);
       profile.add_observed_dn(observed);
       profile.add_null_dn(null_dn);
