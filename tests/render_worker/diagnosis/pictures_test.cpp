@@ -22,9 +22,8 @@ TEST(CompareProfiles, RowsScatterAsDrawn) {
   const v1::ProfileComparison profile = CompareProfiles(model, null, best, 0);
   double square = 0;
   for (int row = 0; row < profile.row_px_size(); ++row) {
-    square += std::pow((profile.observed_dn(row) - profile.model_dn(row)) /
-                           profile.standard_deviation_dn(row),
-                       2);
+    square += std::pow(
+        (profile.observed_dn(row) - profile.model_dn(row)) / profile.standard_deviation_dn(row), 2);
   }
   // Of 128 rows, most without light: four standard deviations of the mean square.
   EXPECT_NEAR(square / profile.row_px_size(), 1, 0.5);
