@@ -6,6 +6,7 @@
 #include <cstdlib>
 #include <utility>
 
+#include "render_worker/diagnosis/integrated_speckle.h"
 #include "render_worker/diagnosis/shared_speckle_statistic.h"
 #include "render_worker/diagnosis/strips.h"
 #include "render_worker/sensor/expose.h"
@@ -23,8 +24,6 @@ constexpr double kContrastError = 0.02;
 constexpr double kCorrelationError = 0.02;
 // Repeats: of the largest number, below which no speckle is cut off.
 constexpr double kLinear = 0.8;
-// Dark noise's standard deviations above which it is light that makes a mean.
-constexpr double kMuchLight = 10;
 // Of the variance, by a mean that is not the expected one: the model is far off there.
 constexpr double kMostChange = 0.5;
 // Of what speckle that has moved adds to the variance between repeats.
@@ -107,6 +106,21 @@ class CommonFactor {
   double black_dn_, top_dn_;
   double product_ = 0, square_ = 0;
 };
+
+// Share of a pixel's light, and so of its shot noise, that is in speckle above a number.
+double LightAbove(double level_dn, const ExpectedFrame& strip, int row, int column) {
+  constexpr int kLevels = 100;
+  const double signal_dn = strip.MeanDn(row, column) - DarkMeanDn(strip.frame.sensor);
+  if (strip.level_dn.back().At(row, column) < 0.3 * level_dn || signal_dn <= 0) return 0;
+  const double contrast_squared =
+      strip.level_variance_dn2.At(row, column) / (signal_dn * signal_dn);
+  const double limit = (level_dn - DarkMeanDn(strip.frame.sensor)) / signal_dn;
+  double sum = 0;
+  for (const double factor : SpeckleLevels(std::min(1.0, contrast_squared), kLevels)) {
+    if (factor > limit) sum += factor / kLevels;
+  }
+  return sum;
+}
 
 int OtherRow(int row, int lag, int rows_px) { return row + lag < rows_px ? row + lag : row - lag; }
 
@@ -463,7 +477,9 @@ Eigen::VectorXd RepeatStatistic::Expected(const ExpectedSet& expected, int index
         const int c = plane.first_column;
         mean_dn += (strips[first].MeanDn(row, c) + strips[second].MeanDn(row, c)) / 2;
         sum += (strips[first].noise_variance_dn2.At(row, c) +
-                strips[second].noise_variance_dn2.At(row, c)) /
+                strips[second].noise_variance_dn2.At(row, c) +
+                std::pow(strips[first].row_scatter_dn, 2) +
+                std::pow(strips[second].row_scatter_dn, 2)) /
                2;
         const size_t levels = strips[first].level_dn.size();
         for (size_t q = 0; q < levels; ++q) {
@@ -477,13 +493,10 @@ Eigen::VectorXd RepeatStatistic::Expected(const ExpectedSet& expected, int index
     const auto count = static_cast<double>(entry.bins[i].rows.size() * expected.strips.size());
     values[i] = sum / count;
     if (entry.recorded_mean_dn.empty()) continue;
-    // Shot noise goes with the mean. Where there is little light, a mean that differs is a matter
-    // of the black level.
-    const double light_dn = std::max(0.0, mean_dn / count - DarkMeanDn(sensor));
-    const double dark_noise_dn = sensor.gain_dn_per_electron * sensor.dark_noise_electrons;
-    const double of_light = light_dn / (light_dn + kMuchLight * (1 + dark_noise_dn));
+    // Shot noise goes with the mean: on the line by its speckle, far from it by what is not known of
+    // the lens.
     const double change =
-        of_light * sensor.gain_dn_per_electron * (entry.recorded_mean_dn[i] - mean_dn / count);
+        sensor.gain_dn_per_electron * (entry.recorded_mean_dn[i] - mean_dn / count);
     values[i] += std::clamp(change, -kMostChange * values[i], kMostChange * values[i]);
   }
   return values;
@@ -500,8 +513,11 @@ Eigen::MatrixXd RepeatStatistic::Covariance(const ExpectedSet& expected, int ind
     const PixelPlane& plane = planes_[entry.bins[i].plane];
     const double count =
         static_cast<double>(entry.bins[i].rows.size()) * entry.columns_px / plane.step;
-    // Shot noise follows the speckle: its variance scatters too, which adds to the kurtosis.
-    covariance(i, i) = values[i] * values[i] * 4 / count;
+    // Shot noise follows the speckle: its variance scatters too, which adds to the kurtosis. Of
+    // what rows draw there are as many as rows.
+    covariance(i, i) = values[i] * values[i] * 4 / count +
+                       2 * std::pow(expected.strips.front()[entry.frames[0]].row_scatter_dn, 4) /
+                           static_cast<double>(entry.bins[i].rows.size());
     if (moved > 0) {
       double level = 0;
       for (const std::vector<ExpectedFrame>& strips : expected.strips) {
@@ -512,15 +528,18 @@ Eigen::MatrixXd RepeatStatistic::Covariance(const ExpectedSet& expected, int ind
       level /= static_cast<double>(entry.bins[i].rows.size() * expected.strips.size());
       covariance(i, i) += std::pow(kMovedSpeckleError * moved * level, 2);
     }
-    // Where speckle reaches the top the noise is cut off: nothing is claimed there.
-    double highest = 0, top = 0;
+    // Where speckle reaches the top the noise is cut off: little of it, or nothing is claimed
+    // there.
+    double highest = 0, top = 0, cut_off = 0;
     for (const std::vector<ExpectedFrame>& strips : expected.strips) {
       const ExpectedFrame& strip = strips[entry.frames[0]];
       top = strip.frame.sensor.largest_dn();
       for (int row : entry.bins[i].rows) {
         highest = std::max<double>(highest, strip.level_dn.back().At(row, plane.first_column));
+        cut_off = std::max(cut_off, LightAbove(top, strip, row, plane.first_column));
       }
     }
+    covariance(i, i) += std::pow(cut_off * values[i], 2);
     if (highest > kLinear * top) covariance(i, i) = top * top;
   }
   return covariance;

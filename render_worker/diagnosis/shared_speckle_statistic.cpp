@@ -268,6 +268,11 @@ std::pair<double, double> LevelsAt(const ExpectedFrame& a, const ExpectedFrame& 
   return numbers;
 }
 
+// Of y_b - r y_a (and, for 1, of the sum), by what rows draw.
+double RowVariance(const ExpectedFrame& a, const ExpectedFrame& b, double ratio) {
+  return std::pow(b.row_scatter_dn, 2) + std::pow(ratio * a.row_scatter_dn, 2);
+}
+
 // Sums over the pixels that the levels of speckle stand for.
 struct SharedSpeckleStatistic::Moments {
   Eigen::VectorXd count, sum,
@@ -276,6 +281,7 @@ struct SharedSpeckleStatistic::Moments {
   Eigen::VectorXd square, weight;
   std::vector<Eigen::MatrixXd> common;  // of a pair's bins and the next one's: shared noise
   std::vector<double> decorrelation;    // of every pair
+  Eigen::MatrixXd of_rows;              // of every value: pixels by row; empty: rows draw nothing
 };
 
 SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedSet& expected,
@@ -303,7 +309,12 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
     const double pixels_of_level =
         static_cast<double>(entry.columns_px) /
         static_cast<double>(expected.strips.size() * cell_columns * levels);
-    for (int row = 0; row < any.noise_variance_dn2.rows_px; ++row) {
+    const int rows_px = any.noise_variance_dn2.rows_px;
+    const bool rows_scatter = any.row_scatter_dn > 0;
+    if (rows_scatter && moments.of_rows.size() == 0) {
+      moments.of_rows = Eigen::MatrixXd::Zero(entry.size, rows_px);
+    }
+    for (int row = 0; row < rows_px; ++row) {
       for (int column = 0; column < cell_columns; ++column) {
         // Variance of the levels over their mean above the dark.
         std::vector<double> mean(pairs + 1), spread(pairs + 1, 0), dark(pairs + 1, 0);
@@ -339,7 +350,8 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
                 moments.count[at + bins] += pixels_of_level * share;
                 moments.sum[at + bins] += pixels_of_level * share * level_b;
               }
-              const double z = level_a + level_b, deviation = std::sqrt(noise_a + noise_b);
+              const double z = level_a + level_b;
+              const double deviation = std::sqrt(noise_a + noise_b + RowVariance(a, b, 1));
               const bool used = z + 5 * deviation > pair.edges_dn.front() &&
                                 z - 5 * deviation < pair.edges_dn.back();
               if (used) {
@@ -354,13 +366,19 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
                     noise_b + pair.ratio * pair.ratio * noise_a + dsnu * dsnu +
                     2 * decorrelation[i] * spread[i + 1] * std::max(0.0, level_b - dark[i + 1]);
                 const double nominal = pair.NominalVariance(z);
+                const double of_row = RowVariance(a, b, pair.ratio);
                 for (int bin = 0; bin < bins; ++bin) {
                   if (shares[bin] == 0) continue;
                   const double weight = pixels * shares[bin];
                   moments.count[at + bin] += weight;
                   moments.sum[at + bin] += weight * difference;
                   moments.noise[at + bin] += weight * noise;
-                  moments.square[at + bin] += weight * (noise + difference * difference) / nominal;
+                  moments.square[at + bin] +=
+                      weight * (noise + of_row + difference * difference) / nominal;
+                  if (rows_scatter) {
+                    moments.of_rows(at + bin, row) += weight;
+                    moments.of_rows(at + bins + 1, row) += weight * of_row / nominal;
+                  }
                   moments.weight[at + bin] += weight / nominal;
                   if (!used_before || !with_common) continue;
                   for (int other = 0; other < bins; ++other) {
@@ -456,7 +474,43 @@ Eigen::MatrixXd SharedSpeckleStatistic::Covariance(const ExpectedSet& expected, 
     }
     at += pair.size();
   }
+  if (moments.of_rows.size() > 0) AddRowScatter(expected, entry, moments, covariance);
   return covariance;
+}
+
+// All pixels of a row have what it draws; a recording's rows are in the pair before and in its own.
+void SharedSpeckleStatistic::AddRowScatter(const ExpectedSet& expected, const Entry& entry,
+                                           const Moments& moments, Eigen::MatrixXd& covariance) {
+  const std::vector<ExpectedFrame>& strips = expected.strips.front();
+  const auto shared_rows = [&](int k, int l) {
+    const double counts = moments.count[k] * moments.count[l];
+    return counts > 0 ? moments.of_rows.row(k).dot(moments.of_rows.row(l)) / counts : 0;
+  };
+  int at = 0;
+  for (size_t i = 0; i < entry.pairs.size(); ++i) {
+    const Pair& pair = entry.pairs[i];
+    const double variance = RowVariance(strips[pair.first], strips[pair.second], pair.ratio);
+    for (int k = 0; k < pair.bins(); ++k) {
+      for (int l = 0; l < pair.bins(); ++l) {
+        covariance(at + k, at + l) += variance * shared_rows(at + k, at + l);
+      }
+    }
+    // Of variances there are as many as rows.
+    const int of_variance = at + pair.bins() + 1;
+    covariance(of_variance, of_variance) += 2 * shared_rows(of_variance, of_variance);
+    const int next = at + pair.size();
+    if (i + 1 < entry.pairs.size()) {
+      const Pair& other = entry.pairs[i + 1];
+      const double both = -other.ratio * std::pow(strips[pair.second].row_scatter_dn, 2);
+      for (int k = 0; k < pair.bins(); ++k) {
+        for (int l = 0; l < other.bins(); ++l) {
+          covariance(at + k, next + l) += both * shared_rows(at + k, next + l);
+          covariance(next + l, at + k) = covariance(at + k, next + l);
+        }
+      }
+    }
+    at = next;
+  }
 }
 
 }  // namespace sightline

@@ -63,6 +63,8 @@ class SharedSpeckleStatistic : public SetStatistic {
   struct Moments;
   // `with_common`: with what neighbouring pairs have in common, which the covariance needs only.
   Moments Evaluate(const ExpectedSet& expected, const Entry& entry, bool with_common) const;
+  static void AddRowScatter(const ExpectedSet& expected, const Entry& entry, const Moments& moments,
+                            Eigen::MatrixXd& covariance);
 
   std::vector<Entry> entries_;
 };

@@ -278,6 +278,27 @@ TEST(SharedSpeckleStatistic, LagHasTheSpeckleOfTheFrameBefore) {
   EXPECT_LT(chi_squared, count + 4 * std::sqrt(2.0 * count));
 }
 
+// A bug found: noise of rows was expected in the dark frames only.
+template <typename Statistic>
+class RowNoiseTest : public testing::Test {};
+using RowNoiseStatistics = testing::Types<SharedSpeckleStatistic, RepeatStatistic>;
+TYPED_TEST_SUITE(RowNoiseTest, RowNoiseStatistics);
+
+TYPED_TEST(RowNoiseTest, IsExpectedWhereRecordingsAreCompared) {
+  for (const double electrons : {4.0, 40.0}) {
+    double chi_squared = 0;
+    int count = 0;
+    const std::vector<ActiveEffect> effects = {Active("sensor.row_noise", {electrons})};
+    for (uint64_t seed = 1; seed <= 3; ++seed) {
+      const RecordedSet set = Render(Recordings(false), seed, effects);
+      const Comparison right = Compare(TypeParam(set), set, Expect(set, effects));
+      chi_squared += right.chi_squared;
+      count += right.count;
+    }
+    EXPECT_LT(chi_squared, count + 4 * std::sqrt(2.0 * count)) << electrons;
+  }
+}
+
 // A bug found: what it leaves in a dark frame was expected as closely as that frame's noise allows.
 TEST(BurstStatistic, LagScattersAsTheFrameBefore) {
   double burst = 0, profile = 0;
