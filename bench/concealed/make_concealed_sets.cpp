@@ -6,7 +6,6 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
-#include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <memory>
@@ -19,6 +18,7 @@
 #include "bench/concealed/effect_draw.h"
 #include "bench/concealed/equivalents.h"
 #include "bench/concealed/rig_design.h"
+#include "bench/concealed/truth_file.h"
 #include "bench/concealed/variant_laws.h"
 #include "core/random/counter_random.h"
 #include "render_worker/diagnosis/expected_frame.h"
@@ -47,11 +47,6 @@ struct Options {
   std::vector<double> gains = {5, 20, 100};  // expected, to draw from [nats]
   std::vector<std::string> only;             // names of sets; none: all
 };
-
-[[noreturn]] void Fail(const std::string& message) {
-  std::fprintf(stderr, "make_concealed_sets: %s\n", message.c_str());
-  std::exit(1);
-}
 
 const char* StageName(Stage stage) {
   switch (stage) {

@@ -493,8 +493,8 @@ Eigen::VectorXd RepeatStatistic::Expected(const ExpectedSet& expected, int index
     const auto count = static_cast<double>(entry.bins[i].rows.size() * expected.strips.size());
     values[i] = sum / count;
     if (entry.recorded_mean_dn.empty()) continue;
-    // Shot noise goes with the mean: on the line by its speckle, far from it by what is not known of
-    // the lens.
+    // Shot noise goes with the mean: on the line by its speckle, far from it by what is not known
+    // of the lens.
     const double change =
         sensor.gain_dn_per_electron * (entry.recorded_mean_dn[i] - mean_dn / count);
     values[i] += std::clamp(change, -kMostChange * values[i], kMostChange * values[i]);
@@ -613,8 +613,9 @@ Eigen::VectorXd DarkStatistic::Expected(const ExpectedSet& expected, int entry) 
   const ExpectedFrame& any = expected.strips.front()[f];
   const double of_rows = any.row_scatter_dn * any.row_scatter_dn;
   const double of_columns = any.column_scatter_dn * any.column_scatter_dn;
-  values << pixels + of_rows + of_columns, (pixels + of_columns) / columns + of_rows,
-      (pixels + of_rows) / rows + of_columns, 0;
+  // What rows draw is alike in the means of all columns.
+  values << pixels + of_rows + of_columns, pixels / columns + of_rows, pixels / rows + of_columns,
+      0;
   return values;
 }
 
@@ -623,9 +624,12 @@ Eigen::MatrixXd DarkStatistic::Covariance(const ExpectedSet& expected, int entry
   const Eigen::VectorXd values = Expected(expected, entry);
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(4, 4);
   const double pixels = static_cast<double>(columns) * rows;
-  covariance(0, 0) = values[0] * values[0] * 2 / pixels;
   covariance(1, 1) = values[1] * values[1] * 2 / rows;
   covariance(2, 2) = values[2] * values[2] * 2 / columns;
+  // The variance of the pixels is that within rows and columns and those of their means.
+  covariance(0, 0) = values[0] * values[0] * 2 / pixels + covariance(1, 1) + covariance(2, 2);
+  covariance(0, 1) = covariance(1, 0) = covariance(1, 1);
+  covariance(0, 2) = covariance(2, 0) = covariance(2, 2);
   // Half a pixel.
   covariance(3, 3) = 0.25 / (pixels * pixels);
   return covariance;
