@@ -132,8 +132,8 @@ Image<double> PhotoElectronsAt(int level, const ExpectedLight& light, const Leve
     Image<double> scaled = total;
     // The frame before in a burst shows the same speckle.
     std::optional<Image<double>> before;
-    if (factors != nullptr && previous != nullptr && previous->values.size() == total.values.size())
-      before = *previous;
+    const bool follows = previous != nullptr && previous->values.size() == total.values.size();
+    if (factors != nullptr && follows) before = *previous;
     for (int row = 0; row < scaled.rows_px; ++row) {
       const double factor = factor_at(cell, row);
       for (int column = 0; column < scaled.columns_px; ++column) {

@@ -6,7 +6,6 @@
 #include <cstdlib>
 #include <utility>
 
-#include "render_worker/diagnosis/integrated_speckle.h"
 #include "render_worker/diagnosis/shared_speckle_statistic.h"
 #include "render_worker/diagnosis/strips.h"
 #include "render_worker/sensor/expose.h"
@@ -36,11 +35,7 @@ double NoiseVariance(const ExpectedFrame& strip, int row, int column) {
 // Sum over a block's columns of the speckle correlation with one of them, over their number: share
 // of the variance that the mean of the block takes with it.
 double MeanShare(const SpecklePixelCovariance& speckle, int columns, int step) {
-  double sum = 0;
-  for (int c = -columns + 1; c < columns; ++c) {
-    sum += (1 - std::abs(c) / static_cast<double>(columns)) * speckle.At(0, c * step);
-  }
-  return sum / (speckle.At(0, 0) * columns);
+  return CovarianceOfMeans(speckle, 0, columns, step, 0) / speckle.At(0, 0);
 }
 
 // Residuals of one plane's row about the means of its blocks.
@@ -106,21 +101,6 @@ class CommonFactor {
   double black_dn_, top_dn_;
   double product_ = 0, square_ = 0;
 };
-
-// Share of a pixel's light, and so of its shot noise, that is in speckle above a number.
-double LightAbove(double level_dn, const ExpectedFrame& strip, int row, int column) {
-  constexpr int kLevels = 100;
-  const double signal_dn = strip.MeanDn(row, column) - DarkMeanDn(strip.frame.sensor);
-  if (strip.level_dn.back().At(row, column) < 0.3 * level_dn || signal_dn <= 0) return 0;
-  const double contrast_squared =
-      strip.level_variance_dn2.At(row, column) / (signal_dn * signal_dn);
-  const double limit = (level_dn - DarkMeanDn(strip.frame.sensor)) / signal_dn;
-  double sum = 0;
-  for (const double factor : SpeckleLevels(std::min(1.0, contrast_squared), kLevels)) {
-    if (factor > limit) sum += factor / kLevels;
-  }
-  return sum;
-}
 
 int OtherRow(int row, int lag, int rows_px) { return row + lag < rows_px ? row + lag : row - lag; }
 
@@ -528,18 +508,15 @@ Eigen::MatrixXd RepeatStatistic::Covariance(const ExpectedSet& expected, int ind
       level /= static_cast<double>(entry.bins[i].rows.size() * expected.strips.size());
       covariance(i, i) += std::pow(kMovedSpeckleError * moved * level, 2);
     }
-    // Where speckle reaches the top the noise is cut off: little of it, or nothing is claimed
-    // there.
-    double highest = 0, top = 0, cut_off = 0;
+    // Where speckle reaches the top the noise is cut off: nothing is claimed there.
+    double highest = 0, top = 0;
     for (const std::vector<ExpectedFrame>& strips : expected.strips) {
       const ExpectedFrame& strip = strips[entry.frames[0]];
       top = strip.frame.sensor.largest_dn();
       for (int row : entry.bins[i].rows) {
         highest = std::max<double>(highest, strip.level_dn.back().At(row, plane.first_column));
-        cut_off = std::max(cut_off, LightAbove(top, strip, row, plane.first_column));
       }
     }
-    covariance(i, i) += std::pow(cut_off * values[i], 2);
     if (highest > kLinear * top) covariance(i, i) = top * top;
   }
   return covariance;

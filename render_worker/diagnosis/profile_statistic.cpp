@@ -60,12 +60,8 @@ class MeanCorrelation {
       const SpecklePixelCovariance& pixel = line.At(place);
       for (int dr = -max_lag(); dr <= max_lag(); ++dr) {
         for (int phase = -1; phase <= 1; ++phase) {
-          double sum = 0;
-          for (int c = -columns + 1; c < columns; ++c) {
-            sum +=
-                (1 - std::abs(c) / static_cast<double>(columns)) * pixel.At(dr, c * step + phase);
-          }
-          correlation_[Index(place, dr, phase)] = sum / (pixel.At(0, 0) * columns);
+          correlation_[Index(place, dr, phase)] =
+              CovarianceOfMeans(pixel, dr, columns, step, phase) / pixel.At(0, 0);
         }
       }
     }

@@ -534,20 +534,23 @@ double SpecklePixelCovariance::At(int rows, int columns) const {
   return values_[static_cast<size_t>(rows) * (max_lag_ + 1) + columns];
 }
 
+double CovarianceOfMeans(const SpecklePixelCovariance& pixel, int distance, int columns, int step,
+                         int phase) {
+  double sum = 0;
+  for (int c = -columns + 1; c < columns; ++c) {
+    sum += (1 - std::abs(c) / static_cast<double>(columns)) * pixel.At(distance, c * step + phase);
+  }
+  return sum / columns;
+}
+
 double VarianceOfRows(const LineSpeckle& speckle, const std::vector<double>& of_row, int columns,
                       int step, int first_row_px, double pixel_pitch_m) {
   const auto rows = static_cast<int>(of_row.size());
   const int lag = speckle.max_lag();
-  // Covariance of the means of rows, by place and distance.
-  std::vector<std::vector<double>> of_means(speckle.places());
+  std::vector<std::vector<double>> of_means(speckle.places());  // by distance
   for (int place = 0; place < speckle.places(); ++place) {
     for (int distance = 0; distance <= lag; ++distance) {
-      double sum = 0;
-      for (int c = -columns + 1; c < columns; ++c) {
-        sum += (1 - std::abs(c) / static_cast<double>(columns)) *
-               speckle.At(place).At(distance, c * step);
-      }
-      of_means[place].push_back(sum / columns);
+      of_means[place].push_back(CovarianceOfMeans(speckle.At(place), distance, columns, step, 0));
     }
   }
   double variance = 0;

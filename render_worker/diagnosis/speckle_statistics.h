@@ -74,6 +74,11 @@ class LineSpeckle {
   std::shared_ptr<const std::vector<SpecklePixelCovariance>> places_;  // shared by equal lines
 };
 
+// Covariance of the means of two rows `distance` apart, over the product of what is expected of
+// them: of `columns` pixels, `step` apart, in the second row `phase` columns to the right.
+double CovarianceOfMeans(const SpecklePixelCovariance& pixel, int distance, int columns, int step,
+                         int phase);
+
 // Variance of the sum of what rows hold (`of_row`, on average) that speckle makes: each row is the
 // mean of `columns` pixels, `step` apart. First row: first_row_px of the sensor.
 double VarianceOfRows(const LineSpeckle& speckle, const std::vector<double>& of_row, int columns,
