@@ -1,5 +1,6 @@
 // Do the statistics scatter as their covariance says, once the truth is known? Fits a set's true
-// effects and the known parameters from their true values and prints, by statistic, what is left.
+// effects and the known parameters from their true values and prints, by statistic, what is left;
+// and what the effects gain.
 //   check_statistics OUT [--only SET...]
 #include <CLI/CLI.hpp>
 #include <algorithm>
@@ -44,6 +45,18 @@ std::map<std::string, Left> LeftByStatistic(const SetModel& model, const FitResu
   return by_statistic;
 }
 
+// What the recordings tell, where ExpectedGain says what they should. Both under the covariance of
+// `fit`.
+double GainOverNone(const SetModel& model, const FitResult& fit, FitSettings fitting) {
+  fitting.rounds.clear();
+  fitting.max_iterations = 40;
+  fitting.most_renewals = 3;
+  SetParameters none = fit.parameters;
+  none.effects.clear();
+  const FitResult null = FitSet(model, none, {}, fitting, &fit);
+  return 0.5 * (null.chi_squared + null.prior - fit.chi_squared - fit.prior);
+}
+
 void Check(const RecordedSet& set, const Json& truth, int threads) {
   SetModelSettings settings;
   settings.threads = threads;
@@ -64,6 +77,10 @@ void Check(const RecordedSet& set, const Json& truth, int threads) {
                 std::string(description.parameters[parameter].name).c_str(),
                 fit.parameters.effects[effect].parameters[parameter], fit.effect_standard_errors[f],
                 start.effects[effect].parameters[parameter]);
+  }
+  if (!start.effects.empty()) {
+    std::printf("  gain over none: %.1f nats, expected %s\n", GainOverNone(model, fit, fitting),
+                truth["effects"][0]["gain_expected"].dump().c_str());
   }
   for (const auto& [name, left] : LeftByStatistic(model, fit)) {
     std::printf("  %-16s %7.2f per number (%d)", name.c_str(), left.chi_squared / left.count,

@@ -41,9 +41,10 @@ void AddScatter(const FrameSetup& nominal, std::span<const ActiveEffect> effects
       expected.row_scatter_dn = gain * std::sqrt(active.parameters[0]);
       expected.column_scatter_dn = gain * std::sqrt(active.parameters[1]);
     }
-    if (id == "surface.albedo_texture" && block_columns_px > 0) {
-      expected.drawn_variance_along_line += TextureVarianceAlong(
-          nominal, active.parameters, LengthOnPlate(nominal, block_columns_px));
+    if (IsTexture(id) && block_columns_px > 0) {
+      expected.drawn_variance_along_line +=
+          TextureLaw(id, nominal, active.parameters)
+              .VarianceAlong(LengthOnPlate(nominal, block_columns_px));
     }
     if (id == kCoverGlassEtalon && block_columns_px > 0) {
       expected.drawn_variance_along_line += FringeVariance(active.parameters, block_columns_px);

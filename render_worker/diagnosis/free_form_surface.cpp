@@ -100,12 +100,29 @@ class ReflectanceTerm final : public FreeFormEffect {
   double CurveAt(double t, Parameters p) const override { return 1 + p[4] + t * (p[0] + p[1] * t); }
 };
 
+// Rougher and smoother fields than those of one length. Drawn for every place (texture_law), so it
+// changes no expectation.
+class ReflectanceScatterTerm final : public FreeFormEffect {
+ public:
+  ReflectanceScatterTerm()
+      : FreeFormEffect(
+            "noise",
+            {.id = "unknown.reflectance_scatter",
+             .stage = Stage::kSurface,
+             .summary = "reflectance across the line scatters by s from place to place, with "
+                        "correlation exp(-|distance along the line|/l)",
+             .reference = "Rasmussen and Williams, Gaussian Processes for Machine Learning, 4.2.1",
+             .parameters = {{"reflectance_scatter_relative", 0, 0, 1, 0.1},
+                            {"correlation_length_m", 1e-3, 1e-5, 0.1, 1e-3}}}) {}
+};
+
 }  // namespace
 
 std::vector<const FreeFormEffect*> SurfaceTerms() {
   static const PlateSpreadTerm plate_spread;
   static const ReflectanceTerm reflectance;
-  return {&plate_spread, &reflectance};
+  static const ReflectanceScatterTerm reflectance_scatter;
+  return {&plate_spread, &reflectance, &reflectance_scatter};
 }
 
 }  // namespace sightline

@@ -3,12 +3,65 @@
 #include <algorithm>
 #include <cmath>
 #include <complex>
+#include <functional>
+#include <iterator>
+#include <map>
 #include <numbers>
 #include <utility>
 
 #include "render_worker/diagnosis/line_displacement.h"
 
 namespace sightline {
+
+namespace {
+
+Eigen::Index PositionIndex(const SetModel& model, int plate_position_id) {
+  const std::vector<int>& ids = model.position_ids();
+  return std::find(ids.begin(), ids.end(), plate_position_id) - ids.begin();
+}
+
+// Of each of `count` groups of rows of the profiles the scale of the expected line that is nearest
+// to the observed one, where neither is cut off; NaN: there is none.
+std::vector<double> ScalesOfLight(const SetModel& model, SetParameters parameters, size_t count,
+                                  const std::function<int(int entry, int row)>& group_of) {
+  // Where a line is not where it is expected, its light would seem to be missing.
+  parameters.line_shift_px = model.EstimateLineShifts(parameters);
+  const Entries expected = model.Expect(parameters, false).mean;
+  constexpr double kNotCutOff = 0.8;
+  std::vector<double> product(count, 0), square(count, 0);
+  for (int e = 0; e < model.entries(); ++e) {
+    if (model.StatisticOf(e).name() != "profile") continue;
+    const double background = expected[e].minCoeff();
+    for (int row = 0; row < static_cast<int>(expected[e].size()); ++row) {
+      const RecordedFrame& frame = model.set().frames[model.FrameOfRow(e, row)];
+      const double top_dn = kNotCutOff * frame.nominal.sensor.largest_dn();
+      const double observed = model.observed()[e][row];
+      if (expected[e][row] > top_dn || observed > top_dn) continue;
+      const int group = group_of(e, row);
+      const double signal = expected[e][row] - background;
+      product[group] += signal * (observed - background);
+      square[group] += signal * signal;
+    }
+  }
+  for (size_t g = 0; g < count; ++g) {
+    product[g] = square[g] > 0 ? product[g] / square[g] : std::nan("");
+  }
+  return product;
+}
+
+// Scales minus their median; 0 where there is none.
+std::vector<double> OverMedian(std::vector<double> scales) {
+  std::vector<double> sorted;
+  std::copy_if(scales.begin(), scales.end(), std::back_inserter(sorted),
+               [](double scale) { return !std::isnan(scale); });
+  if (sorted.empty()) return std::vector<double>(scales.size(), 0);
+  std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
+  const double median = sorted[sorted.size() / 2];
+  for (double& scale : scales) scale = std::isnan(scale) ? 0 : scale - median;
+  return scales;
+}
+
+}  // namespace
 
 RealisedEffect::RealisedEffect(Realisation realisation)
     : DescribedEffect({.id = "realised",
@@ -20,6 +73,19 @@ RealisedEffect::RealisedEffect(Realisation realisation)
 
 void RealisedEffect::OnFrame(FrameSetup& frame, Parameters) const {
   frame.laser.power_w *= std::max(0.0, 1 + realisation_.light_relative[frame.recording_index]);
+}
+
+void RealisedEffect::OnPixelIrradiance(PixelIrradiance& light, const FrameSetup& frame,
+                                       Parameters) const {
+  if (realisation_.blocks.empty()) return;
+  const Realisation::Blocks& blocks = realisation_.blocks[frame.recording_index];
+  const auto count = static_cast<int>(blocks.light_relative.size());
+  if (count == 0) return;
+  // The frame is a strip of one block.
+  const int middle_px = light.roi.column_px + light.roi.columns_px / 2 - blocks.first_column_px;
+  const int block = std::clamp(middle_px * count / blocks.columns_px, 0, count - 1);
+  const auto factor = static_cast<float>(std::max(0.0, 1 + blocks.light_relative[block]));
+  for (float& value : light.laser_irradiance_w_m2.values) value *= factor;
 }
 
 void RealisedEffect::OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters) const {
@@ -50,39 +116,58 @@ Realisation LineMovements(const SetModel& model, const SetParameters& parameters
 }
 
 std::vector<double> LightExcesses(const SetModel& model, SetParameters parameters) {
-  const RecordedSet& set = model.set();
-  // Where a line is not where it is expected, its light would seem to be missing.
-  parameters.line_shift_px = model.EstimateLineShifts(parameters);
-  const Entries expected = model.Expect(parameters, false).mean;
-  // Scale of the expected line that is nearest to the observed one, where neither is cut off.
-  constexpr double kNotCutOff = 0.8;
-  std::vector<double> product(set.frames.size(), 0), square(set.frames.size(), 0);
+  const size_t frames = model.set().frames.size();
+  const std::vector<double> light =
+      ScalesOfLight(model, std::move(parameters), frames,
+                    [&](int e, int row) { return model.FrameOfRow(e, row); });
+  return OverMedian(light);
+}
+
+std::vector<int> BlocksOfEntries(const SetModel& model) {
+  std::vector<int> block_of_entry(model.entries(), -1);
+  std::map<int, int> next_block;
   for (int e = 0; e < model.entries(); ++e) {
-    if (model.StatisticOf(e).name() != "profile") continue;
-    const double background = expected[e].minCoeff();
-    for (int row = 0; row < static_cast<int>(expected[e].size()); ++row) {
-      const int f = model.FrameOfRow(e, row);
-      const double top_dn = kNotCutOff * set.frames[f].nominal.sensor.largest_dn();
-      const double observed = model.observed()[e][row];
-      if (expected[e][row] > top_dn || observed > top_dn) continue;
-      const double signal = expected[e][row] - background;
-      product[f] += signal * (observed - background);
-      square[f] += signal * signal;
+    const int position = model.PlatePositionOf(e);
+    if (position >= 0 && model.StatisticOf(e).name() == "profile") {
+      block_of_entry[e] = next_block[position]++;
     }
   }
-  std::vector<double> excesses(set.frames.size(), 0), sorted;
-  for (size_t f = 0; f < set.frames.size(); ++f) {
-    if (set.frames[f].plate_position_id < 0 || square[f] <= 0) continue;
-    excesses[f] = product[f] / square[f] - 1;
-    sorted.push_back(excesses[f]);
+  return block_of_entry;
+}
+
+Realisation RealisedReflectance(const SetModel& model, const Eigen::VectorXd& reflectance) {
+  constexpr double kDarkest = -0.9;
+  const std::vector<RecordedFrame>& frames = model.set().frames;
+  const int blocks = model.blocks_along_line();
+  Realisation realisation(frames.size());
+  realisation.blocks.resize(frames.size());
+  for (size_t f = 0; f < frames.size(); ++f) {
+    if (frames[f].plate_position_id < 0) continue;
+    const Eigen::VectorXd of_blocks =
+        reflectance.segment(PositionIndex(model, frames[f].plate_position_id) * blocks, blocks)
+            .cwiseMax(kDarkest);
+    Realisation::Blocks& of_frame = realisation.blocks[f];
+    of_frame.first_column_px = frames[f].nominal.roi.column_px;
+    of_frame.columns_px = frames[f].nominal.roi.columns_px;
+    realisation.light_relative[f] = of_blocks.mean();
+    for (const double of_block : of_blocks) {
+      of_frame.light_relative.push_back((1 + of_block) / (1 + of_blocks.mean()) - 1);
+    }
   }
-  if (sorted.empty()) return excesses;
-  std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-  const double median = sorted[sorted.size() / 2];
-  for (size_t f = 0; f < set.frames.size(); ++f) {
-    if (set.frames[f].plate_position_id >= 0) excesses[f] -= median;
-  }
-  return excesses;
+  return realisation;
+}
+
+Eigen::VectorXd ReflectanceExcesses(const SetModel& model, SetParameters parameters) {
+  const std::vector<int> block_of_entry = BlocksOfEntries(model);
+  const int blocks = model.blocks_along_line();
+  const std::vector<double> light = ScalesOfLight(
+      model, std::move(parameters), blocks * model.position_ids().size(), [&](int e, int) {
+        const Eigen::Index position = PositionIndex(model, model.PlatePositionOf(e));
+        return static_cast<int>(position) * blocks + block_of_entry[e];
+      });
+  const std::vector<double> excesses = OverMedian(light);
+  return Eigen::Map<const Eigen::VectorXd>(excesses.data(),
+                                           static_cast<Eigen::Index>(excesses.size()));
 }
 
 std::vector<double> DisplacementsAtPositions(const SetModel& model,

@@ -12,6 +12,7 @@
 #include "render_worker/diagnosis/lit_recordings.h"
 #include "render_worker/diagnosis/realisation.h"
 #include "render_worker/diagnosis/scatter_law.h"
+#include "render_worker/diagnosis/texture_law.h"
 #include "render_worker/diagnosis/vibration_fit.h"
 #include "render_worker/diagnosis/vibration_phases.h"
 
@@ -29,6 +30,8 @@ constexpr double kMostUnknownScatter = 15;
 // Of strengths: what is drawn is taken for normal and the same all over a block of the line, which
 // in rendered sets costs up to half of vibration's and a third of texture's.
 constexpr double kStrengthError = 0.35;
+
+constexpr double kStrongTexture = 100;  // [nats] above which reflectances are far from linear
 
 bool Moves(const Effect& effect) { return effect.description().id == "time.vibration_blur"; }
 
@@ -124,15 +127,8 @@ class RecordingScatter {
   int lit() const { return lit_.count(); }
 
   void FindAmplitudesOfEntries() {
-    block_.assign(model_.entries(), -1);
-    std::map<int, int> next_block;
-    for (int e = 0; e < model_.entries(); ++e) {
-      const int position = model_.PlatePositionOf(e);
-      position_.push_back(position);
-      if (position >= 0 && model_.StatisticOf(e).name() == "profile") {
-        block_[e] = next_block[position]++;
-      }
-    }
+    block_ = BlocksOfEntries(model_);
+    for (int e = 0; e < model_.entries(); ++e) position_.push_back(model_.PlatePositionOf(e));
   }
 
   SetParameters WithRealisation(const SetParameters& parameters, const RealisedEffect& realised) {
@@ -149,14 +145,14 @@ class RecordingScatter {
   // Change of all entries, whitened as the null's, per unit of what `values` holds for each laser
   // recording. Recordings of different plate positions move together: their entries differ.
   Eigen::MatrixXd Derivative(const Realisation& at, std::vector<double> Realisation::*values,
-                             double step, const Entries& origin) {
+                             double step, const Entries& origin, bool middle_only = true) {
     Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), lit());
     for (int slot = 0; slot < lit_.slots(); ++slot) {
       Realisation moved = at;
       for (int i = 0; i < lit(); ++i) {
         if (lit_.SlotOf(i) == slot) (moved.*values)[lit_.frames()[i]] += step;
       }
-      const Entries mean = MeanOf(moved, true);
+      const Entries mean = MeanOf(moved, middle_only);
       const std::vector<int> recordings = lit_.RecordingsOfEntries(slot);
       for (int e = 0; e < model_.entries(); ++e) {
         if (recordings[e] < 0) continue;
@@ -167,18 +163,39 @@ class RecordingScatter {
     return change;
   }
 
-  Eigen::MatrixXd ReflectanceOfLight(const Eigen::MatrixXd& light) const {
+  // Of the blocks of plate positions, at a realisation: the reflectances themselves (relative,
+  // minus 1) and, of `light`, the change by every recording's amount, what they change.
+  Eigen::VectorXd ReflectanceOf(const Realisation& at) const {
+    const int blocks = model_.blocks_along_line();
+    const std::vector<int>& ids = model_.position_ids();
+    Eigen::VectorXd reflectance =
+        Eigen::VectorXd::Zero(blocks * static_cast<Eigen::Index>(ids.size()));
+    if (at.blocks.empty()) return reflectance;
+    for (const int f : lit_.frames()) {
+      const auto position =
+          std::find(ids.begin(), ids.end(), model_.set().frames[f].plate_position_id) - ids.begin();
+      for (int block = 0; block < blocks; ++block) {
+        reflectance[position * blocks + block] =
+            (1 + at.light_relative[f]) * (1 + at.blocks[f].light_relative[block]) - 1;
+      }
+    }
+    return reflectance;
+  }
+  Eigen::MatrixXd ReflectanceOfLight(const Realisation& at, const Eigen::MatrixXd& light) const {
     const int blocks = model_.blocks_along_line();
     const std::vector<int>& ids = model_.position_ids();
     Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), blocks * ids.size());
     for (int e = 0; e < model_.entries(); ++e) {
       if (position_[e] < 0) continue;
-      const auto at = std::find(ids.begin(), ids.end(), position_[e]) - ids.begin();
+      const auto position = std::find(ids.begin(), ids.end(), position_[e]) - ids.begin();
       const int size = offset_[e + 1] - offset_[e];
-      const Eigen::VectorXd sum = light.middleRows(offset_[e], size).rowwise().sum();
+      Eigen::VectorXd sum = light.middleRows(offset_[e], size).rowwise().sum();
       for (int block = 0; block < blocks; ++block) {
         if (block_[e] >= 0 && block != block_[e]) continue;
-        change.col(at * blocks + block).segment(offset_[e], size) =
+        if (block_[e] >= 0 && !at.blocks.empty()) {
+          sum /= 1 + at.blocks[model_.FramesOf(e).front()].light_relative[block];
+        }
+        change.col(position * blocks + block).segment(offset_[e], size) =
             block_[e] >= 0 ? sum : Eigen::VectorXd(sum / blocks);
       }
     }
@@ -187,12 +204,13 @@ class RecordingScatter {
 
   // Per relative variance of the light along the blocks of every laser recording: of the texture of
   // that recording only.
-  Eigen::MatrixXd ChangeByLightWithinBlocks(const Entries& origin) const {
+  Eigen::MatrixXd ChangeByLightWithinBlocks(const Realisation& at, const Entries& origin) {
     constexpr double kVariance = 1e-2;
     SetParameters varied = null_.parameters;
     const Effect* const texture = FindEffect("surface.albedo_texture");
     varied.effects.push_back({texture, {std::sqrt(kVariance), 1e-3}});
-    const Entries mean = model_.Expect(varied, false).mean;
+    const RealisedEffect realised(at);
+    const Entries mean = model_.Expect(WithRealisation(varied, realised), false).mean;
     const Eigen::VectorXd variance = ScatterLawOf(texture->description().id, model_)
                                          .within(varied.effects.back().parameters, {});
     Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), lit());
@@ -205,6 +223,17 @@ class RecordingScatter {
           (*null_.whitening)(e, (mean[e] - origin[e]) / variance[i]);
     }
     return change;
+  }
+
+  // Of columns for every laser recording, by plate position.
+  Eigen::MatrixXd SumAtPositions(const Eigen::MatrixXd& of_recordings) const {
+    const std::vector<int>& ids = model_.position_ids();
+    Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(rows(), static_cast<Eigen::Index>(ids.size()));
+    for (int i = 0; i < lit(); ++i) {
+      const int id = model_.set().frames[lit_.frames()[i]].plate_position_id;
+      sums.col(std::find(ids.begin(), ids.end(), id) - ids.begin()) += of_recordings.col(i);
+    }
+    return sums;
   }
 
   // Square of a whitening's inverse.
@@ -226,7 +255,7 @@ class RecordingScatter {
   Linearisation Linearise(Amplitude amplitude, const Realisation& at) {
     Linearisation linear;
     const Entries mean = MeanOf(at, false);
-    const Entries middle = MeanOf(at, true);
+    const Entries middle = amplitude == Amplitude::kReflectance ? mean : MeanOf(at, true);
     linear.residual.resize(rows());
     linear.jacobian.resize(rows(), null_.standardised.size());
     for (int e = 0; e < model_.entries(); ++e) {
@@ -241,17 +270,21 @@ class RecordingScatter {
       linear.origin = AtLit(at.shift_px);
       linear.within_origin = AtLit(at.blur_px2);
       RenewCovariance(at, linear);
-    } else {
+    } else if (amplitude == Amplitude::kLight) {
       linear.change = Derivative(at, &Realisation::light_relative, 0.02, middle);
       linear.origin = AtLit(at.light_relative);
+    } else {
+      const Eigen::MatrixXd reflectance =
+          ReflectanceOfLight(at, Derivative(at, &Realisation::light_relative, 0.02, middle, false));
+      linear.within = ChangeByLightWithinBlocks(at, mean);
+      linear.within_origin = Eigen::VectorXd::Zero(lit());
+      const Eigen::MatrixXd varied = SumAtPositions(linear.within);
+      linear.change.resize(rows(), reflectance.cols() + varied.cols());
+      linear.change << reflectance, varied;
+      linear.origin.resize(linear.change.cols());
+      linear.origin << ReflectanceOf(at), Eigen::VectorXd::Zero(varied.cols());
     }
     linear.residual += linear.jacobian * null_.standardised + linear.change * linear.origin;
-    if (amplitude == Amplitude::kReflectance) {
-      linear.change = ReflectanceOfLight(linear.change);
-      linear.origin = Eigen::VectorXd::Zero(linear.change.cols());
-      linear.within = ChangeByLightWithinBlocks(mean);
-      linear.within_origin = Eigen::VectorXd::Zero(lit());
-    }
     Project(linear);
     return linear;
   }
@@ -524,21 +557,18 @@ Realisation RecordingScatter::RealisationOf(const ScatterLaw& law,
                                             const std::vector<double>& parameters,
                                             const Posterior& posterior) const {
   Realisation realisation(model_.set().frames.size());
-  const std::vector<int>& ids = model_.position_ids();
-  const int blocks = model_.blocks_along_line();
+  if (law.amplitude == Amplitude::kReflectance) {
+    return RealisedReflectance(model_, posterior.amplitudes);
+  }
   const Eigen::VectorXd blur =
       law.within ? law.within(parameters, posterior.amplitudes) : Eigen::VectorXd();
   for (int i = 0; i < lit(); ++i) {
     const int f = lit_.frames()[i];
     if (law.amplitude == Amplitude::kLight) {
       realisation.light_relative[f] = posterior.amplitudes[i];
-    } else if (law.amplitude == Amplitude::kShift) {
+    } else {
       realisation.shift_px[f] = posterior.amplitudes[i];
       realisation.blur_px2[f] = blur[i];
-    } else {
-      const auto at =
-          std::find(ids.begin(), ids.end(), model_.set().frames[f].plate_position_id) - ids.begin();
-      realisation.light_relative[f] = posterior.amplitudes.segment(at * blocks, blocks).mean();
     }
   }
   return realisation;
@@ -626,14 +656,14 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
     fit.effect_standard_errors.push_back(candidate.standard_errors[k]);
   }
   if (law.amplitude == Amplitude::kReflectance) {
-    // Blocks differ, which a recording's amount of light does not express.
-    const Eigen::VectorXd change =
-        linear.change * posterior.amplitudes +
+    // A realisation does not express what varies within blocks.
+    const Eigen::VectorXd residual =
+        linear.residual - linear.jacobian * posterior.parameters -
+        linear.change * posterior.amplitudes -
         linear.within * law.within(candidate.parameters, posterior.amplitudes);
-    const Eigen::VectorXd moved = linear.jacobian * (posterior.parameters - null_.standardised);
     for (int e = 0; e < model_.entries(); ++e) {
       const int n = offset_[e + 1] - offset_[e];
-      fit.residual[e] = null_.residual[e] - (change + moved).segment(offset_[e], n);
+      fit.residual[e] = residual.segment(offset_[e], n);
       const Eigen::LLT<Eigen::MatrixXd> solver(NullCovariance(e));
       fit.mean[e] = model_.observed()[e] - solver.matrixL() * fit.residual[e];
     }
@@ -682,7 +712,7 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
   // Again where that has led to, if it is anywhere.
   constexpr double kWorthwhile = 3;
   const bool moves = law.amplitude == Amplitude::kShift;
-  const int rounds = law.amplitude == Amplitude::kReflectance ? 1 : moves ? 4 : 2;
+  const int rounds = moves ? 4 : law.amplitude == Amplitude::kReflectance ? 1 : 2;
   ScatterCandidate best;
   Realisation from = at;
   double baseline = 0, before = 0;
@@ -737,8 +767,9 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
 }
 
 // Where what was drawn is so strong that it leads the null model's parameters astray: these and
-// what was drawn are found in turn. `effects` draw the same (light or movement) by different laws,
-// which are compared about one fit: they are to differ by what they say of the draws only.
+// what was drawn are found in turn. `effects` draw the same (light, movement or reflectance) by
+// different laws, which are compared about one fit: they are to differ by what they say of the
+// draws only.
 std::vector<ScatterCandidate> EvaluateStrong(const SetModel& model, const FitResult& null,
                                              const std::vector<const Effect*>& effects) {
   SetParameters start;
@@ -747,6 +778,8 @@ std::vector<ScatterCandidate> EvaluateStrong(const SetModel& model, const FitRes
   const bool moves = Moves(*effects[0]);
   if (moves) {
     at = LineMovements(model, start);
+  } else if (IsTexture(effects[0]->description().id)) {
+    at = RealisedReflectance(model, ReflectanceExcesses(model, start));
   } else {
     at.light_relative = LightExcesses(model, start);
   }
@@ -811,9 +844,10 @@ void FollowPhases(const SetModel& model, const FitResult& null, ScatterCandidate
   candidate.phases_rad = std::move(followed.phases_rad);
 }
 
-constexpr std::array<std::string_view, 6> kKnown = {
-    "illumination.power_noise", "time.exposure_jitter",  "surface.albedo_texture",
-    "time.vibration_blur",      "unknown.power_scatter", "unknown.exposure_scatter"};
+constexpr std::array<std::string_view, 7> kKnown = {
+    "illumination.power_noise",   "time.exposure_jitter",  "surface.albedo_texture",
+    "time.vibration_blur",        "unknown.power_scatter", "unknown.exposure_scatter",
+    "unknown.reflectance_scatter"};
 
 }  // namespace
 
@@ -838,11 +872,11 @@ std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, con
   const bool strong = perhaps_strong && ScattersStrongly(model, null);
   const Realisation none(model.set().frames.size());
   RecordingScatter scatter(model, null, none, null);
-  std::vector<const Effect*> strong_light, strong_movement;
+  std::vector<const Effect*> strong_light, strong_movement, strong_reflectance;
   std::map<const Effect*, ScatterCandidate> found;
   for (const Effect* effect : effects) {
     if (!IsRecordingScatter(*effect)) continue;
-    const bool of_places = effect->description().id == "surface.albedo_texture";
+    const bool of_places = IsTexture(effect->description().id);
     if (strong && !of_places) {
       (Moves(*effect) ? strong_movement : strong_light).push_back(effect);
       continue;
@@ -850,8 +884,12 @@ std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, con
     Realisation at = none;
     if (Moves(*effect)) at.shift_px = DisplacementsAtPositions(model, null.parameters);
     found[effect] = scatter.Evaluate(*effect, at);
+    // Places differ: recordings of one tell nothing of how much.
+    if (of_places && found[effect].largest_gain > kStrongTexture) {
+      strong_reflectance.push_back(effect);
+    }
   }
-  for (const auto& family : {strong_light, strong_movement}) {
+  for (const auto& family : {strong_light, strong_movement, strong_reflectance}) {
     if (family.empty()) continue;
     for (ScatterCandidate& candidate : EvaluateStrong(model, null, family)) {
       found[candidate.effect] = std::move(candidate);

@@ -31,24 +31,29 @@ const FrameSetup& FirstAt(const SetModel& model, int plate_position_id) {
       ->nominal;
 }
 
-// Of the covariance of the mean reflectance of blocks.
-Eigen::MatrixXd TextureFactor(const SetModel& model, const std::vector<double>& parameters) {
+// Of the covariance of the mean reflectance of blocks, and of what varies within them.
+Eigen::MatrixXd TextureFactor(std::string_view id, const SetModel& model,
+                              const std::vector<double>& parameters) {
   const int blocks = model.blocks_along_line();
   const std::vector<int>& ids = model.position_ids();
-  const Eigen::Index n = blocks * static_cast<Eigen::Index>(ids.size());
-  Eigen::MatrixXd factor = Eigen::MatrixXd::Zero(n, n);
+  const auto positions = static_cast<Eigen::Index>(ids.size());
+  const Eigen::Index n = blocks * positions;
+  Eigen::MatrixXd factor = Eigen::MatrixXd::Zero(n + positions, n + positions);
   for (size_t p = 0; p < ids.size(); ++p) {
     const FrameSetup& frame = FirstAt(model, ids[p]);
+    const TextureLaw texture(id, frame, parameters);
     const double block_m = BlockLength(model, frame);
     Eigen::MatrixXd covariance(blocks, blocks);
     for (int a = 0; a < blocks; ++a) {
       for (int b = 0; b < blocks; ++b) {
-        covariance(a, b) = TextureCovariance(frame, parameters, block_m, (a - b) * block_m);
+        covariance(a, b) = texture.Covariance(block_m, (a - b) * block_m);
       }
       covariance(a, a) *= 1 + 1e-6;
     }
     const auto at = static_cast<Eigen::Index>(p) * blocks;
     factor.block(at, at, blocks, blocks) = covariance.llt().matrixL();
+    const auto within = n + static_cast<Eigen::Index>(p);
+    factor(within, within) = texture.DeviationOfVarianceAlong(block_m) / std::sqrt(blocks);
   }
   return factor;
 }
@@ -95,17 +100,18 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
     law.factor = [=](const std::vector<double>& p) {
       return diagonal(p[0] * exposure_s.cwiseInverse());
     };
-  } else if (id == "surface.albedo_texture") {
+  } else if (IsTexture(id)) {
     law.amplitude = Amplitude::kReflectance;
     law.largest_shape = BlockLength(model, model.set().frames.front().nominal);
-    law.factor = [&model](const std::vector<double>& p) { return TextureFactor(model, p); };
-    law.within = [&model, n = exposure_s.size()](const std::vector<double>& p,
-                                                 const Eigen::VectorXd&) {
+    law.factor = [&model, id](const std::vector<double>& p) { return TextureFactor(id, model, p); };
+    law.within = [&model, id, n = exposure_s.size()](const std::vector<double>& p,
+                                                     const Eigen::VectorXd&) {
       Eigen::VectorXd variance(n);
       Eigen::Index at = 0;
       for (const RecordedFrame& frame : model.set().frames) {
         if (frame.plate_position_id < 0) continue;
-        variance[at++] = TextureVarianceAlong(frame.nominal, p, BlockLength(model, frame.nominal));
+        variance[at++] =
+            TextureLaw(id, frame.nominal, p).VarianceAlong(BlockLength(model, frame.nominal));
       }
       return variance;
     };

@@ -11,7 +11,8 @@
 
 namespace sightline {
 
-// Amplitudes are of a recording, or of a block of a plate position.
+// Amplitudes are of a recording, or of the blocks of a plate position, followed by how much more
+// light differs within these than on average (relative variance), of every plate position.
 enum class Amplitude { kLight, kShift, kReflectance };
 
 // Covariance of the amplitudes, and what is drawn within a recording, on average.
@@ -28,8 +29,8 @@ struct ScatterLaw {
       within;
 };
 
-// Of an effect that IsRecordingScatter; `model` must outlive the law. Amplitudes are in the order
-// of the laser recordings, or of blocks by plate positions.
+// Of an effect that IsRecordingScatter; `model` and the id must outlive the law. Amplitudes are in
+// the order of the laser recordings, or of plate positions.
 ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model);
 
 }  // namespace sightline

@@ -1,6 +1,10 @@
 #include "render_worker/diagnosis/texture_law.h"
 
+#include <algorithm>
+#include <array>
+#include <cassert>
 #include <cmath>
+#include <cstdlib>
 #include <numbers>
 
 #include "render_worker/plate/plate_scene.h"
@@ -9,12 +13,14 @@ namespace sightline {
 
 namespace {
 
-// Variance averaged over the width of the line.
-double VarianceOfPoint(const FrameSetup& frame, const std::vector<double>& parameters) {
-  const double rms = parameters[0], correlation_m = parameters[1];
+constexpr std::string_view kGaussian = "surface.albedo_texture";
+constexpr std::string_view kExponential = "unknown.reflectance_scatter";
+
+// What is left of the variance after averaging over the width of the line.
+double LeftByWidth(const FrameSetup& frame, double correlation_m) {
   const double deviation_m = BeamRadius(frame.laser, frame.plate.laser_distance_m) /
                              (2 * std::cos(frame.plate.incidence_angle_rad));
-  return rms * rms / std::sqrt(1 + 4 * std::pow(deviation_m / correlation_m, 2));
+  return 1 / std::sqrt(1 + 4 * std::pow(deviation_m / correlation_m, 2));
 }
 
 }  // namespace
@@ -24,23 +30,58 @@ double LengthOnPlate(const FrameSetup& frame, int columns_px) {
   return columns_px * frame.sensor.pixel_pitch_m / magnification;
 }
 
-double TextureCovariance(const FrameSetup& frame, const std::vector<double>& parameters,
-                         double length_m, double distance_m) {
-  const double correlation_m = parameters[1];
-  // The correlation, integrated twice.
-  const auto twice = [&](double x) {
-    const double t = x / correlation_m;
-    return 0.5 * correlation_m * correlation_m *
-           (std::sqrt(std::numbers::pi) * t * std::erf(t) + std::exp(-t * t));
-  };
-  return VarianceOfPoint(frame, parameters) *
-         (twice(distance_m + length_m) - 2 * twice(distance_m) + twice(distance_m - length_m)) /
+bool IsTexture(std::string_view effect_id) {
+  return effect_id == kGaussian || effect_id == kExponential;
+}
+
+TextureLaw::TextureLaw(std::string_view effect_id, const FrameSetup& frame,
+                       const std::vector<double>& parameters)
+    : gaussian_(effect_id == kGaussian),
+      variance_(parameters[0] * parameters[0]),
+      correlation_m_(parameters[1]) {
+  assert(IsTexture(effect_id));
+  if (gaussian_) variance_ *= LeftByWidth(frame, correlation_m_);
+}
+
+double TextureLaw::CorrelationIntegratedTwice(double distance_m) const {
+  const double t = std::abs(distance_m) / correlation_m_;
+  const double square = correlation_m_ * correlation_m_;
+  if (!gaussian_) return square * (t + std::exp(-t));
+  return 0.5 * square * (std::sqrt(std::numbers::pi) * t * std::erf(t) + std::exp(-t * t));
+}
+
+double TextureLaw::Covariance(double length_m, double distance_m) const {
+  return variance_ *
+         (CorrelationIntegratedTwice(distance_m + length_m) -
+          2 * CorrelationIntegratedTwice(distance_m) +
+          CorrelationIntegratedTwice(distance_m - length_m)) /
          (length_m * length_m);
 }
 
-double TextureVarianceAlong(const FrameSetup& frame, const std::vector<double>& parameters,
-                            double length_m) {
-  return VarianceOfPoint(frame, parameters) - TextureCovariance(frame, parameters, length_m, 0);
+double TextureLaw::VarianceAlong(double length_m) const {
+  return variance_ - Covariance(length_m, 0);
+}
+
+double TextureLaw::DeviationOfVarianceAlong(double length_m) const {
+  constexpr int kParts = 24;
+  std::array<double, kParts> covariance;  // of parts so far apart
+  for (int apart = 0; apart < kParts; ++apart) {
+    covariance[apart] = Covariance(length_m / kParts, apart * length_m / kParts);
+  }
+  // C about its means: |C|^2 - 2 |C 1|^2/n + (1'C1)^2/n^2.
+  double square = 0, square_of_rows = 0, sum = 0;
+  for (int i = 0; i < kParts; ++i) {
+    double row = 0;
+    for (int j = 0; j < kParts; ++j) {
+      const double c = covariance[std::abs(i - j)];
+      row += c;
+      square += c * c;
+    }
+    square_of_rows += row * row;
+    sum += row;
+  }
+  const double about_mean = square - 2 * square_of_rows / kParts + sum * sum / (kParts * kParts);
+  return std::sqrt(2 * std::max(0.0, about_mean)) / kParts;
 }
 
 }  // namespace sightline

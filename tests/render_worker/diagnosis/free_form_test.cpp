@@ -173,7 +173,8 @@ TEST(FreeForm, EveryCoefficientActsSmoothly) {
   // These change patterns, codes and what differs between frames; they have their own tests.
   const std::set<std::string_view> elsewhere = {"unknown.pixel_tail", "unknown.codes",
                                                 "unknown.motion", "unknown.power_scatter",
-                                                "unknown.exposure_scatter"};
+                                                "unknown.exposure_scatter",
+                                                "unknown.reflectance_scatter"};
   for (const Effect* term : FreeFormTerms()) {
     if (elsewhere.contains(term->description().id)) continue;
     // All others change the mean or a variance.

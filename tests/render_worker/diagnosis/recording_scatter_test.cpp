@@ -185,6 +185,65 @@ TEST(CompareRecordingScatter, FollowsThePhasesOfAStrongVibration) {
   EXPECT_LT(compared.best->fit.chi_squared, 1.1 * compared.best->fit.data_count);
 }
 
+// Blocks that are half as bright as others, or twice.
+TEST(CompareRecordingScatter, FindsAStrongTexturesLength) {
+  constexpr double kRms = 0.35, kLength_m = 4e-3;
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kAlbedoTexture), {kRms, kLength_m}}}, 27);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  ASSERT_EQ(compared.best->effect->description().id, kAlbedoTexture);
+  EXPECT_NEAR(compared.best->parameters[0], kRms, 0.3 * kRms);
+  EXPECT_NEAR(compared.best->parameters[1], kLength_m, 3 * compared.best->standard_errors[1]);
+  EXPECT_LT(compared.best->standard_errors[1], 0.4 * kLength_m);
+  EXPECT_LT(compared.best->fit.chi_squared, 1.1 * compared.best->fit.data_count);
+}
+
+TEST(RealisedReflectance, MakesBlocksOfAPlacesRecordingsBrighter) {
+  const RecordedSet set = Render({}, 28);
+  const SetModel model(set, {});
+  const int blocks = model.blocks_along_line();
+  Eigen::VectorXd reflectance =
+      Eigen::VectorXd::Zero(blocks * static_cast<Eigen::Index>(model.position_ids().size()));
+  reflectance[blocks + 1] = 0.2;
+  reflectance[blocks + 2] = -0.3;
+  const RealisedEffect realised(RealisedReflectance(model, reflectance));
+  const ExpectedSet before = model.ExpectStrips({}, false);
+  SetParameters with;
+  with.effects.push_back({&realised, {}});
+  const ExpectedSet after = model.ExpectStrips(with, false);
+  const auto light = [](const ExpectedFrame& strip) {
+    double sum = 0;
+    for (const double electrons : strip.mean_photo_electrons.values) sum += electrons;
+    return sum;
+  };
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    const bool there = set.frames[f].plate_position_id == model.position_ids()[1];
+    for (int block = 0; block < blocks; ++block) {
+      const double none = light(before.strips[block][f]);
+      EXPECT_NEAR(light(after.strips[block][f]),
+                  none * (1 + (there ? reflectance[blocks + block] : 0)), 0.02 * none)
+          << f << " " << block;
+    }
+  }
+}
+
+TEST(CompareRecordingScatter, WithoutItsEffectTextureIsScatterOfTheReflectance) {
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kAlbedoTexture), {0.15, 3e-3}}}, 23);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const std::vector<const Effect*> effects = {FindEffect(kAlbedoTexture), FindEffect(kPowerNoise),
+                                              FindEffect(kExposureJitter), FindEffect(kVibration),
+                                              FindFreeFormTerm("unknown.reflectance_scatter")};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  EXPECT_NEAR(candidates.back().log_evidence, candidates.front().log_evidence, 4);
+  for (size_t i = 1; i + 1 < candidates.size(); ++i) {
+    EXPECT_GT(candidates.back().log_evidence, candidates[i].log_evidence + 3)
+        << effects[i]->description().id;
+  }
+}
+
 // Power that swings slowly: no effect of the vocabulary does.
 class SwingingPower final : public DescribedEffect {
  public:
