@@ -31,7 +31,9 @@ constexpr double kMostUnknownScatter = 15;
 // in rendered sets costs up to half of vibration's and a third of texture's.
 constexpr double kStrengthError = 0.35;
 
-constexpr double kStrongTexture = 100;  // [nats] above which reflectances are far from linear
+// Of the null's chi squared what texture leaves where it is all that is missing and so strong that
+// reflectances are far from linear.
+constexpr double kStrongTextureLeaves = 0.5;
 
 bool Moves(const Effect& effect) { return effect.description().id == "time.vibration_blur"; }
 
@@ -255,7 +257,7 @@ class RecordingScatter {
   Linearisation Linearise(Amplitude amplitude, const Realisation& at) {
     Linearisation linear;
     const Entries mean = MeanOf(at, false);
-    const Entries middle = amplitude == Amplitude::kReflectance ? mean : MeanOf(at, true);
+    const Entries middle = at.blocks.empty() ? MeanOf(at, true) : mean;
     linear.residual.resize(rows());
     linear.jacobian.resize(rows(), null_.standardised.size());
     for (int e = 0; e < model_.entries(); ++e) {
@@ -274,8 +276,9 @@ class RecordingScatter {
       linear.change = Derivative(at, &Realisation::light_relative, 0.02, middle);
       linear.origin = AtLit(at.light_relative);
     } else {
-      const Eigen::MatrixXd reflectance =
-          ReflectanceOfLight(at, Derivative(at, &Realisation::light_relative, 0.02, middle, false));
+      const Eigen::MatrixXd light =
+          Derivative(at, &Realisation::light_relative, 0.02, middle, at.blocks.empty());
+      const Eigen::MatrixXd reflectance = ReflectanceOfLight(at, light);
       linear.within = ChangeByLightWithinBlocks(at, mean);
       linear.within_origin = Eigen::VectorXd::Zero(lit());
       const Eigen::MatrixXd varied = SumAtPositions(linear.within);
@@ -885,7 +888,7 @@ std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, con
     if (Moves(*effect)) at.shift_px = DisplacementsAtPositions(model, null.parameters);
     found[effect] = scatter.Evaluate(*effect, at);
     // Places differ: recordings of one tell nothing of how much.
-    if (of_places && found[effect].largest_gain > kStrongTexture) {
+    if (of_places && found[effect].fit.chi_squared < kStrongTextureLeaves * null.chi_squared) {
       strong_reflectance.push_back(effect);
     }
   }

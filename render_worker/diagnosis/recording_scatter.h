@@ -44,7 +44,7 @@ struct ScatterCandidate {
 // `perhaps_strong`: where recordings of one place differ by far more than `null` allows, power
 // noise, exposure jitter and vibration are found in turn with the known parameters, and a vibration
 // that single recordings show is followed through them, which takes several fits. So is a texture
-// that gains much, always.
+// that explains most of what `null` leaves, always.
 std::vector<ScatterCandidate> CompareRecordingScatter(const SetModel& model, const FitResult& null,
                                                       std::span<const Effect* const> effects,
                                                       bool perhaps_strong = true);
