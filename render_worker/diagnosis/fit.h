@@ -4,6 +4,7 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
+#include <memory>
 #include <vector>
 
 #include "render_worker/diagnosis/set_model.h"
@@ -89,6 +90,9 @@ struct FitResult {
   double data_log_determinant = 0;        // of the covariances of the data that was used
   double log_determinant = 0;             // of the information matrix with the priors
   std::vector<double> entry_chi_squared;  // also of entries not used
+  // Light that places have drawn (texture, recording_scatter), in `mean` but not in
+  // `parameters`: an effect without parameters, or null.
+  std::shared_ptr<const Effect> drawn_light;
 };
 
 // Twice the negative logarithm of the evidence, but for constants: compares fits of the same data,

@@ -49,7 +49,9 @@ v1::ProfileComparison CompareProfiles(const SetModel& model, const FitResult& nu
   const Sensor& sensor = frame.nominal.sensor;
   const std::vector<PixelPlane> planes = PixelPlanes(sensor);
   const ExpectedSet before = model.ExpectStrips(null.parameters, false);
-  const ExpectedSet after = model.ExpectStrips(best.parameters, false);
+  SetParameters drawn = best.parameters;
+  if (best.drawn_light) drawn.effects.push_back({best.drawn_light.get(), {}});
+  const ExpectedSet after = model.ExpectStrips(drawn, false);
   const int blocks = model.blocks_along_line();
   v1::ProfileComparison chosen;
   double most = -1;

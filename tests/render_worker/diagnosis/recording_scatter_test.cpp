@@ -11,6 +11,7 @@
 #include "render_worker/diagnosis/competition.h"
 #include "render_worker/diagnosis/fit_quality.h"
 #include "render_worker/diagnosis/free_form.h"
+#include "render_worker/diagnosis/pictures.h"
 #include "render_worker/diagnosis/realisation.h"
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/image_chain/form_image.h"
@@ -196,6 +197,23 @@ TEST(CompareRecordingScatter, FindsAStrongTexturesLength) {
   EXPECT_NEAR(compared.best->parameters[1], kLength_m, 3 * compared.best->standard_errors[1]);
   EXPECT_LT(compared.best->standard_errors[1], 0.4 * kLength_m);
   EXPECT_LT(compared.best->fit.chi_squared, 1.1 * compared.best->fit.data_count);
+}
+
+TEST(CompareRecordingScatter, PicturesShowTheLightThatPlacesHaveDrawn) {
+  const RecordedSet set = Render({{FindEffect(kAlbedoTexture), {0.3, 4e-3}}}, 29);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  double before = 0, after = 0;
+  for (const int f : TellingRecordings(model, compared.null, compared.best->fit, 4)) {
+    const v1::ProfileComparison profile =
+        CompareProfiles(model, compared.null, compared.best->fit, f);
+    for (int row = 0; row < profile.row_px_size(); ++row) {
+      const double deviation = profile.standard_deviation_dn(row);
+      before += std::pow((profile.observed_dn(row) - profile.null_dn(row)) / deviation, 2);
+      after += std::pow((profile.observed_dn(row) - profile.model_dn(row)) / deviation, 2);
+    }
+  }
+  EXPECT_LT(after, 0.5 * before);
 }
 
 TEST(RealisedReflectance, MakesBlocksOfAPlacesRecordingsBrighter) {
