@@ -52,6 +52,7 @@ std::vector<int> BlocksOfEntries(const SetModel& model);
 
 // Of the blocks of the line at every plate position, in this order (SetModel::position_ids), the
 // reflectance relative to what is expected, minus 1; no less than -0.9, since light has a bound.
+// What follows these in the vector is left out.
 Realisation RealisedReflectance(const SetModel& model, const Eigen::VectorXd& reflectance);
 // The reflectance that the light in blocks shows over what `parameters` expect; 0 for the median.
 Eigen::VectorXd ReflectanceExcesses(const SetModel& model, SetParameters parameters);
