@@ -15,11 +15,6 @@ namespace sightline {
 
 namespace {
 
-Eigen::Index PositionIndex(const SetModel& model, int plate_position_id) {
-  const std::vector<int>& ids = model.position_ids();
-  return std::find(ids.begin(), ids.end(), plate_position_id) - ids.begin();
-}
-
 // Of each of `count` groups of rows of the profiles the scale of the expected line that is nearest
 // to the observed one, where neither is cut off; NaN: there is none.
 std::vector<double> ScalesOfLight(const SetModel& model, SetParameters parameters, size_t count,
@@ -121,6 +116,11 @@ std::vector<double> LightExcesses(const SetModel& model, SetParameters parameter
       ScalesOfLight(model, std::move(parameters), frames,
                     [&](int e, int row) { return model.FrameOfRow(e, row); });
   return OverMedian(light);
+}
+
+Eigen::Index PositionIndex(const SetModel& model, int plate_position_id) {
+  const std::vector<int>& ids = model.position_ids();
+  return std::find(ids.begin(), ids.end(), plate_position_id) - ids.begin();
 }
 
 std::vector<int> BlocksOfEntries(const SetModel& model) {

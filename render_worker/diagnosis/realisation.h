@@ -47,6 +47,8 @@ Realisation LineMovements(const SetModel& model, const SetParameters& parameters
 // for the median recording, since the known parameters hold what all have in common.
 std::vector<double> LightExcesses(const SetModel& model, SetParameters parameters);
 
+// Of a plate position that the set has, among SetModel::position_ids.
+Eigen::Index PositionIndex(const SetModel& model, int plate_position_id);
 // Block along the line that every entry is about, from the first column on; -1: all of them.
 std::vector<int> BlocksOfEntries(const SetModel& model);
 

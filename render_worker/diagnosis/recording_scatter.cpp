@@ -175,8 +175,7 @@ class RecordingScatter {
         Eigen::VectorXd::Zero(blocks * static_cast<Eigen::Index>(ids.size()));
     if (at.blocks.empty()) return reflectance;
     for (const int f : lit_.frames()) {
-      const auto position =
-          std::find(ids.begin(), ids.end(), model_.set().frames[f].plate_position_id) - ids.begin();
+      const Eigen::Index position = PositionIndex(model_, model_.set().frames[f].plate_position_id);
       for (int block = 0; block < blocks; ++block) {
         reflectance[position * blocks + block] =
             (1 + at.light_relative[f]) * (1 + at.blocks[f].light_relative[block]) - 1;
@@ -190,7 +189,7 @@ class RecordingScatter {
     Eigen::MatrixXd change = Eigen::MatrixXd::Zero(rows(), blocks * ids.size());
     for (int e = 0; e < model_.entries(); ++e) {
       if (position_[e] < 0) continue;
-      const auto position = std::find(ids.begin(), ids.end(), position_[e]) - ids.begin();
+      const Eigen::Index position = PositionIndex(model_, position_[e]);
       const int size = offset_[e + 1] - offset_[e];
       Eigen::VectorXd sum = light.middleRows(offset_[e], size).rowwise().sum();
       for (int block = 0; block < blocks; ++block) {
@@ -234,7 +233,7 @@ class RecordingScatter {
     Eigen::MatrixXd sums = Eigen::MatrixXd::Zero(rows(), static_cast<Eigen::Index>(ids.size()));
     for (int i = 0; i < lit(); ++i) {
       const int id = model_.set().frames[lit_.frames()[i]].plate_position_id;
-      sums.col(std::find(ids.begin(), ids.end(), id) - ids.begin()) += of_recordings.col(i);
+      sums.col(PositionIndex(model_, id)) += of_recordings.col(i);
     }
     return sums;
   }
