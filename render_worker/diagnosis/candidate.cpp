@@ -43,11 +43,14 @@ double LogPrior(const Candidate& candidate) {
     sum += LogSelectionPrior(static_cast<int>(fitted),
                              static_cast<int>(active.effect->description().parameters.size()));
   }
-  for (const FreeEffectParameter& free : candidate.free) {
+  assert(candidate.fit.effect_standard_errors.size() == candidate.free.size());
+  for (size_t f = 0; f < candidate.free.size(); ++f) {
+    const FreeEffectParameter& free = candidate.free[f];
     const ActiveEffect& active = candidate.effects[free.effect];
     const EffectParameter& parameter = active.effect->description().parameters[free.parameter];
     sum += LogParameterPrior(parameter,
-                             StandardisedParameter(parameter, active.parameters[free.parameter]));
+                             StandardisedParameter(parameter, active.parameters[free.parameter]),
+                             candidate.fit.effect_standard_errors[f] / parameter.prior_scale);
   }
   return sum;
 }

@@ -47,8 +47,9 @@ class FreeFormEffect : public DescribedEffect {
 };
 
 // A coefficient that may have either sign.
-inline EffectParameter Coefficient(std::string_view name, double limit, double prior_scale) {
-  return {name, 0, -limit, limit, prior_scale};
+inline EffectParameter Coefficient(std::string_view name, double limit, double prior_scale,
+                                   double decades = 0) {
+  return {name, 0, -limit, limit, prior_scale, {}, decades};
 }
 
 // `count` values from `first` to `last`, evenly spaced.

@@ -200,6 +200,9 @@ class PowerScatterTerm final : public FreeFormEffect {
                                                 {"correlation_time_s", 100, 0.1, 1e5, 900}}}) {}
 };
 
+// As of ambient light.
+constexpr double kRadianceDecades = 6;
+
 // Linear throughout: radiance below 0 takes light away, as far as there is any.
 class OtherLightTerm final : public FreeFormEffect {
  public:
@@ -211,12 +214,12 @@ class OtherLightTerm final : public FreeFormEffect {
              .summary = "radiance of the plate besides the laser's: constant, growing with time, "
                         "with gradients from centre to edge of the sensor; more on green and blue",
              .reference = "radiance invariance and aperture integration: thesis eq. 4.11",
-             .parameters = {Coefficient("radiance_w_m2_sr", 100, 0.1),
-                            Coefficient("radiance_per_time_w_m2_sr_s", 0.1, 1e-4),
-                            Coefficient("gradient_u_w_m2_sr", 100, 0.03),
-                            Coefficient("gradient_v_w_m2_sr", 100, 0.03),
-                            Coefficient("extra_green_w_m2_sr", 100, 0.1),
-                            Coefficient("extra_blue_w_m2_sr", 100, 0.1)}}) {}
+             .parameters = {Coefficient("radiance_w_m2_sr", 100, 0.1, kRadianceDecades),
+                            Coefficient("radiance_per_time_w_m2_sr_s", 0.1, 1e-4, kRadianceDecades),
+                            Coefficient("gradient_u_w_m2_sr", 100, 0.03, kRadianceDecades),
+                            Coefficient("gradient_v_w_m2_sr", 100, 0.03, kRadianceDecades),
+                            Coefficient("extra_green_w_m2_sr", 100, 0.1, kRadianceDecades),
+                            Coefficient("extra_blue_w_m2_sr", 100, 0.1, kRadianceDecades)}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     const double radiance = p[0] + p[1] * frame.timestamp_s;

@@ -7,10 +7,17 @@
 
 namespace sightline {
 
-double LogParameterPrior(const EffectParameter& parameter, double standardised) {
-  const bool one_sided = parameter.lower == parameter.null_value;
-  return std::log((one_sided ? 2 : 1) / (std::numbers::pi * (1 + standardised * standardised))) +
-         0.5 * std::log(2 * std::numbers::pi);
+double LogParameterPrior(const EffectParameter& parameter, double standardised,
+                         double standard_error) {
+  const double sides = parameter.lower == parameter.null_value ? 1 : 2;
+  double density = 2 / (sides * std::numbers::pi * (1 + standardised * standardised));
+  if (parameter.decades > 0) {
+    const double least = std::pow(10, -parameter.decades);
+    const double mass = std::log1p(1 / least) + 1 / (1 + least);
+    const double z = std::hypot(standardised, standard_error);
+    density = 1 / (sides * mass * (z < 1 ? z + least : (1 + least) * z * z));
+  }
+  return std::log(density) + 0.5 * std::log(2 * std::numbers::pi);
 }
 
 double LogSelectionPrior(int needed, int all) {
@@ -30,7 +37,8 @@ TermSelection SelectCoefficients(const Eigen::VectorXd& standardised,
     double sum = 0;
     for (int k = 0; k < n; ++k) {
       if ((dropped >> k & 1U) == 0)
-        sum += LogParameterPrior(parameters[k], values[coefficients[k]]);
+        sum += LogParameterPrior(parameters[k], values[coefficients[k]],
+                                 std::sqrt(covariance(coefficients[k], coefficients[k])));
     }
     return sum;
   };

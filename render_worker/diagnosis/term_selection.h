@@ -11,8 +11,11 @@ namespace sightline {
 
 // Logarithm of the prior density of a standardised parameter over that of a normal one at its
 // middle: a Cauchy law, half of all rigs within one scale; of half the line where a parameter has
-// one sign.
-double LogParameterPrior(const EffectParameter& parameter, double standardised);
+// one sign. Where it may be any of several decades (EffectParameter::decades), even in its
+// logarithm over these (Jeffreys, Theory of Probability, 3rd ed., section 3.1); values that are not
+// told from 0 count as `standard_error` (of the standardised parameter) away from it.
+double LogParameterPrior(const EffectParameter& parameter, double standardised,
+                         double standard_error);
 
 // Logarithm of the prior probability of `needed` coefficients of `all`: every number of them is as
 // likely as any other, and so are all choices of as many. 1 <= needed <= all.

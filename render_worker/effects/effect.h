@@ -29,6 +29,9 @@ struct EffectParameter {
   // Of a shape: values from which to search besides the null value, where one does not lead to
   // another (a place, a phase, a period).
   std::vector<double> starts = {};
+  // Of an amount that may be anything from hardly seen to blinding: as many decades below
+  // `prior_scale` are believed to be equally likely. 0: as above.
+  double decades = 0;
 };
 
 struct EffectDescription {

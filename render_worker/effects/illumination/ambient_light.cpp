@@ -10,6 +10,9 @@
 namespace sightline {
 namespace {
 
+// From what a closed housing lets through a laser's filter to a lit hall without either.
+constexpr double kRadianceDecades = 6;
+
 // Adds radiance(X, s) to what is there.
 void AddAmbient(PlateScene& scene, PlateFunction radiance) {
   if (!scene.ambient_radiance_w_m2_sr) {
@@ -33,7 +36,7 @@ class AmbientLightEffect final : public DescribedEffect {
                  "its right and lower edge; it is white: colour sensors see it about alike in all "
                  "channels (signals relative to the red one, which counts 661 nm photons)",
              .reference = "radiance invariance and aperture integration: thesis eq. 4.11",
-             .parameters = {{"ambient_radiance_w_m2_sr", 0, 0, 100, 0.1},
+             .parameters = {{"ambient_radiance_w_m2_sr", 0, 0, 100, 0.1, {}, kRadianceDecades},
                             {"gradient_u_relative", 0, -1, 1, 0.2},
                             {"gradient_v_relative", 0, -1, 1, 0.2},
                             {"green_to_red", 1, 0.05, 20, 0.5},
@@ -69,7 +72,7 @@ class AmbientFlickerEffect final : public DescribedEffect {
                  "ambient light with 1 + m cos(2 pi f t), t since the laser was switched on; "
                  "the exposure takes its mean",
              .reference = "IEEE 1789-2015 (modulation of lamps)",
-             .parameters = {{"ambient_radiance_w_m2_sr", 0, 0, 100, 0.1},
+             .parameters = {{"ambient_radiance_w_m2_sr", 0, 0, 100, 0.1, {}, kRadianceDecades},
                             // Light that hardly flickers is ambient light.
                             {"flicker_depth", 0.3, 0, 1, 0.3},
                             {"flicker_frequency_hz", 100, 1, 10000, 50}}}) {}

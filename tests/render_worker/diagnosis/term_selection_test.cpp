@@ -26,12 +26,33 @@ TEST(TermSelection, PriorOfAParameterIsADensity) {
   constexpr double kStep = 0.01;
   double sum_both = 0, sum_one = 0;
   for (double z = 0.5 * kStep; z < 1000; z += kStep) {
-    sum_both += 2 * kStep * std::exp(LogParameterPrior(both, z));
-    sum_one += kStep * std::exp(LogParameterPrior(one, z));
+    sum_both += 2 * kStep * std::exp(LogParameterPrior(both, z, 0.1));
+    sum_one += kStep * std::exp(LogParameterPrior(one, z, 0.1));
   }
   const double normal_at_0 = 1 / std::sqrt(2 * std::numbers::pi);
   EXPECT_NEAR(normal_at_0 * sum_both, 1, 2e-3);
   EXPECT_NEAR(normal_at_0 * sum_one, 1, 2e-3);
+}
+
+// Radiances from 1e-6 of the scale to all of it: as much belief in every decade.
+TEST(TermSelection, PriorOfSeveralDecadesIsADensity) {
+  const EffectParameter both{"both", 0, -1e9, 1e9, 1, {}, 6}, one{"one", 0, 0, 1e9, 1, {}, 6};
+  const double normal_at_0 = 1 / std::sqrt(2 * std::numbers::pi);
+  constexpr double kStep = 1e-3;
+  double all = 0;
+  std::vector<double> of_decades(12);
+  for (double log_z = std::log(1e-9); log_z < std::log(1e5); log_z += kStep) {
+    const double z = std::exp(log_z);
+    const double mass = normal_at_0 * kStep * z * std::exp(LogParameterPrior(one, z, 0));
+    EXPECT_NEAR(LogParameterPrior(both, z, 0), LogParameterPrior(one, z, 0) - std::log(2), 1e-12);
+    all += mass;
+    const int decade = static_cast<int>(std::floor(std::log10(z))) + 9;
+    if (decade < 12) of_decades[decade] += mass;
+  }
+  EXPECT_NEAR(all, 1, 2e-3);
+  for (int decade = 5; decade < 9; ++decade) EXPECT_NEAR(of_decades[decade], 1 / 6.5, 0.01);
+  // What is not told from 0 is no better than what its error leaves.
+  EXPECT_LT(LogParameterPrior(one, 0, 1e-3), LogParameterPrior(one, 9e-4, 1e-5));
 }
 
 // A linear model y = X z + noise, in which Laplace's approximation needs no step: every choice is
@@ -66,7 +87,7 @@ class LinearModel {
     for (size_t i = 0; i < used.size(); ++i) {
       const auto index = static_cast<Eigen::Index>(i);
       sum += used[i] < first ? -0.5 * z[index] * z[index]
-                             : LogParameterPrior(coefficients[used[i] - first], z[index]);
+                             : LogParameterPrior(coefficients[used[i] - first], z[index], 0);
     }
     return sum + LogSelectionPrior(static_cast<int>(used.size()) - first,
                                    static_cast<int>(coefficients.size()));
