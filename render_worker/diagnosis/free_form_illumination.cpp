@@ -114,6 +114,44 @@ class BeamFootTerm final : public FreeFormEffect {
   static constexpr std::array<double, 3> kWidths = {2, 4, 8};
 };
 
+// Light that leaves the laser at an angle to the line's plane: second lines, lobes on both sides.
+class BeamLobesTerm final : public FreeFormEffect {
+ public:
+  BeamLobesTerm()
+      : FreeFormEffect("point_spread",
+                       {.id = "unknown.beam_lobes",
+                        .stage = Stage::kIllumination,
+                        .summary = "parts of the power in lines an offset d d_l/0.4 m behind and "
+                                   "before, of w times the width",
+                        .reference = "Siegman, Lasers (1986), chapter 18 (clipped beams)",
+                        .parameters = {Coefficient("fraction_behind", 0.5, 0.02),
+                                       Coefficient("fraction_before", 0.5, 0.02),
+                                       {"offset_m",
+                                        1e-3,
+                                        1e-4,
+                                        2e-2,
+                                        1e-3,
+                                        {1.5e-4, 2.2e-4, 3.2e-4, 4.7e-4, 7e-4, 1.5e-3, 2.2e-3,
+                                         3.2e-3, 4.7e-3, 7e-3}},
+                                       {"width_ratio", 1, 0.5, 5, 0.3}}}) {}
+
+  void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
+    if (p[0] == 0 && p[1] == 0) return;
+    const double centre = frame.plate.line_offset_m;
+    const double offset = p[2] * frame.plate.laser_distance_m / kLaserDistance_m /
+                          std::cos(frame.plate.incidence_angle_rad);
+    scene.laser_irradiance_w_m2 = [=, behind = p[0], ahead = p[1], width = p[3],
+                                   before = std::move(scene.laser_irradiance_w_m2)](double x_m,
+                                                                                    double s_m) {
+      const auto lobe = [&](double at) {
+        return before(x_m, centre + (s_m - centre - at) / width) / width;
+      };
+      return std::max(0.0, (1 - behind - ahead) * before(x_m, s_m) + behind * lobe(offset) +
+                               ahead * lobe(-offset));
+    };
+  }
+};
+
 class AlongLineTerm final : public FreeFormEffect {
  public:
   AlongLineTerm()
@@ -286,12 +324,14 @@ class CoherenceTerm final : public FreeFormEffect {
 std::vector<const FreeFormEffect*> IlluminationTerms() {
   static const BeamTerm beam;
   static const BeamFootTerm beam_foot;
+  static const BeamLobesTerm beam_lobes;
   static const AlongLineTerm along_line;
   static const PowerCourseTerm power_course;
   static const PowerScatterTerm power_scatter;
   static const OtherLightTerm other_light;
   static const CoherenceTerm coherence;
-  return {&beam, &beam_foot, &along_line, &power_course, &power_scatter, &other_light, &coherence};
+  return {&beam,         &beam_foot,     &beam_lobes,  &along_line,
+          &power_course, &power_scatter, &other_light, &coherence};
 }
 
 }  // namespace sightline

@@ -110,6 +110,43 @@ class OneSidedHaloTerm final : public FreeFormEffect {
   static constexpr std::array<double, 3> kSigmas_px = {2, 8, 30};
 };
 
+// Copies displaced across the line and around, blurred in proportion to how far away they are:
+// reflections and rings.
+class DisplacedImagesTerm final : public FreeFormEffect {
+ public:
+  DisplacedImagesTerm()
+      : FreeFormEffect(
+            "point_spread",
+            {.id = "unknown.displaced_images",
+             .stage = Stage::kOptics,
+             .summary = "parts of the light in images displaced by d below, above and in a ring "
+                        "all around, blurred by sigma = b d",
+             .reference = "ISO 9358:1994 (veiling glare of image-forming systems)",
+             .parameters = {Coefficient("fraction_below", 0.5, 0.02),
+                            Coefficient("fraction_above", 0.5, 0.02),
+                            Coefficient("fraction_around", 0.5, 0.02),
+                            {"displacement_m",
+                             1e-4,
+                             1e-5,
+                             2e-3,
+                             1e-4,
+                             {2e-5, 3e-5, 4.5e-5, 6.5e-5, 1.4e-4, 2e-4, 3e-4, 4.5e-4, 6.5e-4}},
+                            {"blur_over_displacement", 0.1, 0.01, 0.6, 0.1}}}) {}
+
+  void OnOptics(OpticsModel& optics, const FrameSetup&, Parameters p) const override {
+    if (IsNull(p.first(3))) return;  // the list of transfer functions stays as it is
+    const double turn = 2 * std::numbers::pi * p[3], spread = turn * p[4];
+    optics.transfer.push_back([=, below = p[0], above = p[1], ring = p[2]](double qx, double qy) {
+      const double square = qx * qx + qy * qy;
+      const double kept = std::exp(-0.5 * spread * spread * square);
+      const std::complex<double> copy = std::polar(kept, -turn * qy);
+      std::complex<double> sum = 1.0 + below * (copy - 1.0) + above * (std::conj(copy) - 1.0);
+      if (ring != 0) sum += ring * (kept * std::cyl_bessel_j(0.0, turn * std::sqrt(square)) - 1);
+      return sum;
+    });
+  }
+};
+
 class WavefrontTerm final : public FreeFormEffect {
  public:
   WavefrontTerm()
@@ -389,6 +426,7 @@ class SpeckleAveragingTerm final : public FreeFormEffect {
 std::vector<const FreeFormEffect*> OpticsTerms() {
   static const HaloTerm halo;
   static const OneSidedHaloTerm one_sided_halo;
+  static const DisplacedImagesTerm displaced_images;
   static const WavefrontTerm wavefront;
   static const FocusCurvatureTerm focus_curvature;
   static const ApertureTerm aperture;
@@ -396,8 +434,8 @@ std::vector<const FreeFormEffect*> OpticsTerms() {
   static const PupilCutTerm pupil_cut;
   static const DistortionTerm distortion;
   static const SpeckleAveragingTerm speckle_averaging;
-  return {&halo,  &one_sided_halo, &wavefront,  &focus_curvature,  &aperture,
-          &field, &pupil_cut,      &distortion, &speckle_averaging};
+  return {&halo,     &one_sided_halo, &displaced_images, &wavefront,  &focus_curvature,
+          &aperture, &field,          &pupil_cut,        &distortion, &speckle_averaging};
 }
 
 }  // namespace sightline

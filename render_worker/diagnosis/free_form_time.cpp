@@ -55,6 +55,20 @@ class ExposureScatterTerm final : public FreeFormEffect {
                                                 {"exponent", 1, 0.3, 3, 0.4}}}) {}
 };
 
+// Any movement across the line that forgets where it was: jolts, wandering, vibrations of several
+// frequencies. Drawn for every recording (scatter_law), so it changes no expectation.
+class MovementTerm final : public FreeFormEffect {
+ public:
+  MovementTerm()
+      : FreeFormEffect("noise", {.id = "unknown.movement",
+                                 .stage = Stage::kTime,
+                                 .summary = "image moves across the line normally by s, with "
+                                            "correlation exp(-|time apart| / t)",
+                                 .reference = "Uhlenbeck and Ornstein, Phys. Rev. 36 (1930) 823",
+                                 .parameters = {{"movement_px", 0, 0, 50, 1},
+                                                {"correlation_time_s", 0.01, 1e-5, 1e4, 0.09}}}) {}
+};
+
 class DarkCourseTerm final : public FreeFormEffect {
  public:
   DarkCourseTerm()
@@ -118,9 +132,10 @@ class MotionTerm final : public FreeFormEffect {
 std::vector<const FreeFormEffect*> TimeTerms() {
   static const ExposureTerm exposure;
   static const ExposureScatterTerm exposure_scatter;
+  static const MovementTerm movement;
   static const DarkCourseTerm dark_course;
   static const MotionTerm motion;
-  return {&exposure, &exposure_scatter, &dark_course, &motion};
+  return {&exposure, &exposure_scatter, &movement, &dark_course, &motion};
 }
 
 }  // namespace sightline

@@ -36,7 +36,11 @@ constexpr double kStrengthError = 0.35;
 // reflectances are far from linear.
 constexpr double kStrongTextureLeaves = 0.5;
 
-bool Moves(const Effect& effect) { return effect.description().id == "time.vibration_blur"; }
+constexpr std::string_view kVibration = "time.vibration_blur";
+
+bool Moves(const Effect& effect) {
+  return effect.description().id == kVibration || effect.description().id == "unknown.movement";
+}
 
 // Known parameters of `null` at a realisation, from what does not compare speckle; linearised with
 // all entries. `start`: without the realisation.
@@ -737,6 +741,8 @@ ScatterCandidate RecordingScatter::Evaluate(const Effect& effect, Realisation& a
     if (single) {
       linear = LineariseAboutFreeMovement(std::move(linear));
       peak = Search(linear, law, effect);
+    }
+    if (single && effect.description().id == kVibration) {
       const std::vector<RecordedMovement> movements = MovementOf(linear);
       const VibrationFit fit = FitVibration(movements);
       peak.parameters = {fit.amplitude_px, fit.frequency_hz};
@@ -802,7 +808,9 @@ std::vector<ScatterCandidate> EvaluateStrong(const SetModel& model, const FitRes
     size_t leading = 0;
     for (size_t i = 0; i < effects.size(); ++i) {
       candidates.push_back(scatter.Evaluate(*effects[i], led_to[i]));
-      if (i == 0 || candidates[i].log_evidence > candidates[leading].log_evidence) leading = i;
+      // A vibration is followed from where it has led by itself.
+      const bool better = candidates[i].log_evidence > candidates[leading].log_evidence;
+      if (i == 0 || (better && !moves)) leading = i;
     }
     const double cost_of_turn = TwiceCost(candidates[leading].fit);
     const double gained = turn == 0 ? 0 : cost - cost_of_turn;
@@ -850,10 +858,11 @@ void FollowPhases(const SetModel& model, const FitResult& null, ScatterCandidate
   candidate.phases_rad = std::move(followed.phases_rad);
 }
 
-constexpr std::array<std::string_view, 7> kKnown = {
-    "illumination.power_noise",   "time.exposure_jitter",  "surface.albedo_texture",
-    "time.vibration_blur",        "unknown.power_scatter", "unknown.exposure_scatter",
-    "unknown.reflectance_scatter"};
+constexpr std::array<std::string_view, 8> kKnown = {
+    "illumination.power_noise",    "time.exposure_jitter",
+    "surface.albedo_texture",      kVibration,
+    "unknown.power_scatter",       "unknown.exposure_scatter",
+    "unknown.reflectance_scatter", "unknown.movement"};
 
 }  // namespace
 

@@ -19,6 +19,12 @@ double ShiftVariance(double frequency_hz, double exposure_s) {
   return 0.5 * std::pow(Sinc(kPi * frequency_hz * exposure_s), 2);
 }
 
+// Mean square of the mean over an exposure of what wanders with unit variance.
+double MeanSquareOfWandering(double correlation_time_s, double exposure_s) {
+  const double x = exposure_s / correlation_time_s;
+  return x < 1e-4 ? 1 - x / 3 : 2 * (x + std::expm1(-x)) / (x * x);
+}
+
 double BlockLength(const SetModel& model, const FrameSetup& frame) {
   return LengthOnPlate(frame, frame.roi.columns_px) / model.blocks_along_line();
 }
@@ -91,7 +97,9 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
       return diagonal(Eigen::VectorXd::Constant(n, p[0]));
     };
   } else if (id == "unknown.power_scatter") {
-    law.factor = [=](const std::vector<double>& p) { return p[0] * Forgetting(lit_time_s, p[1]); };
+    law.factor = [=](const std::vector<double>& p) -> Eigen::MatrixXd {
+      return p[0] * Forgetting(lit_time_s, p[1]);
+    };
   } else if (id == "unknown.exposure_scatter") {
     law.factor = [=](const std::vector<double>& p) {
       return diagonal(p[0] * (exposure_s.array() / 1e-3).pow(-p[1]).matrix());
@@ -114,6 +122,18 @@ ScatterLaw ScatterLawOf(std::string_view id, const SetModel& model) {
             TextureLaw(id, frame.nominal, p).VarianceAlong(BlockLength(model, frame.nominal));
       }
       return variance;
+    };
+  } else if (id == "unknown.movement") {
+    law.amplitude = Amplitude::kShift;
+    const auto kept = [=](double correlation_time_s) -> Eigen::VectorXd {
+      return exposure_s.unaryExpr(
+          [=](double t) { return MeanSquareOfWandering(correlation_time_s, t); });
+    };
+    law.factor = [=](const std::vector<double>& p) -> Eigen::MatrixXd {
+      return p[0] * kept(p[1]).cwiseSqrt().asDiagonal() * Forgetting(lit_time_s, p[1]);
+    };
+    law.within = [=](const std::vector<double>& p, const Eigen::VectorXd&) -> Eigen::VectorXd {
+      return p[0] * p[0] * (1 - kept(p[1]).array()).matrix();
     };
   } else {
     law.amplitude = Amplitude::kShift;

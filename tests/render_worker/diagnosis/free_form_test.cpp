@@ -74,8 +74,15 @@ FrameSetup DarkFrame() {
 }
 
 std::vector<double> NullOf(const Effect& term) {
-  return std::vector<double>(term.description().parameters.size(), 0.0);
+  std::vector<double> null;
+  for (const EffectParameter& parameter : term.description().parameters) {
+    null.push_back(parameter.null_value);
+  }
+  return null;
 }
+
+// A place, a width, a time: does not vanish with the strength.
+bool IsShape(const EffectParameter& parameter) { return parameter.lower > 0; }
 
 const Effect& Term(const char* id) {
   const Effect* term = FindFreeFormTerm(id);
@@ -123,8 +130,7 @@ TEST(FreeForm, TermsAreDescribed) {
     EXPECT_GE(description.parameters.size(), 2U) << description.id;
     EXPECT_LE(description.parameters.size(), 6U) << description.id;
     for (const EffectParameter& parameter : description.parameters) {
-      // The shape of what is drawn does not vanish with its strength.
-      if (!IsRecordingScatter(*term) || &parameter == &description.parameters.front()) {
+      if (!IsShape(parameter) || &parameter == &description.parameters.front()) {
         EXPECT_EQ(parameter.null_value, 0) << parameter.name;
         EXPECT_LE(parameter.lower, 0) << parameter.name;
       }
@@ -171,10 +177,11 @@ TEST(FreeForm, EveryCoefficientActsSmoothly) {
   second.timestamp_s = 300;
   late.exposure_time_s = 3e-3;
   // These change patterns, codes and what differs between frames; they have their own tests.
-  const std::set<std::string_view> elsewhere = {"unknown.pixel_tail", "unknown.codes",
-                                                "unknown.motion", "unknown.power_scatter",
-                                                "unknown.exposure_scatter",
-                                                "unknown.reflectance_scatter"};
+  const std::set<std::string_view> elsewhere = {
+      "unknown.pixel_tail",       "unknown.codes",
+      "unknown.motion",           "unknown.power_scatter",
+      "unknown.exposure_scatter", "unknown.reflectance_scatter",
+      "unknown.movement"};
   for (const Effect* term : FreeFormTerms()) {
     if (elsewhere.contains(term->description().id)) continue;
     // All others change the mean or a variance.
@@ -182,6 +189,7 @@ TEST(FreeForm, EveryCoefficientActsSmoothly) {
                         term->description().id == "unknown.speckle_averaging";
     const auto& parameters = term->description().parameters;
     for (size_t k = 0; k < parameters.size(); ++k) {
+      if (IsShape(parameters[k])) continue;
       double change = 0, twice = 0, bend = 0;
       for (const FrameSetup& frame :
            {NominalFrame(), BayerFrame(), DarkFrame(), early, late, second, defocused, off_axis}) {
@@ -267,10 +275,12 @@ TEST(FreeForm, MotionIsThatOfThePlate) {
 
 TEST(FreeForm, HalosConserveLight) {
   const FrameSetup frame = NominalFrame();
-  for (const char* id : {"unknown.halo", "unknown.one_sided_halo"}) {
+  for (const char* id : {"unknown.halo", "unknown.one_sided_halo", "unknown.displaced_images"}) {
     const Effect& term = Term(id);
     std::vector<double> p = NullOf(term);
-    for (size_t k = 0; k < p.size(); ++k) p[k] = k % 2 == 0 ? 0.1 : -0.07;
+    for (size_t k = 0; k < p.size(); ++k) {
+      if (!IsShape(term.description().parameters[k])) p[k] = k % 2 == 0 ? 0.1 : -0.07;
+    }
     const std::vector<ActiveEffect> effects = {{&term, p}};
     const OpticsModel optics = MakeOpticsModel(frame, effects);
     ASSERT_EQ(optics.transfer.size(), 1U);
@@ -306,11 +316,14 @@ TEST(FreeForm, BeamAndPlateSpreadConserveLight) {
     return sum;
   };
   const double null = integral(MakePlateScene(frame));
-  for (const char* id : {"unknown.beam", "unknown.beam_foot", "unknown.plate_spread"}) {
+  for (const char* id :
+       {"unknown.beam", "unknown.beam_foot", "unknown.beam_lobes", "unknown.plate_spread"}) {
     const Effect& term = Term(id);
     PlateScene scene = MakePlateScene(frame);
     std::vector<double> p = NullOf(term);
-    for (double& c : p) c = 0.05;
+    for (size_t k = 0; k < p.size(); ++k) {
+      if (!IsShape(term.description().parameters[k])) p[k] = 0.05;
+    }
     term.OnPlate(scene, frame, p);
     // Kernels of 2 mm lose 21 exp(-20) beyond 4 cm; the series of the beam is cut at 4 sigma.
     EXPECT_NEAR(integral(scene), null, 1e-4 * null) << id;
@@ -395,19 +408,22 @@ TEST(FreeForm, RendererAndExpectationAgree) {
   };
   const Image<double> rendered_null = rendered({}), expected_null = expected({});
   for (const char* id :
-       {"unknown.beam",          "unknown.along_line",     "unknown.power_course",
-        "unknown.other_light",   "unknown.plate_spread",   "unknown.reflectance",
-        "unknown.halo",          "unknown.one_sided_halo", "unknown.wavefront",
-        "unknown.aperture",      "unknown.field",          "unknown.pupil_cut",
-        "unknown.setup",         "unknown.line_place",     "unknown.keystone",
-        "unknown.distortion",    "unknown.focus_field",    "unknown.focus_curvature",
-        "unknown.charge_spread", "unknown.column_trail",   "unknown.exposure"}) {
+       {"unknown.beam",          "unknown.along_line",      "unknown.power_course",
+        "unknown.other_light",   "unknown.plate_spread",    "unknown.reflectance",
+        "unknown.halo",          "unknown.one_sided_halo",  "unknown.wavefront",
+        "unknown.aperture",      "unknown.field",           "unknown.pupil_cut",
+        "unknown.setup",         "unknown.line_place",      "unknown.keystone",
+        "unknown.distortion",    "unknown.focus_field",     "unknown.focus_curvature",
+        "unknown.charge_spread", "unknown.column_trail",    "unknown.exposure",
+        "unknown.beam_lobes",    "unknown.displaced_images"}) {
     const Effect& term = Term(id);
     std::vector<double> p = NullOf(term);
     // The renderer's layers of curvature are an eighth of a wave apart at the pupil's rim.
     const double strength = std::string_view(id).starts_with("unknown.focus") ? 4 : 1;
     for (size_t k = 0; k < p.size(); ++k) {
-      p[k] = strength * term.description().parameters[k].prior_scale * (k % 2 == 0 ? 1 : 0.5);
+      const EffectParameter& parameter = term.description().parameters[k];
+      if (IsShape(parameter)) continue;
+      p[k] = strength * parameter.prior_scale * (k % 2 == 0 ? 1 : 0.5);
     }
     const Image<double> a = rendered({{&term, p}}), b = expected({{&term, p}});
     double difference = 0, change = 0;
@@ -565,6 +581,10 @@ double Absorbed(const std::vector<FrameSetup>& frames, const Effect& variant,
     Eigen::MatrixXd jacobian(mean.size(), n);
     for (Eigen::Index k = 0; k < n; ++k) {
       ActiveEffect moved = fitted;
+      if (IsShape(parameters[static_cast<size_t>(k)])) {  // stays where it is
+        jacobian.col(k).setZero();
+        continue;
+      }
       const double step = 0.05 * parameters[static_cast<size_t>(k)].prior_scale;
       moved.parameters[static_cast<size_t>(k)] += step;
       jacobian.col(k) = (Means(frames, &moved) - mean) / step;
@@ -575,6 +595,7 @@ double Absorbed(const std::vector<FrameSetup>& frames, const Effect& variant,
     for (Eigen::Index k = 0; k < n; ++k) {
       const double scale = parameters[static_cast<size_t>(k)].prior_scale;
       information(k, k) += 1 / (scale * scale);
+      if (IsShape(parameters[static_cast<size_t>(k)])) continue;
       gradient[k] -= fitted.parameters[static_cast<size_t>(k)] / (scale * scale);
     }
     const Eigen::VectorXd step = information.ldlt().solve(gradient);
@@ -612,6 +633,7 @@ TEST(FreeForm, ResponsesThatAreNotInTheVocabulary) {
 TEST(FreeForm, HalosThatAreNotInTheVocabulary) {
   EXPECT_GT(Absorbed(Exposures(), FarReachingHalo(), {0.05, 1e-4}, "unknown.halo"), 0.9);
   EXPECT_GT(Absorbed(Exposures(), RingHalo(), {0.05, 1.2e-4}, "unknown.halo"), 0.7);
+  EXPECT_GT(Absorbed(Exposures(), RingHalo(), {0.05, 1e-4}, "unknown.displaced_images"), 0.95);
 }
 
 TEST(FreeForm, SpreadOnThePlateThatIsNotInTheVocabulary) {

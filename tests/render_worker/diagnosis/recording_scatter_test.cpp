@@ -13,6 +13,7 @@
 #include "render_worker/diagnosis/free_form.h"
 #include "render_worker/diagnosis/pictures.h"
 #include "render_worker/diagnosis/realisation.h"
+#include "render_worker/diagnosis/scatter_law.h"
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -260,6 +261,57 @@ TEST(CompareRecordingScatter, WithoutItsEffectTextureIsScatterOfTheReflectance) 
     EXPECT_GT(candidates.back().log_evidence, candidates[i].log_evidence + 3)
         << effects[i]->description().id;
   }
+}
+
+TEST(ScatterLaw, WhatWandersMovesRecordingsOrBlursThem) {
+  const RecordedSet set = Render({}, 23);
+  const SetModel model(set, {});
+  const ScatterLaw law = ScatterLawOf("unknown.movement", model);
+  for (const double correlation_time_s : {1e-5, 1e-3, 1e-1}) {
+    const std::vector<double> parameters = {1.5, correlation_time_s};
+    const Eigen::MatrixXd factor = law.factor(parameters);
+    const Eigen::VectorXd blur_px2 = law.within(parameters, {});
+    ASSERT_EQ(blur_px2.size(), factor.rows());
+    Eigen::Index at = 0;
+    for (const RecordedFrame& frame : set.frames) {
+      if (frame.plate_position_id < 0) continue;
+      // Mean of the correlation over all pairs of moments of an exposure.
+      constexpr int kMoments = 20000;
+      double mean = 0;
+      for (int k = 0; k < kMoments; ++k) {
+        const double apart = (k + 0.5) / kMoments;
+        mean += 2 * (1 - apart) / kMoments *
+                std::exp(-apart * frame.nominal.exposure_time_s / correlation_time_s);
+      }
+      const double shift_px2 = factor.row(at).squaredNorm();
+      EXPECT_NEAR(shift_px2, 2.25 * mean, 2e-3 * 2.25 * mean);
+      EXPECT_NEAR(shift_px2 + blur_px2[at], 2.25, 1e-6);
+      ++at;
+    }
+  }
+}
+
+TEST(CompareRecordingScatter, WithoutItsEffectVibrationIsMovement) {
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kVibration), {1.0, 60}}}, 24);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const std::vector<const Effect*> effects = {FindEffect(kVibration),
+                                              FindEffect(kPowerNoise),
+                                              FindEffect(kExposureJitter),
+                                              FindEffect(kAlbedoTexture),
+                                              FindFreeFormTerm("unknown.power_scatter"),
+                                              FindFreeFormTerm("unknown.movement")};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  const ScatterCandidate &vibration = candidates.front(), &movement = candidates.back();
+  for (size_t i = 1; i + 1 < candidates.size(); ++i) {
+    EXPECT_GT(movement.log_evidence, candidates[i].log_evidence + 10)
+        << effects[i]->description().id;
+  }
+  // The root mean square of a sinusoid.
+  const double root_mean_square = std::sqrt(0.5) * vibration.parameters[0];
+  EXPECT_NEAR(movement.parameters[0], root_mean_square, 0.2 * root_mean_square);
 }
 
 // Power that swings slowly: no effect of the vocabulary does.
