@@ -1,6 +1,7 @@
 // Effects whose realisation is drawn anew for every recording (power noise, exposure jitter,
-// vibration, the free-form scatter of the power) or every place on the plate (texture): they say
-// nothing about the expectation of a recording, only how recordings scatter about it.
+// vibration, free-form scatters of the power, the exposure and the place) or every place on the
+// plate (texture, a free-form scatter of the reflectance): they say nothing about the expectation
+// of a recording, only how recordings scatter about it.
 #pragma once
 
 #include <span>

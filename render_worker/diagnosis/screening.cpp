@@ -232,33 +232,53 @@ class Search {
     return with;
   }
 
+  // Standardised, and what they gain, if everything were linear.
+  static std::pair<Eigen::VectorXd, double> BestStrengths(
+      const LinearFit& linear, const Eigen::VectorXd& residual,
+      const std::vector<Eigen::VectorXd>& slopes) {
+    const auto n = static_cast<Eigen::Index>(slopes.size());
+    Eigen::MatrixXd information = 0.01 * Eigen::MatrixXd::Identity(n, n);
+    Eigen::VectorXd gradient(n);
+    for (Eigen::Index i = 0; i < n; ++i) {
+      gradient[i] = residual.dot(slopes[i]);
+      for (Eigen::Index j = 0; j < n; ++j) information(i, j) += linear.Inner(slopes[i], slopes[j]);
+    }
+    Eigen::VectorXd z = information.llt().solve(gradient);
+    const double gain = 0.5 * z.dot(gradient);
+    return {std::move(z), gain};
+  }
+
   // The best strengths if everything were linear, and half of that.
   void TrySlopes(const ActiveEffect& shaped, const std::vector<size_t>& strengths,
                  const std::vector<Eigen::VectorXd>& slopes, bool middle_only) {
-    const int n = static_cast<int>(strengths.size());
-    Eigen::MatrixXd information = 0.01 * Eigen::MatrixXd::Identity(n, n);
-    Eigen::VectorXd gradient(n);
-    for (int i = 0; i < n; ++i) {
-      gradient[i] = linear_.residual().dot(slopes[i]);
-      for (int j = 0; j < n; ++j) information(i, j) += linear_.Inner(slopes[i], slopes[j]);
+    const auto at = [&](const Eigen::VectorXd& z) {
+      ActiveEffect active = shaped;
+      for (size_t i = 0; i < strengths.size(); ++i) {
+        active.parameters[strengths[i]] = ParameterFromStandardised(
+            parameters_[strengths[i]], std::clamp(z[static_cast<Eigen::Index>(i)], -8.0, 8.0));
+      }
+      return active;
+    };
+    const auto moves = [&](const ActiveEffect& active) {
+      return std::any_of(strengths.begin(), strengths.end(), [&](size_t k) {
+        return active.parameters[k] != parameters_[k].null_value;
+      });
+    };
+    const auto keep_linear = [&](const ActiveEffect& active, double gain) {
+      if (!(gain > best_.linear_gain) || !moves(active)) return;
+      best_.linear_gain = gain;
+      best_.linear_best = active;
+    };
+    if (const LinearFit* released = screening_.released()) {
+      const auto [z, gain] = BestStrengths(*released, released->ResidualAtBest(), slopes);
+      keep_linear(at(z), gain);
     }
-    const Eigen::VectorXd z = information.llt().solve(gradient);
-    const double linear_gain = 0.5 * z.dot(gradient);
+    const auto [z, linear_gain] = BestStrengths(linear_, linear_.residual(), slopes);
     if (!(linear_gain >= kLeastGain)) return;
     for (double part : {1.0, 0.4}) {
-      ActiveEffect active = shaped;
-      bool moved = false;
-      for (int i = 0; i < n; ++i) {
-        const EffectParameter& parameter = parameters_[strengths[i]];
-        double& value = active.parameters[strengths[i]];
-        value = ParameterFromStandardised(parameter, std::clamp(part * z[i], -8.0, 8.0));
-        moved = moved || value != parameter.null_value;
-      }
-      if (!moved) return;
-      if (linear_gain > best_.linear_gain) {
-        best_.linear_gain = linear_gain;
-        best_.linear_best = active;
-      }
+      const ActiveEffect active = at(part * z);
+      if (!moves(active)) return;
+      keep_linear(active, linear_gain);
       const double before = best_.gain;
       Try(active, middle_only);
       if (part == 1 && best_.gain > before && best_.gain > 0.6 * linear_gain) return;
@@ -285,8 +305,13 @@ ActiveEffect AtNullValues(const Effect& effect) {
 Screening::Screening(const SetModel& model, const FitResult& base, std::vector<bool> use_entry)
     : model_(model),
       base_(base),
-      linear_(base, std::move(use_entry)),
-      base_middle_(model.Expect(base.parameters, false, true).mean) {}
+      linear_(base, use_entry),
+      base_middle_(model.Expect(base.parameters, false, true).mean) {
+  if (std::find(base.held.begin(), base.held.end(), true) == base.held.end()) return;
+  released_base_ = base;
+  released_base_.held.clear();
+  released_.emplace(released_base_, std::move(use_entry));
+}
 
 ScreenedEffect Screening::Screen(const Effect& effect) const {
   return Search(*this, effect).Run(Seen(effect));

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <optional>
 #include <vector>
 
 #include "render_worker/diagnosis/fit.h"
@@ -14,8 +15,8 @@ struct ScreenedEffect {
   ActiveEffect strongest;  // where the recordings fit best, about; any, if they do not
   Eigen::VectorXd change;  // there, whitened
   double gain = 0;         // in log-likelihood [nats]
-  // If everything were linear. Much more than `gain`: the base's deviations have taken the
-  // effect's place, and both must move together.
+  // If everything were linear, and deviations that are held at a bound were free. Much more than
+  // `gain`: the base's deviations have taken the effect's place, and both must move together.
   double linear_gain = 0;
   ActiveEffect linear_best;
   // Standardised strength of its first parameter that has one, at which the expected gain is 5.
@@ -32,6 +33,9 @@ class Screening {
   // to. Entries not in `use_entry` (empty: all) count nothing.
   Screening(const SetModel& model, const FitResult& base, std::vector<bool> use_entry = {});
 
+  Screening(const Screening&) = delete;  // refers to its own fit
+  Screening& operator=(const Screening&) = delete;
+
   // From a few strengths and shapes. Not for what is drawn anew for every recording, which changes
   // no expectation.
   ScreenedEffect Screen(const Effect& effect) const;
@@ -41,6 +45,8 @@ class Screening {
   Eigen::VectorXd ChangeOf(const ActiveEffect& active, bool middle_only = false) const;
 
   const LinearFit& linear() const { return linear_; }
+  // As if nothing were held at a bound; nullptr: nothing is.
+  const LinearFit* released() const { return released_ ? &*released_ : nullptr; }
 
  private:
   // Where the recordings themselves show it.
@@ -49,6 +55,8 @@ class Screening {
   const SetModel& model_;
   const FitResult& base_;
   LinearFit linear_;
+  FitResult released_base_;
+  std::optional<LinearFit> released_;
   Entries base_middle_;  // expected if the whole line were like its middle
 };
 

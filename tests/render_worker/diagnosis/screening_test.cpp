@@ -71,6 +71,52 @@ TEST(Screening, SpeedOfThePlateIsFoundBetweenALittleAndALot) {
   }
 }
 
+// A bug found: with the gain held at three standard uncertainties, a gain error beyond it was worth
+// next to nothing by itself, and was never fitted.
+TEST(Screening, WhatIsHeldAtABoundGivesWayToAnEffect) {
+  const RecordedSet set = Planned();
+  const SetModel model(set, {});
+  FitResult null = LineariseSet(model, {});
+  const Effect* gain_error = FindEffect("sensor.gain_error");
+  constexpr double kFactor = 1.06;
+  SetupDeviation uncertainty = set.description.uncertainty;
+  Eigen::VectorXd left;
+  int gain = 0;  // index of the known gain
+  {
+    const Screening expected(model, null);
+    left = expected.ChangeOf({gain_error, {kFactor}});
+    while (&DeviationAt(null.parameters.deviations, gain) !=
+           &null.parameters.deviations.gain_relative) {
+      ++gain;
+    }
+  }
+  const double held = 3;
+  ASSERT_LT(held * uncertainty.gain_relative, kFactor - 1);
+  int column = 0;
+  for (int i = 0; i < gain; ++i) column += DeviationAt(uncertainty, i) > 0 ? 1 : 0;
+  null.standardised[column] = held;
+  null.held.assign(null.standardised.size(), false);
+  null.held[column] = true;
+  Eigen::Index at = 0;
+  for (size_t e = 0; e < null.residual.size(); ++e) {
+    const Eigen::Index n = null.residual[e].size();
+    null.residual[e] = left.segment(at, n) - held * null.jacobian[e].col(column);
+    at += n;
+  }
+  // The others have made of it what they can.
+  const LinearFit bound(null);
+  const Eigen::VectorXd at_best = bound.ResidualAtBest(), step = bound.Step();
+  at = 0;
+  for (Eigen::VectorXd& residual : null.residual) {
+    residual = at_best.segment(at, residual.size());
+    at += residual.size();
+  }
+  null.standardised += step;
+  const ScreenedEffect found = Screening(model, null).Screen(*gain_error);
+  EXPECT_GT(found.linear_gain, 10);
+  EXPECT_NEAR(found.linear_best.parameters[0], kFactor, 0.015);
+}
+
 // A bug found: a ghost near the line was called a reflection in the lens, which was searched for.
 TEST(Screening, GhostLineIsFoundFromWithinItsWidth) {
   for (const double offset_m : {-4.6e-3, -1.06e-3, 1.06e-3, 3.3e-3}) {
