@@ -32,6 +32,7 @@ FitResult SomeFit(const Eigen::MatrixXd& jacobian, int effects) {
 Candidate SomeCandidate(const Eigen::MatrixXd& jacobian) {
   Candidate candidate = MakeCandidate({{Named(), {1}}});
   candidate.fit = SomeFit(jacobian, 1);
+  candidate.fit.effect_standard_errors = {0.1};
   return candidate;
 }
 
