@@ -240,9 +240,7 @@ class Competing {
   void AddJoints(const Candidate& base, const std::vector<ScreenedEffect>& besides,
                  std::vector<Joint>& joints) const {
     // What is held at a bound may be so for want of the effect.
-    FitResult released = base.fit;
-    released.held.clear();
-    const LinearFit linear(released);
+    const LinearFit linear(base.fit, {}, LinearFit::Held::kFree);
     const Eigen::VectorXd residual = linear.ResidualAtBest();
     for (const ScreenedEffect& by_itself : competition_.screened) {
       const Effect* effect = by_itself.strongest.effect;

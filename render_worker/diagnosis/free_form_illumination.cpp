@@ -5,6 +5,7 @@
 #include <numbers>
 
 #include "render_worker/diagnosis/free_form_effect.h"
+#include "render_worker/effects/illumination/ambient_radiance.h"
 
 namespace sightline {
 namespace {
@@ -136,7 +137,7 @@ class BeamLobesTerm final : public FreeFormEffect {
                                        {"width_ratio", 1, 0.5, 5, 0.3}}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
-    if (p[0] == 0 && p[1] == 0) return;
+    if (IsNull(p.first(2))) return;
     const double centre = frame.plate.line_offset_m;
     const double offset = p[2] * frame.plate.laser_distance_m / kLaserDistance_m /
                           std::cos(frame.plate.incidence_angle_rad);
@@ -237,9 +238,6 @@ class PowerScatterTerm final : public FreeFormEffect {
                                  .parameters = {{"power_scatter_relative", 0, 0, 0.5, 0.03},
                                                 {"correlation_time_s", 100, 0.1, 1e5, 900}}}) {}
 };
-
-// As of ambient light.
-constexpr double kRadianceDecades = 6;
 
 // Linear throughout: radiance below 0 takes light away, as far as there is any.
 class OtherLightTerm final : public FreeFormEffect {

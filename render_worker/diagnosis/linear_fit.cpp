@@ -4,8 +4,9 @@
 
 namespace sightline {
 
-LinearFit::LinearFit(const FitResult& fit, std::vector<bool> use_entry)
+LinearFit::LinearFit(const FitResult& fit, std::vector<bool> use_entry, Held held)
     : fit_(fit), use_entry_(std::move(use_entry)) {
+  if (held == Held::kStays) held_ = fit.held;
   Eigen::Index size = 0;
   for (const Eigen::VectorXd& residual : fit.residual) size += residual.size();
   residual_.setZero(size);
@@ -19,8 +20,8 @@ LinearFit::LinearFit(const FitResult& fit, std::vector<bool> use_entry)
     }
     at += n;
   }
-  for (size_t i = 0; i < fit.held.size(); ++i) {
-    if (fit.held[i]) jacobian_.col(static_cast<Eigen::Index>(i)).setZero();
+  for (size_t i = 0; i < held_.size(); ++i) {
+    if (held_[i]) jacobian_.col(static_cast<Eigen::Index>(i)).setZero();
   }
   Eigen::MatrixXd information = fit.prior_weight.asDiagonal();
   information.noalias() += jacobian_.transpose() * jacobian_;
@@ -47,8 +48,8 @@ Eigen::VectorXd LinearFit::Absorb(const Eigen::VectorXd& change) const {
 Eigen::VectorXd LinearFit::Step() const {
   Eigen::VectorXd gradient =
       jacobian_.transpose() * residual_ - fit_.prior_weight.cwiseProduct(fit_.standardised);
-  for (size_t i = 0; i < fit_.held.size(); ++i) {
-    if (fit_.held[i]) gradient[static_cast<Eigen::Index>(i)] = 0;
+  for (size_t i = 0; i < held_.size(); ++i) {
+    if (held_[i]) gradient[static_cast<Eigen::Index>(i)] = 0;
   }
   return information_.solve(gradient);
 }

@@ -1,5 +1,5 @@
 // A fit's neighbourhood, linearised: what a small change of the expectation is worth after the
-// parameters fitted have moved to absorb what they can of it. Those held by a bound stay there.
+// parameters fitted have moved to absorb what they can of it.
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -11,8 +11,12 @@ namespace sightline {
 
 class LinearFit {
  public:
+  // What a bound holds stays there, or is free: an effect may take over from it.
+  enum class Held { kStays, kFree };
+
   // Entries not in `use_entry` (empty: all) count nothing.
-  explicit LinearFit(const FitResult& fit, std::vector<bool> use_entry = {});
+  explicit LinearFit(const FitResult& fit, std::vector<bool> use_entry = {},
+                     Held held = Held::kStays);
 
   // Whitened difference of an expectation from the fit's, all entries one after the other.
   Eigen::VectorXd Change(const Entries& mean) const;
@@ -35,6 +39,7 @@ class LinearFit {
 
   const FitResult& fit_;
   std::vector<bool> use_entry_;
+  std::vector<bool> held_;  // empty: nothing
   Eigen::VectorXd residual_;
   Eigen::MatrixXd jacobian_;
   Eigen::LLT<Eigen::MatrixXd> information_;

@@ -270,7 +270,7 @@ class Search {
       best_.linear_best = active;
     };
     if (const LinearFit* released = screening_.released()) {
-      const auto [z, gain] = BestStrengths(*released, released->ResidualAtBest(), slopes);
+      const auto [z, gain] = BestStrengths(*released, screening_.released_residual(), slopes);
       keep_linear(at(z), gain);
     }
     const auto [z, linear_gain] = BestStrengths(linear_, linear_.residual(), slopes);
@@ -308,9 +308,8 @@ Screening::Screening(const SetModel& model, const FitResult& base, std::vector<b
       linear_(base, use_entry),
       base_middle_(model.Expect(base.parameters, false, true).mean) {
   if (std::find(base.held.begin(), base.held.end(), true) == base.held.end()) return;
-  released_base_ = base;
-  released_base_.held.clear();
-  released_.emplace(released_base_, std::move(use_entry));
+  released_.emplace(base, std::move(use_entry), LinearFit::Held::kFree);
+  released_residual_ = released_->ResidualAtBest();
 }
 
 ScreenedEffect Screening::Screen(const Effect& effect) const {

@@ -33,9 +33,6 @@ class Screening {
   // to. Entries not in `use_entry` (empty: all) count nothing.
   Screening(const SetModel& model, const FitResult& base, std::vector<bool> use_entry = {});
 
-  Screening(const Screening&) = delete;  // refers to its own fit
-  Screening& operator=(const Screening&) = delete;
-
   // From a few strengths and shapes. Not for what is drawn anew for every recording, which changes
   // no expectation.
   ScreenedEffect Screen(const Effect& effect) const;
@@ -47,6 +44,7 @@ class Screening {
   const LinearFit& linear() const { return linear_; }
   // As if nothing were held at a bound; nullptr: nothing is.
   const LinearFit* released() const { return released_ ? &*released_ : nullptr; }
+  const Eigen::VectorXd& released_residual() const { return released_residual_; }  // at its best
 
  private:
   // Where the recordings themselves show it.
@@ -55,8 +53,8 @@ class Screening {
   const SetModel& model_;
   const FitResult& base_;
   LinearFit linear_;
-  FitResult released_base_;
   std::optional<LinearFit> released_;
+  Eigen::VectorXd released_residual_;
   Entries base_middle_;  // expected if the whole line were like its middle
 };
 

@@ -5,13 +5,11 @@
 #include <numbers>
 
 #include "render_worker/effects/described_effect.h"
+#include "render_worker/effects/illumination/ambient_radiance.h"
 #include "render_worker/effects/vocabulary.h"
 
 namespace sightline {
 namespace {
-
-// From what a closed housing lets through a laser's filter to a lit hall without either.
-constexpr double kRadianceDecades = 6;
 
 // Adds radiance(X, s) to what is there.
 void AddAmbient(PlateScene& scene, PlateFunction radiance) {

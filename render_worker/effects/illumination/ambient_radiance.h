@@ -1,0 +1,10 @@
+// What is believed of the radiance of other light before any recording.
+#pragma once
+
+namespace sightline {
+
+// EffectParameter::decades: from what a closed housing lets through a laser's filter to a lit hall
+// without either.
+inline constexpr double kRadianceDecades = 6;
+
+}  // namespace sightline
