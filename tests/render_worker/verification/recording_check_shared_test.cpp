@@ -42,7 +42,10 @@ TEST(RecordingCheckOfSharedSets, AccusesNone) {
     ASSERT_THAT(unreadable, testing::IsEmpty());
     const RecordingCheck check = CheckRecordings(*set, images);
     EXPECT_THAT(check.errors, testing::IsEmpty()) << folder;
-    EXPECT_THAT(check.warnings, testing::IsEmpty()) << folder;
+    // Strong effects may look like mistakes, and are worth a word; a null set is as described.
+    if (folder.filename().string().rfind("null_", 0) == 0) {
+      EXPECT_THAT(check.warnings, testing::IsEmpty()) << folder;
+    }
   }
 }
 

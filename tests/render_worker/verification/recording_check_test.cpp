@@ -377,6 +377,14 @@ TEST(RecordingCheck, MixedSensors) {
               Contains(HasSubstr("images/000.png: alternate pixels do not differ")));
 }
 
+TEST(RecordingCheck, ASensorWhoseColoursAreAlikeIsNoWrongFile) {
+  Clean bayer = CleanSet(ColourFilter::kBayerRggb);
+  Clean mono = CleanSet(ColourFilter::kMono);
+  const RecordingCheck check = CheckRecordings(bayer.set, mono.images);
+  EXPECT_THAT(check.errors, Not(Contains(HasSubstr("alternate pixels"))));
+  EXPECT_THAT(check.warnings, Contains(HasSubstr("quantum efficiencies far from the stated")));
+}
+
 TEST(RecordingCheck, ShiftedColourPattern) {
   Clean spoilt = CleanSet(ColourFilter::kBayerRggb);
   RecordingSet shifted = spoilt.set;
