@@ -48,13 +48,20 @@ Rate RunThreads(int threads, double seconds, const std::vector<Measurement>& sca
   return {count / watch.Seconds(), 1e6 * (OwnCpuSeconds() - cpu) / count};
 }
 
+std::vector<float> KnownOf(const TargetBits& covered) {
+  std::vector<float> known(covered.size(), 0);
+  AddShares(FullShares(covered), known);
+  return known;
+}
+
 Rate RunClient(CoverageClient& client, pid_t server, double seconds,
                const std::vector<Measurement>& scans, const TargetBits& covered) {
+  const std::vector<float> known = KnownOf(covered);
   const double cpu = OwnCpuSeconds() + ProcessCpuSeconds(server);
   const Stopwatch watch;
   double count = 0;
   while (watch.Seconds() < seconds) {
-    const auto gains = client.Gains(scans, covered);
+    const auto gains = client.Gains(scans, known);
     if (!gains.ok()) Fail("gRPC", std::string(gains.status().message()));
     count += static_cast<double>(gains->size());
   }
@@ -194,7 +201,7 @@ int Run(double seconds, int rounds, int targets, int exact_queries, const std::s
       // The answers themselves.
       std::vector<FastGain> here(scans.size());
       scene->EvaluateGains(scans, &covered, {}, here, nullptr);
-      const auto there = unix_client->Gains(scans, covered);
+      const auto there = unix_client->Gains(scans, KnownOf(covered));
       if (!there.ok()) Fail("gRPC", std::string(there.status().message()));
       int64_t different = 0;
       for (size_t i = 0; i < scans.size(); ++i) {

@@ -29,13 +29,15 @@ std::vector<ScanGain> SceneOracle::GainsOf(std::span<const Measurement> measurem
   evaluations_ += static_cast<int64_t>(measurements.size());
   std::vector<ScanGain> result;
   for (const FastGain& g : gains) {
-    result.push_back({Convert(g.feasibility), g.new_targets, g.covered_targets, g.weighted_gain});
+    result.push_back({Convert(g.feasibility), g.new_targets, g.covered_targets, g.weighted_gain,
+                      static_cast<double>(g.new_targets)});
   }
   return result;
 }
 
 absl::StatusOr<std::vector<ScanGain>> SceneOracle::Gains(std::span<const Measurement> measurements,
-                                                         const TargetBits& covered) {
+                                                         std::span<const float> known) {
+  const TargetBits covered = Settled(scene_.measurable(), known);
   return GainsOf(measurements, &covered, {});
 }
 
@@ -70,7 +72,9 @@ absl::StatusOr<std::vector<ScanCoverage>> SceneOracle::ExactCoverage(
                  std::move(exact.covered_without_normal_gate),
                  exact.first_frame,
                  exact.last_frame,
-                 exact.measurement_points};
+                 exact.measurement_points,
+                 {},
+                 {}};
   });
   return result;
 }

@@ -12,7 +12,7 @@ class SceneOracle final : public GainOracle {
 
   const TargetBits& measurable() const override { return scene_.measurable(); }
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
-                                              const TargetBits& covered) override;
+                                              std::span<const float> known) override;
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
                                                       std::span<const float> weights) override;
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(

@@ -172,6 +172,9 @@ absl::StatusOr<v1::Inspection> InlineInspectionFiles(const v1::Inspection& messa
   }
   if (!message.has_camera()) result.clear_camera();
   result.mutable_part()->set_file(Resolve(base_folder, message.part().file()));
+  if (message.has_tolerances()) {
+    result.mutable_tolerances()->set_file(Resolve(base_folder, message.tolerances().file()));
+  }
   for (v1::Obstacle& obstacle : *result.mutable_obstacles()) {
     obstacle.set_file(Resolve(base_folder, obstacle.file()));
   }

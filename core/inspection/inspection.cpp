@@ -85,6 +85,8 @@ constexpr Limits kNormalAngle{0, 90, " deg", true};
 constexpr Limits kFootprint{0, 1, " m", true};
 constexpr Limits kConfusion{0, 1e4, " px", true};
 constexpr Limits kPosition{-1000, 1000, " m"};
+constexpr Limits kResolution{1e-5, 1, " m"};
+constexpr Limits kZoneWidth{0, 1, " m", true};
 
 // --- measurement domain -------------------------------------------------------------------------
 
@@ -239,10 +241,39 @@ absl::Status CheckMeshFile(const Checker& check, const std::string& path, const 
   return absl::OkStatus();
 }
 
+absl::StatusOr<GainWeights> ParseGainWeights(const v1::GainWeights& message, const Checker& check) {
+  GainWeights weights{message.coverage(), message.admissible(), message.relaxed(),
+                      message.information(), message.total_uncertainty()};
+  double sum = 0;
+  for (const auto& [name, value] :
+       {std::pair("coverage", weights.coverage), std::pair("admissible", weights.admissible),
+        std::pair("relaxed", weights.relaxed), std::pair("information", weights.information),
+        std::pair("total_uncertainty", weights.total_uncertainty)}) {
+    SIGHTLINE_RETURN_IF_ERROR(check.Range(absl::StrCat("goal.gain.", name), value, {0, 1e6, ""}));
+    sum += value;
+  }
+  if (sum == 0) return check.Error("goal.gain", "has no weight above 0");
+  return weights;
+}
+
 absl::StatusOr<PlanningGoal> ParseGoal(const v1::PlanningGoal& message, const Checker& check) {
   PlanningGoal goal;
+  if (message.has_admissible()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("goal.admissible", message.admissible(), {0, 1, "", true}));
+    goal.admissible = message.admissible();
+    goal.coverage = 0;
+  }
   if (message.has_coverage()) goal.coverage = message.coverage();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("goal.coverage", goal.coverage, {0, 1, "", true}));
+  if (message.has_coverage() || !goal.admissible) {
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("goal.coverage", goal.coverage, {0, 1, "", true}));
+  }
+  if (message.has_gain()) {
+    if (!goal.admissible) return check.Error("goal.gain", "needs goal.admissible");
+    absl::StatusOr<GainWeights> gain = ParseGainWeights(message.gain(), check);
+    if (!gain.ok()) return gain.status();
+    goal.gain = *gain;
+  }
   if (message.has_max_scans()) goal.max_scans = message.max_scans();
   SIGHTLINE_RETURN_IF_ERROR(check.Range("goal.max_scans", goal.max_scans, {1, 1000, ""}));
   if (message.has_max_time_s()) {
@@ -382,6 +413,11 @@ absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& mes
     if (!region.has_spacing_m()) return check.Error(path + ".spacing_m", "is missing");
     SIGHTLINE_RETURN_IF_ERROR(check.Range(path + ".spacing_m", region.spacing_m(), kSpacing));
     sampling.regions.push_back({region.name(), min, max, region.spacing_m()});
+    if (region.has_resolution_m()) {
+      SIGHTLINE_RETURN_IF_ERROR(
+          check.Range(path + ".resolution_m", region.resolution_m(), kResolution));
+      sampling.regions.back().resolution_m = region.resolution_m();
+    }
   }
   if (message.has_max_pixel_footprint_m()) {
     SIGHTLINE_RETURN_IF_ERROR(
@@ -405,6 +441,116 @@ absl::Status CheckLimitInputs(const Rig& rig, const TargetSampling& sampling,
   if (!rig.camera.pixel_pitch_m) return check.Error("camera.pixel_pitch_m", needed);
   return absl::OkStatus();
 }
+
+namespace {
+
+absl::StatusOr<TolerancedRegion> ParseTolerancedRegion(const v1::TolerancedRegion& message,
+                                                       const std::string& path, bool has_file,
+                                                       const Checker& check) {
+  TolerancedRegion region;
+  region.name = message.name();
+  if (region.name.empty()) return check.Error(path + ".name", "is missing");
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range(path + ".zone_width_m", message.zone_width_m(), kZoneWidth));
+  region.zone_width_m = message.zone_width_m();
+  const bool box = message.has_min_m() || message.has_max_m();
+  const int given = box + !message.materials().empty() + !message.faces().empty();
+  if (given != 1) {
+    return check.Error(path, absl::StrCat("has ", given == 0 ? "none" : "several",
+                                          " of min_m with max_m, materials, faces, must have "
+                                          "exactly one"));
+  }
+  if (box) {
+    if (!message.has_min_m()) return check.Error(path + ".min_m", "is missing");
+    if (!message.has_max_m()) return check.Error(path + ".max_m", "is missing");
+    SIGHTLINE_RETURN_IF_ERROR(CheckVector(check, path + ".min_m", message.min_m(), kPosition));
+    SIGHTLINE_RETURN_IF_ERROR(CheckVector(check, path + ".max_m", message.max_m(), kPosition));
+    const Eigen::AlignedBox3d bounds(ToVector(message.min_m()), ToVector(message.max_m()));
+    if ((bounds.sizes().array() <= 0).any()) {
+      return check.Error(path + ".max_m", "must be above min_m along every axis");
+    }
+    region.box_m = bounds;
+  }
+  region.materials.assign(message.materials().begin(), message.materials().end());
+  if (!message.faces().empty() && !has_file) {
+    return check.Error(path + ".faces", "needs tolerances.file, a STEP file");
+  }
+  for (int i = 0; i < message.faces_size(); ++i) {
+    if (message.faces(i) < 1) {
+      return check.Error(absl::StrCat(path, ".faces[", i, "]"),
+                         absl::StrCat("is ", message.faces(i), ", must be at least 1"));
+    }
+    region.faces.push_back(message.faces(i));
+  }
+  return region;
+}
+
+// Uncertainty model, tolerances, and what a goal of admissible uncertainties needs of both.
+absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& check,
+                                  const std::string& context, Inspection* inspection) {
+  if (message.has_uncertainty()) {
+    absl::StatusOr<UncertaintyModel> model = ParseUncertainty(message.uncertainty(), context);
+    if (!model.ok()) return model.status();
+    inspection->uncertainty = *std::move(model);
+    if (!message.rig().has_scan_step_m()) {
+      // Points a sixth of the resolution apart leave nothing of the surface between them.
+      double finest_m = inspection->uncertainty->resolution_m;
+      for (const TargetRegion& region : inspection->targets.regions) {
+        finest_m = std::min(finest_m, region.resolution_m.value_or(finest_m));
+      }
+      inspection->rig.scan_step_m = std::min(inspection->rig.scan_step_m, finest_m / 6);
+    }
+  }
+  if (message.has_tolerances()) {
+    const v1::ToleranceRequirements& given = message.tolerances();
+    ToleranceRequirements requirements;
+    if (given.has_zone_width_m()) {
+      SIGHTLINE_RETURN_IF_ERROR(
+          check.Range("tolerances.zone_width_m", given.zone_width_m(), kZoneWidth));
+      requirements.zone_width_m = given.zone_width_m();
+    }
+    if (given.has_guard_factor()) requirements.guard_factor = given.guard_factor();
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("tolerances.guard_factor", requirements.guard_factor, {0, 100, "", true}));
+    requirements.least_acceptance_zone = given.least_acceptance_zone();
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("tolerances.least_acceptance_zone",
+                                          requirements.least_acceptance_zone,
+                                          {0, 1, "", false, true}));
+    if (given.has_relaxed_uncertainty_m()) {
+      SIGHTLINE_RETURN_IF_ERROR(check.Range("tolerances.relaxed_uncertainty_m",
+                                            given.relaxed_uncertainty_m(), kZoneWidth));
+      requirements.relaxed_uncertainty_m = given.relaxed_uncertainty_m();
+    }
+    requirements.file = given.file();
+    constexpr int kMaxRegions = 10000;
+    if (given.regions_size() > kMaxRegions) {
+      return check.Error("tolerances.regions", absl::StrCat("has ", given.regions_size(),
+                                                            " entries, at most ", kMaxRegions));
+    }
+    for (int i = 0; i < given.regions_size(); ++i) {
+      absl::StatusOr<TolerancedRegion> region =
+          ParseTolerancedRegion(given.regions(i), absl::StrCat("tolerances.regions[", i, "]"),
+                                !given.file().empty(), check);
+      if (!region.ok()) return region.status();
+      requirements.regions.push_back(*std::move(region));
+    }
+    if (!requirements.zone_width_m && requirements.file.empty() && requirements.regions.empty()) {
+      return check.Error("tolerances", "has none of zone_width_m, file, regions");
+    }
+    inspection->tolerances = std::move(requirements);
+  }
+  if (inspection->goal.admissible) {
+    if (!inspection->uncertainty) {
+      return check.Error("uncertainty", "is missing: goal.admissible needs it");
+    }
+    if (!inspection->tolerances) {
+      return check.Error("tolerances", "is missing: goal.admissible needs it");
+    }
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
 
 absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const std::string& context,
                                            const std::string& base_folder) {
@@ -459,6 +605,7 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   absl::StatusOr<PlanningGoal> goal = ParseGoal(message.goal(), check);
   if (!goal.ok()) return goal.status();
   inspection.goal = *goal;
+  SIGHTLINE_RETURN_IF_ERROR(ParseUncertaintyGoal(message, check, context, &inspection));
   absl::StatusOr<CostModel> costs = ParseCosts(message.costs(), check);
   if (!costs.ok()) return costs.status();
   inspection.costs = *costs;
@@ -536,6 +683,7 @@ v1::TargetSampling TargetSamplingToProto(const TargetSampling& sampling) {
     *out->mutable_min_m() = FromVector(region.min_m);
     *out->mutable_max_m() = FromVector(region.max_m);
     out->set_spacing_m(region.spacing_m);
+    if (region.resolution_m) out->set_resolution_m(*region.resolution_m);
   }
   if (sampling.max_pixel_footprint_m) {
     message.set_max_pixel_footprint_m(*sampling.max_pixel_footprint_m);

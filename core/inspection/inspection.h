@@ -13,6 +13,7 @@
 #include "core/rig/rig.h"
 #include "core/sensor/sensor.h"
 #include "core/targets/target_set.h"
+#include "core/uncertainty/uncertainty_model.h"
 #include "sightline/v1/inspection.pb.h"
 
 namespace sightline {
@@ -57,11 +58,42 @@ struct ObstacleSource {
   ObstacleFrame frame;
 };
 
+// What knowing a target is worth (v1::GainWeights).
+struct GainWeights {
+  double coverage = 0;
+  double admissible = 0;
+  double relaxed = 0;
+  double information = 0;
+  double total_uncertainty = 0;
+};
+
 struct PlanningGoal {
-  double coverage = 0.95;
+  double coverage = 0.95;  // 0: not asked for
   int max_scans = 40;
   std::optional<double> max_time_s;
   double min_gain = 0.0002;
+  // Fraction of the judged targets that are to be known admissibly; set: a plan for uncertainty.
+  std::optional<double> admissible;
+  GainWeights gain{.admissible = 0.5, .information = 0.5};
+};
+
+// A surface with a tolerance: exactly one of box, materials, faces is given.
+struct TolerancedRegion {
+  std::string name;
+  double zone_width_m = 0;                   // full width
+  std::optional<Eigen::AlignedBox3d> box_m;  // part coordinates
+  std::vector<std::string> materials;
+  std::vector<int> faces;  // of the STEP file, from 1
+};
+
+// How well the surface must be known (v1::ToleranceRequirements).
+struct ToleranceRequirements {
+  std::optional<double> zone_width_m;  // of targets that nothing else binds; unset: not judged
+  double guard_factor = 2;
+  double least_acceptance_zone = 0;  // fraction of the zone's width
+  std::optional<double> relaxed_uncertainty_m;
+  std::string file;  // STEP or QIF, resolved; empty: none
+  std::vector<TolerancedRegion> regions;
 };
 
 struct CostModel {
@@ -112,6 +144,8 @@ struct Inspection {
   std::vector<ObstacleSource> obstacles;
   PlanningGoal goal;
   CostModel costs;
+  std::optional<UncertaintyModel> uncertainty;
+  std::optional<ToleranceRequirements> tolerances;
   // What images are made with; planning does not read these.
   std::optional<Sensor> sensor;
   std::vector<MaterialChoice> materials;

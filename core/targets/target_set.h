@@ -10,12 +10,14 @@
 
 namespace sightline {
 
-// Box in part coordinates in which targets have another spacing.
+// Box in part coordinates in which targets have another spacing, or the surface is to be known to
+// another lateral resolution.
 struct TargetRegion {
   std::string name;
   Eigen::Vector3d min_m;
   Eigen::Vector3d max_m;
   double spacing_m;
+  std::optional<double> resolution_m = std::nullopt;  // unset: that of the uncertainty model
 };
 
 // Directions in which the visibility of targets is tabulated (48 x 48): more changed the error of

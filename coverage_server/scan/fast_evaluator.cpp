@@ -292,7 +292,7 @@ void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_si
 }
 
 void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results,
-                             const std::atomic<bool>* cancelled) const {
+                             bool with_seen, const std::atomic<bool>* cancelled) const {
   std::vector<FloatScan> floats;
   floats.reserve(scans.size());
   for (const ScanInPart& scan : scans) floats.push_back(ToFloat(scan, coverage_radius_m_));
@@ -324,6 +324,12 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
       const TargetProbes& probes = probes_[b * kTargetsPerBlock + i];
       if (lanes.border[i]) seen &= ProbesInView(floats[pending.query], probes);
       if (seen == 0) continue;
+      const size_t target = b * kTargetsPerBlock + static_cast<size_t>(i);
+      if (with_seen && target < target_count_) {
+        results[pending.query].seen.push_back({static_cast<uint32_t>(target), seen});
+        low = std::min(low, lanes.stage[i]);
+        high = std::max(high, lanes.stage[i]);
+      }
       if (lanes.sparse[i] &&
           !GridCovers(floats[pending.query], probes, blocks_[b].horizon[i] == 0, seen)) {
         continue;

@@ -11,12 +11,21 @@
 
 namespace sightline {
 
+// A target some of whose probes camera and laser see at their lit moment.
+struct SeenTarget {
+  uint32_t target;
+  uint8_t probes;  // bit k: probe k
+};
+
 // What one scan covers by the field's estimate.
 struct FastScan {
   TargetBits covered;
   // Stage positions at which the covered targets are lit; start > end if none is covered.
   double stage_start_m = 1;
   double stage_end_m = 0;
+  // Only if asked for: targets that are seen, ascending, whether or not a frame and a column come
+  // close enough to cover them.
+  std::vector<SeenTarget> seen;
 };
 
 class FastEvaluator {
@@ -34,8 +43,9 @@ class FastEvaluator {
   // A target counts as covered if one of its probes faces camera and laser, lies in field of view,
   // fan, range and admissible depth when it is lit, and is seen from both, and if the grid of
   // frames and columns is fine enough to put a point there. Evaluates the whole batch block by
-  // block, so that the field is read once a batch. Stops early when *cancelled.
-  void Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results,
+  // block, so that the field is read once a batch. `with_seen`: lists what is seen too. Stops early
+  // when *cancelled.
+  void Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results, bool with_seen,
                 const std::atomic<bool>* cancelled) const;
 
  private:

@@ -10,6 +10,11 @@
 #include "coverage_server/scan/exact_evaluator.h"
 #include "coverage_server/scan/fast_evaluator.h"
 #include "coverage_server/scan/target_lookup.h"
+#include "coverage_server/uncertainty/exact_inference.h"
+#include "coverage_server/uncertainty/information_estimator.h"
+#include "coverage_server/uncertainty/scan_points_cache.h"
+#include "coverage_server/uncertainty/target_priors.h"
+#include "coverage_server/uncertainty/uncertainty_gain.h"
 #include "coverage_server/visibility/measurability.h"
 #include "coverage_server/visibility/surface_probes.h"
 #include "coverage_server/visibility/visibility_field.h"
@@ -53,8 +58,15 @@ class CoverageSceneImpl final : public CoverageScene {
       occluders_.push_back({obstacle.frame, TriangleBvh(obstacle.mesh)});
       if (obstacle.frame == ObstacleFrame::kPart) fixtures.push_back(&obstacle.mesh);
     }
+    TargetSampling probed = definition_.sampling;
+    if (definition_.uncertainty) {
+      priors_ = MakeTargetPriors(targets_, definition_.sampling, *definition_.uncertainty);
+      // What lies farther off than the length scale tells little of a target: probes stand there.
+      probed.coverage_radius_m = std::min(
+          probed.coverage_radius_m, priors_->smallest_length_scale_m() / kProbeRadiusRelative);
+    }
     const SurfaceProbes probes =
-        MakeSurfaceProbes(definition_.part, occluders_[0].bvh, targets_, definition_.sampling);
+        MakeSurfaceProbes(definition_.part, occluders_[0].bvh, targets_, probed);
     FieldBuildOptions field_options;
     field_options.directions = definition_.field_directions;
     field_options.processes = options.threads;
@@ -67,25 +79,26 @@ class CoverageSceneImpl final : public CoverageScene {
     field_ = std::move(*field);
     fast_ = std::make_unique<FastEvaluator>(targets_, definition_.sampling, probes, *field_);
     lookup_ = std::make_unique<TargetLookup>(targets_, definition_.sampling);
+    if (priors_) {
+      report(0.9, "measuring surfaces around targets");
+      std::vector<ExtentCost> costs(targets_.size());
+      ForTargetShares(options.threads, [&](size_t begin, size_t end) {
+        ComputeExtentCosts(definition_.part, occluders_[0].bvh, targets_, *priors_,
+                           definition_.sampling.max_normal_angle_rad, begin, end, costs,
+                           options.cancelled);
+      });
+      estimator_ = std::make_unique<InformationEstimator>(
+          targets_, probes, *priors_, *definition_.uncertainty, std::move(costs));
+    }
     timings_.field_s = SecondsSince(start);
 
     start = std::chrono::steady_clock::now();
     report(0.95, "deciding measurability");
     measurable_ = TargetBits(targets_.size());
-    const size_t threads =
-        options.threads > 0 ? options.threads : std::max(1u, std::thread::hardware_concurrency());
-    // Whole blocks per thread: no two threads write one word of the bit set.
-    const size_t share = (field_->blocks() + threads - 1) / threads * kTargetsPerBlock;
-    std::vector<std::thread> pool;
-    for (size_t i = 0; i < threads; ++i) {
-      const size_t begin = std::min(targets_.size(), i * share),
-                   end = std::min(targets_.size(), begin + share);
-      pool.emplace_back([this, begin, end] {
-        MarkMeasurable(targets_, *field_, occluders_, kMinTriangulationRad, kMaxTriangulationRad,
-                       begin, end, measurable_);
-      });
-    }
-    for (auto& thread : pool) thread.join();
+    ForTargetShares(options.threads, [this](size_t begin, size_t end) {
+      MarkMeasurable(targets_, *field_, occluders_, kMinTriangulationRad, kMaxTriangulationRad,
+                     begin, end, measurable_);
+    });
     timings_.measurability_s = SecondsSince(start);
     report(1, "ready");
     return absl::OkStatus();
@@ -126,28 +139,89 @@ class CoverageSceneImpl final : public CoverageScene {
   void EvaluateFastCoverage(std::span<const Measurement> measurements,
                             std::span<FastCoverage> coverages,
                             const std::atomic<bool>* cancelled) const override {
-    // Small enough that scan data and results stay in cache while a block is worked on.
-    constexpr size_t kBatch = 128;
-    for (size_t begin = 0; begin < measurements.size(); begin += kBatch) {
-      const size_t count = std::min(kBatch, measurements.size() - begin);
-      std::vector<ScanInPart> scans;
-      scans.reserve(count);
-      for (size_t i = 0; i < count; ++i) {
-        const Measurement& m = measurements[begin + i];
-        scans.push_back(MakeScanInPart(definition_.rig, part_centre_m_, m, Depth(m)));
-      }
-      std::vector<FastScan> results(count);
-      fast_->Evaluate(scans, results, cancelled);
-      if (cancelled != nullptr && cancelled->load()) return;
-      for (size_t i = 0; i < count; ++i) {
-        FastCoverage& coverage = coverages[begin + i];
-        coverage.covered = std::move(results[i].covered);
-        coverage.feasibility = CheckFeasibility(measurements[begin + i], results[i].stage_start_m,
-                                                results[i].stage_end_m);
-        if (coverage.feasibility != Feasibility::kFeasible)
-          coverage.covered = TargetBits(targets_.size());
-      }
+    EvaluateFast(measurements, false, cancelled,
+                 [&](size_t i, const ScanInPart&, FastScan& scan, Feasibility feasibility) {
+                   coverages[i].feasibility = feasibility;
+                   coverages[i].covered = feasibility == Feasibility::kFeasible
+                                              ? std::move(scan.covered)
+                                              : TargetBits(targets_.size());
+                 });
+  }
+
+  const UncertaintyModel* uncertainty() const override {
+    return definition_.uncertainty ? &*definition_.uncertainty : nullptr;
+  }
+  const TargetPriors* priors() const override { return priors_ ? &*priors_ : nullptr; }
+
+  void EvaluateInformation(std::span<const Measurement> measurements,
+                           std::span<FastInformation> results,
+                           const std::atomic<bool>* cancelled) const override {
+    EvaluateFast(measurements, true, cancelled,
+                 [&](size_t i, const ScanInPart& in_part, FastScan& scan, Feasibility feasibility) {
+                   results[i].feasibility = feasibility;
+                   if (feasibility != Feasibility::kFeasible) {
+                     results[i].covered = TargetBits(targets_.size());
+                     return;
+                   }
+                   results[i].covered = std::move(scan.covered);
+                   std::vector<float> density(scan.seen.size());
+                   estimator_->Estimate(in_part, scan.seen, density);
+                   ScanInformation& information = results[i].information;
+                   information.targets.reserve(density.size());
+                   information.density.reserve(density.size());
+                   for (size_t k = 0; k < density.size(); ++k) {
+                     if (!(density[k] > 0)) continue;
+                     information.targets.push_back(scan.seen[k].target);
+                     information.density.push_back(density[k]);
+                   }
+                 });
+  }
+
+  void EvaluateUncertaintyGains(std::span<const Measurement> measurements,
+                                const UncertaintyRequirement& requirement,
+                                std::span<UncertaintyGain> gains,
+                                const std::atomic<bool>* cancelled) const override {
+    std::vector<FastInformation> scans(measurements.size());
+    EvaluateInformation(measurements, scans, cancelled);
+    if (cancelled != nullptr && cancelled->load()) return;
+    const UncertaintyValue value(*priors_, measurable_, requirement);
+    for (size_t i = 0; i < scans.size(); ++i) {
+      gains[i] = {.feasibility = scans[i].feasibility};
+      if (scans[i].feasibility != Feasibility::kFeasible) continue;
+      scans[i].covered &= measurable_;
+      gains[i].covered_targets = static_cast<int32_t>(scans[i].covered.Count());
+      gains[i].new_targets = value.NewAdmissible(scans[i].information);
+      gains[i].gain = requirement.target_weights.empty()
+                          ? value.Gain(scans[i].information, scans[i].covered)
+                          : value.WeightedShare(scans[i].information, requirement.target_weights);
     }
+  }
+
+  MeasuredScan MeasureForInference(const Measurement& measurement,
+                                   const std::atomic<bool>* cancelled) const override {
+    if (const MeasuredScan known = cache_.Find(measurement);
+        known.points != nullptr || known.feasibility != Feasibility::kFeasible) {
+      return known;
+    }
+    std::vector<MeasurementPoint> points;
+    MeasuredScan scan;
+    scan.feasibility = EvaluateExact(measurement, &points, cancelled).feasibility;
+    if (cancelled != nullptr && cancelled->load()) return scan;
+    if (scan.feasibility == Feasibility::kFeasible) {
+      scan.points = std::make_shared<ScanPoints>(
+          MakeScanInPart(definition_.rig, part_centre_m_, measurement, Depth(measurement)),
+          *definition_.uncertainty, points, static_cast<float>(priors_->largest_neighbourhood_m()));
+    }
+    cache_.Add(measurement, scan);
+    return scan;
+  }
+
+  void Infer(std::span<const std::shared_ptr<const ScanPoints>> scans,
+             std::span<const uint32_t> targets, bool after_each_scan,
+             std::span<TargetUncertainty> results,
+             const std::atomic<bool>* cancelled) const override {
+    InferTargets(targets_, *priors_, definition_.sampling.max_normal_angle_rad, scans, targets,
+                 after_each_scan, results, cancelled);
   }
 
   ExactCoverage EvaluateExact(const Measurement& measurement, std::vector<MeasurementPoint>* points,
@@ -181,6 +255,47 @@ class CoverageSceneImpl final : public CoverageScene {
   }
 
  private:
+  // Calls work(begin, end) for shares of the targets, each in a thread of its own (0: as many as
+  // there are cores). Shares are whole blocks: no two threads write one word of a bit set.
+  template <typename Work>
+  void ForTargetShares(int wanted_threads, const Work& work) const {
+    const size_t threads =
+        wanted_threads > 0 ? wanted_threads : std::max(1u, std::thread::hardware_concurrency());
+    const size_t share = (field_->blocks() + threads - 1) / threads * kTargetsPerBlock;
+    std::vector<std::thread> pool;
+    for (size_t i = 0; i < threads; ++i) {
+      const size_t begin = std::min(targets_.size(), i * share),
+                   end = std::min(targets_.size(), begin + share);
+      pool.emplace_back([&work, begin, end] { work(begin, end); });
+    }
+    for (auto& thread : pool) thread.join();
+  }
+
+  // Calls take(index, scan in part axes, fast scan, feasibility) for every measurement.
+  template <typename Take>
+  void EvaluateFast(std::span<const Measurement> measurements, bool with_seen,
+                    const std::atomic<bool>* cancelled, const Take& take) const {
+    // Small enough that scan data and results stay in cache while a block is worked on.
+    constexpr size_t kBatch = 128;
+    for (size_t begin = 0; begin < measurements.size(); begin += kBatch) {
+      const size_t count = std::min(kBatch, measurements.size() - begin);
+      std::vector<ScanInPart> scans;
+      scans.reserve(count);
+      for (size_t i = 0; i < count; ++i) {
+        const Measurement& m = measurements[begin + i];
+        scans.push_back(MakeScanInPart(definition_.rig, part_centre_m_, m, Depth(m)));
+      }
+      std::vector<FastScan> results(count);
+      fast_->Evaluate(scans, results, with_seen, cancelled);
+      if (cancelled != nullptr && cancelled->load()) return;
+      for (size_t i = 0; i < count; ++i) {
+        take(begin + i, scans[i], results[i],
+             CheckFeasibility(measurements[begin + i], results[i].stage_start_m,
+                              results[i].stage_end_m));
+      }
+    }
+  }
+
   DepthInterval Depth(const Measurement& m) const {
     return AdmissibleDepth(definition_.rig, m.camera_distance_m,
                            definition_.sampling.max_pixel_footprint_m,
@@ -209,6 +324,10 @@ class CoverageSceneImpl final : public CoverageScene {
   std::unique_ptr<VisibilityField> field_;
   std::unique_ptr<FastEvaluator> fast_;
   std::unique_ptr<TargetLookup> lookup_;
+  // Only with an uncertainty model.
+  std::optional<TargetPriors> priors_;
+  std::unique_ptr<InformationEstimator> estimator_;
+  mutable ScanPointsCache cache_;
   SceneTimings timings_;
 };
 

@@ -13,9 +13,14 @@
 #include "core/part/mesh.h"
 #include "core/rig/measurement.h"
 #include "core/rig/rig.h"
+#include "core/surface_inference/surface_inference.h"
 #include "core/targets/target_set.h"
+#include "core/uncertainty/uncertainty_model.h"
 
 namespace sightline {
+
+class ScanPoints;
+struct TargetPriors;
 
 enum class Feasibility { kFeasible, kCollision, kTravel, kOutOfBounds };
 
@@ -30,6 +35,7 @@ struct SceneDefinition {
   TargetSampling sampling;
   std::vector<SceneObstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
+  std::optional<UncertaintyModel> uncertainty;
 };
 
 struct SceneBuildOptions {
@@ -72,6 +78,54 @@ struct ExactCoverage {
   int64_t measurement_points = 0;
 };
 
+// A scan's information at the targets it tells of; one entry each.
+struct ScanInformation {
+  std::vector<uint32_t> targets;  // ascending
+  std::vector<float> density;     // equivalent, [1/m^4]; > 0
+};
+
+// Posterior at a target, and how many points told of it.
+struct TargetUncertainty {
+  SurfaceUncertainty uncertainty;
+  int32_t points = 0;
+  // Only if asked for: total uncertainty [m] after every scan.
+  std::vector<float> after_each_scan_m;
+};
+
+// What a scan tells of the surface, by the fast estimate.
+struct FastInformation {
+  Feasibility feasibility = Feasibility::kFeasible;
+  TargetBits covered;
+  ScanInformation information;
+};
+
+// What targets are to be known to, and what reaching it is worth (v1::UncertaintyGain).
+struct UncertaintyRequirement {
+  GainWeights weights;
+  // One for all targets or one per target; 0: the target is not judged.
+  std::span<const float> admissible_uncertainty_m;
+  double relaxed_uncertainty_m = 0;
+  // Equivalent density [1/m^4] that earlier scans have told; empty or one per target.
+  std::span<const float> known_density;
+  // What earlier scans cover; may be null.
+  const TargetBits* covered = nullptr;
+  // Empty, or one per target: gains are weighted shares of the density needed instead.
+  std::span<const float> target_weights;
+};
+
+struct UncertaintyGain {
+  Feasibility feasibility = Feasibility::kFeasible;
+  int32_t new_targets = 0;      // made admissible
+  int32_t covered_targets = 0;  // measurable
+  double gain = 0;              // with target weights: the weighted share
+};
+
+// A scan's points as inference needs them.
+struct MeasuredScan {
+  Feasibility feasibility = Feasibility::kFeasible;
+  std::shared_ptr<const ScanPoints> points;  // null if not feasible
+};
+
 // Immutable once built; all queries may run in parallel from any number of threads.
 class CoverageScene {
  public:
@@ -104,6 +158,28 @@ class CoverageScene {
   virtual ExactCoverage EvaluateExact(const Measurement& measurement,
                                       std::vector<MeasurementPoint>* points,
                                       const std::atomic<bool>* cancelled) const = 0;
+
+  // How well scans make the surface known. Scenes that were built without an uncertainty model have
+  // no priors and must not be asked.
+  virtual const UncertaintyModel* uncertainty() const { return nullptr; }
+  virtual const TargetPriors* priors() const { return nullptr; }
+  virtual void EvaluateInformation(std::span<const Measurement> /*measurements*/,
+                                   std::span<FastInformation> /*results*/,
+                                   const std::atomic<bool>* /*cancelled*/) const {}
+  virtual void EvaluateUncertaintyGains(std::span<const Measurement> /*measurements*/,
+                                        const UncertaintyRequirement& /*requirement*/,
+                                        std::span<UncertaintyGain> /*gains*/,
+                                        const std::atomic<bool>* /*cancelled*/) const {}
+  // Kept for a while, since plans are asked about again and again.
+  virtual MeasuredScan MeasureForInference(const Measurement& /*measurement*/,
+                                           const std::atomic<bool>* /*cancelled*/) const {
+    return {};
+  }
+  // Posterior at targets after all of `scans`.
+  virtual void Infer(std::span<const std::shared_ptr<const ScanPoints>> /*scans*/,
+                     std::span<const uint32_t> /*targets*/, bool /*after_each_scan*/,
+                     std::span<TargetUncertainty> /*results*/,
+                     const std::atomic<bool>* /*cancelled*/) const {}
 };
 
 }  // namespace sightline

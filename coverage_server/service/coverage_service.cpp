@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
+#include "coverage_server/service/query_answers.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/job_service.h"
 
@@ -15,30 +16,11 @@ namespace sightline {
 namespace {
 
 constexpr size_t kMaxChunkBytes = 1 << 20;
-// Fast queries take tens of microseconds: a chunk is long against a thread's wake-up, and a batch
-// of 64 still keeps four threads busy.
-constexpr size_t kFastChunk = 16;
-// Exact queries take tens of milliseconds.
-constexpr size_t kExactChunk = 1;
 // At most about 40 bytes each on the wire: below 1 MiB.
 constexpr size_t kPointsPerMessage = 16384;
 // Part files that are received at the same time, in units of the largest allowed one.
 constexpr int64_t kConcurrentUploads = 2;
 constexpr int64_t kMaxCoverageResponseBytes = kMaxMessageBytes / 2;
-
-v1::Feasibility FeasibilityToProto(Feasibility feasibility) {
-  switch (feasibility) {
-    case Feasibility::kFeasible:
-      return v1::FEASIBILITY_FEASIBLE;
-    case Feasibility::kCollision:
-      return v1::FEASIBILITY_COLLISION;
-    case Feasibility::kTravel:
-      return v1::FEASIBILITY_TRAVEL;
-    case Feasibility::kOutOfBounds:
-      return v1::FEASIBILITY_OUT_OF_BOUNDS;
-  }
-  return v1::FEASIBILITY_UNSPECIFIED;
-}
 
 v1::Vector3 VectorToProto(const Eigen::Vector3d& vector) {
   v1::Vector3 message;
@@ -282,6 +264,9 @@ absl::Status CoverageServiceImpl::Gains(grpc::ServerContext* context,
     return status;
   }
   const TargetBits* covered_bits = covered->has_value() ? &**covered : nullptr;
+  if (request.has_uncertainty_gain()) {
+    return GainsByUncertainty(context, scene, request, *batch, covered_bits, response);
+  }
   const std::span<const float> weights(request.target_weights().data(),
                                        static_cast<size_t>(request.target_weights().size()));
   const std::span<const Measurement> inside(batch->inside);
@@ -336,7 +321,10 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
   absl::StatusOr<MeasurementBatch> batch = ParseMeasurements(request.measurements());
   if (!batch.ok()) return batch.status();
   const bool fast = request.evaluator() == v1::EVALUATOR_FAST;
-  const auto bytes_each = static_cast<int64_t>((targets + 7) / 8 * (fast ? 1 : 2) + 64);
+  // Of a target that the scan tells of: its number, at most four bytes, and its information.
+  const size_t informed_bytes = fast && scene.uncertainty() != nullptr ? 8 * targets : 0;
+  const auto bytes_each =
+      static_cast<int64_t>((targets + 7) / 8 * (fast ? 1 : 2) + informed_bytes + 64);
   if (static_cast<int64_t>(batch->size) * bytes_each > kMaxCoverageResponseBytes) {
     return InvalidFields({{"measurements", absl::StrCat(batch->size, ": at most ",
                                                         kMaxCoverageResponseBytes / bytes_each,
@@ -344,12 +332,24 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
   }
   const std::span<const Measurement> inside(batch->inside);
   std::vector<ExactCoverage> coverages(inside.size());
+  const bool with_information = fast && scene.uncertainty() != nullptr;
+  std::vector<ScanInformation> information(with_information ? inside.size() : 0);
   absl::Status status =
       Evaluate(context, inside.size(), fast ? kFastChunk : kExactChunk,
                [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
                  if (!fast) {
                    for (size_t i = begin; i < end; ++i) {
                      coverages[i] = scene.EvaluateExact(inside[i], nullptr, &cancelled);
+                   }
+                   return;
+                 }
+                 if (with_information) {
+                   std::vector<FastInformation> chunk(end - begin);
+                   scene.EvaluateInformation(inside.subspan(begin, end - begin), chunk, &cancelled);
+                   for (size_t i = begin; i < end; ++i) {
+                     coverages[i].feasibility = chunk[i - begin].feasibility;
+                     coverages[i].covered = std::move(chunk[i - begin].covered);
+                     information[i] = std::move(chunk[i - begin].information);
                    }
                    return;
                  }
@@ -377,6 +377,12 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
     coverage->set_feasibility(FeasibilityToProto(result.feasibility));
     if (result.feasibility != Feasibility::kFeasible) continue;
     coverage->set_covered_targets(result.covered.ToBytes());
+    if (with_information) {
+      coverage->mutable_informed_targets()->Add(information[i].targets.begin(),
+                                                information[i].targets.end());
+      coverage->mutable_information_per_m4()->Add(information[i].density.begin(),
+                                                  information[i].density.end());
+    }
     if (fast) continue;
     coverage->set_covered_targets_without_normal_gate(result.covered_without_normal_gate.ToBytes());
     coverage->set_first_frame(result.first_frame);
@@ -405,10 +411,7 @@ grpc::Status CoverageServiceImpl::StreamMeasurementPoints(
     if (!status.ok()) return status;
     p_.metrics->CountQueries("exact", 1);
     if (coverage.feasibility != Feasibility::kFeasible) {
-      const std::string reason = v1::Feasibility_Name(FeasibilityToProto(coverage.feasibility));
-      return WithErrorInfo(
-          absl::FailedPreconditionError(absl::StrCat("the scan is not feasible: ", reason)),
-          "SCAN_INFEASIBLE", {{"feasibility", reason}});
+      return InfeasibleScan("measurement", coverage.feasibility);
     }
     for (size_t begin = 0; begin < points.size(); begin += kPointsPerMessage) {
       if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;

@@ -40,6 +40,9 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
   grpc::Status StreamGains(
       grpc::ServerContext* context,
       grpc::ServerReaderWriter<v1::StreamGainsResponse, v1::StreamGainsRequest>* stream) override;
+  grpc::Status EvaluateUncertainty(
+      grpc::ServerContext* context, const v1::EvaluateUncertaintyRequest* request,
+      grpc::ServerWriter<v1::EvaluateUncertaintyResponse>* writer) override;
   grpc::Status EvaluateCoverage(grpc::ServerContext* context,
                                 const v1::EvaluateCoverageRequest* request,
                                 v1::EvaluateCoverageResponse* response) override;
@@ -55,6 +58,14 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
                            v1::UploadPartResponse* response);
   absl::Status Gains(grpc::ServerContext* context, const v1::EvaluateGainsRequest& request,
                      v1::EvaluateGainsResponse* response);
+  // Gains of a request with uncertainty_gain, of the batch's measurements inside Table 2.1.
+  absl::Status GainsByUncertainty(grpc::ServerContext* context, const CoverageScene& scene,
+                                  const v1::EvaluateGainsRequest& request,
+                                  const MeasurementBatch& batch, const TargetBits* covered,
+                                  v1::EvaluateGainsResponse* response);
+  absl::Status Uncertainty(grpc::ServerContext* context,
+                           const v1::EvaluateUncertaintyRequest& request,
+                           grpc::ServerWriter<v1::EvaluateUncertaintyResponse>* writer);
   absl::Status Coverage(grpc::ServerContext* context, const v1::EvaluateCoverageRequest& request,
                         v1::EvaluateCoverageResponse* response);
   // Runs `body` on the pool; stops when the call does.

@@ -114,6 +114,77 @@ absl::Status CheckWeights(const google::protobuf::RepeatedField<float>& weights,
   return absl::OkStatus();
 }
 
+absl::StatusOr<UncertaintyRequirement> ParseUncertaintyGain(const v1::UncertaintyGain& gain,
+                                                            size_t targets) {
+  std::vector<FieldViolation> violations;
+  const v1::GainWeights& w = gain.weights();
+  double sum = 0;
+  for (const auto& [name, value] :
+       {std::pair("coverage", w.coverage()), std::pair("admissible", w.admissible()),
+        std::pair("relaxed", w.relaxed()), std::pair("information", w.information()),
+        std::pair("total_uncertainty", w.total_uncertainty())}) {
+    if (!(value >= 0 && std::isfinite(value))) {
+      violations.push_back({absl::StrCat("uncertainty_gain.weights.", name),
+                            absl::StrCat(value, ": must be finite and >= 0")});
+    }
+    sum += value;
+  }
+  if (violations.empty() && sum == 0) {
+    violations.push_back({"uncertainty_gain.weights", "one must be above 0"});
+  }
+  const auto check = [&](const char* field, const google::protobuf::RepeatedField<float>& values,
+                         bool may_be_one, bool may_be_none) {
+    const std::string path = absl::StrCat("uncertainty_gain.", field);
+    const auto size = static_cast<size_t>(values.size());
+    if (!(size == targets || (may_be_one && size == 1) || (may_be_none && size == 0))) {
+      violations.push_back({path, absl::StrCat(size, " values for ", targets, " targets")});
+      return;
+    }
+    for (int i = 0; i < values.size(); ++i) {
+      if (values[i] >= 0 && std::isfinite(values[i])) continue;
+      violations.push_back(
+          {absl::StrCat(path, "[", i, "]"), absl::StrCat(values[i], ": must be finite and >= 0")});
+      return;
+    }
+  };
+  check("admissible_uncertainty_m", gain.admissible_uncertainty_m(), true, false);
+  check("known_information_per_m4", gain.known_information_per_m4(), false, true);
+  if (!(gain.relaxed_uncertainty_m() >= 0 && std::isfinite(gain.relaxed_uncertainty_m()))) {
+    violations.push_back({"uncertainty_gain.relaxed_uncertainty_m",
+                          absl::StrCat(gain.relaxed_uncertainty_m(), ": must be finite and >= 0")});
+  }
+  if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
+  UncertaintyRequirement requirement;
+  requirement.weights = {w.coverage(), w.admissible(), w.relaxed(), w.information(),
+                         w.total_uncertainty()};
+  requirement.admissible_uncertainty_m = {
+      gain.admissible_uncertainty_m().data(),
+      static_cast<size_t>(gain.admissible_uncertainty_m().size())};
+  requirement.relaxed_uncertainty_m = gain.relaxed_uncertainty_m();
+  requirement.known_density = {gain.known_information_per_m4().data(),
+                               static_cast<size_t>(gain.known_information_per_m4().size())};
+  return requirement;
+}
+
+absl::StatusOr<std::vector<uint32_t>> ParseTargetIndices(
+    const google::protobuf::RepeatedField<uint32_t>& indices, size_t targets,
+    const std::string& field) {
+  std::vector<uint32_t> result(indices.begin(), indices.end());
+  if (result.size() > targets) {
+    return InvalidFields(
+        {{field, absl::StrCat(result.size(), " entries for ", targets, " targets")}});
+  }
+  for (size_t i = 0; i < result.size(); ++i) {
+    if (result[i] < targets) continue;
+    return InvalidFields({{absl::StrCat(field, "[", i, "]"),
+                           absl::StrCat(result[i], ": there are ", targets, " targets")}});
+  }
+  if (result.empty()) {
+    for (size_t t = 0; t < targets; ++t) result.push_back(static_cast<uint32_t>(t));
+  }
+  return result;
+}
+
 absl::StatusOr<ViewRequest> ParseViewRequest(const v1::RenderViewRequest& request, size_t targets) {
   ViewRequest view;
   std::vector<FieldViolation> violations;

@@ -8,6 +8,7 @@
 #include "absl/status/statusor.h"
 #include "core/inspection/inspection.h"
 #include "core/targets/target_set.h"
+#include "coverage_server/scene/coverage_scene.h"
 #include "coverage_server/view/render_view.h"
 #include "sightline/v1/coverage_service.pb.h"
 
@@ -41,6 +42,17 @@ absl::StatusOr<std::optional<TargetBits>> ParseTargetBits(const std::string& byt
 
 // Empty, or one finite weight >= 0 per target.
 absl::Status CheckWeights(const google::protobuf::RepeatedField<float>& weights, size_t targets);
+
+// A gain by uncertainty: weights >= 0 and not all 0, one admissible uncertainty or one per target,
+// known information of none or of every target; all finite and >= 0. The spans of the result point
+// into the message.
+absl::StatusOr<UncertaintyRequirement> ParseUncertaintyGain(const v1::UncertaintyGain& gain,
+                                                            size_t targets);
+
+// Indices below `targets`, empty: all of them.
+absl::StatusOr<std::vector<uint32_t>> ParseTargetIndices(
+    const google::protobuf::RepeatedField<uint32_t>& indices, size_t targets,
+    const std::string& field);
 
 // `targets`: number of targets of the scene.
 absl::StatusOr<ViewRequest> ParseViewRequest(const v1::RenderViewRequest& request, size_t targets);

@@ -47,8 +47,8 @@ std::string DeterministicBytes(const google::protobuf::Message& message) {
 // Degrees do not survive the way through radians and back bit by bit: 1e-9 degrees is what counts.
 double RoundDegrees(double degrees) { return std::round(degrees * 1e9) / 1e9; }
 
-// Rig and sampling of a spec whose own fields were checked. INVALID_ARGUMENT.
-absl::Status ParseSettings(const v1::SceneSpec& spec, Rig* rig, TargetSampling* sampling) {
+// Rig, sampling and uncertainty of a spec whose own fields were checked. INVALID_ARGUMENT.
+absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
   absl::StatusOr<Rig> parsed_rig = ParseRig(
       spec.rig(), spec.camera(), spec.has_lens() ? &spec.lens() : nullptr, spec.laser(), "spec");
   if (!parsed_rig.ok()) {
@@ -58,8 +58,14 @@ absl::Status ParseSettings(const v1::SceneSpec& spec, Rig* rig, TargetSampling* 
   if (!parsed_sampling.ok()) {
     return InvalidFields({{"spec.targets", std::string(parsed_sampling.status().message())}});
   }
-  *rig = *std::move(parsed_rig);
-  *sampling = *std::move(parsed_sampling);
+  parsed->rig = *std::move(parsed_rig);
+  parsed->sampling = *std::move(parsed_sampling);
+  if (!spec.has_uncertainty()) return absl::OkStatus();
+  absl::StatusOr<UncertaintyModel> uncertainty = ParseUncertainty(spec.uncertainty(), "spec");
+  if (!uncertainty.ok()) {
+    return InvalidFields({{"spec.uncertainty", std::string(uncertainty.status().message())}});
+  }
+  parsed->uncertainty = *std::move(uncertainty);
   return absl::OkStatus();
 }
 
@@ -107,9 +113,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   }
   if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
 
-  if (absl::Status status = ParseSettings(spec, &parsed.rig, &parsed.sampling); !status.ok()) {
-    return status;
-  }
+  if (absl::Status status = ParseSettings(spec, &parsed); !status.ok()) return status;
   parsed.part_digest = spec.part_digest();
 
   v1::SceneSpec& normalised = parsed.normalised;
@@ -132,12 +136,18 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
       RoundDegrees(normalised.targets().max_normal_angle_deg()));
   *normalised.mutable_obstacles() = spec.obstacles();
   normalised.set_field_directions(parsed.field_directions);
+  if (parsed.uncertainty) {
+    *normalised.mutable_uncertainty() = UncertaintyToProto(*parsed.uncertainty);
+    if (!parsed.uncertainty->detection.IsConstant()) {
+      v1::LineDetection& detection = *normalised.mutable_uncertainty()->mutable_line_detection();
+      for (double& angle_deg : *detection.mutable_table()->mutable_incidence_angles_deg()) {
+        angle_deg = RoundDegrees(angle_deg);
+      }
+    }
+  }
   parsed.digest = Sha256Hex(DeterministicBytes(normalised));
   // What is built depends on the normal form alone: same digest, same scene, bit by bit.
-  if (absl::Status status = ParseSettings(normalised, &parsed.rig, &parsed.sampling);
-      !status.ok()) {
-    return status;
-  }
+  if (absl::Status status = ParseSettings(normalised, &parsed); !status.ok()) return status;
   return parsed;
 }
 

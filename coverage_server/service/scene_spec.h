@@ -18,6 +18,7 @@ struct ParsedSceneSpec {
   Rig rig;
   TargetSampling sampling;
   int field_directions = kDefaultFieldDirections;
+  std::optional<UncertaintyModel> uncertainty;
   struct ObstacleRef {
     std::string part_digest;
     ObstacleFrame frame;

@@ -35,8 +35,6 @@ Eigen::Vector3f ClosestOnTriangle(const Eigen::Vector3f& p, const Eigen::Vector3
 
 SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh,
                                 const TargetSet& targets, const TargetSampling& sampling) {
-  // A measurement point may lie anywhere in the disc; probes at this radius stand for its rim.
-  constexpr float kProbeRadius = 0.8f;
   const float radius = static_cast<float>(sampling.coverage_radius_m);
   const float cos_gate = static_cast<float>(std::cos(sampling.max_normal_angle_rad));
 
@@ -74,7 +72,7 @@ SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh
           2 * std::numbers::pi_v<float> * static_cast<float>(k - 1) / (kProbesPerTarget - 1);
       const Eigen::Vector3f wanted =
           centre +
-          kProbeRadius * radius * (std::cos(angle) * tangent + std::sin(angle) * bitangent);
+          kProbeRadiusRelative * radius * (std::cos(angle) * tangent + std::sin(angle) * bitangent);
       float best = radius;  // a probe may slide this far to stay on the surface
       for (const Nearby& triangle : nearby) {
         const Eigen::Vector3f p = ClosestOnTriangle(wanted, triangle.a, triangle.b, triangle.c);

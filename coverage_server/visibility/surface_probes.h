@@ -11,6 +11,9 @@
 namespace sightline {
 
 inline constexpr int kProbesPerTarget = 8;
+// A measurement point may lie anywhere in the disc of the coverage radius; probes at this part of
+// it stand for its rim.
+inline constexpr float kProbeRadiusRelative = 0.8f;
 
 // Probe 0 is the target; the others lie on the surface within the coverage radius, on triangles
 // that pass the normal gate. Where the surface ends, fewer distinct probes exist and the target is

@@ -728,7 +728,7 @@ void WriteStep(const TopoDS_Shape& shape, const std::filesystem::path& file) {
 
 // Milled are the flat faces of the outside, as cast the rest of the skin, and sand cores leave what
 // lies deeper.
-void AssignMaterials(const HeadDesign& d, TriangleMesh* mesh) {
+void AssignMaterials(const HeadDesign& d, ShapeMesh* mesh) {
   enum : std::uint16_t { kMachined, kCastOuter, kSandCast };
   constexpr double kSkin_mm = 14, kFlat_mm = 1e-3;
   mesh->material_names = {"machined", "cast_outer", "sand_cast"};
@@ -757,7 +757,7 @@ void AssignMaterials(const HeadDesign& d, TriangleMesh* mesh) {
 void Run(const std::filesystem::path& directory) {
   const HeadDesign design;
   const TopoDS_Shape head = HeadModeller(design).Build();
-  TriangleMesh mesh = MeshShape(head, {design.chord_tolerance_mm, design.angular_tolerance_deg});
+  ShapeMesh mesh = MeshShape(head, {design.chord_tolerance_mm, design.angular_tolerance_deg});
   mesh.name = "cylinder_head";
   AssignMaterials(design, &mesh);
   const MeshHealth health = CheckMesh(mesh);

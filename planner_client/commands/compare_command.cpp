@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
@@ -23,15 +24,30 @@ struct CompareOptions {
   SessionOptions session;
   OutputOptions output;
   std::vector<std::string> strategies;
-  std::vector<double> goals = {0.9, 0.95};
+  std::vector<std::string> gains;
+  std::vector<double> goals;  // empty: 90 % and 95 % coverage, or the inspection's of uncertainty
   int seeds = 5;
   int64_t evaluations_per_scan = 10000;
   int64_t matrix_samples = 1500000;
 };
 
+// Gain functions of the thesis (eq. 6.1, 6.3) and this project's, by name.
+absl::StatusOr<GainWeights> GainNamed(const std::string& name) {
+  if (name == "tu") return GainWeights{.total_uncertainty = 1};
+  if (name == "information") return GainWeights{.information = 1};
+  constexpr char kRelaxed[] = "ra:";
+  double alpha = -1;
+  if (name.rfind(kRelaxed, 0) == 0 && absl::SimpleAtod(name.substr(sizeof(kRelaxed) - 1), &alpha) &&
+      alpha >= 0 && alpha <= 1) {
+    return GainWeights{.admissible = alpha, .relaxed = 1 - alpha};
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("--gains: \"", name, "\" is none of ra:ALPHA (0 to 1), tu, information, own"));
+}
+
 // Scans by strategy, goal and seed; 0: goal not reached.
 struct Run {
-  std::string strategy;
+  std::string strategy;  // with the gain it searches by, if there are several
   std::vector<std::vector<int>> scans;
   std::vector<double> seconds;
   int64_t evaluations = 0;
@@ -55,21 +71,58 @@ int RunCompare(CompareOptions& options) {
   for (const std::string& strategy : options.strategies) {
     if (absl::Status status = CheckStrategy(strategy); !status.ok()) return ReportError(status);
   }
+  // A strategy with the gain it searches by; without --gains that of the inspection.
+  struct Variant {
+    std::string label;
+    std::string strategy;
+    std::optional<GainWeights> gain;
+  };
+  std::vector<std::optional<GainWeights>> gains;
+  for (const std::string& name : options.gains) {
+    if (name == "own") {
+      gains.push_back(PlanningGoal{}.gain);
+      continue;
+    }
+    auto gain = GainNamed(name);
+    if (!gain.ok()) return ReportError(gain.status());
+    gains.push_back(*gain);
+  }
   auto session = OpenSession(options.session);
   if (!session.ok()) return ReportError(session.status());
+  if (!gains.empty() && !session->ForUncertainty()) {
+    return ReportError(absl::InvalidArgumentError(
+        absl::StrCat("--gains: ", options.session.inspection_file, " has no goal.admissible")));
+  }
+  if (options.goals.empty()) {
+    options.goals = session->ForUncertainty()
+                        ? std::vector<double>{*session->inspection.goal.admissible}
+                        : std::vector<double>{0.9, 0.95};
+  }
   std::sort(options.goals.begin(), options.goals.end());
   if (options.strategies.empty()) {
     for (const StrategyDescription& strategy : Strategies())
       options.strategies.push_back(strategy.name);
+  }
+  std::vector<Variant> variants;
+  for (const std::string& strategy : options.strategies) {
+    if (gains.empty()) variants.push_back({strategy, strategy, std::nullopt});
+    for (size_t i = 0; i < gains.size(); ++i) {
+      variants.push_back({absl::StrCat(strategy, " ", options.gains[i]), strategy, gains[i]});
+    }
   }
   std::vector<Run> runs;
   PlannerResult best;
   std::string best_strategy;
   int64_t best_seed = 0;
   std::string csv = "strategy,goal,seed,scans,coverage,evaluations,time_s\n";
+  std::string curves = "strategy,seed,scans,settled,relaxed\n";
   ProgressLine progress;
-  for (const std::string& strategy : options.strategies) {
-    Run run{strategy, std::vector<std::vector<int>>(options.goals.size()), {}, 0};
+  for (const Variant& variant : variants) {
+    const std::string& strategy = variant.strategy;
+    if (variant.gain) {
+      static_cast<UncertaintyOracle&>(*session->oracle).set_weights(*variant.gain);
+    }
+    Run run{variant.label, std::vector<std::vector<int>>(options.goals.size()), {}, 0};
     // Greedy plans grow scan by scan: one run to the highest goal holds the answer for all. Other
     // strategies are told the goal they are to reach.
     const bool greedy = strategy != "refined";
@@ -79,7 +132,8 @@ int RunCompare(CompareOptions& options) {
         PlannerRequest request;
         request.domain = session->inspection.domain;
         request.goal = session->inspection.goal;
-        request.goal.coverage = options.goals[g];
+        (request.goal.admissible ? *request.goal.admissible : request.goal.coverage) =
+            options.goals[g];
         request.strategy = strategy;
         request.seed = seed;
         request.evaluations_per_scan = options.evaluations_per_scan;
@@ -87,11 +141,11 @@ int RunCompare(CompareOptions& options) {
         request.interrupted = &interrupted;
         request.on_progress = [&](const PlanProgress& p) {
           progress.Show(p.coverage / p.goal,
-                        absl::StrFormat("%s, seed %d: %d scans, %.1f %%", strategy, seed, p.scans,
-                                        100 * p.coverage));
+                        absl::StrFormat("%s, seed %d: %d scans, %.1f %%", variant.label, seed,
+                                        p.scans, 100 * p.coverage));
         };
         const auto start = std::chrono::steady_clock::now();
-        auto result = MakePlan(*session->client, request);
+        auto result = MakePlan(*session->oracle, request);
         if (!result.ok()) return ReportError(result.status());
         const double seconds =
             std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -104,15 +158,19 @@ int RunCompare(CompareOptions& options) {
           const int scans =
               reached == curve.end() ? 0 : static_cast<int>(reached - curve.begin()) + 1;
           run.scans[k].push_back(scans);
-          absl::StrAppendFormat(&csv, "%s,%g,%d,%d,%.6f,%d,%.2f\n", strategy, options.goals[k],
+          absl::StrAppendFormat(&csv, "%s,%g,%d,%d,%.6f,%d,%.2f\n", variant.label, options.goals[k],
                                 seed, scans, curve.empty() ? 0 : curve.back(), result->evaluations,
                                 seconds);
+        }
+        for (size_t k = 0; k < result->coverage_curve.size(); ++k) {
+          absl::StrAppendFormat(&curves, "%s,%d,%d,%.6f,%.6f\n", variant.label, seed, k + 1,
+                                result->coverage_curve[k], result->relaxed_curve[k]);
         }
         const bool reaches = result->stop_reason == StopReason::kGoalReached;
         if (g + 1 == options.goals.size() && reaches &&
             (best.scans.empty() || result->scans.size() < best.scans.size())) {
           best = std::move(*result);
-          best_strategy = strategy;
+          best_strategy = variant.label;
           best_seed = seed;
         }
       }
@@ -152,14 +210,18 @@ int RunCompare(CompareOptions& options) {
   options.output.point_clouds = false;
   std::error_code error;
   std::filesystem::create_directories(options.output.folder, error);
-  if (absl::Status status = WriteFileAtomically(options.output.folder + "/comparison.csv", csv);
-      !status.ok())
-    return ReportError(status);
+  for (const auto& [name, text] : {std::pair("comparison.csv", &csv), {"curves.csv", &curves}}) {
+    absl::Status status = WriteFileAtomically(options.output.folder + "/" + name, *text);
+    if (!status.ok()) return ReportError(status);
+  }
   if (!best.scans.empty()) {
-    session->inspection.goal.coverage = options.goals.back();
+    PlanningGoal& goal = session->inspection.goal;
+    (goal.admissible ? *goal.admissible : goal.coverage) = options.goals.back();
     PlanSource source{best_strategy, best_seed, best.evaluations,
                       StopReasonToProto(best.stop_reason)};
-    const PlanDocument document = MakePlanDocument(*session, std::move(best.scans), source);
+    const auto made = MakePlanDocument(*session, std::move(best.scans), source);
+    if (!made.ok()) return ReportError(made.status());
+    const PlanDocument& document = *made;
     if (absl::Status status = WritePlanOutputs(*session, document, options.output); !status.ok())
       return ReportError(status);
     std::printf("best plan and table: %s\n",
@@ -179,7 +241,12 @@ Command AddCompareCommand(CLI::App& app) {
                  "folder for comparison.csv and the best plan's report")
       ->required();
   app.add_option("--strategies", options->strategies, "default: all")->delimiter(',');
-  app.add_option("--goals", options->goals, "coverage goals")
+  app.add_option("--gains", options->gains,
+                 "for uncertainty, what scans are searched by: ra:ALPHA and tu of the thesis, "
+                 "information, own; default: the inspection's")
+      ->delimiter(',');
+  app.add_option("--goals", options->goals,
+                 "default: 90 % and 95 % coverage, or the inspection's of uncertainty")
       ->delimiter(',')
       ->check(CLI::Range(1e-6, 1.0));
   app.add_option("--seeds", options->seeds, "runs per strategy")->check(CLI::Range(1, 1000));
@@ -188,6 +255,8 @@ Command AddCompareCommand(CLI::App& app) {
       ->check(CLI::Range(1, 100000000));
   app.add_option("--matrix-samples", options->matrix_samples, "samples of the measurability matrix")
       ->check(CLI::Range(1, 20000000));
+  app.add_flag("!--no-fresh-targets", options->session.fresh_targets,
+               "score plans on their own targets only");
   app.add_option("--coverage-server", options->session.coverage_server,
                  "unix:PATH or HOST:PORT; default: one of our own");
   return [options] { return RunCompare(*options); };

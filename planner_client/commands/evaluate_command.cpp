@@ -45,13 +45,15 @@ Command AddEvaluateCommand(CLI::App& app) {
                "leave the rendered views out of the report");
   app.add_flag("!--no-point-clouds", options->output.point_clouds,
                "do not write points/scan_NN.ply");
+  app.add_flag("--ellipsoids", options->output.ellipsoids,
+               "for uncertainty: write points/scan_NN_ellipsoids.ply too");
   return [options]() -> int {
     auto given = ReadPlanScans(options->plan);
     if (!given.ok()) return ReportError(given.status());
     auto session = OpenSession(options->session);
     if (!session.ok()) return ReportError(session.status());
     options->output.timings.push_back({"loading and visibility data", session->open_time_s});
-    auto exact = session->client->ExactCoverage(given->all);
+    auto exact = session->oracle->ExactCoverage(given->all);
     if (!exact.ok()) return ReportError(exact.status());
     auto fast = session->client->FastCoverage(given->all);
     if (!fast.ok()) return ReportError(fast.status());
@@ -67,7 +69,9 @@ Command AddEvaluateCommand(CLI::App& app) {
     }
     PlanSource source{given->plan.strategy(), given->plan.seed(), given->plan.gain_evaluations(),
                       v1::Plan::STOP_REASON_EVALUATED};
-    const PlanDocument document = MakePlanDocument(*session, std::move(scans), source);
+    const auto made = MakePlanDocument(*session, std::move(scans), source);
+    if (!made.ok()) return ReportError(made.status());
+    const PlanDocument& document = *made;
     if (absl::Status status = WritePlanOutputs(*session, document, options->output); !status.ok())
       return ReportError(status);
     std::printf("%splan:   %s\nreport: %s\n", SummarisePlan(document.plan).c_str(),

@@ -1,26 +1,117 @@
+#include <algorithm>
+#include <cstdint>
 #include <cstdio>
 #include <memory>
 #include <string>
+#include <vector>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health.h"
 #include "core/part/part_health_proto.h"
+#include "core/tolerance/tolerance_proto.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/tolerance_import/tolerance_import.h"
 
 namespace sightline {
+namespace {
+
+// "12, 13" or, of many, "12, 13, ... (30)"; features in words where there are no faces.
+std::string BoundText(const std::vector<int>& faces, const std::vector<std::string>& features) {
+  constexpr size_t kMost = 8;
+  if (faces.empty() && features.empty()) return "no face";
+  if (faces.empty()) {
+    const size_t shown = std::min(features.size(), kMost);
+    const std::string more =
+        features.size() > shown ? absl::StrCat(", ... (", features.size(), ")") : "";
+    return absl::StrJoin(features.begin(), features.begin() + static_cast<int64_t>(shown), ", ") +
+           more;
+  }
+  const size_t shown = std::min(faces.size(), kMost);
+  const std::string more = faces.size() > shown ? absl::StrCat(", ... (", faces.size(), ")") : "";
+  return absl::StrCat(
+      faces.size() == 1 ? "face " : "faces ",
+      absl::StrJoin(faces.begin(), faces.begin() + static_cast<int64_t>(shown), ", "), more);
+}
+
+void PrintTolerances(const ToleranceReport& report) {
+  std::printf("%s (%s): ", report.file.c_str(), report.standard.c_str());
+  if (report.entity_count == 0) {
+    std::printf("no tolerances in the file\n");
+  } else {
+    std::printf(
+        "%d dimensions, tolerances and datums in the file: %zu with a zone, %zu dimensions without "
+        "limits, %zu datums, %zu not read\n",
+        report.entity_count, report.read.size(), report.untoleranced.size(), report.datums.size(),
+        report.not_read.size());
+  }
+  const auto heading = [](size_t count, const char* text) {
+    if (count > 0) std::printf("\n%s\n", text);
+  };
+  const auto print = [](const std::vector<Tolerance>& list) {
+    for (const Tolerance& tolerance : list) {
+      std::printf("  %-50s  %s %s: %s\n", tolerance.text.c_str(), tolerance.name.c_str(),
+                  tolerance.id.c_str(), BoundText(tolerance.faces, tolerance.features).c_str());
+    }
+  };
+  heading(report.read.size(), "read, with the faces bound:");
+  print(report.read);
+  heading(report.untoleranced.size(), "dimensions without limits of their own:");
+  print(report.untoleranced);
+  heading(report.datums.size(), "datums:");
+  for (const Datum& datum : report.datums) {
+    std::printf("  %-50s  %s: %s\n",
+                absl::StrCat(datum.target ? "datum target " : "datum ", datum.letter).c_str(),
+                datum.id.c_str(), BoundText(datum.faces, datum.features).c_str());
+  }
+  heading(report.not_read.size(), "not read:");
+  for (const UnreadTolerance& unread : report.not_read) {
+    std::printf("  %s: %s\n", unread.name.c_str(), unread.reason.c_str());
+  }
+  heading(report.notes.size(), "notes:");
+  for (const std::string& note : report.notes) std::printf("  %s\n", note.c_str());
+}
+
+int ReportTolerances(const std::string& file, const std::string& qif_schema, bool json) {
+  ToleranceImportOptions options;
+  options.qif_schema_folder = qif_schema;
+  const auto imported = ImportTolerances(file, options);
+  if (!imported.ok()) return ReportError(imported.status());
+  if (json) {
+    // The triangles of the faces are no reading matter.
+    std::printf("%s\n", ToJson(ToleranceReportToProto(imported->report, {})).c_str());
+  } else {
+    PrintTolerances(imported->report);
+  }
+  return kExitDone;
+}
+
+}  // namespace
 
 Command AddPartCommand(CLI::App& app) {
   struct Options {
-    std::string file, unit;
-    bool json = false;
+    std::string file, unit, qif_schema;
+    bool tolerances = false, json = false;
   };
   auto options = std::make_shared<Options>();
-  app.add_option("file", options->file, "part file (.glb, .gltf, .stl, .ply, .obj)")->required();
+  app.add_option("file", options->file,
+                 "part file (.glb, .gltf, .stl, .ply, .obj); for --tolerances .stp, .step, .qif")
+      ->required();
   app.add_option("--unit", options->unit, "length unit of the file: m, cm, mm, um, inch");
+  CLI::Option* tolerances = app.add_flag(
+      "--tolerances", options->tolerances,
+      "list the tolerances of a STEP (AP242) or QIF 3.0 file, and what of them cannot be read");
+  app.add_option("--qif-schema", options->qif_schema,
+                 "folder of the QIF 3.0 schema to validate a QIF file against")
+      ->needs(tolerances);
   app.add_flag("--json", options->json, "print the report as JSON");
   return [options]() -> int {
+    if (options->tolerances) {
+      return ReportTolerances(options->file, options->qif_schema, options->json);
+    }
     const auto mesh = LoadPart(options->file, options->unit);
     if (!mesh.ok()) return ReportError(mesh.status());
     const PartHealth health = CheckPartHealth(*mesh);

@@ -73,24 +73,28 @@ int RunPlan(PlanOptions& options) {
                      session->open_time_s - scene.targets_time_s - scene.field_time_s -
                          scene.measurability_time_s});
 
-  if (options.goal) session->inspection.goal.coverage = *options.goal;
+  PlanningGoal& goal = session->inspection.goal;
+  if (options.goal) (goal.admissible ? *goal.admissible : goal.coverage) = *options.goal;
   if (options.max_scans) session->inspection.goal.max_scans = *options.max_scans;
   if (options.max_time_s) session->inspection.goal.max_time_s = *options.max_time_s;
   request.domain = session->inspection.domain;
-  request.goal = session->inspection.goal;
+  request.goal = goal;
   request.strategy = options.strategy;
   request.seed = options.seed;
   request.evaluations_per_scan = options.evaluations_per_scan;
   request.matrix_samples = options.matrix_samples;
+  request.with_curves = false;
   request.interrupted = &interrupted;
   ProgressLine progress;
   request.on_progress = [&](const PlanProgress& p) {
-    progress.Show(p.coverage / p.goal,
-                  absl::StrFormat("%d scans, %.1f %% covered, %dk evaluations: %s", p.scans,
-                                  100 * p.coverage, p.evaluations / 1000, p.phase));
+    progress.Show(
+        p.coverage / p.goal,
+        absl::StrFormat("%d scans, %.1f %% %s, %dk evaluations: %s", p.scans, 100 * p.coverage,
+                        session->ForUncertainty() ? "admissible" : "covered", p.evaluations / 1000,
+                        p.phase));
   };
   const auto plan_start = std::chrono::steady_clock::now();
-  auto result = MakePlan(*session->client, request);
+  auto result = MakePlan(*session->oracle, request);
   progress.Finish();
   if (!result.ok()) return ReportError(result.status());
   timings.push_back({"planning", SecondsSince(plan_start)});
@@ -98,7 +102,9 @@ int RunPlan(PlanOptions& options) {
 
   PlanSource source{options.strategy, options.seed, result->evaluations,
                     StopReasonToProto(result->stop_reason)};
-  PlanDocument document = MakePlanDocument(*session, std::move(result->scans), source);
+  auto made = MakePlanDocument(*session, std::move(result->scans), source);
+  if (!made.ok()) return ReportError(made.status());
+  PlanDocument& document = *made;
   if (absl::Status status = WritePlanJson(document, options.output.folder); !status.ok())
     return ReportError(status);
 
@@ -106,9 +112,12 @@ int RunPlan(PlanOptions& options) {
     const auto bound_start = std::chrono::steady_clock::now();
     std::vector<Measurement> scans;
     for (const ChosenScan& scan : document.scans) scans.push_back(scan.measurement);
-    const double goal = std::min(request.goal.coverage, document.plan.coverage().coverage());
+    const double reached = session->ForUncertainty()
+                               ? document.plan.uncertainty().admissible_fraction()
+                               : document.plan.coverage().coverage();
     auto bound = BoundScanCount(
-        *session->client, request.domain, goal, scans, options.bound_evaluations, options.seed,
+        *session->oracle, request.domain, std::min(GoalFraction(request.goal), reached), scans,
+        options.bound_evaluations, options.seed,
         [&](const ScanCountBoundProgress& p) {
           progress.Show(static_cast<double>(p.evaluations) / static_cast<double>(p.budget),
                         absl::StrFormat("lower bound so far: %.2f scans", p.bound));
@@ -140,7 +149,8 @@ Command AddPlanCommand(CLI::App& app) {
                  "refined, greedy-pso, greedy-ga, greedy-sa, matrix, ...");
   app.add_option("--seed", options->seed, "same seed, same plan");
   app.add_option("--goal", options->goal,
-                 "fraction of the measurable targets, overrides the inspection's")
+                 "fraction of the targets to be covered (or known admissibly, if the inspection's "
+                 "goal is that), overrides the inspection's")
       ->check(CLI::Range(1e-6, 1.0));
   app.add_option("--max-scans", options->max_scans, "overrides the inspection's")
       ->check(CLI::Range(1, 1000));
@@ -157,6 +167,8 @@ Command AddPlanCommand(CLI::App& app) {
   app.add_option("--bound-evaluations", options->bound_evaluations,
                  "budget of the lower bound, 0: none")
       ->check(CLI::Range(0, 100000000));
+  app.add_flag("!--no-fresh-targets", options->session.fresh_targets,
+               "score the plan on its own targets only");
   app.add_option("--coverage-server", options->session.coverage_server,
                  "unix:PATH or HOST:PORT; default: one of our own");
   app.add_option("--field-directions", options->session.field_directions,
@@ -166,6 +178,8 @@ Command AddPlanCommand(CLI::App& app) {
                "leave the rendered views out of the report");
   app.add_flag("!--no-point-clouds", options->output.point_clouds,
                "do not write points/scan_NN.ply");
+  app.add_flag("--ellipsoids", options->output.ellipsoids,
+               "for uncertainty: write points/scan_NN_ellipsoids.ply too");
   return [options] { return RunPlan(*options); };
 }
 

@@ -12,7 +12,9 @@
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
 #include "core/rig/scan_geometry.h"
+#include "planner_client/commands/uncertainty_outputs.h"
 #include "planner_client/report/plan_csv.h"
+#include "planner_client/requirements/feature_verdicts.h"
 #include "planner_client/strategy/scan_order.h"
 
 namespace sightline {
@@ -52,6 +54,117 @@ v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& c
   return scan;
 }
 
+// Verdicts about the toleranced features; `document` has its uncertainties.
+absl::Status AddVerdicts(const PlanningSession& session, std::span<const Measurement> scans,
+                         PlanDocument& document) {
+  const PosteriorUncertainties& u = document.uncertainties;
+  PlanKnowledge knowledge;
+  knowledge.targets = &session.client->targets();
+  knowledge.measurable = &session.client->measurable();
+  knowledge.points = u.points;
+  for (size_t t = 0; t < u.total_m.size(); ++t) {
+    knowledge.uncertainty.push_back(
+        {u.total_m[t], u.noise_m[t], u.sampling_m[t], u.calibration_m[t]});
+  }
+  if (session.inspection.uncertainty->HasCalibrationErrors()) {
+    auto information = session.client->FastInformation(scans);
+    if (!information.ok()) return information.status();
+    for (const InformedScan& scan : *information) {
+      std::vector<float>& density = knowledge.density.emplace_back(u.total_m.size(), 0.0f);
+      for (size_t i = 0; i < scan.targets.size(); ++i) density[scan.targets[i]] = scan.density[i];
+    }
+  }
+  auto verdicts = JudgeFeatures(session.inspection, *session.requirements, scans,
+                                session.part->BoundingBox().center(), knowledge);
+  if (!verdicts.ok()) return verdicts.status();
+  for (v1::FeatureVerdict& verdict : *verdicts) {
+    *document.plan.mutable_uncertainty()->add_features() = std::move(verdict);
+  }
+  return absl::OkStatus();
+}
+
+// Exact uncertainties after the plan's scans in their order, and what they amount to.
+absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& document) {
+  const Requirements& requirements = *session.requirements;
+  document.admissible_uncertainty_m =
+      requirements.AdmissibleUncertainties(session.client->targets());
+  for (size_t t = 0; t < document.admissible_uncertainty_m.size(); ++t) {
+    if (!session.client->measurable().Test(t)) document.admissible_uncertainty_m[t] = 0;
+  }
+  const std::vector<float>& admissible_m = document.admissible_uncertainty_m;
+  const auto relaxed_m = static_cast<float>(requirements.relaxed_uncertainty_m);
+  std::vector<Measurement> feasible;
+  std::vector<int> index_of;  // of each feasible scan in the plan
+  for (size_t i = 0; i < document.scans.size(); ++i) {
+    if (document.scans[i].exact.feasibility != ScanFeasibility::kFeasible) continue;
+    feasible.push_back(document.scans[i].measurement);
+    index_of.push_back(static_cast<int>(i));
+  }
+  auto exact = session.client->Uncertainties(feasible, {}, true);
+  if (!exact.ok()) return exact.status();
+  document.uncertainties = *std::move(exact);
+
+  v1::PlanUncertainty& message = *document.plan.mutable_uncertainty();
+  std::vector<float> judged_m;
+  std::vector<int64_t> admissible(feasible.size(), 0), relaxed(feasible.size(), 0);
+  int64_t all_admissible = 0, all_relaxed = 0;
+  for (size_t t = 0; t < admissible_m.size(); ++t) {
+    if (!(admissible_m[t] > 0)) continue;
+    const float loose_m = std::max(admissible_m[t], relaxed_m);
+    const float u_m = document.uncertainties.total_m[t];
+    judged_m.push_back(u_m);
+    all_admissible += u_m <= admissible_m[t];
+    all_relaxed += u_m <= loose_m;
+    for (size_t s = 0; s < feasible.size(); ++s) {
+      const float after_m = document.uncertainties.after_each_scan_m[t * feasible.size() + s];
+      admissible[s] += after_m <= admissible_m[t];
+      relaxed[s] += after_m <= loose_m;
+    }
+  }
+  document.uncertainties.after_each_scan_m.clear();
+  int64_t admissible_so_far = 0, relaxed_so_far = 0;
+  size_t s = 0;
+  for (int i = 0; i < document.plan.scans_size(); ++i) {
+    if (s < index_of.size() && index_of[s] == i) {
+      admissible_so_far = admissible[s];
+      relaxed_so_far = relaxed[s];
+      ++s;
+    }
+    document.plan.mutable_scans(i)->set_cumulative_admissible_targets(admissible_so_far);
+    document.plan.mutable_scans(i)->set_cumulative_relaxed_targets(relaxed_so_far);
+  }
+  const auto count = static_cast<int64_t>(judged_m.size());
+  const auto total = static_cast<double>(std::max<int64_t>(1, count));
+  message.set_judged_targets(count);
+  message.set_admissible_fraction(static_cast<double>(all_admissible) / total);
+  message.set_relaxed_fraction(static_cast<double>(all_relaxed) / total);
+  message.set_goal(*session.inspection.goal.admissible);
+  message.set_relaxed_uncertainty_m(requirements.relaxed_uncertainty_m);
+  if (!judged_m.empty()) {
+    const auto middle = judged_m.begin() + static_cast<std::ptrdiff_t>(judged_m.size() / 2);
+    std::nth_element(judged_m.begin(), middle, judged_m.end());
+    message.set_median_uncertainty_m(*middle);
+  }
+  const GainWeights& gain = session.inspection.goal.gain;
+  message.mutable_gain()->set_coverage(gain.coverage);
+  message.mutable_gain()->set_admissible(gain.admissible);
+  message.mutable_gain()->set_relaxed(gain.relaxed);
+  message.mutable_gain()->set_information(gain.information);
+  message.mutable_gain()->set_total_uncertainty(gain.total_uncertainty);
+  if (!requirements.features.empty()) {
+    if (absl::Status status = AddVerdicts(session, feasible, document); !status.ok()) return status;
+  }
+  if (session.fresh_client && !feasible.empty()) {
+    auto score = session.oracle->ScorePlan(feasible, true);
+    if (!score.ok()) return score.status();
+    const auto fresh = static_cast<double>(std::max<int64_t>(1, score->fresh_judged));
+    message.set_fresh_judged_targets(score->fresh_judged);
+    message.set_fresh_admissible_fraction(static_cast<double>(*score->fresh_settled) / fresh);
+    message.set_fresh_relaxed_fraction(static_cast<double>(*score->fresh_relaxed) / fresh);
+  }
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 v1::Plan::StopReason StopReasonToProto(StopReason reason) {
@@ -70,8 +183,9 @@ v1::Plan::StopReason StopReasonToProto(StopReason reason) {
   return v1::Plan::STOP_REASON_UNSPECIFIED;
 }
 
-PlanDocument MakePlanDocument(const PlanningSession& session, std::vector<ChosenScan> scans,
-                              const PlanSource& source) {
+absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
+                                              std::vector<ChosenScan> scans,
+                                              const PlanSource& source) {
   const CostModel& costs = session.inspection.costs;
   const SceneInfo& scene = session.client->scene();
   std::vector<Measurement> measurements;
@@ -95,6 +209,7 @@ PlanDocument MakePlanDocument(const PlanningSession& session, std::vector<Chosen
   plan.set_stop_reason(source.stop_reason);
 
   TargetBits covered(static_cast<size_t>(scene.target_count)), ungated = covered;
+  TargetBits fresh_covered(session.fresh_client ? session.fresh_client->targets().size() : 0);
   v1::PlanCost& cost = *plan.mutable_cost();
   double error_sum = 0, error_max = 0;
   for (size_t i = 0; i < document.scans.size(); ++i) {
@@ -104,6 +219,8 @@ PlanDocument MakePlanDocument(const PlanningSession& session, std::vector<Chosen
     scan.set_covered_targets(chosen.exact.covered.Count());
     scan.set_new_targets(chosen.exact.covered.CountNotIn(covered));
     covered |= chosen.exact.covered;
+    if (chosen.exact.fresh_covered.size() == fresh_covered.size())
+      fresh_covered |= chosen.exact.fresh_covered;
     if (chosen.exact.covered_without_normal_gate.size() == ungated.size())
       ungated |= chosen.exact.covered_without_normal_gate;
     scan.set_cumulative_targets(covered.Count());
@@ -137,11 +254,21 @@ PlanDocument MakePlanDocument(const PlanningSession& session, std::vector<Chosen
     coverage.set_fast_mean_absolute_error(error_sum / static_cast<double>(document.scans.size()));
   coverage.set_fast_max_absolute_error(error_max);
   coverage.set_goal(session.inspection.goal.coverage);
+  if (session.fresh_client && !session.ForUncertainty()) {
+    const int64_t fresh = session.fresh_client->measurable().Count();
+    coverage.set_fresh_measurable_targets(fresh);
+    coverage.set_fresh_coverage(static_cast<double>(fresh_covered.Count()) /
+                                static_cast<double>(std::max<int64_t>(1, fresh)));
+  }
+  if (session.ForUncertainty()) {
+    if (absl::Status status = AddUncertainty(session, document); !status.ok()) return status;
+  }
   return document;
 }
 
 void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan) {
-  v1::ScanCountBound& message = *plan.mutable_bound();
+  v1::ScanCountBound& message = *(
+      plan.has_uncertainty() ? plan.mutable_uncertainty()->mutable_bound() : plan.mutable_bound());
   message.set_scans(bound.bound);
   message.set_converged(bound.converged);
   message.set_pricing_evaluations(bound.evaluations);
@@ -210,6 +337,13 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
   data.sampling = session.inspection.targets;
   data.measurable = client.measurable();
   data.comparison = options.comparison;
+  if (session.ForUncertainty()) {
+    data.uncertainty = TargetUncertaintiesOf(session, document);
+    absl::Status status =
+        WriteUncertaintyFiles(session, document, *data.uncertainty, options.folder);
+    if (!status.ok()) return status;
+    if (options.point_clouds) data.uncertainty->scan_sensitivities.resize(document.scans.size());
+  }
 
   TargetBits covered(data.targets.size());
   for (size_t i = 0; i < document.scans.size(); ++i) {
@@ -254,6 +388,13 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
           !status.ok()) {
         return status;
       }
+      if (!data.uncertainty) continue;
+      data.uncertainty->scan_sensitivities[i] = SensitivityOf(session, scan.measurement, *points);
+      if (!options.ellipsoids) continue;
+      absl::Status status =
+          WriteEllipsoids(session, scan.measurement, *points,
+                          absl::StrFormat("%s/scan_%02d_ellipsoids.ply", folder, i + 1));
+      if (!status.ok()) return status;
     }
   }
   if (options.pictures) {
@@ -292,6 +433,25 @@ std::string SummarisePlan(const v1::Plan& plan) {
       100.0 * static_cast<double>(c.covered_targets_without_normal_gate()) /
           static_cast<double>(std::max<int64_t>(1, c.measurable_targets())),
       100 * c.fast_mean_absolute_error(), 100 * c.fast_max_absolute_error());
+  if (plan.coverage().has_fresh_coverage()) {
+    absl::StrAppendFormat(&text, "of %d targets sampled anew: %.2f %%.\n",
+                          c.fresh_measurable_targets(), 100 * c.fresh_coverage());
+  }
+  if (plan.has_uncertainty()) {
+    const v1::PlanUncertainty& u = plan.uncertainty();
+    absl::StrAppendFormat(&text,
+                          "uncertainty is admissible at %.2f %% of the %d judged targets (goal "
+                          "%.4g %%), at most %.3g "
+                          "mm at %.2f %%; median %.1f um.\n",
+                          100 * u.admissible_fraction(), u.judged_targets(), 100 * u.goal(),
+                          1e3 * u.relaxed_uncertainty_m(), 100 * u.relaxed_fraction(),
+                          1e6 * u.median_uncertainty_m());
+    if (u.has_fresh_admissible_fraction()) {
+      absl::StrAppendFormat(&text, "of %d targets sampled anew: admissible at %.2f %%.\n",
+                            u.fresh_judged_targets(), 100 * u.fresh_admissible_fraction());
+    }
+    if (!u.bound().statement().empty()) absl::StrAppend(&text, u.bound().statement(), "\n");
+  }
   if (!plan.bound().statement().empty()) absl::StrAppend(&text, plan.bound().statement(), "\n");
   if (!plan.cost().unit_costs()) {
     absl::StrAppendFormat(&text, "scanning takes %.1f s, repositioning %.1f s.\n",

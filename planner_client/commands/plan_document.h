@@ -17,6 +17,10 @@ namespace sightline {
 struct PlanDocument {
   v1::Plan plan;
   std::vector<ChosenScan> scans;  // in the plan's order
+  // Only of plans for uncertainty: of all targets after all scans, exact; and of every target what
+  // is admissible [m], 0 if it is not judged.
+  PosteriorUncertainties uncertainties;
+  std::vector<float> admissible_uncertainty_m;
 };
 
 struct PlanSource {
@@ -29,12 +33,13 @@ struct PlanSource {
 v1::Plan::StopReason StopReasonToProto(StopReason reason);
 
 // Orders the scans for least repositioning (unit costs: as they come) and fills in poses, travel,
-// trigger positions, exact coverage and costs. Contains no time, host or date: the same scans give
-// the same bytes.
-PlanDocument MakePlanDocument(const PlanningSession& session, std::vector<ChosenScan> scans,
-                              const PlanSource& source);
+// trigger positions, exact coverage, uncertainty and costs. Contains no time, host or date: the
+// same scans give the same bytes. Errors of the coverage server are passed on.
+absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
+                                              std::vector<ChosenScan> scans,
+                                              const PlanSource& source);
 
-// Adds the lower bound.
+// Adds the lower bound, to what the plan is for.
 void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan);
 
 // Scans of a plan file. INVALID_ARGUMENT names the file, scan and field.
@@ -49,6 +54,7 @@ struct OutputOptions {
   std::string folder;
   bool pictures = true;
   bool point_clouds = true;
+  bool ellipsoids = false;  // of plans for uncertainty: points/scan_NN_ellipsoids.ply
   std::vector<NamedTiming> timings;
   std::optional<ComparisonTable> comparison;
 };

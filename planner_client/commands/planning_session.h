@@ -3,6 +3,7 @@
 #pragma once
 
 #include <memory>
+#include <optional>
 #include <string>
 
 #include "absl/status/statusor.h"
@@ -10,6 +11,8 @@
 #include "core/part/mesh.h"
 #include "core/part/part_health.h"
 #include "planner_client/coverage_client/coverage_client.h"
+#include "planner_client/plan_oracle/uncertainty_oracle.h"
+#include "planner_client/requirements/requirements.h"
 
 namespace sightline {
 
@@ -18,6 +21,8 @@ struct SessionOptions {
   // Empty: an embedded server is started.
   std::string coverage_server;
   int field_directions = kDefaultFieldDirections;
+  // Also sample targets anew, to score plans on what their search has not seen.
+  bool fresh_targets = true;
 };
 
 struct PlanningSession {
@@ -26,7 +31,13 @@ struct PlanningSession {
   PartHealth health;
   std::unique_ptr<EmbeddedServer> server;  // null with --coverage-server
   std::unique_ptr<CoverageClient> client;
+  std::unique_ptr<CoverageClient> fresh_client;  // null without fresh targets
+  std::optional<Requirements> requirements;      // of inspections with tolerances
+  // For coverage, or for uncertainty where the goal asks for it.
+  std::unique_ptr<GainOracle> oracle;
   double open_time_s = 0;  // from start to the first possible query
+
+  bool ForUncertainty() const { return inspection.goal.admissible.has_value(); }
 };
 
 // Prints the part's health findings and shows progress on stderr.

@@ -107,6 +107,7 @@ class CoverageClientImpl final : public CoverageClient {
       message->set_frame(FrameToProto(obstacle.frame));
     }
     spec_.set_field_directions(task_.field_directions);
+    if (task_.uncertainty) *spec_.mutable_uncertainty() = UncertaintyToProto(*task_.uncertainty);
     Connect();
   }
 
@@ -129,13 +130,108 @@ class CoverageClientImpl final : public CoverageClient {
   int recoveries() const override { return recoveries_; }
 
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
-                                              const TargetBits& covered) override {
-    return GainsOf(measurements, covered.ToBytes(), {});
+                                              std::span<const float> known) override {
+    return GainsOf(measurements, [&](v1::EvaluateGainsRequest* request) {
+      request->set_covered_targets(Settled(measurable_, known).ToBytes());
+    });
   }
 
   absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
                                                       std::span<const float> weights) override {
-    return GainsOf(measurements, "", weights);
+    return GainsOf(measurements, [&](v1::EvaluateGainsRequest* request) {
+      request->mutable_target_weights()->Add(weights.begin(), weights.end());
+    });
+  }
+
+  absl::StatusOr<std::vector<ScanGain>> UncertaintyGains(std::span<const Measurement> measurements,
+                                                         const UncertaintyQuery& query,
+                                                         std::span<const float> known_density,
+                                                         std::span<const float> weights) override {
+    return GainsOf(
+        measurements,
+        [&](v1::EvaluateGainsRequest* request) {
+          v1::UncertaintyGain& gain = *request->mutable_uncertainty_gain();
+          gain.mutable_weights()->set_coverage(query.weights.coverage);
+          gain.mutable_weights()->set_admissible(query.weights.admissible);
+          gain.mutable_weights()->set_relaxed(query.weights.relaxed);
+          gain.mutable_weights()->set_information(query.weights.information);
+          gain.mutable_weights()->set_total_uncertainty(query.weights.total_uncertainty);
+          gain.mutable_admissible_uncertainty_m()->Add(query.admissible_uncertainty_m.begin(),
+                                                       query.admissible_uncertainty_m.end());
+          gain.set_relaxed_uncertainty_m(query.relaxed_uncertainty_m);
+          gain.mutable_known_information_per_m4()->Add(known_density.begin(), known_density.end());
+          request->mutable_target_weights()->Add(weights.begin(), weights.end());
+        },
+        true);
+  }
+
+  absl::StatusOr<std::vector<InformedScan>> FastInformation(
+      std::span<const Measurement> measurements) override {
+    std::vector<InformedScan> result;
+    result.reserve(measurements.size());
+    absl::Status status = AskCoverage(
+        measurements, v1::EVALUATOR_FAST, FastBatch(measurements.size()),
+        [&](ScanFeasibility feasibility, const v1::Coverage& message) -> absl::Status {
+          if (message.informed_targets_size() != message.information_per_m4_size()) {
+            return absl::InternalError("server answered information of unequal length");
+          }
+          for (const uint32_t target : message.informed_targets()) {
+            if (target >= targets_.size()) {
+              return absl::InternalError("server answered information of an unknown target");
+            }
+          }
+          InformedScan& scan = result.emplace_back();
+          scan.feasibility = feasibility;
+          scan.covered = TargetBits::FromBytes(targets_.size(), message.covered_targets());
+          scan.covered &= measurable_;
+          scan.targets.assign(message.informed_targets().begin(), message.informed_targets().end());
+          scan.density.assign(message.information_per_m4().begin(),
+                              message.information_per_m4().end());
+          return absl::OkStatus();
+        });
+    if (!status.ok()) return status;
+    evaluations_ += static_cast<int64_t>(measurements.size());
+    return result;
+  }
+
+  absl::StatusOr<PosteriorUncertainties> Uncertainties(std::span<const Measurement> scans,
+                                                       std::span<const uint32_t> targets,
+                                                       bool after_each_scan) override {
+    const size_t count = targets.empty() ? targets_.size() : targets.size();
+    PosteriorUncertainties result;
+    absl::Status status = WithRetries([&](Connection& connection) -> absl::Status {
+      result = {};
+      grpc::ClientContext context;
+      SetTimeout(&context, options_.build_timeout);
+      v1::EvaluateUncertaintyRequest request;
+      request.set_scene_digest(info_.scene_digest);
+      for (const Measurement& scan : scans) *request.add_measurements() = MeasurementToProto(scan);
+      request.mutable_targets()->Add(targets.begin(), targets.end());
+      request.set_after_each_scan(after_each_scan);
+      auto reader = connection.coverage->EvaluateUncertainty(&context, request);
+      v1::EvaluateUncertaintyResponse response;
+      while (reader->Read(&response)) {
+        const auto append = [](const auto& from, auto& to) {
+          to.insert(to.end(), from.begin(), from.end());
+        };
+        append(response.uncertainty_m(), result.total_m);
+        append(response.noise_m(), result.noise_m);
+        append(response.sampling_m(), result.sampling_m);
+        append(response.calibration_m(), result.calibration_m);
+        append(response.points(), result.points);
+        append(response.after_each_scan_m(), result.after_each_scan_m);
+        if (options_.interrupted != nullptr && *options_.interrupted) context.TryCancel();
+      }
+      return FromGrpcStatus(reader->Finish());
+    });
+    if (!status.ok()) return status;
+    if (result.total_m.size() != count || result.noise_m.size() != count ||
+        result.sampling_m.size() != count || result.calibration_m.size() != count ||
+        result.points.size() != count ||
+        result.after_each_scan_m.size() != (after_each_scan ? count * scans.size() : 0)) {
+      return absl::InternalError("server answered another number of uncertainties than asked");
+    }
+    return result;
   }
 
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
@@ -526,9 +622,10 @@ class CoverageClientImpl final : public CoverageClient {
     return absl::OkStatus();
   }
 
-  absl::StatusOr<std::vector<ScanGain>> GainsOf(std::span<const Measurement> measurements,
-                                                const std::string& covered,
-                                                std::span<const float> weights) {
+  // `complete` adds to every request what it asks about the measurements.
+  absl::StatusOr<std::vector<ScanGain>> GainsOf(
+      std::span<const Measurement> measurements,
+      const std::function<void(v1::EvaluateGainsRequest*)>& complete, bool by_uncertainty = false) {
     const std::vector<Slice> slices = Cut(measurements.size(), FastBatch(measurements.size()));
     std::vector<v1::EvaluateGainsResponse> responses;
     absl::Status status = Pipeline<v1::EvaluateGainsRequest, v1::EvaluateGainsResponse>(
@@ -539,8 +636,7 @@ class CoverageClientImpl final : public CoverageClient {
           for (size_t i = slice.begin; i < slice.end; ++i) {
             *request->add_measurements() = MeasurementToProto(measurements[i]);
           }
-          request->set_covered_targets(covered);
-          request->mutable_target_weights()->Add(weights.begin(), weights.end());
+          complete(request);
         },
         &v1::CoverageService::Stub::AsyncEvaluateGains, &responses);
     if (!status.ok()) return status;
@@ -553,17 +649,22 @@ class CoverageClientImpl final : public CoverageClient {
       for (const v1::Gain& gain : responses[s].gains()) {
         absl::StatusOr<ScanFeasibility> feasibility = FeasibilityFromProto(gain.feasibility());
         if (!feasibility.ok()) return feasibility.status();
-        gains.push_back(
-            {*feasibility, gain.new_targets(), gain.covered_targets(), gain.weighted_gain()});
+        // Without an uncertainty gain what counts is covered targets.
+        gains.push_back({*feasibility, gain.new_targets(), gain.covered_targets(),
+                         gain.weighted_gain(), by_uncertainty ? gain.gain() : gain.new_targets()});
       }
     }
     evaluations_ += static_cast<int64_t>(measurements.size());
     return gains;
   }
 
-  absl::StatusOr<std::vector<ScanCoverage>> CoverageOf(std::span<const Measurement> measurements,
-                                                       v1::Evaluator evaluator, size_t batch) {
-    const int64_t bytes_each = info_.target_count / 4 + 64;
+  // Calls take(feasibility, answer) for every measurement, in order.
+  absl::Status AskCoverage(
+      std::span<const Measurement> measurements, v1::Evaluator evaluator, size_t batch,
+      const std::function<absl::Status(ScanFeasibility, const v1::Coverage&)>& take) {
+    const bool informed = evaluator == v1::EVALUATOR_FAST && task_.uncertainty;
+    const int64_t bytes_each =
+        info_.target_count / 4 + 64 + (informed ? 8 * info_.target_count : 0);
     batch = std::min(
         batch, static_cast<size_t>(std::max<int64_t>(1, kMaxCoverageBytesPerRequest / bytes_each)));
     const std::vector<Slice> slices = Cut(measurements.size(), batch);
@@ -579,9 +680,6 @@ class CoverageClientImpl final : public CoverageClient {
         },
         &v1::CoverageService::Stub::AsyncEvaluateCoverage, &responses);
     if (!status.ok()) return status;
-    std::vector<ScanCoverage> coverages;
-    coverages.reserve(measurements.size());
-    const size_t target_count = targets_.size();
     for (size_t s = 0; s < slices.size(); ++s) {
       if (static_cast<size_t>(responses[s].coverages_size()) != slices[s].end - slices[s].begin) {
         return absl::InternalError("server answered another number of coverages than asked");
@@ -589,21 +687,36 @@ class CoverageClientImpl final : public CoverageClient {
       for (const v1::Coverage& message : responses[s].coverages()) {
         absl::StatusOr<ScanFeasibility> feasibility = FeasibilityFromProto(message.feasibility());
         if (!feasibility.ok()) return feasibility.status();
-        ScanCoverage coverage;
-        coverage.feasibility = *feasibility;
-        coverage.covered = TargetBits::FromBytes(target_count, message.covered_targets());
-        coverage.covered &= measurable_;
-        if (evaluator == v1::EVALUATOR_EXACT) {
-          coverage.covered_without_normal_gate =
-              TargetBits::FromBytes(target_count, message.covered_targets_without_normal_gate());
-          coverage.covered_without_normal_gate &= measurable_;
-          coverage.first_frame = message.first_frame();
-          coverage.last_frame = message.last_frame();
-          coverage.measurement_points = message.measurement_points();
-        }
-        coverages.push_back(std::move(coverage));
+        if (status = take(*feasibility, message); !status.ok()) return status;
       }
     }
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<std::vector<ScanCoverage>> CoverageOf(std::span<const Measurement> measurements,
+                                                       v1::Evaluator evaluator, size_t batch) {
+    std::vector<ScanCoverage> coverages;
+    coverages.reserve(measurements.size());
+    const size_t target_count = targets_.size();
+    absl::Status status = AskCoverage(
+        measurements, evaluator, batch,
+        [&](ScanFeasibility feasibility, const v1::Coverage& message) -> absl::Status {
+          ScanCoverage coverage;
+          coverage.feasibility = feasibility;
+          coverage.covered = TargetBits::FromBytes(target_count, message.covered_targets());
+          coverage.covered &= measurable_;
+          if (evaluator == v1::EVALUATOR_EXACT) {
+            coverage.covered_without_normal_gate =
+                TargetBits::FromBytes(target_count, message.covered_targets_without_normal_gate());
+            coverage.covered_without_normal_gate &= measurable_;
+            coverage.first_frame = message.first_frame();
+            coverage.last_frame = message.last_frame();
+            coverage.measurement_points = message.measurement_points();
+          }
+          coverages.push_back(std::move(coverage));
+          return absl::OkStatus();
+        });
+    if (!status.ok()) return status;
     return coverages;
   }
 

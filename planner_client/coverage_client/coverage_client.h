@@ -32,6 +32,7 @@ struct CoverageTask {
   };
   std::vector<Obstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
+  std::optional<UncertaintyModel> uncertainty;  // unset: coverage only
 };
 
 // An embedded server is restarted once if it ends.
@@ -73,6 +74,28 @@ struct ScanPoint {
   int32_t column_px;
 };
 
+// What targets are to be known to (v1::UncertaintyGain).
+struct UncertaintyQuery {
+  GainWeights weights;
+  std::vector<float> admissible_uncertainty_m;  // one per target; 0: not judged
+  double relaxed_uncertainty_m = 0;
+};
+
+// What a scan tells of the surface: equivalent information density [1/m^4], fast estimate.
+struct InformedScan {
+  ScanFeasibility feasibility = ScanFeasibility::kFeasible;
+  TargetBits covered;  // measurable targets
+  std::vector<uint32_t> targets;
+  std::vector<float> density;
+};
+
+// Exact standard uncertainties [m] of targets after scans.
+struct PosteriorUncertainties {
+  std::vector<float> total_m, noise_m, sampling_m, calibration_m;
+  std::vector<int32_t> points;
+  std::vector<float> after_each_scan_m;  // [target][scan]; empty if not asked for
+};
+
 // Every call has a deadline. A server that was restarted and has forgotten the scene gets it again
 // without the caller noticing. Thread-safe. Errors of the server are passed on with its message;
 // UNAVAILABLE says when an embedded server died and why.
@@ -88,6 +111,17 @@ class CoverageClient : public GainOracle {
   // All measured points of one scan, exact. FAILED_PRECONDITION: the scan is not feasible.
   virtual absl::StatusOr<std::vector<ScanPoint>> MeasurementPoints(
       const Measurement& measurement) = 0;
+  // Only of tasks with an uncertainty model. `known_density` [1/m^4]: of every target; weights:
+  // empty, or one per target (weighted shares in ScanGain::weighted_gain).
+  virtual absl::StatusOr<std::vector<ScanGain>> UncertaintyGains(
+      std::span<const Measurement> measurements, const UncertaintyQuery& query,
+      std::span<const float> known_density, std::span<const float> weights) = 0;
+  virtual absl::StatusOr<std::vector<InformedScan>> FastInformation(
+      std::span<const Measurement> measurements) = 0;
+  // `targets`: empty for all. FAILED_PRECONDITION: a scan is not feasible.
+  virtual absl::StatusOr<PosteriorUncertainties> Uncertainties(std::span<const Measurement> scans,
+                                                               std::span<const uint32_t> targets,
+                                                               bool after_each_scan) = 0;
   // PNG bytes. `request.scene_digest` is filled in.
   virtual absl::StatusOr<std::string> RenderView(v1::RenderViewRequest request) = 0;
   // How often the scene was made again because the server had lost it.

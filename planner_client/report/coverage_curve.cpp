@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "planner_client/report/html.h"
 
 namespace sightline {
 namespace {
@@ -14,9 +15,14 @@ constexpr double kLeft = 52, kRight = 24, kTop = 22, kBottom = 46;
 
 }  // namespace
 
+int CoverageCurveLastScan(const CoverageCurve& curve) {
+  return std::max(
+      {static_cast<int>(curve.coverage.size()), static_cast<int>(std::ceil(curve.bound_scans)), 1});
+}
+
 std::string CoverageCurveSvg(const CoverageCurve& curve) {
   const int scans = static_cast<int>(curve.coverage.size());
-  const int last = std::max({scans, static_cast<int>(std::ceil(curve.bound_scans)), 1});
+  const int last = CoverageCurveLastScan(curve);
   const double x_max = last + 0.4;
   const auto x = [&](double scan) { return kLeft + (kWidth - kLeft - kRight) * scan / x_max; };
   const auto y = [&](double fraction) {
@@ -25,8 +31,8 @@ std::string CoverageCurveSvg(const CoverageCurve& curve) {
 
   std::string svg = absl::StrFormat(
       "<svg class=\"curve\" viewBox=\"0 0 %.0f %.0f\" role=\"img\" "
-      "aria-label=\"Coverage after each scan\">\n",
-      kWidth, kHeight);
+      "aria-label=\"%s\">\n",
+      kWidth, kHeight, EscapeHtml(curve.title));
   for (int percent = 0; percent <= 100; percent += 20) {
     absl::StrAppendFormat(
         &svg,
@@ -45,8 +51,8 @@ std::string CoverageCurveSvg(const CoverageCurve& curve) {
       &svg,
       "<text class=\"axis\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">scans</text>"
       "<text class=\"axis\" x=\"14\" y=\"%.1f\" text-anchor=\"middle\" "
-      "transform=\"rotate(-90 14 %.1f)\">measured, %% of the measurable surface</text>\n",
-      0.5 * (x(0) + x(x_max)), kHeight - 6, y(0.5), y(0.5));
+      "transform=\"rotate(-90 14 %.1f)\">%s</text>\n",
+      0.5 * (x(0) + x(x_max)), kHeight - 6, y(0.5), y(0.5), EscapeHtml(curve.axis));
   if (curve.goal > 0) {
     absl::StrAppendFormat(&svg,
                           "<line class=\"goal\" x1=\"%.1f\" x2=\"%.1f\" y1=\"%.1f\" y2=\"%.1f\"/>"
@@ -64,6 +70,34 @@ std::string CoverageCurveSvg(const CoverageCurve& curve) {
         x(curve.bound_scans) + (label_on_left ? -8 : 8), y(0) - 10, label_on_left ? "end" : "start",
         curve.bound_converged ? "lower bound" : "relaxation, not a proven bound:",
         curve.bound_scans);
+  }
+  const bool two = !curve.upper.empty();
+  if (two && scans > 0) {
+    std::string line = absl::StrFormat("M%.1f %.1f", x(0), y(0));
+    for (int i = 0; i < scans; ++i)
+      absl::StrAppendFormat(&line, "L%.1f %.1f", x(i + 1), y(curve.upper[i]));
+    absl::StrAppendFormat(&svg, "<path class=\"line upper\" d=\"%s\"/>\n", line);
+    for (int i = 0; i < scans; ++i) {
+      absl::StrAppendFormat(&svg,
+                            "<circle class=\"upper-dot\" cx=\"%.1f\" cy=\"%.1f\" r=\"3.5\">"
+                            "<title>after scan %d: %.2f %% %s</title></circle>\n",
+                            x(i + 1), y(curve.upper[i]), i + 1, 100 * curve.upper[i],
+                            EscapeHtml(curve.upper_name));
+    }
+    // Names at the last points, apart from each other.
+    const double last_y = y(curve.coverage.back());
+    const double upper_y = std::min(y(curve.upper.back()) - 10, last_y - 30);
+    absl::StrAppendFormat(
+        &svg, "<text class=\"value\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">%s %.1f</text>\n",
+        x(scans) + 10, std::max(kTop - 6, upper_y), EscapeHtml(curve.upper_name),
+        100 * curve.upper.back());
+  }
+  if (curve.fresh.has_value() && scans > 0) {
+    absl::StrAppendFormat(
+        &svg,
+        "<path class=\"fresh\" d=\"M%.1f %.1fl6 6l-6 6l-6 -6Z\">"
+        "<title>on targets that the search has not seen: %.2f %%</title></path>\n",
+        x(scans) + 15, y(*curve.fresh) - 6, 100 * *curve.fresh);
   }
   if (scans > 0) {
     std::string line = absl::StrFormat("M%.1f %.1f", x(0), y(0));
@@ -83,11 +117,11 @@ std::string CoverageCurveSvg(const CoverageCurve& curve) {
           100 * (curve.coverage[i] - before));
       // Under the line, where there is room; the last one always.
       const bool is_last = i + 1 == scans;
-      if (is_last || (x(i + 1) - labelled_x > 44 && x(scans) - x(i + 1) > 44)) {
+      if (is_last || (x(i + 1) - labelled_x > 44 && x(scans) - x(i + 1) > (two ? 130 : 44))) {
         absl::StrAppendFormat(
-            &svg,
-            "<text class=\"value\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%.1f</text>\n",
-            x(i + 1) + 10, y(curve.coverage[i]) + 22, 100 * curve.coverage[i]);
+            &svg, "<text class=\"value\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"%s\">%s%.1f</text>\n",
+            x(i + 1) + 10, y(curve.coverage[i]) + 22, two && is_last ? "end" : "middle",
+            two && is_last ? EscapeHtml(curve.coverage_name) + " " : "", 100 * curve.coverage[i]);
         labelled_x = x(i + 1);
       }
     }

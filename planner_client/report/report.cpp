@@ -9,10 +9,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_replace.h"
 #include "planner_client/report/assets.h"
 #include "planner_client/report/coverage_curve.h"
 #include "planner_client/report/display_mesh.h"
 #include "planner_client/report/html.h"
+#include "planner_client/report/uncertainty_report.h"
 #include "planner_client/report/uncovered_regions.h"
 #include "planner_client/report/viewer_data.h"
 
@@ -98,10 +100,25 @@ std::string StopWords(v1::Plan::StopReason reason) {
   }
 }
 
+std::string MeasurableShare(const v1::PlanCoverage& coverage) {
+  if (coverage.targets() <= 0) return "";
+  return absl::StrCat(" ",
+                      Percent(static_cast<double>(coverage.measurable_targets()) /
+                                  static_cast<double>(coverage.targets()),
+                              0),
+                      " of the whole surface is measurable.");
+}
+
 // The answer in a sentence or two.
 std::string Finding(const v1::Plan& plan) {
   const v1::PlanCoverage& coverage = plan.coverage();
   const int scans = plan.scans_size();
+  if (plan.has_uncertainty()) {
+    return absl::StrCat(UncertaintyFinding(plan, StopWords(plan.stop_reason())),
+                        scans == 1 ? " It measures " : " The scans measure ",
+                        Percent(coverage.coverage()), " of the measurable surface.",
+                        MeasurableShare(coverage));
+  }
   std::string html =
       absl::StrCat("<strong>", Count(scans, "scan"), scans == 1 ? " measures " : " measure ",
                    Percent(coverage.coverage()), "</strong> of the measurable surface");
@@ -110,6 +127,11 @@ std::string Finding(const v1::Plan& plan) {
                     StopWords(plan.stop_reason()));
   }
   html += ".";
+  if (coverage.has_fresh_coverage()) {
+    absl::StrAppend(&html, " On ", GroupedInteger(coverage.fresh_measurable_targets()),
+                    " targets that the search has not seen it is ",
+                    Percent(coverage.fresh_coverage()), ".");
+  }
   const v1::ScanCountBound& bound = plan.bound();
   if (bound.scans() > 0 && bound.converged()) {
     // Tolerance of the LP solver: 9.0000000001 still means 9.
@@ -124,26 +146,29 @@ std::string Finding(const v1::Plan& plan) {
     absl::StrAppend(&html, " The relaxation stands at ", Fixed(bound.scans(), 1),
                     " scans; it is not proven to be a bound.");
   }
-  if (coverage.targets() > 0) {
-    absl::StrAppend(&html, " ",
-                    Percent(static_cast<double>(coverage.measurable_targets()) /
-                                static_cast<double>(coverage.targets()),
-                            0),
-                    " of the whole surface is measurable.");
-  }
-  return html;
+  return html + MeasurableShare(coverage);
 }
 
 std::string Figures(const ReportData& data) {
   const v1::Plan& plan = data.plan;
-  std::vector<std::pair<std::string, std::string>> figures = {
-      {"scans", absl::StrCat(plan.scans_size())},
+  std::vector<std::pair<std::string, std::string>> figures;
+  if (plan.has_uncertainty()) {
+    figures = UncertaintyFigures(plan);
+  } else {
+    figures.push_back({"scans", absl::StrCat(plan.scans_size())});
+  }
+  // A plan for uncertainty has the goal of its own.
+  const bool coverage_goal = plan.coverage().goal() > 0 && !plan.has_uncertainty();
+  figures.push_back(
       {"measured",
        absl::StrCat(Percent(plan.coverage().coverage()),
-                    plan.coverage().goal() > 0
+                    coverage_goal
                         ? absl::StrCat(" <small>goal ", Goal(plan.coverage().goal()), "</small>")
-                        : "")}};
-  if (plan.bound().scans() > 0) {
+                        : "")});
+  if (plan.coverage().has_fresh_coverage()) {
+    figures.push_back({"measured, fresh targets", Percent(plan.coverage().fresh_coverage())});
+  }
+  if (plan.bound().scans() > 0 && !plan.has_uncertainty()) {
     figures.push_back({plan.bound().converged() ? "lower bound" : "relaxation (not a bound)",
                        absl::StrCat(Fixed(plan.bound().scans(), 1), " <small>scans</small>")});
   }
@@ -159,7 +184,7 @@ std::string Figures(const ReportData& data) {
   if (planning_s > 0) figures.push_back({"computed in", Seconds(planning_s)});
   std::string html;
   for (const auto& [name, value] : figures) {
-    absl::StrAppend(&html, "<div><dt>", name, "</dt><dd>", value, "</dd></div>");
+    absl::StrAppend(&html, "<div><dt>", EscapeHtml(name), "</dt><dd>", value, "</dd></div>");
   }
   return html;
 }
@@ -171,18 +196,28 @@ std::string CurveSection(const v1::Plan& plan) {
   for (const v1::PlannedScan& scan : plan.scans()) {
     curve.coverage.push_back(static_cast<double>(scan.cumulative_targets()) / measurable);
   }
-  curve.goal = plan.coverage().goal();
-  curve.bound_scans = plan.bound().scans();
-  curve.bound_converged = plan.bound().converged();
+  if (!plan.has_uncertainty()) {
+    curve.goal = plan.coverage().goal();
+    curve.bound_scans = plan.bound().scans();
+    curve.bound_converged = plan.bound().converged();
+  }
+  if (plan.coverage().has_fresh_coverage()) curve.fresh = plan.coverage().fresh_coverage();
   std::string body = CoverageCurveSvg(curve);
-  if (!plan.bound().statement().empty()) {
+  if (curve.fresh.has_value()) {
+    body +=
+        "<p class=\"soft key-line\">\u25c7 the same after the last scan, on targets that the "
+        "search "
+        "has not seen</p>\n";
+  }
+  if (!plan.bound().statement().empty() && !plan.has_uncertainty()) {
     absl::StrAppend(&body, "<p class=\"soft\">", EscapeHtml(plan.bound().statement()), "</p>\n");
   }
   return Section("curve", "Coverage grows scan by scan", body);
 }
 
+// `judged`: targets that a tolerance binds; 0: the plan is not for uncertainty.
 std::string ScanRow(const v1::PlannedScan& scan, const ReportScan& extra, int number,
-                    double measurable) {
+                    double measurable, double judged) {
   const v1::Measurement& m = scan.measurement();
   std::string row = absl::StrCat("<tr class=\"selectable\" data-scan=\"", number,
                                  "\"><td class=\"strong\">", scan.index());
@@ -216,6 +251,11 @@ std::string ScanRow(const v1::PlannedScan& scan, const ReportScan& extra, int nu
   cell(GroupedInteger(scan.covered_targets()), "first");
   cell(GroupedInteger(scan.new_targets()));
   cell(Percent(static_cast<double>(scan.cumulative_targets()) / measurable), "strong");
+  if (judged > 0) {
+    cell(Percent(static_cast<double>(scan.cumulative_admissible_targets()) / judged),
+         "first strong");
+    cell(Percent(static_cast<double>(scan.cumulative_relaxed_targets()) / judged));
+  }
   return row + "</td></tr>\n";
 }
 
@@ -231,17 +271,24 @@ std::string ScansSection(const ReportData& data) {
       "class=\"groups\"><th></th><th></th>"
       "<th colspan=\"4\">Camera and laser</th><th colspan=\"5\">Part</th><th "
       "colspan=\"4\">Stage</th>"
-      "<th colspan=\"3\">Targets</th></tr>\n"
+      "<th colspan=\"3\">Targets</th>{{GROUP}}</tr>\n"
       "<tr><th>scan</th><th></th><th class=\"first\">distance<br>mm</th><th>\u03c4<br>\u00b0</th>"
       "<th>\u03c6<br>\u00b0</th><th>\u03b8<br>\u00b0</th><th class=\"first\">\u03b1<br>\u00b0</th>"
       "<th>\u03b2<br>\u00b0</th><th>\u03b3<br>\u00b0</th><th>y<br>mm</th><th>z<br>mm</th>"
       "<th class=\"first\">start<br>mm</th><th>end<br>mm</th><th>frames</th><th>time<br>s</th>"
-      "<th class=\"first\">measured</th><th>new</th><th>sum</th></tr>\n</thead>\n<tbody>\n";
+      "<th class=\"first\">measured</th><th>new</th><th>sum</th>{{HEAD}}</tr>\n</thead>\n<tbody>\n";
+  const bool uncertain = data.plan.has_uncertainty();
+  body = absl::StrReplaceAll(
+      body, {{"{{GROUP}}", uncertain ? "<th colspan=\"2\">Known well enough</th>" : ""},
+             {"{{HEAD}}", uncertain ? "<th class=\"first\">admissible</th><th>relaxed</th>" : ""}});
+  const double judged =
+      uncertain ? std::max<double>(1, static_cast<double>(data.plan.uncertainty().judged_targets()))
+                : 0;
   const double measurable =
       std::max<double>(1, static_cast<double>(data.plan.coverage().measurable_targets()));
   for (size_t i = 0; i < data.scans.size(); ++i) {
     body += ScanRow(data.plan.scans(static_cast<int>(i)), data.scans[i], static_cast<int>(i) + 1,
-                    measurable);
+                    measurable, judged);
   }
   body += "</tbody></table></div>\n";
   return Section("scans", "Scans", body, "long");
@@ -335,6 +382,23 @@ std::string AccuracySection(const ReportData& data) {
       "<p class=\"soft\">Every number in this report comes from the exact, frame-by-frame "
       "evaluation. The "
       "search used a faster estimate; this is how far it was off for the scans of this plan.</p>\n";
+  std::vector<std::pair<std::string, std::string>> fresh;
+  if (coverage.has_fresh_coverage()) {
+    fresh.push_back({"Measured, on fresh targets", Percent(coverage.fresh_coverage(), 2)});
+    fresh.push_back(
+        {"Fresh measurable targets", GroupedInteger(coverage.fresh_measurable_targets())});
+  }
+  if (data.plan.uncertainty().has_fresh_admissible_fraction()) {
+    fresh.push_back({"Admissible", Percent(data.plan.uncertainty().admissible_fraction(), 2)});
+    fresh.push_back({"Admissible, on fresh targets",
+                     Percent(data.plan.uncertainty().fresh_admissible_fraction(), 2)});
+  }
+  if (!fresh.empty()) {
+    body +=
+        "<p class=\"soft\">Scans are chosen to suit the plan's targets; fresh targets, sampled "
+        "anew, "
+        "show how much of that holds for the surface between them.</p>\n";
+  }
   body += Facts({{"Fast estimate, mean error",
                   absl::StrCat(Percent(coverage.fast_mean_absolute_error(), 2), " of all targets")},
                  {"Fast estimate, largest error",
@@ -342,6 +406,7 @@ std::string AccuracySection(const ReportData& data) {
                  {"Measured, exact", of_measurable(coverage.covered_targets())},
                  {"Measured, without the check of normals",
                   of_measurable(coverage.covered_targets_without_normal_gate())}});
+  if (!fresh.empty()) body += Facts(fresh);
   return Section("accuracy", "How sure the numbers are", body);
 }
 
@@ -422,20 +487,30 @@ std::string ProvenanceSection(const ReportData& data) {
   const auto code = [&](const std::string& value) {
     return absl::StrCat("<code>", text(value), "</code>");
   };
-  return Section(
-      "provenance", "How to get this plan again",
-      Facts({{"Inspection", text(plan.inspection_name())},
-             {"Part", text(data.part_name)},
-             {"Sightline", text(plan.sightline_version())},
-             {"Strategy", text(plan.strategy())},
-             {"Seed", absl::StrCat(plan.seed())},
-             {"Stopped because", StopWords(plan.stop_reason())},
-             {"Target spacing",
-              absl::StrCat(Millimetres(data.sampling.spacing_m), " mm, seed ", data.sampling.seed)},
-             {"Coverage radius", absl::StrCat(Millimetres(data.sampling.coverage_radius_m), " mm")},
-             {"Part digest", code(plan.part_digest())},
-             {"Scene digest", code(plan.scene_digest())}},
-            "left"));
+  std::string gain;
+  for (const auto& [name, weight] :
+       {std::pair{"covered", plan.uncertainty().gain().coverage()},
+        std::pair{"admissible", plan.uncertainty().gain().admissible()},
+        std::pair{"relaxed", plan.uncertainty().gain().relaxed()},
+        std::pair{"information", plan.uncertainty().gain().information()},
+        std::pair{"total uncertainty", plan.uncertainty().gain().total_uncertainty()}}) {
+    if (weight != 0)
+      absl::StrAppendFormat(&gain, "%s%.4g %s", gain.empty() ? "" : " + ", weight, name);
+  }
+  std::vector<std::pair<std::string, std::string>> facts = {
+      {"Inspection", text(plan.inspection_name())},
+      {"Part", text(data.part_name)},
+      {"Sightline", text(plan.sightline_version())},
+      {"Strategy", text(plan.strategy())},
+      {"Seed", absl::StrCat(plan.seed())},
+      {"Stopped because", StopWords(plan.stop_reason())},
+      {"Target spacing",
+       absl::StrCat(Millimetres(data.sampling.spacing_m), " mm, seed ", data.sampling.seed)},
+      {"Coverage radius", absl::StrCat(Millimetres(data.sampling.coverage_radius_m), " mm")},
+      {"Part digest", code(plan.part_digest())},
+      {"Scene digest", code(plan.scene_digest())}};
+  if (!gain.empty()) facts.push_back({"Gain of a target", gain});
+  return Section("provenance", "How to get this plan again", Facts(facts, "left"));
 }
 
 absl::Status Check(const ReportData& data) {
@@ -479,6 +554,11 @@ absl::Status Check(const ReportData& data) {
       }
     }
   }
+  if (data.uncertainty.has_value()) {
+    return CheckTargetUncertainties(*data.uncertainty, targets, scans,
+                                    static_cast<size_t>(data.plan.uncertainty().features_size()),
+                                    "report: uncertainty");
+  }
   return absl::OkStatus();
 }
 
@@ -506,8 +586,9 @@ std::string FillTemplate(absl::string_view text,
 absl::StatusOr<std::string> RenderReport(const ReportData& data) {
   if (absl::Status status = Check(data); !status.ok()) return status;
 
-  TargetBits uncovered = data.measurable;
-  for (const ReportScan& scan : data.scans) uncovered.Subtract(scan.covered);
+  TargetBits uncovered = data.measurable, covered(data.targets.size());
+  for (const ReportScan& scan : data.scans) covered |= scan.covered;
+  uncovered.Subtract(covered);
   const int64_t uncovered_count = uncovered.Count();
   std::vector<UncoveredRegion> regions =
       FindUncoveredRegions(data.targets, data.sampling, uncovered);
@@ -516,9 +597,17 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
   const DisplayMesh display =
       MakeDisplayMesh(data.mesh, data.targets, data.sampling.spacing_m, kMaxDisplayTriangles);
 
-  std::string sections = CurveSection(data.plan) + ScansSection(data) +
-                         RegionsSection(data, regions, region_count, uncovered_count) +
-                         MeasurabilitySection(data);
+  std::string sections;
+  if (data.plan.has_uncertainty()) {
+    const bool selectable =
+        data.uncertainty.has_value() && !data.uncertainty->feature_targets.empty();
+    sections += UncertaintyCurveSection(data.plan) + FeatureSection(data.plan, selectable);
+  }
+  if (data.uncertainty.has_value())
+    sections += InadmissibleSection(*data.uncertainty, data.measurable, covered);
+  sections += CurveSection(data.plan) + ScansSection(data) +
+              RegionsSection(data, regions, region_count, uncovered_count) +
+              MeasurabilitySection(data);
   if (data.comparison.has_value()) sections += ComparisonSection(*data.comparison);
   absl::StrAppend(&sections, "<div class=\"columns\">", CostSection(data.plan), TimingSection(data),
                   AccuracySection(data), PartSection(data), "</div>\n");

@@ -9,6 +9,7 @@
 #include "core/part/mesh.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
+#include "planner_client/report/target_uncertainty.h"
 #include "sightline/v1/part.pb.h"
 #include "sightline/v1/plan.pb.h"
 
@@ -59,12 +60,15 @@ struct ReportData {
   std::string coverage_png;       // after the last scan; empty: none
   std::vector<NamedTiming> timings;
   std::optional<ComparisonTable> comparison;
+  // Of plans for uncertainty: shown on the part. What plan.uncertainty says is shown in any case.
+  std::optional<TargetUncertainties> uncertainty;
   std::vector<std::string> notes;
 };
 
 // The page as UTF-8 HTML; the same data give the same bytes. All texts are escaped. Needs at least
 // one target and one triangle; scans may be none. INVALID_ARGUMENT names the field whose size does
-// not fit: scans against plan.scans, bit sets against targets, poses of other than 16 numbers.
+// not fit: scans against plan.scans, bit sets and uncertainties against targets, poses of other
+// than 16 numbers; and uncertainties that are negative or not finite.
 absl::StatusOr<std::string> RenderReport(const ReportData& data);
 
 }  // namespace sightline

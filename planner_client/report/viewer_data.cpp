@@ -7,6 +7,7 @@
 #include <variant>
 
 #include "absl/strings/escaping.h"
+#include "planner_client/report/point_index.h"
 
 namespace sightline {
 namespace {
@@ -56,6 +57,84 @@ Json Matrix(const v1::Pose& pose) {
   Json values = Json::array();
   for (const double value : pose.matrix()) values.push_back(value);
   return values;
+}
+
+// Uncertainties as 16-bit steps of equal ratio from 1 nm to 1 m (0.03 % each); 0: none, or zero.
+constexpr double kLowestM = 1e-9, kHighestM = 1;
+
+uint16_t LengthCode(double length_m) {
+  if (!(length_m > 0)) return 0;
+  const double place = std::log(length_m / kLowestM) / std::log(kHighestM / kLowestM);
+  return static_cast<uint16_t>(1 + std::lround(65534 * std::clamp(place, 0.0, 1.0)));
+}
+
+template <class T>
+std::string LengthCodes(const std::vector<T>& lengths_m) {
+  std::vector<uint16_t> codes;
+  codes.reserve(lengths_m.size());
+  for (const T length_m : lengths_m) codes.push_back(LengthCode(length_m));
+  return Base64(codes);
+}
+
+// Of the targets that a scan covers: what is known of the measured point nearest to each.
+Json SensitivityOfTargets(const ScanSensitivityMap& map, const TargetSet& targets,
+                          const TargetBits& covered) {
+  const PointIndex<3> index(map.positions_m);
+  std::vector<float> detection_m(targets.size(), 0), calibration_m(targets.size(), 0);
+  for (size_t i = 0; i < targets.size(); ++i) {
+    if (!covered.Test(i)) continue;
+    const uint32_t nearest = index.Nearest(targets.positions_m[i]);
+    detection_m[i] = map.detection_m[nearest];
+    if (!map.calibration_m.empty()) calibration_m[i] = map.calibration_m[nearest];
+  }
+  Json json = {{"detection", LengthCodes(detection_m)}};
+  if (!map.calibration_m.empty()) json["calibration"] = LengthCodes(calibration_m);
+  return json;
+}
+
+Json Uncertainty(const ReportData& data) {
+  const TargetUncertainties& uncertainties = *data.uncertainty;
+  Json json = {{"total", LengthCodes(uncertainties.total_m)},
+               {"noise", LengthCodes(uncertainties.noise_m)},
+               {"sampling", LengthCodes(uncertainties.sampling_m)},
+               {"calibration", LengthCodes(uncertainties.calibration_m)},
+               {"admissible", LengthCodes(uncertainties.admissible_m)},
+               {"relaxed_m", uncertainties.relaxed_m},
+               {"lowest_m", kLowestM},
+               {"highest_m", kHighestM}};
+  // The page shows classes by the exact numbers, not by the steps above.
+  std::vector<uint8_t> classes(data.targets.size());
+  for (size_t i = 0; i < classes.size(); ++i)
+    classes[i] = static_cast<uint8_t>(ClassOfTarget(uncertainties, data.measurable, i));
+  json["classes"] = Base64(classes);
+  json["sensitivities"] = Json::array();
+  for (size_t i = 0; i < uncertainties.scan_sensitivities.size(); ++i) {
+    const ScanSensitivityMap& map = uncertainties.scan_sensitivities[i];
+    json["sensitivities"].push_back(
+        map.positions_m.empty() ? Json()
+                                : SensitivityOfTargets(map, data.targets, data.scans[i].covered));
+  }
+  json["features"] = Json::array();
+  for (size_t f = 0; f < uncertainties.feature_targets.size(); ++f) {
+    Eigen::AlignedBox3d bounds;
+    Eigen::Vector3d normal = Eigen::Vector3d::Zero();
+    const std::vector<uint32_t>& targets = uncertainties.feature_targets[f];
+    for (const uint32_t target : targets) {
+      bounds.extend(data.targets.positions_m[target].cast<double>());
+      normal += data.targets.normals[target].cast<double>();
+    }
+    if (targets.empty()) {
+      json["features"].push_back(Json());
+      continue;
+    }
+    const v1::FeatureVerdict& verdict = data.plan.uncertainty().features(static_cast<int>(f));
+    json["features"].push_back({{"name", verdict.name().empty() ? verdict.id() : verdict.name()},
+                                {"min_m", Vector(bounds.min())},
+                                {"max_m", Vector(bounds.max())},
+                                {"normal", Vector(normal / static_cast<double>(targets.size()))},
+                                {"targets", Base64(targets)}});
+  }
+  return json;
 }
 
 }  // namespace
@@ -125,7 +204,9 @@ std::string ViewerDataJson(const ReportData& data, const DisplayMesh& mesh,
                                {"normal", Vector(region.mean_normal)},
                                {"targets", Base64(region.targets)}});
   }
-  return json.dump();
+  if (data.uncertainty.has_value()) json["uncertainty"] = Uncertainty(data);
+  // Texts are checked to be UTF-8 where they are read; anything else would be an exception here.
+  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }
 
 }  // namespace sightline

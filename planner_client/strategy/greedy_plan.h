@@ -8,14 +8,14 @@
 
 namespace sightline {
 
-// Finds scans that cover many targets not yet `covered`; best first, several so that one that
-// exact evaluation rejects can be replaced. `scans` have been chosen so far.
+// Finds scans that add most to what is `known` (shares of all targets); best first, several so that
+// one that exact evaluation rejects can be replaced. `scans` have been chosen so far.
 using NextBestScans = std::function<absl::StatusOr<std::vector<Measurement>>(
-    const TargetBits& covered, int64_t scans, uint64_t seed)>;
+    const std::vector<float>& known, int64_t scans, uint64_t seed)>;
 
 // Adds the next best scan to locked and starting scans until the goal, the greatest number of
-// scans or the time is reached, or until two searches in a row find no scan that covers the least
-// number of new targets. Coverage and gains of chosen scans are exact.
+// scans or the time is reached, or until two searches in a row find no scan that adds the least
+// gain. Whether the goal is reached is decided by exact scores.
 absl::StatusOr<PlannerResult> PlanGreedily(PlanRun& run, const NextBestScans& next_best);
 
 struct GreedySearch {

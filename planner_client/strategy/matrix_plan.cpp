@@ -6,6 +6,21 @@
 
 namespace sightline {
 
+namespace {
+
+// Targets that the scan settles by itself: the matrix knows nothing of shares.
+TargetBits SettledAlone(const GainOracle& oracle, const ScanCoverage& scan) {
+  if (!oracle.ScoresPlans()) return scan.covered;
+  TargetBits settled(oracle.measurable().size());
+  for (size_t i = 0; i < scan.shares.targets.size(); ++i) {
+    if (scan.shares.share[i] >= 1) settled.Set(scan.shares.targets[i]);
+  }
+  settled &= oracle.measurable();
+  return settled;
+}
+
+}  // namespace
+
 absl::StatusOr<PlannerResult> PlanWithMatrix(PlanRun& run) {
   constexpr int64_t kBatch = 256;
   const PlannerRequest& request = run.request();
@@ -23,22 +38,23 @@ absl::StatusOr<PlannerResult> PlanWithMatrix(PlanRun& run) {
     if (!coverage.ok()) return coverage.status();
     for (size_t i = 0; i < batch.size(); ++i) {
       if ((*coverage)[i].feasibility == ScanFeasibility::kFeasible) {
-        matrix.AddRow(batch[i], (*coverage)[i].covered);
+        matrix.AddRow(batch[i], SettledAlone(run.oracle(), (*coverage)[i]));
       }
     }
     run.Report("filling the measurability matrix", 0, 0);
   }
 
   LazyGreedy greedy(matrix);
-  return PlanGreedily(run,
-                      [&](const TargetBits& covered, int64_t,
-                          uint64_t) -> absl::StatusOr<std::vector<Measurement>> {
-                        std::vector<Measurement> result;
-                        if (const auto choice = greedy.Next(covered)) {
-                          result.push_back(matrix.measurement(choice->row));
-                        }
-                        return result;
-                      });
+  return PlanGreedily(
+      run,
+      [&](const std::vector<float>& known, int64_t,
+          uint64_t) -> absl::StatusOr<std::vector<Measurement>> {
+        std::vector<Measurement> result;
+        if (const auto choice = greedy.Next(Settled(run.oracle().measurable(), known))) {
+          result.push_back(matrix.measurement(choice->row));
+        }
+        return result;
+      });
 }
 
 }  // namespace sightline

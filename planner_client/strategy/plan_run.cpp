@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/strategy/cover_bits.h"
 
 namespace sightline {
 
@@ -14,12 +13,17 @@ PlanRun::PlanRun(GainOracle& oracle, const PlannerRequest& request)
       space_(request.domain),
       measurable_(oracle.measurable().Count()),
       goal_targets_(static_cast<int64_t>(
-          std::ceil(request.goal.coverage * static_cast<double>(measurable_) - 1e-9))),
-      min_new_targets_(std::max<int64_t>(
-          1, static_cast<int64_t>(
-                 std::ceil(request.goal.min_gain * static_cast<double>(measurable_) - 1e-9)))),
+          std::ceil(GoalFraction(request.goal) * static_cast<double>(measurable_) - 1e-9))),
+      steps_(oracle.steps()),
       evaluations_before_(oracle.evaluations()),
-      start_(std::chrono::steady_clock::now()) {}
+      start_(std::chrono::steady_clock::now()) {
+  double whole = 0;
+  for (const ShareStep& step : steps_) whole += step.weight;
+  min_gain_ =
+      whole * static_cast<double>(std::max<int64_t>(
+                  1, static_cast<int64_t>(std::ceil(
+                         request.goal.min_gain * static_cast<double>(measurable_) - 1e-9))));
+}
 
 bool PlanRun::Stopped() const {
   if (request_.interrupted != nullptr && *request_.interrupted) return true;
@@ -32,15 +36,15 @@ StopReason PlanRun::stopped_reason() const {
                                                                   : StopReason::kMaxTime;
 }
 
-void PlanRun::Report(const std::string& phase, int64_t scans, int64_t covered_targets,
+void PlanRun::Report(const std::string& phase, int64_t scans, int64_t settled_targets,
                      bool always) {
   if (!request_.on_progress) return;
   const auto now = std::chrono::steady_clock::now();
   if (!always && now - last_report_ < std::chrono::milliseconds(100)) return;
   last_report_ = now;
   const double total = static_cast<double>(std::max<int64_t>(1, measurable_));
-  request_.on_progress({static_cast<int>(scans), static_cast<double>(covered_targets) / total,
-                        request_.goal.coverage, evaluations(), phase});
+  request_.on_progress({static_cast<int>(scans), static_cast<double>(settled_targets) / total,
+                        GoalFraction(request_.goal), evaluations(), phase});
 }
 
 absl::StatusOr<std::vector<const ScanCoverage*>> PlanRun::Exact(
@@ -68,27 +72,58 @@ absl::StatusOr<std::vector<const ScanCoverage*>> PlanRun::Exact(
   return result;
 }
 
-BatchObjective PlanRun::NewTargets(const TargetBits& covered, TopPoints* top, std::string phase,
-                                   int64_t scans) {
-  const int64_t covered_targets = covered.Count();
-  return [this, covered, top, phase = std::move(phase), scans, covered_targets](
+absl::StatusOr<TargetShares> PlanRun::SharesOf(const Measurement& scan) {
+  if (!oracle_.ScoresPlans()) {
+    auto exact = Exact({&scan, 1});
+    if (!exact.ok()) return exact.status();
+    return FullShares(exact->front()->covered);
+  }
+  auto fast = oracle_.FastCoverage({&scan, 1});
+  if (!fast.ok()) return fast.status();
+  return std::move(fast->front().shares);
+}
+
+absl::StatusOr<PlanScore> PlanRun::Score(std::span<const Measurement> scans, bool thorough) {
+  if (oracle_.ScoresPlans()) return oracle_.ScorePlan(scans, thorough);
+  auto exact = Exact(scans);
+  if (!exact.ok()) return exact.status();
+  TargetBits covered(oracle_.measurable().size()), fresh(oracle_.fresh_measurable().size());
+  for (const ScanCoverage* scan : *exact) {
+    if (scan->feasibility != ScanFeasibility::kFeasible) continue;
+    covered |= scan->covered;
+    if (fresh.size() > 0) fresh |= scan->fresh_covered;
+  }
+  PlanScore score;
+  score.judged = measurable_;
+  score.settled = score.relaxed = covered.Count();
+  if (fresh.size() > 0) {
+    score.fresh_judged = oracle_.fresh_measurable().Count();
+    score.fresh_settled = score.fresh_relaxed = fresh.Count();
+  }
+  return score;
+}
+
+BatchObjective PlanRun::Gain(std::vector<float> known, TopPoints* top, std::string phase,
+                             int64_t scans) {
+  const int64_t settled = CountSettled(known);
+  return [this, known = std::move(known), top, phase = std::move(phase), scans, settled](
              std::span<const std::vector<double>> points) -> absl::StatusOr<std::vector<double>> {
     if (Stopped()) return absl::CancelledError("planning was stopped");
     std::vector<Measurement> measurements;
     measurements.reserve(points.size());
     for (const auto& x : points) measurements.push_back(space_.ToMeasurement(x));
-    auto gains = oracle_.Gains(measurements, covered);
+    auto gains = oracle_.Gains(measurements, known);
     if (!gains.ok()) return gains.status();
     std::vector<double> values;
     values.reserve(gains->size());
     for (size_t i = 0; i < gains->size(); ++i) {
       const ScanGain& gain = (*gains)[i];
-      values.push_back(gain.feasibility == ScanFeasibility::kFeasible ? gain.new_targets : -1);
+      values.push_back(gain.feasibility == ScanFeasibility::kFeasible ? gain.gain : -1);
       if (top != nullptr && values.back() > 0) {
         top->Add(space_.Normalise(points[i]), values.back());
       }
     }
-    Report(phase, scans, covered_targets);
+    Report(phase, scans, settled);
     return values;
   };
 }
@@ -100,20 +135,26 @@ absl::StatusOr<PlannerResult> PlanRun::Finish(std::span<const Measurement> movab
   scans.insert(scans.end(), movable.begin(), movable.end());
   auto exact = Exact(scans);
   if (!exact.ok()) return exact.status();
+  std::vector<TargetShares> shares;
+  for (const Measurement& scan : scans) {
+    auto told = SharesOf(scan);
+    if (!told.ok()) return told.status();
+    shares.push_back(*std::move(told));
+  }
 
-  TargetBits covered(oracle_.measurable().size());
+  std::vector<float> known = NothingKnown();
   PlannerResult result;
   result.stop_reason = reason;
   std::vector<bool> used(scans.size(), false);
   for (size_t place = 0; place < scans.size(); ++place) {
     size_t best = scans.size();
-    int64_t best_gain = -1;
+    double best_gain = -1;
     for (size_t i = place < locked ? place : locked;
          i < (place < locked ? place + 1 : scans.size()); ++i) {
       if (used[i] || (i >= locked && (*exact)[i]->feasibility != ScanFeasibility::kFeasible)) {
         continue;
       }
-      const int64_t gain = CountOnlyIn((*exact)[i]->covered, covered);
+      const double gain = GainAfter(known, shares[i]);
       if (gain > best_gain) {
         best_gain = gain;
         best = i;
@@ -121,28 +162,52 @@ absl::StatusOr<PlannerResult> PlanRun::Finish(std::span<const Measurement> movab
     }
     if (best == scans.size()) break;
     used[best] = true;
-    covered |= (*exact)[best]->covered;
+    AddShares(shares[best], known);
     ChosenScan chosen;
     chosen.measurement = scans[best];
     chosen.locked = best < locked;
     chosen.exact = *(*exact)[best];
     result.scans.push_back(std::move(chosen));
-    result.coverage_curve.push_back(static_cast<double>(covered.Count()) /
-                                    static_cast<double>(std::max<int64_t>(1, measurable_)));
   }
   result.evaluations = evaluations();
-  if (!result.scans.empty()) {
+  std::vector<Measurement> chosen;
+  for (const ChosenScan& scan : result.scans) chosen.push_back(scan.measurement);
+  if (!chosen.empty()) {
+    if (auto status = ScoreFinished(chosen, &result); !status.ok()) return status;
     // For the report only, after the count.
-    std::vector<Measurement> chosen;
-    for (const ChosenScan& scan : result.scans) chosen.push_back(scan.measurement);
     auto fast = oracle_.FastCoverage(chosen);
     if (!fast.ok()) return fast.status();
     for (size_t i = 0; i < chosen.size(); ++i) {
       result.scans[i].fast_covered = (*fast)[i].covered.Count();
     }
   }
-  Report("planned", static_cast<int64_t>(result.scans.size()), covered.Count(), true);
+  Report("planned", static_cast<int64_t>(result.scans.size()), result.score.settled, true);
   return result;
+}
+
+absl::Status PlanRun::ScoreFinished(std::span<const Measurement> scans, PlannerResult* result) {
+  const auto total = static_cast<double>(std::max<int64_t>(1, measurable_));
+  if (!request_.with_curves) {
+    result->coverage_curve.clear();
+  } else if (oracle_.ScoresPlans()) {
+    auto growing = oracle_.ScoreGrowingPlan(scans);
+    if (!growing.ok()) return growing.status();
+    for (const PlanScore& score : *growing) {
+      result->coverage_curve.push_back(static_cast<double>(score.settled) / total);
+      result->relaxed_curve.push_back(static_cast<double>(score.relaxed) / total);
+    }
+  } else {
+    TargetBits covered(oracle_.measurable().size());
+    for (const ChosenScan& scan : result->scans) {
+      covered |= scan.exact.covered;
+      result->coverage_curve.push_back(static_cast<double>(covered.Count()) / total);
+    }
+    result->relaxed_curve = result->coverage_curve;
+  }
+  auto score = Score(scans, true);
+  if (!score.ok()) return score.status();
+  result->score = *score;
+  return absl::OkStatus();
 }
 
 const char* FeasibilityName(ScanFeasibility feasibility) {

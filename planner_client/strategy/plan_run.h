@@ -1,4 +1,5 @@
-// What all strategies share while they plan: limits, exact coverage, progress, the finished plan.
+// What all strategies share while they plan: limits, what scans tell, exact scores, progress, the
+// finished plan.
 #pragma once
 
 #include <array>
@@ -25,10 +26,24 @@ class PlanRun {
   const PlannerRequest& request() const { return request_; }
   const SearchSpace& space() const { return space_; }
   int64_t measurable() const { return measurable_; }
-  // Targets that must be covered: the smallest count that reaches the goal.
+  // Targets that must be settled: the smallest count that reaches the goal.
   int64_t goal_targets() const { return goal_targets_; }
-  // Least number of new targets that a further scan must bring.
-  int64_t min_new_targets() const { return min_new_targets_; }
+  // Least worth that a further scan must add: as that of so many new targets.
+  double min_gain() const { return min_gain_; }
+  // Shares of all targets before any scan.
+  std::vector<float> NothingKnown() const {
+    return std::vector<float>(oracle_.measurable().size(), 0);
+  }
+  double GainAfter(std::span<const float> known, const TargetShares& scan) const {
+    return StepGain(steps_, oracle_.measurable(), known, scan);
+  }
+  // Of what is known of all targets.
+  double Worth(std::span<const float> known) const {
+    return StepWorth(steps_, oracle_.measurable(), known);
+  }
+  int64_t CountSettled(std::span<const float> known) const {
+    return Settled(oracle_.measurable(), known).Count();
+  }
   int64_t evaluations() const { return oracle_.evaluations() - evaluations_before_; }
 
   // Interrupted, or out of time.
@@ -41,28 +56,37 @@ class PlanRun {
   }
 
   // Passes progress on, not more often than every 0.1 s unless `always`.
-  void Report(const std::string& phase, int64_t scans, int64_t covered_targets,
+  void Report(const std::string& phase, int64_t scans, int64_t settled_targets,
               bool always = false);
 
   // Exact coverage, remembered per measurement. Pointers stay valid as long as the run.
   absl::StatusOr<std::vector<const ScanCoverage*>> Exact(std::span<const Measurement> scans);
+  // Shares that a scan tells, as well as is known of a single scan: exact for coverage, fast where
+  // only plans are scored.
+  absl::StatusOr<TargetShares> SharesOf(const Measurement& scan);
+  // Exact score of scans that are all feasible exactly.
+  absl::StatusOr<PlanScore> Score(std::span<const Measurement> scans, bool thorough);
+  bool ReachesGoal(const PlanScore& score) const { return score.Claimed() >= goal_targets_; }
 
   // Fast gains of points of the unit cube in batches, -1 for infeasible ones; keeps the best in
   // `top` if given. CANCELLED once Stopped(). `phase` and the counts are for progress.
-  BatchObjective NewTargets(const TargetBits& covered, TopPoints* top, std::string phase,
-                            int64_t scans);
+  BatchObjective Gain(std::vector<float> known, TopPoints* top, std::string phase, int64_t scans);
 
   // The finished plan: locked scans first in their order, then the others by greatest exact gain.
   // `movable` are dropped where they are infeasible; locked ones were checked before.
   absl::StatusOr<PlannerResult> Finish(std::span<const Measurement> movable, StopReason reason);
 
  private:
+  // Curves and score of a finished plan.
+  absl::Status ScoreFinished(std::span<const Measurement> scans, PlannerResult* result);
+
   GainOracle& oracle_;
   const PlannerRequest& request_;
   SearchSpace space_;
   int64_t measurable_;
   int64_t goal_targets_;
-  int64_t min_new_targets_;
+  std::vector<ShareStep> steps_;
+  double min_gain_;
   int64_t evaluations_before_;
   std::chrono::steady_clock::time_point start_;
   std::chrono::steady_clock::time_point last_report_;

@@ -49,8 +49,9 @@ absl::Status CheckRequest(const PlannerRequest& request) {
   const auto bad = [](const char* field, const auto& value, const char* allowed) {
     return absl::InvalidArgumentError(absl::StrCat(field, ": ", value, " is not ", allowed));
   };
-  if (!(request.goal.coverage > 0 && request.goal.coverage <= 1)) {
-    return bad("goal.coverage", request.goal.coverage, "in (0, 1]");
+  if (!(GoalFraction(request.goal) > 0 && GoalFraction(request.goal) <= 1)) {
+    return bad(request.goal.admissible ? "goal.admissible" : "goal.coverage",
+               GoalFraction(request.goal), "in (0, 1]");
   }
   if (request.goal.max_scans < 1) return bad("goal.max_scans", request.goal.max_scans, ">= 1");
   if (!(request.goal.min_gain >= 0 && request.goal.min_gain <= 1)) {
@@ -64,6 +65,8 @@ absl::Status CheckRequest(const PlannerRequest& request) {
 }
 
 }  // namespace
+
+double GoalFraction(const PlanningGoal& goal) { return goal.admissible.value_or(goal.coverage); }
 
 const std::vector<StrategyDescription>& Strategies() {
   static const std::vector<StrategyDescription> strategies = {

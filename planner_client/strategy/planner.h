@@ -1,4 +1,4 @@
-// Planning strategies: which scans cover the part.
+// Planning strategies: which scans settle the targets of the part.
 #pragma once
 
 #include <atomic>
@@ -24,7 +24,7 @@ struct ChosenScan {
 
 struct PlanProgress {
   int scans;
-  double coverage;  // exact, fraction of measurable targets
+  double coverage;  // settled targets, fraction of those to be settled
   double goal;
   int64_t evaluations;
   std::string phase;  // "searching scan 4", "polishing", "dropping a scan", ...
@@ -41,6 +41,9 @@ struct PlannerRequest {
   int64_t matrix_samples = 200000;    // measurability matrix only
   std::vector<Measurement> locked;    // kept in the plan, first
   std::vector<Measurement> starting;  // resumed or hand-edited scans: in the plan, may be moved
+  // Score the plan after each scan too (PlannerResult's curves); costs seconds where only plans can
+  // be scored.
+  bool with_curves = true;
   std::function<void(const PlanProgress&)> on_progress;
   const std::atomic<bool>* interrupted = nullptr;  // set by Ctrl-C
 };
@@ -49,9 +52,15 @@ struct PlannerResult {
   std::vector<ChosenScan> scans;
   StopReason stop_reason = StopReason::kStalled;
   int64_t evaluations = 0;
-  // Exact cumulative coverage after each scan, fraction of measurable targets.
+  // Only if asked for. Exact: settled and nearly settled targets after each scan, fractions of
+  // those to be settled. For coverage both are the coverage.
   std::vector<double> coverage_curve;
+  std::vector<double> relaxed_curve;
+  PlanScore score;  // of the whole plan
 };
+
+// What a plan is to settle: admissible uncertainties if the goal asks for them, else coverage.
+double GoalFraction(const PlanningGoal& goal);
 
 // Names and one-line descriptions for --strategy and `sightline compare`.
 struct StrategyDescription {

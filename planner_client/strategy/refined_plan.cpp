@@ -6,7 +6,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "planner_client/optimise/random.h"
-#include "planner_client/strategy/cover_bits.h"
 #include "planner_client/strategy/scan_pool.h"
 
 namespace sightline {
@@ -31,47 +30,50 @@ constexpr size_t kSampleTargets = 4096;
 struct Scan {
   std::vector<double> x;
   Measurement measurement;
+  TargetShares shares;  // fast
 };
+
+// Targets that the search over the pool looks at: all of them, or a random part of that size.
+std::vector<uint32_t> SampleOf(const TargetBits& judged, size_t size, Random& random) {
+  std::vector<uint32_t> sample = FullShares(judged).targets;
+  if (sample.size() <= size * 5 / 4) return sample;
+  for (size_t i = 0; i < size; ++i) {
+    const auto left = static_cast<int64_t>(sample.size() - i);
+    std::swap(sample[i], sample[i + static_cast<size_t>(random.Below(left))]);
+  }
+  sample.resize(size);
+  std::sort(sample.begin(), sample.end());
+  return sample;
+}
 
 class RefinedPlanner {
  public:
   explicit RefinedPlanner(PlanRun& run)
       : run_(run),
-        targets_(run.oracle().measurable().size()),
         fixed_(run.request().locked.size()),
         random_(DeriveSeed(static_cast<uint64_t>(run.request().seed), 1)),
-        aim_(run.goal_targets()) {
-    for (size_t t = 0; t < targets_; ++t) {
-      if (run.oracle().measurable().Test(t)) sample_.push_back(t);
-    }
-    if (sample_.size() > kSampleTargets * 5 / 4) {
-      for (size_t i = 0; i < kSampleTargets; ++i) {
-        const auto left = static_cast<int64_t>(sample_.size() - i);
-        std::swap(sample_[i], sample_[i + static_cast<size_t>(random_.Below(left))]);
-      }
-      sample_.resize(kSampleTargets);
-      std::sort(sample_.begin(), sample_.end());
-    }
-  }
+        aim_(run.goal_targets()),
+        pool_(run.oracle().steps(), SampleOf(run.oracle().measurable(), kSampleTargets, random_)) {}
 
   absl::StatusOr<PlannerResult> Plan() {
     const absl::Status status = Search();
     if (!status.ok() && !run_.IsStop(status)) return status;
-    const PoolPlan& plan = have_best_ ? best_ : plan_;
     if (!status.ok()) reason_ = run_.stopped_reason();
-    std::vector<Measurement> movable;
-    for (size_t place = fixed_; place < plan.size(); ++place) {
-      movable.push_back(scans_[plan[place]].measurement);
+    // The smallest plan first; where goals were estimated from a part of the targets, one may miss
+    // by a little.
+    while (true) {
+      const std::vector<Measurement> movable = reached_.empty() ? Movable() : reached_.back();
+      auto result = run_.Finish(movable, reason_);
+      if (!result.ok()) return result;
+      const bool reaches = run_.ReachesGoal(result->score);
+      if (!reaches && reached_.size() > 1) {
+        reached_.pop_back();
+        continue;
+      }
+      // A search that was cut short says so, even if its plan happens to reach the goal.
+      if (status.ok() && reaches) result->stop_reason = StopReason::kGoalReached;
+      return result;
     }
-    auto result = run_.Finish(movable, reason_);
-    // A search that was cut short says so, even if its plan happens to reach the goal.
-    if (status.ok() && result.ok() && result->coverage_curve.size() > 0 &&
-        result->scans.back().exact.covered.size() > 0) {
-      TargetBits covered(targets_);
-      for (const ChosenScan& scan : result->scans) covered |= scan.exact.covered;
-      if (covered.Count() >= run_.goal_targets()) result->stop_reason = StopReason::kGoalReached;
-    }
-    return result;
   }
 
  private:
@@ -114,6 +116,15 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
+  // Scans of the plan that are not locked.
+  std::vector<Measurement> Movable() const {
+    std::vector<Measurement> movable;
+    for (size_t place = fixed_; place < plan_.size(); ++place) {
+      movable.push_back(scans_[plan_[place]].measurement);
+    }
+    return movable;
+  }
+
   bool RoomForMore() const {
     return static_cast<int>(plan_.size()) < run_.request().goal.max_scans;
   }
@@ -135,14 +146,21 @@ class RefinedPlanner {
 
   bool OutOfBudget() const { return Left() < PolishBatches() * kPolishBatch + kKeptPerPolish + 1; }
 
-  int64_t Covered() const { return CoveredBy(coverage_, plan_, targets_).Count(); }
+  // Fast estimate of what the plan settles.
+  int64_t Covered() const { return run_.CountSettled(KnownFrom(plan_)); }
+
+  std::vector<float> KnownFrom(const PoolPlan& plan) const {
+    std::vector<float> known = run_.NothingKnown();
+    for (const size_t scan : plan) AddShares(scans_[scan].shares, known);
+    return known;
+  }
 
   std::string Phase(const char* what) const {
     return have_best_ ? absl::StrCat(what, ", trying ", plan_.size(), " scans") : what;
   }
 
-  // Fast coverage of scans; feasible ones go into the pool. Returns the index of each or none.
-  absl::StatusOr<std::vector<std::optional<size_t>>> AddToPool(const std::vector<Scan>& scans,
+  // What scans tell, fast; feasible ones go into the pool. Returns the index of each or none.
+  absl::StatusOr<std::vector<std::optional<size_t>>> AddToPool(std::vector<Scan> scans,
                                                                bool even_if_infeasible = false) {
     std::vector<std::optional<size_t>> indices;
     if (scans.empty()) return indices;
@@ -152,19 +170,16 @@ class RefinedPlanner {
     if (!coverage.ok()) return coverage.status();
     for (size_t i = 0; i < scans.size(); ++i) {
       ScanCoverage& c = (*coverage)[i];
-      if (c.feasibility != ScanFeasibility::kFeasible && !even_if_infeasible) {
+      const bool feasible = c.feasibility == ScanFeasibility::kFeasible;
+      if (!feasible && !even_if_infeasible) {
         indices.push_back(std::nullopt);
         continue;
       }
-      if (c.covered.size() != targets_) c.covered = TargetBits(targets_);
-      indices.push_back(coverage_.size());
-      scans_.push_back(scans[i]);
-      TargetBits sampled(sample_.size());
-      for (size_t s = 0; s < sample_.size(); ++s) {
-        if (c.covered.Test(sample_[s])) sampled.Set(s);
+      if (feasible) {
+        scans[i].shares = run_.oracle().ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
       }
-      sampled_.push_back(std::move(sampled));
-      coverage_.push_back(std::move(c.covered));
+      indices.push_back(pool_.Add(scans[i].shares));
+      scans_.push_back(std::move(scans[i]));
     }
     return indices;
   }
@@ -172,7 +187,7 @@ class RefinedPlanner {
   std::vector<Scan> ScansOf(const TopPoints& top) const {
     std::vector<Scan> scans;
     for (const auto& entry : top.entries()) {
-      scans.push_back({entry.x, run_.space().ToMeasurement(entry.x)});
+      scans.push_back({entry.x, run_.space().ToMeasurement(entry.x), {}});
     }
     return scans;
   }
@@ -181,19 +196,19 @@ class RefinedPlanner {
     for (const auto* given : {&run_.request().locked, &run_.request().starting}) {
       std::vector<Scan> scans;
       for (const Measurement& measurement : *given) {
-        scans.push_back({run_.space().ToUnit(measurement), measurement});
+        scans.push_back({run_.space().ToUnit(measurement), measurement, {}});
       }
-      auto indices = AddToPool(scans, true);
+      auto indices = AddToPool(std::move(scans), true);
       if (!indices.ok()) return indices.status();
       for (const auto& index : *indices) plan_.push_back(*index);
     }
     return absl::OkStatus();
   }
 
-  // A global search for scans that cover most of what `covered` lacks; the best different ones go
-  // into the pool. Returns the best one's index, none if nothing new was found.
-  absl::StatusOr<std::optional<size_t>> SearchScan(const TargetBits& covered, int64_t evaluations,
-                                                   const std::string& phase) {
+  // A global search for scans that add most to what is known; the best different ones go into the
+  // pool. Returns the best one's index, none if nothing new was found.
+  absl::StatusOr<std::optional<size_t>> SearchScan(const std::vector<float>& known,
+                                                   int64_t evaluations, const std::string& phase) {
     // A tenth of the evaluations at most goes into coverage.
     const int64_t kept = std::clamp<int64_t>(evaluations / 10, 1, kKeptPerSearch);
     TopPoints top(static_cast<size_t>(kept), kKeptSeparation);
@@ -201,21 +216,21 @@ class RefinedPlanner {
     options.periodic = run_.space().periodic();
     options.population = kSwarm;
     auto best = Maximise(Method::kParticleSwarm, run_.space().dimension(),
-                         run_.NewTargets(covered, &top, phase, static_cast<int64_t>(plan_.size())),
+                         run_.Gain(known, &top, phase, static_cast<int64_t>(plan_.size())),
                          std::max<int64_t>(1, evaluations - kept), random_.Bits(), options);
     if (!best.ok()) return best.status();
     auto indices = AddToPool(ScansOf(top));
     if (!indices.ok()) return indices.status();
-    if (indices->empty() || top.entries()[0].value < 1) return std::nullopt;
+    if (indices->empty() || top.entries()[0].value <= 0) return std::nullopt;
     return (*indices)[0];
   }
 
   absl::Status AddNextBest() {
-    auto index = SearchScan(CoveredBy(coverage_, plan_, targets_), Share(kGreedyShare),
-                            absl::StrCat("searching scan ", plan_.size() + 1));
+    const std::vector<float> known = KnownFrom(plan_);
+    auto index =
+        SearchScan(known, Share(kGreedyShare), absl::StrCat("searching scan ", plan_.size() + 1));
     if (!index.ok()) return index.status();
-    if (!*index || CountOnlyIn(coverage_[**index], CoveredBy(coverage_, plan_, targets_)) <
-                       run_.min_new_targets()) {
+    if (!*index || run_.GainAfter(known, scans_[**index].shares) < run_.min_gain()) {
       if (++failures_ == 2) stalled_ = true;
       reason_ = StopReason::kStalled;
       return absl::OkStatus();
@@ -236,65 +251,68 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Exact coverage of the plan; scans that are infeasible exactly leave plan and pool.
-  absl::StatusOr<int64_t> ExactCovered() {
+  // Exact score of the plan; scans that are infeasible exactly leave plan and pool.
+  absl::StatusOr<PlanScore> ExactScore(bool thorough) {
     std::vector<Measurement> measurements;
-    for (size_t set : plan_) measurements.push_back(scans_[set].measurement);
+    for (size_t scan : plan_) measurements.push_back(scans_[scan].measurement);
     auto exact = run_.Exact(measurements);
     if (!exact.ok()) return exact.status();
-    TargetBits covered(targets_);
     PoolPlan feasible;
+    std::vector<Measurement> kept;
     for (size_t i = 0; i < plan_.size(); ++i) {
       if ((*exact)[i]->feasibility == ScanFeasibility::kFeasible) {
-        covered |= (*exact)[i]->covered;
         feasible.push_back(plan_[i]);
+        kept.push_back(measurements[i]);
       } else {
-        coverage_[plan_[i]] = TargetBits(targets_);
-        sampled_[plan_[i]] = TargetBits(sample_.size());
+        scans_[plan_[i]].shares = {};
+        pool_.Empty(plan_[i]);
       }
     }
     plan_ = std::move(feasible);
-    return covered.Count();
+    return run_.Score(kept, thorough);
   }
 
   // Shifts the fast number of targets to aim at by the difference between fast and exact.
+  void Aim(const PlanScore& score) {
+    exact_covered_ = score.Claimed();
+    aim_ = std::max<int64_t>(1, run_.goal_targets() + Covered() - score.Claimed());
+  }
+
   absl::Status Calibrate() {
-    auto exact = ExactCovered();
-    if (!exact.ok()) return exact.status();
-    exact_covered_ = *exact;
-    aim_ = std::max<int64_t>(1, run_.goal_targets() + Covered() - *exact);
+    auto score = ExactScore(false);
+    if (!score.ok()) return score.status();
+    Aim(*score);
     return absl::OkStatus();
   }
 
-  // The plan covers what was aimed at: is that so exactly?
+  // The plan settles what was aimed at: is that so exactly?
   absl::Status Verify() {
     const size_t size = plan_.size();
-    auto exact = ExactCovered();
-    if (!exact.ok()) return exact.status();
-    exact_covered_ = *exact;
-    if (*exact >= run_.goal_targets()) {
+    auto score = ExactScore(false);
+    if (!score.ok()) return score.status();
+    Aim(*score);
+    if (run_.ReachesGoal(*score)) {
       have_best_ = true;
       best_ = plan_;
-      run_.Report("reached the goal", static_cast<int64_t>(plan_.size()), *exact, true);
-      aim_ = std::max<int64_t>(1, run_.goal_targets() + Covered() - *exact);
+      reached_.push_back(Movable());
+      run_.Report("reached the goal", static_cast<int64_t>(plan_.size()), exact_covered_, true);
       return absl::OkStatus();
     }
-    aim_ = run_.goal_targets() + Covered() - *exact;
-    if (plan_.size() < size) CompleteGreedily(coverage_, plan_, size, aim_, targets_);
+    if (plan_.size() < size) pool_.CompleteGreedily(plan_, size, pool_.MostWorth());
     return absl::OkStatus();
   }
 
   // Leaves out the scan whose loss the pool can best make good.
   void DropOne() {
     PoolPlan best_plan;
-    int64_t best = -1;
+    double best = -1;
     for (size_t place = fixed_; place < plan_.size(); ++place) {
       PoolPlan trial = plan_;
       trial.erase(trial.begin() + static_cast<std::ptrdiff_t>(place));
-      ExchangeWhileBetter(sampled_, trial, fixed_, sample_.size());
-      const int64_t covered = CoveredBy(coverage_, trial, targets_).Count();
-      if (covered > best) {
-        best = covered;
+      pool_.ExchangeWhileBetter(trial, fixed_);
+      const double worth = run_.Worth(KnownFrom(trial));
+      if (worth > best) {
+        best = worth;
         best_plan = trial;
       }
     }
@@ -304,64 +322,54 @@ class RefinedPlanner {
   void ImproveFromPool() {
     LimitPool();
     run_.Report(Phase("exchanging scans"), static_cast<int64_t>(plan_.size()), exact_covered_);
-    const PoolPlan better =
-        ImproveCoverage(sampled_, plan_, fixed_, static_cast<int64_t>(sample_.size()), kPoolRounds,
-                        sample_.size(), random_, [this] { return run_.Stopped(); });
-    if (CoveredBy(coverage_, better, targets_).Count() >= Covered()) plan_ = better;
+    const PoolPlan better = pool_.Improve(plan_, fixed_, pool_.MostWorth(), kPoolRounds, random_,
+                                          [this] { return run_.Stopped(); });
+    // The pool looks at a part of the targets.
+    if (run_.Worth(KnownFrom(better)) >= run_.Worth(KnownFrom(plan_))) plan_ = better;
   }
 
-  // Forgets the scans that add least to the present plan.
+  // Forgets the scans that promise the present plan least.
   void LimitPool() {
-    if (coverage_.size() <= kMaxPool) return;
-    const TargetBits covered = CoveredBy(coverage_, plan_, targets_);
-    const std::vector<TargetBits> unique = UniqueTargets(coverage_, plan_, targets_);
-    // What the best exchange for the scan would gain.
-    std::vector<int64_t> worth(coverage_.size(), -static_cast<int64_t>(targets_));
-    for (size_t set = 0; set < coverage_.size(); ++set) {
-      for (const TargetBits& bits : unique) {
-        worth[set] = std::max(worth[set], CountInBoth(coverage_[set], bits) - bits.Count());
-      }
-      worth[set] += CountOnlyIn(coverage_[set], covered);
-    }
+    if (pool_.size() <= kMaxPool) return;
+    std::vector<double> promise = pool_.Promise(plan_);
     for (const PoolPlan* kept : {&plan_, &best_}) {
-      for (size_t set : *kept) worth[set] = static_cast<int64_t>(targets_) + 1;
+      for (size_t scan : *kept) promise[scan] = 2 * pool_.MostWorth() + 1;
     }
-    std::vector<size_t> order(coverage_.size());
+    std::vector<size_t> order(pool_.size());
     std::iota(order.begin(), order.end(), size_t{0});
     std::stable_sort(order.begin(), order.end(),
-                     [&](size_t a, size_t b) { return worth[a] > worth[b]; });
+                     [&](size_t a, size_t b) { return promise[a] > promise[b]; });
     order.resize(kMaxPool / 2);
     std::sort(order.begin(), order.end());
-    std::vector<size_t> place_of(coverage_.size());
+    std::vector<size_t> place_of(scans_.size());
     std::vector<Scan> scans;
-    std::vector<TargetBits> coverage, sampled;
-    for (size_t set : order) {
-      place_of[set] = scans.size();
-      scans.push_back(std::move(scans_[set]));
-      coverage.push_back(std::move(coverage_[set]));
-      sampled.push_back(std::move(sampled_[set]));
+    for (size_t scan : order) {
+      place_of[scan] = scans.size();
+      scans.push_back(std::move(scans_[scan]));
     }
     scans_ = std::move(scans);
-    coverage_ = std::move(coverage);
-    sampled_ = std::move(sampled);
+    pool_.Keep(order);
     for (PoolPlan* kept : {&plan_, &best_}) {
-      for (size_t& set : *kept) set = place_of[set];
+      for (size_t& scan : *kept) scan = place_of[scan];
     }
   }
 
-  TargetBits CoveredByOthers(size_t place) const {
+  std::vector<float> KnownFromOthers(size_t place) const {
     PoolPlan others = plan_;
     others.erase(others.begin() + static_cast<std::ptrdiff_t>(place));
-    return CoveredBy(coverage_, others, targets_);
+    return KnownFrom(others);
   }
 
-  // Places of scans that may move, the one with the fewest targets of its own first.
+  // Places of scans that may move, the one that adds least to the others first.
   std::vector<size_t> WeakestFirst() const {
-    const std::vector<TargetBits> unique = UniqueTargets(coverage_, plan_, targets_);
     std::vector<size_t> places;
-    for (size_t place = fixed_; place < plan_.size(); ++place) places.push_back(place);
+    std::vector<double> added(plan_.size(), 0);
+    for (size_t place = fixed_; place < plan_.size(); ++place) {
+      places.push_back(place);
+      added[place] = run_.GainAfter(KnownFromOthers(place), scans_[plan_[place]].shares);
+    }
     std::stable_sort(places.begin(), places.end(),
-                     [&](size_t a, size_t b) { return unique[a].Count() < unique[b].Count(); });
+                     [&](size_t a, size_t b) { return added[a] < added[b]; });
     return places;
   }
 
@@ -377,14 +385,21 @@ class RefinedPlanner {
   // Evolution strategy around the scan: a batch of mutations of the best point so far, mostly of
   // a few coordinates, with a step that shrinks when nothing improves.
   absl::Status Polish(size_t place) {
-    const TargetBits others = CoveredByOthers(place);
+    const std::vector<float> others = KnownFromOthers(place);
     const int dimension = run_.space().dimension();
     if (dimension == 0) return absl::OkStatus();
     TopPoints top(kKeptPerPolish, 0.005);
     const BatchObjective objective =
-        run_.NewTargets(others, &top, Phase("polishing"), static_cast<int64_t>(plan_.size()));
+        run_.Gain(others, &top, Phase("polishing"), static_cast<int64_t>(plan_.size()));
     std::vector<double> x = scans_[plan_[place]].x;
-    auto value = static_cast<double>(CountOnlyIn(coverage_[plan_[place]], others));
+    double value = 0;
+    if (run_.oracle().ScoresPlans()) {
+      auto own = objective(std::span(&x, 1));
+      if (!own.ok()) return own.status();
+      value = own->front();
+    } else {
+      value = run_.GainAfter(others, scans_[plan_[place]].shares);
+    }
     const double start_value = value;
     bool moved = false;
     double step = 0.1;
@@ -412,8 +427,8 @@ class RefinedPlanner {
       }
     }
     std::vector<Scan> scans = ScansOf(top);
-    if (moved) scans.push_back({x, run_.space().ToMeasurement(x)});
-    auto indices = AddToPool(scans);
+    if (moved) scans.push_back({x, run_.space().ToMeasurement(x), {}});
+    auto indices = AddToPool(std::move(scans));
     if (!indices.ok()) return indices.status();
     if (moved && value >= start_value && indices->back()) plan_[place] = *indices->back();
     return absl::OkStatus();
@@ -424,28 +439,26 @@ class RefinedPlanner {
     const std::vector<size_t> places = WeakestFirst();
     if (places.empty() || OutOfBudget()) return absl::OkStatus();
     const size_t place = places[static_cast<size_t>(failures - 1) % places.size()];
-    const TargetBits others = CoveredByOthers(place);
+    const std::vector<float> others = KnownFromOthers(place);
     auto index =
         SearchScan(others, std::min(Left(), Share(kRelocateShare)), Phase("searching a scan anew"));
     if (!index.ok()) return index.status();
-    if (*index &&
-        CountOnlyIn(coverage_[**index], others) >= CountOnlyIn(coverage_[plan_[place]], others)) {
+    if (*index && run_.GainAfter(others, scans_[**index].shares) >=
+                      run_.GainAfter(others, scans_[plan_[place]].shares)) {
       plan_[place] = **index;
     }
     return absl::OkStatus();
   }
 
   PlanRun& run_;
-  const size_t targets_;
   const size_t fixed_;  // the first scans of a plan are locked
   Random random_;
-  int64_t aim_;  // fast targets to cover
-  std::vector<Scan> scans_;
-  std::vector<TargetBits> coverage_;  // fast, of each of scans_
-  std::vector<size_t> sample_;        // targets the search over the pool looks at
-  std::vector<TargetBits> sampled_;   // coverage_ of those
+  int64_t aim_;  // targets to settle by the fast estimate
+  ScanPool pool_;
+  std::vector<Scan> scans_;  // those of the pool
   PoolPlan plan_;
-  PoolPlan best_;  // its exact coverage reaches the goal
+  PoolPlan best_;                                  // the last whose score reached the goal
+  std::vector<std::vector<Measurement>> reached_;  // all such plans, without their locked scans
   bool have_best_ = false;
   bool stalled_ = false;
   int failures_ = 0;

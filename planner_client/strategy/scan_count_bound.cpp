@@ -36,8 +36,8 @@ struct Groups {
   std::vector<double> sizes;
 };
 
-// At most kMaxGroups groups of measurable targets that the same or nearly the same columns cover:
-// centres by farthest-first traversal in Hamming distance (Gonzalez 1985).
+// At most kMaxGroups groups of measurable targets that the same or nearly the same columns settle,
+// at least by half: centres by farthest-first traversal in Hamming distance (Gonzalez 1985).
 Groups GroupTargets(const TargetBits& measurable, const std::vector<TargetBits>& columns) {
   const size_t words = (columns.size() + 63) / 64;
   std::vector<size_t> targets;
@@ -104,13 +104,11 @@ class WeightProgramme {
     }
   }
 
-  void AddScan(const TargetBits& covered) {
+  void AddScan(const TargetShares& scan) {
     std::vector<double> counts(groups_.sizes.size(), 0);
-    for (size_t w = 0; w < covered.words().size(); ++w) {
-      for (uint64_t word = covered.words()[w]; word != 0; word &= word - 1) {
-        const int g = groups_.of_target[64 * w + static_cast<size_t>(std::countr_zero(word))];
-        if (g >= 0) counts[g] += 1;
-      }
+    for (size_t i = 0; i < scan.targets.size(); ++i) {
+      const int g = groups_.of_target[scan.targets[i]];
+      if (g >= 0) counts[g] += scan.share[i];
     }
     std::vector<int> indices;
     std::vector<double> elements;
@@ -141,14 +139,21 @@ class WeightProgramme {
   ClpSimplex clp_;
 };
 
-double WeightOf(const TargetBits& covered, const std::vector<double>& weights) {
+double WeightOf(const TargetShares& scan, const std::vector<double>& weights) {
   double sum = 0;
-  for (size_t w = 0; w < covered.words().size(); ++w) {
-    for (uint64_t word = covered.words()[w]; word != 0; word &= word - 1) {
-      sum += weights[64 * w + static_cast<size_t>(std::countr_zero(word))];
-    }
+  for (size_t i = 0; i < scan.targets.size(); ++i) {
+    sum += static_cast<double>(scan.share[i]) * weights[scan.targets[i]];
   }
   return sum;
+}
+
+// Targets of which the scan brings at least half of what they need.
+TargetBits MostlySettled(const TargetShares& scan, size_t targets) {
+  TargetBits bits(targets);
+  for (size_t i = 0; i < scan.targets.size(); ++i) {
+    if (scan.share[i] >= 0.5f) bits.Set(scan.targets[i]);
+  }
+  return bits;
 }
 
 double SumOfSmallest(const TargetBits& measurable, const std::vector<double>& weights,
@@ -184,7 +189,7 @@ class BoundSearch {
     result_.columns = static_cast<int64_t>(columns_.size());
     result_.scans = static_cast<int>(std::ceil(result_.bound - 1e-6));
     result_.statement = absl::StrFormat(
-        "%s%d scans (%.2f) are needed to cover %d of %d measurable targets, as far as the "
+        "%s%d scans (%.2f) are needed to settle %d of %d targets, as far as the "
         "pricing search could find: ",
         result_.converged ? "At least " : "Not a bound yet: some ", result_.scans, result_.bound,
         goal_targets_, measurable_.Count());
@@ -251,7 +256,11 @@ class BoundSearch {
   // Weights of all targets from the programme over the columns so far.
   absl::Status SolveProgramme() {
     if (!programme_ || columns_.size() >= 2 * grouped_columns_) {
-      groups_ = GroupTargets(measurable_, columns_);
+      std::vector<TargetBits> mostly;
+      for (const TargetShares& column : columns_) {
+        mostly.push_back(MostlySettled(column, measurable_.size()));
+      }
+      groups_ = GroupTargets(measurable_, mostly);
       programme_.emplace(groups_, goal_targets_);
       grouped_columns_ = columns_.size();
       rows_ = 0;
@@ -265,7 +274,7 @@ class BoundSearch {
 
   double MostWeight(const std::vector<double>& weights) const {
     double most = 0;
-    for (const TargetBits& column : columns_) most = std::max(most, WeightOf(column, weights));
+    for (const TargetShares& column : columns_) most = std::max(most, WeightOf(column, weights));
     return most;
   }
 
@@ -295,9 +304,11 @@ class BoundSearch {
     auto coverage = oracle_.FastCoverage(scans);
     if (!coverage.ok()) return coverage.status();
     for (ScanCoverage& c : *coverage) {
-      if (c.feasibility == ScanFeasibility::kFeasible && c.covered.Count() > 0) {
-        columns_.push_back(std::move(c.covered));
-      }
+      if (c.feasibility != ScanFeasibility::kFeasible) continue;
+      TargetShares shares = oracle_.ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
+      // More than a target needs does not count.
+      for (float& share : shares.share) share = std::min(share, 1.0f);
+      if (!shares.targets.empty()) columns_.push_back(std::move(shares));
     }
     return absl::OkStatus();
   }
@@ -357,8 +368,9 @@ class BoundSearch {
       auto best = PriceOnly(weights, std::min<int64_t>(Left(), 1000), 1);
       if (!best.ok()) return best.status();
       if (columns_.size() == before) break;
+      const TargetBits settled = MostlySettled(columns_[before], weights.size());
       for (size_t t = 0; t < weights.size(); ++t) {
-        if (columns_[before].Test(t)) weights[t] *= 0.5;
+        if (settled.Test(t)) weights[t] *= 0.5;
       }
     }
     return absl::OkStatus();
@@ -373,7 +385,7 @@ class BoundSearch {
   const std::function<void(const ScanCountBoundProgress&)>& on_progress_;
   const std::atomic<bool>* interrupted_;
   const int64_t evaluations_before_;
-  std::vector<TargetBits> columns_;
+  std::vector<TargetShares> columns_;
   Groups groups_;
   std::optional<WeightProgramme> programme_;
   size_t grouped_columns_ = 0;  // when the groups were made

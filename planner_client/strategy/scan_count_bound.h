@@ -1,19 +1,20 @@
 // A lower bound on the number of scans that any plan needs.
 //
-// Give every measurable target t a weight pi_t >= 0 such that no scan covers targets of more
-// weight than 1. Then a plan of n scans that covers a set T of at least G targets satisfies
-//   n >= sum over its scans of sum_{t covered by the scan} pi_t >= sum_{t in T} pi_t
-//     >= sum of the G smallest pi_t,
+// Let a_st in [0, 1] be the share that scan s brings of what target t needs, at most 1 (coverage: 1
+// if s covers t). A plan settles t only if its scans' shares reach 1. Give every target a weight
+// pi_t >= 0 such that no scan brings more than sum_t pi_t a_st = 1. Then a plan of n scans that
+// settles a set T of at least G targets satisfies
+//   n >= sum_s sum_t pi_t a_st >= sum_{t in T} pi_t >= sum of the G smallest pi_t,
 // the bound. It holds for any such weights; the best ones solve the dual of the linear relaxation
-// of partial set cover,
-//   max G lambda - sum_t mu_t   s.t.  mu_t >= lambda - pi_t,  sum_{t in scan} pi_t <= 1 for every
-//   scan,  pi, lambda, mu >= 0,
+// of partial (multi-)cover,
+//   max G lambda - sum_t mu_t   s.t.  mu_t >= lambda - pi_t,  sum_t pi_t a_st <= 1 for every scan,
+//   pi, lambda, mu >= 0,
 // whose optimum at given pi is exactly the sum of the G smallest. There are infinitely many scans:
 // the rows are generated (column generation of the primal, Gilmore and Gomory 1961) by searching
 // the scan of most weight with swarms over the nine parameters. Targets that nearly the same known
-// scans cover share one weight, which keeps the linear programme small and the bound valid.
+// scans settle share one weight, which keeps the linear programme small and the bound valid.
 //
-// "No scan covers more weight than 1" is known only as far as that search could find: the weights
+// "No scan brings more weight than 1" is known only as far as that search could find: the weights
 // are divided by the most found, and the bound is as good as the search.
 #pragma once
 
@@ -50,8 +51,8 @@ struct ScanCountBoundProgress {
   int64_t budget = 0;
 };
 
-// Lower bound on the number of scans that cover at least `goal` (0, 1] of the measurable targets,
-// by fast estimates. `initial_scans`, e.g. those of a plan, help; infeasible ones are ignored. At
+// Lower bound on the number of scans that settle at least `goal` (0, 1] of the targets, by fast
+// estimates. `initial_scans`, e.g. those of a plan, help; infeasible ones are ignored. At
 // most `budget` > 0 evaluations. Interrupted: the best bound so far. INVALID_ARGUMENT for a goal or
 // budget out of range; errors of the oracle are passed on.
 absl::StatusOr<ScanCountBoundResult> BoundScanCount(

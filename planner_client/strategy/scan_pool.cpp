@@ -1,102 +1,192 @@
 #include "planner_client/strategy/scan_pool.h"
 
 #include <algorithm>
-
-#include "planner_client/strategy/cover_bits.h"
+#include <cmath>
 
 namespace sightline {
+namespace {
 
-TargetBits CoveredBy(const std::vector<TargetBits>& pool, const PoolPlan& plan, size_t targets) {
-  TargetBits covered(targets);
-  for (size_t set : plan) covered |= pool[set];
-  return covered;
-}
+constexpr uint8_t kWhole = 127;  // two of them still fit into a byte
+constexpr double kBetter = 1e-9;
 
-std::vector<TargetBits> UniqueTargets(const std::vector<TargetBits>& pool, const PoolPlan& plan,
-                                      size_t targets) {
-  // Bits covered at least once and at least twice.
-  TargetBits once(targets), twice(targets);
-  for (size_t set : plan) {
-    TargetBits again = once;
-    again &= pool[set];
-    twice |= again;
-    once |= pool[set];
+// Number of places at which `added` reaches `need`.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
+__attribute__((target_clones("avx2", "default")))
+#endif
+int64_t
+CountReached(const uint8_t* need, const uint8_t* added, size_t size) {
+  // Counts of up to 128 fit into a byte, which keeps all lanes of a vector busy.
+  constexpr size_t kRun = 128;
+  int64_t count = 0;
+  size_t i = 0;
+  for (; i + kRun <= size; i += kRun) {
+    uint8_t reached = 0;
+    for (size_t k = 0; k < kRun; ++k) {
+      reached = static_cast<uint8_t>(reached + (added[i + k] >= need[i + k]));
+    }
+    count += reached;
   }
-  std::vector<TargetBits> unique;
-  for (size_t set : plan) unique.push_back(TargetBits(pool[set]).Subtract(twice));
-  return unique;
+  for (; i < size; ++i) count += added[i] >= need[i];
+  return count;
 }
 
-void CompleteGreedily(const std::vector<TargetBits>& pool, PoolPlan& plan, size_t size,
-                      int64_t goal, size_t targets) {
-  TargetBits covered = CoveredBy(pool, plan, targets);
-  // Last known gains bound the present ones from above.
-  std::vector<int64_t> bound(pool.size(), static_cast<int64_t>(targets));
-  while (plan.size() < size && covered.Count() < goal) {
-    int64_t best_gain = 0;
-    size_t best = pool.size();
-    for (size_t set = 0; set < pool.size(); ++set) {
-      if (bound[set] <= best_gain) continue;
-      bound[set] = CountOnlyIn(pool[set], covered);
-      if (bound[set] > best_gain) {
-        best_gain = bound[set];
-        best = set;
+void AddSaturated(const std::vector<uint8_t>& added, std::vector<uint8_t>& sum) {
+  for (size_t i = 0; i < sum.size(); ++i) {
+    sum[i] = static_cast<uint8_t>(std::min<int>(kWhole, sum[i] + added[i]));
+  }
+}
+
+}  // namespace
+
+ScanPool::ScanPool(std::vector<ShareStep> steps, std::vector<uint32_t> targets)
+    : steps_(std::move(steps)), targets_(std::move(targets)) {}
+
+size_t ScanPool::Add(const TargetShares& shares) {
+  Column column(steps_.size() * targets_.size(), 0);
+  size_t place = 0;
+  for (size_t i = 0; i < shares.targets.size(); ++i) {
+    while (place < targets_.size() && targets_[place] < shares.targets[i]) ++place;
+    if (place == targets_.size()) break;
+    if (targets_[place] != shares.targets[i]) continue;
+    for (size_t s = 0; s < steps_.size(); ++s) {
+      const float part = shares.share[i] / steps_[s].of(targets_[place]);
+      // What does not reach the step by itself must not do so by rounding.
+      column[s * targets_.size() + place] =
+          part >= 1
+              ? kWhole
+              : std::min<uint8_t>(kWhole - 1, static_cast<uint8_t>(std::lround(kWhole * part)));
+    }
+  }
+  columns_.push_back(std::move(column));
+  return columns_.size() - 1;
+}
+
+void ScanPool::Empty(size_t scan) { std::fill(columns_[scan].begin(), columns_[scan].end(), 0); }
+
+void ScanPool::Keep(const std::vector<size_t>& kept) {
+  std::vector<Column> columns;
+  for (const size_t scan : kept) columns.push_back(std::move(columns_[scan]));
+  columns_ = std::move(columns);
+}
+
+ScanPool::Column ScanPool::NeedAfter(const PoolPlan& plan) const {
+  Column sum(steps_.size() * targets_.size(), 0);
+  for (const size_t scan : plan) AddSaturated(columns_[scan], sum);
+  for (uint8_t& entry : sum) entry = static_cast<uint8_t>(kWhole - entry);
+  return sum;
+}
+
+double ScanPool::WorthWith(const Column& need, const Column& added) const {
+  double worth = 0;
+  for (size_t s = 0; s < steps_.size(); ++s) {
+    const size_t begin = s * targets_.size();
+    worth += steps_[s].weight * static_cast<double>(CountReached(
+                                    need.data() + begin, added.data() + begin, targets_.size()));
+  }
+  return worth;
+}
+
+double ScanPool::Worth(const PoolPlan& plan) const {
+  return WorthWith(NeedAfter(plan), Column(steps_.size() * targets_.size(), 0));
+}
+
+double ScanPool::MostWorth() const {
+  double worth = 0;
+  for (const ShareStep& step : steps_) {
+    worth += step.weight * static_cast<double>(targets_.size());
+  }
+  return worth;
+}
+
+std::vector<double> ScanPool::Promise(const PoolPlan& plan) const {
+  const double now = Worth(plan);
+  const Column need = NeedAfter(plan);
+  std::vector<double> promise(columns_.size()), exchange(columns_.size(), -MostWorth());
+  for (size_t scan = 0; scan < columns_.size(); ++scan) {
+    promise[scan] = WorthWith(need, columns_[scan]) - now;
+  }
+  for (size_t place = 0; place < plan.size(); ++place) {
+    PoolPlan others = plan;
+    others.erase(others.begin() + static_cast<std::ptrdiff_t>(place));
+    const Column without = NeedAfter(others);
+    for (size_t scan = 0; scan < columns_.size(); ++scan) {
+      exchange[scan] = std::max(exchange[scan], WorthWith(without, columns_[scan]) - now);
+    }
+  }
+  for (size_t scan = 0; scan < columns_.size(); ++scan) promise[scan] += exchange[scan];
+  return promise;
+}
+
+void ScanPool::CompleteGreedily(PoolPlan& plan, size_t size, double goal) const {
+  double worth = Worth(plan);
+  while (plan.size() < size && worth < goal - kBetter) {
+    const Column need = NeedAfter(plan);
+    double best_worth = worth;
+    size_t best = columns_.size();
+    for (size_t scan = 0; scan < columns_.size(); ++scan) {
+      const double with = WorthWith(need, columns_[scan]);
+      if (with > best_worth + kBetter) {
+        best_worth = with;
+        best = scan;
       }
     }
-    if (best == pool.size()) break;
+    if (best == columns_.size()) return;
     plan.push_back(best);
-    covered |= pool[best];
+    worth = best_worth;
   }
 }
 
-void ExchangeWhileBetter(const std::vector<TargetBits>& pool, PoolPlan& plan, size_t fixed,
-                         size_t targets) {
+void ScanPool::ExchangeWhileBetter(PoolPlan& plan, size_t fixed) const {
+  double worth = Worth(plan);
   while (true) {
-    const TargetBits covered = CoveredBy(pool, plan, targets);
-    const std::vector<TargetBits> unique = UniqueTargets(pool, plan, targets);
-    std::vector<int64_t> loss;
-    for (const TargetBits& bits : unique) loss.push_back(bits.Count());
-    int64_t best_gain = 0;
-    size_t best_place = 0, best_set = 0;
-    for (size_t set = 0; set < pool.size(); ++set) {
-      const int64_t fresh = CountOnlyIn(pool[set], covered);
-      for (size_t place = fixed; place < plan.size(); ++place) {
-        if (fresh + CountInBoth(pool[set], unique[place]) - loss[place] > best_gain) {
-          best_gain = fresh + CountInBoth(pool[set], unique[place]) - loss[place];
-          best_place = place;
-          best_set = set;
+    std::vector<Column> need;
+    for (size_t place = fixed; place < plan.size(); ++place) {
+      PoolPlan others = plan;
+      others.erase(others.begin() + static_cast<std::ptrdiff_t>(place));
+      need.push_back(NeedAfter(others));
+    }
+    double best_worth = worth;
+    size_t best_place = 0, best_scan = 0;
+    for (size_t scan = 0; scan < columns_.size(); ++scan) {
+      for (size_t k = 0; k < need.size(); ++k) {
+        const double with = WorthWith(need[k], columns_[scan]);
+        if (with > best_worth + kBetter) {
+          best_worth = with;
+          best_place = fixed + k;
+          best_scan = scan;
         }
       }
     }
-    if (best_gain == 0) return;
-    plan[best_place] = best_set;
+    if (best_worth <= worth + kBetter) return;
+    plan[best_place] = best_scan;
+    worth = best_worth;
   }
 }
 
-PoolPlan ImproveCoverage(const std::vector<TargetBits>& pool, PoolPlan plan, size_t fixed,
-                         int64_t goal, int rounds, size_t targets, Random& random,
-                         const std::function<bool()>& stop) {
+PoolPlan ScanPool::Improve(PoolPlan plan, size_t fixed, double goal, int rounds, Random& random,
+                           const std::function<bool()>& stop) const {
   const size_t size = plan.size();
-  if (size <= fixed || pool.empty()) return plan;
-  ExchangeWhileBetter(pool, plan, fixed, targets);
-  int64_t best = CoveredBy(pool, plan, targets).Count();
-  for (int round = 0; round < rounds && best < goal && plan.size() > fixed && !stop(); ++round) {
+  if (size <= fixed || columns_.empty()) return plan;
+  ExchangeWhileBetter(plan, fixed);
+  double best = Worth(plan);
+  for (int round = 0; round < rounds && best < goal - kBetter && plan.size() > fixed && !stop();
+       ++round) {
     PoolPlan trial = plan;
-    // A plan may have become smaller: sets that add nothing are not put back.
+    // A plan may have become smaller: scans that add nothing are not put back.
     const auto removable = static_cast<int64_t>(trial.size() - fixed);
     const int64_t removed = 1 + random.Below(std::min<int64_t>(3, removable));
     for (int64_t r = 0; r < removed; ++r) {
       trial.erase(trial.begin() + static_cast<std::ptrdiff_t>(fixed) +
                   random.Below(static_cast<int64_t>(trial.size() - fixed)));
     }
-    // One random set of the pool instead of the greedy choice leads elsewhere.
-    trial.push_back(static_cast<size_t>(random.Below(static_cast<int64_t>(pool.size()))));
-    CompleteGreedily(pool, trial, size, goal, targets);
+    // One random scan of the pool instead of the greedy choice leads elsewhere.
+    trial.push_back(static_cast<size_t>(random.Below(static_cast<int64_t>(columns_.size()))));
+    CompleteGreedily(trial, size, goal);
     if (trial.size() > size) trial.resize(size);
-    ExchangeWhileBetter(pool, trial, fixed, targets);
-    const int64_t covered = CoveredBy(pool, trial, targets).Count();
-    if (covered >= best) {
-      best = covered;
+    ExchangeWhileBetter(trial, fixed);
+    const double worth = Worth(trial);
+    if (worth >= best - kBetter) {
+      best = worth;
       plan = std::move(trial);
     }
   }

@@ -1,41 +1,65 @@
-// Covering most targets with a given number of scans out of a pool (maximum coverage).
+// Choosing scans out of a pool so that targets are worth most with a given number of scans (maximum
+// coverage; with shares, multi-coverage).
 #pragma once
 
 #include <atomic>
 #include <cstdint>
 #include <functional>
+#include <span>
 #include <vector>
 
-#include "core/targets/target_set.h"
 #include "planner_client/optimise/random.h"
+#include "planner_client/strategy/target_shares.h"
 
 namespace sightline {
 
-// Index of a set in a pool of target sets.
+// Indices of scans in a pool.
 using PoolPlan = std::vector<size_t>;
 
-TargetBits CoveredBy(const std::vector<TargetBits>& pool, const PoolPlan& plan, size_t targets);
+// Shares of the pool's scans at some of the targets, as parts of every step's threshold in units of
+// 1/127: a plan's worth is then a count over bytes.
+class ScanPool {
+ public:
+  // `targets`: those that the pool looks at, ascending.
+  ScanPool(std::vector<ShareStep> steps, std::vector<uint32_t> targets);
 
-// Targets that only plan[i] covers, for each i.
-std::vector<TargetBits> UniqueTargets(const std::vector<TargetBits>& pool, const PoolPlan& plan,
-                                      size_t targets);
+  size_t size() const { return columns_.size(); }
+  // Index of the scan.
+  size_t Add(const TargetShares& shares);
+  // The scan tells of nothing any more.
+  void Empty(size_t scan);
+  // Keeps these scans only, ascending; they get the indices 0, 1, ...
+  void Keep(const std::vector<size_t>& kept);
 
-// Adds the set with the most new targets (the first of equal ones) until the plan has `size` sets
-// or covers `goal` targets.
-void CompleteGreedily(const std::vector<TargetBits>& pool, PoolPlan& plan, size_t size,
-                      int64_t goal, size_t targets);
+  double Worth(const PoolPlan& plan) const;
+  // If every target reached every step.
+  double MostWorth() const;
+  // What each scan of the pool would add to the plan, plus the most that putting it in the place of
+  // one of the plan's scans would gain.
+  std::vector<double> Promise(const PoolPlan& plan) const;
 
-// Exchanges a set of the plan, from place `fixed` on, for one of the pool as long as that covers
-// more targets; the best exchange first.
-void ExchangeWhileBetter(const std::vector<TargetBits>& pool, PoolPlan& plan, size_t fixed,
-                         size_t targets);
+  // Adds the scan that is worth most (the first of equal ones) until the plan has `size` scans, is
+  // worth `goal`, or no scan adds anything.
+  void CompleteGreedily(PoolPlan& plan, size_t size, double goal) const;
+  // Exchanges a scan of the plan, from place `fixed` on, for one of the pool as long as that is
+  // worth more; the best exchange first.
+  void ExchangeWhileBetter(PoolPlan& plan, size_t fixed) const;
+  // Ruin and recreate: removes up to three scans (from place `fixed` on), completes greedily,
+  // exchanges; keeps the result if it is worth at least as much. Scans that add nothing may be left
+  // out. Stops after `rounds` rounds, at a worth of `goal`, or when `stop` says so.
+  PoolPlan Improve(PoolPlan plan, size_t fixed, double goal, int rounds, Random& random,
+                   const std::function<bool()>& stop) const;
 
-// Maximum coverage by ruin and recreate: removes up to three sets (from place `fixed` on),
-// completes greedily, exchanges; keeps the result if it covers at least as much. Sets that add
-// nothing may be left out. Stops after
-// `rounds` rounds, at `goal` covered targets, or when `stop` says so.
-PoolPlan ImproveCoverage(const std::vector<TargetBits>& pool, PoolPlan plan, size_t fixed,
-                         int64_t goal, int rounds, size_t targets, Random& random,
-                         const std::function<bool()>& stop);
+ private:
+  using Column = std::vector<uint8_t>;  // [step][target]
+
+  // What every target still needs to reach every step.
+  Column NeedAfter(const PoolPlan& plan) const;
+  double WorthWith(const Column& need, const Column& added) const;
+
+  std::vector<ShareStep> steps_;
+  std::vector<uint32_t> targets_;
+  std::vector<Column> columns_;
+};
 
 }  // namespace sightline

@@ -417,6 +417,80 @@ TEST_F(CoverageServiceTest, RefusesMalformedQueries) {
   EXPECT_EQ(response.gains_size(), 0);
 }
 
+TEST_F(CoverageServiceTest, RefusesMalformedQueriesAboutUncertainty) {
+  Start();
+  const std::string coverage_only = connection_->MakeScene();
+  v1::EvaluateGainsResponse response;
+  v1::EvaluateGainsRequest request = GainsRequest(coverage_only, 2);
+  v1::UncertaintyGain& gain = *request.mutable_uncertainty_gain();
+  gain.mutable_weights()->set_admissible(1);
+  gain.add_admissible_uncertainty_m(5e-5f);
+  absl::Status status = connection_->Gains(request, &response);
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition) << status;
+  EXPECT_EQ(ErrorReason(status), "SCENE_WITHOUT_UNCERTAINTY");
+  v1::EvaluateUncertaintyRequest asked;
+  asked.set_scene_digest(coverage_only);
+  const auto uncertainty = [&] {
+    grpc::ClientContext context;
+    Connection::SetTimeout(&context);
+    auto reader = connection_->coverage->EvaluateUncertainty(&context, asked);
+    v1::EvaluateUncertaintyResponse chunk;
+    while (reader->Read(&chunk)) {
+    }
+    return FromGrpcStatus(reader->Finish());
+  };
+  EXPECT_EQ(uncertainty().code(), absl::StatusCode::kFailedPrecondition);
+
+  v1::SceneSpec spec = connection_->UploadBox();
+  spec.mutable_uncertainty()->mutable_line_detection()->set_standard_deviation_px(0.2);
+  const std::string scene = connection_->MakeScene(spec);
+  EXPECT_NE(scene, coverage_only);
+  request.set_scene_digest(scene);
+  EXPECT_TRUE(connection_->Gains(request, &response).ok());
+  const auto field = [&] {
+    const absl::Status refused = connection_->Gains(request, &response);
+    EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument) << refused;
+    const auto violations = FieldViolations(refused);
+    return violations.empty() ? "" : violations[0].field;
+  };
+  request.set_evaluator(v1::EVALUATOR_EXACT);
+  EXPECT_EQ(field(), "evaluator");
+  request.set_evaluator(v1::EVALUATOR_FAST);
+  gain.mutable_weights()->set_relaxed(-1);
+  EXPECT_EQ(field(), "uncertainty_gain.weights.relaxed");
+  gain.mutable_weights()->Clear();
+  EXPECT_EQ(field(), "uncertainty_gain.weights");
+  gain.mutable_weights()->set_information(1);
+  gain.add_admissible_uncertainty_m(5e-5f);
+  EXPECT_EQ(field(), "uncertainty_gain.admissible_uncertainty_m");
+  gain.mutable_admissible_uncertainty_m()->Resize(1, 0);
+  gain.mutable_known_information_per_m4()->Resize(1000, 0);
+  gain.set_known_information_per_m4(77, std::numeric_limits<float>::infinity());
+  EXPECT_EQ(field(), "uncertainty_gain.known_information_per_m4[77]");
+  gain.set_known_information_per_m4(77, 1);
+  gain.set_relaxed_uncertainty_m(-1);
+  EXPECT_EQ(field(), "uncertainty_gain.relaxed_uncertainty_m");
+
+  asked.set_scene_digest(scene);
+  asked.add_targets(1000);
+  status = uncertainty();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(FieldViolations(status)[0].field, "targets[0]");
+  asked.clear_targets();
+  for (int i = 0; i < 257; ++i) *asked.add_measurements() = request.measurements(0);
+  EXPECT_EQ(FieldViolations(uncertainty())[0].field, "measurements");
+
+  spec.mutable_uncertainty()->set_resolution_m(-1);
+  v1::CreateSceneRequest create;
+  *create.mutable_spec() = spec;
+  v1::CreateSceneResponse created;
+  grpc::ClientContext context;
+  Connection::SetTimeout(&context);
+  status = FromGrpcStatus(connection_->coverage->CreateScene(&context, create, &created));
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(FieldViolations(status)[0].field, "spec.uncertainty");
+}
+
 TEST_F(CoverageServiceTest, StreamsTargetsAndPointsInChunksAndRendersViews) {
   FakeOptions fake;
   fake.targets = 40000;
@@ -752,8 +826,12 @@ TEST_F(CoverageServiceTest, ClientAnswersDoNotDependOnBatches) {
   EXPECT_EQ((*client)->measurable().Count(), 900);
   const std::vector<Measurement> measurements = Measurements(500);
   TargetBits covered(1000);
-  for (size_t i = 0; i < 1000; i += 3) covered.Set(i);
-  const auto gains = (*client)->Gains(measurements, covered);
+  std::vector<float> known(1000, 0);
+  for (size_t i = 0; i < 1000; i += 3) {
+    covered.Set(i);
+    known[i] = 1;
+  }
+  const auto gains = (*client)->Gains(measurements, known);
   ASSERT_TRUE(gains.ok()) << gains.status();
   ASSERT_EQ(gains->size(), 500u);
   std::vector<float> weights(1000);
@@ -769,7 +847,7 @@ TEST_F(CoverageServiceTest, ClientAnswersDoNotDependOnBatches) {
   auto other = CoverageClient::Open(options, TaskOf({0.1f, 0.2f, 0.3f}));
   ASSERT_TRUE(other.ok()) << other.status();
   EXPECT_EQ(counters_.builds_started, 1);
-  EXPECT_EQ(Numbers(*(*other)->Gains(measurements, covered)), Numbers(*gains));
+  EXPECT_EQ(Numbers(*(*other)->Gains(measurements, known)), Numbers(*gains));
   EXPECT_EQ(Numbers(*(*other)->WeightedGains(measurements, weights)), Numbers(*weighted));
   const auto fast = (*client)->FastCoverage(measurements);
   const auto split = (*other)->FastCoverage(measurements);
@@ -792,7 +870,7 @@ TEST_F(CoverageServiceTest, ClientAnswersDoNotDependOnBatches) {
   v1::RenderViewRequest view;
   view.set_view(v1::RenderViewRequest::VIEW_FREE);
   EXPECT_THAT(*(*client)->RenderView(view), HasSubstr("800x600"));
-  EXPECT_EQ((*client)->Gains({}, covered)->size(), 0u);
+  EXPECT_EQ((*client)->Gains({}, known)->size(), 0u);
 }
 
 TEST_F(CoverageServiceTest, TwoClientsWithDifferentParts) {
@@ -809,7 +887,7 @@ TEST_F(CoverageServiceTest, TwoClientsWithDifferentParts) {
     std::vector<int64_t> all;
     if (!client.ok()) return all;
     for (int round = 0; round < 20; ++round) {
-      const auto gains = (*client)->Gains(Measurements(300), TargetBits(1000));
+      const auto gains = (*client)->Gains(Measurements(300), std::vector<float>(1000));
       EXPECT_TRUE(gains.ok()) << gains.status();
       if (!gains.ok()) return all;
       const auto numbers = Numbers(*gains);
@@ -836,10 +914,10 @@ TEST_F(CoverageServiceTest, ClientMakesTheSceneAgainWhenTheServerHasDroppedIt) {
   client_options.address = server_->address();
   auto first = CoverageClient::Open(client_options, TaskOf({0.1f, 0.2f, 0.3f}));
   ASSERT_TRUE(first.ok()) << first.status();
-  const auto before = (*first)->Gains(Measurements(100), TargetBits(1000));
+  const auto before = (*first)->Gains(Measurements(100), std::vector<float>(1000));
   auto second = CoverageClient::Open(client_options, TaskOf({0.3f, 0.2f, 0.3f}));
   ASSERT_TRUE(second.ok()) << second.status();
-  const auto after = (*first)->Gains(Measurements(100), TargetBits(1000));
+  const auto after = (*first)->Gains(Measurements(100), std::vector<float>(1000));
   ASSERT_TRUE(before.ok() && after.ok()) << before.status() << after.status();
   EXPECT_EQ(Numbers(*before), Numbers(*after));
   EXPECT_EQ((*first)->recoveries(), 1);

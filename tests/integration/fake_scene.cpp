@@ -74,6 +74,27 @@ class FakeScene final : public CoverageScene {
     }
   }
 
+  const UncertaintyModel* uncertainty() const override {
+    return definition_.uncertainty ? &*definition_.uncertainty : nullptr;
+  }
+
+  // Covered targets, half of them admissible.
+  void EvaluateUncertaintyGains(std::span<const Measurement> measurements,
+                                const UncertaintyRequirement& requirement,
+                                std::span<UncertaintyGain> gains,
+                                const std::atomic<bool>* cancelled) const override {
+    for (size_t k = 0; k < measurements.size(); ++k) {
+      gains[k] = {.feasibility = FeasibilityOf(measurements[k])};
+      if (!Query(cancelled)) return;
+      if (gains[k].feasibility != Feasibility::kFeasible) continue;
+      TargetBits bits = Covered(measurements[k], kFastThreshold);
+      bits &= measurable_;
+      gains[k].covered_targets = static_cast<int32_t>(bits.Count());
+      gains[k].new_targets = gains[k].covered_targets / 2;
+      gains[k].gain = requirement.weights.admissible * gains[k].new_targets;
+    }
+  }
+
   ExactCoverage EvaluateExact(const Measurement& measurement, std::vector<MeasurementPoint>* points,
                               const std::atomic<bool>* cancelled) const override {
     ExactCoverage coverage;

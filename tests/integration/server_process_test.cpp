@@ -100,7 +100,7 @@ TEST_F(ServerProcessTest, EmbeddedServerIsPrivateAndCleansUp) {
   {
     auto client = Open();
     ASSERT_TRUE(client.ok()) << client.status();
-    EXPECT_EQ((*client)->Gains(Measurements(200), TargetBits(1000))->size(), 200u);
+    EXPECT_EQ((*client)->Gains(Measurements(200), std::vector<float>(1000))->size(), 200u);
   }
   const absl::Time start = absl::Now();
   server_.reset();
@@ -116,7 +116,7 @@ TEST_F(ServerProcessTest, ClientsComeAndGo) {
   for (int i = 0; i < 40; ++i) {
     auto client = Open();
     ASSERT_TRUE(client.ok()) << client.status();
-    ASSERT_TRUE((*client)->Gains(Measurements(200), TargetBits(1000)).ok());
+    ASSERT_TRUE((*client)->Gains(Measurements(200), std::vector<float>(1000)).ok());
   }
 }
 
@@ -149,12 +149,12 @@ TEST_F(ServerProcessTest, KilledServerIsRestartedOnceAndThePlanGoesOn) {
   auto client = Open();
   ASSERT_TRUE(client.ok()) << client.status();
   const std::vector<Measurement> measurements = Measurements(400);
-  const auto before = (*client)->Gains(measurements, TargetBits(1000));
+  const auto before = (*client)->Gains(measurements, std::vector<float>(1000));
   ASSERT_TRUE(before.ok()) << before.status();
 
   const int first_pid = server_->pid();
-  auto during = std::async(std::launch::async,
-                           [&] { return (*client)->Gains(measurements, TargetBits(1000)); });
+  auto during = std::async(
+      std::launch::async, [&] { return (*client)->Gains(measurements, std::vector<float>(1000)); });
   absl::SleepFor(absl::Milliseconds(60));
   ASSERT_EQ(during.wait_for(std::chrono::seconds(0)), std::future_status::timeout);
   SendSignal(first_pid, SIGKILL);
@@ -166,7 +166,7 @@ TEST_F(ServerProcessTest, KilledServerIsRestartedOnceAndThePlanGoesOn) {
 
   // Twice is a fault that the user must know of.
   SendSignal(server_->pid(), SIGKILL);
-  const auto again = (*client)->Gains(measurements, TargetBits(1000));
+  const auto again = (*client)->Gains(measurements, std::vector<float>(1000));
   EXPECT_EQ(again.status().code(), absl::StatusCode::kUnavailable);
   EXPECT_THAT(std::string(again.status().message()), HasSubstr("was killed by signal 9"));
   EXPECT_THAT(std::string(again.status().message()), HasSubstr("restarted once before"));
@@ -181,7 +181,7 @@ TEST_F(ServerProcessTest, ServerKilledWhileBuildingIsRestarted) {
   auto client = opened.get();
   ASSERT_TRUE(client.ok()) << client.status();
   EXPECT_NE(server_->pid(), first_pid);
-  EXPECT_TRUE((*client)->Gains(Measurements(3), TargetBits(1000)).ok());
+  EXPECT_TRUE((*client)->Gains(Measurements(3), std::vector<float>(1000)).ok());
 }
 
 TEST_F(ServerProcessTest, ServerDiesWithItsParent) {
@@ -285,10 +285,11 @@ TEST_F(ServerProcessTest, ClientFindsARestartedServerByItself) {
   options.address = server_->address();  // as if it were somebody else's
   auto client = CoverageClient::Open(options, task);
   ASSERT_TRUE(client.ok()) << client.status();
-  const auto before = (*client)->Gains(Measurements(100), TargetBits(1000));
+  const auto before = (*client)->Gains(Measurements(100), std::vector<float>(1000));
   SendSignal(server_->pid(), SIGKILL);
-  auto during = std::async(std::launch::async,
-                           [&] { return (*client)->Gains(Measurements(100), TargetBits(1000)); });
+  auto during = std::async(std::launch::async, [&] {
+    return (*client)->Gains(Measurements(100), std::vector<float>(1000));
+  });
   absl::SleepFor(absl::Milliseconds(300));
   ASSERT_TRUE(server_->Restart().ok());
   const auto after = during.get();

@@ -122,12 +122,21 @@ class Connection {
 
   // Uploads a box and builds its scene; returns the scene's digest.
   std::string MakeScene(const Eigen::Vector3f& size_m = {0.1f, 0.2f, 0.3f}, int64_t seed = 1) {
+    return MakeScene(UploadBox(size_m, seed));
+  }
+
+  // The spec of a box's scene; the box is uploaded.
+  v1::SceneSpec UploadBox(const Eigen::Vector3f& size_m = {0.1f, 0.2f, 0.3f}, int64_t seed = 1) {
     v1::UploadPartResponse uploaded;
     absl::Status status = Upload(EncodePly(MakeBox(size_m)), "ply", "m", &uploaded);
     EXPECT_TRUE(status.ok()) << status;
     v1::SceneSpec spec;
     spec.set_part_digest(uploaded.part_digest());
     spec.mutable_targets()->set_seed(seed);
+    return spec;
+  }
+
+  std::string MakeScene(const v1::SceneSpec& spec) {
     absl::StatusOr<v1::Job> job = CreateScene(spec);
     EXPECT_TRUE(job.ok()) << job.status();
     if (!job.ok()) return "";

@@ -34,11 +34,13 @@ class FunctionOracle : public GainOracle {
   int64_t exact_evaluations() const { return exact_evaluations_; }
 
   absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
-                                              const TargetBits& covered) override {
+                                              std::span<const float> known) override {
     std::vector<ScanGain> gains;
+    const TargetBits covered = Settled(measurable_, known);
     for (const ScanCoverage& c : Evaluate(measurements, covers_, feasibility_)) {
-      gains.push_back({c.feasibility, static_cast<int32_t>(c.covered.CountNotIn(covered)),
-                       static_cast<int32_t>(c.covered.Count()), 0});
+      const auto fresh = static_cast<int32_t>(c.covered.CountNotIn(covered));
+      gains.push_back({c.feasibility, fresh, static_cast<int32_t>(c.covered.Count()), 0,
+                       static_cast<double>(fresh)});
     }
     evaluations_ += static_cast<int64_t>(measurements.size());
     if (on_query_) on_query_();
@@ -48,7 +50,7 @@ class FunctionOracle : public GainOracle {
                                                       std::span<const float> weights) override {
     std::vector<ScanGain> gains;
     for (const ScanCoverage& c : Evaluate(measurements, covers_, feasibility_)) {
-      ScanGain gain{c.feasibility, 0, static_cast<int32_t>(c.covered.Count()), 0};
+      ScanGain gain{c.feasibility, 0, static_cast<int32_t>(c.covered.Count()), 0, 0};
       for (size_t t = 0; t < weights.size(); ++t) {
         if (c.covered.Test(t)) gain.weighted_gain += static_cast<double>(weights[t]);
       }

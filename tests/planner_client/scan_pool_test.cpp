@@ -2,16 +2,12 @@
 
 #include <gtest/gtest.h>
 
+#include <numeric>
+
 #include "planner_client/strategy/cover_bits.h"
 
 namespace sightline {
 namespace {
-
-TargetBits Bits(size_t size, std::initializer_list<size_t> set) {
-  TargetBits bits(size);
-  for (size_t i : set) bits.Set(i);
-  return bits;
-}
 
 TargetBits RandomBits(size_t size, double density, Random& random) {
   TargetBits bits(size);
@@ -35,12 +31,59 @@ TEST(CoverBitsTest, CountsAgreeWithSingleBits) {
   }
 }
 
-TEST(ScanPoolTest, UniqueTargetsAreCoveredByOneScanOnly) {
-  const std::vector<TargetBits> pool = {Bits(6, {0, 1, 2}), Bits(6, {2, 3}), Bits(6, {3, 4})};
-  const auto unique = UniqueTargets(pool, {0, 1, 2}, 6);
-  EXPECT_EQ(unique[0], Bits(6, {0, 1}));
-  EXPECT_EQ(unique[1], Bits(6, {}));
-  EXPECT_EQ(unique[2], Bits(6, {4}));
+ScanPool PoolOf(const std::vector<TargetBits>& sets, size_t targets) {
+  std::vector<uint32_t> all(targets);
+  std::iota(all.begin(), all.end(), 0u);
+  ScanPool pool({{1.0, {1.0f}}}, all);
+  for (const TargetBits& set : sets) pool.Add(FullShares(set));
+  return pool;
+}
+
+TEST(ScanPoolTest, WorthCountsTargetsWhoseSharesAddUpToOne) {
+  // Steps at a half and at the whole, the latter worth three.
+  ScanPool pool({{1.0, {0.5f}}, {3.0, {1.0f}}}, {0, 1, 3});
+  pool.Add({{0, 1, 2}, {1.0f, 0.5f, 1.0f}});
+  pool.Add({{1, 3}, {0.5f, 0.25f}});
+  pool.Add({{3}, {0.999f}});
+  EXPECT_DOUBLE_EQ(pool.Worth({}), 0);
+  EXPECT_DOUBLE_EQ(pool.Worth({0}), 4 + 1);     // target 2 is not looked at
+  EXPECT_DOUBLE_EQ(pool.Worth({1}), 1);         // half of target 1
+  EXPECT_DOUBLE_EQ(pool.Worth({0, 1}), 4 + 4);  // two halves of target 1
+  EXPECT_DOUBLE_EQ(pool.Worth({2}), 1);         // nearly all of target 3 is not all
+  EXPECT_DOUBLE_EQ(pool.Worth({0, 1, 2}), 12);
+  EXPECT_DOUBLE_EQ(pool.MostWorth(), 12);
+  pool.Empty(0);
+  EXPECT_DOUBLE_EQ(pool.Worth({0}), 0);
+  pool.Keep({1, 2});
+  EXPECT_DOUBLE_EQ(pool.Worth({0, 1}), 1 + 4);
+}
+
+TEST(ScanPoolTest, WorthAgreesWithSharesUpToTheirRounding) {
+  Random random(5);
+  const size_t targets = 1000;
+  std::vector<uint32_t> all(targets);
+  std::iota(all.begin(), all.end(), 0u);
+  const std::vector<ShareStep> steps = {{1.0, {1.0f}}, {0.5, {0.5f}}};
+  ScanPool pool(steps, all);
+  TargetBits judged(targets);
+  for (size_t t = 0; t < targets; ++t) judged.Set(t);
+  std::vector<float> known(targets, 0);
+  double gains = 0;
+  PoolPlan plan;
+  for (int scan = 0; scan < 6; ++scan) {
+    TargetShares shares;
+    for (size_t t = 0; t < targets; ++t) {
+      if (random.Uniform() < 0.5) continue;
+      shares.targets.push_back(static_cast<uint32_t>(t));
+      shares.share.push_back(static_cast<float>(0.05 + random.Uniform()));
+    }
+    plan.push_back(pool.Add(shares));
+    gains += StepGain(steps, judged, known, shares);
+    AddShares(shares, known);
+    EXPECT_NEAR(gains, StepWorth(steps, judged, known), 1e-6);
+  }
+  // A share is rounded to 1/127, so that few sums of six near a step are counted otherwise.
+  EXPECT_NEAR(pool.Worth(plan), StepWorth(steps, judged, known), 0.02 * targets);
 }
 
 // Two rows of k blocks cover everything; greedy is led astray by sets that take most of both rows
@@ -69,36 +112,36 @@ std::vector<TargetBits> ClassicTrap(int blocks, size_t* targets) {
 
 TEST(ScanPoolTest, LocalSearchReachesTheOptimumWhereGreedyFails) {
   size_t targets = 0;
-  const std::vector<TargetBits> pool = ClassicTrap(6, &targets);
-  const auto all = static_cast<int64_t>(targets);
+  const std::vector<TargetBits> sets = ClassicTrap(6, &targets);
+  const ScanPool pool = PoolOf(sets, targets);
+  const auto all = static_cast<double>(targets);
   PoolPlan greedy;
-  CompleteGreedily(pool, greedy, 100, all, targets);
+  pool.CompleteGreedily(greedy, 100, all);
   EXPECT_EQ(greedy.size(), 6u);
 
   PoolPlan two;
-  CompleteGreedily(pool, two, 2, all, targets);
-  EXPECT_LT(CoveredBy(pool, two, targets).Count(), all);
+  pool.CompleteGreedily(two, 2, all);
+  EXPECT_LT(pool.Worth(two), all);
   Random random(1);
-  const PoolPlan best =
-      ImproveCoverage(pool, two, 0, all, 50, targets, random, [] { return false; });
+  const PoolPlan best = pool.Improve(two, 0, all, 50, random, [] { return false; });
   EXPECT_EQ(best.size(), 2u);
-  EXPECT_EQ(CoveredBy(pool, best, targets).Count(), all);
+  EXPECT_EQ(pool.Worth(best), all);
 }
 
 TEST(ScanPoolTest, ImprovementKeepsSizeAndFixedScansAndNeverLoses) {
   Random random(3);
   const size_t targets = 300;
-  std::vector<TargetBits> pool;
-  for (int i = 0; i < 120; ++i) pool.push_back(RandomBits(targets, 0.15, random));
+  std::vector<TargetBits> sets;
+  for (int i = 0; i < 120; ++i) sets.push_back(RandomBits(targets, 0.15, random));
+  const ScanPool pool = PoolOf(sets, targets);
   PoolPlan plan = {5, 9};
-  CompleteGreedily(pool, plan, 7, 300, targets);
+  pool.CompleteGreedily(plan, 7, 300);
   ASSERT_EQ(plan.size(), 7u);
-  const PoolPlan better =
-      ImproveCoverage(pool, plan, 2, 300, 100, targets, random, [] { return false; });
+  const PoolPlan better = pool.Improve(plan, 2, 300, 100, random, [] { return false; });
   ASSERT_EQ(better.size(), 7u);
   EXPECT_EQ(better[0], 5u);
   EXPECT_EQ(better[1], 9u);
-  EXPECT_GT(CoveredBy(pool, better, targets).Count(), CoveredBy(pool, plan, targets).Count());
+  EXPECT_GT(pool.Worth(better), pool.Worth(plan));
 }
 
 }  // namespace

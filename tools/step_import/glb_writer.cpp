@@ -32,7 +32,7 @@ int AddView(tinygltf::Model& model, std::size_t offset, int target) {
   return static_cast<int>(model.bufferViews.size() - 1);
 }
 
-int AddPositions(tinygltf::Model& model, const TriangleMesh& mesh) {
+int AddPositions(tinygltf::Model& model, const ShapeMesh& mesh) {
   tinygltf::Accessor accessor;
   accessor.minValues.assign(3, std::numeric_limits<double>::max());
   accessor.maxValues.assign(3, std::numeric_limits<double>::lowest());
@@ -55,7 +55,7 @@ int AddPositions(tinygltf::Model& model, const TriangleMesh& mesh) {
 }
 
 // Triangles of one material.
-int AddIndices(tinygltf::Model& model, const TriangleMesh& mesh, std::size_t material) {
+int AddIndices(tinygltf::Model& model, const ShapeMesh& mesh, std::size_t material) {
   // 65535 is the primitive restart value of 16-bit indices and may not be used as an index.
   const bool narrow = mesh.positions_mm.size() <= 65535;
   std::vector<unsigned char>& bytes = model.buffers[0].data;
@@ -84,7 +84,7 @@ int AddIndices(tinygltf::Model& model, const TriangleMesh& mesh, std::size_t mat
 
 }  // namespace
 
-void WriteGlb(const std::vector<TriangleMesh>& meshes, const GlbDescription& description,
+void WriteGlb(const std::vector<ShapeMesh>& meshes, const GlbDescription& description,
               const std::filesystem::path& file) {
   tinygltf::Model model;
   model.asset.version = "2.0";
@@ -102,7 +102,7 @@ void WriteGlb(const std::vector<TriangleMesh>& meshes, const GlbDescription& des
   }
   model.buffers.resize(1);
   tinygltf::Scene scene;
-  for (const TriangleMesh& mesh : meshes) {
+  for (const ShapeMesh& mesh : meshes) {
     if (mesh.triangles.empty()) throw std::invalid_argument(mesh.name + ": no triangles to write");
     for (const auto& triangle : mesh.triangles) {
       for (const std::uint32_t index : triangle) {

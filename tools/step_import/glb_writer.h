@@ -21,7 +21,7 @@ struct GlbDescription {
 // METRES, axes as modelled, no transforms, no normals (flat facets are the truth about them).
 // Throws std::invalid_argument if there is no triangle or an index points nowhere, and
 // std::runtime_error if the file cannot be written.
-void WriteGlb(const std::vector<TriangleMesh>& meshes, const GlbDescription& description,
+void WriteGlb(const std::vector<ShapeMesh>& meshes, const GlbDescription& description,
               const std::filesystem::path& file);
 
 }  // namespace sightline

@@ -1,4 +1,5 @@
-// sightline_step_import: STEP to GLB, one node per solid, metres, coordinates as modelled.
+// sightline_step_import: STEP to GLB, one node per solid, metres, coordinates as modelled; and the
+// file's tolerances with the faces they bind, as JSON (proto/sightline/v1/tolerance.proto).
 // Exit codes: 0 done; 1 failed while running; 2 the input is wrong.
 
 #include <CLI/CLI.hpp>
@@ -9,10 +10,14 @@
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <set>
+#include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/json/strict_json.h"
+#include "core/tolerance/tolerance_proto.h"
 #include "tools/step_import/glb_writer.h"
 #include "tools/step_import/shape_mesh.h"
 #include "tools/step_import/step_reader.h"
@@ -26,21 +31,32 @@ constexpr int kInputWrong = 2;
 struct Arguments {
   std::filesystem::path in;
   std::filesystem::path out;
+  std::filesystem::path tolerances;  // "-": standard output
   MeshingOptions meshing;
+
+  // Where to say what was meshed: never between lines of JSON.
+  FILE* log() const { return tolerances == "-" ? stderr : stdout; }
 };
 
-TriangleMesh MeshBody(const StepBody& body, const MeshingOptions& meshing) {
-  TriangleMesh mesh = MeshShape(body.shape, meshing);
+struct BodyMesh {
+  ShapeMesh mesh;
+  bool turned = false;  // the file has it inside out
+};
+
+BodyMesh MeshBody(const StepBody& body, const MeshingOptions& meshing, FILE* log) {
+  ShapeMesh mesh = MeshShape(body.shape, meshing);
   mesh.name = body.name;
   MeshHealth health = CheckMesh(mesh);
+  bool turned = false;
   if (health.watertight() && health.volume_mm3 < 0.0) {
     std::fprintf(stderr, "%s: inside out in the file; turned\n", mesh.name.c_str());
     for (auto& triangle : mesh.triangles) std::swap(triangle[1], triangle[2]);
+    turned = true;
     health = CheckMesh(mesh);
   }
-  std::printf("%s: %zu triangles, %.6f m2, %.3f cm3, %s\n", mesh.name.c_str(),
-              mesh.triangles.size(), health.area_mm2 * 1e-6, health.volume_mm3 * 1e-3,
-              health.watertight() ? "watertight" : "NOT watertight");
+  std::fprintf(log, "%s: %zu triangles, %.6f m2, %.3f cm3, %s\n", mesh.name.c_str(),
+               mesh.triangles.size(), health.area_mm2 * 1e-6, health.volume_mm3 * 1e-3,
+               health.watertight() ? "watertight" : "NOT watertight");
   if (!health.watertight() || health.degenerate_triangles > 0) {
     std::fprintf(stderr,
                  "%s: %zu open, %zu non-manifold, %zu inconsistently oriented edges, %zu "
@@ -48,17 +64,76 @@ TriangleMesh MeshBody(const StepBody& body, const MeshingOptions& meshing) {
                  mesh.name.c_str(), health.boundary_edges, health.non_manifold_edges,
                  health.misoriented_edges, health.degenerate_triangles);
   }
-  return mesh;
+  return {std::move(mesh), turned};
+}
+
+void RequireFolder(const char* option, const std::filesystem::path& file) {
+  const std::filesystem::path folder = file.parent_path();
+  if (!folder.empty() && !std::filesystem::is_directory(folder)) {
+    throw StepInputError(option + (" " + file.string()) + ": no such folder");
+  }
+}
+
+// Faces of all bodies, as meshed. Those that no tolerance and no datum names are left out where all
+// of them would make the file unwieldy.
+std::vector<FaceTriangles> FacesToWrite(const StepModel& model, const std::vector<bool>& turned,
+                                        ToleranceReport& report) {
+  constexpr std::size_t kManyTriangles = 500'000;
+  std::vector<FaceTriangles> faces;
+  std::size_t triangles = 0;
+  for (std::size_t b = 0; b < model.bodies.size(); ++b) {
+    for (FaceTriangles& face : TriangulatedFaces(model.bodies[b].shape, turned[b])) {
+      face.face = static_cast<int>(faces.size() + 1);
+      triangles += face.triangles.size();
+      faces.push_back(std::move(face));
+    }
+  }
+  if (triangles <= kManyTriangles) return faces;
+  std::set<int> named;
+  for (const auto* list : {&report.read, &report.untoleranced}) {
+    for (const Tolerance& tolerance : *list) {
+      named.insert(tolerance.faces.begin(), tolerance.faces.end());
+    }
+  }
+  for (const Datum& datum : report.datums) named.insert(datum.faces.begin(), datum.faces.end());
+  std::erase_if(faces, [&](const FaceTriangles& face) { return !named.contains(face.face); });
+  report.notes.push_back("the part has " + std::to_string(triangles) +
+                         " triangles; only faces with a tolerance, dimension or datum are given");
+  return faces;
+}
+
+void WriteTolerances(const StepModel& model, const std::vector<bool>& turned,
+                     const Arguments& arguments) {
+  ToleranceReport report = *model.tolerances;
+  const std::vector<FaceTriangles> faces = FacesToWrite(model, turned, report);
+  const std::string json = ToJson(ToleranceReportToProto(report, faces)) + "\n";
+  if (arguments.tolerances == "-") {
+    if (std::fwrite(json.data(), 1, json.size(), stdout) != json.size() ||
+        std::fflush(stdout) != 0) {
+      throw std::runtime_error("standard output cannot be written");
+    }
+    return;
+  }
+  const absl::Status status = WriteFileAtomically(arguments.tolerances.string(), json);
+  if (!status.ok()) throw std::runtime_error(std::string(status.message()));
 }
 
 void Import(const Arguments& arguments) {
-  const std::filesystem::path folder = arguments.out.parent_path();
-  if (!folder.empty() && !std::filesystem::is_directory(folder)) {
-    throw StepInputError("--out " + arguments.out.string() + ": no such folder");
+  if (arguments.out.empty() && arguments.tolerances.empty()) {
+    throw StepInputError("nothing to do: give --out, --tolerances or both");
   }
-  const StepModel model = ReadStep(arguments.in);
-  std::vector<TriangleMesh> meshes;
-  for (const StepBody& body : model.bodies) meshes.push_back(MeshBody(body, arguments.meshing));
+  RequireFolder("--out", arguments.out);
+  RequireFolder("--tolerances", arguments.tolerances);
+  const StepModel model = ReadStep(arguments.in, !arguments.tolerances.empty());
+  std::vector<ShapeMesh> meshes;
+  std::vector<bool> turned;
+  for (const StepBody& body : model.bodies) {
+    BodyMesh meshed = MeshBody(body, arguments.meshing, arguments.log());
+    meshes.push_back(std::move(meshed.mesh));
+    turned.push_back(meshed.turned);
+  }
+  if (!arguments.tolerances.empty()) WriteTolerances(model, turned, arguments);
+  if (arguments.out.empty()) return;
   GlbDescription description;
   description.generator = "sightline_step_import";
   description.extras["source_file"] = arguments.in.filename().string();
@@ -73,9 +148,13 @@ void Import(const Arguments& arguments) {
 
 int main(int argc, char** argv) {
   sightline::Arguments arguments;
-  CLI::App app("Meshes the solids of a STEP file and writes them as GLB, in metres.");
+  CLI::App app(
+      "Meshes the solids of a STEP file and writes them as GLB, in metres; reads its tolerances.");
   app.add_option("IN", arguments.in, "STEP file (AP203, AP214, AP242)")->required();
-  app.add_option("--out", arguments.out, "GLB file to write")->required();
+  app.add_option("--out", arguments.out, "GLB file to write");
+  app.add_option("--tolerances", arguments.tolerances,
+                 "JSON file to write: the file's tolerances, what could not be read of them, and "
+                 "the triangles of its faces; -: standard output");
   app.add_option("--chord-tolerance-mm", arguments.meshing.chord_tolerance_mm,
                  "largest distance between triangles and surface")
       ->check(CLI::Range(1e-4, 1e3))

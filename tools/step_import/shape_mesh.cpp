@@ -90,7 +90,7 @@ class Welder {
     }
   }
 
-  TriangleMesh Take() { return std::move(mesh_); }
+  ShapeMesh Take() { return std::move(mesh_); }
 
  private:
   std::uint32_t AddPoint(const Point& p) {
@@ -139,16 +139,16 @@ class Welder {
   TopTools_IndexedMapOfShape vertices_, edges_;
   std::vector<std::uint32_t> vertex_ids_;
   std::vector<std::vector<std::uint32_t>> edge_ids_;
-  TriangleMesh mesh_;
+  ShapeMesh mesh_;
 };
 
-double EdgeLength(const TriangleMesh& mesh, const Triangle& t, int k) {
+double EdgeLength(const ShapeMesh& mesh, const Triangle& t, int k) {
   const Point& p = mesh.positions_mm[t[k]];
   const Point& q = mesh.positions_mm[t[(k + 1) % 3]];
   return std::hypot(p[0] - q[0], p[1] - q[1], p[2] - q[2]);
 }
 
-bool FlatAsFloat(const TriangleMesh& mesh, const Triangle& t) {
+bool FlatAsFloat(const ShapeMesh& mesh, const Triangle& t) {
   std::array<Point, 3> p;
   for (int k = 0; k < 3; ++k) {
     const std::array<float, 3> f = FloatMetres(mesh.positions_mm[t[k]]);
@@ -159,7 +159,7 @@ bool FlatAsFloat(const TriangleMesh& mesh, const Triangle& t) {
 
 // Gives the long edge of a triangle without area to its middle vertex: the triangle and its
 // neighbour across that edge become two triangles with area. The surface stays the same.
-void FlipFlatTriangles(TriangleMesh& mesh) {
+void FlipFlatTriangles(ShapeMesh& mesh) {
   std::vector<std::size_t> flat;
   for (std::size_t i = 0; i < mesh.triangles.size(); ++i) {
     if (FlatAsFloat(mesh, mesh.triangles[i])) flat.push_back(i);
@@ -204,7 +204,7 @@ void FlipFlatTriangles(TriangleMesh& mesh) {
 
 }  // namespace
 
-TriangleMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options) {
+ShapeMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options) {
   if (!(options.chord_tolerance_mm > 0.0)) {
     throw std::invalid_argument("chord_tolerance_mm must be > 0");
   }
@@ -222,12 +222,40 @@ TriangleMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options)
   for (TopExp_Explorer it(shape, TopAbs_FACE); it.More(); it.Next()) {
     welder.AddFace(TopoDS::Face(it.Current()));
   }
-  TriangleMesh mesh = welder.Take();
+  ShapeMesh mesh = welder.Take();
   FlipFlatTriangles(mesh);
   return mesh;
 }
 
-MeshHealth CheckMesh(const TriangleMesh& mesh) {
+std::vector<FaceTriangles> TriangulatedFaces(const TopoDS_Shape& shape, bool turned) {
+  std::vector<FaceTriangles> faces;
+  for (TopExp_Explorer it(shape, TopAbs_FACE); it.More(); it.Next()) {
+    const TopoDS_Face face = TopoDS::Face(it.Current());
+    TopLoc_Location location;
+    const Handle(Poly_Triangulation) triangulation = BRep_Tool::Triangulation(face, location);
+    if (triangulation.IsNull()) throw std::runtime_error("a face of the model is not meshed");
+    FaceTriangles out;
+    for (int i = 1; i <= triangulation->NbNodes(); ++i) {
+      const gp_Pnt p = triangulation->Node(i).Transformed(location.Transformation());
+      // Finer digits would say nothing about a surface known to a chord of 0.05 mm.
+      const auto metres = [](double mm) { return std::round(mm * 1e6) / 1e9; };
+      out.positions_m.emplace_back(metres(p.X()), metres(p.Y()), metres(p.Z()));
+    }
+    const bool reversed = face.Orientation() == TopAbs_REVERSED;
+    const bool mirrored = location.Transformation().VectorialPart().Determinant() < 0.0;
+    for (int i = 1; i <= triangulation->NbTriangles(); ++i) {
+      int a = 0, b = 0, c = 0;
+      triangulation->Triangle(i).Get(a, b, c);
+      if ((reversed != mirrored) != turned) std::swap(b, c);
+      out.triangles.push_back({static_cast<std::uint32_t>(a - 1), static_cast<std::uint32_t>(b - 1),
+                               static_cast<std::uint32_t>(c - 1)});
+    }
+    faces.push_back(std::move(out));
+  }
+  return faces;
+}
+
+MeshHealth CheckMesh(const ShapeMesh& mesh) {
   MeshHealth health;
   // Per undirected edge: uses along the order of its key and against it.
   std::unordered_map<std::uint64_t, std::pair<int, int>> uses;

@@ -6,13 +6,16 @@
 #include <string>
 #include <vector>
 
+#include "core/tolerance/face_surface.h"
+
 class TopoDS_Shape;
 
 namespace sightline {
 
-// Indexed triangles in the coordinates of the model they came from. Counter-clockwise seen from
+// Indexed triangles in the coordinates of the model they came from (core/part has TriangleMesh, in
+// metres). Counter-clockwise seen from
 // outside the material, also on the walls of closed cavities: the normal points out of the metal.
-struct TriangleMesh {
+struct ShapeMesh {
   std::string name;
   std::vector<std::array<double, 3>> positions_mm;
   std::vector<std::array<std::uint32_t, 3>> triangles;
@@ -49,9 +52,14 @@ struct MeshHealth {
 // its tolerances. Triangles that collapse to a line are flipped away or dropped. Serial: same
 // shape, same bytes. Coordinates are those of the shape, taken to be millimetres. Throws
 // std::invalid_argument on options out of range, std::runtime_error if a face cannot be meshed.
-TriangleMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options);
+ShapeMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options);
+
+// Faces of a shape that MeshShape has meshed, in the order in which it takes them, as they are: not
+// welded, each with vertices of its own in metres, rounded to a nanometre. `turned`: the other way
+// round. Numbers of the faces are left 0. Throws std::runtime_error if a face has no triangulation.
+std::vector<FaceTriangles> TriangulatedFaces(const TopoDS_Shape& shape, bool turned);
 
 // Indices must be in range.
-MeshHealth CheckMesh(const TriangleMesh& mesh);
+MeshHealth CheckMesh(const ShapeMesh& mesh);
 
 }  // namespace sightline

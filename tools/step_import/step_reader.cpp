@@ -30,6 +30,8 @@
 #include <set>
 #include <string_view>
 
+#include "tools/step_import/tolerances/step_tolerances.h"
+
 namespace sightline {
 namespace {
 
@@ -182,13 +184,14 @@ void RequireIntactGeometry(const std::filesystem::path& file,
 
 }  // namespace
 
-StepModel ReadStep(const std::filesystem::path& file) {
+StepModel ReadStep(const std::filesystem::path& file, bool with_tolerances) {
   RequireExchangeStructure(file);
   STEPCAFControl_Reader reader;
   reader.SetNameMode(true);
   reader.SetColorMode(false);
   reader.SetLayerMode(false);
   reader.SetPropsMode(false);
+  reader.SetGDTMode(with_tolerances);
   if (reader.ReadFile(file.c_str()) != IFSelect_RetDone) {
     throw StepInputError(file.string() + ": not a STEP file that can be parsed");
   }
@@ -206,6 +209,11 @@ StepModel ReadStep(const std::filesystem::path& file) {
   XCAFDoc_DocumentTool::ShapeTool(document->Main())->GetFreeShapes(roots);
   for (const TDF_Label& root : roots) AppendBodies(root, TopLoc_Location(), "body", model.bodies);
   if (model.bodies.empty()) throw StepInputError(file.string() + ": no solids and no faces in it");
+  if (with_tolerances) {
+    std::vector<TopoDS_Shape> bodies;
+    for (const StepBody& body : model.bodies) bodies.push_back(body.shape);
+    model.tolerances = ReadStepTolerances(file, reader, document, bodies);
+  }
   return model;
 }
 

@@ -2,17 +2,14 @@
 
 #include <TopoDS_Shape.hxx>
 #include <filesystem>
-#include <stdexcept>
+#include <optional>
 #include <string>
 #include <vector>
 
-namespace sightline {
+#include "core/tolerance/tolerance.h"
+#include "tools/step_import/step_input_error.h"
 
-// The file itself is wrong; the message names it and says why.
-class StepInputError : public std::runtime_error {
- public:
-  using std::runtime_error::runtime_error;
-};
+namespace sightline {
 
 struct StepBody {
   std::string name;    // of the STEP product; "body" if it has none
@@ -22,6 +19,8 @@ struct StepBody {
 struct StepModel {
   std::vector<StepBody> bodies;  // never empty, each with at least one face
   std::string length_unit;       // as the file names it, e.g. "millimetre" or "INCH"
+  // If asked for. Faces are counted from 1 through the bodies, in TopExp_Explorer's order in each.
+  std::optional<ToleranceReport> tolerances;
 };
 
 // Reads a STEP file (ISO 10303-21: AP203, AP214, AP242). One body per solid; faces outside any
@@ -30,6 +29,6 @@ struct StepModel {
 // Throws StepInputError if the file is missing, is not STEP, is cut off, cannot be parsed, has
 // damaged geometry or holds no faces. OpenCASCADE's own Standard_Failure may escape when it fails
 // inside.
-StepModel ReadStep(const std::filesystem::path& file);
+StepModel ReadStep(const std::filesystem::path& file, bool with_tolerances = false);
 
 }  // namespace sightline

@@ -40,8 +40,38 @@ export function readViewerData(json) {
     },
     rig: raw.rig,
     scans: raw.scans.map((scan) => ({...scan, covered: bytes(scan.covered)})),
-    regions: raw.regions.map((region) => ({...region, targets: new Set(array(Uint32Array, region.targets))})),
+    regions: raw.regions.map(withTargets),
+    uncertainty: raw.uncertainty ? readUncertainty(raw.uncertainty) : null,
   };
+}
+
+const withTargets = (region) => (region && {...region, targets: new Set(array(Uint32Array, region.targets))});
+
+function readUncertainty(raw) {
+  // Steps of equal ratio; 0 stays 0.
+  const ratio = Math.log(raw.highest_m / raw.lowest_m) / 65534;
+  const lengths = (text) => Float64Array.from(array(Uint16Array, text),
+      (code) => (code === 0 ? 0 : raw.lowest_m * Math.exp(ratio * (code - 1))));
+  return {
+    total: lengths(raw.total),
+    noise: lengths(raw.noise),
+    sampling: lengths(raw.sampling),
+    calibration: lengths(raw.calibration),
+    admissible: lengths(raw.admissible),
+    relaxed: raw.relaxed_m,
+    classes: bytes(raw.classes),
+    sensitivities: raw.sensitivities.map((map) => map && {
+      detection: lengths(map.detection),
+      calibration: map.calibration ? lengths(map.calibration) : null,
+    }),
+    features: raw.features.map(withTargets),
+  };
+}
+
+/** The largest of noise, sampling, calibration per target: 0, 1, 2. */
+export function dominatingParts({noise, sampling, calibration}) {
+  return Uint8Array.from(noise, (n, i) =>
+    (calibration[i] > Math.max(n, sampling[i]) ? 2 : sampling[i] > n ? 1 : 0));
 }
 
 /** Number of the first scan (1, 2, ...) that measures each target; 0: none. */

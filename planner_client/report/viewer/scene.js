@@ -3,7 +3,7 @@ import {
   Box3, Box3Helper, BoxGeometry, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DataTexture, DoubleSide,
   EdgesGeometry, FloatType, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh,
   MeshBasicMaterial, MeshLambertMaterial, HemisphereLight, DirectionalLight, NearestFilter,
-  PerspectiveCamera, Points, RedFormat, Scene, ShaderMaterial, Vector3, WebGLRenderer,
+  PerspectiveCamera, Points, Raycaster, RedFormat, Scene, ShaderMaterial, Vector2, Vector3, WebGLRenderer,
 } from 'three';
 import {OrbitControls} from 'three/examples/jsm/controls/OrbitControls.js';
 
@@ -180,9 +180,26 @@ export class PartScene {
     this.box = new Box3Helper(new Box3(), 0xe2572b);
     this.box.visible = false;
     this.scene.add(this.rig, this.box);
+    this.reportClicks();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
     this.view('part');
+  }
+
+  /** Tells onPick the target under a click, null beside the part; drags do not count. */
+  reportClicks() {
+    let down = null;
+    this.canvas.addEventListener('pointerdown', (event) => {
+      down = [event.clientX, event.clientY];
+    });
+    this.canvas.addEventListener('click', (event) => {
+      if (!this.onPick || !down || Math.hypot(event.clientX - down[0], event.clientY - down[1]) > 4) return;
+      const {left, top, width, height} = this.canvas.getBoundingClientRect();
+      const ray = new Raycaster();
+      ray.setFromCamera(new Vector2(2 * (event.clientX - left) / width - 1, 1 - 2 * (event.clientY - top) / height), this.camera);
+      const [hit] = ray.intersectObject(this.part, false);
+      this.onPick(hit ? this.data.mesh.nearestTarget[hit.face.a] : null);
+    });
   }
 
   addPart() {

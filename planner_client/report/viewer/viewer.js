@@ -1,7 +1,8 @@
 // The report page: controls of the 3-D view, tables that steer it, pictures that enlarge.
 import {Color, Vector3} from 'three';
-import {firstScans, hasBit, readViewerData} from './data.js';
+import {dominatingParts, firstScans, hasBit, readViewerData} from './data.js';
 import {COVERED, LATER, NEVER, NEW, PartScene, UNMEASURABLE} from './scene.js';
+import {CLASS_STATES, lengthText, LogScale, PART_STATES, SCALE_STATES} from './uncertainty.js';
 
 const $ = (selector) => document.querySelector(selector);
 const all = (selector) => [...document.querySelectorAll(selector)];
@@ -32,6 +33,9 @@ const STATES = [
   [UNMEASURABLE, '--unmeasurable', 'not measurable'],
 ];
 
+// States of targets by what is coloured; all others colour by what is measured.
+const STATES_OF = {class: CLASS_STATES, dominant: PART_STATES, u: SCALE_STATES, sensitivity: SCALE_STATES};
+
 // Well apart for neighbours in number: the hue turns by the golden angle.
 const scanColour = (number) => new Color().setStyle(
     `hsl(${Math.round(190 + 137.508 * (number - 1)) % 360}, 52%, ${number % 2 ? 54 : 64}%)`, '');
@@ -46,6 +50,7 @@ class Viewer {
     this.scan = this.count;
     this.colour = 'state';
     this.connect();
+    if (data.uncertainty) this.connectUncertainty();
     this.applyPalette();
     this.selectScan(this.count);
     scene.onViewChange = (aspect) => {
@@ -91,7 +96,8 @@ class Viewer {
     });
     for (const radio of all('input[name=colour]')) {
       radio.addEventListener('change', () => {
-        this.colour = radio.value;
+        this.clearRegion();
+        this.setColour(radio.value);
         this.recolour();
       });
     }
@@ -110,6 +116,21 @@ class Viewer {
         this.reveal();
       });
     }
+    for (const row of all('tr[data-feature]')) {
+      row.addEventListener('click', () => {
+        this.focusFeature(Number(row.dataset.feature));
+        this.reveal();
+      });
+    }
+    // What can be clicked can be reached and pressed by keys.
+    for (const row of all('tr.selectable, circle[data-scan]')) {
+      row.tabIndex = 0;
+      row.addEventListener('keydown', (event) => {
+        if (event.key !== 'Enter' && event.key !== ' ') return;
+        event.preventDefault();
+        row.dispatchEvent(new MouseEvent('click', {bubbles: true}));
+      });
+    }
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => {
       this.applyPalette();
       this.recolour();
@@ -120,8 +141,52 @@ class Viewer {
     $('#view').scrollIntoView({behavior: 'smooth', block: 'start'});
   }
 
+  /** Controls of plans for uncertainty; starts with what such a plan is about. */
+  connectUncertainty() {
+    const {uncertainty} = this.data;
+    $('#uncertainty-colours').hidden = false;
+    $('#sensitivity-colours').hidden = !uncertainty.sensitivities.some((map) => map);
+    this.parts = dominatingParts(uncertainty);
+    // One scale for the total and its parts, so that they can be compared. What no scan measures
+    // keeps its prior, far beyond the rest: it has the colour of the upper end.
+    const measured = (values, least) => [...values].filter((v, i) => this.first[i] > 0 && v > least * uncertainty.total[i]);
+    this.scale = new LogScale(['total', 'noise', 'sampling', 'calibration'].flatMap((part) => measured(uncertainty[part], 0.05)));
+    const maps = uncertainty.sensitivities.filter((map) => map);
+    this.sensitivityScale = new LogScale(maps.flatMap((map) => [...map.detection, ...(map.calibration ?? [])]));
+    if (!maps.some((map) => map.calibration)) $('#s-part').querySelector('[value=calibration]').remove();
+    for (const [select, value] of [['#u-part', 'u'], ['#s-part', 'sensitivity']]) {
+      $(select).addEventListener('change', () => {
+        this.clearRegion();
+        this.setColour(value);
+        this.recolour();
+      });
+    }
+    this.scene.onPick = (target) => {
+      $('#point-read').textContent = target === null ? '' : this.describe(target);
+    };
+    this.setColour('class');
+  }
+
+  /** What is known of a target, in words. */
+  describe(i) {
+    const u = this.data.uncertainty;
+    if (u.classes[i] === 4) return 'not measurable';
+    const admissible = u.admissible[i] > 0 ? `, admissible ${lengthText(u.admissible[i])}` : '';
+    return `u ${lengthText(u.total[i])}${admissible}: noise ${lengthText(u.noise[i])}, sampling ${lengthText(u.sampling[i])}, calibration ${lengthText(u.calibration[i])}`;
+  }
+
+  setColour(colour) {
+    this.colour = colour;
+    $(`input[name=colour][value=${colour}]`).checked = true;
+    this.shown = STATES.map(() => true);
+    this.applyPalette();
+  }
+
   applyPalette() {
-    this.scene.setPalette(STATES.map(([, name]) => css(name)), css('--edge'), css('--edge-ghost'));
+    const states = STATES_OF[this.colour] ?? STATES;
+    const names = Array(STATES.length).fill('--unmeasurable');
+    for (const [state, name] of states) names[state] = name ?? '--later';
+    this.scene.setPalette(names.map(css), css('--edge'), css('--edge-ghost'));
   }
 
   /** Scans 1 to `number` are done; the scanner of `number` is drawn. */
@@ -138,6 +203,93 @@ class Viewer {
 
   /** What is drawn per target, and the numbers beside it. */
   recolour() {
+    if (STATES_OF[this.colour]) this.recolourUncertainty();
+    else this.recolourCoverage();
+  }
+
+  recolourUncertainty() {
+    const {uncertainty, targets: {measurable}} = this.data;
+    const map = this.scan > 0 ? uncertainty.sensitivities[this.scan - 1] : null;
+    const values = this.colour === 'u' ? uncertainty[$('#u-part').value] :
+      this.colour === 'sensitivity' ? map?.[$('#s-part').value] : null;
+    const counts = STATES.map(() => 0);
+    const states = Uint8Array.from(uncertainty.classes, (kind, i) => {
+      let state = UNMEASURABLE;
+      if (hasBit(measurable, i)) {
+        if (this.colour === 'class') state = kind;
+        else if (this.colour === 'dominant') state = this.first[i] === 0 ? 3 : this.parts[i];
+        else if (this.colour === 'u') state = 0;
+        else state = values?.[i] > 0 ? 0 : 3;
+      }
+      ++counts[state];
+      return state;
+    });
+    let tints = null, scale = null;
+    if (this.colour === 'u' || this.colour === 'sensitivity') {
+      scale = this.colour === 'u' ? this.scale : this.sensitivityScale;
+      tints = Array.from(states, (state, i) => (state === 0 ? scale.colour(values[i]) : this.scene.palette[state]));
+    }
+    this.showUncertaintyLegend(counts, scale);
+    this.scene.setShown(this.shown);
+    let drawn = states;
+    if (this.region) {
+      // Targets beside the feature take a state that is hidden and that the feature does not have.
+      const inside = new Set([...this.region.targets].map((i) => states[i]));
+      const outside = [4, 3, 2, 1, 0].find((state) => !inside.has(state)) ?? UNMEASURABLE;
+      this.scene.setShown(STATES.map((_, state) => state !== outside));
+      drawn = states.map((state, i) => (this.region.targets.has(i) ? state : outside));
+    }
+    this.scene.setStates(drawn, tints);
+    $('#scan-output').textContent = this.scan;
+    $('#scan-hint').textContent = this.count === 0 ? '' : this.colour !== 'sensitivity' ?
+      `Colours show what is known after all ${this.count} scans. Click on the part to read numbers.` : map ?
+      `Scan ${this.scan} alone, single points along the surface normal.` :
+      `For scan ${this.scan} nothing is known of single points.`;
+  }
+
+  showUncertaintyLegend(counts, scale) {
+    const legend = $('#legend');
+    legend.replaceChildren();
+    if (scale) {
+      const {admissible, relaxed} = this.data.uncertainty;
+      const marks = [];
+      if (this.colour === 'u') {
+        const limits = [...admissible].filter((v) => v > 0).sort((a, b) => a - b);
+        if (limits.length) marks.push([limits[limits.length >> 1], limits[0] < 0.99 * limits[limits.length - 1] ? 'median admissible' : 'admissible']);
+        if (relaxed > 0) marks.push([relaxed, 'relaxed']);
+      }
+      legend.append(scale.legend(marks));
+    }
+    for (const [state, name, text] of STATES_OF[this.colour]) {
+      if (counts[state] > 0 && !(scale && state === 0)) {
+        legend.append(this.legendEntry(state, `var(${name})`, text, counts[state]));
+      }
+    }
+  }
+
+  /** A line of the legend, whose box shows and hides the surface. */
+  legendEntry(state, colour, text, count) {
+    const label = document.createElement('label');
+    const box = document.createElement('input');
+    box.type = 'checkbox';
+    box.checked = this.shown[state];
+    box.addEventListener('change', () => {
+      this.shown[state] = box.checked;
+      this.recolour();
+    });
+    const swatch = document.createElement('span');
+    swatch.className = 'swatch';
+    swatch.style.background = colour;
+    const words = document.createElement('span');
+    words.textContent = text;
+    const number = document.createElement('span');
+    number.className = 'count';
+    number.textContent = grouped(count);
+    label.append(box, swatch, words, number);
+    return label;
+  }
+
+  recolourCoverage() {
     const {measurable} = this.data.targets;
     const alone = this.colour === 'alone';
     const states = new Uint8Array(this.first.length);
@@ -272,13 +424,31 @@ class Viewer {
     for (const row of all('tr[data-region]')) {
       row.classList.toggle('selected', Number(row.dataset.region) === index);
     }
+    for (const row of all('tr[data-feature]')) row.classList.remove('selected');
     $('#show-rig').checked = false;
-    $('input[name=colour][value=state]').checked = true;
-    this.colour = 'state';
+    this.setColour('state');
     this.shown = STATES.map(([state]) => state === NEVER);
     this.selectScan(this.count);
+    this.frameRegion(region, `unmeasured region ${index + 1}`);
+  }
+
+  /** Looks at a toleranced feature; everything else is faint. */
+  focusFeature(index) {
+    const feature = this.data.uncertainty?.features[index];
+    if (!feature) return;
+    this.region = feature;
+    for (const row of all('tr[data-region], tr[data-feature]')) {
+      row.classList.toggle('selected', Number(row.dataset.feature ?? -1) === index);
+    }
+    $('#show-rig').checked = false;
+    if (!STATES_OF[this.colour]) this.setColour('class');
+    this.selectScan(this.count);
+    this.frameRegion(feature, feature.name);
+  }
+
+  frameRegion(region, name) {
     $('#region-chip').hidden = false;
-    $('#region-name').textContent = `unmeasured region ${index + 1}`;
+    $('#region-name').textContent = name;
     const min = new Vector3(...region.min_m), max = new Vector3(...region.max_m);
     const normal = new Vector3(...region.normal);
     const direction = normal.length() > 0.4 ? normal.normalize().add(new Vector3(-0.2, -0.35, 0.3)) : undefined;
@@ -291,7 +461,7 @@ class Viewer {
     if ($('#region-chip').hidden) return;
     $('#region-chip').hidden = true;
     this.region = null;
-    for (const row of all('tr[data-region]')) row.classList.remove('selected');
+    for (const row of all('tr[data-region], tr[data-feature]')) row.classList.remove('selected');
     this.shown = STATES.map(() => true);
     this.scene.outline(null);
     this.recolour();

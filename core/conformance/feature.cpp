@@ -1,0 +1,600 @@
+#include "core/conformance/feature.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/QR>
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <numeric>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "core/random/counter_random.h"
+
+namespace sightline {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+// Directions in which tilts and displacements of an axis are looked at, over half a turn: the worst
+// of them is within 1 - cos(2.5 deg) = 0.1 % of the worst of all.
+constexpr Eigen::Index kDirections = 36;
+constexpr int kFormDraws = 2000;
+// Pairs of targets are looked at among as many targets of the largest residual variance.
+constexpr int kMostPairTargets = 512;
+// cos(0.3 rad): half the angle between facets of a coarsely triangulated cylinder.
+constexpr double kNormalAgreement = 0.955;
+
+Vector3d MeanNormal(const Feature& f, int face) {
+  Vector3d sum = Vector3d::Zero();
+  for (const FeatureTarget& t : f.targets) {
+    if (t.face == face) sum += t.normal;
+  }
+  return sum.normalized();
+}
+
+Vector3d MeanPosition(const Feature& f) {
+  Vector3d sum = Vector3d::Zero();
+  for (const FeatureTarget& t : f.targets) sum += t.position_m;
+  return sum / static_cast<double>(f.targets.size());
+}
+
+// Two unit vectors perpendicular to `axis` and each other.
+std::array<Vector3d, 2> Perpendicular(const Vector3d& axis) {
+  const Vector3d first = axis.unitOrthogonal();
+  return {first, axis.cross(first)};
+}
+
+// Largest distance of the targets from `centre` as seen along `directions`: scales slopes to
+// heights, so that all parameters are lengths.
+double HalfExtent(const Feature& f, const Vector3d& centre, std::initializer_list<Vector3d> along) {
+  double extent = 0;
+  for (const FeatureTarget& t : f.targets) {
+    for (const Vector3d& a : along)
+      extent = std::max(extent, std::abs(a.dot(t.position_m - centre)));
+  }
+  return extent;
+}
+
+double Extent(const Feature& f, const Vector3d& along) {
+  double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
+  for (const FeatureTarget& t : f.targets) {
+    const double s = along.dot(t.position_m);
+    lowest = std::min(lowest, s);
+    highest = std::max(highest, s);
+  }
+  return highest - lowest;
+}
+
+// What the fit is made of: its design matrix and the places it is described by.
+struct Model {
+  Vector3d centre;
+  std::array<Vector3d, 2> across;  // in the plane, or across the axis
+  double scale_m = 0;              // parameters of tilt are heights at this distance
+  MatrixXd design;
+};
+
+// Outward unit vector from the axis through a target.
+Vector3d Radial(const Feature& f, const FeatureTarget& t) {
+  const Vector3d d = t.position_m - f.axis_point_m;
+  return (d - f.axis * f.axis.dot(d)).normalized();
+}
+
+Model MakeModel(const Feature& f) {
+  Model m;
+  m.centre = MeanPosition(f);
+  const auto n = static_cast<Eigen::Index>(f.targets.size());
+  switch (f.geometry) {
+    case FeatureGeometry::kFreeform:
+      break;
+    case FeatureGeometry::kLine:
+      m.scale_m = HalfExtent(f, m.centre, {f.axis});
+      m.design.resize(n, 2);
+      for (Eigen::Index i = 0; i < n; ++i) {
+        m.design.row(i) << 1, f.axis.dot(f.targets[i].position_m - m.centre) / m.scale_m;
+      }
+      break;
+    case FeatureGeometry::kPlane:
+    case FeatureGeometry::kTwoPlanes: {
+      m.across = Perpendicular(MeanNormal(f, 0));
+      m.scale_m = HalfExtent(f, m.centre, {m.across[0], m.across[1]});
+      m.design = MatrixXd::Zero(n, f.geometry == FeatureGeometry::kPlane ? 3 : 6);
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const FeatureTarget& t = f.targets[i];
+        const Vector3d d = (t.position_m - m.centre) / m.scale_m;
+        m.design.row(i).segment<3>(t.face == 0 ? 0 : 3) << 1, m.across[0].dot(d),
+            m.across[1].dot(d);
+      }
+      break;
+    }
+    case FeatureGeometry::kCylinder:
+      // A displacement c of the axis and a tilt of it by the slope k raise the surface along its
+      // radial direction r by c . r + z k . r; a bore's outward normal is -r.
+      m.across = Perpendicular(f.axis);
+      m.scale_m = HalfExtent(f, m.centre, {f.axis});
+      m.design.resize(n, 5);
+      for (Eigen::Index i = 0; i < n; ++i) {
+        const FeatureTarget& t = f.targets[i];
+        const Vector3d r = Radial(f, t);
+        const double side = t.normal.dot(r) > 0 ? 1 : -1;
+        const double z = f.axis.dot(t.position_m - m.centre) / m.scale_m;
+        const double x = m.across[0].dot(r), y = m.across[1].dot(r);
+        m.design.row(i) << side, side * x, side * y, side * z * x, side * z * y;
+      }
+      break;
+  }
+  return m;
+}
+
+// Rows of the design at the targets that lie farthest along the directions.
+MatrixXd AtExtremes(const Feature& f, const Model& m, const std::vector<Vector3d>& along) {
+  MatrixXd rows(static_cast<Eigen::Index>(along.size()), m.design.cols());
+  for (size_t k = 0; k < along.size(); ++k) {
+    size_t farthest = 0;
+    for (size_t i = 1; i < f.targets.size(); ++i) {
+      if (along[k].dot(f.targets[i].position_m - f.targets[farthest].position_m) > 0) farthest = i;
+    }
+    rows.row(static_cast<Eigen::Index>(k)) = m.design.row(static_cast<Eigen::Index>(farthest));
+  }
+  return rows;
+}
+
+// Rows of the measurand over the parameters of the design; empty if the geometry has none.
+MatrixXd Functionals(const Feature& f, const Model& m, Measurand measurand) {
+  const auto direction = [](Eigen::Index k) {
+    const double angle =
+        static_cast<double>(k) * std::numbers::pi / static_cast<double>(kDirections);
+    return Vector2d(std::cos(angle), std::sin(angle));
+  };
+  MatrixXd rows;
+  switch (measurand) {
+    case Measurand::kDeviation:
+    case Measurand::kForm:
+      return rows;
+    case Measurand::kPosition:
+      // The variance of a fitted height is a convex function of the place: largest at corners.
+      if (f.geometry == FeatureGeometry::kLine) return AtExtremes(f, m, {f.axis, -f.axis});
+      if (f.geometry == FeatureGeometry::kPlane) {
+        std::vector<Vector3d> along;
+        for (Eigen::Index k = 0; k < 2 * kDirections; ++k) {
+          along.push_back(direction(k).x() * m.across[0] + direction(k).y() * m.across[1]);
+        }
+        return AtExtremes(f, m, along);
+      }
+      if (f.geometry == FeatureGeometry::kCylinder) {
+        rows.resize(2 * kDirections, 5);
+        for (Eigen::Index k = 0; k < kDirections; ++k) {
+          const Eigen::RowVector2d d = direction(k).transpose();
+          rows.row(k) << 0, d, -d;
+          rows.row(kDirections + k) << 0, d, d;
+        }
+      }
+      return rows;
+    case Measurand::kOrientation:
+      if (f.geometry == FeatureGeometry::kLine) {
+        rows = MatrixXd::Zero(1, 2);
+        rows(0, 1) = Extent(f, f.axis) / m.scale_m;
+      } else if (f.geometry == FeatureGeometry::kPlane) {
+        std::vector<Vector3d> high, low;
+        for (Eigen::Index k = 0; k < kDirections; ++k) {
+          high.push_back(direction(k).x() * m.across[0] + direction(k).y() * m.across[1]);
+          low.push_back(-high.back());
+        }
+        rows = AtExtremes(f, m, high) - AtExtremes(f, m, low);
+      } else if (f.geometry == FeatureGeometry::kCylinder) {
+        rows = MatrixXd::Zero(kDirections, 5);
+        const double extent_m = Extent(f, f.axis);
+        for (Eigen::Index k = 0; k < kDirections; ++k) {
+          rows.row(k).tail<2>() = extent_m / m.scale_m * direction(k).transpose();
+        }
+      }
+      return rows;
+    case Measurand::kSize:
+      if (f.geometry == FeatureGeometry::kCylinder) {
+        rows = MatrixXd::Zero(1, 5);
+        rows(0, 0) = 2;
+      } else if (f.geometry == FeatureGeometry::kTwoPlanes) {
+        // Along the first face's normal the second moves by its deviation times the normals'
+        // product: -1 for the two sides of a wall, whose thickness then is the sum, up to the sign.
+        rows = MatrixXd::Zero(1, 6);
+        rows(0, 0) = 1;
+        rows(0, 3) = MeanNormal(f, 0).dot(MeanNormal(f, 1)) > 0 ? -1 : 1;
+      }
+      return rows;
+  }
+  return rows;
+}
+
+absl::Status BadTarget(size_t i, absl::string_view problem) {
+  return absl::InvalidArgumentError(absl::StrCat("feature target ", i, ": ", problem));
+}
+
+// Root L of a covariance, L L' = C, without columns for variables that do not vary. Taken from the
+// correlations, because the variables' units differ by orders of magnitude. Not semidefinite:
+// error.
+absl::StatusOr<MatrixXd> Root(const CalibrationCovariance& c, const std::string& field) {
+  if (!c.allFinite() || !c.isApprox(c.transpose(), 1e-9)) {
+    return absl::InvalidArgumentError(absl::StrCat(field, " is not finite and symmetric"));
+  }
+  std::vector<int> varying;
+  for (int i = 0; i < kCalibrationVariables; ++i) {
+    if (c(i, i) < 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(field, ": variance ", i, " is ", c(i, i), ", must not be negative"));
+    }
+    if (c(i, i) > 0) {
+      varying.push_back(i);
+    } else if (c.row(i).cwiseAbs().maxCoeff() > 0) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(field, ": variable ", i, " has covariances but no variance"));
+    }
+  }
+  const auto n = static_cast<Eigen::Index>(varying.size());
+  if (n == 0) return MatrixXd(kCalibrationVariables, 0);
+  MatrixXd correlation(n, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j < n; ++j) {
+      const int a = varying[i], b = varying[j];
+      correlation(i, j) = c(a, b) / std::sqrt(c(a, a) * c(b, b));
+    }
+  }
+  // Pivoted P' L D L' P, which needs no definite matrix.
+  const Eigen::LDLT<MatrixXd> factors(correlation);
+  if (factors.info() != Eigen::Success || factors.vectorD().minCoeff() < -1e-9) {
+    return absl::InvalidArgumentError(absl::StrCat(field, " is not positive semidefinite"));
+  }
+  const MatrixXd lower = factors.matrixL();
+  const VectorXd diagonal = factors.vectorD().cwiseMax(0).cwiseSqrt();
+  const MatrixXd correlation_root =
+      factors.transpositionsP().transpose() * MatrixXd(lower * diagonal.asDiagonal());
+  MatrixXd root = MatrixXd::Zero(kCalibrationVariables, n);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    root.row(varying[i]) = std::sqrt(c(varying[i], varying[i])) * correlation_root.row(i);
+  }
+  return root;
+}
+
+// F of the targets `used`: F F' is the covariance of the calibration errors of their estimates.
+absl::StatusOr<MatrixXd> CalibrationFactor(const Feature& f, const std::vector<int>& used) {
+  std::vector<MatrixXd> roots;
+  Eigen::Index columns = 0;
+  for (size_t s = 0; s < f.scans.size(); ++s) {
+    auto root = Root(f.scans[s].covariance, absl::StrCat("covariance of scan ", s));
+    if (!root.ok()) return root.status();
+    columns += root->cols();
+    roots.push_back(*std::move(root));
+  }
+  auto common = Root(f.common_covariance, "common_covariance");
+  if (!common.ok()) return common.status();
+  columns += common->cols();
+
+  MatrixXd factor = MatrixXd::Zero(static_cast<Eigen::Index>(used.size()), columns);
+  for (size_t i = 0; i < used.size(); ++i) {
+    CalibrationRow all_scans = CalibrationRow::Zero();
+    Eigen::Index column = 0;
+    for (size_t s = 0; s < f.scans.size(); ++s) {
+      const double weight = f.scans[s].weights[used[i]];
+      if (weight != 0) {
+        const CalibrationRow row = weight * f.scans[s].derivatives.row(used[i]);
+        factor.row(static_cast<Eigen::Index>(i)).segment(column, roots[s].cols()) = row * roots[s];
+        all_scans += row;
+      }
+      column += roots[s].cols();
+    }
+    factor.row(static_cast<Eigen::Index>(i)).tail(common->cols()) = all_scans * *common;
+  }
+  return factor;
+}
+
+// Correlation of the independent parts of the targets `used`; empty if they have none.
+MatrixXd Correlation(const Feature& f, const std::vector<int>& used) {
+  if (f.correlation_length_m <= 0) return {};
+  const auto n = static_cast<Eigen::Index>(used.size());
+  MatrixXd k(n, n);
+  const double scale = -0.5 / (f.correlation_length_m * f.correlation_length_m);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      const double squared_m2 =
+          (f.targets[used[i]].position_m - f.targets[used[j]].position_m).squaredNorm();
+      k(i, j) = k(j, i) = std::exp(scale * squared_m2);
+    }
+  }
+  return k;
+}
+
+// Errors of the deviations of the targets used, in their parts.
+struct JointErrors {
+  VectorXd noise_m, sampling_m;  // standard deviations
+  MatrixXd correlation;          // of either between targets; empty: the identity
+  MatrixXd calibration;          // F
+
+  // Of the deviations' combination with weights w.
+  SurfaceUncertainty Of(const VectorXd& w) const {
+    const auto part = [&](const VectorXd& s) {
+      const VectorXd ws = w.cwiseProduct(s);
+      if (correlation.size() == 0) return ws.norm();
+      return std::sqrt(std::max(0.0, ws.dot(correlation * ws)));
+    };
+    SurfaceUncertainty u{};
+    u.noise_m = part(noise_m);
+    u.sampling_m = part(sampling_m);
+    u.calibration_m = (calibration.transpose() * w).norm();
+    u.total_m = std::hypot(u.noise_m, u.sampling_m, u.calibration_m);
+    return u;
+  }
+};
+
+absl::StatusOr<JointErrors> MakeJointErrors(const Feature& f, const std::vector<int>& used) {
+  JointErrors e;
+  auto factor = CalibrationFactor(f, used);
+  if (!factor.ok()) return factor.status();
+  e.calibration = *std::move(factor);
+  e.correlation = Correlation(f, used);
+  e.noise_m.resize(static_cast<Eigen::Index>(used.size()));
+  e.sampling_m.resize(static_cast<Eigen::Index>(used.size()));
+  for (size_t i = 0; i < used.size(); ++i) {
+    e.noise_m[static_cast<Eigen::Index>(i)] = f.targets[used[i]].uncertainty.noise_m;
+    e.sampling_m[static_cast<Eigen::Index>(i)] = f.targets[used[i]].uncertainty.sampling_m;
+  }
+  return e;
+}
+
+VectorXd Residuals(const FeatureFit& fit, const MatrixXd& used_design, const VectorXd& h) {
+  return h - used_design * (fit.estimator * h);
+}
+
+MatrixXd UsedDesign(const FeatureFit& fit) {
+  MatrixXd design(static_cast<Eigen::Index>(fit.used.size()), fit.design.cols());
+  for (size_t i = 0; i < fit.used.size(); ++i) {
+    design.row(static_cast<Eigen::Index>(i)) = fit.design.row(fit.used[i]);
+  }
+  return design;
+}
+
+MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& errors, uint64_t seed) {
+  const auto n = static_cast<Eigen::Index>(fit.used.size());
+  const MatrixXd design = UsedDesign(fit);
+  const MatrixXd calibration = errors.calibration - design * (fit.estimator * errors.calibration);
+  const VectorXd independent =
+      (errors.noise_m.array().square() + errors.sampling_m.array().square()).sqrt();
+  MatrixXd root;  // of the correlation; a ridge far below any number used keeps it definite
+  if (errors.correlation.size() > 0) {
+    root = (errors.correlation + 1e-10 * MatrixXd::Identity(n, n)).llt().matrixL();
+  }
+
+  double sum = 0, squares = 0;
+  VectorXd draw(n), common(calibration.cols());
+  for (int d = 0; d < kFormDraws; ++d) {
+    CounterRandom random(seed, static_cast<uint64_t>(d));
+    for (double& x : draw) x = random.Normal();
+    for (double& x : common) x = random.Normal();
+    if (root.size() > 0) draw = root * draw;
+    draw = draw.cwiseProduct(independent);
+    const VectorXd r = Residuals(fit, design, draw) + calibration * common;
+    const double range = r.maxCoeff() - r.minCoeff();
+    sum += range;
+    squares += range * range;
+  }
+  MeasurandUncertainty result;
+  result.bias_m = sum / kFormDraws;
+  const double spread =
+      std::sqrt(std::max(0.0, (squares - sum * result.bias_m) / (kFormDraws - 1)));
+
+  // Covariance of the residuals R E R' with R = I - A H, of the pairs among the most uncertain.
+  MatrixXd covariance = calibration * calibration.transpose();
+  {
+    MatrixXd e = independent.asDiagonal();
+    if (errors.correlation.size() > 0)
+      e = e * errors.correlation * e;
+    else
+      e = e * e;
+    const MatrixXd left = e - design * (fit.estimator * e);
+    covariance += left - (left * fit.estimator.transpose()) * design.transpose();
+  }
+  std::vector<int> order(static_cast<size_t>(n));
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(),
+            [&](int a, int b) { return covariance(a, a) > covariance(b, b); });
+  order.resize(std::min<size_t>(order.size(), kMostPairTargets));
+  double largest = -1;
+  int a = 0, b = 0;
+  for (size_t i = 0; i < order.size(); ++i) {
+    for (size_t j = i + 1; j < order.size(); ++j) {
+      const int p = order[i], q = order[j];
+      const double variance = covariance(p, p) + covariance(q, q) - 2 * covariance(p, q);
+      if (variance > largest) largest = variance, a = p, b = q;
+    }
+  }
+  // The pair's difference as weights of the deviations: rows a and b of R.
+  VectorXd weights = -(fit.estimator.transpose() * (design.row(a) - design.row(b)).transpose());
+  weights[a] += 1;
+  weights[b] -= 1;
+  result.u = errors.Of(weights);
+  result.worst = fit.used[static_cast<size_t>(a)];
+  if (spread > result.u.total_m && result.u.total_m > 0) {
+    const double factor = spread / result.u.total_m;
+    result.u.total_m *= factor;
+    result.u.noise_m *= factor;
+    result.u.sampling_m *= factor;
+    result.u.calibration_m *= factor;
+  }
+  return result;
+}
+
+}  // namespace
+
+CalibrationRow CalibrationDerivatives(const TriangulationSetup& setup,
+                                      const Eigen::Vector3d& position_m,
+                                      const Eigen::Vector3d& normal) {
+  const auto derivatives = PointDerivatives(setup, ProjectPoint(setup, position_m));
+  return normal.transpose() * derivatives.rightCols<kCalibrationVariables>();
+}
+
+absl::Status CheckFeature(const Feature& f) {
+  const size_t n = f.targets.size();
+  if (n == 0 || n > kMostFeatureTargets) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("feature has ", n, " targets, must have 1 to ", kMostFeatureTargets));
+  }
+  if (n * f.scans.size() > kMostFeatureSensitivities) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("feature has ", n, " targets and ", f.scans.size(),
+                     " scans; their product must not exceed ", kMostFeatureSensitivities));
+  }
+  if (!(f.correlation_length_m >= 0) || !std::isfinite(f.correlation_length_m)) {
+    return absl::InvalidArgumentError(absl::StrCat("correlation_length_m is ",
+                                                   f.correlation_length_m,
+                                                   ", must not be negative and be finite"));
+  }
+  const bool has_axis =
+      f.geometry == FeatureGeometry::kCylinder || f.geometry == FeatureGeometry::kLine;
+  if (has_axis && !(std::abs(f.axis.norm() - 1) < 1e-6 && f.axis_point_m.allFinite())) {
+    return absl::InvalidArgumentError("feature axis must be a unit vector through a finite point");
+  }
+  const bool two = f.geometry == FeatureGeometry::kTwoPlanes;
+  for (size_t i = 0; i < n; ++i) {
+    const FeatureTarget& t = f.targets[i];
+    if (!t.position_m.allFinite()) return BadTarget(i, "position_m is not finite");
+    if (!(std::abs(t.normal.norm() - 1) < 1e-6)) return BadTarget(i, "normal is not a unit vector");
+    if (t.face < 0 || t.face > (two ? 1 : 0)) {
+      return BadTarget(i, absl::StrCat("face is ", t.face, ", must be 0", two ? " or 1" : ""));
+    }
+    const SurfaceUncertainty& u = t.uncertainty;
+    if (t.measured && !(u.noise_m >= 0 && u.sampling_m >= 0 && std::isfinite(u.noise_m) &&
+                        std::isfinite(u.sampling_m))) {
+      return BadTarget(i, absl::StrCat("noise_m is ", u.noise_m, ", sampling_m ", u.sampling_m,
+                                       ", must not be negative and be finite"));
+    }
+  }
+  if (f.geometry == FeatureGeometry::kPlane || two) {
+    for (int face = 0; face <= (two ? 1 : 0); ++face) {
+      const Vector3d mean = MeanNormal(f, face);
+      if (!(std::abs(mean.norm() - 1) < 1e-6)) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("feature: face ", face, " has no targets, or normals of all directions"));
+      }
+      for (size_t i = 0; i < n; ++i) {
+        if (f.targets[i].face == face && f.targets[i].normal.dot(mean) < kNormalAgreement) {
+          return BadTarget(i, "normal is more than 0.3 rad from that of the plane");
+        }
+      }
+    }
+    if (two && std::abs(MeanNormal(f, 0).dot(MeanNormal(f, 1))) < kNormalAgreement) {
+      return absl::InvalidArgumentError("feature: the two planes are not parallel");
+    }
+  }
+  if (f.geometry == FeatureGeometry::kCylinder) {
+    for (size_t i = 0; i < n; ++i) {
+      const Vector3d radial = Radial(f, f.targets[i]);
+      if (!(std::abs(f.targets[i].normal.dot(radial)) >= kNormalAgreement)) {
+        return BadTarget(i, "normal is more than 0.3 rad from the cylinder's radial direction");
+      }
+    }
+  }
+  const auto rows = static_cast<Eigen::Index>(n);
+  for (size_t s = 0; s < f.scans.size(); ++s) {
+    const ScanSensitivity& scan = f.scans[s];
+    if (scan.weights.size() != rows || scan.derivatives.rows() != rows) {
+      return absl::InvalidArgumentError(absl::StrCat("scan ", s, " has ", scan.weights.size(),
+                                                     " weights and ", scan.derivatives.rows(),
+                                                     " rows of derivatives for ", n, " targets"));
+    }
+    for (size_t i = 0; i < n; ++i) {
+      const auto row = static_cast<Eigen::Index>(i);
+      if (scan.weights[row] == 0) continue;
+      if (!std::isfinite(scan.weights[row]) || !scan.derivatives.row(row).allFinite()) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("scan ", s, ": weight or derivatives of target ", i, " are not finite"));
+      }
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<FeatureFit> FitFeature(const Feature& f, Measurand measurand) {
+  if (absl::Status s = CheckFeature(f); !s.ok()) return s;
+  FeatureFit fit;
+  for (size_t i = 0; i < f.targets.size(); ++i) {
+    if (f.targets[i].measured) fit.used.push_back(static_cast<int>(i));
+  }
+  if (measurand == Measurand::kDeviation) return fit;
+  const Model model = MakeModel(f);
+  fit.design = model.design;
+  fit.functionals = Functionals(f, model, measurand);
+  if (f.geometry == FeatureGeometry::kFreeform ||
+      (measurand != Measurand::kForm && fit.functionals.size() == 0) ||
+      (measurand == Measurand::kForm && f.geometry == FeatureGeometry::kTwoPlanes)) {
+    return absl::FailedPreconditionError("the feature's geometry has no such measurand");
+  }
+  const absl::Status undetermined = absl::FailedPreconditionError(
+      absl::StrCat("its ", fit.used.size(), " measured targets do not determine the fit of ",
+                   fit.design.cols(), " parameters"));
+  const auto used = static_cast<Eigen::Index>(fit.used.size());
+  const Eigen::Index parameters = fit.design.cols();
+  if (used < parameters || !fit.design.allFinite()) return undetermined;
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(UsedDesign(fit));
+  // Singular values of the design below this share of the largest are rounding of positions in
+  // single precision, not geometry.
+  qr.setThreshold(1e-6);
+  if (qr.rank() < parameters) return undetermined;
+  // Seminormal equations: A P = Q R, so that (A' A)^-1 A' = P R^-1 R'^-1 P' A'.
+  const MatrixXd r = qr.matrixR().topLeftCorner(parameters, parameters);
+  const MatrixXd half = r.transpose().triangularView<Eigen::Lower>().solve(
+      MatrixXd(qr.colsPermutation().transpose() * UsedDesign(fit).transpose()));
+  fit.estimator = qr.colsPermutation() * MatrixXd(r.triangularView<Eigen::Upper>().solve(half));
+  return fit;
+}
+
+double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m) {
+  const VectorXd r = Residuals(fit, UsedDesign(fit), deviations_m);
+  return r.maxCoeff() - r.minCoeff();
+}
+
+absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& f, Measurand measurand,
+                                                        uint64_t seed) {
+  auto fit = FitFeature(f, measurand);
+  if (!fit.ok()) return fit.status();
+  if ((measurand == Measurand::kForm || f.correlation_length_m > 0) &&
+      fit->used.size() > kMostDenseTargets) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("feature has ", fit->used.size(),
+                     " measured targets; form and correlated errors allow ", kMostDenseTargets));
+  }
+  auto errors = MakeJointErrors(f, fit->used);
+  if (!errors.ok()) return errors.status();
+
+  MeasurandUncertainty result;
+  if (measurand == Measurand::kForm) {
+    result = PredictForm(*fit, *errors, seed);
+  } else if (measurand == Measurand::kDeviation) {
+    result.target_u_m = VectorXd::Constant(static_cast<Eigen::Index>(f.targets.size()),
+                                           std::numeric_limits<double>::infinity());
+    for (size_t i = 0; i < fit->used.size(); ++i) {
+      const auto row = static_cast<Eigen::Index>(i);
+      SurfaceUncertainty u{};
+      u.noise_m = errors->noise_m[row];
+      u.sampling_m = errors->sampling_m[row];
+      u.calibration_m = errors->calibration.row(row).norm();
+      u.total_m = std::hypot(u.noise_m, u.sampling_m, u.calibration_m);
+      result.target_u_m[fit->used[i]] = u.total_m;
+      if (i == 0 || u.total_m > result.u.total_m) result.u = u, result.worst = fit->used[i];
+    }
+  } else {
+    for (Eigen::Index k = 0; k < fit->functionals.rows(); ++k) {
+      const SurfaceUncertainty u =
+          errors->Of(fit->estimator.transpose() * fit->functionals.row(k).transpose());
+      if (k == 0 || u.total_m > result.u.total_m) result.u = u, result.worst = static_cast<int>(k);
+    }
+  }
+  result.measured_share =
+      static_cast<double>(fit->used.size()) / static_cast<double>(f.targets.size());
+  return result;
+}
+
+}  // namespace sightline

@@ -1,0 +1,152 @@
+// Toleranced features of a part: what is measured of them, and the standard uncertainty with which
+// a plan of scans will know it (JCGM 100, GUM; JCGM 101, Monte Carlo; measurands after ISO 1101 and
+// ISO 14405-1).
+//
+// A feature is a set of targets. Its surface deviates from the CAD model by h_i along the outward
+// normal of target i, and the inference estimates h_i with the error
+//   e_i = a_i + sum over scans s of w_is J_is (c_s + c_0),
+// a_i ~ N(0, noise_i^2 + sampling_i^2) independent between targets farther apart than twice the
+// neighbourhood of the inference, whose estimates share no points; J_is the derivatives of the
+// normal deviation that scan s measures at target i with respect to the calibration variables, w_is
+// the scan's weight in the estimate (which sum to little less than one), c_s the calibration errors
+// of the scan alone and c_0 those that all scans share, such as intrinsic ones of the same camera.
+// Hence the covariance of all targets is D + F F' with a diagonal D and few columns in F.
+//
+// Measurands are linear in h where a plane or cylinder is fitted, and the GUM's linear propagation
+// is exact for normally distributed e (a cylinder's fit is linearised about the nominal one: an
+// axis d out of place adds d^2 / 2R, 0.06 um for 50 um on a radius of 20 mm). Form is the range of
+// what the fit leaves, see PredictUncertainty. The datum is taken as exact: an uncertain datum is
+// to be added by the caller.
+//
+// The predictions hold as far as the inference's prior does (bench/virtual_measurement.cpp). Its
+// mean is the model: a feature that as a whole is farther out of place than the prior's standard
+// deviation is pulled back to the model, the more so the larger the calibration errors, and then is
+// not covered by u. A prior much wider than the calibration errors avoids that at the cost of a
+// larger u.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/surface_inference/surface_inference.h"
+#include "core/triangulation/triangulation.h"
+
+namespace sightline {
+
+// Variables 2 to 13 of TriangulationVariable: all but those of detection.
+inline constexpr int kCalibrationVariables = kTriangulationVariables - 2;
+using CalibrationRow = Eigen::Matrix<double, 1, kCalibrationVariables>;
+using CalibrationCovariance = Eigen::Matrix<double, kCalibrationVariables, kCalibrationVariables>;
+
+// Derivatives [m per unit] of the deviation along `normal` (unit) measured at `position_m` with
+// respect to the calibration variables; not finite where the scan cannot measure the point.
+CalibrationRow CalibrationDerivatives(const TriangulationSetup& setup,
+                                      const Eigen::Vector3d& position_m,
+                                      const Eigen::Vector3d& normal);
+
+struct FeatureTarget {
+  Eigen::Vector3d position_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d normal = Eigen::Vector3d::UnitZ();  // outward, unit
+  // Noise and sampling are used; calibration comes from the scans below, because errors common to
+  // targets have to be added with their signs.
+  SurfaceUncertainty uncertainty{};
+  bool measured = true;  // by any scan
+  int face = 0;          // 0 or 1: which of two planes (FeatureGeometry::kTwoPlanes)
+};
+
+// One scan as seen from the targets of the feature, row i of both for target i.
+struct ScanSensitivity {
+  Eigen::Matrix<double, Eigen::Dynamic, kCalibrationVariables> derivatives;
+  Eigen::VectorXd weights;           // 0 where the scan measures nothing
+  CalibrationCovariance covariance;  // of this scan's own errors
+};
+
+enum class FeatureGeometry {
+  kFreeform,   // nothing is fitted; deviation only
+  kLine,       // offset and slope along `axis`; for lines on a surface
+  kPlane,      // offset and two tilts
+  kCylinder,   // radius, two displacements and two tilts of the axis
+  kTwoPlanes,  // two planes with parallel normals, of either side; offset and two tilts each
+};
+
+enum class Measurand {
+  kDeviation,    // of every target by itself: profile of a line or surface
+  kForm,         // straightness, flatness, roundness and cylindricity: range of what the fit leaves
+  kPosition,     // displacement of the fitted line or plane at any target, or of the axis of the
+                 // fitted cylinder at either end in any direction
+  kOrientation,  // fall of the fitted line, plane or axis over the feature, worst direction
+  kSize,         // diameter of the fitted cylinder; distance of two planes at their common centre
+};
+
+struct Feature {
+  FeatureGeometry geometry = FeatureGeometry::kFreeform;
+  std::vector<FeatureTarget> targets;
+  std::vector<ScanSensitivity> scans;
+  // Of errors that all scans share.
+  CalibrationCovariance common_covariance = CalibrationCovariance::Zero();
+  // For targets closer than twice the neighbourhood: the independent part gets the correlation
+  // exp(-d^2 / 2 L^2) at distance d; 0: none. With l the length scale of the inference, L = 2 l
+  // where calibration errors count: they cannot be told from the surface's mean over the
+  // neighbourhood, which neighbours share (virtual measurement with targets 2 l and 4 l apart:
+  // spread of fitted parameters 0.96 to 1.05 u, but 2.2 u for tilt without the correlation).
+  // Without calibration errors L = 0 gives 0.9 to 1 u.
+  double correlation_length_m = 0;
+  // Of a cylinder: a point on its axis; direction of the axis, or of a line (unit).
+  Eigen::Vector3d axis_point_m = Eigen::Vector3d::Zero();
+  Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
+};
+
+// Numbers of targets, and of targets times scans, that a feature may have.
+inline constexpr size_t kMostFeatureTargets = 100'000;
+inline constexpr size_t kMostFeatureSensitivities = 1'000'000;
+// For form, and with a correlation length: matrices of targets times targets are needed.
+inline constexpr size_t kMostDenseTargets = 2'000;
+
+// InvalidArgument that names the field and target where numbers are missing, not finite or outside
+// their range; normals must be within 0.3 rad of what the geometry says.
+absl::Status CheckFeature(const Feature& feature);
+
+// Least-squares fit to the deviations of the measured targets, all weighted alike as ISO 1101's
+// associated features are: parameters = estimator * deviations.
+struct FeatureFit {
+  std::vector<int> used;      // indices of the measured targets
+  Eigen::MatrixXd design;     // all targets x parameters: deviations that a parameter of 1 m causes
+  Eigen::MatrixXd estimator;  // parameters x used
+  // Rows c of measurands c . parameters [m]; of more than one the worst counts. By measurand,
+  // empty for kDeviation and kForm.
+  Eigen::MatrixXd functionals;
+};
+
+// FailedPrecondition if the measured targets do not determine the fit, or the geometry has no such
+// measurand.
+absl::StatusOr<FeatureFit> FitFeature(const Feature& feature, Measurand measurand);
+
+// Range [m] of what the fit leaves of `deviations_m` (one for each used target).
+double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m);
+
+// Of the measurand [m]; total^2 = noise^2 + sampling^2 + calibration^2.
+struct MeasurandUncertainty {
+  SurfaceUncertainty u{};      // at the worst target, functional or pair of targets
+  int worst = 0;               // its index: target, or row of the functionals
+  double bias_m = 0;           // of form: mean of what is measured on a perfect feature
+  Eigen::VectorXd target_u_m;  // of kDeviation: for every target; infinite if not measured
+  double measured_share = 0;   // of all targets
+};
+
+// Standard uncertainty of the measurand of a checked feature.
+//
+// Form. The range r = max - min of the residuals has no derivative on a perfect feature, and linear
+// propagation fails there: errors add a bias to the range (about 4 standard deviations of a
+// residual for 25 targets), and its spread is below u. On a feature whose form exceeds the errors,
+// one pair of targets makes the range, and it is as uncertain as the difference of two residuals.
+// Both are computed: bias and spread on the perfect feature by Monte Carlo on the joint covariance
+// (2000 draws, `seed`; JCGM 101), and the linear u of the worst pair; u is the larger, a bound
+// rather than the standard deviation. The bias falls from its value here towards zero as the true
+// form grows, and below zero where the prior smooths the extremes; a subtraction of it is right for
+// perfect features only. Form between the targets is not seen by any of this.
+absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& feature, Measurand measurand,
+                                                        uint64_t seed = 1);
+
+}  // namespace sightline

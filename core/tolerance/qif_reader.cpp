@@ -1,0 +1,569 @@
+#include "core/tolerance/qif_reader.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdio>
+#include <filesystem>
+#include <map>
+#include <numbers>
+#include <optional>
+#include <set>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
+#include "core/tolerance/qif_xml.h"
+
+namespace sightline {
+namespace {
+
+// Names of characteristics: those of the definition's element without "CharacteristicDefinition".
+struct CharacteristicName {
+  const char* qif;
+  ToleranceKind kind;
+  const char* modifier;
+};
+
+constexpr std::array<CharacteristicName, 17> kGeometric = {{
+    {"Flatness", ToleranceKind::kFlatness, ""},
+    {"Straightness", ToleranceKind::kStraightness, ""},
+    {"Circularity", ToleranceKind::kRoundness, ""},
+    {"Sphericity", ToleranceKind::kRoundness, "of a sphere"},
+    {"Cylindricity", ToleranceKind::kCylindricity, ""},
+    {"SurfaceProfile", ToleranceKind::kSurfaceProfile, ""},
+    {"PointProfile", ToleranceKind::kSurfaceProfile, "at a point"},
+    {"LineProfile", ToleranceKind::kLineProfile, ""},
+    {"Position", ToleranceKind::kPosition, ""},
+    {"Parallelism", ToleranceKind::kParallelism, ""},
+    {"Perpendicularity", ToleranceKind::kPerpendicularity, ""},
+    {"Angularity", ToleranceKind::kAngularity, ""},
+    {"Concentricity", ToleranceKind::kConcentricity, ""},
+    {"Coaxiality", ToleranceKind::kCoaxiality, ""},
+    {"Symmetry", ToleranceKind::kSymmetry, ""},
+    {"CircularRunout", ToleranceKind::kCircularRunout, ""},
+    {"TotalRunout", ToleranceKind::kTotalRunout, ""},
+}};
+
+constexpr std::array<CharacteristicName, 18> kDimensional = {{
+    {"Diameter", ToleranceKind::kLinearSize, "diameter"},
+    {"SphericalDiameter", ToleranceKind::kLinearSize, "spherical diameter"},
+    {"Radius", ToleranceKind::kLinearSize, "radius"},
+    {"SphericalRadius", ToleranceKind::kLinearSize, "spherical radius"},
+    {"Length", ToleranceKind::kLinearSize, "length"},
+    {"Width", ToleranceKind::kLinearSize, "width"},
+    {"Height", ToleranceKind::kLinearSize, "height"},
+    {"Depth", ToleranceKind::kLinearSize, "depth"},
+    {"Thickness", ToleranceKind::kLinearSize, "thickness"},
+    {"Chord", ToleranceKind::kLinearSize, "chord"},
+    {"CurveLength", ToleranceKind::kLinearSize, "curve length"},
+    {"DistanceBetween", ToleranceKind::kLinearDistance, "distance"},
+    {"DistanceFrom", ToleranceKind::kLinearDistance, "distance"},
+    {"LinearCoordinate", ToleranceKind::kLinearDistance, "coordinate"},
+    {"Angle", ToleranceKind::kAngularSize, "angle"},
+    {"AngleBetween", ToleranceKind::kAngularDistance, "angle"},
+    {"AngleFrom", ToleranceKind::kAngularDistance, "angle"},
+    {"AngularCoordinate", ToleranceKind::kAngularDistance, "angular coordinate"},
+}};
+
+constexpr const char* kDefinition = "CharacteristicDefinition";
+
+std::string Number(double value) {
+  std::array<char, 32> text;
+  std::snprintf(text.data(), text.size(), "%.6g", value);
+  return text.data();
+}
+
+std::string Signed(double value) { return (value > 0 ? "+" : "") + Number(value); }
+
+// "OppositeParallelPlanes" -> "opposite parallel planes".
+std::string Words(const std::string& name) {
+  std::string out;
+  for (const char c : name) {
+    if (absl::ascii_isupper(static_cast<unsigned char>(c)) && !out.empty()) out += ' ';
+    out += absl::ascii_tolower(static_cast<unsigned char>(c));
+  }
+  return out;
+}
+
+std::string Id(const QifElement& element) {
+  const auto found = element.attributes.find("id");
+  return found == element.attributes.end() ? "" : found->second;
+}
+
+std::string Tag(const QifElement& element) {
+  const std::string id = Id(element);
+  return id.empty() ? "<" + element.name + ">" : "<" + element.name + " id=\"" + id + "\">";
+}
+
+// Ends reading: the file breaks the rules of QIF.
+struct Broken {
+  absl::Status status;
+};
+// One characteristic cannot be read; the file may well be right.
+struct Unreadable {
+  std::string reason;
+};
+
+class QifReader {
+ public:
+  QifReader(const QifElement& root, std::string file) : root_(root), file_(std::move(file)) {}
+
+  ToleranceReport Read() {
+    report_.file = std::filesystem::path(file_).filename().string();
+    report_.standard = "QIF 3.0";
+    ReadUnits();
+    const QifElement* features = root_.Child("Features");
+    const QifElement* characteristics = root_.Child("Characteristics");
+    Index(features, "FeatureNominals", feature_nominals_);
+    Index(features, "FeatureItems", feature_items_);
+    Index(&root_, "DatumDefinitions", datum_definitions_);
+    Index(&root_, "DatumTargetDefinitions", datum_targets_);
+    Index(&root_, "DatumReferenceFrames", frames_);
+    Index(characteristics, "CharacteristicDefinitions", definitions_);
+    Index(characteristics, "CharacteristicNominals", nominals_);
+    Index(characteristics, "CharacteristicItems", items_);
+    ReadDatums();
+    ReadCharacteristics();
+    return std::move(report_);
+  }
+
+ private:
+  using Elements = std::map<std::string, const QifElement*>;
+
+  [[noreturn]] void Break(const QifElement& element, const std::string& why) const {
+    throw Broken{absl::InvalidArgumentError(
+        absl::StrCat(file_, ":", element.line, ": ", Tag(element), ": ", why))};
+  }
+
+  // --- Ids ----------------------------------------------------------------------------------
+
+  void Index(const QifElement* parent, const std::string& list_name, Elements& index) {
+    const QifElement* list = parent == nullptr ? nullptr : parent->Child(list_name);
+    if (list == nullptr) return;
+    size_t count = 0;
+    for (const QifElement& element : list->children) {
+      if (element.name == "Attributes") continue;
+      ++count;
+      const std::string id = Id(element);
+      if (id.empty()) Break(element, "attribute id is missing");
+      if (!ids_.insert(id).second) Break(element, "another element has the same id");
+      index[id] = &element;
+      order_[&index].push_back(&element);
+    }
+    const auto n = list->attributes.find("n");
+    size_t stated = 0;
+    if (n != list->attributes.end() && (!absl::SimpleAtoi(n->second, &stated) || stated != count)) {
+      Break(*list, absl::StrCat("attribute n is ", n->second, "; it has ", count, " elements"));
+    }
+  }
+
+  const QifElement& Follow(const Elements& index, const QifElement& from, const std::string& id,
+                           const char* what) const {
+    const auto found = index.find(std::string(id));
+    if (found == index.end()) {
+      Break(from, absl::StrCat("refers to ", what, " ", id, ", which is not in the file"));
+    }
+    return *found->second;
+  }
+
+  // Texts of the <Id> children of `list` of `element`.
+  static std::vector<std::string> Ids(const QifElement& element, const std::string& list) {
+    std::vector<std::string> ids;
+    const QifElement* found = element.Child(list);
+    if (found == nullptr) return ids;
+    for (const QifElement& id : found->children) {
+      if (id.name == "Id") ids.push_back(id.text);
+    }
+    return ids;
+  }
+
+  // --- Units --------------------------------------------------------------------------------
+
+  void ReadUnits() {
+    const QifElement* units = root_.Child("FileUnits");
+    const QifElement* primary = units == nullptr ? nullptr : units->Child("PrimaryUnits");
+    for (const auto* list : {primary, units == nullptr ? nullptr : units->Child("OtherUnits")}) {
+      if (list == nullptr) continue;
+      for (const QifElement& unit : list->children) {
+        const bool linear = absl::EndsWith(unit.name, "LinearUnit");
+        if (!linear && !absl::EndsWith(unit.name, "AngularUnit")) continue;
+        const std::string& si = unit.ChildText("SIUnitName");
+        if (si != (linear ? "meter" : "radian")) {
+          Break(unit,
+                absl::StrCat("SIUnitName is \"", si, "\"; must be ", linear ? "meter" : "radian"));
+        }
+        double factor = 1;
+        if (const QifElement* conversion = unit.Child("UnitConversion")) {
+          factor = NumberOf(conversion->Child("Factor"), *conversion, "Factor");
+          if (!(factor > 0)) Break(*conversion, "Factor must be > 0");
+        }
+        auto& table = linear ? linear_units_ : angular_units_;
+        table.emplace(std::string(unit.ChildText("UnitName")), factor);
+        if (list != primary) continue;
+        // Units of the PMI, where there are any, are the characteristics'.
+        auto& standard = linear ? linear_unit_ : angular_unit_;
+        if (!standard || absl::StartsWith(unit.name, "PMI")) standard = factor;
+      }
+    }
+  }
+
+  double NumberOf(const QifElement* element, const QifElement& parent, const char* name) const {
+    if (element == nullptr) Break(parent, absl::StrCat("<", name, "> is missing"));
+    double value = 0;
+    if (!absl::SimpleAtod(element->text, &value) || !std::isfinite(value)) {
+      Break(*element, absl::StrCat("is \"", element->text, "\"; must be a finite number"));
+    }
+    return value;
+  }
+
+  // Value in metres or radians.
+  double ValueOf(const QifElement* element, const QifElement& parent, const char* name,
+                 bool angle) const {
+    const double value = NumberOf(element, parent, name);
+    const auto unit = element->attributes.find(angle ? "angularUnit" : "linearUnit");
+    const auto& table = angle ? angular_units_ : linear_units_;
+    if (unit != element->attributes.end()) {
+      const auto factor = table.find(unit->second);
+      if (factor == table.end()) {
+        Break(*element, absl::StrCat("unit \"", unit->second, "\" is not defined in <FileUnits>"));
+      }
+      return value * factor->second;
+    }
+    const auto& standard = angle ? angular_unit_ : linear_unit_;
+    if (!standard) {
+      Break(*element, absl::StrCat("has no unit, and <FileUnits> has no primary ",
+                                   angle ? "angular" : "linear", " unit"));
+    }
+    return value * *standard;
+  }
+
+  // --- Features and datums ------------------------------------------------------------------
+
+  std::string FeatureText(const QifElement& nominal) const {
+    std::string text = Words(std::string(absl::StripSuffix(nominal.name, "FeatureNominal")));
+    std::string name(nominal.ChildText("Name"));
+    const auto item_name = feature_names_.find(Id(nominal));
+    if (item_name != feature_names_.end()) name = item_name->second;
+    if (!name.empty()) absl::StrAppend(&text, " ", name);
+    absl::StrAppend(&text, " (feature ", Id(nominal));
+    const std::vector<std::string> entities = Ids(nominal, "EntityInternalIds");
+    for (size_t i = 0; i < entities.size(); ++i) {
+      absl::StrAppend(&text, i == 0 ? ", entities " : ", ", entities[i]);
+    }
+    return text + ")";
+  }
+
+  void ReadDatums() {
+    for (const QifElement* item : order_[&feature_items_]) {
+      const std::string& nominal = item->ChildText("FeatureNominalId");
+      if (nominal.empty()) continue;
+      const QifElement& found = Follow(feature_nominals_, *item, nominal, "feature nominal");
+      const std::string& name = item->ChildText("FeatureName");
+      if (!name.empty()) feature_names_.emplace(Id(found), name);
+    }
+    for (const QifElement* definition : order_[&datum_definitions_]) {
+      ++report_.entity_count;
+      const std::string& label = definition->ChildText("DatumLabel");
+      if (label.empty()) Break(*definition, "<DatumLabel> is missing");
+      Datum datum;
+      datum.id = Id(*definition);
+      datum.letter = label;
+      for (const std::string& id : Ids(*definition, "FeatureNominalIds")) {
+        datum.features.push_back(
+            FeatureText(Follow(feature_nominals_, *definition, id, "feature nominal")));
+      }
+      for (const std::string& id : Ids(*definition, "FeatureItemIds")) {
+        const QifElement& item = Follow(feature_items_, *definition, id, "feature item");
+        const std::string& nominal = item.ChildText("FeatureNominalId");
+        datum.features.push_back(
+            FeatureText(Follow(feature_nominals_, item, nominal, "feature nominal")));
+      }
+      report_.datums.push_back(std::move(datum));
+    }
+    for (const QifElement* target : order_[&datum_targets_]) {
+      ++report_.entity_count;
+      report_.not_read.push_back(
+          {"datum target " + Id(*target) + " (line " + std::to_string(target->line) + ")",
+           "datum targets are not read"});
+    }
+  }
+
+  // All texts of elements `name` anywhere below.
+  static void Collect(const QifElement& element, const std::string& name,
+                      std::vector<std::string>& out) {
+    for (const QifElement& child : element.children) {
+      if (child.name == name) out.push_back(child.text);
+      Collect(child, name, out);
+    }
+  }
+
+  std::vector<std::string> FrameDatums(const QifElement& frame) const {
+    std::vector<std::pair<int, std::string>> ordered;
+    const QifElement* datums = frame.Child("Datums");
+    if (datums == nullptr) return {};
+    for (const QifElement& datum : datums->children) {
+      if (datum.name != "Datum") continue;
+      std::vector<std::string> ids, materials, precedence;
+      Collect(datum, "DatumDefinitionId", ids);
+      Collect(datum, "MaterialModifier", materials);
+      Collect(datum, "PrecedenceEnum", precedence);
+      std::string text;
+      for (const std::string& id : ids) {
+        const QifElement& definition = Follow(datum_definitions_, datum, id, "datum definition");
+        absl::StrAppend(&text, text.empty() ? "" : "-", definition.ChildText("DatumLabel"));
+      }
+      if (!materials.empty() && materials[0] == "MAXIMUM") text += "(M)";
+      if (!materials.empty() && materials[0] == "LEAST") text += "(L)";
+      const std::string first = precedence.empty() ? "" : precedence[0];
+      const int rank = first == "PRIMARY"     ? 1
+                       : first == "SECONDARY" ? 2
+                       : first == "TERTIARY"  ? 3
+                                              : 4;
+      ordered.emplace_back(rank, text);
+    }
+    std::stable_sort(ordered.begin(), ordered.end(),
+                     [](const auto& a, const auto& b) { return a.first < b.first; });
+    std::vector<std::string> texts;
+    for (auto& [rank, text] : ordered) texts.push_back(std::move(text));
+    return texts;
+  }
+
+  // --- Characteristics ----------------------------------------------------------------------
+
+  void ReadCharacteristics() {
+    std::multimap<std::string, const QifElement*> items_of;  // of a nominal
+    for (const QifElement* item : order_[&items_]) {
+      const std::string& nominal = item->ChildText("CharacteristicNominalId");
+      if (nominal.empty()) Break(*item, "<CharacteristicNominalId> is missing");
+      Follow(nominals_, *item, nominal, "characteristic nominal");
+      items_of.emplace(std::string(nominal), item);
+    }
+    std::set<const QifElement*> used;
+    for (const QifElement* nominal : order_[&nominals_]) {
+      ++report_.entity_count;
+      const std::string& id = nominal->ChildText("CharacteristicDefinitionId");
+      if (id.empty()) Break(*nominal, "<CharacteristicDefinitionId> is missing");
+      const QifElement& definition =
+          Follow(definitions_, *nominal, id, "characteristic definition");
+      used.insert(&definition);
+      const auto [first, last] = items_of.equal_range(Id(*nominal));
+      std::vector<const QifElement*> items;
+      for (auto it = first; it != last; ++it) items.push_back(it->second);
+      ReadCharacteristic(*nominal, definition, items);
+    }
+    for (const QifElement* definition : order_[&definitions_]) {
+      if (used.contains(definition)) continue;
+      ++report_.entity_count;
+      report_.not_read.push_back({UnreadName("", *definition), "no characteristic refers to it"});
+    }
+  }
+
+  static std::string UnreadName(const std::string& name, const QifElement& element) {
+    return absl::StrCat(name, name.empty() ? "" : " ", "(", element.name, " ", Id(element),
+                        ", line ", element.line, ")");
+  }
+
+  static std::string NameOf(const QifElement& element) {
+    std::string name(element.ChildText("Name"));
+    const QifElement* designator = element.Child("CharacteristicDesignator");
+    if (name.empty() && designator != nullptr) name = designator->ChildText("Designator");
+    return name;
+  }
+
+  void ReadCharacteristic(const QifElement& nominal, const QifElement& definition,
+                          const std::vector<const QifElement*>& items) {
+    Tolerance tolerance;
+    tolerance.id = Id(nominal);
+    tolerance.name = NameOf(nominal);
+    std::set<std::string> features;
+    for (const std::string& id : Ids(nominal, "FeatureNominalIds")) {
+      const QifElement& feature = Follow(feature_nominals_, nominal, id, "feature nominal");
+      if (features.insert(id).second) tolerance.features.push_back(FeatureText(feature));
+    }
+    for (const QifElement* item : items) {
+      if (tolerance.name.empty()) tolerance.name = NameOf(*item);
+      for (const std::string& id : Ids(*item, "FeatureItemIds")) {
+        const QifElement& feature_item = Follow(feature_items_, *item, id, "feature item");
+        const std::string& of = feature_item.ChildText("FeatureNominalId");
+        const QifElement& feature = Follow(feature_nominals_, feature_item, of, "feature nominal");
+        if (features.insert(Id(feature)).second) tolerance.features.push_back(FeatureText(feature));
+      }
+    }
+    if (!absl::EndsWith(definition.name, kDefinition)) {
+      Break(definition, "is no characteristic definition");
+    }
+    const std::string type(absl::StripSuffix(definition.name, kDefinition));
+    if (tolerance.name.empty()) tolerance.name = Words(type);
+    try {
+      const auto same = [&](const CharacteristicName& entry) { return type == entry.qif; };
+      if (const auto* found = std::find_if(kGeometric.begin(), kGeometric.end(), same);
+          found != kGeometric.end()) {
+        ReadGeometric(*found, definition, tolerance);
+      } else if (const auto* dimension =
+                     std::find_if(kDimensional.begin(), kDimensional.end(), same);
+                 dimension != kDimensional.end()) {
+        ReadDimension(*dimension, nominal, definition, tolerance);
+      } else {
+        throw Unreadable{"the kind of characteristic " + type + " is not read"};
+      }
+    } catch (const Unreadable& unreadable) {
+      report_.not_read.push_back({UnreadName(tolerance.name, nominal), unreadable.reason});
+    }
+  }
+
+  void ReadGeometric(const CharacteristicName& name, const QifElement& definition,
+                     Tolerance tolerance) {
+    tolerance.kind = name.kind;
+    if (*name.modifier != '\0') tolerance.modifiers.emplace_back(name.modifier);
+    const QifElement* value = definition.Child("ToleranceValue");
+    if (value == nullptr) {
+      throw Unreadable{
+          absl::StrCat("it has no <ToleranceValue> of its own (line ", definition.line, ")")};
+    }
+    tolerance.zone_width_m = ValueOf(value, definition, "ToleranceValue", /*angle=*/false);
+    if (!(tolerance.zone_width_m > 0)) {
+      throw Unreadable{"its zone width is " + Number(1e3 * tolerance.zone_width_m) +
+                       " mm (0 is meant to grow with the departure from maximum material)"};
+    }
+    const std::string& frame = definition.ChildText("DatumReferenceFrameId");
+    if (!frame.empty()) {
+      tolerance.datums = FrameDatums(Follow(frames_, definition, frame, "datum reference frame"));
+    }
+    const std::string& material = definition.ChildText("MaterialCondition");
+    if (material == "MAXIMUM") tolerance.modifiers.emplace_back("maximum material requirement");
+    if (material == "LEAST") tolerance.modifiers.emplace_back("least material requirement");
+    if (const QifElement* shape = definition.Child("ZoneShape")) {
+      for (const QifElement& zone : shape->children) {
+        const bool sphere = absl::StartsWith(zone.name, "Spherical");
+        if (sphere || absl::StartsWith(zone.name, "Diametrical") ||
+            absl::StartsWith(zone.name, "Cylindrical")) {
+          tolerance.diameter_zone = true;
+        }
+        if (sphere) tolerance.modifiers.emplace_back("spherical zone");
+      }
+    }
+    if (const QifElement* outer = definition.Child("OuterDisposition")) {
+      tolerance.modifiers.push_back(
+          "unequally disposed, " +
+          Number(1e3 * ValueOf(outer, definition, "OuterDisposition", false)) + " mm outside");
+    }
+    tolerance.text = absl::StrCat(ToleranceKindName(tolerance.kind),
+                                  tolerance.diameter_zone ? " diameter " : " ",
+                                  Number(1e3 * tolerance.zone_width_m), " mm");
+    for (const std::string& modifier : tolerance.modifiers) {
+      absl::StrAppend(&tolerance.text, " ", modifier);
+    }
+    for (const std::string& datum : tolerance.datums) {
+      absl::StrAppend(&tolerance.text, " | ", datum);
+    }
+    report_.read.push_back(std::move(tolerance));
+  }
+
+  void ReadDimension(const CharacteristicName& name, const QifElement& nominal,
+                     const QifElement& definition, Tolerance tolerance) {
+    tolerance.kind = name.kind;
+    const bool angle = IsAngular(name.kind);
+    std::optional<double> target, lower, upper;
+    if (const QifElement* value = nominal.Child("TargetValue")) {
+      target = ValueOf(value, nominal, "TargetValue", angle);
+    }
+    const QifElement* limits = definition.Child("Tolerance");
+    if (limits != nullptr) {
+      const QifElement* max = limits->Child("MaxValue");
+      const QifElement* min = limits->Child("MinValue");
+      if (max == nullptr && min == nullptr) {
+        throw Unreadable{absl::StrCat("its <Tolerance> (line ", limits->line,
+                                      ") has no <MaxValue> and <MinValue>")};
+      }
+      if (max == nullptr || min == nullptr) {
+        throw Unreadable{absl::StrCat("it has one limit only (line ", limits->line, "): no zone")};
+      }
+      const std::string& as_limit = limits->ChildText("DefinedAsLimit");
+      if (as_limit != "true" && as_limit != "false" && as_limit != "1" && as_limit != "0") {
+        Break(*limits,
+              absl::StrCat("<DefinedAsLimit> is \"", as_limit, "\"; must be true or false"));
+      }
+      upper = ValueOf(max, *limits, "MaxValue", angle);
+      lower = ValueOf(min, *limits, "MinValue", angle);
+      // Deviations from the nominal value; without one their difference is still the zone.
+      if (as_limit == "false" || as_limit == "0") {
+        if (!target) {
+          throw Unreadable{
+              absl::StrCat("it has deviations (line ", limits->line, ") but no <TargetValue>")};
+        }
+        *upper += *target;
+        *lower += *target;
+      }
+    } else if (!target) {
+      throw Unreadable{"the file gives no value for it"};
+    }
+    (angle ? tolerance.nominal_rad : tolerance.nominal_m) = target;
+    (angle ? tolerance.lower_rad : tolerance.lower_m) = lower;
+    (angle ? tolerance.upper_rad : tolerance.upper_m) = upper;
+    const double shown = angle ? 180 / std::numbers::pi : 1e3;
+    tolerance.text = name.modifier;
+    if (target) absl::StrAppend(&tolerance.text, " ", Number(shown * *target));
+    if (lower && target) {
+      absl::StrAppend(&tolerance.text, " ", Signed(shown * (*upper - *target)), "/",
+                      Signed(shown * (*lower - *target)));
+    } else if (lower) {
+      absl::StrAppend(&tolerance.text, " ", Number(shown * *lower), " to ", Number(shown * *upper));
+    }
+    absl::StrAppend(&tolerance.text, angle ? " deg" : " mm");
+    if (!lower) {
+      const std::string& without = definition.ChildText("NonTolerance");
+      if (!without.empty()) {
+        tolerance.modifiers.push_back(absl::AsciiStrToLower(without));
+        absl::StrAppend(&tolerance.text, ", ", tolerance.modifiers.back());
+      }
+      report_.untoleranced.push_back(std::move(tolerance));
+      return;
+    }
+    const double width = *upper - *lower;
+    if (!(width > 0)) {
+      throw Unreadable{"its lower limit is not below its upper one (" + tolerance.text + ")"};
+    }
+    (angle ? tolerance.zone_width_rad : tolerance.zone_width_m) = width;
+    report_.read.push_back(std::move(tolerance));
+  }
+
+  const QifElement& root_;
+  std::string file_;
+  ToleranceReport report_;
+  std::map<std::string, double> linear_units_, angular_units_;  // factors to metre, radian
+  std::optional<double> linear_unit_, angular_unit_;            // primary
+  std::set<std::string> ids_;
+  Elements feature_nominals_, feature_items_, datum_definitions_, datum_targets_, frames_,
+      definitions_, nominals_, items_;
+  std::map<const Elements*, std::vector<const QifElement*>> order_;  // as in the file
+  std::map<std::string, std::string> feature_names_;                 // of a nominal, by its item
+};
+
+}  // namespace
+
+absl::StatusOr<ToleranceReport> ReadQif(const std::string& file, const std::string& schema_folder) {
+  const auto root = ReadQifXml(file, schema_folder);
+  if (!root.ok()) return root.status();
+  try {
+    ToleranceReport report = QifReader(*root, file).Read();
+    report.notes.push_back(
+        schema_folder.empty()
+            ? "checked: XML, namespace, version and the structure of what is read; not validated "
+              "against the QIF schema, for which its folder must be given"
+            : "validated against the QIF schema in " + schema_folder);
+    if (report.entity_count > 0) {
+      report.notes.emplace_back(
+          "QIF's features are not faces of a STEP file: say by hand which region each binds");
+    }
+    return report;
+  } catch (const Broken& broken) {
+    return broken.status;
+  }
+}
+
+}  // namespace sightline

@@ -1,0 +1,37 @@
+// The part of a QIF document that is about tolerances, as a tree of elements with line numbers.
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+
+namespace sightline {
+
+struct QifElement {
+  std::string name;  // local name
+  int64_t line = 0;
+  std::map<std::string, std::string> attributes;  // without namespaces
+  std::string text;                               // of its own, trimmed; long texts are cut
+  std::vector<QifElement> children;
+
+  // First child of that name, or null.
+  const QifElement* Child(const std::string& child) const;
+  // Text of the first child of that name, or empty.
+  const std::string& ChildText(const std::string& child) const;
+};
+
+// Parses and checks a QIF 3.0 document: well-formed XML without a document type, root QIFDocument
+// in namespace http://qifstandards.org/xsd/qif3, versionQIF 3.0.x. With `schema_folder` (that of
+// the QIF 3.0 schema, which has QIFApplications/QIFDocument.xsd) the whole document is validated
+// as well. Kept are the root's children FileUnits, DatumDefinitions, DatumTargetDefinitions,
+// DatumReferenceFrames, Features and Characteristics; geometry is read past.
+//
+// Nothing is fetched: external entities are refused, and schemas are read from `schema_folder`
+// only. NOT_FOUND: no such file or schema. INVALID_ARGUMENT names file, line and element; also for
+// files over 1 GiB, more than 4 million elements kept, or elements nested deeper than 100.
+absl::StatusOr<QifElement> ReadQifXml(const std::string& file, const std::string& schema_folder);
+
+}  // namespace sightline

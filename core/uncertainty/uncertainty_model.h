@@ -1,0 +1,48 @@
+// What is known of a measurement's errors and of the surface before it (thesis 3.3.3, 3.4), as
+// validated values: SI units, pixels, radians.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/triangulation/triangulation.h"
+#include "sightline/v1/uncertainty.pb.h"
+
+namespace sightline {
+
+// Standard deviation u_px of the detected centre of the laser line, the same along rows and columns
+// of the image, as a function of where a point is seen from. Planning of the optics hands its
+// results in as such a table.
+struct LineDetectionNoise {
+  // A table over distance from the camera and angle of incidence at one exposure time. Both axes
+  // are increasing and have at least one entry; one of each: a constant.
+  std::vector<double> distances_m = {1};
+  std::vector<double> incidence_angles_rad = {0};
+  std::vector<double> standard_deviations_px = {0.2};  // [distance][angle]
+
+  bool IsConstant() const { return standard_deviations_px.size() == 1; }
+  // Linear between the entries, constant beyond the ends.
+  double At(double distance_m, double incidence_angle_rad) const;
+  friend bool operator==(const LineDetectionNoise&, const LineDetectionNoise&) = default;
+};
+
+struct UncertaintyModel {
+  LineDetectionNoise detection;
+  // Over the variables of Table 3.1; those of detection are 0 here. Zero: no calibration errors.
+  TriangulationCovariance calibration = TriangulationCovariance::Zero();
+  double prior_standard_deviation_m = 0.01;
+  double resolution_m = 0.003;
+
+  bool HasCalibrationErrors() const { return !calibration.isZero(0); }
+};
+
+// INVALID_ARGUMENT names `context`, field, value and allowed range; a covariance must be symmetric
+// and positive semidefinite.
+absl::StatusOr<UncertaintyModel> ParseUncertainty(const v1::Uncertainty& message,
+                                                  const std::string& context);
+// Every default written out: a constant or a table of one exposure time, and the full covariance.
+v1::Uncertainty UncertaintyToProto(const UncertaintyModel& model);
+
+}  // namespace sightline

@@ -1,0 +1,36 @@
+#include "planner_client/plan_oracle/coverage_oracle.h"
+
+namespace sightline {
+
+const TargetBits& CoverageOracle::fresh_measurable() const {
+  return fresh_ != nullptr ? fresh_->measurable() : GainOracle::fresh_measurable();
+}
+
+absl::StatusOr<std::vector<ScanGain>> CoverageOracle::Gains(
+    std::span<const Measurement> measurements, std::span<const float> known) {
+  return client_.Gains(measurements, known);
+}
+
+absl::StatusOr<std::vector<ScanGain>> CoverageOracle::WeightedGains(
+    std::span<const Measurement> measurements, std::span<const float> weights) {
+  return client_.WeightedGains(measurements, weights);
+}
+
+absl::StatusOr<std::vector<ScanCoverage>> CoverageOracle::FastCoverage(
+    std::span<const Measurement> measurements) {
+  return client_.FastCoverage(measurements);
+}
+
+absl::StatusOr<std::vector<ScanCoverage>> CoverageOracle::ExactCoverage(
+    std::span<const Measurement> measurements) {
+  auto coverages = client_.ExactCoverage(measurements);
+  if (!coverages.ok() || fresh_ == nullptr) return coverages;
+  auto fresh = fresh_->ExactCoverage(measurements);
+  if (!fresh.ok()) return fresh.status();
+  for (size_t i = 0; i < coverages->size(); ++i) {
+    (*coverages)[i].fresh_covered = std::move((*fresh)[i].covered);
+  }
+  return coverages;
+}
+
+}  // namespace sightline

@@ -1,0 +1,30 @@
+// Plans for coverage, asked of a coverage server and scored on fresh targets too.
+#pragma once
+
+#include "planner_client/coverage_client/coverage_client.h"
+
+namespace sightline {
+
+class CoverageOracle final : public GainOracle {
+ public:
+  // `fresh`: the same task with targets sampled anew; may be null. Both must outlive the oracle.
+  CoverageOracle(CoverageClient& client, CoverageClient* fresh) : client_(client), fresh_(fresh) {}
+
+  const TargetBits& measurable() const override { return client_.measurable(); }
+  const TargetBits& fresh_measurable() const override;
+  absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
+                                              std::span<const float> known) override;
+  absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
+                                                      std::span<const float> weights) override;
+  absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
+      std::span<const Measurement> measurements) override;
+  absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
+      std::span<const Measurement> measurements) override;
+  int64_t evaluations() const override { return client_.evaluations(); }
+
+ private:
+  CoverageClient& client_;
+  CoverageClient* fresh_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,76 @@
+// Plans for uncertainty, asked of a coverage server: a target is settled when its uncertainty is
+// admissible (thesis eq. 3.2), and a scan's share is the information it brings over what that
+// needs.
+#pragma once
+
+#include <array>
+#include <map>
+#include <vector>
+
+#include "planner_client/coverage_client/coverage_client.h"
+
+namespace sightline {
+
+// What the targets of one sampling are to be known to.
+struct JudgedTargets {
+  TargetBits judged;                            // measurable, and a tolerance binds them
+  std::vector<float> admissible_uncertainty_m;  // 0: not judged
+  // Information density [1/m^4] after which the uncertainty is admissible, and relaxed; infinite
+  // where a target is not judged.
+  std::vector<float> admissible_density;
+  std::vector<float> relaxed_density;
+};
+
+// `admissible_uncertainty_m`: one per target of the client's scene. Targets whose admissible
+// uncertainty is not below the prior need nothing.
+JudgedTargets JudgeTargets(const CoverageClient& client, const UncertaintyModel& model,
+                           const TargetSampling& sampling,
+                           std::vector<float> admissible_uncertainty_m,
+                           double relaxed_uncertainty_m);
+
+class UncertaintyOracle final : public GainOracle {
+ public:
+  struct Sampling {
+    CoverageClient* client;
+    JudgedTargets targets;
+  };
+  // `fresh.client` may be null. Clients must outlive the oracle.
+  UncertaintyOracle(Sampling planned, Sampling fresh, const UncertaintyModel& model,
+                    const GainWeights& weights, double relaxed_uncertainty_m);
+
+  // What later searches go by.
+  void set_weights(const GainWeights& weights) { query_.weights = weights; }
+
+  const TargetBits& measurable() const override { return planned_.targets.judged; }
+  const TargetBits& fresh_measurable() const override { return fresh_.targets.judged; }
+  absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
+                                              std::span<const float> known) override;
+  absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
+                                                      std::span<const float> weights) override;
+  absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
+      std::span<const Measurement> measurements) override;
+  // Of coverage, for what a scan travels and where it is feasible.
+  absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
+      std::span<const Measurement> measurements) override;
+  int64_t evaluations() const override { return planned_.client->evaluations(); }
+
+  std::vector<ShareStep> steps() const override;
+  bool ScoresPlans() const override { return true; }
+  absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool thorough) override;
+  absl::StatusOr<std::vector<PlanScore>> ScoreGrowingPlan(
+      std::span<const Measurement> scans) override;
+
+ private:
+  struct Counts {
+    int64_t settled = 0, relaxed = 0;
+  };
+  // Exact, of all judged targets or estimated from a part of them.
+  absl::StatusOr<Counts> Count(const Sampling& sampling, std::span<const Measurement> scans,
+                               bool thorough) const;
+
+  Sampling planned_, fresh_;
+  UncertaintyQuery query_;
+  double prior_standard_deviation_m_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,42 @@
+// A plan and the tolerances it is for as a QIF 3.0 document (ANSI/DMSC QIF 3.0, ISO 23952:2020),
+// for programs of quality management and coordinate metrology.
+//
+// Parts of the schema that are written, in its order of elements:
+//   QIFDocument     QPId, Attributes (the plan's own numbers), Header, FileUnits (mm, degree)
+//   Features        one OtherSurfaceFeature per tolerance: definition, nominal, item with name. A
+//                   plan knows no geometry of features, so that nominals have none.
+//   Characteristics one definition, nominal and item per tolerance, of the type of its kind; the
+//                   prediction and the verdict are Attributes of the item. QIF has no place for
+//                   the uncertainty of a measurement that has not been made.
+//   Plan            WorkInstructions (one text per scan, with its parameters as Attributes),
+//                   ActionMethods (OtherMeasureFeatureMethod per scan: QIF names no laser line
+//                   triangulation), OrderedPlanRoot: a step MeasureSpecifiedFeatures per scan, then
+//                   EvaluateSpecifiedCharacteristics
+// Not written: datums and datum reference frames (their letters are an Attribute), Product,
+// MeasurementResources, Results. Where the schema demands what a plan does not know (the material
+// condition and the zone's shape of position, orientation, straightness), the tolerance says it;
+// without one, REGARDLESS and a zone that is no cylinder stand there, and an Attribute says that
+// they are assumed. Attributes have names that end in their unit.
+//
+// Element names and order follow the published schema and its examples; the document has not been
+// validated against the complete schema, which is not part of this program.
+#pragma once
+
+#include <span>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "core/tolerance/tolerance.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+// `tolerances`: those of the drawing; one whose id is that of a feature of plan.uncertainty gives
+// the limits, zone shape, datums and modifiers that a plan does not hold. The same input gives the
+// same bytes. A plan for coverage has the whole surface as its one feature, and no characteristics.
+// Numbers that are not finite, and texts that XML cannot hold, are left out or replaced.
+// INVALID_ARGUMENT for a plan without scans and features.
+absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string& part_name,
+                                        std::span<const Tolerance> tolerances = {});
+
+}  // namespace sightline

@@ -1,0 +1,58 @@
+// How well a plan makes each target known, as values that reports and files show.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "core/targets/target_set.h"
+
+namespace sightline {
+
+// Standard uncertainty by which single points of one scan are known along the surface's normal,
+// before anything is inferred from several points (sensitivity map, thesis Fig. 3.5). Structure of
+// arrays; part coordinates.
+struct ScanSensitivityMap {
+  std::vector<Eigen::Vector3f> positions_m;
+  std::vector<float> detection_m;
+  std::vector<float> calibration_m;  // empty: no calibration errors
+};
+
+// After all scans of a plan, one entry per target and array. The parts are those of
+// SurfaceUncertainty: total^2 = noise^2 + sampling^2 + calibration^2. Finite, >= 0.
+struct TargetUncertainties {
+  std::vector<double> total_m, noise_m, sampling_m, calibration_m;
+  std::vector<double> admissible_m;  // 0: no tolerance binds the target, it is not judged
+  double relaxed_m = 0;              // 0: none
+  // Only where they are to be shown: one per scan of the plan, empty maps for scans without.
+  std::vector<ScanSensitivityMap> scan_sensitivities;
+  // Only where features are to be pointed at: targets of each feature of plan.uncertainty.
+  std::vector<std::vector<uint32_t>> feature_targets;
+};
+
+// Numbers are those of files and of the report's viewer.
+enum class UncertaintyClass : uint8_t {
+  kAdmissible = 0,     // u <= admissible uncertainty
+  kRelaxed = 1,        // above it, u <= relaxed uncertainty
+  kNotReached = 2,     // above both
+  kNotJudged = 3,      // measurable, but no tolerance binds it
+  kNotMeasurable = 4,  // by no scan whatever
+};
+inline constexpr int kUncertaintyClasses = 5;
+
+UncertaintyClass ClassOfTarget(const TargetUncertainties& uncertainties,
+                               const TargetBits& measurable, size_t target);
+
+enum class UncertaintyPart : uint8_t { kNoise = 0, kSampling = 1, kCalibration = 2 };
+
+// The largest; of equal ones the first.
+UncertaintyPart DominatingPart(const TargetUncertainties& uncertainties, size_t target);
+
+// INVALID_ARGUMENT names `context`, the field, its size or value, and what is allowed. `scans` and
+// `features` are those of the plan.
+absl::Status CheckTargetUncertainties(const TargetUncertainties& uncertainties, size_t targets,
+                                      size_t scans, size_t features, const std::string& context);
+
+}  // namespace sightline

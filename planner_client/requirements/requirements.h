@@ -1,0 +1,58 @@
+// What an inspection asks of its surfaces: toleranced features, and the uncertainty that is
+// admissible at every target.
+#pragma once
+
+#include <functional>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+#include "core/part/mesh.h"
+#include "core/targets/target_set.h"
+#include "core/tolerance/face_surface.h"
+#include "core/tolerance/tolerance.h"
+
+namespace sightline {
+
+// A surface of the part with a tolerance.
+struct TolerancedFeature {
+  std::string id;    // in its file; "" by hand
+  std::string name;  // never empty
+  ToleranceKind kind = ToleranceKind::kSurfaceProfile;
+  double zone_width_m = 0;  // > 0
+  std::optional<double> nominal_m;
+  std::string text;  // as on the drawing
+  // Its surfaces: a box in part coordinates or faces.
+  std::optional<Eigen::AlignedBox3d> box_m;
+  std::vector<FaceSurface> faces;
+
+  bool Contains(const Eigen::Vector3d& position_m, const Eigen::Vector3d& normal) const;
+};
+
+struct Requirements {
+  DecisionRule rule;
+  std::optional<double> default_zone_width_m;  // of targets that no feature holds
+  double relaxed_uncertainty_m = 0;
+  std::vector<TolerancedFeature> features;
+  std::vector<Tolerance> tolerances;  // of the file, those that features were made of
+  // Tolerances of the file that nothing can be planned for, by name and why; those that it could
+  // not be read of included.
+  std::vector<UnreadTolerance> left_out;
+
+  // Indices of a feature's targets, ascending.
+  std::vector<uint32_t> TargetsOf(const TolerancedFeature& feature, const TargetSet& targets) const;
+  // Of every target, that of the narrowest zone that binds it [m]; 0: none does.
+  std::vector<float> AdmissibleUncertainties(const TargetSet& targets) const;
+};
+
+// `report` and `faces` are those of inspection.tolerances.file, if there is one. INVALID_ARGUMENT
+// names the region or tolerance: a material that the part has not, a face that the file has not, a
+// zone that is wider than the part, no tolerance at all.
+absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
+                                              const TriangleMesh& part,
+                                              const std::optional<ToleranceReport>& report,
+                                              const std::vector<FaceTriangles>& faces);
+
+}  // namespace sightline

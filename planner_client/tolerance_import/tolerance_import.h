@@ -1,0 +1,40 @@
+// Tolerances of a drawing from the file that holds them: STEP (AP242) or QIF 3.0.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "core/tolerance/face_surface.h"
+#include "core/tolerance/tolerance.h"
+
+namespace sightline {
+
+struct ToleranceImportOptions {
+  // Folder of the QIF 3.0 schema to validate QIF files against. Empty: not validated.
+  std::string qif_schema_folder;
+  // The program that reads STEP. Empty: sightline_step_import beside the running program.
+  std::string step_import_program;
+  // How long that may take.
+  absl::Duration time_limit = absl::Minutes(10);
+};
+
+struct ImportedTolerances {
+  ToleranceReport report;
+  // Triangles of the STEP file's faces, in metres in its coordinates, which are those of the GLB
+  // that sightline_step_import makes of it. Empty for QIF.
+  std::vector<FaceTriangles> faces;
+};
+
+// By the file's suffix: .stp, .step, .p21 or .qif, in any case. STEP is read by another program,
+// since OpenCASCADE is not to be part of this one. A file without tolerances is no error: the
+// report's entity_count is 0.
+//
+// INVALID_ARGUMENT: another suffix, or the file is wrong (the message names it). NOT_FOUND: no such
+// file, no such program (build target sightline_step_import). DEADLINE_EXCEEDED, INTERNAL: the
+// program took too long or failed; the message ends with what it wrote to stderr.
+absl::StatusOr<ImportedTolerances> ImportTolerances(const std::string& file,
+                                                    const ToleranceImportOptions& options = {});
+
+}  // namespace sightline
