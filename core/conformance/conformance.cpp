@@ -12,7 +12,10 @@
 namespace sightline {
 namespace {
 
-std::string Micrometres(double m) { return absl::StrFormat("%.3g um", 1e6 * m); }
+std::string Length(double m) {
+  return std::abs(m) < 1e-4 ? absl::StrFormat("%.3g um", 1e6 * m)
+                            : absl::StrFormat("%.3g mm", 1e3 * m);
+}
 std::string Percent(double share) { return absl::StrFormat("%.3g %%", 100 * share); }
 
 // The part with the largest variance, and its share of the whole.
@@ -148,25 +151,25 @@ absl::StatusOr<FeatureConformance> JudgeFeature(const Feature& feature, Measuran
   }
   result.can_be_proven = enough_measured && zone_left;
   const std::string uncertainty =
-      absl::StrCat("u is ", Micrometres(result.u.total_m), ", ", Dominating(result.u));
+      absl::StrCat("u is ", Length(result.u.total_m), ", ", Dominating(result.u));
   const std::string bias =
-      result.bias_m > 0 ? absl::StrCat("; errors alone make a form of ", Micrometres(result.bias_m))
+      result.bias_m > 0 ? absl::StrCat("; errors alone make a form of ", Length(result.bias_m))
                         : "";
   if (!enough_measured) {
     result.because = absl::StrCat("cannot be proven: ", missing);
   } else if (result.acceptance_zone_m <= 0) {
     result.because = absl::StrCat(
         "cannot be proven: ", uncertainty, bias, "; no acceptance zone is left of the zone of ",
-        Micrometres(zone.width_m), ", u must be below ",
-        Micrometres(Admissible(zone, options.rule, result.bias_m / result.u.total_m)));
+        Length(zone.width_m), ", u must be below ",
+        Length(Admissible(zone, options.rule, result.bias_m / result.u.total_m)));
   } else if (!zone_left) {
-    result.because = absl::StrCat(
-        "cannot be proven: the acceptance zone of ", Micrometres(result.acceptance_zone_m),
-        " is below the least one of ", Micrometres(least_m), "; ", uncertainty, bias);
+    result.because =
+        absl::StrCat("cannot be proven: the acceptance zone of ", Length(result.acceptance_zone_m),
+                     " is below the least one of ", Length(least_m), "; ", uncertainty, bias);
   } else {
     result.because =
-        absl::StrCat("can be proven: an acceptance zone of ", Micrometres(result.acceptance_zone_m),
-                     " is left of ", Micrometres(zone.width_m), "; ", uncertainty, bias);
+        absl::StrCat("can be proven: an acceptance zone of ", Length(result.acceptance_zone_m),
+                     " is left of ", Length(zone.width_m), "; ", uncertainty, bias);
   }
   return result;
 }

@@ -117,7 +117,7 @@ struct Chosen {
 
 Chosen MakeFeature(const Inspection& inspection, std::span<const Measurement> scans,
                    const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,
-                   std::vector<uint32_t> all) {
+                   const std::vector<uint32_t>& all, double known_m) {
   Chosen chosen;
   const size_t stride = (all.size() + kMostTargets - 1) / kMostTargets;
   for (size_t i = 0; i < all.size(); i += stride) chosen.targets.push_back(all[i]);
@@ -126,7 +126,7 @@ Chosen MakeFeature(const Inspection& inspection, std::span<const Measurement> sc
     target.position_m = knowledge.targets->positions_m[t].cast<double>();
     target.normal = knowledge.targets->normals[t].cast<double>().normalized();
     target.uncertainty = knowledge.uncertainty[t];
-    target.measured = knowledge.points[t] > 0;
+    target.measured = knowledge.points[t] > 0 && knowledge.uncertainty[t].total_m <= known_m;
     chosen.feature.targets.push_back(target);
   }
   const Shape shape = ShapeOf(chosen.feature.targets);
@@ -179,7 +179,15 @@ absl::StatusOr<std::vector<v1::FeatureVerdict>> JudgeFeatures(const Inspection& 
       cannot(absl::StrCat(verdict.kind(), " is not predicted"));
       continue;
     }
-    const Chosen chosen = MakeFeature(inspection, scans, part_centre_m, knowledge, all);
+    // Targets that a few points at the border of the measured surface tell of are hardly known, and
+    // would be left out of an evaluation: for form each has to be known admissibly, fitted
+    // parameters average over many, and deviations are judged one by one.
+    const double known_m = measurand->measurand == Measurand::kDeviation
+                               ? inspection.uncertainty->prior_standard_deviation_m
+                           : measurand->measurand == Measurand::kForm
+                               ? admissible_m
+                               : std::max(admissible_m, requirements.relaxed_uncertainty_m);
+    const Chosen chosen = MakeFeature(inspection, scans, part_centre_m, knowledge, all, known_m);
     if (chosen.feature.geometry == FeatureGeometry::kFreeform &&
         measurand->measurand != Measurand::kDeviation) {
       cannot("its targets lie neither on a plane nor on a cylinder, so nothing is fitted");

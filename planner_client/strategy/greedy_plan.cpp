@@ -54,7 +54,10 @@ absl::StatusOr<PlannerResult> PlanGreedily(PlanRun& run, const NextBestScans& ne
       auto shares = run.SharesOf(candidate);
       if (run.IsStop(shares.status())) return run.Finish(movable, run.stopped_reason());
       if (!shares.ok()) return shares.status();
-      if (run.GainAfter(known, *shares) < run.min_gain()) continue;
+      auto added = run.Added(known, candidate, *shares);
+      if (run.IsStop(added.status())) return run.Finish(movable, run.stopped_reason());
+      if (!added.ok()) return added.status();
+      if (*added < run.min_gain()) continue;
       movable.push_back(candidate);
       feasible.push_back(candidate);
       AddShares(*shares, known);

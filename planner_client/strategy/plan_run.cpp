@@ -83,6 +83,14 @@ absl::StatusOr<TargetShares> PlanRun::SharesOf(const Measurement& scan) {
   return std::move(fast->front().shares);
 }
 
+absl::StatusOr<double> PlanRun::Added(std::span<const float> known, const Measurement& scan,
+                                      const TargetShares& shares) {
+  if (!oracle_.ScoresPlans()) return GainAfter(known, shares);
+  auto gains = oracle_.Gains({&scan, 1}, known);
+  if (!gains.ok()) return gains.status();
+  return gains->front().gain;
+}
+
 absl::StatusOr<PlanScore> PlanRun::Score(std::span<const Measurement> scans, bool thorough) {
   if (oracle_.ScoresPlans()) return oracle_.ScorePlan(scans, thorough);
   auto exact = Exact(scans);

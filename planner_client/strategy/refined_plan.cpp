@@ -230,7 +230,12 @@ class RefinedPlanner {
     auto index =
         SearchScan(known, Share(kGreedyShare), absl::StrCat("searching scan ", plan_.size() + 1));
     if (!index.ok()) return index.status();
-    if (!*index || run_.GainAfter(known, scans_[**index].shares) < run_.min_gain()) {
+    absl::StatusOr<double> added = 0.0;
+    if (*index) {
+      added = run_.Added(known, scans_[**index].measurement, scans_[**index].shares);
+      if (!added.ok()) return added.status();
+    }
+    if (!*index || *added < run_.min_gain()) {
       if (++failures_ == 2) stalled_ = true;
       reason_ = StopReason::kStalled;
       return absl::OkStatus();

@@ -657,7 +657,7 @@ TEST(JudgeFeature, ProvesWhatIsKnownWellEnough) {
   EXPECT_TRUE(c->can_be_proven);
   EXPECT_NEAR(c->acceptance_zone_m, 6e-5, 1e-12);
   EXPECT_EQ(c->admissible_share, 1);
-  EXPECT_THAT(c->because, HasSubstr("acceptance zone of 60 um is left of 100 um"));
+  EXPECT_THAT(c->because, HasSubstr("acceptance zone of 60 um is left of 0.1 mm"));
   const auto p = DecisionProbabilities({ZoneKind::kTwoSided, 1e-4}, 1e-5, 2, {0, 1e-4 / 6});
   EXPECT_NEAR(c->probability_wrong_rejection, p->wrong_rejection, 1e-12);
 }

@@ -100,6 +100,89 @@ class FunctionOracle : public GainOracle {
   int64_t exact_evaluations_ = 0;
 };
 
+// Targets on a line from 0 to 1, one every hundredth. A scan at offset y brings a share of 0.4 to
+// those within 0.26 of y: three scans settle a target, however they lie. Exact scores are the same.
+class ShareOracle final : public GainOracle {
+ public:
+  static constexpr size_t kTargets = 101;
+  ShareOracle() : judged_(kTargets) {
+    for (size_t t = 0; t < kTargets; ++t) judged_.Set(t);
+  }
+  const TargetBits& measurable() const override { return judged_; }
+  int64_t evaluations() const override { return evaluations_; }
+  std::vector<ShareStep> steps() const override { return {{0.75, {1.0f}}, {0.25, {0.5f}}}; }
+  bool ScoresPlans() const override { return true; }
+
+  static TargetShares SharesOf(const Measurement& m) {
+    TargetShares shares;
+    for (uint32_t t = 0; t < kTargets; ++t) {
+      if (std::abs(0.01 * t - m.offset_y_m) > 0.26) continue;
+      shares.targets.push_back(t);
+      shares.share.push_back(0.4f);
+    }
+    return shares;
+  }
+  absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
+                                              std::span<const float> known) override {
+    evaluations_ += static_cast<int64_t>(measurements.size());
+    std::vector<ScanGain> gains;
+    for (const Measurement& m : measurements) {
+      ScanGain& gain = gains.emplace_back();
+      const TargetShares shares = SharesOf(m);
+      for (const uint32_t t : shares.targets) {
+        gain.new_targets += known[t] < 1 && known[t] + 0.4f >= 1;
+        gain.gain += std::min(1.0f, known[t] + 0.4f) - std::min(1.0f, known[t]);
+      }
+    }
+    return gains;
+  }
+  absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
+                                                      std::span<const float> weights) override {
+    evaluations_ += static_cast<int64_t>(measurements.size());
+    std::vector<ScanGain> gains;
+    for (const Measurement& m : measurements) {
+      ScanGain& gain = gains.emplace_back();
+      for (const uint32_t t : SharesOf(m).targets) gain.weighted_gain += 0.4 * weights[t];
+    }
+    return gains;
+  }
+  absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
+      std::span<const Measurement> measurements) override {
+    evaluations_ += static_cast<int64_t>(measurements.size());
+    std::vector<ScanCoverage> result(measurements.size());
+    for (size_t i = 0; i < result.size(); ++i) {
+      result[i].covered = TargetBits(kTargets);
+      result[i].shares = SharesOf(measurements[i]);
+    }
+    return result;
+  }
+  absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
+      std::span<const Measurement> measurements) override {
+    std::vector<ScanCoverage> result(measurements.size());
+    for (ScanCoverage& coverage : result) coverage.covered = TargetBits(kTargets);
+    return result;
+  }
+  absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool) override {
+    std::vector<float> known(kTargets, 0);
+    for (const Measurement& m : scans) AddShares(SharesOf(m), known);
+    const int64_t settled = Settled(judged_, known).Count();
+    PlanScore score;
+    score.settled = score.relaxed = settled;
+    score.judged = kTargets;
+    return score;
+  }
+  absl::StatusOr<std::vector<PlanScore>> ScoreGrowingPlan(
+      std::span<const Measurement> scans) override {
+    std::vector<PlanScore> scores;
+    for (size_t n = 1; n <= scans.size(); ++n) scores.push_back(*ScorePlan(scans.first(n), true));
+    return scores;
+  }
+
+ private:
+  TargetBits judged_;
+  int64_t evaluations_ = 0;
+};
+
 // Bounds of Table 2.1.
 inline MeasurementDomain NineParameterDomain() {
   constexpr double kDeg = std::numbers::pi / 180;

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "planner_client/optimise/search_space.h"
+#include "planner_client/strategy/scan_count_bound.h"
 #include "tests/planner_client/analytic_oracle.h"
 
 namespace sightline {
@@ -296,6 +297,38 @@ TEST(MakePlanTest, NothingMeasurableIsAnEmptyPlan) {
     ASSERT_TRUE(plan.ok()) << strategy.name << ": " << plan.status();
     EXPECT_TRUE(plan->scans.empty()) << strategy.name;
   }
+}
+
+TEST(PlanForShares, ScansAddUpUntilTargetsAreSettled) {
+  // Every target needs three of the scans that reach half of the line: six scans at the least.
+  for (const char* strategy : {"refined", "greedy-pso", "greedy-cmaes"}) {
+    ShareOracle oracle;
+    PlannerRequest request;
+    request.domain = OffsetDomain();
+    request.goal.coverage = 0;
+    request.goal.admissible = 1.0;
+    request.strategy = strategy;
+    request.evaluations_per_scan = 2000;
+    const auto plan = MakePlan(oracle, request);
+    ASSERT_TRUE(plan.ok()) << strategy << plan.status();
+    EXPECT_EQ(plan->stop_reason, StopReason::kGoalReached) << strategy;
+    EXPECT_EQ(plan->score.settled, static_cast<int64_t>(ShareOracle::kTargets));
+    EXPECT_GE(plan->scans.size(), 6u);
+    EXPECT_LE(plan->scans.size(), std::string(strategy) == "refined" ? 7u : 9u) << strategy;
+    ASSERT_EQ(plan->coverage_curve.size(), plan->scans.size());
+    EXPECT_EQ(plan->coverage_curve.front(), 0);  // one scan settles nothing
+    EXPECT_EQ(plan->coverage_curve.back(), 1);
+  }
+}
+
+TEST(PlanForShares, TheBoundCountsWhatEveryTargetNeeds) {
+  ShareOracle oracle;
+  const auto bound = BoundScanCount(oracle, OffsetDomain(), 1.0, {}, 30000, 1);
+  ASSERT_TRUE(bound.ok()) << bound.status();
+  // Both ends of the line need 1 / 0.4 scans each, and no scan reaches both: 5. The search for
+  // weights comes near that from below.
+  EXPECT_LE(bound->bound, 5 + 1e-6);
+  EXPECT_GE(bound->bound, 4.75);
 }
 
 }  // namespace

@@ -1,0 +1,187 @@
+#include "planner_client/requirements/requirements.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+#include "core/surface_inference/surface_inference.h"
+#include "planner_client/requirements/feature_verdicts.h"
+#include "planner_client/requirements/reach.h"
+
+namespace sightline {
+namespace {
+
+using ::testing::HasSubstr;
+
+// Two squares of 100 mm side by side in the plane z = 0, the second of material "ground".
+TriangleMesh TwoSquares() {
+  TriangleMesh mesh;
+  mesh.positions_m = {{0, 0, 0},    {0.1f, 0, 0},    {0.2f, 0, 0},
+                      {0, 0.1f, 0}, {0.1f, 0.1f, 0}, {0.2f, 0.1f, 0}};
+  mesh.triangles = {{0, 1, 4}, {0, 4, 3}, {1, 2, 5}, {1, 5, 4}};
+  mesh.material_names = {"cast", "ground"};
+  mesh.triangle_material = {0, 0, 1, 1};
+  return mesh;
+}
+
+TargetSet GridTargets() {
+  TargetSet targets;
+  for (int i = 0; i < 20; ++i) {
+    for (int j = 0; j < 10; ++j) {
+      targets.positions_m.emplace_back(0.005f + 0.01f * static_cast<float>(i),
+                                       0.005f + 0.01f * static_cast<float>(j), 0.0f);
+      targets.normals.emplace_back(0, 0, 1);
+      targets.regions.push_back(-1);
+    }
+  }
+  return targets;
+}
+
+Inspection Task() {
+  Inspection inspection;
+  inspection.uncertainty.emplace();
+  inspection.tolerances.emplace();
+  inspection.goal.admissible = 0.8;
+  inspection.domain = ThesisDomain();
+  return inspection;
+}
+
+TEST(Requirements, TheNarrowestZoneThatBindsATargetCounts) {
+  Inspection inspection = Task();
+  inspection.tolerances->zone_width_m = 0.001;
+  inspection.tolerances->regions.push_back({"ground", 0.0002, std::nullopt, {"ground"}, {}});
+  inspection.tolerances->regions.push_back(
+      {"corner",
+       0.0004,
+       Eigen::AlignedBox3d(Eigen::Vector3d(0.15, 0.05, -0.01), Eigen::Vector3d(0.3, 0.2, 0.01)),
+       {},
+       {}});
+  const auto requirements = MakeRequirements(inspection, TwoSquares(), std::nullopt, {});
+  ASSERT_TRUE(requirements.ok()) << requirements.status();
+  const TargetSet targets = GridTargets();
+  const std::vector<float> admissible = requirements->AdmissibleUncertainties(targets);
+  for (size_t t = 0; t < targets.size(); ++t) {
+    // The thesis's quarter of the zone.
+    const float expected = targets.positions_m[t].x() > 0.1f ? 0.00005f : 0.00025f;
+    EXPECT_FLOAT_EQ(admissible[t], expected) << t;
+  }
+  EXPECT_EQ(requirements->TargetsOf(requirements->features[0], targets).size(), 100u);
+  EXPECT_EQ(requirements->TargetsOf(requirements->features[1], targets).size(), 25u);
+  EXPECT_DOUBLE_EQ(requirements->relaxed_uncertainty_m, 0.001);  // a tenth of the prior
+}
+
+TEST(Requirements, RefusesWhatThePartHasNot) {
+  const auto expect = [](Inspection inspection, const std::string& text) {
+    const auto requirements = MakeRequirements(inspection, TwoSquares(), std::nullopt, {});
+    EXPECT_EQ(requirements.status().code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_THAT(std::string(requirements.status().message()), HasSubstr(text));
+  };
+  Inspection inspection = Task();
+  inspection.tolerances->regions.push_back({"a", 0.0002, std::nullopt, {"milled"}, {}});
+  expect(inspection, "no material \"milled\"; it has cast, ground");
+  inspection = Task();
+  inspection.tolerances->regions.push_back({"a", 0.0002, std::nullopt, {}, {7}});
+  expect(inspection, "has no face 7");
+  inspection = Task();
+  inspection.tolerances->zone_width_m = 0.5;
+  expect(inspection, "tolerances.zone_width_m is 0.5 m, must be below the part's size");
+  inspection = Task();
+  inspection.tolerances->file = "a.stp";
+  expect(inspection, "holds no tolerance that can be planned for");
+}
+
+TEST(Requirements, AZoneBeyondTheRigIsRefusedAtOnce) {
+  Inspection inspection = Task();
+  inspection.rig.scan_step_m = 0.0005;
+  inspection.tolerances->zone_width_m = 0.0002;  // thesis Table 6.5
+  auto requirements = MakeRequirements(inspection, TwoSquares(), std::nullopt, {});
+  ASSERT_TRUE(requirements.ok());
+  EXPECT_TRUE(CheckReach(inspection, *requirements).ok());
+  inspection.tolerances->zone_width_m = 2e-7;
+  requirements = MakeRequirements(inspection, TwoSquares(), std::nullopt, {});
+  ASSERT_TRUE(requirements.ok());
+  const absl::Status status = CheckReach(inspection, *requirements);
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(status.message()), HasSubstr("out of reach of this rig"));
+}
+
+TEST(BestInformationDensity, GrowsAsFramesAndNoiseShrink) {
+  Rig rig;
+  UncertaintyModel model;
+  const double density = BestInformationDensity(rig, model, ThesisDomain());
+  rig.scan_step_m /= 2;
+  EXPECT_NEAR(BestInformationDensity(rig, model, ThesisDomain()) / density, 2, 1e-9);
+  model.detection.standard_deviations_px = {0.1};
+  EXPECT_NEAR(BestInformationDensity(rig, model, ThesisDomain()) / density, 8, 1e-9);
+}
+
+PlanKnowledge KnowAll(const TargetSet& targets, const TargetBits& measurable, double u_m) {
+  PlanKnowledge knowledge;
+  knowledge.targets = &targets;
+  knowledge.measurable = &measurable;
+  knowledge.uncertainty.assign(targets.size(), {u_m, u_m, 0, 0});
+  knowledge.points.assign(targets.size(), 100);
+  return knowledge;
+}
+
+TEST(FeatureVerdicts, ProfilesAreJudgedByTheirTargets) {
+  Inspection inspection = Task();
+  inspection.tolerances->regions.push_back({"ground", 0.0002, std::nullopt, {"ground"}, {}});
+  const auto requirements = MakeRequirements(inspection, TwoSquares(), std::nullopt, {});
+  ASSERT_TRUE(requirements.ok());
+  const TargetSet targets = GridTargets();
+  TargetBits measurable(targets.size());
+  for (size_t t = 0; t < targets.size(); ++t) measurable.Set(t);
+  auto verdicts = JudgeFeatures(inspection, *requirements, {}, Eigen::Vector3d::Zero(),
+                                KnowAll(targets, measurable, 2e-5));
+  ASSERT_TRUE(verdicts.ok()) << verdicts.status();
+  ASSERT_EQ(verdicts->size(), 1u);
+  EXPECT_TRUE((*verdicts)[0].can_be_proven()) << (*verdicts)[0].because();
+  EXPECT_EQ((*verdicts)[0].targets(), 100);
+  EXPECT_EQ((*verdicts)[0].admissible_targets(), 100);
+  EXPECT_NEAR((*verdicts)[0].acceptance_zone_m(), 0.0002 - 4 * 2e-5, 1e-9);
+  verdicts = JudgeFeatures(inspection, *requirements, {}, Eigen::Vector3d::Zero(),
+                           KnowAll(targets, measurable, 8e-5));
+  ASSERT_TRUE(verdicts.ok());
+  EXPECT_FALSE((*verdicts)[0].can_be_proven());
+  EXPECT_EQ((*verdicts)[0].admissible_targets(), 0);
+}
+
+TEST(FeatureVerdicts, AFittedPlaneAveragesOverItsTargets) {
+  Inspection inspection = Task();
+  inspection.tolerances->regions.push_back({"ground", 0.0002, std::nullopt, {"ground"}, {}});
+  auto requirements = MakeRequirements(inspection, TwoSquares(), std::nullopt, {});
+  ASSERT_TRUE(requirements.ok());
+  requirements->features[0].kind = ToleranceKind::kPosition;
+  const TargetSet targets = GridTargets();
+  TargetBits measurable(targets.size());
+  const auto verdicts = JudgeFeatures(inspection, *requirements, {}, Eigen::Vector3d::Zero(),
+                                      KnowAll(targets, measurable, 8e-5));
+  ASSERT_TRUE(verdicts.ok());
+  // Worst at a corner: 1/n for the offset and 3/n for each tilt.
+  EXPECT_NEAR((*verdicts)[0].uncertainty_m(), 8e-5 * std::sqrt(7.0 / 100), 0.1 * 8e-5);
+  EXPECT_TRUE((*verdicts)[0].can_be_proven()) << (*verdicts)[0].because();
+}
+
+TEST(FeatureVerdicts, TooFewTargetsAreSaid) {
+  Inspection inspection = Task();
+  inspection.tolerances->regions.push_back(
+      {"spot",
+       0.0002,
+       Eigen::AlignedBox3d(Eigen::Vector3d(0, 0, -1), Eigen::Vector3d(0.012, 0.022, 1)),
+       {},
+       {}});
+  const auto requirements = MakeRequirements(inspection, TwoSquares(), std::nullopt, {});
+  ASSERT_TRUE(requirements.ok());
+  const TargetSet targets = GridTargets();
+  TargetBits measurable(targets.size());
+  const auto verdicts = JudgeFeatures(inspection, *requirements, {}, Eigen::Vector3d::Zero(),
+                                      KnowAll(targets, measurable, 1e-5));
+  ASSERT_TRUE(verdicts.ok());
+  EXPECT_FALSE((*verdicts)[0].can_be_proven());
+  EXPECT_THAT((*verdicts)[0].because(), HasSubstr("only 2 targets lie on it"));
+}
+
+}  // namespace
+}  // namespace sightline
