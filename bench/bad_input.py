@@ -268,6 +268,47 @@ class Cases:
                  r"out of bounds|triangulation_angle_deg", note=next(
                      (line for line in outcome.text.splitlines() if "bounds" in line), outcome.message()))
 
+    # -- uncertainty and tolerances ----------------------------------------------------------------
+
+    def uncertainty(self):
+        def task(name, tolerances, uncertainty=None):
+            return self.inspection(name, {
+                "part": {"file": "box.stl", "unit": "mm"}, "uncertainty": uncertainty or {},
+                "tolerances": tolerances, "goal": {"admissible": 0.8}})
+        zone = {"zone_width_m": 0.0002}
+        self.wrong_plan("tolerance of 0", task("zone0", {"zone_width_m": 0}), r"tolerances\.zone_width_m is 0")
+        self.wrong_plan("tolerance wider than the part", task("zone_wide", {"zone_width_m": 0.9}),
+                        r"zone_width_m is 0\.9 m, must be below the part's size")
+        began = time.monotonic()
+        self.wrong_plan("tolerance finer than any scan can reach", task("zone_fine", {"zone_width_m": 1e-7}),
+                        r"out of reach of this rig")
+        if time.monotonic() - began > 5:
+            self.rows[-1]["problems"].append("not said at once")
+        self.wrong_plan("detection noise of -0.2 px",
+                        task("noise", zone, {"line_detection": {"standard_deviation_px": -0.2}}),
+                        r"standard_deviation_px is -0\.2")
+        covariance = [1e-6 if i % 13 == 0 else 0 for i in range(144)]
+        covariance[1] = covariance[12] = 5e-6
+        self.wrong_plan("covariance that is not positive",
+                        task("covariance", zone, {"calibration": {"covariance": covariance}}),
+                        r"calibration\.covariance")
+        (self.folder / "broken.qif").write_text(
+            '<QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0"><Characteristics></QIFDocument>',
+            encoding="utf-8")
+        self.wrong_plan("QIF that is not well formed", task("qif", {"file": "broken.qif"}), r"broken\.qif:1")
+        self.wrong_plan("tolerances of a file that is missing", task("nofile", {"file": "nowhere.stp"}),
+                        r"nowhere\.stp")
+        self.wrong_plan("STEP without tolerances",
+                        task("no_pmi", {"file": str(self.head.with_suffix(".step"))}),
+                        r"cylinder_head\.step: holds no tolerance")
+        self.wrong_plan("goal of uncertainty without tolerances",
+                        self.inspection("none", {"part": {"file": "box.stl", "unit": "mm"}, "uncertainty": {},
+                                                 "goal": {"admissible": 0.8}}),
+                        r"tolerances is missing")
+        self.wrong_plan("material that the part has not",
+                        task("material", {"regions": [{"name": "a", "zone_width_m": 1e-4, "materials": ["gold"]}]}),
+                        r"no material \"gold\"")
+
     # -- servers --------------------------------------------------------------------------------
 
     def uploads(self):
@@ -419,6 +460,7 @@ def main():
         cases = Cases(folder)
         cases.files()
         cases.inspections()
+        cases.uncertainty()
         cases.uploads()
         if not args.quick:
             reference = cases.reference()

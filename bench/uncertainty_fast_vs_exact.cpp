@@ -99,7 +99,7 @@ Counts Compare(const CoverageScene& scene, const Task& task, const std::vector<M
   constexpr size_t kChunk = 64;
   ParallelFor(2, (targets.size() + kChunk - 1) / kChunk, [&](size_t chunk) {
     const size_t begin = chunk * kChunk, count = std::min(kChunk, targets.size() - begin);
-    scene.Infer(points, std::span(targets).subspan(begin, count), false,
+    scene.Infer(points, std::span(targets).subspan(begin, count), false, {},
                 std::span(exact).subspan(begin, count), nullptr);
   });
   Counts counts;

@@ -11,6 +11,8 @@
 #include "bench/common/scans.h"
 #include "bench/common/server_process.h"
 #include "planner_client/coverage_client/coverage_client.h"
+#include "planner_client/plan_oracle/uncertainty_oracle.h"
+#include "planner_client/strategy/planner.h"
 
 namespace sightline::bench {
 namespace {
@@ -34,6 +36,27 @@ Rate Measure(double seconds, pid_t server, const std::vector<Measurement>& scans
   }
   const double spent = OwnCpuSeconds() + (server > 0 ? ProcessCpuSeconds(server) : 0) - cpu;
   return {count / watch.Seconds(), 1e6 * spent / count};
+}
+
+// A greedy plan after which 40 % of the targets are known to 0.05 mm.
+std::vector<Measurement> PlanForUncertainty(CoverageClient& client, const CoverageTask& task) {
+  const size_t count = client.targets().size();
+  UncertaintyOracle oracle({&client, JudgeTargets(client, *task.uncertainty, task.sampling,
+                                                  std::vector<float>(count, 5e-5f), 1e-3)},
+                           {nullptr, {}}, *task.uncertainty,
+                           {.admissible = 0.5, .information = 0.5}, 1e-3);
+  PlannerRequest request;
+  request.domain = ThesisDomain();
+  request.goal.coverage = 0;
+  request.goal.admissible = 0.4;
+  request.strategy = "greedy-pso-1";
+  request.evaluations_per_scan = 2000;
+  request.with_curves = false;
+  auto result = MakePlan(oracle, request);
+  if (!result.ok()) Fail("plan", std::string(result.status().message()));
+  std::vector<Measurement> scans;
+  for (const ChosenScan& scan : result->scans) scans.push_back(scan.measurement);
+  return scans;
 }
 
 int Run(double seconds, int rounds, const std::vector<int>& target_counts,
@@ -70,7 +93,9 @@ int Run(double seconds, int rounds, const std::vector<int>& target_counts,
     const std::vector<Measurement> plan = GreedyPlanScans(**scene, 0.8, 2000, 1);
     const std::vector<std::pair<std::string, std::vector<Measurement>>> mixes = {
         {"random feasible", RandomScans(**scene, 2048, 1)},
-        {"good", Perturbed(**scene, plan, 2048, 0.01, 2)}};
+        {"good for coverage", Perturbed(**scene, plan, 2048, 0.01, 2)},
+        {"good for uncertainty",
+         Perturbed(**scene, PlanForUncertainty(**client, task), 2048, 0.01, 3)}};
     const UncertaintyQuery query{
         {.admissible = 0.5, .information = 0.5}, std::vector<float>(count, 5e-5f), 1e-3};
     // As in the middle of planning: half of the targets are known to their admissible uncertainty.
@@ -116,10 +141,10 @@ int Run(double seconds, int rounds, const std::vector<int>& target_counts,
           peer.cpu_us.push_back(rate.cpu_us);
         }
       }
-      std::printf("%-16s %-26s %10s %8s %10s\n", mix.c_str(), "", "queries/s", "ratio", "CPU us");
+      std::printf("%-21s %-26s %10s %8s %10s\n", mix.c_str(), "", "queries/s", "ratio", "CPU us");
       for (const Peer& peer : peers) {
         const double ratio = Median(peer.per_s) / Median(peers[0].per_s);
-        std::printf("%-16s %-26s %10.0f %7.2fx %10.0f\n", "", peer.name, Median(peer.per_s), ratio,
+        std::printf("%-21s %-26s %10.0f %7.2fx %10.0f\n", "", peer.name, Median(peer.per_s), ratio,
                     Median(peer.cpu_us));
         results.push_back({{"targets", count},
                            {"mix", mix},
@@ -149,7 +174,7 @@ int Run(double seconds, int rounds, const std::vector<int>& target_counts,
       const Stopwatch inference;
       ParallelFor(2, (all.size() + 63) / 64, [&](size_t b) {
         const size_t begin = b * 64, size = std::min<size_t>(64, all.size() - begin);
-        (*scene)->Infer(points, std::span(all).subspan(begin, size), false,
+        (*scene)->Infer(points, std::span(all).subspan(begin, size), false, {},
                         std::span(u).subspan(begin, size), nullptr);
       });
       const double inference_s = inference.Seconds();

@@ -101,7 +101,8 @@ absl::StatusOr<LineDetectionNoise> ParseTable(const v1::LineDetection& message,
 }
 
 absl::StatusOr<TriangulationCovariance> ParseCalibration(const v1::Calibration& message,
-                                                         const Checker& check) {
+                                                         const std::string& context) {
+  const Checker check(context);
   const std::string path = "uncertainty.calibration";
   TriangulationCovariance covariance = TriangulationCovariance::Zero();
   const bool by_deviations = message.has_camera_rotation_deg() || message.has_camera_position_m() ||
@@ -121,7 +122,10 @@ absl::StatusOr<TriangulationCovariance> ParseCalibration(const v1::Calibration& 
                  kCameraAlpha + i % kCalibrationVariables) = message.covariance(i);
     }
     absl::Status status = CheckTriangulationCovariance(covariance, path + ".covariance");
-    if (!status.ok()) return check.Error(path + ".covariance", std::string(status.message()));
+    if (!status.ok()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(context.empty() ? "" : context + ": ", status.message()));
+    }
     return covariance;
   }
   const auto set = [&](const char* name, double value, const Limits& limits, double unit,
@@ -188,7 +192,7 @@ absl::StatusOr<UncertaintyModel> ParseUncertainty(const v1::Uncertainty& message
                                           model.detection.standard_deviations_px[0], kDetection));
   }
   absl::StatusOr<TriangulationCovariance> calibration =
-      ParseCalibration(message.calibration(), check);
+      ParseCalibration(message.calibration(), context);
   if (!calibration.ok()) return calibration.status();
   model.calibration = *calibration;
   if (message.has_prior_standard_deviation_m()) {

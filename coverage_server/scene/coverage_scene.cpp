@@ -218,10 +218,10 @@ class CoverageSceneImpl final : public CoverageScene {
 
   void Infer(std::span<const std::shared_ptr<const ScanPoints>> scans,
              std::span<const uint32_t> targets, bool after_each_scan,
-             std::span<TargetUncertainty> results,
+             std::span<const float> enough_m, std::span<TargetUncertainty> results,
              const std::atomic<bool>* cancelled) const override {
     InferTargets(targets_, *priors_, definition_.sampling.max_normal_angle_rad, scans, targets,
-                 after_each_scan, results, cancelled);
+                 after_each_scan, enough_m, results, cancelled);
   }
 
   ExactCoverage EvaluateExact(const Measurement& measurement, std::vector<MeasurementPoint>* points,

@@ -175,10 +175,11 @@ class CoverageScene {
                                            const std::atomic<bool>* /*cancelled*/) const {
     return {};
   }
-  // Posterior at targets after all of `scans`.
+  // Posterior at targets after all of `scans`. `enough_m`: empty, or an uncertainty for every
+  // target below which further scans are left out.
   virtual void Infer(std::span<const std::shared_ptr<const ScanPoints>> /*scans*/,
                      std::span<const uint32_t> /*targets*/, bool /*after_each_scan*/,
-                     std::span<TargetUncertainty> /*results*/,
+                     std::span<const float> /*enough_m*/, std::span<TargetUncertainty> /*results*/,
                      const std::atomic<bool>* /*cancelled*/) const {}
 };
 

@@ -103,6 +103,22 @@ absl::Status CoverageServiceImpl::Uncertainty(
       ParseTargetIndices(request.targets(), scene.targets().size(), "targets");
   if (!targets.ok()) return targets.status();
 
+  const auto enough_count = static_cast<size_t>(request.enough_m_size());
+  if (enough_count > 1 && enough_count != targets->size()) {
+    return InvalidFields(
+        {{"enough_m", absl::StrCat(enough_count, " values for ", targets->size(), " targets")}});
+  }
+  if (enough_count > 0 && request.after_each_scan()) {
+    return InvalidFields({{"enough_m", "cannot be given with after_each_scan"}});
+  }
+  std::vector<float> enough_m(request.enough_m().begin(), request.enough_m().end());
+  for (size_t i = 0; i < enough_count; ++i) {
+    if (enough_m[i] >= 0) continue;  // not so for NaN
+    return InvalidFields(
+        {{absl::StrCat("enough_m[", i, "]"), absl::StrCat(enough_m[i], ": must be >= 0")}});
+  }
+  if (enough_count == 1) enough_m.assign(targets->size(), enough_m[0]);
+
   std::vector<MeasuredScan> scans(measurements.size());
   absl::Status status = Evaluate(context, scans.size(), kExactChunk,
                                  [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
@@ -120,12 +136,15 @@ absl::Status CoverageServiceImpl::Uncertainty(
     points.push_back(scans[i].points);
   }
   std::vector<TargetUncertainty> results(targets->size());
-  status = Evaluate(context, results.size(), kTargetChunk,
-                    [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
-                      scene.Infer(points, std::span(*targets).subspan(begin, end - begin),
-                                  request.after_each_scan(),
-                                  std::span(results).subspan(begin, end - begin), &cancelled);
-                    });
+  status =
+      Evaluate(context, results.size(), kTargetChunk,
+               [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
+                 scene.Infer(points, std::span(*targets).subspan(begin, end - begin),
+                             request.after_each_scan(),
+                             std::span<const float>(enough_m).subspan(
+                                 enough_m.empty() ? 0 : begin, enough_m.empty() ? 0 : end - begin),
+                             std::span(results).subspan(begin, end - begin), &cancelled);
+               });
   if (!status.ok()) return status;
   p_.metrics->CountQueries("inference", 1);
   const size_t numbers_each = 5 + (request.after_each_scan() ? scans.size() : 0);

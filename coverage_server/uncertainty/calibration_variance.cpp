@@ -27,7 +27,7 @@ CalibrationVariance::CalibrationVariance(const ScanInPart& scan,
   columns_to_grid_ =
       static_cast<float>(0.5 * (kSide - 1) * scan.focal_length_px / scan.half_columns_px);
   rows_to_grid_ = static_cast<float>(0.5 * (kSide - 1) * scan.focal_length_px / scan.half_rows_px);
-  grid_.reserve(kSide * kSide);
+  grid_.reserve(size_t{kSide} * kSide);
   for (int row = 0; row < kSide; ++row) {
     for (int column = 0; column < kSide; ++column) {
       const Eigen::Vector2d image(2 * scan.half_columns_px * column / (kSide - 1),

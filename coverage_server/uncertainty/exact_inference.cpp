@@ -41,6 +41,22 @@ ScanPoints::ScanPoints(const ScanInPart& scan, const UncertaintyModel& model,
 
 template <typename Visit>
 void ScanPoints::VisitNear(const Eigen::Vector3f& place_m, const Visit& visit) const {
+  VisitCells(place_m, [&](uint32_t begin, uint32_t end) {
+    for (uint32_t k = begin; k < end; ++k) visit(points_[k]);
+  });
+}
+
+double ScanPoints::LikelyInformation(const Eigen::Vector3f& place_m,
+                                     const Eigen::Vector3f& normal) const {
+  uint32_t count = 0;
+  VisitCells(place_m, [&](uint32_t begin, uint32_t end) { count += end - begin; });
+  if (count == 0) return 0;
+  const double variance = NoiseVariance({place_m, normal}, normal);
+  return variance > 0 ? count / variance : 0;
+}
+
+template <typename Visit>
+void ScanPoints::VisitCells(const Eigen::Vector3f& place_m, const Visit& visit) const {
   if (cells_.empty()) return;
   const Eigen::Vector3f place = (place_m - origin_) * inverse_cell_;
   for (int axis = 0; axis < 3; ++axis) {
@@ -55,7 +71,7 @@ void ScanPoints::VisitNear(const Eigen::Vector3f& place_m, const Visit& visit) c
       auto found = std::lower_bound(cells_.begin(), cells_.end(), first);
       for (; found != cells_.end() && *found <= last; ++found) {
         const auto i = static_cast<size_t>(found - cells_.begin());
-        for (uint32_t k = begin_[i]; k < begin_[i + 1]; ++k) visit(points_[k]);
+        visit(begin_[i], begin_[i + 1]);
       }
     }
   }
@@ -92,11 +108,13 @@ double ScanPoints::CalibrationVarianceAt(const Eigen::Vector3f& place_m,
 void InferTargets(const TargetSet& targets, const TargetPriors& priors, double max_normal_angle_rad,
                   std::span<const std::shared_ptr<const ScanPoints>> scans,
                   std::span<const uint32_t> targets_asked, bool after_each_scan,
-                  std::span<TargetUncertainty> results, const std::atomic<bool>* cancelled) {
+                  std::span<const float> enough_m, std::span<TargetUncertainty> results,
+                  const std::atomic<bool>* cancelled) {
   std::vector<LocalSurface> surfaces;
   for (const SurfacePrior& prior : priors.priors) surfaces.emplace_back(prior);
   const auto cos_gate = static_cast<float>(std::cos(max_normal_angle_rad));
   std::vector<SurfaceObservation> observations;
+  std::vector<std::pair<double, size_t>> order;  // what scans are likely to tell, and which
   for (size_t i = 0; i < targets_asked.size(); ++i) {
     if (cancelled != nullptr && cancelled->load(std::memory_order_relaxed)) return;
     const uint32_t t = targets_asked[i];
@@ -111,7 +129,19 @@ void InferTargets(const TargetSet& targets, const TargetPriors& priors, double m
     LocalSurface& surface = surfaces[priors.prior_of[t]];
     surface.Clear();
     results[i].points = 0;
-    for (const auto& scan : scans) {
+    order.clear();
+    for (size_t s = 0; s < scans.size(); ++s) order.push_back({0, s});
+    if (!enough_m.empty()) {
+      for (auto& [information, s] : order) {
+        information = scans[s]->LikelyInformation(place, normal);
+      }
+      std::stable_sort(order.begin(), order.end(),
+                       [](const auto& a, const auto& b) { return a.first > b.first; });
+    }
+    // The posterior takes as long as some scans: it is asked for when about enough is known.
+    double told = 0, ask_at = 0;
+    for (const auto& [likely, s] : order) {
+      const auto& scan = scans[s];
       observations.clear();
       scan->VisitNear(place, [&](const ScanPoints::Point& point) {
         const Eigen::Vector3f d = point.position_m - place;
@@ -123,6 +153,13 @@ void InferTargets(const TargetSet& targets, const TargetPriors& priors, double m
       if (!observations.empty()) {
         results[i].points += static_cast<int32_t>(observations.size());
         surface.AddScan(observations, scan->CalibrationVarianceAt(place, normal));
+        for (const SurfaceObservation& point : observations) told += 1 / point.noise_variance_m2;
+        if (!enough_m.empty() && told >= ask_at) {
+          const double u_m = surface.Uncertainty().total_m;
+          if (u_m <= enough_m[i]) break;
+          // Uncertainty falls with the root of what is told.
+          ask_at = told * std::min(4.0, u_m * u_m / (double{enough_m[i]} * enough_m[i]));
+        }
       }
       if (!after_each_scan) continue;
       std::vector<float>& after = results[i].after_each_scan_m;

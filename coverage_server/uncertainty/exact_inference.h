@@ -40,9 +40,16 @@ class ScanPoints {
   // Variance [m^2] along `normal` of what all points near `place_m` have in common.
   double CalibrationVarianceAt(const Eigen::Vector3f& place_m, const Eigen::Vector3f& normal) const;
 
+  // Sum of 1/variance [1/m^2] of the points in the cells about a place, as if each had the variance
+  // of one at the place itself: what the scan is likely to tell there. 0: nothing.
+  double LikelyInformation(const Eigen::Vector3f& place_m, const Eigen::Vector3f& normal) const;
+
   size_t size() const { return points_.size(); }
 
  private:
+  // Calls visit(begin, end) for the points of every cell about a place.
+  template <typename Visit>
+  void VisitCells(const Eigen::Vector3f& place_m, const Visit& visit) const;
   Eigen::Vector3f ViewOf(const Eigen::Vector3f& place_m) const;
 
   ScanInPart scan_;
@@ -59,10 +66,12 @@ class ScanPoints {
 
 // Posterior at `targets_asked` (indices). A point tells of a target within the neighbourhood of the
 // target's prior if the surface it lies on faces the target's way within the gate on normals
-// (thesis 6.3.1). Stops early when *cancelled.
+// (thesis 6.3.1). With `enough_m`, one per target asked for, the scans that tell most come first,
+// and the rest are left out once the uncertainty is at most that. Stops early when *cancelled.
 void InferTargets(const TargetSet& targets, const TargetPriors& priors, double max_normal_angle_rad,
                   std::span<const std::shared_ptr<const ScanPoints>> scans,
                   std::span<const uint32_t> targets_asked, bool after_each_scan,
-                  std::span<TargetUncertainty> results, const std::atomic<bool>* cancelled);
+                  std::span<const float> enough_m, std::span<TargetUncertainty> results,
+                  const std::atomic<bool>* cancelled);
 
 }  // namespace sightline

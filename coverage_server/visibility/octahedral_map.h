@@ -16,8 +16,9 @@ struct OctahedralMap {
 
   // Unit vector through the centre of a cell.
   Eigen::Vector3f Direction(int cell) const {
-    const float u = 2.0f * (static_cast<float>(cell % side) + 0.5f) / static_cast<float>(side) - 1;
-    const float v = 2.0f * (static_cast<float>(cell / side) + 0.5f) / static_cast<float>(side) - 1;
+    const int row = cell / side, column = cell % side;
+    const float u = 2.0f * (static_cast<float>(column) + 0.5f) / static_cast<float>(side) - 1;
+    const float v = 2.0f * (static_cast<float>(row) + 0.5f) / static_cast<float>(side) - 1;
     Eigen::Vector3f d(u, v, 1 - std::abs(u) - std::abs(v));
     if (d.z() < 0) {
       const float x = (1 - std::abs(v)) * (u < 0 ? -1.0f : 1.0f);

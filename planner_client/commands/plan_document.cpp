@@ -100,7 +100,7 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
     feasible.push_back(document.scans[i].measurement);
     index_of.push_back(static_cast<int>(i));
   }
-  auto exact = session.client->Uncertainties(feasible, {}, true);
+  auto exact = session.client->Uncertainties(feasible, {}, true, {});
   if (!exact.ok()) return exact.status();
   document.uncertainties = *std::move(exact);
 

@@ -196,7 +196,8 @@ class CoverageClientImpl final : public CoverageClient {
 
   absl::StatusOr<PosteriorUncertainties> Uncertainties(std::span<const Measurement> scans,
                                                        std::span<const uint32_t> targets,
-                                                       bool after_each_scan) override {
+                                                       bool after_each_scan,
+                                                       std::span<const float> enough_m) override {
     const size_t count = targets.empty() ? targets_.size() : targets.size();
     PosteriorUncertainties result;
     absl::Status status = WithRetries([&](Connection& connection) -> absl::Status {
@@ -208,6 +209,7 @@ class CoverageClientImpl final : public CoverageClient {
       for (const Measurement& scan : scans) *request.add_measurements() = MeasurementToProto(scan);
       request.mutable_targets()->Add(targets.begin(), targets.end());
       request.set_after_each_scan(after_each_scan);
+      request.mutable_enough_m()->Add(enough_m.begin(), enough_m.end());
       auto reader = connection.coverage->EvaluateUncertainty(&context, request);
       v1::EvaluateUncertaintyResponse response;
       while (reader->Read(&response)) {

@@ -121,7 +121,8 @@ class CoverageClient : public GainOracle {
   // `targets`: empty for all. FAILED_PRECONDITION: a scan is not feasible.
   virtual absl::StatusOr<PosteriorUncertainties> Uncertainties(std::span<const Measurement> scans,
                                                                std::span<const uint32_t> targets,
-                                                               bool after_each_scan) = 0;
+                                                               bool after_each_scan,
+                                                               std::span<const float> enough_m) = 0;
   // PNG bytes. `request.scene_digest` is filled in.
   virtual absl::StatusOr<std::string> RenderView(v1::RenderViewRequest request) = 0;
   // How often the scene was made again because the server had lost it.

@@ -161,7 +161,9 @@ absl::StatusOr<UncertaintyOracle::Counts> UncertaintyOracle::Count(
   if (judged.empty() || scans.empty()) return counts;
   std::vector<uint32_t> asked;
   for (size_t i = 0; i < judged.size(); i += thorough ? 1 : kStride) asked.push_back(judged[i]);
-  auto exact = sampling.client->Uncertainties(scans, asked, false);
+  std::vector<float> enough_m;
+  for (const uint32_t t : asked) enough_m.push_back(sampling.targets.admissible_uncertainty_m[t]);
+  auto exact = sampling.client->Uncertainties(scans, asked, false, enough_m);
   if (!exact.ok()) return exact.status();
   for (size_t i = 0; i < asked.size(); ++i) {
     const float u_m = exact->total_m[i];
@@ -224,7 +226,7 @@ absl::StatusOr<std::vector<PlanScore>> UncertaintyOracle::ScoreGrowingPlan(
   std::vector<PlanScore> scores(scans.size());
   for (PlanScore& score : scores) score.judged = static_cast<int64_t>(judged.size());
   if (judged.empty() || scans.empty()) return scores;
-  auto exact = planned_.client->Uncertainties(scans, judged, true);
+  auto exact = planned_.client->Uncertainties(scans, judged, true, {});
   if (!exact.ok()) return exact.status();
   for (size_t i = 0; i < judged.size(); ++i) {
     const float admissible_m = planned_.targets.admissible_uncertainty_m[judged[i]];

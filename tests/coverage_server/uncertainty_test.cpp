@@ -50,7 +50,8 @@ std::vector<uint32_t> TopTargets(const CoverageScene& scene, double margin_m) {
 std::vector<TargetUncertainty> Infer(const CoverageScene& scene,
                                      const std::vector<Measurement>& scans,
                                      const std::vector<uint32_t>& targets,
-                                     bool after_each_scan = false) {
+                                     bool after_each_scan = false,
+                                     std::span<const float> enough_m = {}) {
   std::vector<std::shared_ptr<const ScanPoints>> points;
   for (const Measurement& scan : scans) {
     const MeasuredScan measured = scene.MeasureForInference(scan, nullptr);
@@ -58,7 +59,7 @@ std::vector<TargetUncertainty> Infer(const CoverageScene& scene,
     points.push_back(measured.points);
   }
   std::vector<TargetUncertainty> results(targets.size());
-  scene.Infer(points, targets, after_each_scan, results, nullptr);
+  scene.Infer(points, targets, after_each_scan, enough_m, results, nullptr);
   return results;
 }
 
@@ -152,6 +153,34 @@ TEST(UncertaintyTest, ScansAddUpAndOrderDoesNotMatter) {
     ASSERT_EQ(ab[i].after_each_scan_m.size(), 2u);
     EXPECT_FLOAT_EQ(ab[i].after_each_scan_m[0], static_cast<float>(only_a[i].uncertainty.total_m));
     EXPECT_LT(ab[i].after_each_scan_m[1], ab[i].after_each_scan_m[0]);
+  }
+}
+
+TEST(UncertaintyTest, WhereEnoughIsKnownFurtherScansAreLeftOut) {
+  const auto scene = BuildScene(Plate(), 2);
+  ASSERT_NE(scene, nullptr);
+  const std::vector<uint32_t> targets = TopTargets(*scene, 0);
+  std::vector<Measurement> scans;
+  for (const double tau_deg : {20, 30, -40, 50, -60})
+    scans.push_back(CloseOverhead(tau_deg * kDegree));
+  const auto all = Infer(*scene, scans, targets);
+  std::vector<float> sorted;
+  for (const TargetUncertainty& u : all)
+    sorted.push_back(static_cast<float>(u.uncertainty.total_m));
+  std::sort(sorted.begin(), sorted.end());
+  // Some targets never get there, others with a part of the scans.
+  for (const float limit_m : {sorted[sorted.size() / 4], 2 * sorted[sorted.size() / 2]}) {
+    const std::vector<float> enough_m(targets.size(), limit_m);
+    const auto some = Infer(*scene, scans, targets, false, enough_m);
+    int64_t fewer = 0;
+    for (size_t i = 0; i < targets.size(); ++i) {
+      EXPECT_EQ(some[i].uncertainty.total_m <= limit_m, all[i].uncertainty.total_m <= limit_m);
+      EXPECT_GE(some[i].uncertainty.total_m, all[i].uncertainty.total_m * (1 - 1e-6));
+      fewer += some[i].points < all[i].points;
+    }
+    if (limit_m > sorted[sorted.size() / 2]) {
+      EXPECT_GT(fewer, static_cast<int64_t>(targets.size() / 2));
+    }
   }
 }
 
