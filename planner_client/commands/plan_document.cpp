@@ -424,12 +424,12 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
 std::string SummarisePlan(const v1::Plan& plan) {
   const v1::PlanCoverage& c = plan.coverage();
   std::string text = absl::StrFormat(
-      "%d %s %.2f %% of the %d measurable targets (goal %.4g %%; without the gate on "
-      "normals %.2f %%).\n"
+      "%d %s %.2f %% of the %d measurable targets (%swithout the gate on normals %.2f %%).\n"
       "fast estimate against exact: mean |error| %.3f %%, largest %.3f %% of all targets, over "
       "this plan's scans.\n",
       plan.scans_size(), plan.scans_size() == 1 ? "scan measures" : "scans measure",
-      100 * c.coverage(), c.measurable_targets(), 100 * c.goal(),
+      100 * c.coverage(), c.measurable_targets(),
+      c.goal() > 0 ? absl::StrFormat("goal %.4g %%; ", 100 * c.goal()) : "",
       100.0 * static_cast<double>(c.covered_targets_without_normal_gate()) /
           static_cast<double>(std::max<int64_t>(1, c.measurable_targets())),
       100 * c.fast_mean_absolute_error(), 100 * c.fast_max_absolute_error());

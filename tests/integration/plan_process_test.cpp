@@ -1,0 +1,139 @@
+// `sightline plan`, `evaluate` and `compare` for uncertainty as processes, with the server they
+// start.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/wait.h>
+
+#include <cstdio>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "core/json/strict_json.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::HasSubstr;
+
+// A box of 60 x 40 x 20 mm.
+constexpr char kBox[] = R"(v 0 0 0
+v 60 0 0
+v 60 40 0
+v 0 40 0
+v 0 0 20
+v 60 0 20
+v 60 40 20
+v 0 40 20
+f 1 4 3 2
+f 5 6 7 8
+f 1 2 6 5
+f 2 3 7 6
+f 3 4 8 7
+f 4 1 5 8
+)";
+
+// Its top is toleranced, by hand.
+constexpr char kInspection[] = R"({
+  "name": "box", "part": {"file": "box.obj", "unit": "mm"},
+  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}},
+  "tolerances": {"regions": [{"name": "top", "zone_width_m": 0.0002,
+    "min_m": {"x": -1, "y": -1, "z": 0.0199}, "max_m": {"x": 1, "y": 1, "z": 1}}]},
+  "targets": {"spacing_m": 0.002},
+  "goal": {"admissible": 0.8}
+})";
+
+class PlanProcessTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_NE(mkdtemp(folder_.data()), nullptr);
+    std::ofstream(folder_ + "/box.obj") << kBox;
+    std::ofstream(folder_ + "/inspection.json") << kInspection;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  // Exit code of `sightline ARGUMENTS` in the folder, and what it said.
+  std::pair<int, std::string> Run(const std::string& arguments) const {
+    const std::string program = fs::read_symlink("/proc/self/exe").parent_path() / "sightline";
+    const std::string command =
+        absl::StrCat("cd ", folder_, " && timeout 100 ", program, " ", arguments, " 2>&1");
+    FILE* pipe = popen(command.c_str(), "r");
+    std::string output;
+    char buffer[512];
+    while (fgets(buffer, sizeof(buffer), pipe) != nullptr) output += buffer;
+    return {WEXITSTATUS(pclose(pipe)), output};
+  }
+  v1::Plan ReadPlan(const std::string& folder) const {
+    v1::Plan plan;
+    const absl::Status status =
+        ReadStrictJsonFile(absl::StrCat(folder_, "/", folder, "/plan.json"), &plan);
+    EXPECT_TRUE(status.ok()) << status;
+    return plan;
+  }
+  std::string Bytes(const std::string& file) const {
+    std::ostringstream bytes;
+    bytes << std::ifstream(folder_ + "/" + file, std::ios::binary).rdbuf();
+    return bytes.str();
+  }
+
+  std::string folder_ = "/tmp/sightline-plan-process-XXXXXX";
+};
+
+TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
+  const std::string options =
+      " --evaluations-per-scan 500 --bound-evaluations 2000 --no-pictures --field-directions 576";
+  const auto [code, output] = Run("plan inspection.json --out a" + options);
+  ASSERT_EQ(code, 0) << output;
+  const v1::Plan plan = ReadPlan("a");
+  const v1::PlanUncertainty& u = plan.uncertainty();
+  // Only the top is judged: 24 of 88 square centimetres.
+  EXPECT_GT(u.judged_targets(), 0);
+  EXPECT_NEAR(static_cast<double>(u.judged_targets()) /
+                  static_cast<double>(plan.coverage().measurable_targets()),
+              24.0 / 88, 0.05);
+  EXPECT_GE(u.admissible_fraction(), 0.8);
+  EXPECT_GE(u.fresh_admissible_fraction(), 0.8);
+  EXPECT_GE(u.relaxed_fraction(), u.admissible_fraction());
+  EXPECT_GE(u.bound().scans(), 0.5);
+  EXPECT_LE(u.bound().scans(), plan.scans_size() + 1e-6);
+  EXPECT_EQ(plan.scans(plan.scans_size() - 1).cumulative_admissible_targets(),
+            static_cast<int64_t>(u.admissible_fraction() * u.judged_targets() + 0.5));
+  ASSERT_EQ(u.features_size(), 1);
+  EXPECT_EQ(u.features(0).name(), "top");
+  EXPECT_EQ(u.features(0).targets(), u.judged_targets());
+  EXPECT_FALSE(u.features(0).because().empty());
+  for (const char* file : {"a/report.html", "a/uncertainty.ply", "a/plan.qif"}) {
+    EXPECT_TRUE(fs::exists(folder_ + "/" + file)) << file;
+  }
+
+  // Same seed, same bytes; and the same numbers when the plan is evaluated.
+  ASSERT_EQ(Run("plan inspection.json --out b" + options).first, 0);
+  EXPECT_EQ(Bytes("a/plan.json"), Bytes("b/plan.json"));
+  EXPECT_EQ(Bytes("a/uncertainty.ply"), Bytes("b/uncertainty.ply"));
+  const auto [evaluated, said] = Run("evaluate inspection.json a/plan.json --out c --ellipsoids");
+  ASSERT_EQ(evaluated, 0) << said;
+  EXPECT_EQ(ReadPlan("c").uncertainty().admissible_fraction(), u.admissible_fraction());
+  EXPECT_TRUE(fs::exists(folder_ + "/c/points/scan_01_ellipsoids.ply"));
+}
+
+TEST_F(PlanProcessTest, ComparesGainFunctions) {
+  const auto [code, output] =
+      Run("compare inspection.json --out d --strategies greedy-pso-1 --gains ra:0.4,tu,own "
+          "--seeds 1 --evaluations-per-scan 300");
+  ASSERT_EQ(code, 0) << output;
+  const std::string curves = Bytes("d/curves.csv");
+  for (const char* name :
+       {"greedy-pso-1 ra:0.4,1,1,", "greedy-pso-1 tu,1,1,", "greedy-pso-1 own,1,1,"}) {
+    EXPECT_THAT(curves, HasSubstr(name));
+  }
+  EXPECT_THAT(Run("compare inspection.json --out d --gains ra:2").second,
+              HasSubstr("\"ra:2\" is none of ra:ALPHA"));
+}
+
+}  // namespace
+}  // namespace sightline
