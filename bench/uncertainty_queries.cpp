@@ -97,7 +97,7 @@ int Run(double seconds, int rounds, const std::vector<int>& target_counts,
         {"good for uncertainty",
          Perturbed(**scene, PlanForUncertainty(**client, task), 2048, 0.01, 3)}};
     const UncertaintyQuery query{
-        {.admissible = 0.5, .information = 0.5}, std::vector<float>(count, 5e-5f), 1e-3};
+        {.admissible = 0.5, .information = 0.5}, std::vector<float>(count, 5e-5f), 1e-3, {}};
     // As in the middle of planning: half of the targets are known to their admissible uncertainty.
     std::vector<float> known(count, 0);
     std::vector<float> shares(count, 0);

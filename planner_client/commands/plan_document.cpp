@@ -12,6 +12,7 @@
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
 #include "core/rig/scan_geometry.h"
+#include "core/triangulation/triangulation.h"
 #include "planner_client/commands/uncertainty_outputs.h"
 #include "planner_client/report/plan_csv.h"
 #include "planner_client/requirements/feature_verdicts.h"
@@ -83,6 +84,39 @@ absl::Status AddVerdicts(const PlanningSession& session, std::span<const Measure
   return absl::OkStatus();
 }
 
+// Whether linear propagation of the errors may be relied on, at some targets that each scan covers.
+void ExaminePropagation(const PlanningSession& session, const std::vector<ChosenScan>& scans,
+                        v1::PlanUncertainty& message) {
+  constexpr size_t kPerScan = 200;
+  const Rig& rig = session.inspection.rig;
+  const UncertaintyModel& model = *session.inspection.uncertainty;
+  const Eigen::Vector3d centre = session.part->BoundingBox().center();
+  int64_t examined = 0, not_linear = 0;
+  for (const ChosenScan& scan : scans) {
+    const ScanGeometry geometry = MakeScanGeometry(rig, scan.measurement);
+    const std::vector<uint32_t> covered = FullShares(scan.exact.covered).targets;
+    const size_t stride = covered.size() / kPerScan + 1;
+    for (size_t i = 0; i < covered.size(); i += stride) {
+      const Eigen::Vector3d p = session.client->targets().positions_m[covered[i]].cast<double>();
+      const double stage_m = geometry.LitStagePosition(PartToWorld(geometry, centre, p, 0));
+      const TriangulationSetup setup = MakeTriangulationSetup(
+          rig.camera, WorldToPart(geometry, centre, geometry.camera, stage_m),
+          WorldToPart(geometry, centre, geometry.laser, stage_m));
+      const Eigen::Vector3d n = session.client->targets().normals[covered[i]].cast<double>();
+      const Eigen::Vector3d view = p - setup.camera.origin_m;
+      const double noise_px = model.detection.At(
+          view.norm(), std::acos(std::clamp(-view.normalized().dot(n), -1.0, 1.0)));
+      TriangulationCovariance covariance = model.calibration;
+      covariance(kImageX, kImageX) = covariance(kImageY, kImageY) = noise_px * noise_px;
+      ++examined;
+      not_linear +=
+          !PropagateUncertainty(setup, ProjectPoint(setup, p), covariance).first_order_suffices();
+    }
+  }
+  message.set_examined_points(examined);
+  message.set_second_order_points(not_linear);
+}
+
 // Exact uncertainties after the plan's scans in their order, and what they amount to.
 absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& document) {
   const Requirements& requirements = *session.requirements;
@@ -145,6 +179,7 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
     std::nth_element(judged_m.begin(), middle, judged_m.end());
     message.set_median_uncertainty_m(*middle);
   }
+  ExaminePropagation(session, document.scans, message);
   const GainWeights& gain = session.inspection.goal.gain;
   message.mutable_gain()->set_coverage(gain.coverage);
   message.mutable_gain()->set_admissible(gain.admissible);
@@ -449,6 +484,12 @@ std::string SummarisePlan(const v1::Plan& plan) {
     if (u.has_fresh_admissible_fraction()) {
       absl::StrAppendFormat(&text, "of %d targets sampled anew: admissible at %.2f %%.\n",
                             u.fresh_judged_targets(), 100 * u.fresh_admissible_fraction());
+    }
+    if (u.second_order_points() > 0) {
+      absl::StrAppendFormat(&text,
+                            "at %d of %d points examined linear propagation of errors is not to be "
+                            "relied on.\n",
+                            u.second_order_points(), u.examined_points());
     }
     if (!u.bound().statement().empty()) absl::StrAppend(&text, u.bound().statement(), "\n");
   }

@@ -159,6 +159,7 @@ class CoverageClientImpl final : public CoverageClient {
           gain.mutable_admissible_uncertainty_m()->Add(query.admissible_uncertainty_m.begin(),
                                                        query.admissible_uncertainty_m.end());
           gain.set_relaxed_uncertainty_m(query.relaxed_uncertainty_m);
+          if (query.covered.size() > 0) request->set_covered_targets(query.covered.ToBytes());
           gain.mutable_known_information_per_m4()->Add(known_density.begin(), known_density.end());
           request->mutable_target_weights()->Add(weights.begin(), weights.end());
         },

@@ -79,6 +79,7 @@ struct UncertaintyQuery {
   GainWeights weights;
   std::vector<float> admissible_uncertainty_m;  // one per target; 0: not judged
   double relaxed_uncertainty_m = 0;
+  TargetBits covered;  // by earlier scans; empty: none
 };
 
 // What a scan tells of the surface: equivalent information density [1/m^4], fast estimate.

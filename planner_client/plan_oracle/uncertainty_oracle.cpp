@@ -65,7 +65,7 @@ UncertaintyOracle::UncertaintyOracle(Sampling planned, Sampling fresh,
                                      double relaxed_uncertainty_m)
     : planned_(std::move(planned)),
       fresh_(std::move(fresh)),
-      query_{weights, planned_.targets.admissible_uncertainty_m, relaxed_uncertainty_m},
+      query_{weights, planned_.targets.admissible_uncertainty_m, relaxed_uncertainty_m, {}},
       prior_standard_deviation_m_(model.prior_standard_deviation_m) {}
 
 absl::StatusOr<std::vector<ScanGain>> UncertaintyOracle::Gains(
@@ -74,7 +74,15 @@ absl::StatusOr<std::vector<ScanGain>> UncertaintyOracle::Gains(
   for (size_t t = 0; t < known.size(); ++t) {
     if (known[t] > 0) density[t] = known[t] * planned_.targets.admissible_density[t];
   }
-  return planned_.client->UncertaintyGains(measurements, query_, density, {});
+  UncertaintyQuery query = query_;
+  if (query.weights.coverage > 0) {
+    // What a scan tells of, it covers.
+    query.covered = TargetBits(known.size());
+    for (size_t t = 0; t < known.size(); ++t) {
+      if (known[t] > 0) query.covered.Set(t);
+    }
+  }
+  return planned_.client->UncertaintyGains(measurements, query, density, {});
 }
 
 absl::StatusOr<std::vector<ScanGain>> UncertaintyOracle::WeightedGains(
@@ -117,6 +125,7 @@ std::vector<ShareStep> UncertaintyOracle::steps() const {
     steps.push_back({w.information / kInformationSteps,
                      {static_cast<float>(k) / static_cast<float>(kInformationSteps)}});
   }
+  if (w.coverage > 0) steps.push_back({w.coverage, {std::numeric_limits<float>::min()}});
   const size_t count = planned_.targets.admissible_density.size();
   if (w.relaxed > 0) {
     ShareStep step{w.relaxed, std::vector<float>(count, 1)};

@@ -212,11 +212,12 @@ std::string UncertaintyCurveSection(const v1::Plan& plan) {
     absl::StrAppend(&body, "<p class=\"soft\">", EscapeHtml(uncertainty.bound().statement()),
                     "</p>\n");
   }
-  if (uncertainty.second_order_targets() > 0) {
+  if (uncertainty.second_order_points() > 0) {
     absl::StrAppend(&body, "<p class=\"notice\">At ",
-                    GroupedInteger(uncertainty.second_order_targets()),
-                    " targets linear propagation is not to be relied on: the second order changes "
-                    "a standard deviation by more than 5\u202f%.</p>\n");
+                    GroupedInteger(uncertainty.second_order_points()), " of ",
+                    GroupedInteger(uncertainty.examined_points()),
+                    " points examined linear propagation is not to be relied on: the second order "
+                    "changes a standard deviation by more than 4\u202f%.</p>\n");
   }
   return PageSection("uncertainty", "The surface becomes known scan by scan", body);
 }
