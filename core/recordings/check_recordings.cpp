@@ -630,7 +630,8 @@ class Check {
       }
       return;
     }
-    // All alike: the sensor itself may be far from its description, which is for a diagnosis to say.
+    // All alike: the sensor itself may be far from its description, which is for a diagnosis to
+    // say.
     Warning(
         "alternate pixels do not differ in any recording, but camera.sensor_type is bayer_rggb: "
         "another sensor, no raw numbers, or quantum efficiencies far from the stated ones",

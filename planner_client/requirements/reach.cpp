@@ -23,8 +23,8 @@ double BestInformationDensity(const Rig& rig, const UncertaintyModel& model,
     std::vector<double> x(static_cast<size_t>(space.dimension()));
     for (double& coordinate : x) coordinate = random.Uniform();
     const ScanGeometry g = MakeScanGeometry(rig, space.ToMeasurement(x));
-    // A sheet nearly along the scan direction lays frames as close as one likes, but travels ten times
-    // as far as it covers and more.
+    // A sheet nearly along the scan direction lays frames as close as one likes, but travels ten
+    // times as far as it covers and more.
     if (std::abs(g.sheet_normal.x()) < 0.1) continue;
     const double advance = std::abs(g.sheet_normal.x()) * rig.scan_step_m;
     const Eigen::Vector3d to_camera = g.camera.origin_m.normalized(),

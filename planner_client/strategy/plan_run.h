@@ -37,8 +37,8 @@ class PlanRun {
   double GainAfter(std::span<const float> known, const TargetShares& scan) const {
     return StepGain(steps_, oracle_.measurable(), known, scan);
   }
-  // What a scan adds to what is known, as well as searches know it: parts of steps count too where the
-  // oracle counts them.
+  // What a scan adds to what is known, as well as searches know it: parts of steps count too where
+  // the oracle counts them.
   absl::StatusOr<double> Added(std::span<const float> known, const Measurement& scan,
                                const TargetShares& shares);
   // Of what is known of all targets.
