@@ -261,11 +261,16 @@ absl::StatusOr<PlanningGoal> ParseGoal(const v1::PlanningGoal& message, const Ch
   if (message.has_admissible()) {
     SIGHTLINE_RETURN_IF_ERROR(
         check.Range("goal.admissible", message.admissible(), {0, 1, "", true}));
+    if (message.has_coverage()) {
+      return check.Error("goal.coverage",
+                         "cannot be given together with goal.admissible: give coverage a weight "
+                         "in goal.gain instead");
+    }
     goal.admissible = message.admissible();
     goal.coverage = 0;
   }
   if (message.has_coverage()) goal.coverage = message.coverage();
-  if (message.has_coverage() || !goal.admissible) {
+  if (!goal.admissible) {
     SIGHTLINE_RETURN_IF_ERROR(check.Range("goal.coverage", goal.coverage, {0, 1, "", true}));
   }
   if (message.has_gain()) {

@@ -231,8 +231,9 @@ SurfaceUncertainty LocalSurface::Uncertainty() const {
   const Eigen::Map<const Eigen::MatrixXd> common(common_.data(), kFunctions, scans);
   if (scans > 0) information.selfadjointView<Eigen::Lower>().rankUpdate(common, -fraction);
   // In place: the lower triangle becomes L of I + M = L L'.
-  [[maybe_unused]] const Eigen::LLT<Eigen::Ref<Information>> cholesky(information);
-  assert(cholesky.info() == Eigen::Success);
+  const Eigen::LLT<Eigen::Ref<Information>> cholesky(information);
+  // kMaxInformation keeps the matrix positive; were it not so, the prior is still an upper bound.
+  if (cholesky.info() != Eigen::Success) return {prior_m, 0, prior_m, 0};
   Weights y = basis.at_target;
   for (int j = 0; j < kFunctions; ++j) {
     const int below = kFunctions - 1 - j;

@@ -10,6 +10,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/part/surface_geometry.h"
 
 namespace sightline {
 namespace {
@@ -55,25 +56,7 @@ absl::Status Check(const FaceTriangles& face, const FaceMatch& match) {
 
 double DistanceToTriangle(const Vector3d& point_m, const Vector3d& a_m, const Vector3d& b_m,
                           const Vector3d& c_m) {
-  const Vector3d ab = b_m - a_m, ac = c_m - a_m, ap = point_m - a_m;
-  const double d1 = ab.dot(ap), d2 = ac.dot(ap);
-  if (d1 <= 0 && d2 <= 0) return ap.norm();
-  const Vector3d bp = point_m - b_m;
-  const double d3 = ab.dot(bp), d4 = ac.dot(bp);
-  if (d3 >= 0 && d4 <= d3) return bp.norm();
-  const double vc = d1 * d4 - d3 * d2;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) return (ap - d1 / (d1 - d3) * ab).norm();
-  const Vector3d cp = point_m - c_m;
-  const double d5 = ab.dot(cp), d6 = ac.dot(cp);
-  if (d6 >= 0 && d5 <= d6) return cp.norm();
-  const double vb = d5 * d2 - d1 * d6;
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) return (ap - d2 / (d2 - d6) * ac).norm();
-  const double va = d3 * d6 - d5 * d4;
-  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
-    return (bp - (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c_m - b_m)).norm();
-  }
-  const double sum = va + vb + vc;
-  return (ap - vb / sum * ab - vc / sum * ac).norm();
+  return (ClosestOnTriangle(point_m, a_m, b_m, c_m) - point_m).norm();
 }
 
 absl::StatusOr<FaceSurface> FaceSurface::Make(FaceTriangles face, const FaceMatch& match) {

@@ -168,6 +168,17 @@ double LineDetectionNoise::At(double distance_m, double incidence_angle_rad) con
   return d.weight == 0 ? value : value + d.weight * (along_angle(d.below + 1) - value);
 }
 
+TriangulationCovariance DetectionCovariance(const UncertaintyModel& model, const SensorPose& camera,
+                                            const Eigen::Vector3d& position_m,
+                                            const Eigen::Vector3d& normal) {
+  const Eigen::Vector3d view = position_m - camera.origin_m;
+  const double cosine = std::clamp(-view.normalized().dot(normal), -1.0, 1.0);
+  const double noise_px = model.detection.At(view.norm(), std::acos(cosine));
+  TriangulationCovariance covariance = TriangulationCovariance::Zero();
+  covariance(kImageX, kImageX) = covariance(kImageY, kImageY) = noise_px * noise_px;
+  return covariance;
+}
+
 absl::StatusOr<UncertaintyModel> ParseUncertainty(const v1::Uncertainty& message,
                                                   const std::string& context) {
   const Checker check(context);

@@ -38,6 +38,12 @@ struct UncertaintyModel {
   bool HasCalibrationErrors() const { return !calibration.isZero(0); }
 };
 
+// Covariance of the variables of detection for a point at `position_m` on a surface with the unit
+// normal `normal`, in the frame that `camera` is given in; all others are 0.
+TriangulationCovariance DetectionCovariance(const UncertaintyModel& model, const SensorPose& camera,
+                                            const Eigen::Vector3d& position_m,
+                                            const Eigen::Vector3d& normal);
+
 // INVALID_ARGUMENT names `context`, field, value and allowed range; a covariance must be symmetric
 // and positive semidefinite.
 absl::StatusOr<UncertaintyModel> ParseUncertainty(const v1::Uncertainty& message,

@@ -7,11 +7,6 @@
 
 namespace sightline {
 
-TriangulationSetup SetupOf(const ScanInPart& scan) {
-  return {scan.camera, scan.laser, scan.focal_length_px,
-          Eigen::Vector2d(scan.half_columns_px, scan.half_rows_px)};
-}
-
 CalibrationVariance::CalibrationVariance(const ScanInPart& scan,
                                          const TriangulationCovariance& covariance)
     : x_axis_(scan.camera.x_axis.cast<float>()),
@@ -23,7 +18,9 @@ CalibrationVariance::CalibrationVariance(const ScanInPart& scan,
       covariance.bottomRightCorner<kVariables, kVariables>());
   const Eigen::Matrix<double, kVariables, kVariables> root =
       solver.eigenvectors() * solver.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
-  const TriangulationSetup setup = SetupOf(scan);
+  // The frame at stage position 0, in part axes.
+  const TriangulationSetup setup{scan.camera, scan.laser, scan.focal_length_px,
+                                 Eigen::Vector2d(scan.half_columns_px, scan.half_rows_px)};
   columns_to_grid_ =
       static_cast<float>(0.5 * (kSide - 1) * scan.focal_length_px / scan.half_columns_px);
   rows_to_grid_ = static_cast<float>(0.5 * (kSide - 1) * scan.focal_length_px / scan.half_rows_px);

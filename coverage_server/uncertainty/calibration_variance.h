@@ -33,7 +33,4 @@ class CalibrationVariance {
   std::vector<Factor> grid_;
 };
 
-// Setup of the scan's frame at stage position 0, in part axes.
-TriangulationSetup SetupOf(const ScanInPart& scan);
-
 }  // namespace sightline

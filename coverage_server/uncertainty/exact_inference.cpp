@@ -4,6 +4,9 @@
 #include <cmath>
 #include <numeric>
 
+#include "core/part/surface_geometry.h"
+#include "core/triangulation/triangulation.h"
+
 namespace sightline {
 
 ScanPoints::ScanPoints(const ScanInPart& scan, const UncertaintyModel& model,
@@ -88,16 +91,12 @@ double ScanPoints::NoiseVariance(const Point& point, const Eigen::Vector3f& alon
   const Eigen::Vector3d normal = along.cast<double>();
   const double depth = view.dot(scan_.camera.z_axis);
   const Eigen::Vector3d ray = view / depth;
-  const double scale = depth / scan_.focal_length_px;
-  // The sheet holds the image's rows: n.e = 0.
-  const double by_row = scale * normal.dot(scan_.camera.x_axis);
-  const double by_column = scale * (normal.dot(scan_.camera.y_axis) -
-                                    normal.dot(ray) * scan_.sheet_normal.dot(scan_.camera.y_axis) /
-                                        scan_.sheet_normal.dot(ray));
+  const Eigen::Vector2d by_image = ImageDerivativesAlong(
+      normal, scan_.camera, scan_.focal_length_px, scan_.sheet_normal, ray, depth);
   const double distance = view.norm();
   const double cosine = std::clamp(-view.dot(point.normal.cast<double>()) / distance, -1.0, 1.0);
   const double noise_px = detection_.At(distance, std::acos(cosine));
-  return noise_px * noise_px * (by_row * by_row + by_column * by_column);
+  return noise_px * noise_px * by_image.squaredNorm();
 }
 
 double ScanPoints::CalibrationVarianceAt(const Eigen::Vector3f& place_m,
@@ -120,11 +119,7 @@ void InferTargets(const TargetSet& targets, const TargetPriors& priors, double m
     const uint32_t t = targets_asked[i];
     const Eigen::Vector3f& place = targets.positions_m[t];
     const Eigen::Vector3f& normal = targets.normals[t];
-    const Eigen::Vector3f u = normal
-                                  .cross(std::abs(normal.x()) < 0.7f ? Eigen::Vector3f::UnitX()
-                                                                     : Eigen::Vector3f::UnitY())
-                                  .normalized();
-    const Eigen::Vector3f v = normal.cross(u);
+    const auto [u, v] = TangentAxes(normal);
     const auto radius = static_cast<float>(priors.of(t).neighbourhood_m());
     LocalSurface& surface = surfaces[priors.prior_of[t]];
     surface.Clear();

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/part/surface_geometry.h"
 #include "core/surface_inference/surface_inference.h"
 
 namespace sightline {
@@ -42,11 +43,7 @@ void ComputeExtentCosts(const TriangleMesh& mesh, const TriangleBvh& bvh, const 
     const SurfacePrior& prior = priors.of(t);
     const Eigen::Vector3f& centre = targets.positions_m[t];
     const Eigen::Vector3f& normal = targets.normals[t];
-    const Eigen::Vector3f u = normal
-                                  .cross(std::abs(normal.x()) < 0.7f ? Eigen::Vector3f::UnitX()
-                                                                     : Eigen::Vector3f::UnitY())
-                                  .normalized();
-    const Eigen::Vector3f v = normal.cross(u);
+    const auto [u, v] = TangentAxes(normal);
     const auto radius = static_cast<float>(prior.neighbourhood_m());
     nearby.clear();
     bvh.VisitBox(

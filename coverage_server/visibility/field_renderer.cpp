@@ -6,6 +6,7 @@
 #include <cstring>
 #include <vector>
 
+#include "core/part/surface_geometry.h"
 #include "coverage_server/gl/gl_context.h"
 #include "coverage_server/visibility/octahedral_map.h"
 #include "coverage_server/visibility/visibility_field.h"
@@ -32,11 +33,9 @@ struct OrthographicView {
   static OrthographicView Make(const FieldJob& job, const Eigen::Vector3f& direction) {
     OrthographicView view;
     view.w = direction;
-    view.u = direction
-                 .cross(std::abs(direction.x()) < 0.7f ? Eigen::Vector3f::UnitX()
-                                                       : Eigen::Vector3f::UnitY())
-                 .normalized();
-    view.v = direction.cross(view.u);
+    const auto axes = TangentAxes(direction);
+    view.u = axes[0];
+    view.v = axes[1];
     Eigen::Vector3f low = Eigen::Vector3f::Constant(1e30f), high = -low;
     for (int corner = 0; corner < 8; ++corner) {
       const Eigen::Vector3f x(corner & 1 ? job.box_max[0] : job.box_min[0],

@@ -3,35 +3,9 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/part/surface_geometry.h"
+
 namespace sightline {
-namespace {
-
-// Ericson, Real-Time Collision Detection, 5.1.5.
-Eigen::Vector3f ClosestOnTriangle(const Eigen::Vector3f& p, const Eigen::Vector3f& a,
-                                  const Eigen::Vector3f& b, const Eigen::Vector3f& c) {
-  const Eigen::Vector3f ab = b - a, ac = c - a, ap = p - a;
-  const float d1 = ab.dot(ap), d2 = ac.dot(ap);
-  if (d1 <= 0 && d2 <= 0) return a;
-  const Eigen::Vector3f bp = p - b;
-  const float d3 = ab.dot(bp), d4 = ac.dot(bp);
-  if (d3 >= 0 && d4 <= d3) return b;
-  const float vc = d1 * d4 - d3 * d2;
-  if (vc <= 0 && d1 >= 0 && d3 <= 0) return a + d1 / (d1 - d3) * ab;
-  const Eigen::Vector3f cp = p - c;
-  const float d5 = ab.dot(cp), d6 = ac.dot(cp);
-  if (d6 >= 0 && d5 <= d6) return c;
-  const float vb = d5 * d2 - d1 * d6;
-  if (vb <= 0 && d2 >= 0 && d6 <= 0) return a + d2 / (d2 - d6) * ac;
-  const float va = d3 * d6 - d5 * d4;
-  if (va <= 0 && d4 - d3 >= 0 && d5 - d6 >= 0) {
-    return b + (d4 - d3) / ((d4 - d3) + (d5 - d6)) * (c - b);
-  }
-  const float denominator = va + vb + vc;
-  if (denominator == 0) return a;
-  return a + ab * (vb / denominator) + ac * (vc / denominator);
-}
-
-}  // namespace
 
 SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh,
                                 const TargetSet& targets, const TargetSampling& sampling) {
@@ -57,12 +31,7 @@ SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh
           nearby.push_back({mesh.positions_m[corner[0]], mesh.positions_m[corner[1]],
                             mesh.positions_m[corner[2]], n});
         });
-    const Eigen::Vector3f tangent =
-        normal
-            .cross(std::abs(normal.x()) < 0.7f ? Eigen::Vector3f::UnitX()
-                                               : Eigen::Vector3f::UnitY())
-            .normalized();
-    const Eigen::Vector3f bitangent = normal.cross(tangent);
+    const auto [tangent, bitangent] = TangentAxes(normal);
     for (int k = 0; k < kProbesPerTarget; ++k) {
       const size_t slot = i * kProbesPerTarget + k;
       probes.positions_m[slot] = centre;

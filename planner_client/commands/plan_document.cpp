@@ -103,11 +103,8 @@ void ExaminePropagation(const PlanningSession& session, const std::vector<Chosen
           rig.camera, WorldToPart(geometry, centre, geometry.camera, stage_m),
           WorldToPart(geometry, centre, geometry.laser, stage_m));
       const Eigen::Vector3d n = session.client->targets().normals[covered[i]].cast<double>();
-      const Eigen::Vector3d view = p - setup.camera.origin_m;
-      const double noise_px = model.detection.At(
-          view.norm(), std::acos(std::clamp(-view.normalized().dot(n), -1.0, 1.0)));
-      TriangulationCovariance covariance = model.calibration;
-      covariance(kImageX, kImageX) = covariance(kImageY, kImageY) = noise_px * noise_px;
+      const TriangulationCovariance covariance =
+          model.calibration + DetectionCovariance(model, setup.camera, p, n);
       ++examined;
       not_linear +=
           !PropagateUncertainty(setup, ProjectPoint(setup, p), covariance).first_order_suffices();

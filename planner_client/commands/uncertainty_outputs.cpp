@@ -17,6 +17,7 @@ namespace {
 struct PointSetup {
   TriangulationSetup setup;
   Eigen::Vector2d image_px;
+  Eigen::Vector3d position_m, normal;
 };
 
 PointSetup SetupOf(const PlanningSession& session, const ScanGeometry& geometry,
@@ -28,19 +29,10 @@ PointSetup SetupOf(const PlanningSession& session, const ScanGeometry& geometry,
   result.setup =
       MakeTriangulationSetup(rig.camera, WorldToPart(geometry, centre, geometry.camera, stage_m),
                              WorldToPart(geometry, centre, geometry.laser, stage_m));
-  result.image_px = ProjectPoint(result.setup, point.position_m.cast<double>());
+  result.position_m = point.position_m.cast<double>();
+  result.normal = point.normal.cast<double>();
+  result.image_px = ProjectPoint(result.setup, result.position_m);
   return result;
-}
-
-TriangulationCovariance DetectionCovariance(const UncertaintyModel& model, const ScanPoint& point,
-                                            const TriangulationSetup& setup) {
-  const Eigen::Vector3d view = point.position_m.cast<double>() - setup.camera.origin_m;
-  const double distance_m = view.norm();
-  const double cosine = std::clamp(-view.dot(point.normal.cast<double>()) / distance_m, -1.0, 1.0);
-  const double noise_px = model.detection.At(distance_m, std::acos(cosine));
-  TriangulationCovariance covariance = TriangulationCovariance::Zero();
-  covariance(kImageX, kImageX) = covariance(kImageY, kImageY) = noise_px * noise_px;
-  return covariance;
 }
 
 // Every so many of `count`, at most `most`.
@@ -80,13 +72,14 @@ ScanSensitivityMap SensitivityOf(const PlanningSession& session, const Measureme
   for (size_t i = 0; i < points.size(); i += StrideFor(points.size(), kMostPoints)) {
     const PointSetup point = SetupOf(session, geometry, points[i]);
     const auto derivatives = PointDerivatives(point.setup, point.image_px);
-    const Eigen::RowVectorXd along = points[i].normal.cast<double>().transpose() * derivatives;
+    const Eigen::RowVectorXd along = point.normal.transpose() * derivatives;
     if (!along.allFinite()) continue;
     const auto deviation = [&](const TriangulationCovariance& covariance) {
       return static_cast<float>(std::sqrt(std::max(0.0, (along * covariance).dot(along))));
     };
     map.positions_m.push_back(points[i].position_m);
-    map.detection_m.push_back(deviation(DetectionCovariance(model, points[i], point.setup)));
+    map.detection_m.push_back(
+        deviation(DetectionCovariance(model, point.setup.camera, point.position_m, point.normal)));
     if (model.HasCalibrationErrors()) map.calibration_m.push_back(deviation(model.calibration));
   }
   return map;
@@ -116,11 +109,12 @@ absl::Status WriteEllipsoids(const PlanningSession& session, const Measurement& 
     const PointSetup point = SetupOf(session, geometry, points[i]);
     const Eigen::Matrix3d covariance = FirstOrderCovariance(
         point.setup, point.image_px,
-        model.calibration + DetectionCovariance(model, points[i], point.setup));
+        model.calibration +
+            DetectionCovariance(model, point.setup.camera, point.position_m, point.normal));
     if (!covariance.allFinite()) continue;
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> axes(covariance, Eigen::EigenvaluesOnly);
     largest_m = std::max(largest_m, std::sqrt(std::max(0.0, axes.eigenvalues().z())));
-    ellipsoids.push_back({points[i].position_m.cast<double>(), covariance});
+    ellipsoids.push_back({point.position_m, covariance});
   }
   auto ply = CovarianceEllipsoidsPly(ellipsoids, largest_m > 0 ? kLargestAxis_m / largest_m : 1);
   if (!ply.ok()) return ply.status();

@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "core/rig/scan_geometry.h"
 #include "core/surface_inference/surface_inference.h"
+#include "core/triangulation/triangulation.h"
 #include "planner_client/optimise/random.h"
 #include "planner_client/optimise/search_space.h"
 
@@ -36,14 +37,11 @@ double BestInformationDensity(const Rig& rig, const UncertaintyModel& model,
       const Eigen::Vector3d normal = ((1 - share) * to_camera + share * to_laser).normalized();
       const double columns_per_length =
           std::abs(g.sheet_normal.cross(normal).dot(g.camera.x_axis)) / scale;
-      const double by_row = scale * normal.dot(g.camera.x_axis);
-      const double by_column =
-          scale * (normal.dot(g.camera.y_axis) - normal.dot(g.camera.z_axis) *
-                                                     g.sheet_normal.dot(g.camera.y_axis) /
-                                                     g.sheet_normal.dot(g.camera.z_axis));
+      const Eigen::Vector2d by_image = ImageDerivativesAlong(
+          normal, g.camera, rig.camera.FocalLengthPx(), g.sheet_normal, g.camera.z_axis, depth_m);
       const double noise_px =
           model.detection.At(depth_m, std::acos(std::clamp(normal.dot(to_camera), -1.0, 1.0)));
-      const double variance = noise_px * noise_px * (by_row * by_row + by_column * by_column);
+      const double variance = noise_px * noise_px * by_image.squaredNorm();
       // Seen along the sheet itself, a surface shows nothing of its height.
       if (normal.dot(to_camera) < 0.1 || !(variance > 1e-6 * noise_px * noise_px * scale * scale)) {
         continue;

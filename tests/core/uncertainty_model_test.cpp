@@ -105,6 +105,11 @@ TEST(UncertaintyGoal, NeedsAModelAndTolerances) {
       std::string(
           ParseWhole(R"("uncertainty": {}, "goal": {"admissible": 0.8})").status().message()),
       HasSubstr("tolerances is missing"));
+  EXPECT_THAT(std::string(ParseWhole(R"("uncertainty": {}, "tolerances": {"zone_width_m": 0.0002},
+      "goal": {"admissible": 0.8, "coverage": 0.9})")
+                              .status()
+                              .message()),
+              HasSubstr("goal.coverage cannot be given together with goal.admissible"));
   const auto inspection = ParseWhole(R"("uncertainty": {"resolution_m": 0.0015},
       "tolerances": {"zone_width_m": 0.0002}, "goal": {"admissible": 0.8})");
   ASSERT_TRUE(inspection.ok()) << inspection.status();
