@@ -18,11 +18,11 @@
 // what the fit leaves, see PredictUncertainty. The datum is taken as exact: an uncertain datum is
 // to be added by the caller.
 //
-// The predictions hold as far as the inference's prior does (bench/virtual_measurement.cpp). Its
-// mean is the model: a feature that as a whole is farther out of place than the prior's standard
-// deviation is pulled back to the model, the more so the larger the calibration errors, and then is
-// not covered by u. A prior much wider than the calibration errors avoids that at the cost of a
-// larger u.
+// The predictions hold as far as the inference's prior does
+// (bench/uncertainty/virtual_measurement.cpp). Its mean is the model: a feature that as a whole is
+// farther out of place than the prior's standard deviation is pulled back to the model, the more so
+// the larger the calibration errors, and then is not covered by u. A prior much wider than the
+// calibration errors avoids that at the cost of a larger u.
 #pragma once
 
 #include <Eigen/Core>

@@ -13,8 +13,8 @@
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/interrupt.h"
-#include "planner_client/commands/plan_document.h"
-#include "planner_client/commands/planning_session.h"
+#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/planning_session.h"
 #include "planner_client/commands/progress_line.h"
 
 namespace sightline {

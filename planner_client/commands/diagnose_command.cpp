@@ -26,7 +26,7 @@
 #include "planner_client/diagnosis_client/diagnosis_client.h"
 #include "planner_client/diagnosis_client/plate_inspection.h"
 #include "planner_client/diagnosis_client/recorded_folder.h"
-#include "planner_client/report/diagnosis_report.h"
+#include "planner_client/report/recordings/diagnosis_report.h"
 
 namespace sightline {
 namespace {

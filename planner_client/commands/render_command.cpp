@@ -18,7 +18,7 @@
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/part_assets.h"
-#include "planner_client/commands/plan_document.h"
+#include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/render_client/render_client.h"
 

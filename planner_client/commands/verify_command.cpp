@@ -15,7 +15,7 @@
 #include "planner_client/diagnosis_client/diagnosis_client.h"
 #include "planner_client/diagnosis_client/recorded_folder.h"
 #include "planner_client/diagnosis_client/verification_csv.h"
-#include "planner_client/report/verification_report.h"
+#include "planner_client/report/recordings/verification_report.h"
 
 namespace sightline {
 namespace {

@@ -9,12 +9,13 @@
 #include <utility>
 #include <vector>
 
-#include "planner_client/report/chart_axis.h"
-#include "planner_client/report/line_range.h"
-#include "planner_client/report/range_chart.h"
-#include "planner_client/report/recording_bars.h"
-#include "planner_client/report/region_map_picture.h"
-#include "planner_client/report/xy_chart.h"
+#include "planner_client/report/charts/chart_axis.h"
+#include "planner_client/report/charts/coverage_curve.h"
+#include "planner_client/report/charts/range_chart.h"
+#include "planner_client/report/charts/recording_bars.h"
+#include "planner_client/report/charts/region_map_picture.h"
+#include "planner_client/report/charts/xy_chart.h"
+#include "planner_client/report/recordings/line_range.h"
 
 namespace sightline {
 namespace {
@@ -156,6 +157,30 @@ TEST(RangeChart, DrawsIntervalsAndNotes) {
   EXPECT_EQ(Count(svg, "<circle"), 1u);
   EXPECT_EQ(Count(svg, "class=\"interval null\""), 1u);
   EXPECT_THAT(svg, HasSubstr("0.5 &lt;&amp;&gt; \u00b1"));
+}
+
+// The label of the bound lies within the drawing, wherever the bound is.
+TEST(CoverageCurve, BoundLabelStaysInTheDrawing) {
+  constexpr double kWidth = 760, kWidestCharacter = 8;  // px of the view box; 13 px type
+  const std::regex label(
+      "<text class=\"bound-label\" x=\"([-0-9.]+)\" y=\"[-0-9.]+\" "
+      "text-anchor=\"(start|end)\">([^<]*)</text>");
+  for (const bool converged : {false, true}) {
+    for (double bound = 0.5; bound < 24; bound += 0.5) {
+      CoverageCurve curve;
+      curve.coverage.assign(11, 0.5);
+      curve.bound_scans = bound;
+      curve.bound_converged = converged;
+      const std::string svg = CoverageCurveSvg(curve);
+      std::smatch match;
+      ASSERT_TRUE(std::regex_search(svg, match, label)) << svg;
+      const double anchor = std::stod(match[1]);
+      const double length = kWidestCharacter * static_cast<double>(match[3].length());
+      const double left = match[2] == "end" ? anchor - length : anchor;
+      EXPECT_GE(left, 0) << bound;
+      EXPECT_LE(left + length, kWidth) << bound;
+    }
+  }
 }
 
 }  // namespace

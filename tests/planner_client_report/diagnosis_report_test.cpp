@@ -1,4 +1,4 @@
-#include "planner_client/report/diagnosis_report.h"
+#include "planner_client/report/recordings/diagnosis_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,7 +9,7 @@
 #include <sstream>
 #include <string>
 
-#include "planner_client/report/html.h"
+#include "planner_client/report/page/html.h"
 #include "sample_diagnosis.h"
 #include "well_formed.h"
 

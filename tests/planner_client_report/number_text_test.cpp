@@ -1,4 +1,4 @@
-#include "planner_client/report/number_text.h"
+#include "planner_client/report/page/number_text.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "planner_client/report/plan_csv.h"
+#include "planner_client/report/plan/plan_csv.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

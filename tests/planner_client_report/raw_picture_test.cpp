@@ -1,4 +1,4 @@
-#include "planner_client/report/raw_picture.h"
+#include "planner_client/report/recordings/raw_picture.h"
 
 #include <gtest/gtest.h>
 

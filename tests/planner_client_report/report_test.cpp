@@ -1,4 +1,4 @@
-#include "planner_client/report/report.h"
+#include "planner_client/report/plan/report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -9,9 +9,9 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
-#include "planner_client/report/assets.h"
-#include "planner_client/report/coverage_curve.h"
-#include "planner_client/report/html.h"
+#include "planner_client/report/charts/coverage_curve.h"
+#include "planner_client/report/page/assets.h"
+#include "planner_client/report/page/html.h"
 
 namespace sightline {
 namespace {

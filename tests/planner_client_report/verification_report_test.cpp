@@ -1,4 +1,4 @@
-#include "planner_client/report/verification_report.h"
+#include "planner_client/report/recordings/verification_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

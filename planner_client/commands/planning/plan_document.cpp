@@ -1,0 +1,501 @@
+#include "planner_client/commands/planning/plan_document.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <numbers>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/json/strict_json.h"
+#include "core/part/load_part.h"
+#include "core/part/part_health_proto.h"
+#include "core/rig/scan_geometry.h"
+#include "core/triangulation/triangulation.h"
+#include "planner_client/commands/planning/uncertainty_outputs.h"
+#include "planner_client/report/plan/plan_csv.h"
+#include "planner_client/requirements/feature_verdicts.h"
+#include "planner_client/strategy/scan_order.h"
+
+namespace sightline {
+namespace {
+
+v1::Pose ToPose(const Eigen::Matrix4d& matrix) {
+  v1::Pose pose;
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) pose.add_matrix(matrix(row, column));
+  }
+  return pose;
+}
+
+v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& chosen) {
+  const Rig& rig = session.inspection.rig;
+  const Eigen::Vector3d centre = session.part->BoundingBox().center();
+  const ScanGeometry geometry = MakeScanGeometry(rig, chosen.measurement);
+  v1::PlannedScan scan;
+  *scan.mutable_measurement() = MeasurementToProto(chosen.measurement);
+  scan.set_locked(chosen.locked);
+  const int first = chosen.exact.first_frame, last = chosen.exact.last_frame;
+  const double start_m = last >= first ? first * rig.scan_step_m : 0;
+  scan.set_stage_start_m(start_m);
+  scan.set_stage_end_m(last >= first ? last * rig.scan_step_m : 0);
+  for (int frame = first; frame <= last; ++frame)
+    scan.add_trigger_positions_m(frame * rig.scan_step_m);
+  *scan.mutable_camera_pose() =
+      ToPose(WorldToPart(geometry, centre, geometry.camera, start_m).Matrix());
+  *scan.mutable_laser_pose() =
+      ToPose(WorldToPart(geometry, centre, geometry.laser, start_m).Matrix());
+  Eigen::Matrix4d part = Eigen::Matrix4d::Identity();
+  part.topLeftCorner<3, 3>() = geometry.part_rotation;
+  part.topRightCorner<3, 1>() = geometry.part_offset_m - geometry.part_rotation * centre;
+  *scan.mutable_part_pose() = ToPose(part);
+  scan.set_fast_covered_targets(chosen.fast_covered);
+  scan.set_measurement_points(chosen.exact.measurement_points);
+  return scan;
+}
+
+// Verdicts about the toleranced features; `document` has its uncertainties.
+absl::Status AddVerdicts(const PlanningSession& session, std::span<const Measurement> scans,
+                         PlanDocument& document) {
+  const PosteriorUncertainties& u = document.uncertainties;
+  PlanKnowledge knowledge;
+  knowledge.targets = &session.client->targets();
+  knowledge.measurable = &session.client->measurable();
+  knowledge.points = u.points;
+  for (size_t t = 0; t < u.total_m.size(); ++t) {
+    knowledge.uncertainty.push_back(
+        {u.total_m[t], u.noise_m[t], u.sampling_m[t], u.calibration_m[t]});
+  }
+  if (session.inspection.uncertainty->HasCalibrationErrors()) {
+    auto information = session.client->FastInformation(scans);
+    if (!information.ok()) return information.status();
+    for (const InformedScan& scan : *information) {
+      std::vector<float>& density = knowledge.density.emplace_back(u.total_m.size(), 0.0f);
+      for (size_t i = 0; i < scan.targets.size(); ++i) density[scan.targets[i]] = scan.density[i];
+    }
+  }
+  auto verdicts = JudgeFeatures(session.inspection, *session.requirements, scans,
+                                session.part->BoundingBox().center(), knowledge);
+  if (!verdicts.ok()) return verdicts.status();
+  for (v1::FeatureVerdict& verdict : *verdicts) {
+    *document.plan.mutable_uncertainty()->add_features() = std::move(verdict);
+  }
+  return absl::OkStatus();
+}
+
+// Whether linear propagation of the errors may be relied on, at some targets that each scan covers.
+void ExaminePropagation(const PlanningSession& session, const std::vector<ChosenScan>& scans,
+                        v1::PlanUncertainty& message) {
+  constexpr size_t kPerScan = 200;
+  const Rig& rig = session.inspection.rig;
+  const UncertaintyModel& model = *session.inspection.uncertainty;
+  const Eigen::Vector3d centre = session.part->BoundingBox().center();
+  int64_t examined = 0, not_linear = 0;
+  for (const ChosenScan& scan : scans) {
+    const ScanGeometry geometry = MakeScanGeometry(rig, scan.measurement);
+    const std::vector<uint32_t> covered = FullShares(scan.exact.covered).targets;
+    const size_t stride = covered.size() / kPerScan + 1;
+    for (size_t i = 0; i < covered.size(); i += stride) {
+      const Eigen::Vector3d p = session.client->targets().positions_m[covered[i]].cast<double>();
+      const double stage_m = geometry.LitStagePosition(PartToWorld(geometry, centre, p, 0));
+      const TriangulationSetup setup = MakeTriangulationSetup(
+          rig.camera, WorldToPart(geometry, centre, geometry.camera, stage_m),
+          WorldToPart(geometry, centre, geometry.laser, stage_m));
+      const Eigen::Vector3d n = session.client->targets().normals[covered[i]].cast<double>();
+      const TriangulationCovariance covariance =
+          model.calibration + DetectionCovariance(model, setup.camera, p, n);
+      ++examined;
+      not_linear +=
+          !PropagateUncertainty(setup, ProjectPoint(setup, p), covariance).first_order_suffices();
+    }
+  }
+  message.set_examined_points(examined);
+  message.set_second_order_points(not_linear);
+}
+
+// Exact uncertainties after the plan's scans in their order, and what they amount to.
+absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& document) {
+  const Requirements& requirements = *session.requirements;
+  document.admissible_uncertainty_m =
+      requirements.AdmissibleUncertainties(session.client->targets());
+  for (size_t t = 0; t < document.admissible_uncertainty_m.size(); ++t) {
+    if (!session.client->measurable().Test(t)) document.admissible_uncertainty_m[t] = 0;
+  }
+  const std::vector<float>& admissible_m = document.admissible_uncertainty_m;
+  const auto relaxed_m = static_cast<float>(requirements.relaxed_uncertainty_m);
+  std::vector<Measurement> feasible;
+  std::vector<int> index_of;  // of each feasible scan in the plan
+  for (size_t i = 0; i < document.scans.size(); ++i) {
+    if (document.scans[i].exact.feasibility != ScanFeasibility::kFeasible) continue;
+    feasible.push_back(document.scans[i].measurement);
+    index_of.push_back(static_cast<int>(i));
+  }
+  auto exact = session.client->Uncertainties(feasible, {}, true, {});
+  if (!exact.ok()) return exact.status();
+  document.uncertainties = *std::move(exact);
+
+  v1::PlanUncertainty& message = *document.plan.mutable_uncertainty();
+  std::vector<float> judged_m;
+  std::vector<int64_t> admissible(feasible.size(), 0), relaxed(feasible.size(), 0);
+  int64_t all_admissible = 0, all_relaxed = 0;
+  for (size_t t = 0; t < admissible_m.size(); ++t) {
+    if (!(admissible_m[t] > 0)) continue;
+    const float loose_m = std::max(admissible_m[t], relaxed_m);
+    const float u_m = document.uncertainties.total_m[t];
+    judged_m.push_back(u_m);
+    all_admissible += u_m <= admissible_m[t];
+    all_relaxed += u_m <= loose_m;
+    for (size_t s = 0; s < feasible.size(); ++s) {
+      const float after_m = document.uncertainties.after_each_scan_m[t * feasible.size() + s];
+      admissible[s] += after_m <= admissible_m[t];
+      relaxed[s] += after_m <= loose_m;
+    }
+  }
+  document.uncertainties.after_each_scan_m.clear();
+  int64_t admissible_so_far = 0, relaxed_so_far = 0;
+  size_t s = 0;
+  for (int i = 0; i < document.plan.scans_size(); ++i) {
+    if (s < index_of.size() && index_of[s] == i) {
+      admissible_so_far = admissible[s];
+      relaxed_so_far = relaxed[s];
+      ++s;
+    }
+    document.plan.mutable_scans(i)->set_cumulative_admissible_targets(admissible_so_far);
+    document.plan.mutable_scans(i)->set_cumulative_relaxed_targets(relaxed_so_far);
+  }
+  const auto count = static_cast<int64_t>(judged_m.size());
+  const auto total = static_cast<double>(std::max<int64_t>(1, count));
+  message.set_judged_targets(count);
+  message.set_admissible_fraction(static_cast<double>(all_admissible) / total);
+  message.set_relaxed_fraction(static_cast<double>(all_relaxed) / total);
+  message.set_goal(*session.inspection.goal.admissible);
+  message.set_relaxed_uncertainty_m(requirements.relaxed_uncertainty_m);
+  if (!judged_m.empty()) {
+    const auto middle = judged_m.begin() + static_cast<std::ptrdiff_t>(judged_m.size() / 2);
+    std::nth_element(judged_m.begin(), middle, judged_m.end());
+    message.set_median_uncertainty_m(*middle);
+  }
+  ExaminePropagation(session, document.scans, message);
+  const GainWeights& gain = session.inspection.goal.gain;
+  message.mutable_gain()->set_coverage(gain.coverage);
+  message.mutable_gain()->set_admissible(gain.admissible);
+  message.mutable_gain()->set_relaxed(gain.relaxed);
+  message.mutable_gain()->set_information(gain.information);
+  message.mutable_gain()->set_total_uncertainty(gain.total_uncertainty);
+  if (!requirements.features.empty()) {
+    if (absl::Status status = AddVerdicts(session, feasible, document); !status.ok()) return status;
+  }
+  if (session.fresh_client && !feasible.empty()) {
+    auto score = session.oracle->ScorePlan(feasible, true);
+    if (!score.ok()) return score.status();
+    const auto fresh = static_cast<double>(std::max<int64_t>(1, score->fresh_judged));
+    message.set_fresh_judged_targets(score->fresh_judged);
+    message.set_fresh_admissible_fraction(static_cast<double>(*score->fresh_settled) / fresh);
+    message.set_fresh_relaxed_fraction(static_cast<double>(*score->fresh_relaxed) / fresh);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+v1::Plan::StopReason StopReasonToProto(StopReason reason) {
+  switch (reason) {
+    case StopReason::kGoalReached:
+      return v1::Plan::STOP_REASON_GOAL_REACHED;
+    case StopReason::kMaxScans:
+      return v1::Plan::STOP_REASON_MAX_SCANS;
+    case StopReason::kMaxTime:
+      return v1::Plan::STOP_REASON_MAX_TIME;
+    case StopReason::kStalled:
+      return v1::Plan::STOP_REASON_STALLED;
+    case StopReason::kInterrupted:
+      return v1::Plan::STOP_REASON_INTERRUPTED;
+  }
+  return v1::Plan::STOP_REASON_UNSPECIFIED;
+}
+
+absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
+                                              std::vector<ChosenScan> scans,
+                                              const PlanSource& source) {
+  const CostModel& costs = session.inspection.costs;
+  const SceneInfo& scene = session.client->scene();
+  std::vector<Measurement> measurements;
+  int locked = 0;
+  for (const ChosenScan& scan : scans) {
+    measurements.push_back(scan.measurement);
+    locked += scan.locked ? 1 : 0;
+  }
+  PlanDocument document;
+  for (const int index : OrderScans(costs, measurements, locked))
+    document.scans.push_back(std::move(scans[index]));
+
+  v1::Plan& plan = document.plan;
+  plan.set_inspection_name(session.inspection.name);
+  plan.set_sightline_version(SIGHTLINE_VERSION);
+  plan.set_strategy(source.strategy);
+  plan.set_seed(source.seed);
+  plan.set_part_digest(scene.part_digest);
+  plan.set_scene_digest(scene.scene_digest);
+  plan.set_gain_evaluations(source.evaluations);
+  plan.set_stop_reason(source.stop_reason);
+
+  TargetBits covered(static_cast<size_t>(scene.target_count)), ungated = covered;
+  TargetBits fresh_covered(session.fresh_client ? session.fresh_client->targets().size() : 0);
+  v1::PlanCost& cost = *plan.mutable_cost();
+  double error_sum = 0, error_max = 0;
+  for (size_t i = 0; i < document.scans.size(); ++i) {
+    const ChosenScan& chosen = document.scans[i];
+    v1::PlannedScan scan = DescribeScan(session, chosen);
+    scan.set_index(static_cast<int>(i + 1));
+    scan.set_covered_targets(chosen.exact.covered.Count());
+    scan.set_new_targets(chosen.exact.covered.CountNotIn(covered));
+    covered |= chosen.exact.covered;
+    if (chosen.exact.fresh_covered.size() == fresh_covered.size())
+      fresh_covered |= chosen.exact.fresh_covered;
+    if (chosen.exact.covered_without_normal_gate.size() == ungated.size())
+      ungated |= chosen.exact.covered_without_normal_gate;
+    scan.set_cumulative_targets(covered.Count());
+    scan.set_scan_time_s(ScanTimeS(costs, session.inspection.rig.scan_step_m,
+                                   chosen.exact.first_frame, chosen.exact.last_frame));
+    if (i > 0)
+      scan.set_reposition_time_s(
+          RepositionTimeS(costs, document.scans[i - 1].measurement, chosen.measurement));
+    cost.set_scan_time_s(cost.scan_time_s() + scan.scan_time_s());
+    cost.set_reposition_time_s(cost.reposition_time_s() + scan.reposition_time_s());
+    const double error =
+        std::abs(static_cast<double>(chosen.fast_covered - scan.covered_targets())) /
+        static_cast<double>(scene.target_count);
+    error_sum += error;
+    error_max = std::max(error_max, error);
+    *plan.add_scans() = std::move(scan);
+  }
+  cost.set_unit_costs(costs.IsUnit());
+  cost.set_total(costs.IsUnit() ? static_cast<double>(document.scans.size())
+                                : cost.scan_time_s() + cost.reposition_time_s());
+
+  v1::PlanCoverage& coverage = *plan.mutable_coverage();
+  coverage.set_targets(scene.target_count);
+  coverage.set_measurable_targets(scene.measurable_count);
+  coverage.set_covered_targets(covered.Count());
+  coverage.set_coverage(static_cast<double>(covered.Count()) /
+                        static_cast<double>(scene.measurable_count));
+  ungated &= session.client->measurable();
+  coverage.set_covered_targets_without_normal_gate(ungated.Count());
+  if (!document.scans.empty())
+    coverage.set_fast_mean_absolute_error(error_sum / static_cast<double>(document.scans.size()));
+  coverage.set_fast_max_absolute_error(error_max);
+  coverage.set_goal(session.inspection.goal.coverage);
+  if (session.fresh_client && !session.ForUncertainty()) {
+    const int64_t fresh = session.fresh_client->measurable().Count();
+    coverage.set_fresh_measurable_targets(fresh);
+    coverage.set_fresh_coverage(static_cast<double>(fresh_covered.Count()) /
+                                static_cast<double>(std::max<int64_t>(1, fresh)));
+  }
+  if (session.ForUncertainty()) {
+    if (absl::Status status = AddUncertainty(session, document); !status.ok()) return status;
+  }
+  return document;
+}
+
+void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan) {
+  v1::ScanCountBound& message = *(
+      plan.has_uncertainty() ? plan.mutable_uncertainty()->mutable_bound() : plan.mutable_bound());
+  message.set_scans(bound.bound);
+  message.set_converged(bound.converged);
+  message.set_pricing_evaluations(bound.evaluations);
+  message.set_statement(bound.statement);
+}
+
+absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
+  PlanFileScans scans;
+  if (absl::Status status = ReadStrictJsonFile(path, &scans.plan); !status.ok()) return status;
+  const MeasurementDomain domain = ThesisDomain();
+  for (int i = 0; i < scans.plan.scans_size(); ++i) {
+    const v1::PlannedScan& scan = scans.plan.scans(i);
+    if (!scan.has_measurement()) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": scans[", i, "].measurement is missing"));
+    }
+    const Measurement measurement = MeasurementFromProto(scan.measurement());
+    const auto values = ToArray(measurement);
+    for (int p = 0; p < kMeasurementParameters; ++p) {
+      if (domain.parameters[p].Contains(values[p])) continue;
+      static constexpr const char* kNames[] = {
+          "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
+          "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
+          "offset_z_m"};
+      const bool angle = p >= 1 && p <= 6;
+      std::string allowed;
+      for (const auto& range : domain.parameters[p].ranges) {
+        const double scale = angle ? 180 / std::numbers::pi : 1;
+        absl::StrAppend(&allowed, allowed.empty() ? "" : " or ",
+                        absl::StrFormat("[%.6g, %.6g]", scale * range.min, scale * range.max));
+      }
+      return absl::InvalidArgumentError(
+          absl::StrFormat("%s: scans[%d].measurement.%s is %.9g, must be in %s", path, i, kNames[p],
+                          angle ? values[p] * 180 / std::numbers::pi : values[p], allowed));
+    }
+    scans.all.push_back(measurement);
+    scans.locked.push_back(scan.locked());
+  }
+  return scans;
+}
+
+absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error)
+    return absl::InvalidArgumentError(
+        absl::StrCat("cannot make folder ", folder, ": ", error.message()));
+  if (absl::Status status = WriteFileAtomically(folder + "/plan.json", ToJson(document.plan));
+      !status.ok())
+    return status;
+  return WriteFileAtomically(folder + "/plan.csv", PlanCsv(document.plan));
+}
+
+absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& document,
+                              const OutputOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
+  CoverageClient& client = *session.client;
+  ReportData data;
+  data.plan = document.plan;
+  data.health = PartHealthToProto(session.health);
+  data.part_name = std::filesystem::path(session.inspection.part_file).filename().string();
+  data.mesh = *session.part;
+  data.rig = session.inspection.rig;
+  data.targets = client.targets();
+  data.sampling = session.inspection.targets;
+  data.measurable = client.measurable();
+  data.comparison = options.comparison;
+  if (session.ForUncertainty()) {
+    data.uncertainty = TargetUncertaintiesOf(session, document);
+    absl::Status status =
+        WriteUncertaintyFiles(session, document, *data.uncertainty, options.folder);
+    if (!status.ok()) return status;
+    if (options.point_clouds) data.uncertainty->scan_sensitivities.resize(document.scans.size());
+  }
+
+  TargetBits covered(data.targets.size());
+  for (size_t i = 0; i < document.scans.size(); ++i) {
+    const ChosenScan& scan = document.scans[i];
+    covered |= scan.exact.covered;
+    ReportScan report;
+    report.covered = scan.exact.covered;
+    if (options.pictures) {
+      v1::RenderViewRequest request;
+      request.set_view(v1::RenderViewRequest::VIEW_FREE);
+      *request.mutable_measurement() = MeasurementToProto(scan.measurement);
+      const double middle = 0.5 * (scan.exact.first_frame + scan.exact.last_frame);
+      request.set_stage_position_m(std::round(middle) * session.inspection.rig.scan_step_m);
+      request.set_azimuth_deg(40);
+      request.set_elevation_deg(25);
+      request.set_columns_px(720);
+      request.set_rows_px(540);
+      request.set_covered_targets(covered.ToBytes());
+      auto png = client.RenderView(std::move(request));
+      if (!png.ok()) return png.status();
+      report.rendered_view_png = std::move(*png);
+    }
+    data.scans.push_back(std::move(report));
+    if (options.point_clouds) {
+      const std::string folder = options.folder + "/points";
+      std::error_code error;
+      std::filesystem::create_directories(folder, error);
+      if (error)
+        return absl::InvalidArgumentError(
+            absl::StrCat("cannot make folder ", folder, ": ", error.message()));
+      auto points = client.MeasurementPoints(scan.measurement);
+      if (absl::IsFailedPrecondition(points.status()))
+        continue;  // a scan given by hand that collides
+      if (!points.ok()) return points.status();
+      std::vector<Eigen::Vector3f> positions, normals;
+      for (const ScanPoint& p : *points) {
+        positions.push_back(p.position_m);
+        normals.push_back(p.normal);
+      }
+      if (absl::Status status = WritePlyPoints(absl::StrFormat("%s/scan_%02d.ply", folder, i + 1),
+                                               positions, normals);
+          !status.ok()) {
+        return status;
+      }
+      if (!data.uncertainty) continue;
+      data.uncertainty->scan_sensitivities[i] = SensitivityOf(session, scan.measurement, *points);
+      if (!options.ellipsoids) continue;
+      absl::Status status =
+          WriteEllipsoids(session, scan.measurement, *points,
+                          absl::StrFormat("%s/scan_%02d_ellipsoids.ply", folder, i + 1));
+      if (!status.ok()) return status;
+    }
+  }
+  if (options.pictures) {
+    for (const bool measurability : {true, false}) {
+      v1::RenderViewRequest request;
+      request.set_view(measurability ? v1::RenderViewRequest::VIEW_MEASURABILITY
+                                     : v1::RenderViewRequest::VIEW_COVERAGE);
+      request.set_azimuth_deg(-60);
+      request.set_elevation_deg(35);
+      request.set_columns_px(960);
+      request.set_rows_px(640);
+      if (!measurability) request.set_covered_targets(covered.ToBytes());
+      auto png = client.RenderView(std::move(request));
+      if (!png.ok()) return png.status();
+      (measurability ? data.measurability_png : data.coverage_png) = std::move(*png);
+    }
+  }
+  data.timings = options.timings;
+  data.timings.push_back(
+      {"pictures and point clouds",
+       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
+  auto html = RenderReport(data);
+  if (!html.ok()) return html.status();
+  return WriteFileAtomically(options.folder + "/report.html", *html);
+}
+
+std::string SummarisePlan(const v1::Plan& plan) {
+  const v1::PlanCoverage& c = plan.coverage();
+  std::string text = absl::StrFormat(
+      "%d %s %.2f %% of the %d measurable targets (%swithout the gate on normals %.2f %%).\n"
+      "fast estimate against exact: mean |error| %.3f %%, largest %.3f %% of all targets, over "
+      "this plan's scans.\n",
+      plan.scans_size(), plan.scans_size() == 1 ? "scan measures" : "scans measure",
+      100 * c.coverage(), c.measurable_targets(),
+      c.goal() > 0 ? absl::StrFormat("goal %.4g %%; ", 100 * c.goal()) : "",
+      100.0 * static_cast<double>(c.covered_targets_without_normal_gate()) /
+          static_cast<double>(std::max<int64_t>(1, c.measurable_targets())),
+      100 * c.fast_mean_absolute_error(), 100 * c.fast_max_absolute_error());
+  if (plan.coverage().has_fresh_coverage()) {
+    absl::StrAppendFormat(&text, "of %d targets sampled anew: %.2f %%.\n",
+                          c.fresh_measurable_targets(), 100 * c.fresh_coverage());
+  }
+  if (plan.has_uncertainty()) {
+    const v1::PlanUncertainty& u = plan.uncertainty();
+    absl::StrAppendFormat(&text,
+                          "uncertainty is admissible at %.2f %% of the %d judged targets (goal "
+                          "%.4g %%), at most %.3g "
+                          "mm at %.2f %%; median %.1f um.\n",
+                          100 * u.admissible_fraction(), u.judged_targets(), 100 * u.goal(),
+                          1e3 * u.relaxed_uncertainty_m(), 100 * u.relaxed_fraction(),
+                          1e6 * u.median_uncertainty_m());
+    if (u.has_fresh_admissible_fraction()) {
+      absl::StrAppendFormat(&text, "of %d targets sampled anew: admissible at %.2f %%.\n",
+                            u.fresh_judged_targets(), 100 * u.fresh_admissible_fraction());
+    }
+    if (u.second_order_points() > 0) {
+      absl::StrAppendFormat(&text,
+                            "at %d of %d points examined linear propagation of errors is not to be "
+                            "relied on.\n",
+                            u.second_order_points(), u.examined_points());
+    }
+    if (!u.bound().statement().empty()) absl::StrAppend(&text, u.bound().statement(), "\n");
+  }
+  if (!plan.bound().statement().empty()) absl::StrAppend(&text, plan.bound().statement(), "\n");
+  if (!plan.cost().unit_costs()) {
+    absl::StrAppendFormat(&text, "scanning takes %.1f s, repositioning %.1f s.\n",
+                          plan.cost().scan_time_s(), plan.cost().reposition_time_s());
+  }
+  return text;
+}
+
+}  // namespace sightline

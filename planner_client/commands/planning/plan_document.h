@@ -1,0 +1,71 @@
+// From chosen scans to plan.json and the files around it.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/report/plan/report.h"
+#include "planner_client/strategy/planner.h"
+#include "planner_client/strategy/scan_count_bound.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+struct PlanDocument {
+  v1::Plan plan;
+  std::vector<ChosenScan> scans;  // in the plan's order
+  // Only of plans for uncertainty: of all targets after all scans, exact; and of every target what
+  // is admissible [m], 0 if it is not judged.
+  PosteriorUncertainties uncertainties;
+  std::vector<float> admissible_uncertainty_m;
+};
+
+struct PlanSource {
+  std::string strategy;
+  int64_t seed = 0;
+  int64_t evaluations = 0;
+  v1::Plan::StopReason stop_reason = v1::Plan::STOP_REASON_UNSPECIFIED;
+};
+
+v1::Plan::StopReason StopReasonToProto(StopReason reason);
+
+// Orders the scans for least repositioning (unit costs: as they come) and fills in poses, travel,
+// trigger positions, exact coverage, uncertainty and costs. Contains no time, host or date: the
+// same scans give the same bytes. Errors of the coverage server are passed on.
+absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
+                                              std::vector<ChosenScan> scans,
+                                              const PlanSource& source);
+
+// Adds the lower bound, to what the plan is for.
+void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan);
+
+// Scans of a plan file. INVALID_ARGUMENT names the file, scan and field.
+struct PlanFileScans {
+  std::vector<Measurement> all;
+  std::vector<bool> locked;
+  v1::Plan plan;
+};
+absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path);
+
+struct OutputOptions {
+  std::string folder;
+  bool pictures = true;
+  bool point_clouds = true;
+  bool ellipsoids = false;  // of plans for uncertainty: points/scan_NN_ellipsoids.ply
+  std::vector<NamedTiming> timings;
+  std::optional<ComparisonTable> comparison;
+};
+
+// Writes plan.json and plan.csv; then pictures, report.html and points/scan_NN.ply. plan.json comes
+// first, so that an interruption keeps it. Prints nothing.
+absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder);
+absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& document,
+                              const OutputOptions& options);
+
+// One paragraph for the terminal.
+std::string SummarisePlan(const v1::Plan& plan);
+
+}  // namespace sightline

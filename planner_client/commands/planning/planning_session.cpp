@@ -1,0 +1,156 @@
+#include "planner_client/commands/planning/planning_session.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+
+#include "absl/strings/str_cat.h"
+#include "core/part/load_part.h"
+#include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/progress_line.h"
+#include "planner_client/optimise/random.h"
+#include "planner_client/plan_oracle/coverage_oracle.h"
+#include "planner_client/requirements/reach.h"
+#include "planner_client/tolerance_import/tolerance_import.h"
+
+namespace sightline {
+namespace {
+
+// Plans are only scored on fresh targets, exactly: their field serves to find out which of them can
+// be measured, and directions between its own are tried there anyway.
+constexpr int kFreshFieldDirections = 576;
+
+// Another seed than the one of the plan's own targets, which follows from it.
+int64_t FreshSeed(int64_t seed) {
+  return static_cast<int64_t>(DeriveSeed(static_cast<uint64_t>(seed), 41) >> 1);
+}
+
+absl::Status ReadRequirements(PlanningSession& session) {
+  if (!session.inspection.tolerances || !session.inspection.uncertainty) return absl::OkStatus();
+  std::optional<ToleranceReport> report;
+  std::vector<FaceTriangles> faces;
+  if (const std::string& file = session.inspection.tolerances->file; !file.empty()) {
+    auto read = ImportTolerances(file);
+    if (!read.ok()) return read.status();
+    report = std::move(read->report);
+    faces = std::move(read->faces);
+  }
+  auto requirements = MakeRequirements(session.inspection, *session.part, report, faces);
+  if (!requirements.ok()) return requirements.status();
+  if (session.ForUncertainty()) {
+    absl::Status reach = CheckReach(session.inspection, *requirements);
+    if (!reach.ok()) return reach;
+  }
+  session.requirements = *std::move(requirements);
+  for (const UnreadTolerance& tolerance : session.requirements->left_out) {
+    std::fprintf(stderr, "tolerance left out: %s: %s\n", tolerance.name.c_str(),
+                 tolerance.reason.c_str());
+  }
+  return absl::OkStatus();
+}
+
+absl::Status MakeOracle(PlanningSession& session) {
+  if (!session.ForUncertainty()) {
+    session.oracle = std::make_unique<CoverageOracle>(*session.client, session.fresh_client.get());
+    return absl::OkStatus();
+  }
+  const Requirements& requirements = *session.requirements;
+  const UncertaintyModel& model = *session.inspection.uncertainty;
+  const auto judge = [&](CoverageClient* client) -> UncertaintyOracle::Sampling {
+    if (client == nullptr) return {nullptr, {}};
+    return {client, JudgeTargets(*client, model, session.inspection.targets,
+                                 requirements.AdmissibleUncertainties(client->targets()),
+                                 requirements.relaxed_uncertainty_m)};
+  };
+  auto oracle = std::make_unique<UncertaintyOracle>(
+      judge(session.client.get()), judge(session.fresh_client.get()), model,
+      session.inspection.goal.gain, requirements.relaxed_uncertainty_m);
+  std::fprintf(stderr, "tolerances: %lld of the measurable targets are judged\n",
+               static_cast<long long>(oracle->measurable().Count()));
+  session.oracle = std::move(oracle);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
+  const auto start = std::chrono::steady_clock::now();
+  PlanningSession session;
+  auto inspection = ReadInspection(options.inspection_file);
+  if (!inspection.ok()) return inspection.status();
+  session.inspection = std::move(*inspection);
+
+  auto part = LoadPart(session.inspection.part_file, session.inspection.part_unit);
+  if (!part.ok()) return part.status();
+  session.health = CheckPartHealth(*part);
+  session.part = std::make_shared<const TriangleMesh>(std::move(*part));
+  const Eigen::Vector3d size_mm = 1e3 * session.health.bounding_box_m.sizes();
+  std::fprintf(stderr, "part: %s, %.1f x %.1f x %.1f mm, %lld triangles, %.1f cm2\n",
+               std::filesystem::path(session.inspection.part_file).filename().c_str(), size_mm.x(),
+               size_mm.y(), size_mm.z(), static_cast<long long>(session.health.triangle_count),
+               1e4 * session.health.area_m2);
+  for (const std::string& finding : session.health.findings) {
+    std::fprintf(stderr, "part: %s\n", finding.c_str());
+  }
+
+  if (absl::Status status = ReadRequirements(session); !status.ok()) return status;
+
+  CoverageTask task;
+  task.part = session.part;
+  task.part_name = session.inspection.part_file;
+  task.rig = session.inspection.rig;
+  task.sampling = session.inspection.targets;
+  task.field_directions = options.field_directions;
+  task.uncertainty = session.inspection.uncertainty;
+  for (const ObstacleSource& source : session.inspection.obstacles) {
+    auto mesh = LoadPart(source.file, source.unit);
+    if (!mesh.ok()) return mesh.status();
+    task.obstacles.push_back(
+        {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, source.name});
+  }
+
+  CoverageClientOptions client;
+  client.address = options.coverage_server;
+  client.interrupted = &InterruptFlag();
+  if (options.coverage_server.empty()) {
+    auto server = EmbeddedServer::Start({});
+    if (!server.ok()) return server.status();
+    session.server = std::move(*server);
+    client.embedded = session.server.get();
+  }
+  ProgressLine progress;
+  client.on_progress = [&](double fraction, const std::string& message) {
+    progress.Show(fraction, message);
+  };
+  CoverageTask fresh_task = task;
+  auto opened = CoverageClient::Open(client, std::move(task));
+  if (!opened.ok()) return opened.status();
+  session.client = std::move(*opened);
+  if (options.fresh_targets) {
+    fresh_task.sampling.seed = FreshSeed(fresh_task.sampling.seed);
+    fresh_task.field_directions = std::min(fresh_task.field_directions, kFreshFieldDirections);
+    auto fresh = CoverageClient::Open(std::move(client), std::move(fresh_task));
+    if (!fresh.ok()) return fresh.status();
+    session.fresh_client = std::move(*fresh);
+  }
+  progress.Finish();
+  const SceneInfo& scene = session.client->scene();
+  session.open_time_s =
+      std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  std::fprintf(
+      stderr, "targets: %lld, of which %lld (%.1f %%) can be measured; ready after %.1f s\n",
+      static_cast<long long>(scene.target_count), static_cast<long long>(scene.measurable_count),
+      100.0 * static_cast<double>(scene.measurable_count) / static_cast<double>(scene.target_count),
+      session.open_time_s);
+  if (scene.measurable_count == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(session.inspection.part_file,
+                     ": no target on this part can be measured: every one is hidden "
+                     "from all pairs of directions 10 to 80 degrees apart"));
+  }
+  if (absl::Status status = MakeOracle(session); !status.ok()) return status;
+  return session;
+}
+
+}  // namespace sightline

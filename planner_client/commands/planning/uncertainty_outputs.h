@@ -1,0 +1,32 @@
+// What a plan for uncertainty leaves besides plan.json: maps on the part, files for other programs.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/report/uncertainty/target_uncertainty.h"
+
+namespace sightline {
+
+// What the report shows of every target. `document` is that of a plan for uncertainty.
+TargetUncertainties TargetUncertaintiesOf(const PlanningSession& session,
+                                          const PlanDocument& document);
+
+// Standard uncertainty of a scan's single points along the surface's normal (thesis Fig. 3.5).
+ScanSensitivityMap SensitivityOf(const PlanningSession& session, const Measurement& scan,
+                                 const std::vector<ScanPoint>& points);
+
+// FOLDER/uncertainty.ply: targets with u and its parts; with toleranced features also
+// FOLDER/plan.qif.
+absl::Status WriteUncertaintyFiles(const PlanningSession& session, const PlanDocument& document,
+                                   const TargetUncertainties& uncertainties,
+                                   const std::string& folder);
+
+// Covariance ellipsoids of a scan's points, magnified so that the largest axis is a millimetre.
+absl::Status WriteEllipsoids(const PlanningSession& session, const Measurement& scan,
+                             const std::vector<ScanPoint>& points, const std::string& path);
+
+}  // namespace sightline

@@ -1,0 +1,32 @@
+#include "planner_client/report/page/html.h"
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
+
+namespace sightline {
+
+std::string EscapeHtml(absl::string_view text) {
+  return absl::StrReplaceAll(
+      text, {{"&", "&amp;"}, {"<", "&lt;"}, {">", "&gt;"}, {"\"", "&quot;"}, {"'", "&#39;"}});
+}
+
+std::string GroupedInteger(int64_t value) {
+  if (value < 0) return absl::StrCat("\u2212", GroupedInteger(-value));
+  std::string digits = absl::StrCat(value);
+  for (size_t i = digits.size(); i > 3;) {
+    i -= 3;
+    digits.insert(i, "\u202f");
+  }
+  return digits;
+}
+
+std::string PngDataUri(absl::string_view png) {
+  return absl::StrCat("data:image/png;base64,", absl::Base64Escape(png));
+}
+
+std::string JsonForScript(std::string json) {
+  return absl::StrReplaceAll(json, {{"<", "\\u003c"}});
+}
+
+}  // namespace sightline

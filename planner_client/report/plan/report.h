@@ -1,0 +1,74 @@
+// The report of a plan: one HTML file that needs nothing else, not even a network.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/part/mesh.h"
+#include "core/rig/rig.h"
+#include "core/targets/target_set.h"
+#include "planner_client/report/uncertainty/target_uncertainty.h"
+#include "sightline/v1/part.pb.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+// What the report shows of a scan beyond the plan's own numbers.
+struct ReportScan {
+  TargetBits covered;             // exact, of this scan alone, one bit per target
+  std::string rendered_view_png;  // part, camera and laser; empty: none
+};
+
+struct NamedTiming {
+  std::string name;
+  double seconds = 0;
+};
+
+// Scans that one strategy needed over several seeds.
+struct StrategyComparison {
+  // For one goal, over the seeds that reached it.
+  struct Scans {
+    double median = 0;
+    int min = 0;
+    int max = 0;
+    int seeds_reached = 0;  // 0: the other fields mean nothing
+  };
+  std::string strategy;
+  int seeds = 0;
+  std::vector<Scans> scans;  // one per goal
+};
+
+struct ComparisonTable {
+  std::vector<double> goals;  // fraction of the measurable targets, e.g. 0.9, 0.95
+  std::vector<StrategyComparison> strategies;
+};
+
+// The plan's index, poses and numbers are taken as they are.
+struct ReportData {
+  v1::Plan plan;
+  v1::PartHealth health;
+  std::string part_name;  // as the engineer knows it, e.g. the file name
+  TriangleMesh mesh;
+  Rig rig;
+  TargetSet targets;
+  TargetSampling sampling;
+  TargetBits measurable;
+  std::vector<ReportScan> scans;  // in the order of plan.scans
+  std::string measurability_png;  // empty: none
+  std::string coverage_png;       // after the last scan; empty: none
+  std::vector<NamedTiming> timings;
+  std::optional<ComparisonTable> comparison;
+  // Of plans for uncertainty: shown on the part. What plan.uncertainty says is shown in any case.
+  std::optional<TargetUncertainties> uncertainty;
+  std::vector<std::string> notes;
+};
+
+// The page as UTF-8 HTML; the same data give the same bytes. All texts are escaped. Needs at least
+// one target and one triangle; scans may be none. INVALID_ARGUMENT names the field whose size does
+// not fit: scans against plan.scans, bit sets and uncertainties against targets, poses of other
+// than 16 numbers; and uncertainties that are negative or not finite.
+absl::StatusOr<std::string> RenderReport(const ReportData& data);
+
+}  // namespace sightline

@@ -1,0 +1,88 @@
+#include "planner_client/report/recordings/raw_picture.h"
+
+#include <png.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+namespace sightline {
+namespace {
+
+constexpr uint32_t kMaxColumns = 640;
+constexpr uint64_t kMaxPixels = uint64_t{1} << 27;  // a damaged header shall not take all memory
+
+double Quantile(std::vector<float> values, double fraction) {
+  const auto at = static_cast<size_t>(fraction * static_cast<double>(values.size() - 1));
+  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(at), values.end());
+  return values[at];
+}
+
+bool StaysInside(const std::string& file) {
+  const std::filesystem::path path(file);
+  if (file.empty() || path.is_absolute()) return false;
+  return std::none_of(path.begin(), path.end(), [](const auto& part) { return part == ".."; });
+}
+
+}  // namespace
+
+std::string RawPicturePng(const std::string& folder, const std::string& file) {
+  if (folder.empty() || !StaysInside(file)) return "";
+  png_image image = {};
+  image.version = PNG_IMAGE_VERSION;
+  if (!png_image_begin_read_from_file(&image, (std::filesystem::path(folder) / file).c_str())) {
+    return "";
+  }
+  const uint32_t columns = image.width, rows = image.height;
+  if (columns == 0 || rows == 0 || uint64_t{columns} * rows > kMaxPixels) {
+    png_image_free(&image);
+    return "";
+  }
+  image.format = PNG_FORMAT_LINEAR_Y;
+  std::vector<png_uint_16> raw(static_cast<size_t>(columns) * rows);
+  if (!png_image_finish_read(&image, nullptr, raw.data(), 0, nullptr)) {
+    png_image_free(&image);
+    return "";
+  }
+  // Means of square blocks, so that a thin line does not vanish.
+  const uint32_t block = (columns + kMaxColumns - 1) / kMaxColumns;
+  const uint32_t shown_columns = columns / block, shown_rows = std::max(1u, rows / block);
+  std::vector<float> means(static_cast<size_t>(shown_columns) * shown_rows);
+  for (uint32_t row = 0; row < shown_rows; ++row) {
+    for (uint32_t column = 0; column < shown_columns; ++column) {
+      double sum = 0;
+      uint32_t count = 0;
+      for (uint32_t i = row * block; i < std::min(rows, (row + 1) * block); ++i) {
+        for (uint32_t j = column * block; j < (column + 1) * block; ++j) {
+          sum += raw[static_cast<size_t>(i) * columns + j];
+          ++count;
+        }
+      }
+      means[static_cast<size_t>(row) * shown_columns + column] = static_cast<float>(sum / count);
+    }
+  }
+  const double black = Quantile(means, 0.05);
+  const double white = std::max(Quantile(means, 0.998), black + 1);
+  std::vector<uint8_t> grey(means.size());
+  for (size_t i = 0; i < means.size(); ++i) {
+    const double signal = std::clamp((means[i] - black) / (white - black), 0.0, 1.0);
+    grey[i] = static_cast<uint8_t>(std::lround(255 * std::sqrt(signal)));
+  }
+  png_image picture = {};
+  picture.version = PNG_IMAGE_VERSION;
+  picture.width = shown_columns;
+  picture.height = shown_rows;
+  picture.format = PNG_FORMAT_GRAY;
+  png_alloc_size_t size = 0;
+  if (!png_image_write_to_memory(&picture, nullptr, &size, 0, grey.data(), 0, nullptr)) return "";
+  std::string png(size, '\0');
+  if (!png_image_write_to_memory(&picture, png.data(), &size, 0, grey.data(), 0, nullptr)) {
+    return "";
+  }
+  png.resize(size);
+  return png;
+}
+
+}  // namespace sightline

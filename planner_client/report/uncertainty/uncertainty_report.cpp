@@ -1,0 +1,335 @@
+#include "planner_client/report/uncertainty/uncertainty_report.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "planner_client/report/charts/coverage_curve.h"
+#include "planner_client/report/page/html.h"
+#include "planner_client/report/page/number_text.h"
+#include "planner_client/report/page/static_page.h"
+
+namespace sightline {
+namespace {
+
+constexpr char kUnknown[] = "\u2013";
+// Bars drawn; of longer plans every second, third, ... scan is shown.
+constexpr int kMostBars = 24;
+
+std::string Percent(double fraction, int decimals = 1) {
+  if (!std::isfinite(fraction)) return kUnknown;
+  return absl::StrCat(FixedNumber(100 * fraction, decimals), "\u202f%");
+}
+
+// As it was stated: "80 %", "97.5 %".
+std::string Goal(double fraction) { return absl::StrFormat("%.6g\u202f%%", 100 * fraction); }
+
+// Three digits without a unit, for columns of one unit; thousands in groups.
+std::string InColumn(double value) {
+  if (!std::isfinite(value)) return kUnknown;
+  return std::abs(value) >= 1000 ? GroupedInteger(std::llround(std::min(value, 1e15)))
+                                 : Number(value);
+}
+
+std::string Micrometres(double length_m) { return InColumn(1e6 * length_m); }
+std::string Millimetres(double length_m) { return InColumn(1e3 * length_m); }
+
+bool GoalReached(const v1::PlanUncertainty& uncertainty) {
+  return uncertainty.goal() > 0 && uncertainty.admissible_fraction() >= uncertainty.goal() - 1e-12;
+}
+
+std::vector<double> CumulativeFractions(const v1::Plan& plan, bool relaxed) {
+  const double judged =
+      std::max<double>(1, static_cast<double>(plan.uncertainty().judged_targets()));
+  std::vector<double> fractions;
+  for (const v1::PlannedScan& scan : plan.scans()) {
+    fractions.push_back(static_cast<double>(relaxed ? scan.cumulative_relaxed_targets()
+                                                    : scan.cumulative_admissible_targets()) /
+                        judged);
+  }
+  return fractions;
+}
+
+// Thesis Fig. 6.5: after each scan, one bar on the other, under the points of the curve above.
+std::string BarsSvg(const CoverageCurve& curve) {
+  constexpr double kWidth = 760, kHeight = 190, kLeft = 52, kRight = 24, kTop = 8, kBottom = 42;
+  const int scans = static_cast<int>(curve.coverage.size());
+  const double x_max = CoverageCurveLastScan(curve) + 0.4;
+  const double pitch = (kWidth - kLeft - kRight) / x_max;
+  const int step = (scans + kMostBars - 1) / kMostBars;
+  const auto y = [&](double fraction) {
+    return kHeight - kBottom - (kHeight - kTop - kBottom) * std::clamp(fraction, 0.0, 1.0);
+  };
+  std::string svg = absl::StrFormat(
+      "<svg class=\"curve\" viewBox=\"0 0 %.0f %.0f\" role=\"img\" "
+      "aria-label=\"Admissible and relaxed part of the judged surface after each scan\">\n",
+      kWidth, kHeight);
+  for (int percent = 0; percent <= 100; percent += 50) {
+    absl::StrAppendFormat(
+        &svg,
+        "<line class=\"grid\" x1=\"%.1f\" x2=\"%.1f\" y1=\"%.1f\" y2=\"%.1f\"/>"
+        "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"end\">%d</text>\n",
+        kLeft, kWidth - kRight, y(percent / 100.0), y(percent / 100.0), kLeft - 8,
+        y(percent / 100.0) + 4, percent);
+  }
+  // The last scan is always among those shown.
+  for (int scan = (scans - 1) % step; scan < scans; scan += step) {
+    const double width = std::min(42.0, 0.6 * step * pitch);
+    const double x = kLeft + (scan + 1) * pitch - 0.5 * width;
+    const double low = curve.coverage[scan], high = std::max(low, curve.upper[scan]);
+    absl::StrAppendFormat(
+        &svg,
+        "<g><title>after scan %d: %.2f %% admissible, %.2f %% only relaxed</title>"
+        "<rect class=\"admissible\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"/>"
+        "<rect class=\"relaxed\" x=\"%.1f\" y=\"%.1f\" width=\"%.1f\" height=\"%.1f\"/></g>"
+        "<text class=\"tick\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%d</text>\n",
+        scan + 1, 100 * low, 100 * (high - low), x, y(low), width, y(0) - y(low), x, y(high), width,
+        y(low) - y(high), x + 0.5 * width, kHeight - kBottom + 18, scan + 1);
+  }
+  return svg + "</svg>\n";
+}
+
+std::string Key(double relaxed_m, bool fresh) {
+  return absl::StrCat(
+      "<p class=\"soft key-line\"><span><span class=\"key\" "
+      "style=\"background:var(--admissible)\"></span> uncertainty admissible</span> <span><span "
+      "class=\"key\" style=\"background:var(--relaxed)\"></span> not admissible, but at most ",
+      SettingText("relaxed_m", relaxed_m), " (relaxed)</span>",
+      fresh ? " <span>\u25c7 admissible on targets that the search has not seen</span>" : "",
+      "</p>\n");
+}
+
+std::string Verdict(const v1::FeatureVerdict& feature) {
+  return absl::StrCat(
+      feature.can_be_proven() ? "<span class=\"verdict yes\">\u2713 can be proven</span>"
+                              : "<span class=\"verdict no\">\u2717 cannot be proven</span>",
+      feature.because().empty()
+          ? ""
+          : absl::StrCat("<br><span class=\"soft\">", EscapeHtml(feature.because()), "</span>"));
+}
+
+}  // namespace
+
+std::string LengthText(double length_m) {
+  if (!std::isfinite(length_m)) return kUnknown;
+  if (length_m != 0 && std::abs(length_m) < 0.9995e-3)
+    return absl::StrCat(Number(1e6 * length_m), "\u202f\u00b5m");
+  return absl::StrCat(Number(1e3 * length_m), "\u202fmm");
+}
+
+std::string UncertaintyFinding(const v1::Plan& plan, const std::string& why_stopped) {
+  const v1::PlanUncertainty& uncertainty = plan.uncertainty();
+  const int scans = plan.scans_size();
+  std::string html =
+      absl::StrCat("<strong>", scans, scans == 1 ? " scan makes " : " scans make ",
+                   Percent(uncertainty.admissible_fraction()),
+                   "</strong> of the toleranced surface known well enough to prove its tolerances");
+  if (uncertainty.goal() > 0 && !GoalReached(uncertainty))
+    absl::StrAppend(&html, ", short of the goal of ", Goal(uncertainty.goal()), ": ",
+                    EscapeHtml(why_stopped));
+  html += ".";
+  if (uncertainty.has_fresh_admissible_fraction()) {
+    absl::StrAppend(&html, " On ", GroupedInteger(uncertainty.fresh_judged_targets()),
+                    " targets that the search has not seen it is ",
+                    Percent(uncertainty.fresh_admissible_fraction()), ".");
+  }
+  const int features = uncertainty.features_size();
+  if (features > 0) {
+    const auto proven = std::count_if(uncertainty.features().begin(), uncertainty.features().end(),
+                                      [](const auto& feature) { return feature.can_be_proven(); });
+    absl::StrAppend(&html, " ", proven, " of ", features,
+                    features == 1 ? " tolerance" : " tolerances", " can be proven.");
+  }
+  const v1::ScanCountBound& bound = uncertainty.bound();
+  if (bound.scans() > 0 && bound.converged()) {
+    // Tolerance of the LP solver: 9.0000000001 still means 9.
+    const int fewest = static_cast<int>(std::ceil(bound.scans() - 1e-6));
+    absl::StrAppend(
+        &html,
+        GoalReached(uncertainty) && scans <= fewest
+            ? absl::StrCat(" No plan for ", Goal(uncertainty.goal()), " can do with fewer scans")
+            : absl::StrCat(" A plan for ", Goal(uncertainty.goal()), " needs at least ", fewest,
+                           fewest == 1 ? " scan" : " scans"),
+        " (lower bound ", FixedNumber(bound.scans(), 1), ").");
+  } else if (bound.scans() > 0) {
+    absl::StrAppend(&html, " The relaxation stands at ", FixedNumber(bound.scans(), 1),
+                    " scans; it is not proven to be a bound.");
+  }
+  return html;
+}
+
+std::vector<std::pair<std::string, std::string>> UncertaintyFigures(const v1::Plan& plan) {
+  const v1::PlanUncertainty& uncertainty = plan.uncertainty();
+  const auto small = [](const std::string& text) {
+    return absl::StrCat(" <small>", text, "</small>");
+  };
+  std::vector<std::pair<std::string, std::string>> figures = {
+      {"scans", absl::StrCat(plan.scans_size())},
+      {"admissible",
+       absl::StrCat(Percent(uncertainty.admissible_fraction()),
+                    uncertainty.goal() > 0 ? small("goal " + Goal(uncertainty.goal())) : "")}};
+  if (uncertainty.has_fresh_admissible_fraction()) {
+    figures.push_back(
+        {"admissible, fresh targets", Percent(uncertainty.fresh_admissible_fraction())});
+  }
+  figures.push_back(
+      {absl::StrCat("within ", SettingText("relaxed_m", uncertainty.relaxed_uncertainty_m())),
+       absl::StrCat(Percent(uncertainty.relaxed_fraction()),
+                    uncertainty.has_fresh_relaxed_fraction()
+                        ? small("fresh " + Percent(uncertainty.fresh_relaxed_fraction()))
+                        : "")});
+  figures.push_back({"median uncertainty", LengthText(uncertainty.median_uncertainty_m())});
+  if (uncertainty.bound().scans() > 0) {
+    figures.push_back({uncertainty.bound().converged() ? "lower bound" : "relaxation (not a bound)",
+                       absl::StrCat(FixedNumber(uncertainty.bound().scans(), 1), small("scans"))});
+  }
+  figures.push_back({"judged targets", GroupedInteger(uncertainty.judged_targets())});
+  return figures;
+}
+
+std::string UncertaintyCurveSection(const v1::Plan& plan) {
+  const v1::PlanUncertainty& uncertainty = plan.uncertainty();
+  CoverageCurve curve;
+  curve.coverage = CumulativeFractions(plan, /*relaxed=*/false);
+  curve.upper = CumulativeFractions(plan, /*relaxed=*/true);
+  curve.goal = uncertainty.goal();
+  curve.bound_scans = uncertainty.bound().scans();
+  curve.bound_converged = uncertainty.bound().converged();
+  curve.title = "Part of the judged surface that is admissible, and relaxed, after each scan";
+  curve.axis = "known well enough, % of the judged surface";
+  curve.coverage_name = "admissible";
+  curve.upper_name = "relaxed";
+  if (uncertainty.has_fresh_admissible_fraction())
+    curve.fresh = uncertainty.fresh_admissible_fraction();
+  std::string body = CoverageCurveSvg(curve);
+  if (plan.scans_size() > 0)
+    absl::StrAppend(&body, BarsSvg(curve),
+                    Key(uncertainty.relaxed_uncertainty_m(), curve.fresh.has_value()));
+  if (!uncertainty.bound().statement().empty()) {
+    absl::StrAppend(&body, "<p class=\"soft\">", EscapeHtml(uncertainty.bound().statement()),
+                    "</p>\n");
+  }
+  if (uncertainty.second_order_points() > 0) {
+    absl::StrAppend(&body, "<p class=\"notice\">At ",
+                    GroupedInteger(uncertainty.second_order_points()), " of ",
+                    GroupedInteger(uncertainty.examined_points()),
+                    " points examined linear propagation is not to be relied on: the second order "
+                    "changes a standard deviation by more than 4\u202f%.</p>\n");
+  }
+  return PageSection("uncertainty", "The surface becomes known scan by scan", body);
+}
+
+std::string FeatureSection(const v1::Plan& plan, bool selectable) {
+  const auto& features = plan.uncertainty().features();
+  if (features.empty()) return "";
+  std::vector<int> order(static_cast<size_t>(features.size()));
+  std::iota(order.begin(), order.end(), 0);
+  const auto excess = [&](int i) {
+    const v1::FeatureVerdict& feature = features[i];
+    const double ratio = feature.uncertainty_m() / feature.admissible_uncertainty_m();
+    return std::isfinite(ratio) ? ratio : 1e300;
+  };
+  std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
+    if (features[a].can_be_proven() != features[b].can_be_proven())
+      return !features[a].can_be_proven();
+    return excess(a) > excess(b);
+  });
+  std::string body =
+      "<p class=\"soft\">A tolerance can be proven if the zone left for acceptance by the guard "
+      "bands is wide enough (ISO 14253-1). u is the standard uncertainty of what the tolerance is "
+      "about; its parts add up as squares. Probabilities of deciding wrongly are those of a part "
+      "taken from production (JCGM 106).";
+  if (selectable) body += " Select a row to see the feature in the part above.";
+  body +=
+      "</p>\n<div class=\"table-wrap\"><table id=\"feature-table\">\n<thead>\n<tr class=\"groups\">"
+      "<th></th><th></th><th colspan=\"2\">Zone, mm</th>"
+      "<th colspan=\"5\">Standard uncertainty, \u00b5m</th>"
+      "<th colspan=\"2\">Wrong decisions</th><th colspan=\"2\">Targets</th></tr>\n<tr>"
+      "<th scope=\"col\" class=\"words\">feature</th><th scope=\"col\" class=\"words\">verdict</th>"
+      "<th scope=\"col\" class=\"first\">tolerance</th><th scope=\"col\">acceptance</th>"
+      "<th scope=\"col\" class=\"first\">u</th><th scope=\"col\">noise</th>"
+      "<th scope=\"col\">sampling</th><th scope=\"col\">calibration</th>"
+      "<th scope=\"col\">admissible</th>"
+      "<th scope=\"col\" class=\"first\">acceptance</th><th scope=\"col\">rejection</th>"
+      "<th scope=\"col\" class=\"first\">measured</th><th scope=\"col\">admissible</th>"
+      "</tr>\n</thead>\n<tbody>\n";
+  const auto share = [](int64_t part, int64_t all) {
+    return all > 0 ? Percent(static_cast<double>(part) / static_cast<double>(all), 0)
+                   : std::string(kUnknown);
+  };
+  for (const int i : order) {
+    const v1::FeatureVerdict& feature = features[i];
+    const std::string name = feature.name().empty() ? feature.id() : feature.name();
+    absl::StrAppend(
+        &body,
+        selectable ? absl::StrCat("<tr class=\"selectable\" data-feature=\"", i, "\">") : "<tr>",
+        "<td class=\"words\"><strong>", EscapeHtml(name), "</strong><br><span class=\"soft\">",
+        EscapeHtml(feature.kind()), "</span></td><td class=\"words verdict-cell\">",
+        Verdict(feature), "</td><td class=\"first\">",
+        feature.zone_width_m() > 0 ? ShortNumber(1e3 * feature.zone_width_m()) : kUnknown,
+        "</td><td>",
+        feature.acceptance_zone_m() > 0 ? Millimetres(feature.acceptance_zone_m()) : "empty",
+        "</td><td class=\"first strong\">", Micrometres(feature.uncertainty_m()), "</td><td>",
+        Micrometres(feature.noise_m()), "</td><td>", Micrometres(feature.sampling_m()), "</td><td>",
+        Micrometres(feature.calibration_m()), "</td><td>",
+        Micrometres(feature.admissible_uncertainty_m()), "</td><td class=\"first\">",
+        EscapeHtml(ProbabilityText(feature.probability_wrong_acceptance())), "</td><td>",
+        EscapeHtml(ProbabilityText(feature.probability_wrong_rejection())),
+        "</td><td class=\"first\">", share(feature.measured_targets(), feature.targets()),
+        "</td><td>", share(feature.admissible_targets(), feature.targets()), "</td></tr>\n");
+  }
+  return PageSection("features", "Which tolerances can be proven",
+                     body + "</tbody></table></div>\n");
+}
+
+std::string InadmissibleSection(const TargetUncertainties& uncertainties,
+                                const TargetBits& measurable, const TargetBits& covered) {
+  // Not covered, then by dominating part.
+  std::array<int64_t, 4> relaxed{}, beyond{};
+  int64_t judged = 0, inadmissible = 0;
+  for (size_t i = 0; i < uncertainties.total_m.size(); ++i) {
+    const UncertaintyClass kind = ClassOfTarget(uncertainties, measurable, i);
+    if (kind == UncertaintyClass::kNotJudged || kind == UncertaintyClass::kNotMeasurable) continue;
+    ++judged;
+    if (kind == UncertaintyClass::kAdmissible) continue;
+    ++inadmissible;
+    const size_t row =
+        covered.Test(i) ? 1 + static_cast<size_t>(DominatingPart(uncertainties, i)) : 0;
+    ++(kind == UncertaintyClass::kRelaxed ? relaxed : beyond)[row];
+  }
+  if (judged == 0) {
+    return PageSection("inadmissible", "Why targets are not admissible",
+                       "<p>No tolerance binds a measurable target.</p>\n");
+  }
+  if (inadmissible == 0) {
+    return PageSection("inadmissible", "Why targets are not admissible",
+                       "<p>None: every judged target is admissible.</p>\n");
+  }
+  static constexpr std::array<std::array<const char*, 2>, 4> kReasons = {
+      {{"not measured by any scan", "another scan has to see it"},
+       {"noise of line detection",
+        "scans from nearer or at a larger triangulation angle, or more of them: it averages out"},
+       {"sampling: what the surface may do between and beyond the points",
+        "finer steps, scans from nearer, points all around the target"},
+       {"calibration: errors that all points of a scan share",
+        "a better calibration, or scans from other sides; more points do not help"}}};
+  std::string body = absl::StrCat(
+      "<p class=\"soft\">", GroupedInteger(inadmissible), " of ", GroupedInteger(judged),
+      " judged targets, by the largest part of their uncertainty after all scans.</p>\n");
+  std::vector<std::vector<std::string>> rows;
+  for (size_t row = 0; row < kReasons.size(); ++row) {
+    const int64_t count = relaxed[row] + beyond[row];
+    rows.push_back({kReasons[row][0], GroupedInteger(count),
+                    Percent(static_cast<double>(count) / static_cast<double>(judged)),
+                    GroupedInteger(relaxed[row]), GroupedInteger(beyond[row]), kReasons[row][1]});
+  }
+  body += PageTable(
+      {"largest part", "targets", "of the judged", "only relaxed", "not reached", "what helps"},
+      rows, {0, 5});
+  return PageSection("inadmissible", "Why targets are not admissible", body);
+}
+
+}  // namespace sightline

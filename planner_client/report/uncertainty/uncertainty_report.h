@@ -1,0 +1,40 @@
+// What the report of a plan for uncertainty shows besides coverage: how much of the surface is
+// known well enough, which tolerances can be proven, and why not.
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "core/targets/target_set.h"
+#include "planner_client/report/uncertainty/target_uncertainty.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+// Standard uncertainties as people read them: "12.3 µm", "1.25 mm"; "–" if not a number or
+// infinite.
+std::string LengthText(double length_m);
+
+// The answer in a sentence or two, HTML. The plan has `uncertainty`. `why_stopped`: said if the
+// goal was missed.
+std::string UncertaintyFinding(const v1::Plan& plan, const std::string& why_stopped);
+
+// Headline numbers: name (text), value (HTML).
+std::vector<std::pair<std::string, std::string>> UncertaintyFigures(const v1::Plan& plan);
+
+// Fraction of the judged targets that is admissible, and at most relaxed, after each scan, with the
+// goal and the bound on the number of scans (thesis Fig. 6.4); bars of the same (Fig. 6.5).
+std::string UncertaintyCurveSection(const v1::Plan& plan);
+
+// Every toleranced feature, those that cannot be proven first; of each kind the one that misses or
+// keeps its admissible uncertainty by least first. Empty without features. `selectable`: rows refer
+// to the viewer's features by their index in the plan.
+std::string FeatureSection(const v1::Plan& plan, bool selectable);
+
+// Judged targets that are not admissible, by the largest part of their uncertainty; those that no
+// scan covers apart. `covered`: by any scan of the plan.
+std::string InadmissibleSection(const TargetUncertainties& uncertainties,
+                                const TargetBits& measurable, const TargetBits& covered);
+
+}  // namespace sightline
