@@ -15,7 +15,8 @@
 namespace sightline::bench {
 namespace {
 
-constexpr const char* kCameras[] = {"bfly_pge_13e4m", "bfly_pge_23s6c", "my_camera"};
+constexpr const char* kCameras[] = {"cameras/bfly_pge_13e4m", "cameras/bfly_pge_23s6c",
+                                    "templates/camera"};
 
 class Table {
  public:
@@ -138,7 +139,7 @@ int Run(const CharacterisationSetup& base, const std::string& json) {
   PrintMachine();
   const char* source = std::getenv("SIGHTLINE_SOURCE_DIR");
   const std::filesystem::path folder =
-      std::filesystem::path(source != nullptr ? source : ".") / "examples/catalogue/cameras";
+      std::filesystem::path(source != nullptr ? source : ".") / "examples/catalogue";
   Json tables = Json::array(), times = Json::array();
   int count = 0, inside = 0;
   std::vector<Sensor> sensors;

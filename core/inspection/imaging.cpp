@@ -20,6 +20,7 @@ constexpr Limits kFNumber{0.5, 128, ""};
 constexpr Limits kTransmission{0, 1, "", true};
 constexpr Limits kZernike{-1e-4, 1e-4, " m"};
 constexpr Limits kDistortion{-10, 10, ""};
+constexpr Limits kSensorTilt{-30, 30, " deg"};
 constexpr int kMaxZernikeTerms = 66;
 
 constexpr Limits kLaserDistance{0.02, 5, " m"};
@@ -204,6 +205,37 @@ absl::StatusOr<v1::Inspection> InlineInspectionFiles(const v1::Inspection& messa
   return result;
 }
 
+namespace {
+
+// What the lens can be set to, and that it is set to nothing else.
+absl::StatusOr<Lens> ParseLensRange(const v1::Lens& message, const Checker& check, Lens lens) {
+  if (message.has_min_f_number()) {
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.min_f_number", message.min_f_number(), kFNumber));
+    lens.min_f_number = message.min_f_number();
+  }
+  if (message.has_max_f_number()) {
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.max_f_number", message.max_f_number(),
+                                          {lens.min_f_number.value_or(kFNumber.min), 128, ""}));
+    lens.max_f_number = message.max_f_number();
+  }
+  SIGHTLINE_RETURN_IF_ERROR(check.Range(
+      "lens.f_number", lens.f_number,
+      {lens.min_f_number.value_or(kFNumber.min), lens.max_f_number.value_or(kFNumber.max), ""}));
+  if (message.has_min_focus_distance_m()) {
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.min_focus_distance_m",
+                                          message.min_focus_distance_m(),
+                                          {1.01 * lens.focal_length_m, 1000, " m"}));
+    lens.min_focus_distance_m = message.min_focus_distance_m();
+    if (lens.focus_distance_m) {
+      SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.focus_distance_m", *lens.focus_distance_m,
+                                            {*lens.min_focus_distance_m, 1000, " m"}));
+    }
+  }
+  return lens;
+}
+
+}  // namespace
+
 absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& context) {
   const Checker check(context);
   if (!message.has_focal_length_m()) return check.Error("lens.focal_length_m", "is missing");
@@ -249,7 +281,13 @@ absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& conte
         check.Range(absl::StrCat("lens.distortion.", name), value, kDistortion));
   }
   lens.distortion = {d.k1(), d.k2(), d.k3(), d.p1(), d.p2()};
-  return lens;
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("lens.sensor_tilt_x_deg", message.sensor_tilt_x_deg(), kSensorTilt));
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("lens.sensor_tilt_y_deg", message.sensor_tilt_y_deg(), kSensorTilt));
+  lens.sensor_tilt_x_rad = Radians(message.sensor_tilt_x_deg());
+  lens.sensor_tilt_y_rad = Radians(message.sensor_tilt_y_deg());
+  return ParseLensRange(message, check, lens);
 }
 
 absl::StatusOr<Camera> ParseCamera(const v1::Camera& message, const std::optional<Lens>& lens,
@@ -373,6 +411,11 @@ v1::Lens LensToProto(const Lens& lens) {
     d->set_p1(lens.distortion.p1);
     d->set_p2(lens.distortion.p2);
   }
+  if (lens.sensor_tilt_x_rad != 0) message.set_sensor_tilt_x_deg(Degrees(lens.sensor_tilt_x_rad));
+  if (lens.sensor_tilt_y_rad != 0) message.set_sensor_tilt_y_deg(Degrees(lens.sensor_tilt_y_rad));
+  if (lens.min_f_number) message.set_min_f_number(*lens.min_f_number);
+  if (lens.max_f_number) message.set_max_f_number(*lens.max_f_number);
+  if (lens.min_focus_distance_m) message.set_min_focus_distance_m(*lens.min_focus_distance_m);
   return message;
 }
 

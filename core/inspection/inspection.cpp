@@ -615,6 +615,13 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   if (!costs.ok()) return costs.status();
   inspection.costs = *costs;
   SIGHTLINE_RETURN_IF_ERROR(ParseImaging(message, context, &inspection));
+  if (inspection.rig.lens) {
+    auto optics = ParseOpticsPlanning(message.optics(), *inspection.rig.lens, context);
+    if (!optics.ok()) return optics.status();
+    inspection.optics = *std::move(optics);
+  } else if (message.has_optics()) {
+    return check.Error("optics", "is given without a lens");
+  }
   return inspection;
 }
 

@@ -9,6 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/inspection/optics_planning.h"
 #include "core/rig/measurement.h"
 #include "core/rig/rig.h"
 #include "core/sensor/sensor.h"
@@ -152,6 +153,8 @@ struct Inspection {
   v1::Lighting lighting;  // radiances and places are checked, spectra by the renderer
   RenderSettings render;
   std::vector<EffectChoice> effects;
+  // What the choice of the optics may vary; set with a lens, every default filled in.
+  std::optional<OpticsPlanning> optics;
 };
 
 // Reads and validates an inspection file. INVALID_ARGUMENT names file, field path, value and

@@ -4,6 +4,7 @@
 #include <cassert>
 #include <cmath>
 #include <numbers>
+#include <numeric>
 
 namespace sightline {
 namespace {
@@ -77,6 +78,14 @@ GaussianDerivatives MakeGaussianDerivatives(double sigma_px) {
     d.second.push_back(static_cast<float>(second[i] - second_sum / second.size()));
   }
   return d;
+}
+
+double RidgeNoise(double sigma_px) {
+  const GaussianDerivatives d = MakeGaussianDerivatives(sigma_px);
+  const auto energy = [](const std::vector<float>& kernel) {
+    return std::inner_product(kernel.begin(), kernel.end(), kernel.begin(), 0.0);
+  };
+  return std::sqrt(energy(d.second) * energy(d.smooth));
 }
 
 Image<float> RidgeScore(const Image<float>& image_dn, double sigma_px) {

@@ -14,6 +14,7 @@ Command AddEvaluateCommand(CLI::App& app);
 Command AddCompareCommand(CLI::App& app);
 Command AddPartCommand(CLI::App& app);
 Command AddRenderCommand(CLI::App& app);
+Command AddOpticsCommand(CLI::App& app);
 Command AddDiagnoseCommand(CLI::App& app);
 Command AddRecordingsCommand(CLI::App& app);
 Command AddVerifyCommand(CLI::App& app);

@@ -20,6 +20,8 @@ int main(int argc, char** argv) {
   add("compare", "planning strategies side by side", sightline::AddCompareCommand);
   add("part", "health report of a part file", sightline::AddPartCommand);
   add("render", "what the camera would record", sightline::AddRenderCommand);
+  add("optics", "f-number, exposure and focus with which the line is found best",
+      sightline::AddOpticsCommand);
   add("recordings", "shot list for recordings, and their check", sightline::AddRecordingsCommand);
   add("verify", "recordings of a plate next to their simulation", sightline::AddVerifyCommand);
   add("diagnose", "what the description of recordings leaves out", sightline::AddDiagnoseCommand);

@@ -67,6 +67,8 @@ absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
   inspection->clear_measurement();
   inspection->clear_goal();
   inspection->clear_costs();
+  inspection->clear_uncertainty();
+  inspection->clear_tolerances();
   absl::Status status = AddMesh("", inspection->mutable_part()->mutable_file(),
                                 inspection->mutable_part()->mutable_unit(), assets);
   if (!status.ok()) return status;

@@ -39,27 +39,6 @@ double NominalLineRow(const FrameSetup& frame) {
 
 double UnlitDistancePx(const FrameSetup& frame) { return 8 * NominalWidthPx(frame) + 40; }
 
-double DefocusRadiusPx(const FrameSetup& frame) {
-  const double b = frame.ImageDistance();
-  const double object_b = 1 / (1 / frame.lens.focal_length_m - 1 / frame.plate.camera_distance_m);
-  return frame.PupilDiameter() * std::abs(1 - b / object_b) / 2 / frame.sensor.pixel_pitch_m;
-}
-
-double NominalWidthPx(const FrameSetup& frame) {
-  const double b = frame.ImageDistance();
-  const double magnification = b / frame.plate.camera_distance_m;
-  const double beam_m = BeamRadius(frame.laser, frame.plate.laser_distance_m) / 2 * magnification /
-                        std::cos(frame.plate.incidence_angle_rad);
-  const double diffraction_m = 0.5 * frame.laser.wavelength_m * b / frame.PupilDiameter();
-  return std::hypot(std::hypot(beam_m, diffraction_m) / frame.sensor.pixel_pitch_m,
-                    DefocusRadiusPx(frame) / 2);
-}
-
-std::vector<PixelPlane> PixelPlanes(const Sensor& sensor) {
-  if (sensor.colour_filter == ColourFilter::kMono) return {{0, 0, 1}};
-  return {{0, 0, 2}, {0, 1, 2}, {1, 0, 2}, {1, 1, 2}};
-}
-
 std::vector<ProfileBin> MakeProfileBins(const RecordedFrame& recorded,
                                         const std::vector<PixelPlane>& planes) {
   const FrameSetup& frame = recorded.nominal;

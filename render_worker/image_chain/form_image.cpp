@@ -75,6 +75,15 @@ OpticsModel MakeOpticsModel(const FrameSetup& frame, std::span<const ActiveEffec
   optics.curvature = [focal_length, image_distance](double depth_m, double, double) {
     return DefocusCurvature(focal_length, depth_m, image_distance);
   };
+  const double slope_u = std::tan(frame.lens.sensor_tilt_y_rad);
+  const double slope_v = std::tan(frame.lens.sensor_tilt_x_rad);
+  if (slope_u != 0 || slope_v != 0) {
+    optics.curvature_varies = true;
+    optics.curvature = [=](double depth_m, double u_m, double v_m) {
+      return DefocusCurvature(focal_length, depth_m,
+                              image_distance + slope_u * u_m + slope_v * v_m);
+    };
+  }
   optics.image_distance_m = image_distance;
   optics.wavelength_m = frame.laser.wavelength_m;
   optics.reference_pupil_radius_m = pupil.radius_m;
@@ -94,13 +103,9 @@ SubPixelGrid MakeSubPixelGrid(const FrameSetup& frame, const OpticsModel& optics
   return {frame.roi, std::max(needed, frame.sub_pixels), margin, p};
 }
 
-absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
-                                      std::span<const ActiveEffect> effects,
-                                      const SpeckleModel& speckle,
-                                      const Image<double>* previous_mean_electrons, int threads) {
-  for (const ActiveEffect& active : effects) {
-    active.effect->OnIdealImage(image, frame, active.parameters);
-  }
+absl::StatusOr<PixelIrradiance> FormLight(const IdealImage& image, const FrameSetup& frame,
+                                          std::span<const ActiveEffect> effects,
+                                          const SpeckleModel& speckle, int threads) {
   const OpticsModel optics = MakeOpticsModel(frame, effects);
   SpeckleModel pattern = speckle;
   for (const ActiveEffect& active : effects) {
@@ -115,26 +120,46 @@ absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
           2e3 * LargestPupilRadius(optics, frame), " mm; at least ", needed, " are needed"));
     }
   }
-  FormedImage formed;
-  formed.light = ApplyOptics(image, optics, pattern, threads);
-  image = {};
+  PixelIrradiance light = ApplyOptics(image, optics, pattern, threads);
   for (const ActiveEffect& active : effects) {
-    active.effect->OnPixelIrradiance(formed.light, frame, active.parameters);
+    active.effect->OnPixelIrradiance(light, frame, active.parameters);
   }
-  formed.mean_photo_electrons = MeanPhotoElectrons(formed.light, frame);
+  return light;
+}
+
+ReadOutImage ReadOut(const PixelIrradiance& light, const FrameSetup& frame,
+                     std::span<const ActiveEffect> effects,
+                     const Image<double>* previous_mean_electrons) {
+  ReadOutImage image;
+  image.mean_photo_electrons = MeanPhotoElectrons(light, frame);
   for (const ActiveEffect& active : effects) {
-    active.effect->OnMeanElectrons(formed.mean_photo_electrons, previous_mean_electrons, frame,
+    active.effect->OnMeanElectrons(image.mean_photo_electrons, previous_mean_electrons, frame,
                                    active.parameters);
   }
-  Image<double> electrons = CollectElectrons(formed.mean_photo_electrons, frame);
+  Image<double> electrons = CollectElectrons(image.mean_photo_electrons, frame);
   for (const ActiveEffect& active : effects) {
     active.effect->OnElectrons(electrons, frame, active.parameters);
   }
-  formed.raw_dn = Digitise(electrons, frame.sensor);
+  image.raw_dn = Digitise(electrons, frame.sensor);
   for (const ActiveEffect& active : effects) {
-    active.effect->OnRaw(formed.raw_dn, frame, active.parameters);
+    active.effect->OnRaw(image.raw_dn, frame, active.parameters);
   }
-  return formed;
+  return image;
+}
+
+absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
+                                      std::span<const ActiveEffect> effects,
+                                      const SpeckleModel& speckle,
+                                      const Image<double>* previous_mean_electrons, int threads) {
+  for (const ActiveEffect& active : effects) {
+    active.effect->OnIdealImage(image, frame, active.parameters);
+  }
+  auto light = FormLight(image, frame, effects, speckle, threads);
+  if (!light.ok()) return light.status();
+  image = {};
+  ReadOutImage read_out = ReadOut(*light, frame, effects, previous_mean_electrons);
+  return FormedImage{std::move(read_out.raw_dn), *std::move(light),
+                     std::move(read_out.mean_photo_electrons)};
 }
 
 absl::StatusOr<FormedImage> RenderPlateFrame(const FrameSetup& nominal,

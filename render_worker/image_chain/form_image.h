@@ -30,8 +30,23 @@ OpticsModel MakeOpticsModel(const FrameSetup& frame, std::span<const ActiveEffec
 SubPixelGrid MakeSubPixelGrid(const FrameSetup& frame, const OpticsModel& optics,
                               double largest_curvature_per_m, double lost_energy = 1e-3);
 
-// INVALID_ARGUMENT if the grid is too coarse for the pupil. `previous_mean_electrons`: of the frame
-// read out before in the same burst, or nullptr.
+// Optics: from the ideal image to the pixels. `image` is as the effects on ideal images left it;
+// `speckle` as drawn. INVALID_ARGUMENT if the grid is too coarse for the pupil.
+absl::StatusOr<PixelIrradiance> FormLight(const IdealImage& image, const FrameSetup& frame,
+                                          std::span<const ActiveEffect> effects,
+                                          const SpeckleModel& speckle, int threads);
+
+// Sensor: from light to numbers. `previous_mean_electrons`: of the frame read out before in the same
+// burst, or nullptr.
+struct ReadOutImage {
+  Image<uint16_t> raw_dn;
+  Image<double> mean_photo_electrons;  // after the effects
+};
+ReadOutImage ReadOut(const PixelIrradiance& light, const FrameSetup& frame,
+                     std::span<const ActiveEffect> effects,
+                     const Image<double>* previous_mean_electrons);
+
+// All of it, effects on the ideal image included. Errors of FormLight.
 absl::StatusOr<FormedImage> FormImage(IdealImage image, const FrameSetup& frame,
                                       std::span<const ActiveEffect> effects,
                                       const SpeckleModel& speckle,

@@ -33,6 +33,8 @@ CameraRays::CameraRays(const SceneView& view)
       image_distance_m_(view.image_distance_m),
       focus_distance_m_(view.focus_distance_m),
       pupil_radius_m_(view.pupil_radius_m),
+      slope_u_(view.sensor_slope_u),
+      slope_v_(view.sensor_slope_v),
       distortion_(view.distortion),
       distorted_(!(view.distortion == Distortion())) {}
 
@@ -42,14 +44,27 @@ Eigen::Vector3d CameraRays::ChiefDirection(double u_m, double v_m) const {
   return p.x() * x_axis_ + p.y() * y_axis_ + z_axis_;
 }
 
+double CameraRays::FocusDistance(double u_m, double v_m) const {
+  const double slope_m = slope_u_ * u_m + slope_v_ * v_m;
+  if (slope_m == 0) return focus_distance_m_;
+  // 1/d = 1/f - 1/b with 1/f = 1/d_0 + 1/b_0. The calibrated image distance stands for b_0, from
+  // which it differs by parts in a thousand.
+  const double vergence =
+      1 / focus_distance_m_ + 1 / image_distance_m_ - 1 / (image_distance_m_ + slope_m);
+  // Beyond infinity nothing is in focus: the farthest that rays can be aimed at.
+  constexpr double kFarthest_m = 1e6;
+  return vergence * kFarthest_m > 1 ? 1 / vergence : kFarthest_m;
+}
+
 CameraRays::Ray CameraRays::PupilRay(double u_m, double v_m, float u1, float u2) const {
   const Eigen::Vector3d chief = ChiefDirection(u_m, v_m);
   if (pupil_radius_m_ <= 0) return {origin_m_.cast<float>(), chief.cast<float>(), 1};
   const double radius = pupil_radius_m_ * std::sqrt(static_cast<double>(u1));
   const double angle = 2 * std::numbers::pi * u2;
   const Eigen::Vector3d offset = radius * (std::cos(angle) * x_axis_ + std::sin(angle) * y_axis_);
-  return {(origin_m_ + offset).cast<float>(), (focus_distance_m_ * chief - offset).cast<float>(),
-          static_cast<float>(focus_distance_m_)};
+  const double focus_m = FocusDistance(u_m, v_m);
+  return {(origin_m_ + offset).cast<float>(), (focus_m * chief - offset).cast<float>(),
+          static_cast<float>(focus_m)};
 }
 
 }  // namespace sightline

@@ -31,7 +31,11 @@ class CameraRays {
 
  private:
   Eigen::Vector3d origin_m_, x_axis_, y_axis_, z_axis_;
+  // Distance to which the lens is focused at a place of the sensor [m].
+  double FocusDistance(double u_m, double v_m) const;
+
   double image_distance_m_, focus_distance_m_, pupil_radius_m_;
+  double slope_u_, slope_v_;
   Distortion distortion_;
   bool distorted_;
 };

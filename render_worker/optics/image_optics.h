@@ -28,7 +28,8 @@ struct OpticsModel {
   double wavelength_m = 0;
   double reference_pupil_radius_m = 0;  // radius the ideal irradiance was computed for
   std::vector<TransferFunction> transfer;
-  bool field_dependent = false;  // pupil or curvature vary over the field
+  bool field_dependent = false;   // pupil or curvature vary over the field
+  bool curvature_varies = false;  // the curvature alone does
 };
 
 struct SpeckleModel {

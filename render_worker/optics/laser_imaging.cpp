@@ -155,7 +155,7 @@ class LaserImaging {
   // Layers of curvature: the wavefront error at the pupil's rim differs by less than lambda/8
   // between neighbours.
   void SplitDepth() {
-    if (image_.depth_m.empty() && !optics_.field_dependent) {
+    if (image_.depth_m.empty() && !optics_.field_dependent && !optics_.curvature_varies) {
       layers_ = {optics_.curvature(image_.constant_depth_m, 0, 0)};
       return;
     }

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/random/counter_random.h"
 #include "render_worker/render/memory_estimate.h"
+#include "render_worker/render/part_view.h"
 
 namespace sightline {
 namespace {
@@ -56,81 +57,6 @@ TransportProgress Share(const RenderLimits& limits, double begin, double end) {
     };
   }
   return progress;
-}
-
-// Effects that act on the plate alone would be silently ignored here.
-absl::Status CheckEffectsActOnParts(const FrameSetup& nominal,
-                                    std::span<const ActiveEffect> effects) {
-  for (const ActiveEffect& active : effects) {
-    const std::string id(active.effect->description().id);
-    FrameSetup changed = nominal;
-    active.effect->OnFrame(changed, active.parameters);
-    const bool surface = changed.surface.diffuse_albedo != nominal.surface.diffuse_albedo ||
-                         changed.surface.specular_f0 != nominal.surface.specular_f0 ||
-                         changed.surface.ggx_alpha != nominal.surface.ggx_alpha;
-    if (surface || changed.plate.line_offset_m != nominal.plate.line_offset_m) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "effects: ", id, " acts on a flat plate only; for a part change its materials"));
-    }
-    const PlateScene before = MakePlateScene(nominal);
-    PlateScene after = before;
-    active.effect->OnPlate(after, nominal, active.parameters);
-    const auto differs = [](const PlateFunction& a, const PlateFunction& b) {
-      if (static_cast<bool>(a) != static_cast<bool>(b)) return true;
-      if (!a) return false;
-      for (const auto& [x, s] : {std::pair(0.0, 0.0), std::pair(1.7e-3, 0.0),
-                                 std::pair(0.0, 0.31e-3), std::pair(-9.3e-3, -4.1e-3)}) {
-        if (a(x, s) != b(x, s)) return true;
-      }
-      return false;
-    };
-    if (differs(before.laser_irradiance_w_m2, after.laser_irradiance_w_m2) ||
-        differs(before.brdf_per_sr, after.brdf_per_sr) ||
-        differs(before.height_m, after.height_m) ||
-        differs(before.ambient_radiance_w_m2_sr, after.ambient_radiance_w_m2_sr)) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          "effects: ", id,
-          " acts on a flat plate only; for a part use its materials, lighting and laser"));
-    }
-    // Parts are seen through lens.distortion.
-    if (after.image_mapping && changed.lens.distortion == nominal.lens.distortion) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("effects: ", id, " acts on a flat plate only; images of parts do not turn"));
-    }
-  }
-  return absl::OkStatus();
-}
-
-// Rig and measurement with the errors of distance and angle that effects put into the frame.
-struct TrueGeometry {
-  Rig rig;
-  Measurement measurement;
-};
-TrueGeometry WithGeometryErrors(const Rig& rig, const Measurement& measurement,
-                                const FrameSetup& nominal, const FrameSetup& frame) {
-  TrueGeometry truth{rig, measurement};
-  truth.measurement.camera_distance_m +=
-      frame.plate.camera_distance_m - nominal.plate.camera_distance_m;
-  truth.measurement.triangulation_angle_rad +=
-      std::copysign(frame.plate.incidence_angle_rad - nominal.plate.incidence_angle_rad,
-                    measurement.triangulation_angle_rad);
-  truth.rig.laser.distance_m = frame.plate.laser_distance_m;
-  return truth;
-}
-
-SceneView MakeView(const PartScene& scene, const TrueGeometry& truth, const FrameSetup& frame,
-                   double stage_position_m) {
-  const ScanGeometry geometry = MakeScanGeometry(truth.rig, truth.measurement);
-  SceneView view;
-  view.camera = WorldToPart(geometry, scene.part_centre_m(), geometry.camera, stage_position_m);
-  view.laser = WorldToPart(geometry, scene.part_centre_m(), geometry.laser, stage_position_m);
-  // Planning's pinhole: the calibrated principal distance.
-  view.image_distance_m = truth.rig.camera.FocalLengthPx() * frame.sensor.pixel_pitch_m;
-  view.focus_distance_m = *frame.lens.focus_distance_m;
-  view.pupil_radius_m = 0.5 * frame.PupilDiameter();
-  view.distortion = frame.lens.distortion;
-  view.laser_source = frame.laser;
-  return view;
 }
 
 // Depths of what the camera sees, from a coarse look; nothing seen: the focused plane.
@@ -196,33 +122,6 @@ SubPixelGrid IncoherentGrid(const FrameSetup& frame) {
   return grid;
 }
 
-// E = pi/4 L T (D/b)^2 cos^4(phi) over L.
-class IrradianceFactor {
- public:
-  IrradianceFactor(const FrameSetup& frame, double chief_distance_m)
-      : on_axis_(std::numbers::pi / 4 * frame.lens.transmission *
-                 std::pow(frame.PupilDiameter() / frame.ImageDistance(), 2)),
-        b2_(chief_distance_m * chief_distance_m) {}
-  double operator()(double u, double v) const {
-    const double cos2 = b2_ / (b2_ + u * u + v * v);
-    return on_axis_ * cos2 * cos2;
-  }
-
- private:
-  double on_axis_, b2_;
-};
-
-// Of the electrons a channel releases; `fallback_m` where there are none.
-double MeanWavelength(const Spectrum& light, const Spectrum& weight, double fallback_m) {
-  double sum = 0, moment = 0;
-  for (int bin = 0; bin < kSpectralBins; ++bin) {
-    const double share = static_cast<double>(light[bin]) * weight[bin];
-    sum += share;
-    moment += share * BinCentre_m(bin);
-  }
-  return sum > 0 ? moment / sum : fallback_m;
-}
-
 // Mean over the sub-pixels of every pixel of the region; `skip` is left out (0 if all are).
 Image<float> PixelMeans(const Image<float>& samples, const SubPixelGrid& grid, bool skip_zero) {
   Image<float> means(grid.roi.columns_px, grid.roi.rows_px);
@@ -258,14 +157,6 @@ Image<float> PixelMaterials(const Image<uint16_t>& samples, const SubPixelGrid& 
   return materials;
 }
 
-// Motion of a point at the rig's origin during the exposure, in the image [m].
-Eigen::Vector2d ImageMotion(const TrueGeometry& truth, const FrameSetup& frame, double travel_m) {
-  const ScanGeometry geometry = MakeScanGeometry(truth.rig, truth.measurement);
-  const double magnification = frame.ImageDistance() / truth.measurement.camera_distance_m;
-  return magnification * travel_m *
-         Eigen::Vector2d(geometry.camera.x_axis.x(), geometry.camera.y_axis.x());
-}
-
 // Noise targets and samples are per pixel and exposure; a pixel is the mean of its sub-pixels, an
 // exposure that of its moments.
 void ShareTargets(int sub_pixels, int moments, TransportSettings* settings) {
@@ -287,20 +178,6 @@ std::vector<double> Moments(int count) {
   return moments;
 }
 
-void CheckScales(const PartScene& scene, const FrameSetup& frame,
-                 std::vector<std::string>* warnings) {
-  const double footprint_m =
-      frame.sensor.pixel_pitch_m * frame.plate.camera_distance_m / frame.ImageDistance();
-  for (size_t i = 0; i < scene.materials().size(); ++i) {
-    const std::optional<std::string> warning =
-        CheckScale(*scene.materials()[i],
-                   scene.material_names()[i].empty() ? absl::StrCat("materials[", i, "]")
-                                                     : scene.material_names()[i],
-                   footprint_m);
-    if (warning) warnings->push_back(*warning);
-  }
-}
-
 }  // namespace
 
 FrameSetup PartFrameSetup(const Inspection& inspection, const PartFrameRequest& request) {
@@ -313,6 +190,15 @@ FrameSetup PartFrameSetup(const Inspection& inspection, const PartFrameRequest& 
     frame.lens.focus_distance_m = request.measurement.camera_distance_m;
   }
   frame.laser = inspection.rig.laser;
+  frame.exposure_time_s = settings.exposure_time_s;
+  if (request.setting) {
+    frame.lens.f_number = request.setting->f_number;
+    frame.lens.focus_distance_m = request.setting->focus_distance_m;
+    frame.lens.sensor_tilt_x_rad = request.setting->sensor_tilt_x_rad;
+    frame.lens.sensor_tilt_y_rad = request.setting->sensor_tilt_y_rad;
+    frame.laser.power_w = request.setting->laser_power_w;
+    frame.exposure_time_s = request.setting->exposure_time_s;
+  }
   frame.plate.camera_distance_m = request.measurement.camera_distance_m;
   frame.plate.laser_distance_m =
       inspection.rig.laser.distance_m.value_or(request.measurement.camera_distance_m);
@@ -325,7 +211,6 @@ FrameSetup PartFrameSetup(const Inspection& inspection, const PartFrameRequest& 
   frame.seeds.noise = DeriveSeed(seed, "noise", place);
   frame.seeds.camera = DeriveSeed(seed, "camera");
   frame.seeds.rig = DeriveSeed(seed, "rig");
-  frame.exposure_time_s = settings.exposure_time_s;
   frame.sensor_temperature_c =
       settings.sensor_temperature_c.value_or(frame.sensor.dark_current_reference_temperature_c);
   frame.speckle_pattern_weights.assign(static_cast<size_t>(settings.speckle_patterns),
@@ -346,7 +231,7 @@ absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFr
       WithGeometryErrors(inspection.rig, request.measurement, nominal, frame);
   const OpticsModel optics = MakeOpticsModel(frame, effects);
   RenderedPartFrame result;
-  CheckScales(scene, frame, &result.warnings);
+  result.warnings = ScaleWarnings(scene, frame);
 
   TransportSettings settings;
   settings.max_bounces = inspection.render.max_bounces;

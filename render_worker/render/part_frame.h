@@ -24,9 +24,19 @@ struct FrameLayers {
   Image<float> photo_electrons;              // mean, before noise
 };
 
+// What is set at camera and laser, instead of what the inspection says.
+struct CameraSetting {
+  double f_number = 0;
+  double exposure_time_s = 0;
+  double focus_distance_m = 0;
+  double laser_power_w = 0;
+  double sensor_tilt_x_rad = 0, sensor_tilt_y_rad = 0;
+};
+
 struct PartFrameRequest {
   Measurement measurement;
   double stage_position_m = 0;
+  std::optional<CameraSetting> setting = std::nullopt;
 };
 
 struct RenderLimits {

@@ -2,12 +2,16 @@
 
 #include <algorithm>
 #include <cctype>
+#include <cmath>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <sstream>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/inspection/field_checks.h"
+#include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 #include "proto/status/rpc_status.h"
 
@@ -20,6 +24,32 @@ absl::StatusOr<std::string> ReadFile(const std::string& path) {
   bytes << file.rdbuf();
   if (!file || !bytes) return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
   return std::move(bytes).str();
+}
+
+constexpr int kMaxFrames = 100000;
+
+absl::StatusOr<CameraSetting> ParseCameraSetting(const v1::OpticalSetting& message,
+                                                 const Lens& lens, const std::string& context) {
+  const Checker check(context);
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("f_number", message.f_number(),
+                  {lens.min_f_number.value_or(0.5), lens.max_f_number.value_or(128), ""}));
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("exposure_time_s", message.exposure_time_s(), {0, 100, " s", true}));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range(
+      "focus_distance_m", message.focus_distance_m(),
+      {std::max(lens.min_focus_distance_m.value_or(0), 1.01 * lens.focal_length_m), 1000, " m"}));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("laser_power_w", message.laser_power_w(), {0, 100, " W"}));
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("sensor_tilt_x_deg", message.sensor_tilt_x_deg(), {-30, 30, " deg"}));
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("sensor_tilt_y_deg", message.sensor_tilt_y_deg(), {-30, 30, " deg"}));
+  return CameraSetting{message.f_number(),
+                       message.exposure_time_s(),
+                       message.focus_distance_m(),
+                       message.laser_power_w(),
+                       Radians(message.sensor_tilt_x_deg()),
+                       Radians(message.sensor_tilt_y_deg())};
 }
 
 }  // namespace
@@ -83,6 +113,75 @@ absl::StatusOr<std::vector<TriangleMesh>> LoadObstacles(const Inspection& inspec
     meshes.push_back(*std::move(mesh));
   }
   return meshes;
+}
+
+absl::StatusOr<std::vector<ActiveEffect>> MakeEffects(const std::vector<EffectChoice>& choices) {
+  std::vector<ActiveEffect> effects;
+  for (const EffectChoice& choice : choices) {
+    std::vector<NamedValue> parameters;
+    for (const auto& [name, value] : choice.parameters) parameters.push_back({name, value});
+    auto effect = MakeActiveEffect(choice.id, parameters);
+    if (!effect.ok()) return effect.status();
+    effects.push_back(*std::move(effect));
+  }
+  if (absl::Status status = OrderEffects(&effects); !status.ok()) return status;
+  return effects;
+}
+
+absl::StatusOr<std::vector<PartFrameRequest>> ParsePartFrames(
+    const google::protobuf::RepeatedPtrField<v1::PartFrame>& frames, const Inspection& inspection,
+    const std::string& field) {
+  if (frames.empty()) return InvalidFields({{field, "is empty"}});
+  if (frames.size() > kMaxFrames) {
+    return InvalidFields(
+        {{field, absl::StrCat("has ", frames.size(), " entries, at most ", kMaxFrames)}});
+  }
+  const MeasurementDomain domain = ThesisDomain();
+  std::vector<PartFrameRequest> requests;
+  for (int i = 0; i < frames.size(); ++i) {
+    const v1::PartFrame& frame = frames[i];
+    const std::string path = absl::StrCat(field, "[", i, "]");
+    PartFrameRequest request{MeasurementFromProto(frame.measurement()), frame.stage_position_m(),
+                             std::nullopt};
+    if (!domain.Contains(request.measurement)) {
+      return InvalidFields({{path + ".measurement", "has a parameter outside Table 2.1"}});
+    }
+    if (!(std::abs(request.stage_position_m) <= 100)) {
+      return InvalidFields(
+          {{path + ".stage_position_m", absl::StrCat("is ", NumberText(request.stage_position_m),
+                                                     ", must be in [-100, 100] m")}});
+    }
+    if (frame.has_setting()) {
+      auto setting = ParseCameraSetting(frame.setting(), *inspection.rig.lens, path + ".setting");
+      if (!setting.ok()) return setting.status();
+      request.setting = *setting;
+    }
+    const FrameSetup setup = PartFrameSetup(inspection, request);
+    if (*setup.lens.focus_distance_m <= 1.01 * setup.lens.focal_length_m) {
+      return InvalidFields({{path + ".measurement.camera_distance_m",
+                             absl::StrCat("is ", NumberText(request.measurement.camera_distance_m),
+                                          ", too near for the lens's focal length of ",
+                                          NumberText(setup.lens.focal_length_m), " m")}});
+    }
+    requests.push_back(request);
+  }
+  return requests;
+}
+
+absl::StatusOr<std::unique_ptr<PartScene>> LoadPartScene(const Inspection& inspection,
+                                                         const AssetResolver& assets,
+                                                         std::string* part_digest) {
+  PartSceneInput input;
+  input.inspection = inspection;
+  input.assets = assets;
+  auto part = LoadMeshAsset(inspection.part_file, inspection.part_unit, assets);
+  if (!part.ok()) return part.status();
+  if (part_digest != nullptr) *part_digest = PartDigest(*part);
+  input.part = *std::move(part);
+  auto obstacles = LoadObstacles(inspection, assets);
+  if (!obstacles.ok()) return obstacles.status();
+  input.obstacles = *std::move(obstacles);
+  return PartScene::Make(std::move(input));
 }
 
 }  // namespace sightline

@@ -31,8 +31,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kMaxFrames = 100000;
-
 absl::StatusOr<RenderedFile> Describe(const std::string& folder, const std::string& name) {
   std::ifstream file(fs::path(folder) / name, std::ios::binary);
   if (!file) return absl::InternalError(absl::StrCat(name, ": was just written, is not there"));
@@ -51,19 +49,6 @@ absl::StatusOr<RenderedFile> Describe(const std::string& folder, const std::stri
   result.sha256 = absl::BytesToHexString(
       absl::string_view(reinterpret_cast<const char*>(digest.data()), digest.size()));
   return result;
-}
-
-absl::StatusOr<std::vector<ActiveEffect>> MakeEffects(const std::vector<EffectChoice>& choices) {
-  std::vector<ActiveEffect> effects;
-  for (const EffectChoice& choice : choices) {
-    std::vector<NamedValue> parameters;
-    for (const auto& [name, value] : choice.parameters) parameters.push_back({name, value});
-    auto effect = MakeActiveEffect(choice.id, parameters);
-    if (!effect.ok()) return effect.status();
-    effects.push_back(*std::move(effect));
-  }
-  if (absl::Status status = OrderEffects(&effects); !status.ok()) return status;
-  return effects;
 }
 
 ImageFormat FormatOf(const v1::RenderOutput& output) {
@@ -183,37 +168,15 @@ class PartTask final : public RenderTask {
     auto effects = MakeEffects(inspection_.effects);
     if (!effects.ok()) return effects.status();
     effects_ = *std::move(effects);
-    if (message.frames().empty()) return InvalidFields({{"part.frames", "is empty"}});
-    if (message.frames_size() > kMaxFrames) {
-      return InvalidFields({{"part.frames", absl::StrCat("has ", message.frames_size(),
-                                                         " entries, at most ", kMaxFrames)}});
-    }
-    const MeasurementDomain domain = ThesisDomain();
-    for (int i = 0; i < message.frames_size(); ++i) {
-      const v1::PartFrame& frame = message.frames(i);
-      const Measurement measurement = MeasurementFromProto(frame.measurement());
-      if (!domain.Contains(measurement)) {
-        return InvalidFields({{absl::StrCat("part.frames[", i, "].measurement"),
-                               "has a parameter outside Table 2.1"}});
-      }
-      if (!(std::abs(frame.stage_position_m()) <= 100)) {
-        return InvalidFields({{absl::StrCat("part.frames[", i, "].stage_position_m"),
-                               absl::StrCat("is ", NumberText(frame.stage_position_m()),
-                                            ", must be in [-100, 100] m")}});
-      }
-      const FrameSetup setup = PartFrameSetup(inspection_, {measurement, frame.stage_position_m()});
-      if (*setup.lens.focus_distance_m <= 1.01 * setup.lens.focal_length_m) {
-        return InvalidFields({{absl::StrCat("part.frames[", i, "].measurement.camera_distance_m"),
-                               absl::StrCat("is ", NumberText(measurement.camera_distance_m),
-                                            ", too near for the lens's focal length of ",
-                                            NumberText(setup.lens.focal_length_m), " m")}});
-      }
-      if (i == 0 || measurement.camera_distance_m != frames_.back().first.camera_distance_m) {
-        absl::Status status = CheckFrameBytes(EstimateFrameBytes(setup), max_image_bytes, setup,
-                                              SubPixelsOf(setup), absl::StrCat("frames[", i, "]"));
-        if (!status.ok()) return status;
-      }
-      frames_.emplace_back(measurement, frame);
+    auto requests = ParsePartFrames(message.frames(), inspection_, "part.frames");
+    if (!requests.ok()) return requests.status();
+    requests_ = *std::move(requests);
+    for (size_t i = 0; i < requests_.size(); ++i) {
+      const FrameSetup setup = PartFrameSetup(inspection_, requests_[i]);
+      absl::Status status = CheckFrameBytes(EstimateFrameBytes(setup), max_image_bytes, setup,
+                                            SubPixelsOf(setup), absl::StrCat("frames[", i, "]"));
+      if (!status.ok()) return status;
+      frames_.push_back(message.frames(static_cast<int>(i)));
     }
     return absl::OkStatus();
   }
@@ -226,17 +189,8 @@ class PartTask final : public RenderTask {
 
   absl::Status Run(const std::string& folder, const AssetResolver& assets,
                    const RenderTaskHooks& hooks) override {
-    PartSceneInput input;
-    input.inspection = inspection_;
-    input.assets = assets;
-    auto part = LoadMeshAsset(inspection_.part_file, inspection_.part_unit, assets);
-    if (!part.ok()) return part.status();
-    const std::string part_digest = PartDigest(*part);
-    input.part = *std::move(part);
-    auto obstacles = LoadObstacles(inspection_, assets);
-    if (!obstacles.ok()) return obstacles.status();
-    input.obstacles = *std::move(obstacles);
-    auto scene = PartScene::Make(std::move(input));
+    std::string part_digest;
+    auto scene = LoadPartScene(inspection_, assets, &part_digest);
     if (!scene.ok()) return scene.status();
 
     const v1::Recordings recordings = DescribeSet(part_digest);
@@ -256,17 +210,15 @@ class PartTask final : public RenderTask {
                           absl::StrCat("image ", i + 1, " of ", frames_.size()));
       };
       limits.progress(0);
-      auto frame =
-          RenderPartFrame(**scene, {frames_[i].first, frames_[i].second.stage_position_m()},
-                          effects_, output_.layers(), limits);
+      auto frame = RenderPartFrame(**scene, requests_[i], effects_, output_.layers(), limits);
       if (!frame.ok()) return frame.status();
       for (const std::string& warning : frame->warnings) {
         if (warned.insert(warning).second && hooks.on_warning) hooks.on_warning(warning);
       }
-      absl::Status status = writer.Write(name, frame->image.raw_dn,
-                                         PartFrameSetup(inspection_, {frames_[i].first, 0}).roi,
-                                         frame->layers ? &*frame->layers : nullptr,
-                                         DescribeImage(recordings, static_cast<int>(i)));
+      absl::Status status =
+          writer.Write(name, frame->image.raw_dn, PartFrameSetup(inspection_, requests_[i]).roi,
+                       frame->layers ? &*frame->layers : nullptr,
+                       DescribeImage(recordings, static_cast<int>(i)));
       if (!status.ok()) return status;
     }
     return writer.WriteRecordings(recordings);
@@ -291,14 +243,15 @@ class PartTask final : public RenderTask {
     }
     const int digits = std::max<int>(3, static_cast<int>(absl::StrCat(frames_.size() - 1).size()));
     for (size_t i = 0; i < frames_.size(); ++i) {
-      const auto& [measurement, frame] = frames_[i];
-      const FrameSetup setup = PartFrameSetup(inspection_, {measurement, frame.stage_position_m()});
+      const Measurement& measurement = requests_[i].measurement;
+      const v1::PartFrame& frame = frames_[i];
+      const FrameSetup setup = PartFrameSetup(inspection_, requests_[i]);
       RecordedImage image;
       image.file = absl::StrFormat("images/%0*d%s", digits, i, FileExtension(FormatOf(output_)));
       image.kind = RecordingKind::kLaser;
       image.series = "scan";
       image.exposure_time_s = setup.exposure_time_s;
-      image.f_number = lens.f_number;
+      image.f_number = setup.lens.f_number;
       image.camera_distance_m = measurement.camera_distance_m;
       image.focus_distance_m = *setup.lens.focus_distance_m;
       image.laser_distance_m = setup.plate.laser_distance_m;
@@ -321,7 +274,8 @@ class PartTask final : public RenderTask {
   Inspection inspection_;
   v1::RenderOutput output_;
   std::vector<ActiveEffect> effects_;
-  std::vector<std::pair<Measurement, v1::PartFrame>> frames_;
+  std::vector<PartFrameRequest> requests_;
+  std::vector<v1::PartFrame> frames_;  // as they were asked for
 };
 
 // --- plates -------------------------------------------------------------------------------------

@@ -22,7 +22,9 @@ uint64_t PixelStream(int row, int column) {
 
 }  // namespace
 
-Image<double> MeanPhotoElectrons(const PixelIrradiance& light, const FrameSetup& frame) {
+Image<double> MeanPhotoElectrons(const PixelIrradiance& light, const FrameSetup& frame,
+                                 const PixelPlane* plane) {
+  const PixelPlane pixels = plane != nullptr ? *plane : PixelPlane{};
   const Sensor& sensor = frame.sensor;
   const int columns = light.roi.columns_px, rows = light.roi.rows_px;
   Image<double> electrons(columns, rows);
@@ -36,8 +38,8 @@ Image<double> MeanPhotoElectrons(const PixelIrradiance& light, const FrameSetup&
     laser_factor[channel] = sensor.quantum_efficiency[channel].At(wavelength_m) * area_time *
                             wavelength_m / (kPlanck_j_s * kSpeedOfLight_m_s);
   }
-  for (int i = 0; i < rows; ++i) {
-    for (int j = 0; j < columns; ++j) {
+  for (int i = pixels.first_row; i < rows; i += pixels.step) {
+    for (int j = pixels.first_column; j < columns; j += pixels.step) {
       const int channel = sensor.ChannelAt(light.roi.row_px + i, light.roi.column_px + j);
       double mean = laser ? laser_factor[channel] * light.laser_irradiance_w_m2.At(i, j) : 0;
       const Image<float>& flux = light.incoherent_electron_flux_m2_s[channel];
@@ -60,7 +62,9 @@ double DarkCurrentElectrons(const FrameSetup& frame) {
   return sensor.dark_current_electrons_per_s * frame.exposure_time_s * std::exp2(doublings);
 }
 
-Image<double> CollectElectrons(const Image<double>& mean_photo_electrons, const FrameSetup& frame) {
+Image<double> CollectElectrons(const Image<double>& mean_photo_electrons, const FrameSetup& frame,
+                               const PixelPlane* plane) {
+  const PixelPlane pixels = plane != nullptr ? *plane : PixelPlane{};
   const Sensor& sensor = frame.sensor;
   assert(mean_photo_electrons.columns_px == frame.roi.columns_px);
   assert(mean_photo_electrons.rows_px == frame.roi.rows_px);
@@ -70,8 +74,8 @@ Image<double> CollectElectrons(const Image<double>& mean_photo_electrons, const 
   const double dark_electrons = std::min(DarkCurrentElectrons(frame), kLargestMean);
 
   Image<double> electrons(mean_photo_electrons.columns_px, mean_photo_electrons.rows_px);
-  for (int i = 0; i < electrons.rows_px; ++i) {
-    for (int j = 0; j < electrons.columns_px; ++j) {
+  for (int i = pixels.first_row; i < electrons.rows_px; i += pixels.step) {
+    for (int j = pixels.first_column; j < electrons.columns_px; j += pixels.step) {
       const uint64_t stream = PixelStream(frame.roi.row_px + i, frame.roi.column_px + j);
       double mean = mean_photo_electrons.At(i, j);
       double offset = sensor.dark_mean_electrons;

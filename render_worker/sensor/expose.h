@@ -8,13 +8,16 @@
 #include "core/sensor/sensor.h"
 #include "render_worker/frame/frame_setup.h"
 #include "render_worker/frame/ideal_image.h"
+#include "render_worker/sensor/pixel_planes.h"
 
 namespace sightline {
 
 // Mean photo-electrons of every pixel, eta(channel) E p^2 t lambda / (h c) for the laser plus the
 // flux of other light (thesis eq. 4.27). All zero if the shutter is closed; no laser light if the
 // laser is off. Rounding may leave irradiance slightly below 0; such pixels get 0.
-Image<double> MeanPhotoElectrons(const PixelIrradiance& light, const FrameSetup& frame);
+// `plane`: only its pixels are computed, the others are 0; nullptr: all.
+Image<double> MeanPhotoElectrons(const PixelIrradiance& light, const FrameSetup& frame,
+                                 const PixelPlane* plane = nullptr);
 
 // Mean number of a dark pixel at no exposure time: black level and mu_d (EMVA 1288 R4.0, section
 // 2.3) [DN].
@@ -29,7 +32,9 @@ double DarkCurrentElectrons(const FrameSetup& frame);
 // to [0, N_sat]. `mean_photo_electrons` covers frame.roi. Random numbers depend on the frame's
 // seeds (noise: this frame; camera: fixed pattern) and the pixel's place on the sensor only, so a
 // smaller region of the same frame has the same pixels.
-Image<double> CollectElectrons(const Image<double>& mean_photo_electrons, const FrameSetup& frame);
+// `plane`: as above; its pixels have the same numbers as without.
+Image<double> CollectElectrons(const Image<double>& mean_photo_electrons, const FrameSetup& frame,
+                               const PixelPlane* plane = nullptr);
 
 // min(max(round(K e + black level), 0), 2^bits - 1).
 Image<uint16_t> Digitise(const Image<double>& electrons, const Sensor& sensor);

@@ -33,9 +33,6 @@ constexpr char kVerify[] = "verify";
 constexpr int kMostRecordings = 10000;
 constexpr int kMostEffects = 3, kMostSceneEffects = 2;
 constexpr int kDefaultEffects = 2;
-constexpr absl::Duration kProgressInterval = absl::Milliseconds(50);
-// Room for what goes around an answer in its message.
-constexpr size_t kMostAnswerBytes = kMaxMessageBytes - (1 << 20);
 
 absl::Status InvalidImages(const AssetFolder& files, const std::vector<std::string>& errors) {
   std::vector<FieldViolation> violations;
@@ -243,59 +240,20 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(const std::string& kind,
                                                         Work work) {
   Request asked = request;
   asked.clear_request_id();
-  absl::StatusOr<JobRecord> job = p_.jobs->Create(
-      kind, request.request_id(), MessageDigest(asked),
-      [this, warnings = std::move(warnings),
-       work = std::move(work)](JobContext& context) -> absl::StatusOr<std::string> {
-        // Every report wakes all who watch.
-        absl::Time reported = absl::InfinitePast();
-        const DiagnosisProgress progress = [&](double fraction, std::string_view what) {
-          if (const absl::Time now = absl::Now(); now - reported >= kProgressInterval) {
-            reported = now;
-            context.ReportProgress(fraction, std::string(what));
-          }
-          return !context.cancelled();
-        };
-        auto answer = work(progress, context.cancelled());
-        if (!answer.ok()) return answer.status();
-        for (const std::string& warning : warnings) answer->add_warnings(warning);
-        std::string bytes = answer->SerializeAsString();
-        if (bytes.size() > kMostAnswerBytes) {
-          return absl::ResourceExhaustedError(
-              absl::StrCat("the answer has ", bytes.size(), " bytes, at most ", kMostAnswerBytes,
-                           " can be sent: give fewer or smaller recordings"));
-        }
-        const std::string key = Sha256Hex(bytes);
-        const auto size = static_cast<int64_t>(bytes.size());
-        absl::Status kept =
-            results_.Put(key, std::make_shared<const std::string>(std::move(bytes)), size);
-        if (!kept.ok()) return kept;
-        return key;
-      });
-  if (!job.ok()) return job.status();
-  return JobToProto(*job);
-}
-
-absl::StatusOr<std::shared_ptr<const std::string>> DiagnosisServiceImpl::Result(
-    const std::string& job_id, const std::string& kind) {
-  const absl::StatusOr<JobRecord> job = p_.jobs->Get(job_id);
-  const std::string name = absl::StrCat(kind, " job \"", absl::Utf8SafeCEscape(job_id), "\"");
-  if (!job.ok() || job->kind != kind) {
-    return WithErrorInfo(absl::NotFoundError("no " + name), "JOB_UNKNOWN");
-  }
-  if (!job->finished()) {
-    return WithErrorInfo(
-        absl::FailedPreconditionError(absl::StrCat(name, " has not finished: watch it first")),
-        "JOB_NOT_FINISHED");
-  }
-  if (!job->error.ok()) return job->error;
-  auto result = results_.Get(job->result_key);
-  if (result == nullptr) {
-    return WithErrorInfo(
-        absl::NotFoundError(absl::StrCat("the answer of ", name, " is not kept any more")),
-        "RESULT_DROPPED");
-  }
-  return result;
+  return answers_.Create(kind, request.request_id(), MessageDigest(asked),
+                         [warnings = std::move(warnings), work = std::move(work)](
+                             const AnswerJobs::Progress& progress,
+                             JobContext& context) -> absl::StatusOr<std::string> {
+                           auto answer = work(
+                               [&](double fraction, std::string_view what) {
+                                 return progress(fraction, std::string(what));
+                               },
+                               context.cancelled());
+                           if (!answer.ok()) return answer.status();
+                           for (const std::string& warning : warnings)
+                             answer->add_warnings(warning);
+                           return answer->SerializeAsString();
+                         });
 }
 
 absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
@@ -382,7 +340,7 @@ grpc::Status DiagnosisServiceImpl::GetDiagnosis(grpc::ServerContext* context,
                                                 const v1::GetDiagnosisRequest* request,
                                                 v1::GetDiagnosisResponse* response) {
   return p_.calls->Run("GetDiagnosis", context, [&]() -> absl::Status {
-    const auto result = Result(request->job_id(), kDiagnose);
+    const auto result = answers_.Result(request->job_id(), kDiagnose);
     if (!result.ok()) return result.status();
     response->mutable_diagnosis()->ParseFromString(**result);
     return absl::OkStatus();
@@ -400,7 +358,7 @@ grpc::Status DiagnosisServiceImpl::GetVerification(grpc::ServerContext* context,
                                                    const v1::GetVerificationRequest* request,
                                                    v1::GetVerificationResponse* response) {
   return p_.calls->Run("GetVerification", context, [&]() -> absl::Status {
-    const auto result = Result(request->job_id(), kVerify);
+    const auto result = answers_.Result(request->job_id(), kVerify);
     if (!result.ok()) return result.status();
     response->mutable_verification()->ParseFromString(**result);
     return absl::OkStatus();

@@ -13,10 +13,10 @@
 #include "core/job/job_store.h"
 #include "render_worker/diagnosis/diagnose.h"
 #include "render_worker/scene_diagnosis/diagnose_scene.h"
+#include "render_worker/service/answer_jobs.h"
 #include "render_worker/service/asset_store.h"
 #include "render_worker/verification/verify.h"
 #include "rpc_server/call_tracker.h"
-#include "rpc_server/lru_store.h"
 #include "sightline/v1/diagnosis_service.grpc.pb.h"
 
 namespace sightline {
@@ -49,7 +49,7 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
     int64_t max_result_bytes = int64_t{1} << 30;  // answers in memory; the longest unused go first
   };
   explicit DiagnosisServiceImpl(Parts parts)
-      : p_(std::move(parts)), results_(p_.max_result_bytes) {}
+      : p_(std::move(parts)), answers_(p_.jobs, p_.max_result_bytes) {}
 
   grpc::Status CreateDiagnosis(grpc::ServerContext* context,
                                const v1::CreateDiagnosisRequest* request,
@@ -82,9 +82,6 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
   template <typename Request, typename Work>
   absl::StatusOr<v1::Job> CreateJob(const std::string& kind, const Request& request,
                                     std::vector<std::string> warnings, Work work);
-  // The serialised answer of a finished job.
-  absl::StatusOr<std::shared_ptr<const std::string>> Result(const std::string& job_id,
-                                                            const std::string& kind);
   absl::StatusOr<v1::Job> CreatePlateDiagnosis(const v1::CreateDiagnosisRequest& request);
   absl::StatusOr<v1::Job> CreateSceneDiagnosis(const v1::CreateDiagnosisRequest& request);
   absl::Status Diagnosis(const v1::CreateDiagnosisRequest& request,
@@ -93,7 +90,7 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
                             v1::CreateVerificationResponse* response);
 
   const Parts p_;
-  LruStore<std::string> results_;  // by digest
+  AnswerJobs answers_;
   std::atomic<int64_t> set_bytes_ = 0;
   std::atomic<int64_t> next_folder_ = 0;
 };

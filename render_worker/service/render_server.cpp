@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "render_worker/service/optics_service.h"
 #include "render_worker/service/render_service.h"
 
 namespace sightline {
@@ -60,6 +61,8 @@ class RenderServerImpl final : public RenderServer {
         diagnosis_service_({spool_.path(), &assets_, jobs_.get(), &calls_, std::move(functions),
                             Threads(options.threads), options.max_image_bytes,
                             options.max_set_bytes}),
+        optics_service_({spool_.path(), &assets_, jobs_.get(), &calls_, Threads(options.threads),
+                         options.max_image_bytes}),
         server_("render_worker", &metrics_, &calls_, jobs_.get()) {}
 
   ~RenderServerImpl() override {
@@ -71,7 +74,8 @@ class RenderServerImpl final : public RenderServer {
   absl::Status Listen(const RenderServerOptions& options) {
     absl::Status status =
         server_.Listen(options, {{"sightline.v1.RenderService", &service_},
-                                 {"sightline.v1.DiagnosisService", &diagnosis_service_}});
+                                 {"sightline.v1.DiagnosisService", &diagnosis_service_},
+                                 {"sightline.v1.OpticsService", &optics_service_}});
     if (status.ok()) {
       spdlog::info("event=serving threads={} spool={}", Threads(options.threads), spool_.path());
     }
@@ -91,6 +95,7 @@ class RenderServerImpl final : public RenderServer {
   std::unique_ptr<JobStore> jobs_;
   RenderServiceImpl service_;
   DiagnosisServiceImpl diagnosis_service_;
+  OpticsServiceImpl optics_service_;
   RpcServer server_;
 };
 

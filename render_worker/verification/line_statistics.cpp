@@ -9,19 +9,6 @@
 #include "core/laser_line/ridge_score.h"
 
 namespace sightline {
-namespace {
-
-// Standard deviation of white noise of 1 DN after the second derivative along a column.
-double NoiseScore(double sigma_px) {
-  const GaussianDerivatives d = MakeGaussianDerivatives(sigma_px);
-  const auto energy = [](const std::vector<float>& kernel) {
-    return std::inner_product(kernel.begin(), kernel.end(), kernel.begin(), 0.0);
-  };
-  return std::sqrt(energy(d.second) * energy(d.smooth));
-}
-
-}  // namespace
-
 std::vector<ColourChannel> ColourChannels(const Sensor& sensor) {
   const std::vector<PixelPlane> planes = PixelPlanes(sensor);
   if (sensor.colour_filter == ColourFilter::kMono) return {{"mono", planes}};
@@ -30,21 +17,6 @@ std::vector<ColourChannel> ColourChannels(const Sensor& sensor) {
     channels[sensor.ChannelAt(plane.first_row, plane.first_column)].planes.push_back(plane);
   }
   return channels;
-}
-
-Image<float> PlaneValues(const Image<uint16_t>& raw_dn, const PixelPlane& plane) {
-  const auto count = [&](int size, int first) {
-    return (size - first + plane.step - 1) / plane.step;
-  };
-  Image<float> values(count(raw_dn.columns_px, plane.first_column),
-                      count(raw_dn.rows_px, plane.first_row));
-  for (int row = 0; row < values.rows_px; ++row) {
-    const uint16_t* from = raw_dn.Row(plane.first_row + row * plane.step) + plane.first_column;
-    for (int column = 0; column < values.columns_px; ++column) {
-      values.At(row, column) = from[column * plane.step];
-    }
-  }
-  return values;
 }
 
 double AverageProfile::Peak() const {
@@ -85,7 +57,7 @@ absl::StatusOr<LineScatter> DetectLineScatter(const Image<uint16_t>& raw_dn,
     columns += values.columns_px;
     LaserLineOptions options;
     options.ridge_sigma_px = std::clamp(NominalWidthPx(frame) / plane.step, 0.7, 20.0);
-    options.min_ridge_score_dn = 6 * noise_dn * NoiseScore(options.ridge_sigma_px);
+    options.min_ridge_score_dn = 6 * noise_dn * RidgeNoise(options.ridge_sigma_px);
     options.saturation_dn = sensor.largest_dn();
     options.background_dn = std::numeric_limits<double>::quiet_NaN();
     const auto points = DetectLaserLine(values, options, LaserLineMethod::kStegerCentreOfGravity);

@@ -8,6 +8,7 @@
 #include "core/image/image.h"
 #include "render_worker/diagnosis/profile_bins.h"
 #include "render_worker/frame/frame_setup.h"
+#include "render_worker/sensor/pixel_planes.h"
 
 namespace sightline {
 
@@ -17,9 +18,6 @@ struct ColourChannel {
   std::vector<PixelPlane> planes;
 };
 std::vector<ColourChannel> ColourChannels(const Sensor& sensor);
-
-// Pixels of a plane, its step left out.
-Image<float> PlaneValues(const Image<uint16_t>& raw_dn, const PixelPlane& plane);
 
 // Average along the line (section 5.4.1): mean over the columns of every row that has pixels of the
 // channel.

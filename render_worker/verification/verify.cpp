@@ -15,7 +15,7 @@
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/plate_frames.h"
 #include "render_worker/sensor/expose.h"
-#include "render_worker/verification/grey_png.h"
+#include "render_worker/image_file/grey_png.h"
 #include "render_worker/verification/line_statistics.h"
 
 namespace sightline {

@@ -197,7 +197,7 @@ TEST(SensorCatalogue, HoldsBothSensorsOfTheThesis) {
   EXPECT_EQ(mono->bit_depth_bit, 10);
   EXPECT_NEAR(mono->quantum_efficiency[0].At(660e-9), 0.53, 1e-12);
 
-  EXPECT_TRUE(ReadSensorFile(folder + "my_camera.json").ok());
+  EXPECT_TRUE(ReadSensorFile(folder + "../templates/camera.json").ok());
 }
 
 }  // namespace

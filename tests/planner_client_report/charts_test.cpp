@@ -44,6 +44,17 @@ TEST(ChartScale, PutsTicksAtRoundNumbers) {
   EXPECT_THAT(ChartScale(axis, {}, 0, 100).Ticks(7), ElementsAre(1, 3, 10, 30, 100, 300, 1000));
 }
 
+// Half-way between their mean distance and none at all, labels would run into one another.
+TEST(ChartScale, PutsTicksOfItsOwnWhereTheyFit) {
+  ChartAxis axis;
+  axis.logarithmic = true;
+  axis.low = 1;
+  axis.high = 16;
+  axis.ticks = {0.5, 1, 2, 2.1, 4, 8, 16, 32};
+  EXPECT_THAT(ChartScale(axis, {}, 0, 100).Ticks(5), ElementsAre(1, 2, 4, 8, 16));
+  EXPECT_THAT(ChartScale(axis, {}, 100, 0).Ticks(1), ElementsAre(1, 4, 16));
+}
+
 TEST(ChartScale, MapsLinesAndPowers) {
   ChartAxis axis;
   axis.low = 1;
@@ -99,6 +110,45 @@ TEST(XyChart, LeavesOutPointsBesideTheAxis) {
   const std::string svg = XyChartSvg(chart);
   EXPECT_EQ(Count(svg, "<circle"), 3u);
   EXPECT_THAT(svg, Not(HasSubstr(">500<")));  // the others do not stretch the ordinate
+}
+
+TEST(XyChart, DrawsBandsThatAreNotSymmetric) {
+  XyChart chart;
+  chart.height = 244;  // the axis is 190 high
+  chart.y.low = 0;
+  chart.y.high = 19;
+  ChartSeries series{"model", SeriesMark::kLine, {1, 2, 3}, {5, 5, 5}, {}, {}};
+  series.lower = {4, 4, kNaN};
+  series.upper = {10, 10, 10};
+  chart.series = {series};
+  const std::string svg = XyChartSvg(chart);
+  const std::regex band(
+      "class=\"band model\" d=\"M[0-9.]+ ([0-9.]+)L[0-9.]+ [0-9.]+L[0-9.]+ "
+      "([0-9.]+)L[0-9.]+ [0-9.]+Z\"");
+  std::smatch match;
+  ASSERT_TRUE(std::regex_search(svg, match, band)) << svg;
+  EXPECT_NEAR(std::stod(match[2]) - std::stod(match[1]), 60, 0.2);
+}
+
+TEST(XyChart, MakesRoomForBands) {
+  for (const bool logarithmic : {false, true}) {
+    XyChart chart;
+    chart.y.logarithmic = logarithmic;
+    ChartSeries series{"model", SeriesMark::kLine, {1, 2}, {10, 10}, {}, {}};
+    series.lower = {9, 9};
+    series.upper = {1000, 1000};
+    chart.series = {series};
+    EXPECT_THAT(XyChartSvg(chart), HasSubstr(">1000<"));
+  }
+}
+
+TEST(XyChart, RingsGoAroundDots) {
+  XyChart chart;
+  chart.series = {{"null", SeriesMark::kRings, {1}, {1}, {}, {"the best"}}};
+  const std::string svg = XyChartSvg(chart);
+  EXPECT_EQ(Count(svg, "<circle class=\"ring null\""), 1u);
+  EXPECT_EQ(Count(svg, "<path"), 0u);
+  EXPECT_THAT(svg, HasSubstr("<title>the best</title>"));
 }
 
 TEST(LineRange, IsTheLineAndAsMuchBesideIt) {

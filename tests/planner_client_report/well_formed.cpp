@@ -42,7 +42,7 @@ std::string MarkupFault(const std::string& html) {
   static const std::set<std::string> kVoid = {"meta", "link", "img", "br"};
   static const std::regex kTag(
       R"re((/?)([a-zA-Z][a-zA-Z0-9]*)((?: [a-zA-Z][a-zA-Z0-9-]*="[^"<>]*")*)(/?))re");
-  static const std::regex kEntity("(amp|lt|gt|quot|#[0-9]+);.*");
+  static const std::regex kEntity("(amp|lt|gt|quot|#[0-9]+);[\\s\\S]*");
   static const std::regex kNoNumber("(^|[^a-zA-Z])(nan|inf)([^a-zA-Z]|$)");
   static const std::regex kId(" id=\"([^\"]*)\"");
   std::vector<std::string> open;

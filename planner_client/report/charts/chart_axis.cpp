@@ -11,7 +11,8 @@ ChartScale::ChartScale(const ChartAxis& axis, const std::vector<double>& values,
     : logarithmic_(axis.logarithmic),
       whole_numbers_(axis.whole_numbers),
       low_at_(low_at),
-      high_at_(high_at) {
+      high_at_(high_at),
+      own_ticks_(axis.ticks) {
   double low = std::numeric_limits<double>::infinity(), high = -low;
   for (const double value : values) {
     if (!std::isfinite(value) || (logarithmic_ && value <= 0)) continue;
@@ -52,6 +53,15 @@ bool ChartScale::Shows(double value) const {
 
 std::vector<double> ChartScale::Ticks(int count) const {
   std::vector<double> ticks;
+  if (!own_ticks_.empty()) {
+    // They are not equally spaced: half the mean distance is still enough for a label.
+    const double nearest = 0.5 * std::abs(high_at_ - low_at_) / std::max(count, 1);
+    for (const double tick : own_ticks_) {
+      if (!Shows(tick)) continue;
+      if (ticks.empty() || std::abs(At(tick) - At(ticks.back())) >= nearest) ticks.push_back(tick);
+    }
+    return ticks;
+  }
   if (logarithmic_) {
     const double decades = std::log10(high_ / low_);
     const int first = static_cast<int>(std::floor(std::log10(low_)));

@@ -13,6 +13,8 @@ struct ChartAxis {
   bool whole_numbers = false;  // ticks at integers only
   // Unset: as the data need it.
   std::optional<double> low, high;
+  // Increasing; empty: round numbers. For values that come in steps of their own, as f-numbers do.
+  std::vector<double> ticks = {};
 };
 
 // From values to places on the drawing.
@@ -29,13 +31,14 @@ class ChartScale {
   double At(double value) const;
   bool Shows(double value) const;
 
-  // At most about `count`, at round numbers.
+  // At most about `count`, at round numbers; of the axis' own ticks those that do not crowd it.
   std::vector<double> Ticks(int count) const;
 
  private:
   bool logarithmic_, whole_numbers_;
   double low_ = 0, high_ = 1;
   double low_at_, high_at_;
+  std::vector<double> own_ticks_;
 };
 
 }  // namespace sightline

@@ -23,20 +23,32 @@ bool DrawableX(const XyChart& chart, const ChartScale& x, double value) {
   return Drawable(chart.x, value) && x.Shows(value);
 }
 
+bool HasBand(const ChartSeries& series) {
+  return !series.half_band.empty() || !series.lower.empty();
+}
+
+double BandLower(const ChartSeries& series, size_t i) {
+  return series.lower.empty() ? series.y[i] - series.half_band[i] : series.lower[i];
+}
+
+double BandUpper(const ChartSeries& series, size_t i) {
+  return series.lower.empty() ? series.y[i] + series.half_band[i] : series.upper[i];
+}
+
 void AppendBand(std::string* svg, const XyChart& chart, const ChartSeries& series,
                 const ChartScale& x, const ChartScale& y) {
-  std::string upper, lower;
+  std::string upper_path, lower_path;
   const auto flush = [&] {
-    if (!upper.empty()) {
-      absl::StrAppend(svg, "<path class=\"band ", series.css_class, "\" d=\"M", upper.substr(1),
-                      lower, "Z\"/>\n");
+    if (!upper_path.empty()) {
+      absl::StrAppend(svg, "<path class=\"band ", series.css_class, "\" d=\"M",
+                      upper_path.substr(1), lower_path, "Z\"/>\n");
     }
-    upper.clear();
-    lower.clear();
+    upper_path.clear();
+    lower_path.clear();
   };
   for (size_t i = 0; i < series.x.size(); ++i) {
-    const double centre = series.y[i], half = series.half_band[i];
-    if (!DrawableX(chart, x, series.x[i]) || !std::isfinite(centre) || !std::isfinite(half)) {
+    const double lower = BandLower(series, i), upper = BandUpper(series, i);
+    if (!DrawableX(chart, x, series.x[i]) || !std::isfinite(lower) || !std::isfinite(upper)) {
       flush();
       continue;
     }
@@ -44,8 +56,8 @@ void AppendBand(std::string* svg, const XyChart& chart, const ChartSeries& serie
     const auto at = [&](double value) {
       return y.At(chart.y.logarithmic ? std::max(value, y.low()) : value);
     };
-    absl::StrAppendFormat(&upper, "L%.1f %.1f", x.At(series.x[i]), at(centre + half));
-    lower = absl::StrFormat("L%.1f %.1f", x.At(series.x[i]), at(centre - half)) + lower;
+    absl::StrAppendFormat(&upper_path, "L%.1f %.1f", x.At(series.x[i]), at(upper));
+    lower_path = absl::StrFormat("L%.1f %.1f", x.At(series.x[i]), at(lower)) + lower_path;
   }
   flush();
 }
@@ -71,14 +83,16 @@ void AppendLine(std::string* svg, const XyChart& chart, const ChartSeries& serie
 
 void AppendDots(std::string* svg, const XyChart& chart, const ChartSeries& series,
                 const ChartScale& x, const ChartScale& y) {
-  const bool hollow = series.mark == SeriesMark::kHollowDots;
+  const char* css_class = series.mark == SeriesMark::kHollowDots ? "hollow"
+                          : series.mark == SeriesMark::kRings    ? "ring"
+                                                                 : "dot";
   // Many dots are small dots.
-  const double radius = series.x.size() > 60 ? 1.8 : 3.2;
+  const double radius = series.mark == SeriesMark::kRings ? 7 : series.x.size() > 60 ? 1.8 : 3.2;
   for (size_t i = 0; i < series.x.size(); ++i) {
     if (!DrawableX(chart, x, series.x[i]) || !Drawable(chart.y, series.y[i])) continue;
     absl::StrAppendFormat(svg, "<circle class=\"%s %s\" cx=\"%.1f\" cy=\"%.1f\" r=\"%.1f\"",
-                          hollow ? "hollow" : "dot", series.css_class, x.At(series.x[i]),
-                          y.At(series.y[i]), radius);
+                          css_class, series.css_class, x.At(series.x[i]), y.At(series.y[i]),
+                          radius);
     if (series.notes.empty()) {
       absl::StrAppend(svg, "/>\n");
     } else {
@@ -94,6 +108,8 @@ std::string XyChartSvg(const XyChart& chart) {
   for (const ChartSeries& series : chart.series) {
     assert(series.x.size() == series.y.size());
     assert(series.half_band.empty() || series.half_band.size() == series.y.size());
+    assert(series.lower.empty() || series.lower.size() == series.y.size());
+    assert(series.upper.size() == series.lower.size());
     assert(series.notes.empty() || series.notes.size() == series.y.size());
     xs.insert(xs.end(), series.x.begin(), series.x.end());
     for (size_t i = 0; i < series.y.size(); ++i) {
@@ -102,9 +118,10 @@ std::string XyChartSvg(const XyChart& chart) {
         continue;
       }
       ys.push_back(series.y[i]);
-      if (chart.y.logarithmic || series.half_band.empty()) continue;
-      ys.push_back(series.y[i] + series.half_band[i]);
-      ys.push_back(series.y[i] - series.half_band[i]);
+      // A symmetric band may reach to zero and below, where a logarithmic axis has no place.
+      if (!HasBand(series) || (chart.y.logarithmic && series.lower.empty())) continue;
+      ys.push_back(BandUpper(series, i));
+      ys.push_back(BandLower(series, i));
     }
   }
   const double top = kTop + (chart.title.empty() ? 0 : kTitleHeight);
@@ -155,10 +172,11 @@ std::string XyChartSvg(const XyChart& chart) {
         right, y.At(mark), y.At(mark));
   }
   for (const ChartSeries& series : chart.series) {
-    if (!series.half_band.empty()) AppendBand(&svg, chart, series, x, y);
+    if (HasBand(series)) AppendBand(&svg, chart, series, x, y);
   }
   for (const ChartSeries& series : chart.series) {
-    if (series.mark != SeriesMark::kDots && series.mark != SeriesMark::kHollowDots) {
+    if (series.mark == SeriesMark::kLine || series.mark == SeriesMark::kDashedLine ||
+        series.mark == SeriesMark::kLineAndDots) {
       AppendLine(&svg, chart, series, x, y);
     }
     if (series.mark != SeriesMark::kLine && series.mark != SeriesMark::kDashedLine) {

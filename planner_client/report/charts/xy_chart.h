@@ -8,7 +8,8 @@
 
 namespace sightline {
 
-enum class SeriesMark { kLine, kDashedLine, kDots, kHollowDots, kLineAndDots };
+// kRings go around dots of another series.
+enum class SeriesMark { kLine, kDashedLine, kDots, kHollowDots, kLineAndDots, kRings };
 
 struct ChartSeries {
   std::string css_class;  // its colour, see charts.css
@@ -16,6 +17,8 @@ struct ChartSeries {
   std::vector<double> x, y;        // of equal length; values that are not finite leave a gap
   std::vector<double> half_band;   // drawn as y +- half_band; empty: none
   std::vector<std::string> notes;  // shown on pointing at a dot; empty: none
+  // Ends of a band that is not symmetric, instead of half_band; empty: none.
+  std::vector<double> lower = {}, upper = {};
 };
 
 struct XyChart {

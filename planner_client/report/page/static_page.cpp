@@ -21,6 +21,9 @@ std::string KeyDrawing(const KeyEntry& entry) {
     case KeyShape::kHollowDot:
       return absl::StrCat("<circle class=\"hollow ", entry.css_class,
                           "\" cx=\"12\" cy=\"6\" r=\"4\"/>");
+    case KeyShape::kRing:
+      return absl::StrCat("<circle class=\"ring ", entry.css_class,
+                          "\" cx=\"12\" cy=\"6\" r=\"5\"/>");
     case KeyShape::kBand:
       return absl::StrCat("<path class=\"band ", entry.css_class, "\" d=\"M0 1H24V11H0Z\"/>");
     case KeyShape::kBox:

@@ -25,7 +25,7 @@ std::string StaticPageHtml(const StaticPage& page);
 // Empty body: nothing at all.
 std::string PageSection(absl::string_view id, absl::string_view title, absl::string_view body_html);
 
-enum class KeyShape { kLine, kDashedLine, kDot, kHollowDot, kBand, kBox };
+enum class KeyShape { kLine, kDashedLine, kDot, kHollowDot, kRing, kBand, kBox };
 struct KeyEntry {
   std::string css_class;  // colour, see charts.css
   KeyShape shape;

@@ -1,4 +1,4 @@
-#include "render_worker/verification/grey_png.h"
+#include "render_worker/image_file/grey_png.h"
 
 #include <png.h>
 

@@ -1,3 +1,5 @@
+#include "core/laser_line/detect_laser_line.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -6,7 +8,6 @@
 #include <limits>
 #include <numbers>
 
-#include "core/laser_line/detect_laser_line.h"
 #include "core/laser_line/profile_centre.h"
 #include "core/laser_line/ridge_score.h"
 #include "core/random/counter_random.h"

@@ -1,0 +1,66 @@
+// Cameras, lenses and lasers that can be bought, from a folder of their data sheets' numbers.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/rig/rig.h"
+#include "core/sensor/sensor.h"
+#include "sightline/v1/catalogue.pb.h"
+#include "sightline/v1/sensor.pb.h"
+
+namespace sightline {
+
+struct DeviceCamera {
+  Sensor sensor;
+  std::string mount;
+  std::optional<double> max_frame_rate_hz;  // of the whole sensor
+  std::optional<double> price_eur;
+  std::string file;
+  v1::Sensor message;
+};
+
+struct DeviceLens {
+  std::string name;
+  std::string mount;
+  // At its widest aperture, focus distance unset. Its min_focus_distance_m is the one below, which
+  // data sheets count from the front of the lens and a thin lens from its centre: off by the few
+  // centimetres between the two.
+  Lens lens;
+  double min_f_number = 0, max_f_number = 0;
+  std::optional<double> min_focus_distance_m;
+  std::optional<double> image_circle_m;  // diameter
+  std::optional<double> price_eur;
+  std::string file;
+  v1::CatalogueLens message;
+};
+
+struct DeviceLaser {
+  std::string name;
+  Laser laser;
+  std::string safety_class;  // of IEC 60825-1; empty: not known
+  std::optional<double> price_eur;
+  std::string file;
+  v1::CatalogueLaser message;
+};
+
+// Each kind in the order of its file names, so that results do not depend on the file system; names
+// differ within a kind; none is empty.
+struct Catalogue {
+  std::vector<DeviceCamera> cameras;
+  std::vector<DeviceLens> lenses;
+  std::vector<DeviceLaser> lasers;
+};
+
+// The mounts that a camera or a lens can name.
+const std::vector<std::string>& KnownMounts();
+
+// Reads cameras/*.json (v1.Sensor), lenses/*.json (v1.CatalogueLens) and lasers/*.json
+// (v1.CatalogueLaser) of a folder. Other files, hidden files and folders below are passed over.
+// NOT_FOUND: no such folder. INVALID_ARGUMENT names file, field, value and allowed range; also for
+// a kind without any file or with more than 1000, and for two devices of one kind and name.
+absl::StatusOr<Catalogue> ReadCatalogue(const std::string& folder);
+
+}  // namespace sightline

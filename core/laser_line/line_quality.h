@@ -1,0 +1,107 @@
+// How well a detected laser line agrees with where it is: the optical cost of thesis section 6.4.2.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "core/laser_line/detect_laser_line.h"
+
+namespace sightline {
+
+// Where the true line crosses an image column; a column may have several crossings.
+struct LineCrossing {
+  int column_px = 0;
+  double row_px = 0;
+};
+
+// What a comparison with the true line counts. Adding two of them counts both.
+struct LineSums {
+  double columns = 0;    // that were looked at
+  double crossings = 0;  // of the true line
+  double found = 0;      // of these, detected
+  double clipped = 0;    // of these, with a clipped profile
+  double false_lines = 0;
+  double deviation_px = 0;    // sum over the found ones of detected minus true row
+  double deviation2_px2 = 0;  // of their squares
+
+  LineSums& operator+=(const LineSums& other);
+  friend LineSums operator*(double weight, const LineSums& sums);
+};
+
+// Compares detected points with the crossings of the true line, both by ascending column, in blocks
+// of `block_px` columns over [0, columns_px): within a column every detected point belongs to the
+// nearest crossing that has none, nearest pairs first; points that are farther than `reach_px` from
+// any are false lines, crossings without a point are missed.
+std::vector<LineSums> CompareLine(const std::vector<LinePoint>& detected,
+                                  const std::vector<LineCrossing>& line, int columns_px,
+                                  int block_px, double reach_px);
+
+// Weights of the optical cost.
+struct LineCost {
+  double prior_uncertainty_px = 3;  // u_pr of thesis eq. 6.5; 3 px there
+  // Cost of one false line per column, in units of u_pr; 0 in the thesis.
+  double false_line_weight = 0;
+};
+
+struct LineQuality {
+  double u_px = 0;              // standard deviation of detected minus true row
+  double bias_px = 0;           // mean
+  double rms_px = 0;            // root mean square
+  double profile_coverage = 0;  // a_cov, share of the crossings that are found
+  double false_lines_per_column = 0;
+  double clipped_fraction = 0;  // of the found crossings
+  // f = a_cov u_px + (1 - a_cov) u_pr (thesis eq. 6.5) + weight u_pr false lines per column.
+  double cost = 0;
+};
+
+// Fewer than two found crossings have no standard deviation: u_px is then u_pr.
+LineQuality QualityOf(const LineSums& sums, const LineCost& cost);
+
+// Numbers of one setting from several images of the same lines that differ by chance alone
+// (speckle, photons, noise).
+class QualityEstimate {
+ public:
+  // sums[b][r]: block b (of columns, of any of the frames, weighted) in realisation r. At least one
+  // block; at least two realisations, the same number for every block.
+  QualityEstimate(const std::vector<std::vector<LineSums>>& sums, const LineCost& cost);
+
+  // Of all realisations together.
+  const LineQuality& mean() const { return mean_; }
+
+  struct Interval {
+    double lower = 0, upper = 0;
+  };
+  // Where a fresh realisation lies in 95 of 100 cases: value +- 1.96 s sqrt(1 + 1/R), with s the
+  // standard deviation between realisations. s is that of the number linearised in the blocks' sums
+  // (delta method), whose variances between realisations add up, as blocks are independent: so many
+  // blocks make s known well from few realisations. What is a share stays in [0, 1].
+  // Where nothing was missed in R realisations, misses of a fresh one follow the predictive law of a
+  // Poisson number with a flat prior for its mean, k or more with probability (R + 1)^-k; the
+  // interval of the coverage leaves room for as many as are not ruled out at 5 %.
+  Interval u_px() const;
+  Interval bias_px() const;
+  Interval rms_px() const;
+  Interval profile_coverage() const;
+  Interval false_lines_per_column() const;
+  Interval cost() const;
+
+  // Standard error of the mean cost.
+  double CostStandardError() const;
+  // Standard error of the difference of two mean costs. Realisations of the same number are
+  // compared with each other, so what they share by chance cancels, if both have the same blocks.
+  double StandardErrorOfDifference(const QualityEstimate& other) const;
+
+ private:
+  // Changes of the six numbers by every block and realisation, less their mean over realisations.
+  struct Change {
+    double u_px, bias_px, rms_px, profile_coverage, false_lines_per_column, cost;
+  };
+  Interval Around(double value, double Change::*number) const;
+
+  LineQuality mean_;
+  double crossings_ = 0;  // per realisation
+  int realisations_ = 0;
+  std::vector<Change> changes_;  // block by block, realisation by realisation
+};
+
+}  // namespace sightline

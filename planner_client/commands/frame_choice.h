@@ -1,0 +1,31 @@
+// Which frames of a part a command is about: options, and what they mean.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+#include "sightline/v1/render_service.pb.h"
+
+namespace sightline {
+
+struct FrameChoice {
+  std::string input, out;  // inspection file, and the folder for what is made
+  std::string plan, measurement;
+  std::optional<int> scan, frame;
+  std::optional<double> stage_position_m;
+};
+
+// --plan, --measurement, --scan, --frame and --stage-position.
+void AddFrameOptions(CLI::App& app, FrameChoice* choice);
+
+// All frames of a plan, of one of its scans, one frame; or that of the one measurement that is
+// given or that the inspection fixes. With the settings of the plan's scans. INVALID_ARGUMENT says
+// which options exclude each other, which number is out of range, and what a plan lacks.
+absl::StatusOr<std::vector<v1::PartFrame>> ChooseFrames(FrameChoice options,
+                                                        const Inspection& inspection);
+
+}  // namespace sightline

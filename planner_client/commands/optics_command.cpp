@@ -1,0 +1,239 @@
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/inspection/inspection.h"
+#include "core/json/strict_json.h"
+#include "planner_client/commands/commands.h"
+#include "planner_client/commands/device_choice.h"
+#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/frame_choice.h"
+#include "planner_client/commands/part_assets.h"
+#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/worker_session.h"
+#include "planner_client/optics_client/optics_client.h"
+#include "planner_client/optics_client/uncertainty_correction.h"
+#include "planner_client/report/optics/optics_report.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct OpticsOptions {
+  FrameChoice choice;
+  std::string verification, catalogue;
+  DeviceRequirements devices;
+  bool common = false;
+  std::optional<int64_t> seed;
+  WorkerSessionOptions worker;
+};
+
+// Checks what images need and makes the request, without assets.
+absl::StatusOr<v1::CreateOpticsRequest> MakeRequest(const OpticsOptions& options,
+                                                    Inspection* inspection,
+                                                    std::vector<AssetFile>* assets) {
+  const std::string& input = options.choice.input;
+  v1::Inspection message;
+  if (absl::Status s = ReadStrictJsonFile(input, &message); !s.ok()) return s;
+  auto inlined = InlineInspectionFiles(message, input, fs::path(input).parent_path().string());
+  if (!inlined.ok()) return inlined.status();
+  auto parsed = ParseInspection(*inlined, input, "");
+  if (!parsed.ok()) return parsed.status();
+  *inspection = *std::move(parsed);
+  const auto missing = [&](const char* field, const char* what) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(input, ": ", field, " is missing: images need ", what));
+  };
+  if (!inspection->sensor) return missing("camera.sensor_file", "a sensor");
+  if (!inspection->rig.lens) return missing("lens", "a lens");
+  if (inspection->materials.empty()) return missing("materials", "the part's materials");
+  auto frames = ChooseFrames(options.choice, *inspection);
+  if (!frames.ok()) return frames.status();
+  v1::CreateOpticsRequest request;
+  for (v1::PartFrame& frame : *frames) {
+    frame.clear_setting();  // it is what is looked for
+    *request.add_frames() = std::move(frame);
+  }
+  v1::Inspection* sent = request.mutable_inspection();
+  *sent = *std::move(inlined);
+  const v1::CostModel costs = sent->costs();
+  if (absl::Status s = TakeAssets(input, sent, assets); !s.ok()) return s;
+  *sent->mutable_costs() = costs;
+  if (options.seed) request.set_seed(*options.seed);
+  request.set_per_scan(!options.common);
+  return request;
+}
+
+// "red": the channel that the line is detected in.
+std::string DetectedChannel(const Inspection& inspection) {
+  const Sensor& sensor = *inspection.sensor;
+  if (sensor.colour_filter == ColourFilter::kMono) return "mono";
+  int best = inspection.optics->detector.channel.value_or(-1);
+  const auto efficiency = [&](int channel) {
+    return sensor.quantum_efficiency[channel].At(inspection.rig.laser.wavelength_m);
+  };
+  for (int channel = 0; best < 0 && channel < 3; ++channel) {
+    if (efficiency(channel) >= efficiency(kRed) && efficiency(channel) >= efficiency(kGreen) &&
+        efficiency(channel) >= efficiency(kBlue)) {
+      best = channel;
+    }
+  }
+  return best == kRed ? "red" : best == kGreen ? "green" : "blue";
+}
+
+void Print(const v1::OpticsPlan& optics) {
+  std::printf("%s\n", optics.common().statement().c_str());
+  std::printf("\nf-number  exposure ms   u_px  coverage   cost  as good as the best\n");
+  for (const v1::OpticsPoint& point : optics.curve()) {
+    std::printf("%8s  %11s  %5.3f  %7.1f%%  %5.3f  %s\n",
+                absl::StrFormat("%.3g", point.f_number()).c_str(),
+                absl::StrFormat("%.4g", 1e3 * point.exposure_time_s()).c_str(), point.u_px(),
+                100 * point.profile_coverage(), point.cost(), point.as_good_as_best() ? "yes" : "");
+  }
+  if (optics.scans_size() > 1) {
+    std::printf("\nscan  f-number  exposure ms   u_px  coverage   cost\n");
+    for (const v1::OpticsChoice& scan : optics.scans()) {
+      const v1::OpticsPoint& point = scan.best();
+      std::printf("%4d  %8s  %11s  %5.3f  %7.1f%%  %5.3f\n", scan.scan(),
+                  absl::StrFormat("%.3g", point.f_number()).c_str(),
+                  absl::StrFormat("%.4g", 1e3 * point.exposure_time_s()).c_str(), point.u_px(),
+                  100 * point.profile_coverage(), point.cost());
+    }
+  }
+  std::printf("\n");
+}
+
+// The plan with the settings of its scans: their own, or the common one.
+absl::Status WritePlanWithSettings(const v1::OpticsPlan& optics, const std::string& plan_file,
+                                   const std::string& to) {
+  auto plan = ReadPlanScans(plan_file);
+  if (!plan.ok()) return plan.status();
+  for (v1::PlannedScan& scan : *plan->plan.mutable_scans()) {
+    *scan.mutable_setting() = optics.best().setting();
+  }
+  for (const v1::OpticsChoice& choice : optics.scans()) {
+    const int index = choice.scan() - 1;
+    if (index < 0 || index >= plan->plan.scans_size()) continue;
+    *plan->plan.mutable_scans(index)->mutable_setting() = choice.best().setting();
+  }
+  return WriteFileAtomically(to, ToJson(plan->plan) + "\n");
+}
+
+absl::StatusOr<int> Optics(const OpticsOptions& options) {
+  const std::string& input = options.choice.input;
+  Inspection inspection;
+  std::vector<AssetFile> assets;
+  auto request = MakeRequest(options, &inspection, &assets);
+  if (!request.ok()) return request.status();
+  std::optional<v1::UncertaintyCorrection> correction;
+  if (!options.verification.empty()) {
+    v1::Verification verification;
+    absl::Status s = ReadStrictJsonFile(options.verification, &verification);
+    if (!s.ok()) return s;
+    auto made = MakeCorrection(verification, DetectedChannel(inspection), options.verification);
+    if (!made.ok()) return made.status();
+    correction = *std::move(made);
+  }
+  std::optional<DeviceCandidates> candidates;
+  if (!options.catalogue.empty()) {
+    auto found = FindDevices(options.catalogue, inspection, *request, options.devices);
+    if (!found.ok()) return found.status();
+    candidates = *std::move(found);
+  }
+  std::error_code error;
+  fs::create_directories(options.choice.out, error);
+  if (error) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("cannot make folder ", options.choice.out, ": ", error.message()));
+  }
+
+  ProgressLine progress;
+  WorkerClientOptions client;
+  auto worker = StartWorkerSession(options.worker, &progress, &client);
+  if (!worker.ok()) return worker.status();
+  std::optional<v1::DeviceChoice> devices;
+  if (candidates) {
+    auto chosen = ChooseDevices(*candidates, client, *request, assets);
+    if (!chosen.ok()) {
+      progress.Finish();
+      return AboutInput(chosen.status(), input);
+    }
+    devices = chosen->choice;
+    *request->mutable_inspection() = chosen->inspection;
+  }
+  auto optics = PlanOptics(client, *request, assets);
+  progress.Finish();
+  if (!optics.ok()) return AboutInput(optics.status(), input);
+  optics->set_sightline_version(SIGHTLINE_VERSION);
+  if (correction) ApplyCorrection(*correction, &*optics);
+
+  Print(*optics);
+  for (const std::string& warning : optics->warnings()) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  const fs::path out = options.choice.out;
+  std::vector<std::string> files;
+  const std::string answer = (out / "optics.json").string();
+  // Pictures belong to the report.
+  v1::OpticsPlan numbers = *optics;
+  for (v1::RepresentativeFrame& frame : *numbers.mutable_common()->mutable_frames()) {
+    frame.clear_picture_png();
+  }
+  for (v1::OpticsChoice& scan : *numbers.mutable_scans()) {
+    for (v1::RepresentativeFrame& frame : *scan.mutable_frames()) frame.clear_picture_png();
+  }
+  if (absl::Status s = WriteFileAtomically(answer, ToJson(numbers) + "\n"); !s.ok()) return s;
+  files.push_back(answer);
+  if (devices) {
+    const std::string file = (out / "devices.json").string();
+    if (absl::Status s = WriteFileAtomically(file, ToJson(*devices) + "\n"); !s.ok()) return s;
+    files.push_back(file);
+  }
+  if (!options.choice.plan.empty() && !options.choice.scan) {
+    const std::string file = (out / "plan.json").string();
+    if (absl::Status s = WritePlanWithSettings(*optics, options.choice.plan, file); !s.ok()) {
+      return s;
+    }
+    files.push_back(file);
+  }
+  const std::string report = (out / "report.html").string();
+  absl::Status s = WriteOpticsReport(*optics, devices ? &*devices : nullptr, report);
+  if (!s.ok()) return s;
+  files.push_back(report);
+  for (const std::string& file : files) std::printf("%s\n", fs::absolute(file).c_str());
+  return kExitDone;
+}
+
+}  // namespace
+
+Command AddOpticsCommand(CLI::App& app) {
+  auto options = std::make_shared<OpticsOptions>();
+  app.add_option("input", options->choice.input, "inspection.json")->required();
+  app.add_option("--out", options->choice.out, "folder for optics.json and report.html")
+      ->required();
+  AddFrameOptions(app, &options->choice);
+  app.add_flag("--common", options->common,
+               "with --plan: one setting for all scans, none for each alone");
+  app.add_option("--verification", options->verification,
+                 "verification.json of `sightline verify`: what u_px to expect of the real camera");
+  app.add_option("--catalogue", options->catalogue,
+                 "folder of cameras/, lenses/ and lasers/ to choose from");
+  AddDeviceOptions(app, &options->devices);
+  app.add_option("--seed", options->seed, "of simulated speckle, photons and noise; default 1");
+  AddWorkerOptions(app, &options->worker);
+  app.add_option("--max-image-bytes", options->worker.max_image_bytes,
+                 "memory of our own worker for one image, e.g. 16GB; default 8GB");
+  return [options]() -> int {
+    const absl::StatusOr<int> code = Optics(*options);
+    return code.ok() ? *code : ReportError(code.status());
+  };
+}
+
+}  // namespace sightline

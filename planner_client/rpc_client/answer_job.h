@@ -1,0 +1,46 @@
+// A job of a render worker whose result is one message.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "planner_client/rpc_client/worker_call.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+
+// Names the files from `first` on, `count` of them, of what the call can upload.
+inline void AddAssetDigests(const WorkerCall& call, const std::vector<AssetFile>& files,
+                            size_t first, size_t count,
+                            google::protobuf::RepeatedPtrField<v1::RenderAsset>* assets) {
+  for (size_t i = first; i < first + count; ++i) {
+    v1::RenderAsset* asset = assets->Add();
+    asset->set_file(files[i].file);
+    asset->set_asset_digest(call.digests()[i]);
+  }
+}
+
+// Creates a job, waits for its end and fetches its answer. `create` sets `created`.
+template <typename Created>
+absl::Status RunAnswerJob(WorkerCall* call, const Created& created,
+                          const std::function<grpc::Status(grpc::ClientContext*)>& create,
+                          const std::function<grpc::Status(grpc::ClientContext*)>& get) {
+  absl::Status status = call->Create(create);
+  if (status.ok()) status = call->WaitForJob(created.job().job_id());
+  if (status.ok()) {
+    grpc::ClientContext context;
+    SetTimeout(&context, absl::Seconds(60));
+    // The job's error if it failed.
+    status = FromGrpcStatus(get(&context));
+  }
+  if (absl::IsUnimplemented(status)) {
+    return absl::UnimplementedError(
+        absl::StrCat("the render worker cannot do this (is it older?): ", status.message()));
+  }
+  return status.ok() ? status : call->Explained(status, "interrupted; nothing was written");
+}
+
+}  // namespace sightline

@@ -1,0 +1,132 @@
+#include "render_worker/optical_planning/exposure_search.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <limits>
+#include <map>
+
+#include "absl/strings/str_format.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kFirstTimes = 12;
+// Neighbours of the best whose times differ by less than this ratio are near enough.
+constexpr double kNearEnough = 1.03;
+constexpr int kMostRounds = 32;
+
+}  // namespace
+
+double RoundTo4Digits(double value) {
+  if (value == 0 || !std::isfinite(value)) return value;
+  const double scale = std::pow(10, 3 - std::floor(std::log10(std::abs(value))));
+  return std::round(value * scale) / scale;
+}
+
+double ExposureGrid::At(int index) const {
+  const double exact = min_s + index * (max_s - min_s) / (count - 1);
+  const double rounded = RoundTo4Digits(exact);
+  // Never outside the grid.
+  return rounded >= min_s && rounded <= max_s ? rounded : exact;
+}
+
+ExposureGrid AtFNumber(const ExposureGrid& grid, double grid_f_number, double f_number) {
+  const double ratio = f_number / grid_f_number;
+  return {grid.min_s * ratio * ratio, grid.max_s * ratio * ratio, grid.count};
+}
+
+absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
+                                   const CostsOfExposures& costs) {
+  assert(grid.count >= 2);
+  std::map<int, double> known;
+  const auto ask = [&](std::vector<int> indices) -> absl::Status {
+    std::erase_if(indices, [&](int index) { return known.contains(index); });
+    std::sort(indices.begin(), indices.end());
+    indices.erase(std::unique(indices.begin(), indices.end()), indices.end());
+    if (indices.empty()) return absl::OkStatus();
+    auto answers = costs(indices);
+    if (!answers.ok()) return answers.status();
+    for (size_t i = 0; i < indices.size(); ++i) known[indices[i]] = (*answers)[i];
+    return absl::OkStatus();
+  };
+  // Index at a time, the nearest.
+  const auto index_at = [&](double time_s) {
+    const double place = (time_s - grid.min_s) / (grid.max_s - grid.min_s) * (grid.count - 1);
+    return std::clamp(static_cast<int>(std::lround(place)), 0, grid.count - 1);
+  };
+  std::vector<int> first;
+  if (every || grid.count <= kFirstTimes) {
+    for (int index = 0; index < grid.count; ++index) first.push_back(index);
+  } else {
+    // From a hundredth of the longest on, if the grid begins at 0.
+    const double shortest = std::max(grid.min_s, grid.max_s / 1000);
+    for (int i = 0; i < kFirstTimes; ++i) {
+      first.push_back(index_at(
+          shortest * std::pow(grid.max_s / shortest, static_cast<double>(i) / (kFirstTimes - 1))));
+    }
+    first.push_back(0);
+  }
+  if (absl::Status status = ask(first); !status.ok()) return status;
+  const auto best = [&] {
+    return std::min_element(known.begin(), known.end(),
+                            [](const auto& a, const auto& b) { return a.second < b.second; });
+  };
+  for (int round = 0; round < kMostRounds && !every; ++round) {
+    const auto at = best();
+    std::vector<int> between;
+    const auto halve = [&](int low, int high) {
+      if (high - low < 2) return;
+      const double t_low = std::max(grid.At(low), grid.max_s * 1e-6), t_high = grid.At(high);
+      if (t_high / t_low < kNearEnough) return;
+      between.push_back(std::clamp(index_at(std::sqrt(t_low * t_high)), low + 1, high - 1));
+    };
+    if (at != known.begin()) halve(std::prev(at)->first, at->first);
+    if (std::next(at) != known.end()) halve(at->first, std::next(at)->first);
+    if (between.empty()) break;
+    if (absl::Status status = ask(between); !status.ok()) return status;
+  }
+  return best()->first;
+}
+
+ExposureLimit LimitExposure(const CostModel& costs, double scan_step_m,
+                            const OpticsPlanning& planning, double image_speed_px_per_m) {
+  ExposureLimit limit;
+  double speed = std::numeric_limits<double>::infinity();
+  if (costs.stage_speed_m_per_s) speed = *costs.stage_speed_m_per_s;
+  if (costs.frame_rate_hz) speed = std::min(speed, *costs.frame_rate_hz * scan_step_m);
+  if (std::isfinite(speed)) limit.stage_speed_m_per_s = speed;
+  if (planning.cost_px_per_s > 0) return limit;
+  if (costs.frame_rate_hz) {
+    limit.longest_s = 1 / *costs.frame_rate_hz;
+    limit.because =
+        absl::StrFormat("the frame time at costs.frame_rate_hz = %.4g Hz", *costs.frame_rate_hz);
+  }
+  if (std::isfinite(speed) && image_speed_px_per_m > 0) {
+    const double blur_s = planning.max_motion_blur_px / (image_speed_px_per_m * speed);
+    if (!limit.longest_s || blur_s < *limit.longest_s) {
+      limit.longest_s = blur_s;
+      limit.because = absl::StrFormat("motion blur of %.3g px at a stage speed of %.4g mm/s",
+                                      planning.max_motion_blur_px, 1e3 * speed);
+    }
+  }
+  return limit;
+}
+
+double ScanTime(const CostModel& costs, double scan_step_m, const OpticsPlanning& planning,
+                double image_speed_px_per_m, double travel_m, double exposure_s) {
+  double speed = std::numeric_limits<double>::infinity();
+  if (costs.stage_speed_m_per_s) speed = *costs.stage_speed_m_per_s;
+  if (costs.frame_rate_hz) speed = std::min(speed, *costs.frame_rate_hz * scan_step_m);
+  if (!std::isfinite(speed) && planning.cost_px_per_s == 0) return 0;
+  if (exposure_s > 0) {
+    // One frame per step, and no more blur than allowed.
+    speed = std::min(speed, scan_step_m / exposure_s);
+    if (image_speed_px_per_m > 0) {
+      speed = std::min(speed, planning.max_motion_blur_px / (image_speed_px_per_m * exposure_s));
+    }
+  }
+  return std::isfinite(speed) ? travel_m / speed : 0;
+}
+
+}  // namespace sightline

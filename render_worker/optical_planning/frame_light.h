@@ -1,0 +1,78 @@
+// Light of one frame before any lens: what does not depend on f-number, focus and exposure, and so
+// is traced once for all settings.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/laser_line/line_quality.h"
+#include "render_worker/render/part_frame.h"
+#include "render_worker/render/part_scene.h"
+
+namespace sightline {
+
+struct FrameLight {
+  PartFrameRequest request;
+  // Laser light as a pinhole in the pupil's centre sees it, at the sub-pixels of a grid fine enough
+  // for the line's profile.
+  SubPixelGrid grid;
+  Image<float> laser_radiance_w_m2_sr;
+  Image<float> depth_m;  // along the optical axis; where nothing was hit, the nearest surface's
+  double laser_power_w = 0;
+  // Other light, also of a pinhole, means over pixels.
+  SubPixelGrid incoherent_grid;
+  std::vector<Image<float>>
+      channel_radiance;  // per channel, [electrons/J W/(m^2 sr)]; may be empty
+  std::array<double, 3> incoherent_wavelength_m = {550e-9, 550e-9, 550e-9};
+  double chief_distance_m = 0;  // image distance of the chief rays, for cos^4
+  // The true line: where the middle of the laser sheet meets what the camera sees and the laser
+  // reaches, at the centres of the image columns (thesis 6.4.2, the reference by rasterization:
+  // direct light, no roughness, no optics). Column and row count from the region's first pixel.
+  std::vector<LineCrossing> line;
+  double median_line_depth_m = 0;
+  // Radiance of the line, mean over a pixel about a crossing: median over the crossings, and what
+  // one in ten is below, and above.
+  double median_line_radiance_w_m2_sr = 0;
+  double dim_line_radiance_w_m2_sr = 0, bright_line_radiance_w_m2_sr = 0;
+  // The laser sheet in camera coordinates (z along the optical axis): normal . x = offset.
+  Eigen::Vector3d sheet_normal = Eigen::Vector3d::UnitY();
+  double sheet_offset_m = 0;
+};
+
+struct FrameLightOptions {
+  int margin_px = 32;                   // of the laser grid and, up to 64, of the incoherent one
+  std::optional<RegionOfInterest> roi;  // of the frame; unset: all of it
+  RenderLimits limits;
+};
+
+// `effects` act on the frame's geometry and source. FAILED_PRECONDITION, reason NO_LINE: the laser
+// lights nothing that the camera sees. CANCELLED.
+absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequest& request,
+                                           std::span<const ActiveEffect> effects,
+                                           const FrameLightOptions& options);
+
+// Part of the frame about the laser line, and what it is like, by a coarse look (direct light at
+// every eighth pixel): cheap enough for every frame of a scan.
+struct FrameGlance {
+  int lit_samples = 0;                // that the line crosses; 0: the laser lights nothing
+  double mean_log_radiance = 0;       // natural logarithm, [W/(m^2 sr)], over lit samples
+  double deviation_log_radiance = 0;  // standard deviation
+  double mean_depth_m = 0;
+  double deviation_depth_m = 0;
+  double nearest_m = 0, farthest_m = 0;  // depth of lit samples
+  RegionOfInterest roi;                  // about the lit samples, even at its edges
+};
+absl::StatusOr<FrameGlance> GlanceAtFrame(PartScene& scene, const PartFrameRequest& request,
+                                          std::span<const ActiveEffect> effects, int margin_px,
+                                          const RenderLimits& limits);
+
+// The true line from the depths at the sub-pixels and the direct laser light, which says where the
+// sheet arrives. Exposed for tests.
+std::vector<LineCrossing> FindTrueLine(const SceneView& view, const SubPixelGrid& grid,
+                                       const LaserTransport& laser);
+
+}  // namespace sightline

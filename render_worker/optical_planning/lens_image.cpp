@@ -1,0 +1,279 @@
+#include "render_worker/optical_planning/lens_image.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "render_worker/optics/circle_of_confusion.h"
+#include "render_worker/optics/incoherent_imaging.h"
+#include "render_worker/optics/laser_imaging.h"
+#include "render_worker/optics/parallel_rows.h"
+#include "render_worker/render/memory_estimate.h"
+#include "render_worker/render/part_view.h"
+
+namespace sightline {
+namespace {
+
+// Laser light darker than this share of the line is imaged without speckle.
+constexpr double kSpeckleShare = 1e-3;
+// What diffraction brings in from beyond the margin.
+constexpr double kLostEnergy = 0.01;
+constexpr int kLargestMargin_px = 160;
+
+// Weights of Catmull and Rom's cubic for the four samples about a place, `part` in [0, 1) behind
+// the second of them: exact for parabolas, so sampled profiles keep their width.
+struct CubicWeights {
+  float w[4];
+  explicit CubicWeights(float part) {
+    const float t = part, t2 = t * t, t3 = t2 * t;
+    w[0] = 0.5F * (-t3 + 2 * t2 - t);
+    w[1] = 0.5F * (3 * t3 - 5 * t2 + 2);
+    w[2] = 0.5F * (-3 * t3 + 4 * t2 + t);
+    w[3] = 0.5F * (t3 - t2);
+  }
+};
+
+// Where the samples of a fine grid lie on a coarse one.
+struct Place {
+  int first = 0;  // of four coarse samples
+  int nearest = 0;
+  CubicWeights weights{0};
+};
+std::vector<Place> Places(int fine_samples, int fine_margin_px, int fine_per_px, int coarse_samples,
+                          int coarse_margin_px, int coarse_per_px) {
+  std::vector<Place> places(static_cast<size_t>(fine_samples));
+  for (int i = 0; i < fine_samples; ++i) {
+    const double at =
+        ((i + 0.5) / fine_per_px - fine_margin_px + coarse_margin_px) * coarse_per_px - 0.5;
+    const int before = static_cast<int>(std::floor(at));
+    Place& place = places[static_cast<size_t>(i)];
+    place.first = before - 1;
+    place.weights = CubicWeights(static_cast<float>(at - before));
+    place.nearest = std::clamp(static_cast<int>(std::lround(at)), 0, coarse_samples - 1);
+  }
+  return places;
+}
+
+class LensImage {
+ public:
+  LensImage(const FrameLight& light, const FrameSetup& frame, std::span<const ActiveEffect> effects,
+            const RenderLimits& limits)
+      : light_(light),
+        frame_(frame),
+        effects_(effects),
+        limits_(limits),
+        optics_(MakeOpticsModel(frame, effects)),
+        factor_(frame, light.chief_distance_m),
+        power_(light.laser_power_w > 0 ? frame.laser.power_w / light.laser_power_w : 0) {}
+
+  absl::StatusOr<std::vector<PixelIrradiance>> Run(std::span<const uint64_t> seeds) {
+    const double brightest =
+        power_ * *std::max_element(light_.laser_radiance_w_m2_sr.values.begin(),
+                                   light_.laser_radiance_w_m2_sr.values.end());
+    // Relative to the line as it is, not to a glint on it.
+    threshold_ = static_cast<float>(
+        kSpeckleShare *
+        std::min(brightest, power_ * std::max(light_.median_line_radiance_w_m2_sr, 1e-30)));
+    IdealImage ideal = Incoherent();
+    if (absl::Status status = AddLaser(&ideal); !status.ok()) return status;
+    for (const ActiveEffect& active : effects_) {
+      active.effect->OnIdealImage(ideal, frame_, active.parameters);
+    }
+    const Image<float> dim = DimLaser();
+    std::vector<PixelIrradiance> images;
+    for (const uint64_t seed : seeds) {
+      if (limits_.cancelled != nullptr && *limits_.cancelled) {
+        return absl::CancelledError("cancelled");
+      }
+      SpeckleModel speckle;
+      speckle.seed = seed;
+      speckle.pattern_weights = frame_.speckle_pattern_weights;
+      speckle.on = frame_.speckle;
+      auto formed = FormLight(ideal, frame_, effects_, speckle, limits_.threads);
+      if (!formed.ok()) return formed.status();
+      for (size_t i = 0; i < dim.values.size(); ++i) {
+        formed->laser_irradiance_w_m2.values[i] += dim.values[i];
+      }
+      if (effects_.empty()) {
+        // Other light is the same in all realisations.
+        if (images.empty()) {
+          for (Image<float>& flux : ideal.incoherent_electron_flux_m2_s) flux = {};
+        } else {
+          formed->incoherent_electron_flux_m2_s = images[0].incoherent_electron_flux_m2_s;
+        }
+      }
+      images.push_back(*std::move(formed));
+    }
+    return images;
+  }
+
+ private:
+  float RadiusPx(double depth_m, double u_m, double v_m) const {
+    return static_cast<float>(0.5 * frame_.PupilDiameter() * frame_.ImageDistance() *
+                              std::abs(optics_.curvature(depth_m, u_m, v_m)) /
+                              frame_.sensor.pixel_pitch_m);
+  }
+
+  // Radii of the circles of confusion at the pixels of a grid of whole pixels.
+  Image<float> Radii(const SubPixelGrid& grid) const {
+    Image<float> radii(grid.columns(), grid.rows());
+    const SubPixelGrid& fine = light_.grid;
+    for (int i = 0; i < radii.rows_px; ++i) {
+      const int row =
+          std::clamp((i - grid.margin_px + fine.margin_px) * fine.sub_pixels + fine.sub_pixels / 2,
+                     0, fine.rows() - 1);
+      for (int j = 0; j < radii.columns_px; ++j) {
+        const int column = std::clamp(
+            (j - grid.margin_px + fine.margin_px) * fine.sub_pixels + fine.sub_pixels / 2, 0,
+            fine.columns() - 1);
+        radii.At(i, j) = RadiusPx(light_.depth_m.At(row, column), grid.U(j), grid.V(i));
+      }
+    }
+    return radii;
+  }
+
+  void Scale(const SubPixelGrid& grid, Image<float>* image) const {
+    for (int i = 0; i < image->rows_px; ++i) {
+      for (int j = 0; j < image->columns_px; ++j) {
+        image->At(i, j) *= static_cast<float>(factor_(grid.U(j), grid.V(i)));
+      }
+    }
+  }
+
+  IdealImage Incoherent() const {
+    IdealImage ideal;
+    ideal.incoherent_grid = light_.incoherent_grid;
+    ideal.incoherent_wavelength_m = light_.incoherent_wavelength_m;
+    ideal.constant_depth_m = light_.median_line_depth_m;
+    if (light_.channel_radiance.empty()) return ideal;
+    const Image<float> radii = Radii(light_.incoherent_grid);
+    for (size_t channel = 0; channel < light_.channel_radiance.size(); ++channel) {
+      Image<float> flux = SpreadByDefocus(light_.channel_radiance[channel], radii, limits_.threads);
+      Scale(light_.incoherent_grid, &flux);
+      ideal.incoherent_electron_flux_m2_s[channel] = std::move(flux);
+    }
+    return ideal;
+  }
+
+  // Laser light that has speckle, at the sub-pixels the pupil needs.
+  absl::Status AddLaser(IdealImage* ideal) {
+    const auto [nearest, farthest] =
+        std::minmax_element(light_.depth_m.values.begin(), light_.depth_m.values.end());
+    double curvature = 0;
+    const RegionOfInterest& roi = frame_.roi;
+    const double p = frame_.sensor.pixel_pitch_m;
+    for (const float depth : {*nearest, *farthest}) {
+      for (const double u : {roi.column_px * p, (roi.column_px + roi.columns_px) * p}) {
+        for (const double v : {roi.row_px * p, (roi.row_px + roi.rows_px) * p}) {
+          curvature = std::max(curvature, std::abs(optics_.curvature(depth, u, v)));
+        }
+      }
+    }
+    SubPixelGrid grid = MakeSubPixelGrid(frame_, optics_, curvature, kLostEnergy);
+    grid.margin_px = std::min(grid.margin_px, light_.grid.margin_px);
+    const int channels = static_cast<int>(light_.channel_radiance.size());
+    if (absl::Status status =
+            CheckFrameBytes(FrameBytes(grid, light_.incoherent_grid, channels),
+                            limits_.max_image_bytes, frame_, grid.sub_pixels, "image");
+        !status.ok()) {
+      return status;
+    }
+    ideal->grid = grid;
+    ideal->laser_irradiance_w_m2 = Image<float>(grid.columns(), grid.rows());
+    ideal->depth_m = Image<float>(grid.columns(), grid.rows());
+    const SubPixelGrid& coarse = light_.grid;
+    const std::vector<Place> columns =
+        Places(grid.columns(), grid.margin_px, grid.sub_pixels, coarse.columns(), coarse.margin_px,
+               coarse.sub_pixels);
+    const std::vector<Place> rows = Places(grid.rows(), grid.margin_px, grid.sub_pixels,
+                                           coarse.rows(), coarse.margin_px, coarse.sub_pixels);
+    const Image<float>& radiance = light_.laser_radiance_w_m2_sr;
+    const auto power = static_cast<float>(power_);
+    ForIndexRanges(limits_.threads, grid.rows(), [&](int begin, int end) {
+      for (int i = begin; i < end; ++i) {
+        const Place& row = rows[static_cast<size_t>(i)];
+        const float* samples[4];
+        for (int k = 0; k < 4; ++k) {
+          samples[k] = radiance.Row(std::clamp(row.first + k, 0, coarse.rows() - 1));
+        }
+        const float* nearest_row = radiance.Row(row.nearest);
+        const float* depths = light_.depth_m.Row(row.nearest);
+        float* light_out = ideal->laser_irradiance_w_m2.Row(i);
+        float* depth_out = ideal->depth_m.Row(i);
+        for (int j = 0; j < grid.columns(); ++j) {
+          const Place& column = columns[static_cast<size_t>(j)];
+          depth_out[j] = depths[column.nearest];
+          // What is dim at the nearest sample is dim.
+          if (power * nearest_row[column.nearest] < threshold_) continue;
+          float sum = 0;
+          for (int k = 0; k < 4; ++k) {
+            float along = 0;
+            for (int l = 0; l < 4; ++l) {
+              const int c = std::clamp(column.first + l, 0, coarse.columns() - 1);
+              along += column.weights.w[l] * samples[k][c];
+            }
+            sum += row.weights.w[k] * along;
+          }
+          light_out[j] =
+              std::max(power * sum, 0.F) * static_cast<float>(factor_(grid.U(j), grid.V(i)));
+        }
+      }
+    });
+    return absl::OkStatus();
+  }
+
+  // The rest of the laser light: irradiance of the pixels, empty if there is none.
+  Image<float> DimLaser() const {
+    const SubPixelGrid& fine = light_.grid;
+    SubPixelGrid pixels = fine;
+    pixels.sub_pixels = 1;
+    Image<float> dim(pixels.columns(), pixels.rows());
+    const int s = fine.sub_pixels;
+    const auto power = static_cast<float>(power_);
+    bool any = false;
+    for (int i = 0; i < fine.rows(); ++i) {
+      const float* row = light_.laser_radiance_w_m2_sr.Row(i);
+      for (int j = 0; j < fine.columns(); ++j) {
+        const float value = power * row[j];
+        if (value >= threshold_ || !(value > 0)) continue;
+        dim.At(i / s, j / s) += value / static_cast<float>(s * s);
+        any = true;
+      }
+    }
+    if (!any || !frame_.laser_on || !frame_.shutter_open) return {};
+    dim = SpreadByDefocus(dim, Radii(pixels), limits_.threads);
+    Scale(pixels, &dim);
+    return ImageIncoherent(dim, pixels, frame_.laser.wavelength_m, optics_, limits_.threads);
+  }
+
+  const FrameLight& light_;
+  const FrameSetup& frame_;
+  std::span<const ActiveEffect> effects_;
+  const RenderLimits& limits_;
+  OpticsModel optics_;
+  IrradianceFactor factor_;
+  double power_;
+  float threshold_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<std::vector<PixelIrradiance>> ImageThroughLens(
+    const FrameLight& light, const FrameSetup& frame, std::span<const ActiveEffect> effects,
+    std::span<const uint64_t> speckle_seeds, const RenderLimits& limits) {
+  return LensImage(light, frame, effects, limits).Run(speckle_seeds);
+}
+
+int LensMarginPx(const FrameSetup& frame, std::span<const ActiveEffect> effects,
+                 std::span<const double> depths_m) {
+  const OpticsModel optics = MakeOpticsModel(frame, effects);
+  double curvature = 0;
+  for (const double depth : depths_m) {
+    curvature = std::max(curvature, std::abs(optics.curvature(depth, 0, 0)));
+  }
+  return std::min(MakeSubPixelGrid(frame, optics, curvature, kLostEnergy).margin_px,
+                  kLargestMargin_px);
+}
+
+}  // namespace sightline

@@ -1,0 +1,28 @@
+// The light of a frame through a lens: one image per realisation of the speckle.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "render_worker/image_chain/form_image.h"
+#include "render_worker/optical_planning/frame_light.h"
+
+namespace sightline {
+
+// `frame`: the lens setting, after the effects on frames (ApplyFrameEffects); its laser power may
+// differ from the one the light was traced with. One image of the pixels per seed. Laser light
+// below a thousandth of the line is imaged without speckle: its fluctuation would be no more than
+// that of the line's own light anywhere. Defocus of other light is that of SpreadByDefocus.
+// INVALID_ARGUMENT: the light's grid has too small a margin (its field is named);
+// RESOURCE_EXHAUSTED: more than `max_image_bytes`; CANCELLED.
+absl::StatusOr<std::vector<PixelIrradiance>> ImageThroughLens(
+    const FrameLight& light, const FrameSetup& frame, std::span<const ActiveEffect> effects,
+    std::span<const uint64_t> speckle_seeds, const RenderLimits& limits);
+
+// Margin [px] of the light's grid that ImageThroughLens needs for a setting and depths.
+int LensMarginPx(const FrameSetup& frame, std::span<const ActiveEffect> effects,
+                 std::span<const double> depths_m);
+
+}  // namespace sightline

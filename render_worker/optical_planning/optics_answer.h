@@ -1,0 +1,25 @@
+// Choices of settings as messages.
+#pragma once
+
+#include "core/inspection/inspection.h"
+#include "render_worker/optical_planning/choose_setting.h"
+#include "sightline/v1/optics.pb.h"
+
+namespace sightline {
+
+// `height_per_px`: height [m] that one pixel of u_px makes (HeightPerPixel); `scan_time_s`: 0 if
+// not known.
+v1::OpticsPoint PointToProto(const JudgedSetting& judged, const JudgedSetting& best,
+                             double height_per_px, double scan_time_s);
+
+// Height along the laser's direction that a displacement of one pixel in the image makes:
+// p d / (b sin theta), with theta between the directions of camera and laser (cf. thesis eq. 5.9,
+// where the surface is perpendicular to the camera and the tangent stands for the sine).
+double HeightPerPixel(const FrameSetup& frame, double line_depth_m);
+
+// The choice with its curve, alternatives and statement; frames and numbers of the scan are left to
+// the caller.
+v1::OpticsChoice ChoiceToProto(const SettingChoice& choice, const Inspection& inspection,
+                               const SettingGroup& group, double height_per_px);
+
+}  // namespace sightline

@@ -1,0 +1,401 @@
+#include "render_worker/optical_planning/plan_optics.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "proto/status/rpc_status.h"
+#include "render_worker/image_file/grey_png.h"
+#include "render_worker/optical_planning/choose_setting.h"
+#include "render_worker/optical_planning/lens_image.h"
+#include "render_worker/optical_planning/optics_answer.h"
+#include "render_worker/optical_planning/representative_frames.h"
+#include "render_worker/render/part_view.h"
+#include "render_worker/sensor/expose.h"
+
+namespace sightline {
+namespace {
+
+// Frames of a scan that are glanced at; more of them, evenly spaced, say nothing new.
+constexpr int kMostGlances = 64;
+// About the line, so that false lines beside it are seen.
+constexpr int kRoiMargin_px = 48;
+// Frames of all scans together that one common setting is chosen by.
+constexpr int kCommonFrames = 16;
+constexpr int kPictureColumns_px = 384, kPictureRows_px = 128;
+// Below this the frames hardly stand for their scan.
+constexpr double kPoorlyRepresented = 0.5;
+
+bool IsCancelled(const RenderLimits& limits) {
+  return limits.cancelled != nullptr && *limits.cancelled;
+}
+
+// A frame with what a coarse look shows of it.
+struct SeenFrame {
+  const OpticsTask::Frame* frame = nullptr;
+  FrameGlance glance;
+};
+
+struct Scan {
+  int number = 0;
+  int frames = 0;  // in all
+  double travel_m = 0;
+  std::vector<SeenFrame> seen;  // some of them, evenly spaced
+  double lit_samples = 0;       // of those seen, times frames over seen
+
+  bool lit() const { return lit_samples > 0; }
+};
+
+// A frame that stands for others, with the length of line it stands for.
+struct ChosenFrame {
+  const SeenFrame* seen = nullptr;
+  int scan = 0;
+  double share = 0;        // of its scan
+  double lit_samples = 0;  // it stands for
+};
+
+// Frames that get one setting.
+struct FrameGroup {
+  int scan = 0;  // 0: several
+  std::vector<ChosenFrame> frames;
+  double represented_fraction = 1;
+  SettingGroup setting;
+};
+
+class OpticsPlanner {
+ public:
+  OpticsPlanner(PartScene& scene, std::span<const ActiveEffect> effects, const OpticsTask& task,
+                const OpticsHooks& hooks)
+      : scene_(scene),
+        inspection_(scene.inspection()),
+        planning_(*inspection_.optics),
+        effects_(effects),
+        task_(task),
+        hooks_(hooks) {}
+
+  absl::StatusOr<v1::OpticsPlan> Run() {
+    const FrameSetup nominal = PartFrameSetup(inspection_, task_.frames[0].request);
+    if (absl::Status s = CheckEffectsActOnParts(nominal, effects_); !s.ok()) return s;
+    v1::OpticsPlan plan;
+    plan.set_inspection_name(inspection_.name);
+    plan.set_seed(static_cast<int64_t>(task_.seed));
+    for (const std::string& warning : ScaleWarnings(scene_, nominal)) plan.add_warnings(warning);
+    if (absl::Status s = LookAtScans(&plan); !s.ok()) return s;
+
+    std::vector<FrameGroup> groups;
+    if (scans_.size() > 1) groups.push_back(GroupOf(All(), FramesPerScanTogether()));
+    if (scans_.size() == 1 || task_.per_scan) {
+      for (const Scan& scan : scans_) {
+        groups.push_back(GroupOf({&scan}, planning_.frames_per_scan));
+      }
+    }
+    for (size_t g = 0; g < groups.size(); ++g) {
+      done_ = 0.05 + 0.95 * static_cast<double>(g) / static_cast<double>(groups.size());
+      share_ = 0.95 / static_cast<double>(groups.size());
+      auto choice = Choose(groups[g], &plan);
+      if (!choice.ok()) return choice.status();
+      if (groups[g].scan == 0 || groups.size() == 1) {
+        *plan.mutable_common() = *choice;
+        plan.mutable_common()->set_scan(0);
+      }
+      if (groups[g].scan != 0 && groups.size() > 1) *plan.add_scans() = *std::move(choice);
+    }
+    *plan.mutable_best() = plan.common().best();
+    *plan.mutable_curve() = plan.common().curve();
+    plan.set_evaluated_images(evaluated_images_);
+    return plan;
+  }
+
+ private:
+  void Say(double fraction, const std::string& message) const {
+    if (hooks_.on_progress) hooks_.on_progress(std::clamp(fraction, 0.0, 1.0), message);
+  }
+
+  // A coarse look at every scan; those without light are left out, with a warning.
+  absl::Status LookAtScans(v1::OpticsPlan* plan) {
+    std::vector<int> numbers;
+    for (const OpticsTask::Frame& frame : task_.frames) {
+      if (std::find(numbers.begin(), numbers.end(), frame.scan) == numbers.end()) {
+        numbers.push_back(frame.scan);
+      }
+    }
+    for (size_t n = 0; n < numbers.size(); ++n) {
+      std::vector<const OpticsTask::Frame*> frames;
+      for (const OpticsTask::Frame& frame : task_.frames) {
+        if (frame.scan == numbers[n]) frames.push_back(&frame);
+      }
+      Scan scan;
+      scan.number = numbers[n];
+      scan.frames = static_cast<int>(frames.size());
+      const auto [first, last] =
+          std::minmax_element(frames.begin(), frames.end(), [](const auto* a, const auto* b) {
+            return a->request.stage_position_m < b->request.stage_position_m;
+          });
+      if (frames.size() > 1) {
+        scan.travel_m = (*last)->request.stage_position_m - (*first)->request.stage_position_m;
+      }
+      const int glances = std::min(scan.frames, kMostGlances);
+      for (int i = 0; i < glances; ++i) {
+        if (IsCancelled(hooks_.limits)) return absl::CancelledError("cancelled");
+        Say(0.05 * (static_cast<double>(n) + static_cast<double>(i) / glances) /
+                static_cast<double>(numbers.size()),
+            "looking at the frames");
+        SeenFrame seen;
+        seen.frame = frames[static_cast<size_t>((i + 0.5) * scan.frames / glances)];
+        auto glance =
+            GlanceAtFrame(scene_, seen.frame->request, effects_, kRoiMargin_px, hooks_.limits);
+        if (!glance.ok()) return glance.status();
+        seen.glance = *glance;
+        scan.lit_samples += seen.glance.lit_samples;
+        scan.seen.push_back(seen);
+      }
+      scan.lit_samples *= static_cast<double>(scan.frames) / glances;
+      if (scan.lit()) {
+        scans_.push_back(std::move(scan));
+      } else {
+        plan->add_warnings(
+            absl::StrCat("scan ", scan.number,
+                         ": the laser lights nothing that the camera sees; it has no "
+                         "part in the choice"));
+      }
+    }
+    if (!scans_.empty()) return absl::OkStatus();
+    return WithErrorInfo(absl::FailedPreconditionError(
+                             task_.frames.size() == 1
+                                 ? "the laser lights nothing that the camera sees in this frame"
+                                 : "the laser lights nothing that the camera sees, in any frame"),
+                         "NO_LINE");
+  }
+
+  int FramesPerScanTogether() const {
+    return std::clamp(kCommonFrames / static_cast<int>(scans_.size()), 1,
+                      planning_.frames_per_scan);
+  }
+
+  std::vector<const Scan*> All() const {
+    std::vector<const Scan*> all;
+    for (const Scan& scan : scans_) all.push_back(&scan);
+    return all;
+  }
+
+  FrameGroup GroupOf(const std::vector<const Scan*>& scans, int frames_per_scan) const {
+    FrameGroup group;
+    group.scan = scans.size() == 1 ? scans[0]->number : 0;
+    double represented = 0, lit = 0;
+    for (const Scan* scan : scans) {
+      std::vector<FrameGlance> glances;
+      for (const SeenFrame& seen : scan->seen) glances.push_back(seen.glance);
+      const Representatives chosen = ChooseRepresentatives(glances, frames_per_scan);
+      for (const Representatives::Frame& frame : chosen.frames) {
+        group.frames.push_back({&scan->seen[static_cast<size_t>(frame.index)], scan->number,
+                                frame.weight, frame.weight * scan->lit_samples});
+      }
+      represented += scan->lit_samples * chosen.represented_fraction;
+      lit += scan->lit_samples;
+      group.setting.travel_m += scan->travel_m;
+    }
+    group.represented_fraction = represented / lit;
+    return group;
+  }
+
+  // Margin that all settings of the search need.
+  int Margin(const FrameGroup& group) const {
+    std::vector<double> depths;
+    for (const ChosenFrame& chosen : group.frames) {
+      depths.push_back(chosen.seen->glance.nearest_m);
+      depths.push_back(chosen.seen->glance.farthest_m);
+    }
+    FrameSetup frame = PartFrameSetup(inspection_, group.frames[0].seen->frame->request);
+    std::vector<double> focus = {*frame.lens.focus_distance_m};
+    if (planning_.focus_distance_m) {
+      focus = planning_.focus_distance_m->values;
+      if (planning_.focus_distance_m->is_range()) {
+        focus = {planning_.focus_distance_m->min, planning_.focus_distance_m->max};
+      }
+    }
+    int margin = 0;
+    for (const double f_number : {planning_.f_numbers.front(), planning_.f_numbers.back()}) {
+      for (const double distance : focus) {
+        frame.lens.f_number = f_number;
+        frame.lens.focus_distance_m = distance;
+        margin =
+            std::max(margin, LensMarginPx(ApplyFrameEffects(frame, effects_), effects_, depths));
+      }
+    }
+    return margin;
+  }
+
+  // Traced light of the group's frames, weighted so that sums over them stand for the whole.
+  absl::StatusOr<std::vector<WeightedFrame>> Trace(const FrameGroup& group) {
+    FrameLightOptions options;
+    options.margin_px = Margin(group);
+    options.limits = hooks_.limits;
+    std::vector<WeightedFrame> traced;
+    for (const ChosenFrame& chosen : group.frames) {
+      Say(done_ + 0.2 * share_ * static_cast<double>(traced.size()) /
+                      static_cast<double>(group.frames.size()),
+          absl::StrFormat("light of scan %d, frame %d", chosen.scan, chosen.seen->frame->frame));
+      // A single frame is judged as a whole, those of scans about their line.
+      if (task_.frames.size() > 1) options.roi = chosen.seen->glance.roi;
+      auto light = TraceFrameLight(scene_, chosen.seen->frame->request, effects_, options);
+      if (!light.ok()) return light.status();
+      const double weight =
+          chosen.lit_samples / std::max<double>(1, chosen.seen->glance.lit_samples);
+      traced.push_back({std::make_shared<const FrameLight>(*std::move(light)), weight});
+    }
+    // Relative weights count; those of a single frame are 1.
+    double sum = 0;
+    for (const WeightedFrame& frame : traced) sum += frame.weight;
+    for (WeightedFrame& frame : traced) {
+      frame.weight *= static_cast<double>(traced.size()) / sum;
+    }
+    return traced;
+  }
+
+  // Motion of the image per travel of the stage, the fastest of the group's scans.
+  double ImageSpeed_px_per_m(const FrameGroup& group) const {
+    double fastest = 0;
+    for (const ChosenFrame& chosen : group.frames) {
+      const FrameSetup nominal = PartFrameSetup(inspection_, chosen.seen->frame->request);
+      const FrameSetup frame = ApplyFrameEffects(nominal, effects_);
+      const TrueGeometry truth = WithGeometryErrors(
+          inspection_.rig, chosen.seen->frame->request.measurement, nominal, frame);
+      fastest = std::max(fastest, ImageMotion(truth, frame, 1).norm() / frame.sensor.pixel_pitch_m);
+    }
+    return fastest;
+  }
+
+  absl::StatusOr<v1::OpticsChoice> Choose(FrameGroup& group, v1::OpticsPlan* plan) {
+    auto traced = Trace(group);
+    if (!traced.ok()) return traced.status();
+    const FrameSetup frame = PartFrameSetup(inspection_, group.frames[0].seen->frame->request);
+    group.setting.image_speed_px_per_m = ImageSpeed_px_per_m(group);
+    group.setting.stated_focus_m = *frame.lens.focus_distance_m;
+    SettingJudge judge(inspection_, effects_, *std::move(traced), task_.seed, hooks_.limits);
+    const ExposureLimit limit = LimitExposure(inspection_.costs, inspection_.rig.scan_step_m,
+                                              planning_, group.setting.image_speed_px_per_m);
+    const ExposureGrid grid = MakeExposureGrid(judge, inspection_, limit);
+    const std::string name =
+        group.scan == 0 ? "one setting for all scans" : absl::StrCat("scan ", group.scan);
+    auto choice = ChooseSetting(judge, inspection_, group.setting, grid, [&](double fraction) {
+      Say(done_ + share_ * (0.2 + 0.75 * fraction), name);
+    });
+    if (!choice.ok()) return choice.status();
+    const double height_per_px =
+        HeightPerPixel(frame, judge.frames()[0].light->median_line_depth_m);
+    v1::OpticsChoice answer = ChoiceToProto(*choice, inspection_, group.setting, height_per_px);
+    answer.set_scan(group.scan);
+    answer.set_represented_fraction(group.represented_fraction);
+    if (absl::Status s = AddFrames(group, judge, choice->chosen(), &answer); !s.ok()) return s;
+    evaluated_images_ += judge.judged_images();
+    if (group.represented_fraction < kPoorlyRepresented) {
+      plan->add_warnings(absl::StrFormat(
+          "%s: the frames that were rendered stand for %.0f %% of what its frames differ in; more "
+          "frames (optics.frames_per_scan) would say more",
+          name, 100 * group.represented_fraction));
+    }
+    for (const FNumberChoice& here : choice->curve) {
+      if (here.refused.empty()) continue;
+      plan->add_warnings(
+          absl::StrFormat("%s: f/%.3g is left out: %s", name, here.f_number, here.refused));
+    }
+    return answer;
+  }
+
+  // The group's frames with the setting chosen, with a picture of each.
+  absl::Status AddFrames(const FrameGroup& group, SettingJudge& judge, const JudgedSetting& best,
+                         v1::OpticsChoice* answer) {
+    if (absl::Status s = judge.LookThrough(best.setting.lens); !s.ok()) return s;
+    const LineCost cost{planning_.prior_uncertainty_px, planning_.false_line_weight};
+    size_t block = 0;
+    for (size_t f = 0; f < group.frames.size(); ++f) {
+      const ChosenFrame& chosen = group.frames[f];
+      const FrameLight& light = *judge.frames()[f].light;
+      v1::RepresentativeFrame* entry = answer->add_frames();
+      entry->set_scan(chosen.scan);
+      entry->set_frame(chosen.seen->frame->frame);
+      entry->set_stage_position_m(chosen.seen->frame->request.stage_position_m);
+      entry->set_weight(chosen.share);
+      entry->set_line_points(static_cast<int64_t>(light.line.size()));
+      // Its own blocks of the sums.
+      const FrameSetup setup = judge.Setup(f, best.setting, 0);
+      const size_t blocks = JudgeLine({std::vector<std::vector<LinePoint>>(
+                                          PlanDetection(setup, planning_.detector).planes.size())},
+                                      PlanDetection(setup, planning_.detector), light.line,
+                                      light.grid.roi.columns_px, 1)
+                                .size();
+      LineSums sums;
+      for (size_t b = 0; b < blocks; ++b, ++block) {
+        for (const LineSums& r : best.sums[block]) sums += r;
+      }
+      const double unweighted =
+          1 / (judge.frames()[f].weight * static_cast<double>(best.sums[0].size()));
+      const LineQuality quality = QualityOf(unweighted * sums, cost);
+      entry->set_u_px(quality.u_px);
+      entry->set_profile_coverage(quality.profile_coverage);
+      auto picture =
+          Picture(ReadOut(judge.light(f), setup, effects_, nullptr).raw_dn, setup, light);
+      if (!picture.ok()) return picture.status();
+      entry->set_picture_png(*std::move(picture));
+    }
+    return absl::OkStatus();
+  }
+
+  // The part of an image with most of the line, from black level to the brightest tenth of a per
+  // cent, in square-root steps as the eye sees it. Of Bayer sensors the detected channel alone.
+  static absl::StatusOr<std::string> Picture(const Image<uint16_t>& raw_dn, const FrameSetup& frame,
+                                             const FrameLight& light) {
+    const DetectionPlan plan = PlanDetection(frame, {});
+    const PixelPlane& plane = plan.planes[0];
+    const Image<float> values = PlaneValues(raw_dn, plane);
+    const int columns = std::min(kPictureColumns_px, values.columns_px);
+    const int rows = std::min(kPictureRows_px, values.rows_px);
+    // About the median crossing.
+    std::vector<LineCrossing> line = light.line;
+    std::nth_element(
+        line.begin(), line.begin() + static_cast<std::ptrdiff_t>(line.size() / 2), line.end(),
+        [](const LineCrossing& a, const LineCrossing& b) { return a.column_px < b.column_px; });
+    const LineCrossing& middle = line[line.size() / 2];
+    const int left =
+        std::clamp(middle.column_px / plane.step - columns / 2, 0, values.columns_px - columns);
+    const int top = std::clamp(static_cast<int>(middle.row_px) / plane.step - rows / 2, 0,
+                               values.rows_px - rows);
+    std::vector<float> sorted(values.values.begin(), values.values.end());
+    const auto bright = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() * 999 / 1000);
+    std::nth_element(sorted.begin(), bright, sorted.end());
+    const double black = DarkMeanDn(frame.sensor);
+    const double range = std::max<double>(*bright - black, 1);
+    Image<uint8_t> grey(columns, rows);
+    for (int i = 0; i < rows; ++i) {
+      for (int j = 0; j < columns; ++j) {
+        const double part = std::clamp((values.At(top + i, left + j) - black) / range, 0.0, 1.0);
+        grey.At(i, j) = static_cast<uint8_t>(std::lround(255 * std::sqrt(part)));
+      }
+    }
+    return EncodeGreyPng(grey);
+  }
+
+  PartScene& scene_;
+  const Inspection& inspection_;
+  const OpticsPlanning& planning_;
+  std::span<const ActiveEffect> effects_;
+  const OpticsTask& task_;
+  const OpticsHooks& hooks_;
+  std::vector<Scan> scans_;
+  double done_ = 0, share_ = 1;  // of the whole, before and for the group at work
+  int64_t evaluated_images_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<v1::OpticsPlan> PlanOptics(PartScene& scene, std::span<const ActiveEffect> effects,
+                                          const OpticsTask& task, const OpticsHooks& hooks) {
+  return OpticsPlanner(scene, effects, task, hooks).Run();
+}
+
+}  // namespace sightline

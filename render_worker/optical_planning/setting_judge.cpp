@@ -1,0 +1,192 @@
+#include "render_worker/optical_planning/setting_judge.h"
+
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <utility>
+
+#include "core/random/counter_random.h"
+#include "render_worker/optical_planning/lens_image.h"
+#include "render_worker/optics/parallel_rows.h"
+
+namespace sightline {
+namespace {
+
+// A position farther than this many prior uncertainties from the line is another line.
+constexpr double kReachDeviations = 3;
+// From this f-number on speckle is as large as pixels, and every realisation counts.
+constexpr double kFullRealisationsFNumber = 4;
+
+PixelIrradiance WithPower(const PixelIrradiance& light, double factor) {
+  PixelIrradiance scaled = light;
+  for (float& value : scaled.laser_irradiance_w_m2.values) value *= static_cast<float>(factor);
+  return scaled;
+}
+
+}  // namespace
+
+struct SettingJudge::Images {
+  double laser_power_w = 0;  // they were formed with
+  std::vector<PixelIrradiance> realisations;
+};
+
+SettingJudge::SettingJudge(const Inspection& inspection, std::span<const ActiveEffect> effects,
+                           std::vector<WeightedFrame> frames, uint64_t seed, RenderLimits limits)
+    : inspection_(inspection),
+      effects_(effects),
+      planning_(inspection.optics.value()),
+      frames_(std::move(frames)),
+      seed_(seed),
+      limits_(std::move(limits)) {}
+
+SettingJudge::~SettingJudge() = default;
+
+FrameSetup SettingJudge::Setup(size_t frame, const OpticalSetting& setting, int realisation) const {
+  const FrameLight& light = *frames_[frame].light;
+  PartFrameRequest request = light.request;
+  request.setting = CameraSetting{setting.lens.f_number,          setting.exposure_time_s,
+                                  setting.lens.focus_distance_m,  setting.laser_power_w,
+                                  setting.lens.sensor_tilt_x_rad, setting.lens.sensor_tilt_y_rad};
+  FrameSetup setup = PartFrameSetup(inspection_, request);
+  // Never those of an image that `sightline render` makes.
+  const auto r = static_cast<uint64_t>(realisation);
+  setup.seeds.speckle = DeriveSeed(setup.seeds.speckle ^ seed_, "optics realisation", r);
+  setup.seeds.noise = DeriveSeed(setup.seeds.noise ^ seed_, "optics realisation", r);
+  setup.roi = light.grid.roi;
+  return ApplyFrameEffects(setup, effects_);
+}
+
+absl::Status SettingJudge::LookThrough(const LensSetting& lens) {
+  images_.clear();
+  lens_ = lens;
+  for (size_t f = 0; f < frames_.size(); ++f) {
+    OpticalSetting setting;
+    setting.lens = lens;
+    setting.laser_power_w = inspection_.rig.laser.power_w;
+    std::vector<uint64_t> seeds;
+    for (int r = 0; r < Realisations(); ++r) {
+      seeds.push_back(Setup(f, setting, r).seeds.speckle);
+    }
+    const FrameSetup setup = Setup(f, setting, 0);
+    auto images = ImageThroughLens(*frames_[f].light, setup, effects_, seeds, limits_);
+    if (!images.ok()) return images.status();
+    images_.push_back(
+        std::make_unique<Images>(Images{inspection_.rig.laser.power_w, *std::move(images)}));
+  }
+  return absl::OkStatus();
+}
+
+const PixelIrradiance& SettingJudge::light(size_t frame) const {
+  return images_[frame]->realisations[0];
+}
+
+int SettingJudge::Realisations() const {
+  const double some = planning_.realisations * lens_.f_number / kFullRealisationsFNumber;
+  return std::clamp(static_cast<int>(std::ceil(some)), 2, planning_.realisations);
+}
+
+double SettingJudge::ReachPx() const { return kReachDeviations * planning_.prior_uncertainty_px; }
+
+absl::StatusOr<DetectedLine> SettingJudge::Detect(size_t frame, const OpticalSetting& setting,
+                                                  int realisation, int exposure) const {
+  const Images& images = *images_[frame];
+  FrameSetup setup = Setup(frame, setting, realisation);
+  if (exposure > 0) setup.seeds.noise = DeriveSeed(setup.seeds.noise, "second exposure");
+  const PixelIrradiance& light = images.realisations[static_cast<size_t>(realisation)];
+  // The scale of the filter follows the line's own distance.
+  FrameSetup at_line = setup;
+  at_line.plate.camera_distance_m = frames_[frame].light->median_line_depth_m;
+  const DetectionPlan plan = PlanDetection(at_line, planning_.detector);
+  if (setting.laser_power_w == images.laser_power_w || !(images.laser_power_w > 0)) {
+    return ExposeAndDetect(light, setup, effects_, plan);
+  }
+  return ExposeAndDetect(WithPower(light, setting.laser_power_w / images.laser_power_w), setup,
+                         effects_, plan);
+}
+
+JudgedSetting SettingJudge::Summarise(
+    const OpticalSetting& setting,
+    const std::vector<std::vector<std::vector<LineSums>>>& by_frame) const {
+  std::vector<std::vector<LineSums>> sums;
+  for (size_t f = 0; f < frames_.size(); ++f) {
+    const size_t blocks = by_frame[f][0].size();
+    for (size_t b = 0; b < blocks; ++b) {
+      std::vector<LineSums> realisations;
+      for (const std::vector<LineSums>& r : by_frame[f]) {
+        realisations.push_back(frames_[f].weight * r[b]);
+      }
+      sums.push_back(std::move(realisations));
+    }
+  }
+  QualityEstimate quality(sums, {planning_.prior_uncertainty_px, planning_.false_line_weight});
+  return {setting, std::move(sums), std::move(quality), 0};
+}
+
+absl::StatusOr<std::vector<JudgedSetting>> SettingJudge::Judge(
+    std::span<const double> exposure_times_s, double laser_power_w) {
+  std::vector<std::pair<double, double>> single;
+  for (const double time_s : exposure_times_s) single.emplace_back(time_s, 0.0);
+  return JudgePairs(single, laser_power_w);
+}
+
+absl::StatusOr<std::vector<JudgedSetting>> SettingJudge::JudgePairs(
+    std::span<const std::pair<double, double>> long_and_short_s, double laser_power_w) {
+  assert(images_.size() == frames_.size());
+  const int realisations = Realisations();
+  const int frames = static_cast<int>(frames_.size());
+  const int pairs = static_cast<int>(long_and_short_s.size());
+  // [pair][frame][realisation]
+  std::vector<std::vector<std::vector<std::vector<LineSums>>>> sums(
+      static_cast<size_t>(pairs),
+      std::vector<std::vector<std::vector<LineSums>>>(
+          static_cast<size_t>(frames),
+          std::vector<std::vector<LineSums>>(static_cast<size_t>(realisations))));
+  const int tasks = pairs * frames * realisations;
+  std::vector<absl::Status> statuses(static_cast<size_t>(tasks));
+  // Neighbouring tasks cost about the same: dealt out in turn.
+  const int threads = std::max(1, limits_.threads);
+  ForIndexRanges(threads, threads, [&](int begin, int end) {
+    for (int thread = begin; thread < end; ++thread) {
+      for (int task = thread; task < tasks; task += threads) {
+        if (limits_.cancelled != nullptr && *limits_.cancelled) return;
+        const auto pair = static_cast<size_t>(task / (frames * realisations));
+        const auto frame = static_cast<size_t>(task / realisations % frames);
+        const int r = task % realisations;
+        OpticalSetting setting{lens_, long_and_short_s[pair].first, 0, laser_power_w};
+        auto detected = Detect(frame, setting, r, 0);
+        if (detected.ok() && long_and_short_s[pair].second > 0) {
+          setting.exposure_time_s = long_and_short_s[pair].second;
+          const auto second = Detect(frame, setting, r, 1);
+          if (second.ok()) {
+            *detected = MergeExposures(*detected, *second, ReachPx());
+          } else {
+            detected = second.status();
+          }
+        }
+        if (!detected.ok()) {
+          statuses[static_cast<size_t>(task)] = detected.status();
+          continue;
+        }
+        const FrameLight& light = *frames_[frame].light;
+        const FrameSetup setup = Setup(frame, setting, r);
+        sums[pair][frame][static_cast<size_t>(r)] =
+            JudgeLine(*detected, PlanDetection(setup, planning_.detector), light.line,
+                      light.grid.roi.columns_px, ReachPx());
+      }
+    }
+  });
+  if (limits_.cancelled != nullptr && *limits_.cancelled) return absl::CancelledError("cancelled");
+  for (const absl::Status& status : statuses) {
+    if (!status.ok()) return status;
+  }
+  judged_images_ += tasks;
+  std::vector<JudgedSetting> judged;
+  for (int pair = 0; pair < pairs; ++pair) {
+    const auto& [long_s, short_s] = long_and_short_s[static_cast<size_t>(pair)];
+    judged.push_back(
+        Summarise({lens_, long_s, short_s, laser_power_w}, sums[static_cast<size_t>(pair)]));
+  }
+  return judged;
+}
+
+}  // namespace sightline

@@ -1,0 +1,99 @@
+// Judges camera settings by the images that a group of frames would give.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/inspection/optics_planning.h"
+#include "core/laser_line/line_quality.h"
+#include "render_worker/optical_planning/frame_light.h"
+#include "render_worker/optical_planning/line_evaluation.h"
+
+namespace sightline {
+
+// What is set at the lens.
+struct LensSetting {
+  double f_number = 0;
+  double focus_distance_m = 0;
+  double sensor_tilt_x_rad = 0, sensor_tilt_y_rad = 0;
+
+  auto operator<=>(const LensSetting&) const = default;
+};
+
+struct OpticalSetting {
+  LensSetting lens;
+  double exposure_time_s = 0;
+  double second_exposure_time_s = 0;  // 0: none
+  double laser_power_w = 0;
+};
+
+struct JudgedSetting {
+  OpticalSetting setting;
+  std::vector<std::vector<LineSums>>
+      sums;  // [block of columns of any frame][realisation], weighted
+  QualityEstimate quality;
+  double time_cost_px = 0;  // of scanning, besides quality.mean().cost
+
+  double cost() const { return quality.mean().cost + time_cost_px; }
+};
+
+// A frame that stands for a share of a scan's line.
+struct WeightedFrame {
+  std::shared_ptr<const FrameLight> light;
+  double weight = 1;
+};
+
+class SettingJudge {
+ public:
+  // `inspection` and `effects` must outlive it. The frames have light traced with the inspection.
+  SettingJudge(const Inspection& inspection, std::span<const ActiveEffect> effects,
+               std::vector<WeightedFrame> frames, uint64_t seed, RenderLimits limits);
+  ~SettingJudge();
+
+  // Forms the images of all frames and realisations through a lens setting; those of the one before
+  // are dropped. Errors of ImageThroughLens.
+  absl::Status LookThrough(const LensSetting& lens);
+
+  // Judges exposures through that lens, at a laser power. In the order of the times. CANCELLED.
+  absl::StatusOr<std::vector<JudgedSetting>> Judge(std::span<const double> exposure_times_s,
+                                                   double laser_power_w);
+
+  // The same with two exposures of every frame, (long, short); a short one of 0 is none.
+  absl::StatusOr<std::vector<JudgedSetting>> JudgePairs(
+      std::span<const std::pair<double, double>> long_and_short_s, double laser_power_w);
+
+  // The frame's setup at a setting, realisation `r`; the plate's distance is that of its line.
+  FrameSetup Setup(size_t frame, const OpticalSetting& setting, int realisation) const;
+  const std::vector<WeightedFrame>& frames() const { return frames_; }
+  // The light of the first realisation of a frame through the lens of the last LookThrough.
+  const PixelIrradiance& light(size_t frame) const;
+  // Images judged so far.
+  int64_t judged_images() const { return judged_images_; }
+
+ private:
+  struct Images;  // of one frame: one per realisation
+
+  // `exposure`: 0 or, of the second of a frame, 1: other photons.
+  absl::StatusOr<DetectedLine> Detect(size_t frame, const OpticalSetting& setting, int realisation,
+                                      int exposure) const;
+  JudgedSetting Summarise(const OpticalSetting& setting,
+                          const std::vector<std::vector<std::vector<LineSums>>>& by_frame) const;
+  double ReachPx() const;
+  // Through the lens of the last LookThrough: fewer where the pupil is wide.
+  int Realisations() const;
+
+  const Inspection& inspection_;
+  std::span<const ActiveEffect> effects_;
+  const OpticsPlanning planning_;
+  std::vector<WeightedFrame> frames_;
+  uint64_t seed_;
+  RenderLimits limits_;
+  LensSetting lens_;
+  std::vector<std::unique_ptr<Images>> images_;
+  int64_t judged_images_ = 0;
+};
+
+}  // namespace sightline

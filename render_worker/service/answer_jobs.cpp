@@ -1,0 +1,77 @@
+#include "render_worker/service/answer_jobs.h"
+
+#include <utility>
+
+#include "absl/strings/escaping.h"
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
+#include "proto/status/rpc_status.h"
+#include "render_worker/service/asset_folder.h"
+#include "rpc_server/job_service.h"
+#include "rpc_server/rpc_server.h"
+
+namespace sightline {
+namespace {
+
+constexpr absl::Duration kProgressInterval = absl::Milliseconds(50);
+// Room for what goes around an answer in its message.
+constexpr size_t kMostAnswerBytes = kMaxMessageBytes - (1 << 20);
+
+}  // namespace
+
+absl::StatusOr<v1::Job> AnswerJobs::Create(const std::string& kind, const std::string& request_id,
+                                           const std::string& request_digest, Work work) {
+  absl::StatusOr<JobRecord> job = jobs_->Create(
+      kind, request_id, request_digest,
+      [this, work = std::move(work)](JobContext& context) -> absl::StatusOr<std::string> {
+        // Every report wakes all who watch.
+        absl::Time reported = absl::InfinitePast();
+        const Progress progress = [&](double fraction, const std::string& what) {
+          if (const absl::Time now = absl::Now(); now - reported >= kProgressInterval) {
+            reported = now;
+            context.ReportProgress(fraction, what);
+          }
+          return !context.cancelled();
+        };
+        absl::StatusOr<std::string> bytes = work(progress, context);
+        if (!bytes.ok()) return bytes.status();
+        if (bytes->size() > kMostAnswerBytes) {
+          return absl::ResourceExhaustedError(absl::StrCat("the answer has ", bytes->size(),
+                                                           " bytes, at most ", kMostAnswerBytes,
+                                                           " can be sent: ask for less"));
+        }
+        const std::string key = Sha256Hex(*bytes);
+        const auto size = static_cast<int64_t>(bytes->size());
+        absl::Status kept =
+            results_.Put(key, std::make_shared<const std::string>(*std::move(bytes)), size);
+        if (!kept.ok()) return kept;
+        return key;
+      });
+  if (!job.ok()) return job.status();
+  return JobToProto(*job);
+}
+
+absl::StatusOr<std::shared_ptr<const std::string>> AnswerJobs::Result(const std::string& job_id,
+                                                                      const std::string& kind) {
+  const absl::StatusOr<JobRecord> job = jobs_->Get(job_id);
+  const std::string name = absl::StrCat(kind, " job \"", absl::Utf8SafeCEscape(job_id), "\"");
+  if (!job.ok() || job->kind != kind) {
+    return WithErrorInfo(absl::NotFoundError("no " + name), "JOB_UNKNOWN");
+  }
+  if (!job->finished()) {
+    return WithErrorInfo(
+        absl::FailedPreconditionError(absl::StrCat(name, " has not finished: watch it first")),
+        "JOB_NOT_FINISHED");
+  }
+  if (!job->error.ok()) return job->error;
+  auto result = results_.Get(job->result_key);
+  if (result == nullptr) {
+    return WithErrorInfo(
+        absl::NotFoundError(absl::StrCat("the answer of ", name, " is not kept any more")),
+        "RESULT_DROPPED");
+  }
+  return result;
+}
+
+}  // namespace sightline

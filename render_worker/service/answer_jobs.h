@@ -1,0 +1,42 @@
+// Jobs whose result is one message, kept until newer answers need its room.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/job/job_store.h"
+#include "rpc_server/lru_store.h"
+#include "sightline/v1/job_service.pb.h"
+
+namespace sightline {
+
+class AnswerJobs {
+ public:
+  // `jobs` must outlive it. `max_result_bytes`: of all answers; the longest unused go first.
+  AnswerJobs(JobStore* jobs, int64_t max_result_bytes) : jobs_(jobs), results_(max_result_bytes) {}
+
+  // Progress in [0, 1] with what is being done; false: the job is cancelled.
+  using Progress = std::function<bool(double fraction, const std::string& what)>;
+  // From the progress to report and the context, which says when to stop, to the serialised answer.
+  using Work = std::function<absl::StatusOr<std::string>(const Progress&, JobContext&)>;
+
+  // Queues the work. The same `request_id` and `request_digest` give the same job. The job's error
+  // is RESOURCE_EXHAUSTED if the answer is too large for a message.
+  absl::StatusOr<v1::Job> Create(const std::string& kind, const std::string& request_id,
+                                 const std::string& request_digest, Work work);
+
+  // The serialised answer of a finished job of the kind. NOT_FOUND, reason JOB_UNKNOWN or
+  // RESULT_DROPPED; FAILED_PRECONDITION, reason JOB_NOT_FINISHED; the job's error.
+  absl::StatusOr<std::shared_ptr<const std::string>> Result(const std::string& job_id,
+                                                            const std::string& kind);
+
+ private:
+  JobStore* jobs_;
+  LruStore<std::string> results_;  // by digest
+};
+
+}  // namespace sightline

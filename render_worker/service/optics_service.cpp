@@ -1,0 +1,96 @@
+#include "render_worker/service/optics_service.h"
+
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "proto/status/rpc_status.h"
+#include "render_worker/render/part_inspection.h"
+#include "render_worker/service/asset_folder.h"
+
+namespace sightline {
+namespace {
+
+constexpr char kJobKind[] = "optics";
+
+// What one job holds on to.
+struct OpticsWork {
+  explicit OpticsWork(std::string folder) : assets(std::move(folder)) {}
+  AssetFolder assets;
+  Inspection inspection;
+  std::vector<ActiveEffect> effects;
+  OpticsTask task;
+};
+
+}  // namespace
+
+grpc::Status OpticsServiceImpl::CreateOptics(grpc::ServerContext* context,
+                                             const v1::CreateOpticsRequest* request,
+                                             v1::CreateOpticsResponse* response) {
+  return p_.calls->Run("CreateOptics", context, [&] { return Create(*request, response); });
+}
+
+absl::Status OpticsServiceImpl::Create(const v1::CreateOpticsRequest& request,
+                                       v1::CreateOpticsResponse* response) {
+  auto work =
+      std::make_shared<OpticsWork>(absl::StrCat(p_.spool_folder, "/optics-input-", next_folder_++));
+  auto inspection = ParsePartInspection(request.inspection(), "inspection");
+  if (!inspection.ok()) return inspection.status();
+  work->inspection = *std::move(inspection);
+  auto effects = MakeEffects(work->inspection.effects);
+  if (!effects.ok()) return effects.status();
+  work->effects = *std::move(effects);
+  auto frames = ParsePartFrames(request.frames(), work->inspection, "frames");
+  if (!frames.ok()) return frames.status();
+  for (size_t i = 0; i < frames->size(); ++i) {
+    const v1::PartFrame& asked = request.frames(static_cast<int>(i));
+    PartFrameRequest frame = (*frames)[i];
+    frame.setting.reset();  // it is what is looked for
+    work->task.frames.push_back({frame, asked.scan(), asked.frame()});
+  }
+  work->task.per_scan = request.per_scan();
+  work->task.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
+  if (absl::Status s = work->assets.Add(request.assets(), "assets", p_.assets); !s.ok()) return s;
+  for (const std::string& file : AssetFiles(work->inspection)) {
+    if (work->assets.Has(file)) continue;
+    return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
+  }
+  v1::CreateOpticsRequest asked = request;
+  asked.clear_request_id();
+  auto job = answers_.Create(
+      kJobKind, request.request_id(), MessageDigest(asked),
+      [this, work](const AnswerJobs::Progress& progress,
+                   JobContext& context) -> absl::StatusOr<std::string> {
+        auto scene = LoadPartScene(
+            work->inspection, [&](const std::string& file) { return work->assets.Resolve(file); },
+            nullptr);
+        if (!scene.ok()) return work->assets.WithoutFolder(scene.status());
+        OpticsHooks hooks;
+        hooks.limits.threads = p_.threads;
+        hooks.limits.max_image_bytes = p_.max_image_bytes;
+        hooks.limits.cancelled = &context.cancelled();
+        hooks.on_progress = [&](double fraction, const std::string& what) {
+          progress(fraction, what);
+        };
+        auto plan = PlanOptics(**scene, work->effects, work->task, hooks);
+        if (!plan.ok()) return work->assets.WithoutFolder(plan.status());
+        return plan->SerializeAsString();
+      });
+  if (!job.ok()) return job.status();
+  *response->mutable_job() = *std::move(job);
+  return absl::OkStatus();
+}
+
+grpc::Status OpticsServiceImpl::GetOptics(grpc::ServerContext* context,
+                                          const v1::GetOpticsRequest* request,
+                                          v1::GetOpticsResponse* response) {
+  return p_.calls->Run("GetOptics", context, [&]() -> absl::Status {
+    const auto result = answers_.Result(request->job_id(), kJobKind);
+    if (!result.ok()) return result.status();
+    response->mutable_optics()->ParseFromString(**result);
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace sightline
