@@ -48,11 +48,19 @@ v1::Inspection InspectionOf(const DeviceCamera& camera, const DeviceLens& lens,
   return devices;
 }
 
-// The request's inspection with other devices.
+// The request's inspection with other devices. Of the f-numbers that it states those are kept that
+// the lens has; if there are none, it has its own.
 v1::Inspection WithDevices(v1::Inspection inspection, const v1::Inspection& devices) {
   *inspection.mutable_camera() = devices.camera();
   *inspection.mutable_lens() = devices.lens();
   *inspection.mutable_laser() = devices.laser();
+  auto* f_numbers = inspection.mutable_optics()->mutable_f_numbers();
+  f_numbers->erase(std::remove_if(f_numbers->begin(), f_numbers->end(),
+                                  [&](double f_number) {
+                                    return f_number < devices.lens().min_f_number() ||
+                                           f_number > devices.lens().max_f_number();
+                                  }),
+                   f_numbers->end());
   return inspection;
 }
 
@@ -201,12 +209,13 @@ absl::StatusOr<ChosenDevices> ChooseDevices(const DeviceCandidates& candidates,
     *one.mutable_inspection() = WithDevices(request.inspection(), candidate.devices);
     v1::OpticsPlanning* planning = one.mutable_inspection()->mutable_optics();
     planning->set_realisations(kRealisations);
-    planning->clear_f_numbers();
-    const v1::Lens& lens = candidate.devices.lens();
-    for (const double f_number : UsualFNumbers()) {
-      if (f_number >= lens.min_f_number() &&
-          f_number <= std::min(lens.max_f_number(), kLargestFNumber)) {
-        planning->add_f_numbers(f_number);
+    if (planning->f_numbers().empty()) {
+      const v1::Lens& lens = candidate.devices.lens();
+      for (const double f_number : UsualFNumbers()) {
+        if (f_number >= lens.min_f_number() &&
+            f_number <= std::min(lens.max_f_number(), kLargestFNumber)) {
+          planning->add_f_numbers(f_number);
+        }
       }
     }
     WorkerClientOptions reporting = client;
@@ -234,7 +243,7 @@ absl::StatusOr<ChosenDevices> ChooseDevices(const DeviceCandidates& candidates,
     combination.set_scan_time_s(best.scan_time_s());
     combination.set_cost(best.cost());
     Lens thin;
-    thin.focal_length_m = lens.focal_length_m();
+    thin.focal_length_m = candidate.devices.lens().focal_length_m();
     combination.set_depth_of_field_m(
         DepthOfFieldAt(thin, best.focus_distance_m(), best.f_number(),
                        candidate.devices.camera().sensor().pixel_pitch_m())

@@ -46,7 +46,7 @@ class PathTracer {
   LampChoice lamps_;
   int channels_;
   int max_bounces_;
-  std::vector<Spectrum> sources_;  // radiance of the lamps, then of the ambient
+  std::vector<Spectrum> sources_;  // what the lamps add to the ambient radiance, then that
   std::vector<Spectrum> weights_;
   std::vector<float> channel_radiance_;  // [source][channel]
 };

@@ -20,6 +20,10 @@ constexpr double kSpeckleShare = 1e-3;
 // What diffraction brings in from beyond the margin.
 constexpr double kLostEnergy = 0.01;
 constexpr int kLargestMargin_px = 160;
+// Of the laser grid's arrays in a strip, irradiance, depth and layer, about.
+constexpr int64_t kBytesPerSample = 12;
+constexpr int64_t kStripBytes = int64_t{512} << 20;
+constexpr int kNarrowestStrip_px = 32;
 
 // Weights of Catmull and Rom's cubic for the four samples about a place, `part` in [0, 1) behind
 // the second of them: exact for parabolas, so sampled profiles keep their width.
@@ -40,12 +44,14 @@ struct Place {
   int nearest = 0;
   CubicWeights weights{0};
 };
-std::vector<Place> Places(int fine_samples, int fine_margin_px, int fine_per_px, int coarse_samples,
-                          int coarse_margin_px, int coarse_per_px) {
+// `first_px`: pixel of the coarse grid's region at which the fine one's begins.
+std::vector<Place> Places(int fine_samples, int fine_margin_px, int fine_per_px, int first_px,
+                          int coarse_samples, int coarse_margin_px, int coarse_per_px) {
   std::vector<Place> places(static_cast<size_t>(fine_samples));
   for (int i = 0; i < fine_samples; ++i) {
     const double at =
-        ((i + 0.5) / fine_per_px - fine_margin_px + coarse_margin_px) * coarse_per_px - 0.5;
+        ((i + 0.5) / fine_per_px - fine_margin_px + first_px + coarse_margin_px) * coarse_per_px -
+        0.5;
     const int before = static_cast<int>(std::floor(at));
     Place& place = places[static_cast<size_t>(i)];
     place.first = before - 1;
@@ -75,40 +81,97 @@ class LensImage {
     threshold_ = static_cast<float>(
         kSpeckleShare *
         std::min(brightest, power_ * std::max(light_.median_line_radiance_w_m2_sr, 1e-30)));
+    return effects_.empty() ? InStrips(seeds) : AsAWhole(seeds);
+  }
+
+ private:
+  SpeckleModel Speckle(uint64_t seed) const {
+    SpeckleModel speckle;
+    speckle.seed = seed;
+    speckle.pattern_weights = frame_.speckle_pattern_weights;
+    speckle.on = frame_.speckle;
+    return speckle;
+  }
+
+  int64_t StripBytes() const { return std::min(kStripBytes, limits_.max_image_bytes / 8); }
+
+  bool Cancelled() const { return limits_.cancelled != nullptr && *limits_.cancelled; }
+
+  // Without effects the image falls into strips of columns, so that memory does not grow with it;
+  // the scatterers are a function of the place, so strips fit together.
+  absl::StatusOr<std::vector<PixelIrradiance>> InStrips(std::span<const uint64_t> seeds) {
     IdealImage ideal = Incoherent();
-    if (absl::Status status = AddLaser(&ideal); !status.ok()) return status;
+    PixelIrradiance common;
+    common.roi = frame_.roi;
+    common.laser_irradiance_w_m2 = DimLaser();
+    if (common.laser_irradiance_w_m2.empty()) {
+      common.laser_irradiance_w_m2 = Image<float>(frame_.roi.columns_px, frame_.roi.rows_px);
+    }
+    for (size_t channel = 0; channel < light_.channel_radiance.size(); ++channel) {
+      common.incoherent_electron_flux_m2_s[channel] =
+          ImageIncoherent(ideal.incoherent_electron_flux_m2_s[channel], ideal.incoherent_grid,
+                          ideal.incoherent_wavelength_m[channel], optics_, limits_.threads);
+      ideal.incoherent_electron_flux_m2_s[channel] = {};
+    }
+    std::vector<PixelIrradiance> images(seeds.size(), common);
+    if (!frame_.laser_on || !frame_.shutter_open) return images;
+    const SubPixelGrid whole = LaserGrid();
+    const int64_t column_bytes = kBytesPerSample * whole.sub_pixels * whole.sub_pixels *
+                                 (whole.roi.rows_px + 2 * whole.margin_px);
+    const int columns = static_cast<int>(std::clamp<int64_t>(
+        StripBytes() / column_bytes - 2 * whole.margin_px, kNarrowestStrip_px, 1 << 20));
+    for (int first = 0; first < whole.roi.columns_px; first += columns) {
+      SubPixelGrid strip = whole;
+      strip.roi.column_px += first;
+      strip.roi.columns_px = std::min(columns, whole.roi.columns_px - first);
+      if (absl::Status status = CheckFrameBytes(FrameBytes(strip, {}, 0), limits_.max_image_bytes,
+                                                frame_, strip.sub_pixels, "image");
+          !status.ok()) {
+        return status;
+      }
+      AddLaser(strip, first, &ideal);
+      for (size_t r = 0; r < seeds.size(); ++r) {
+        if (Cancelled()) return absl::CancelledError("cancelled");
+        const Image<float> part = ImageLaser(ideal, optics_, Speckle(seeds[r]), limits_.threads);
+        for (int row = 0; row < part.rows_px; ++row) {
+          float* to = images[r].laser_irradiance_w_m2.Row(row) + first;
+          for (int column = 0; column < part.columns_px; ++column) {
+            to[column] += part.At(row, column);
+          }
+        }
+      }
+    }
+    return images;
+  }
+
+  absl::StatusOr<std::vector<PixelIrradiance>> AsAWhole(std::span<const uint64_t> seeds) {
+    IdealImage ideal = Incoherent();
+    const SubPixelGrid grid = LaserGrid();
+    const int channels = static_cast<int>(light_.channel_radiance.size());
+    if (absl::Status status =
+            CheckFrameBytes(FrameBytes(grid, light_.incoherent_grid, channels),
+                            limits_.max_image_bytes, frame_, grid.sub_pixels, "image");
+        !status.ok()) {
+      return status;
+    }
+    AddLaser(grid, 0, &ideal);
     for (const ActiveEffect& active : effects_) {
       active.effect->OnIdealImage(ideal, frame_, active.parameters);
     }
     const Image<float> dim = DimLaser();
     std::vector<PixelIrradiance> images;
     for (const uint64_t seed : seeds) {
-      if (limits_.cancelled != nullptr && *limits_.cancelled) {
-        return absl::CancelledError("cancelled");
-      }
-      SpeckleModel speckle;
-      speckle.seed = seed;
-      speckle.pattern_weights = frame_.speckle_pattern_weights;
-      speckle.on = frame_.speckle;
-      auto formed = FormLight(ideal, frame_, effects_, speckle, limits_.threads);
+      if (Cancelled()) return absl::CancelledError("cancelled");
+      auto formed = FormLight(ideal, frame_, effects_, Speckle(seed), limits_.threads);
       if (!formed.ok()) return formed.status();
       for (size_t i = 0; i < dim.values.size(); ++i) {
         formed->laser_irradiance_w_m2.values[i] += dim.values[i];
-      }
-      if (effects_.empty()) {
-        // Other light is the same in all realisations.
-        if (images.empty()) {
-          for (Image<float>& flux : ideal.incoherent_electron_flux_m2_s) flux = {};
-        } else {
-          formed->incoherent_electron_flux_m2_s = images[0].incoherent_electron_flux_m2_s;
-        }
       }
       images.push_back(*std::move(formed));
     }
     return images;
   }
 
- private:
   float RadiusPx(double depth_m, double u_m, double v_m) const {
     return static_cast<float>(0.5 * frame_.PupilDiameter() * frame_.ImageDistance() *
                               std::abs(optics_.curvature(depth_m, u_m, v_m)) /
@@ -156,8 +219,8 @@ class LensImage {
     return ideal;
   }
 
-  // Laser light that has speckle, at the sub-pixels the pupil needs.
-  absl::Status AddLaser(IdealImage* ideal) {
+  // Sub-pixels that the pupil needs, and the margin from which light comes in.
+  SubPixelGrid LaserGrid() const {
     const auto [nearest, farthest] =
         std::minmax_element(light_.depth_m.values.begin(), light_.depth_m.values.end());
     double curvature = 0;
@@ -172,21 +235,19 @@ class LensImage {
     }
     SubPixelGrid grid = MakeSubPixelGrid(frame_, optics_, curvature, kLostEnergy);
     grid.margin_px = std::min(grid.margin_px, light_.grid.margin_px);
-    const int channels = static_cast<int>(light_.channel_radiance.size());
-    if (absl::Status status =
-            CheckFrameBytes(FrameBytes(grid, light_.incoherent_grid, channels),
-                            limits_.max_image_bytes, frame_, grid.sub_pixels, "image");
-        !status.ok()) {
-      return status;
-    }
+    return grid;
+  }
+
+  // Laser light that has speckle, and the depths, on a grid that begins at a column of the region.
+  void AddLaser(const SubPixelGrid& grid, int first_column_px, IdealImage* ideal) const {
     ideal->grid = grid;
     ideal->laser_irradiance_w_m2 = Image<float>(grid.columns(), grid.rows());
     ideal->depth_m = Image<float>(grid.columns(), grid.rows());
     const SubPixelGrid& coarse = light_.grid;
     const std::vector<Place> columns =
-        Places(grid.columns(), grid.margin_px, grid.sub_pixels, coarse.columns(), coarse.margin_px,
-               coarse.sub_pixels);
-    const std::vector<Place> rows = Places(grid.rows(), grid.margin_px, grid.sub_pixels,
+        Places(grid.columns(), grid.margin_px, grid.sub_pixels, first_column_px, coarse.columns(),
+               coarse.margin_px, coarse.sub_pixels);
+    const std::vector<Place> rows = Places(grid.rows(), grid.margin_px, grid.sub_pixels, 0,
                                            coarse.rows(), coarse.margin_px, coarse.sub_pixels);
     const Image<float>& radiance = light_.laser_radiance_w_m2_sr;
     const auto power = static_cast<float>(power_);
@@ -220,7 +281,6 @@ class LensImage {
         }
       }
     });
-    return absl::OkStatus();
   }
 
   // The rest of the laser light: irradiance of the pixels, empty if there is none.

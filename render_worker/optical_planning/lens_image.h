@@ -14,7 +14,8 @@ namespace sightline {
 // `frame`: the lens setting, after the effects on frames (ApplyFrameEffects); its laser power may
 // differ from the one the light was traced with. One image of the pixels per seed. Laser light
 // below a thousandth of the line is imaged without speckle: its fluctuation would be no more than
-// that of the line's own light anywhere. Defocus of other light is that of SpreadByDefocus.
+// that of the line's own light anywhere. Without effects the image is made in strips of columns of
+// at most an eighth of `max_image_bytes`. Defocus of other light is that of SpreadByDefocus.
 // INVALID_ARGUMENT: the light's grid has too small a margin (its field is named);
 // RESOURCE_EXHAUSTED: more than `max_image_bytes`; CANCELLED.
 absl::StatusOr<std::vector<PixelIrradiance>> ImageThroughLens(

@@ -180,7 +180,8 @@ INSTANTIATE_TEST_SUITE_P(
                  R"(, "min_focus_distance_m": 0.25)",
                  "optics.focus_distance_m.fixed is 0.2, must be in [0.25, 1000] m"},
         BadInput{"exposure longer than the frame time",
-                 R"("f_numbers": [4], "exposure_time_s": {"min": 0.05, "max": 0.1})",
+                 R"("f_numbers": [4], "max_motion_blur_px": 100,
+                    "exposure_time_s": {"min": 0.05, "max": 0.1})",
                  R"(, "costs": {"frame_rate_hz": 50})", "",
                  "optics.exposure_time_s: the shortest, 0.05 s at f/4, is longer than 0.02 s"}));
 
@@ -227,7 +228,7 @@ TEST_F(OpticsProcessTest, CatalogueChoosesAndSaysWhy) {
   EXPECT_EQ(devices.combinations(0).lens(), "wide");
   EXPECT_GT(devices.combinations(0).u_height_m(), 0);
   EXPECT_EQ(devices.combinations(1).lens(), "long");
-  EXPECT_THAT(devices.combinations(1).lost_because(), HasSubstr("field of view"));
+  EXPECT_THAT(devices.combinations(1).lost_because(), HasSubstr("the camera sees"));
 }
 
 }  // namespace

@@ -102,6 +102,33 @@ TEST(LensImage, SpeckleDependsOnSeedAndAperture) {
   EXPECT_GT(roughness[1], 1.5 * roughness[0]);
 }
 
+// Narrow strips show what the whole image shows: the same speckle, but for light cut off at their
+// margins.
+TEST(LensImage, StripsFitTogether) {
+  const auto scene = StepScene();
+  FrameLightOptions options;
+  options.limits = TwoThreads();
+  auto light = TraceFrameLight(*scene, StepFrame(), {}, options);
+  ASSERT_TRUE(light.ok());
+  FrameSetup frame = PartFrameSetup(scene->inspection(), StepFrame());
+  frame.lens.f_number = 5.6;
+  const std::vector<uint64_t> seeds = {1};
+  RenderLimits small = TwoThreads();
+  small.max_image_bytes = 6 << 20;
+  auto strips = ImageThroughLens(*light, frame, {}, seeds, small);
+  auto whole = ImageThroughLens(*light, frame, {}, seeds, TwoThreads());
+  ASSERT_TRUE(strips.ok()) << strips.status();
+  ASSERT_TRUE(whole.ok());
+  EXPECT_LT(
+      RelativeDifference((*strips)[0].laser_irradiance_w_m2, (*whole)[0].laser_irradiance_w_m2),
+      0.03);
+  EXPECT_NEAR(Sum((*strips)[0].laser_irradiance_w_m2) / Sum((*whole)[0].laser_irradiance_w_m2), 1,
+              0.005);
+  small.max_image_bytes = 1 << 16;
+  EXPECT_EQ(ImageThroughLens(*light, frame, {}, seeds, small).status().code(),
+            absl::StatusCode::kResourceExhausted);
+}
+
 // The sensor tilt of Scheimpflug's rule makes the image of the laser line as sharp out of focus as
 // in it.
 TEST(LensImage, TiltToTheSheetSharpensTheLine) {
