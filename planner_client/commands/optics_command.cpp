@@ -188,6 +188,10 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
   }
   for (v1::OpticsChoice& scan : *numbers.mutable_scans()) {
     for (v1::RepresentativeFrame& frame : *scan.mutable_frames()) frame.clear_picture_png();
+    if (scan.has_check()) scan.mutable_check()->clear_picture_png();
+  }
+  if (numbers.common().has_check()) {
+    numbers.mutable_common()->mutable_check()->clear_picture_png();
   }
   if (absl::Status s = WriteFileAtomically(answer, ToJson(numbers) + "\n"); !s.ok()) return s;
   files.push_back(answer);

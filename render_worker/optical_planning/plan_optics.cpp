@@ -64,6 +64,7 @@ struct FrameGroup {
   int scan = 0;  // 0: several
   std::vector<ChosenFrame> frames;
   double represented_fraction = 1;
+  const SeenFrame* check = nullptr;  // the one least like them; of a single scan
   SettingGroup setting;
 };
 
@@ -195,6 +196,9 @@ class OpticsPlanner {
         group.frames.push_back({&scan->seen[static_cast<size_t>(frame.index)], scan->number,
                                 frame.weight, frame.weight * scan->lit_samples});
       }
+      if (scans.size() == 1 && chosen.farthest >= 0) {
+        group.check = &scan->seen[static_cast<size_t>(chosen.farthest)];
+      }
       represented += scan->lit_samples * chosen.represented_fraction;
       lit += scan->lit_samples;
       group.setting.travel_m += scan->travel_m;
@@ -292,6 +296,7 @@ class OpticsPlanner {
     answer.set_scan(group.scan);
     answer.set_represented_fraction(group.represented_fraction);
     if (absl::Status s = AddFrames(group, judge, choice->chosen(), &answer); !s.ok()) return s;
+    if (absl::Status s = AddCheck(group, choice->chosen(), &answer); !s.ok()) return s;
     evaluated_images_ += judge.judged_images();
     if (group.represented_fraction < kPoorlyRepresented) {
       plan->add_warnings(absl::StrFormat(
@@ -343,6 +348,30 @@ class OpticsPlanner {
       if (!picture.ok()) return picture.status();
       entry->set_picture_png(*std::move(picture));
     }
+    return absl::OkStatus();
+  }
+
+  // The frame least like those that were judged, with the chosen setting.
+  absl::Status AddCheck(const FrameGroup& group, const JudgedSetting& best,
+                        v1::OpticsChoice* answer) {
+    if (group.check == nullptr) return absl::OkStatus();
+    FrameGroup one;
+    one.scan = group.scan;
+    one.frames.push_back({group.check, group.scan, 0, group.check->glance.lit_samples * 1.0});
+    auto traced = Trace(one);
+    // A few lit samples of the coarse look need not be a line.
+    if (absl::IsFailedPrecondition(traced.status())) return absl::OkStatus();
+    if (!traced.ok()) return traced.status();
+    SettingJudge judge(inspection_, effects_, *std::move(traced), task_.seed, hooks_.limits);
+    if (absl::Status s = judge.LookThrough(best.setting.lens); !s.ok()) return s;
+    const std::vector<std::pair<double, double>> exposures = {
+        {best.setting.exposure_time_s, best.setting.second_exposure_time_s}};
+    auto judged = judge.JudgePairs(exposures, best.setting.laser_power_w);
+    if (!judged.ok()) return judged.status();
+    v1::OpticsChoice alone;
+    if (absl::Status s = AddFrames(one, judge, judged->front(), &alone); !s.ok()) return s;
+    *answer->mutable_check() = alone.frames(0);
+    evaluated_images_ += judge.judged_images();
     return absl::OkStatus();
   }
 

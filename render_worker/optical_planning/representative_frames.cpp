@@ -114,7 +114,7 @@ Representatives ChooseRepresentatives(const std::vector<FrameGlance>& glances, i
   members.assign(medoids.size(), {});
   for (int i = 0; i < n; ++i) members[nearest(i)].push_back(i);
 
-  double within = 0;
+  double within = 0, most = 0;
   for (size_t m = 0; m < medoids.size(); ++m) {
     double weight = 0;
     Features centre{};
@@ -123,7 +123,14 @@ Representatives ChooseRepresentatives(const std::vector<FrameGlance>& glances, i
       for (int k = 0; k < kFeatures; ++k) centre[k] += weights[i] * features[i][k];
     }
     for (double& c : centre) c /= weight;
-    for (const int i : members[m]) within += weights[i] / total * Distance2(features[i], centre);
+    for (const int i : members[m]) {
+      within += weights[i] / total * Distance2(features[i], centre);
+      const double d = Distance2(features[i], features[medoids[m]]);
+      if (d > most) {
+        most = d;
+        result.farthest = lit[i];
+      }
+    }
     result.frames.push_back({lit[medoids[m]], weight / total});
   }
   std::sort(result.frames.begin(), result.frames.end(),

@@ -13,6 +13,8 @@ struct Representatives {
     double weight = 0;  // share of all lit samples it stands for; the sum is 1
   };
   std::vector<Frame> frames;  // by index
+  // The frame least like the one that stands for it; -1: none differs.
+  int farthest = -1;
   // Share of the variance between frames that lies between the groups; 1: frames of a group are
   // alike.
   double represented_fraction = 1;

@@ -348,7 +348,12 @@ class Report {
     if (choice.frames().empty()) return "";
     std::string html = "<div class=\"frames\">\n";
     for (const v1::RepresentativeFrame& frame : choice.frames()) html += FrameCard(frame);
-    return html + "</div>\n";
+    html += "</div>\n";
+    if (!choice.has_check()) return html;
+    return absl::StrCat(html,
+                        Soft("The frame of the scan that is least like those it was judged by, "
+                             "with the same setting:"),
+                        "<div class=\"frames\">\n", FrameCard(choice.check()), "</div>\n");
   }
 
   std::string Frames() const {

@@ -216,6 +216,12 @@ TEST(PlanOptics, EveryScanHasItsOwn) {
     for (const v1::RepresentativeFrame& frame : scan.frames()) weight += frame.weight();
     EXPECT_NEAR(weight, 1, 1e-9);
     EXPECT_GT(scan.best().profile_coverage(), 0.5);
+    // Six frames, two of them chosen: one of the others is looked at, too.
+    ASSERT_TRUE(scan.has_check());
+    EXPECT_GT(scan.check().u_px(), 0);
+    for (const v1::RepresentativeFrame& frame : scan.frames()) {
+      EXPECT_NE(frame.frame(), scan.check().frame());
+    }
   }
 }
 

@@ -37,6 +37,8 @@ TEST(Representatives, StandForTheirKind) {
   EXPECT_EQ(kinds.size(), 3U);
   EXPECT_NEAR(chosen.frames[0].weight, 0.5, 1e-9);
   EXPECT_GT(chosen.represented_fraction, 0.95);
+  for (const auto& frame : chosen.frames) EXPECT_NE(frame.index, chosen.farthest);
+  EXPECT_GE(chosen.farthest, 0);
 }
 
 TEST(Representatives, MoreFramesRepresentMore) {
