@@ -16,6 +16,7 @@
 namespace sightline {
 namespace {
 
+constexpr size_t kMostCombinations = 100000;
 constexpr double kShareOfOwnView = 0.9;
 // Height costs that are nearer to each other than this count as equal.
 constexpr double kEqualCosts = 0.05;
@@ -103,6 +104,12 @@ absl::StatusOr<DeviceCandidates> FindDevices(const std::string& folder,
                                              const DeviceRequirements& requirements) {
   auto catalogue = ReadCatalogue(folder);
   if (!catalogue.ok()) return catalogue.status();
+  const size_t combinations =
+      catalogue->cameras.size() * catalogue->lenses.size() * catalogue->lasers.size();
+  if (combinations > kMostCombinations) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        folder, ": has ", combinations, " combinations of devices, at most ", kMostCombinations));
+  }
   const double z_m = request.frames(0).measurement().camera_distance_m();
   FitRequirements required;
   required.max_pixel_footprint_m = inspection.targets.max_pixel_footprint_m;

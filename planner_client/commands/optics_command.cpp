@@ -42,18 +42,9 @@ absl::StatusOr<v1::CreateOpticsRequest> MakeRequest(const OpticsOptions& options
   const std::string& input = options.choice.input;
   v1::Inspection message;
   if (absl::Status s = ReadStrictJsonFile(input, &message); !s.ok()) return s;
-  auto inlined = InlineInspectionFiles(message, input, fs::path(input).parent_path().string());
-  if (!inlined.ok()) return inlined.status();
-  auto parsed = ParseInspection(*inlined, input, "");
-  if (!parsed.ok()) return parsed.status();
-  *inspection = *std::move(parsed);
-  const auto missing = [&](const char* field, const char* what) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(input, ": ", field, " is missing: images need ", what));
-  };
-  if (!inspection->sensor) return missing("camera.sensor_file", "a sensor");
-  if (!inspection->rig.lens) return missing("lens", "a lens");
-  if (inspection->materials.empty()) return missing("materials", "the part's materials");
+  auto checked = CheckImagingInspection(message, input);
+  if (!checked.ok()) return checked.status();
+  *inspection = std::move(checked->inspection);
   auto frames = ChooseFrames(options.choice, *inspection);
   if (!frames.ok()) return frames.status();
   v1::CreateOpticsRequest request;
@@ -62,7 +53,7 @@ absl::StatusOr<v1::CreateOpticsRequest> MakeRequest(const OpticsOptions& options
     *request.add_frames() = std::move(frame);
   }
   v1::Inspection* sent = request.mutable_inspection();
-  *sent = *std::move(inlined);
+  *sent = std::move(checked->message);
   const v1::CostModel costs = sent->costs();
   if (absl::Status s = TakeAssets(input, sent, assets); !s.ok()) return s;
   *sent->mutable_costs() = costs;

@@ -61,6 +61,23 @@ absl::StatusOr<std::string> ReadFile(const std::string& path) {
   return std::move(bytes).str();
 }
 
+absl::StatusOr<ImagingInspection> CheckImagingInspection(const v1::Inspection& message,
+                                                         const std::string& path) {
+  ImagingInspection checked;
+  auto inlined = InlineInspectionFiles(message, path, fs::path(path).parent_path().string());
+  if (!inlined.ok()) return inlined.status();
+  auto inspection = ParseInspection(*inlined, path, "");
+  if (!inspection.ok()) return inspection.status();
+  const auto missing = [&](const std::string& field, const std::string& what) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": ", field, " is missing: images need ", what));
+  };
+  if (!inspection->sensor) return missing("camera.sensor_file", "a sensor");
+  if (!inspection->rig.lens) return missing("lens", "a lens");
+  if (inspection->materials.empty()) return missing("materials", "the part's materials");
+  return ImagingInspection{*std::move(inlined), *std::move(inspection)};
+}
+
 absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
                         std::vector<AssetFile>* assets) {
   inspection->clear_targets();

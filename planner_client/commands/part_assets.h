@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
 #include "planner_client/rpc_client/worker_call.h"
 #include "sightline/v1/inspection.pb.h"
 
@@ -13,6 +14,16 @@ namespace sightline {
 
 // Reads a file that may be anything. NOT_FOUND names it.
 absl::StatusOr<std::string> ReadFile(const std::string& path);
+
+// An inspection file with camera and materials inline, checked for what images need.
+struct ImagingInspection {
+  v1::Inspection message;
+  Inspection inspection;
+};
+// `message`: as it was read from `path`. INVALID_ARGUMENT: what ParseInspection says; no sensor,
+// lens or materials.
+absl::StatusOr<ImagingInspection> CheckImagingInspection(const v1::Inspection& message,
+                                                         const std::string& path);
 
 // Reads part, obstacles and the materials' files into `assets` and gives them the names under which
 // they go in `inspection`, whose sensor and materials are inline; planning's fields are left out.

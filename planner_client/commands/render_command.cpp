@@ -70,24 +70,16 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
         absl::StrCat(options.effects_file, ": deviations are for plates"));
   }
   for (const v1::Effect& effect : effects->effects()) *message.add_effects() = effect;
-  auto inlined = InlineInspectionFiles(message, options.choice.input,
-                                       fs::path(options.choice.input).parent_path().string());
-  if (!inlined.ok()) return inlined.status();
-  const auto inspection = ParseInspection(*inlined, options.choice.input, "");
-  if (!inspection.ok()) return inspection.status();
-  const auto missing = [&](const std::string& field, const std::string& what) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(options.choice.input, ": ", field, " is missing: images need ", what));
-  };
-  if (!inspection->sensor) return missing("camera.sensor_file", "a sensor");
-  if (!inspection->rig.lens) return missing("lens", "a lens");
-  if (inspection->materials.empty()) return missing("materials", "the part's materials");
-  auto frames = ChooseFrames(options.choice, *inspection);
+  auto checked = CheckImagingInspection(message, options.choice.input);
+  if (!checked.ok()) return checked.status();
+  auto frames = ChooseFrames(options.choice, checked->inspection);
   if (!frames.ok()) return frames.status();
 
   v1::RenderSpec spec;
   v1::PartRender* part = spec.mutable_part();
+  bool second_exposure = false;
   for (v1::PartFrame& frame : *frames) {
+    second_exposure = second_exposure || frame.setting().second_exposure_time_s() > 0;
     // What was asked for here stands in for what the plan's scan is set to.
     if (frame.has_setting()) {
       if (options.exposure_s) frame.mutable_setting()->set_exposure_time_s(*options.exposure_s);
@@ -95,8 +87,12 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
     }
     *part->add_frames() = std::move(frame);
   }
+  if (second_exposure) {
+    std::fprintf(stderr, "warning: %s: scans have a second exposure, which is not rendered\n",
+                 options.choice.plan.c_str());
+  }
   v1::Inspection* sent = part->mutable_inspection();
-  *sent = *std::move(inlined);
+  *sent = std::move(checked->message);
   if (absl::Status status = TakeAssets(options.choice.input, sent, assets); !status.ok())
     return status;
   return spec;

@@ -77,6 +77,7 @@ class Chooser {
         inspection_(inspection),
         planning_(*inspection.optics),
         group_(group),
+        grid_f_number_(inspection.optics->f_numbers[0]),
         grid_(grid),
         progress_(progress) {
     choice_.limit = LimitExposure(inspection.costs, inspection.rig.scan_step_m, planning_,
@@ -84,9 +85,9 @@ class Chooser {
   }
 
   absl::StatusOr<SettingChoice> Run() {
-    const size_t count = planning_.f_numbers.size();
+    const size_t count = group_.f_numbers.size();
     for (size_t n = 0; n < count; ++n) {
-      if (absl::Status status = TryFNumber(planning_.f_numbers[n]); !status.ok()) return status;
+      if (absl::Status status = TryFNumber(group_.f_numbers[n]); !status.ok()) return status;
       if (progress_) progress_(static_cast<double>(n + 1) / static_cast<double>(count));
     }
     bool any = false;
@@ -121,7 +122,7 @@ class Chooser {
 
  private:
   std::optional<ExposureGrid> GridAt(double f_number, std::string* refused) const {
-    ExposureGrid grid = AtFNumber(grid_, planning_.f_numbers[0], f_number);
+    ExposureGrid grid = AtFNumber(grid_, grid_f_number_, f_number);
     if (!choice_.limit.longest_s) return grid;
     if (grid.min_s > *choice_.limit.longest_s) {
       *refused =
@@ -340,6 +341,7 @@ class Chooser {
   const Inspection& inspection_;
   const OpticsPlanning& planning_;
   const SettingGroup& group_;
+  const double grid_f_number_;  // the smallest of the inspection
   const ExposureGrid grid_;
   const std::function<void(double)>& progress_;
   SettingChoice choice_;

@@ -16,6 +16,7 @@ struct SettingGroup {
   double image_speed_px_per_m = 0;  // of the image per travel of the stage
   double travel_m = 0;              // of the scan; 0: a single frame
   double stated_focus_m = 0;        // focus distance of the inspection
+  std::vector<double> f_numbers;    // to try, ascending
 };
 
 // The best that an f-number can do, and what was tried with its lens setting and laser power.

@@ -2,15 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <optional>
 #include <span>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "core/random/counter_random.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/light_transport/camera_rays.h"
 #include "render_worker/plate/line_width.h"
+#include "render_worker/render/memory_estimate.h"
 #include "render_worker/render/part_view.h"
 
 namespace sightline {
@@ -117,6 +118,29 @@ double PixelMean(const Image<float>& samples, int row, int column, int sub_pixel
   return sum / (sub_pixels * sub_pixels);
 }
 
+// A frame as a pinhole in the pupil's centre sees it.
+struct PinholeFrame {
+  FrameSetup frame;
+  SceneView view;
+  std::shared_ptr<const LightTransport> transport;
+};
+absl::StatusOr<PinholeFrame> MakePinholeFrame(PartScene& scene, const PartFrameRequest& request,
+                                              std::span<const ActiveEffect> effects,
+                                              const std::optional<RegionOfInterest>& roi) {
+  FrameSetup nominal = PartFrameSetup(scene.inspection(), request);
+  if (roi) nominal.roi = *roi;
+  PinholeFrame pinhole;
+  pinhole.frame = ApplyFrameEffects(nominal, effects);
+  const TrueGeometry truth =
+      WithGeometryErrors(scene.inspection().rig, request.measurement, nominal, pinhole.frame);
+  pinhole.view = MakeView(scene, truth, pinhole.frame, request.stage_position_m);
+  pinhole.view.pupil_radius_m = 0;
+  auto transport = scene.TransportAt(truth.measurement, request.stage_position_m);
+  if (!transport.ok()) return transport.status();
+  pinhole.transport = *std::move(transport);
+  return pinhole;
+}
+
 // Row of the grid at a pixel's row.
 double GridRow(const SubPixelGrid& grid, double row_px) {
   return (row_px + grid.margin_px + 0.5) * grid.sub_pixels - 0.5;
@@ -159,15 +183,10 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
                                            std::span<const ActiveEffect> effects,
                                            const FrameLightOptions& options) {
   const Inspection& inspection = scene.inspection();
-  FrameSetup nominal = PartFrameSetup(inspection, request);
-  if (options.roi) nominal.roi = *options.roi;
-  const FrameSetup frame = ApplyFrameEffects(nominal, effects);
-  const TrueGeometry truth =
-      WithGeometryErrors(inspection.rig, request.measurement, nominal, frame);
-  SceneView view = MakeView(scene, truth, frame, request.stage_position_m);
-  view.pupil_radius_m = 0;
-  auto transport = scene.TransportAt(truth.measurement, request.stage_position_m);
-  if (!transport.ok()) return transport.status();
+  auto pinhole = MakePinholeFrame(scene, request, effects, options.roi);
+  if (!pinhole.ok()) return pinhole.status();
+  const FrameSetup& frame = pinhole->frame;
+  const SceneView& view = pinhole->view;
 
   FrameLight light;
   light.request = request;
@@ -188,17 +207,23 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
       std::clamp(static_cast<int>(std::ceil(kSamplesPerDeviation / NominalWidthPx(sharp))),
                  kFewestSubPixels, kMostSubPixels);
 
-  TransportSettings settings;
-  settings.max_bounces = inspection.render.max_bounces;
-  settings.laser_interreflection = inspection.render.laser_interreflection;
-  settings.noise_target_relative = inspection.render.noise_target_relative;
-  settings.max_samples_per_px = inspection.render.max_samples_per_px;
-  settings.seed = DeriveSeed(static_cast<uint64_t>(inspection.render.seed), "light transport",
-                             frame.seeds.noise);
-  settings.threads = options.limits.threads;
+  light.incoherent_grid.roi = frame.roi;
+  light.incoherent_grid.pixel_pitch_m = frame.sensor.pixel_pitch_m;
+  light.incoherent_grid.sub_pixels = 1;
+  light.incoherent_grid.margin_px = std::min(options.margin_px, kMostIncoherentMargin_px);
+  const int channels = scene.has_incoherent_light() ? frame.sensor.channels() : 0;
+  if (absl::Status status =
+          CheckFrameBytes(FrameBytes(light.grid, light.incoherent_grid, channels),
+                          options.limits.max_image_bytes, frame, light.grid.sub_pixels, "image");
+      !status.ok()) {
+    return status;
+  }
+
+  TransportSettings settings =
+      TransportSettingsOf(inspection.render, frame, options.limits.threads);
   TransportProgress progress;
   progress.cancelled = options.limits.cancelled;
-  auto laser = (*transport)->TraceLaser(view, light.grid, settings, progress);
+  auto laser = pinhole->transport->TraceLaser(view, light.grid, settings, progress);
   if (!laser.ok()) return laser.status();
   light.line = FindTrueLine(view, light.grid, *laser);
   if (light.line.empty()) {
@@ -224,10 +249,6 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
   light.depth_m = std::move(laser->depth_m);
   FillDepths(light.median_line_depth_m, &light.depth_m);
 
-  light.incoherent_grid.roi = frame.roi;
-  light.incoherent_grid.pixel_pitch_m = frame.sensor.pixel_pitch_m;
-  light.incoherent_grid.sub_pixels = 1;
-  light.incoherent_grid.margin_px = std::min(options.margin_px, kMostIncoherentMargin_px);
   if (!scene.has_incoherent_light()) return light;
   std::vector<Spectrum> weights;
   for (int channel = 0; channel < frame.sensor.channels(); ++channel) {
@@ -238,7 +259,7 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
   settings.noise_target_relative = std::max(settings.noise_target_relative, kIncoherentNoise);
   settings.first_samples_per_px = kFirstIncoherentSamples;
   auto other =
-      (*transport)->TraceIncoherent(view, light.incoherent_grid, weights, settings, progress);
+      pinhole->transport->TraceIncoherent(view, light.incoherent_grid, weights, settings, progress);
   if (!other.ok()) return other.status();
   light.channel_radiance = std::move(other->channel_radiance);
   return light;
@@ -248,28 +269,17 @@ absl::StatusOr<FrameGlance> GlanceAtFrame(PartScene& scene, const PartFrameReque
                                           std::span<const ActiveEffect> effects, int margin_px,
                                           const RenderLimits& limits) {
   constexpr int kStep = 8;
-  const Inspection& inspection = scene.inspection();
-  const FrameSetup nominal = PartFrameSetup(inspection, request);
-  const FrameSetup frame = ApplyFrameEffects(nominal, effects);
-  const TrueGeometry truth =
-      WithGeometryErrors(inspection.rig, request.measurement, nominal, frame);
-  SceneView view = MakeView(scene, truth, frame, request.stage_position_m);
-  view.pupil_radius_m = 0;
-  auto transport = scene.TransportAt(truth.measurement, request.stage_position_m);
-  if (!transport.ok()) return transport.status();
-  SubPixelGrid coarse;
-  coarse.pixel_pitch_m = kStep * frame.sensor.pixel_pitch_m;
-  coarse.sub_pixels = 1;
-  coarse.roi = {static_cast<int>(std::floor(static_cast<double>(frame.roi.column_px) / kStep)),
-                static_cast<int>(std::floor(static_cast<double>(frame.roi.row_px) / kStep)),
-                frame.roi.columns_px / kStep + 1, frame.roi.rows_px / kStep + 1};
+  auto pinhole = MakePinholeFrame(scene, request, effects, std::nullopt);
+  if (!pinhole.ok()) return pinhole.status();
+  const FrameSetup& frame = pinhole->frame;
+  const SubPixelGrid coarse = CoarseGrid(frame, kStep);
   TransportSettings settings;
   settings.max_bounces = 0;
   settings.laser_interreflection = false;
   settings.threads = limits.threads;
   TransportProgress progress;
   progress.cancelled = limits.cancelled;
-  auto laser = (*transport)->TraceLaser(view, coarse, settings, progress);
+  auto laser = pinhole->transport->TraceLaser(pinhole->view, coarse, settings, progress);
   if (!laser.ok()) return laser.status();
   float brightest = 0;
   for (const float radiance : laser->radiance_w_m2_sr.values) {

@@ -17,6 +17,9 @@ namespace {
 
 // Laser light darker than this share of the line is imaged without speckle.
 constexpr double kSpeckleShare = 1e-3;
+// Layers of depth are then no more than a quarter of a wave from their light, which an image hardly
+// shows (Rayleigh's criterion).
+constexpr double kLayerStepWaves = 0.5;
 // What diffraction brings in from beyond the margin.
 constexpr double kLostEnergy = 0.01;
 constexpr int kLargestMargin_px = 160;
@@ -71,7 +74,9 @@ class LensImage {
         limits_(limits),
         optics_(MakeOpticsModel(frame, effects)),
         factor_(frame, light.chief_distance_m),
-        power_(light.laser_power_w > 0 ? frame.laser.power_w / light.laser_power_w : 0) {}
+        power_(light.laser_power_w > 0 ? frame.laser.power_w / light.laser_power_w : 0) {
+    optics_.layer_step_waves = kLayerStepWaves;
+  }
 
   absl::StatusOr<std::vector<PixelIrradiance>> Run(std::span<const uint64_t> seeds) {
     const double brightest =

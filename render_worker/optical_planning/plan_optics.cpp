@@ -27,6 +27,9 @@ constexpr int kMostGlances = 64;
 constexpr int kRoiMargin_px = 48;
 // Frames of all scans together that one common setting is chosen by.
 constexpr int kCommonFrames = 16;
+// A scan's own best f-number costs at most this much more than the common best, for all scans
+// together.
+constexpr double kWorthTrying = 1.6;
 constexpr int kPictureColumns_px = 384, kPictureRows_px = 128;
 // Below this the frames hardly stand for their scan.
 constexpr double kPoorlyRepresented = 0.5;
@@ -274,12 +277,25 @@ class OpticsPlanner {
     return fastest;
   }
 
+  // All at first; for single scans those that are not out of the question for all scans together.
+  std::vector<double> FNumbers(const v1::OpticsPlan& plan) const {
+    if (!plan.has_common()) return planning_.f_numbers;
+    std::vector<double> f_numbers;
+    for (const v1::OpticsPoint& point : plan.common().curve()) {
+      if (point.cost() <= kWorthTrying * plan.common().best().cost()) {
+        f_numbers.push_back(point.f_number());
+      }
+    }
+    return f_numbers;
+  }
+
   absl::StatusOr<v1::OpticsChoice> Choose(FrameGroup& group, v1::OpticsPlan* plan) {
     auto traced = Trace(group);
     if (!traced.ok()) return traced.status();
     const FrameSetup frame = PartFrameSetup(inspection_, group.frames[0].seen->frame->request);
     group.setting.image_speed_px_per_m = ImageSpeed_px_per_m(group);
     group.setting.stated_focus_m = *frame.lens.focus_distance_m;
+    group.setting.f_numbers = FNumbers(*plan);
     SettingJudge judge(inspection_, effects_, *std::move(traced), task_.seed, hooks_.limits);
     const ExposureLimit limit = LimitExposure(inspection_.costs, inspection_.rig.scan_step_m,
                                               planning_, group.setting.image_speed_px_per_m);

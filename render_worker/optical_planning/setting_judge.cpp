@@ -81,7 +81,9 @@ const PixelIrradiance& SettingJudge::light(size_t frame) const {
 }
 
 int SettingJudge::Realisations() const {
-  const double some = planning_.realisations * lens_.f_number / kFullRealisationsFNumber;
+  double some = planning_.realisations * std::min(lens_.f_number / kFullRealisationsFNumber, 1.0);
+  // Other frames are other realisations, too.
+  some /= static_cast<double>(frames_.size());
   return std::clamp(static_cast<int>(std::ceil(some)), 2, planning_.realisations);
 }
 

@@ -16,7 +16,9 @@ namespace {
 constexpr double kRadiusStep = 0.125;
 // Places per sample and axis at which a disc's rim is looked at.
 constexpr int kRimSamples = 8;
-constexpr double kLargestRadius = 1000;
+// Largest disc that is made sample by sample, and how often samples may double for larger ones.
+constexpr float kLargestDisc = 24;
+constexpr int kMostLevels = 6;
 // Rows that are spread together; fixed, so that sums do not depend on the threads.
 constexpr int kBandRows = 32;
 
@@ -50,16 +52,22 @@ Disc MakeDisc(double radius) {
   return disc;
 }
 
-int RadiusIndex(float radius) {
-  assert(radius >= 0);
-  return static_cast<int>(std::lround(std::min<double>(radius, kLargestRadius) / kRadiusStep));
+// Discs larger than this are made of samples 2^level times as large: their rim is no finer than
+// that to their size, and the work stays bounded.
+int LevelOf(float radius) {
+  int level = 0;
+  while (radius > kLargestDisc * static_cast<float>(1 << level) && level < kMostLevels) ++level;
+  return level;
 }
 
-}  // namespace
+int RadiusIndex(float radius) {
+  assert(radius >= 0);
+  return static_cast<int>(std::lround(std::min(radius, kLargestDisc) / kRadiusStep));
+}
 
-Image<float> SpreadByDefocus(const Image<float>& light, const Image<float>& radius_samples,
-                             int threads) {
-  assert(light.columns_px == radius_samples.columns_px && light.rows_px == radius_samples.rows_px);
+// All radii are at most kLargestDisc.
+Image<float> SpreadSmall(const Image<float>& light, const Image<float>& radius_samples,
+                         int threads) {
   std::map<int, Disc> discs;
   int reach = 0;
   for (size_t i = 0; i < light.values.size(); ++i) {
@@ -109,6 +117,49 @@ Image<float> SpreadByDefocus(const Image<float>& light, const Image<float>& radi
       if (row < 0 || row >= light.rows_px) continue;
       for (int column = 0; column < light.columns_px; ++column) {
         result.At(row, column) += part.At(i, column);
+      }
+    }
+  }
+  return result;
+}
+
+// A level's share of the light on samples 2^level times as large, and its radii in those.
+struct Coarse {
+  Image<float> light, radii;
+};
+Coarse MakeCoarse(const Image<float>& light, const Image<float>& radius_samples, int level) {
+  const int size = 1 << level;
+  Coarse coarse{
+      Image<float>((light.columns_px + size - 1) / size, (light.rows_px + size - 1) / size),
+      Image<float>((light.columns_px + size - 1) / size, (light.rows_px + size - 1) / size)};
+  for (int row = 0; row < light.rows_px; ++row) {
+    for (int column = 0; column < light.columns_px; ++column) {
+      const float radius = radius_samples.At(row, column);
+      if (LevelOf(radius) != level) continue;
+      coarse.light.At(row / size, column / size) += light.At(row, column);
+      float& largest = coarse.radii.At(row / size, column / size);
+      largest = std::max(largest, radius / static_cast<float>(size));
+    }
+  }
+  return coarse;
+}
+
+}  // namespace
+
+Image<float> SpreadByDefocus(const Image<float>& light, const Image<float>& radius_samples,
+                             int threads) {
+  assert(light.columns_px == radius_samples.columns_px && light.rows_px == radius_samples.rows_px);
+  int levels = 0;
+  for (const float radius : radius_samples.values) levels = std::max(levels, LevelOf(radius));
+  if (levels == 0) return SpreadSmall(light, radius_samples, threads);
+  Image<float> result(light.columns_px, light.rows_px);
+  for (int level = 0; level <= levels; ++level) {
+    const Coarse coarse = MakeCoarse(light, radius_samples, level);
+    const Image<float> spread = SpreadSmall(coarse.light, coarse.radii, threads);
+    const float share = 1.0F / static_cast<float>(1 << (2 * level));
+    for (int row = 0; row < result.rows_px; ++row) {
+      for (int column = 0; column < result.columns_px; ++column) {
+        result.At(row, column) += share * spread.At(row >> level, column >> level);
       }
     }
   }

@@ -30,6 +30,8 @@ struct OpticsModel {
   std::vector<TransferFunction> transfer;
   bool field_dependent = false;   // pupil or curvature vary over the field
   bool curvature_varies = false;  // the curvature alone does
+  // Depths whose wavefronts differ by less at the pupil's rim share a layer, in wavelengths.
+  double layer_step_waves = 0.125;
 };
 
 struct SpeckleModel {
@@ -54,14 +56,14 @@ int RequiredMargin(const OpticsModel& optics, double largest_curvature_per_m, do
 // Coherent laser light (thesis eq. 4.15-4.25): circular Gaussian field of irradiance
 // image.laser_irradiance_w_m2, filtered by the generalised pupil of each depth, the fields of all
 // depths summed, squared, integrated over the pixels exactly (sinc in frequency). Depth is split so
-// finely that the wavefront error at the pupil's rim differs by less than lambda/8 between layers.
-// The scatterers are a function of the sub-pixel's absolute place and the seed alone; so blocks,
-// other regions and moved patterns see the same ones, and the result depends on the division into
-// blocks only through the cut point spread (a thousandth of the light, some per cent of the
-// irradiance in a speckle). A pupil that varies over the field is constant over blocks of 96 px, or
-// half the point spread's reach if that is more; its vignetting varies smoothly. Nothing wraps
-// around whatever the grid's margin. Dark parts cost nothing. Without speckle: the mean over all
-// patterns. Incoherent light: optical transfer function of each channel's pupil at the region's
+// finely that the wavefront error at the pupil's rim differs by less than layer_step_waves between
+// layers. The scatterers are a function of the sub-pixel's absolute place and the seed alone; so
+// blocks, other regions and moved patterns see the same ones, and the result depends on the
+// division into blocks only through the cut point spread (a thousandth of the light, some per cent
+// of the irradiance in a speckle). A pupil that varies over the field is constant over blocks of 96
+// px, or half the point spread's reach if that is more; its vignetting varies smoothly. Nothing
+// wraps around whatever the grid's margin. Dark parts cost nothing. Without speckle: the mean over
+// all patterns. Incoherent light: optical transfer function of each channel's pupil at the region's
 // centre, then the mean of each pixel's samples, which are means over their sub-pixels. The grid
 // must be fine enough for the pupil (RequiredSubPixels). Same bytes for any number of threads.
 PixelIrradiance ApplyOptics(const IdealImage& image, const OpticsModel& optics,

@@ -152,8 +152,8 @@ class LaserImaging {
     return optics_.curvature(depth, grid_.U(column), grid_.V(row));
   }
 
-  // Layers of curvature: the wavefront error at the pupil's rim differs by less than lambda/8
-  // between neighbours.
+  // Layers of curvature: the wavefront error at the pupil's rim, 1/2 curvature r^2, differs by less
+  // than optics_.layer_step_waves between neighbours.
   void SplitDepth() {
     if (image_.depth_m.empty() && !optics_.field_dependent && !optics_.curvature_varies) {
       layers_ = {optics_.curvature(image_.constant_depth_m, 0, 0)};
@@ -177,7 +177,7 @@ class LaserImaging {
       most = std::max(most, row[1]);
     }
     const double radius = optics_.pupil(0, 0).OuterRadius();
-    const double step = optics_.wavelength_m / (4 * radius * radius);
+    const double step = 2 * optics_.layer_step_waves * optics_.wavelength_m / (radius * radius);
     if (most == least) {
       layers_ = {least};
       return;

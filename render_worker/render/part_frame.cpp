@@ -66,13 +66,7 @@ struct DepthRange {
 absl::StatusOr<DepthRange> VisibleDepths(const LightTransport& transport, const SceneView& view,
                                          const FrameSetup& frame, const TransportSettings& settings,
                                          const RenderLimits& limits) {
-  constexpr int kStep = 8;
-  SubPixelGrid coarse;
-  coarse.pixel_pitch_m = kStep * frame.sensor.pixel_pitch_m;
-  coarse.sub_pixels = 1;
-  coarse.roi = {static_cast<int>(std::floor(static_cast<double>(frame.roi.column_px) / kStep)),
-                static_cast<int>(std::floor(static_cast<double>(frame.roi.row_px) / kStep)),
-                frame.roi.columns_px / kStep + 1, frame.roi.rows_px / kStep + 1};
+  const SubPixelGrid coarse = CoarseGrid(frame, /*step=*/8);
   TransportSettings direct = settings;
   direct.max_bounces = 0;
   direct.laser_interreflection = false;
@@ -233,14 +227,7 @@ absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFr
   RenderedPartFrame result;
   result.warnings = ScaleWarnings(scene, frame);
 
-  TransportSettings settings;
-  settings.max_bounces = inspection.render.max_bounces;
-  settings.laser_interreflection = inspection.render.laser_interreflection;
-  settings.noise_target_relative = inspection.render.noise_target_relative;
-  settings.max_samples_per_px = inspection.render.max_samples_per_px;
-  settings.seed = DeriveSeed(static_cast<uint64_t>(inspection.render.seed), "light transport",
-                             frame.seeds.noise);
-  settings.threads = limits.threads;
+  const TransportSettings settings = TransportSettingsOf(inspection.render, frame, limits.threads);
 
   const double travel_m = inspection.render.stage_speed_m_per_s * frame.exposure_time_s;
   const Eigen::Vector2d motion_m = ImageMotion(truth, frame, travel_m);

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/random/counter_random.h"
 #include "render_worker/plate/plate_scene.h"
 
 namespace sightline {
@@ -79,6 +80,29 @@ SceneView MakeView(const PartScene& scene, const TrueGeometry& truth, const Fram
   view.distortion = frame.lens.distortion;
   view.laser_source = frame.laser;
   return view;
+}
+
+TransportSettings TransportSettingsOf(const RenderSettings& render, const FrameSetup& frame,
+                                      int threads) {
+  TransportSettings settings;
+  settings.max_bounces = render.max_bounces;
+  settings.laser_interreflection = render.laser_interreflection;
+  settings.noise_target_relative = render.noise_target_relative;
+  settings.max_samples_per_px = render.max_samples_per_px;
+  settings.seed =
+      DeriveSeed(static_cast<uint64_t>(render.seed), "light transport", frame.seeds.noise);
+  settings.threads = threads;
+  return settings;
+}
+
+SubPixelGrid CoarseGrid(const FrameSetup& frame, int step) {
+  SubPixelGrid coarse;
+  coarse.pixel_pitch_m = step * frame.sensor.pixel_pitch_m;
+  coarse.sub_pixels = 1;
+  coarse.roi = {static_cast<int>(std::floor(static_cast<double>(frame.roi.column_px) / step)),
+                static_cast<int>(std::floor(static_cast<double>(frame.roi.row_px) / step)),
+                frame.roi.columns_px / step + 1, frame.roi.rows_px / step + 1};
+  return coarse;
 }
 
 Eigen::Vector2d ImageMotion(const TrueGeometry& truth, const FrameSetup& frame, double travel_m) {

@@ -28,6 +28,13 @@ TrueGeometry WithGeometryErrors(const Rig& rig, const Measurement& measurement,
 SceneView MakeView(const PartScene& scene, const TrueGeometry& truth, const FrameSetup& frame,
                    double stage_position_m);
 
+// How light is traced for a frame, by the inspection's render settings.
+TransportSettings TransportSettingsOf(const RenderSettings& render, const FrameSetup& frame,
+                                      int threads);
+
+// The frame's region with one sample for `step` x `step` pixels, for a coarse look.
+SubPixelGrid CoarseGrid(const FrameSetup& frame, int step);
+
 // Motion of a point at the rig's origin in the image [m] while the stage travels.
 Eigen::Vector2d ImageMotion(const TrueGeometry& truth, const FrameSetup& frame, double travel_m);
 

@@ -197,6 +197,28 @@ TEST(CircleOfConfusion, KeepsEnergyAndFillsTheDisc) {
   EXPECT_NEAR(spread.At(20, 20), 3 / (std::numbers::pi * 36), 2e-4);
 }
 
+// Large discs are made of coarser samples: as bright, as wide, and done at once.
+TEST(CircleOfConfusion, LargeDiscsKeepEnergyAndWidth) {
+  Image<float> light(401, 401), radii(401, 401);
+  light.At(200, 200) = 1;
+  std::fill(radii.values.begin(), radii.values.end(), 120.F);
+  const Image<float> spread = SpreadByDefocus(light, radii, 2);
+  EXPECT_NEAR(Sum(spread), 1, 1e-4);
+  double second = 0;
+  for (int i = 0; i < 401; ++i) {
+    for (int j = 0; j < 401; ++j) {
+      second += spread.At(i, j) * (std::pow(i - 200, 2) + std::pow(j - 200, 2));
+    }
+  }
+  EXPECT_NEAR(std::sqrt(2 * second), 120, 3);
+  EXPECT_NEAR(spread.At(200, 200), 1 / (std::numbers::pi * 120 * 120), 2e-6);
+  // Every pixel of a whole sensor, out of all proportion.
+  Image<float> all(1920, 1200), far(1920, 1200);
+  std::fill(all.values.begin(), all.values.end(), 1.F);
+  std::fill(far.values.begin(), far.values.end(), 900.F);
+  EXPECT_LE(Sum(SpreadByDefocus(all, far, 2)), Sum(all) * 1.001);
+}
+
 TEST(CircleOfConfusion, SmallRadiiChangeNothingAndThreadsDoNotMatter) {
   Image<float> light(50, 70), radii(50, 70);
   for (size_t i = 0; i < light.values.size(); ++i) {

@@ -26,11 +26,14 @@ StepOptions With(const std::string& optics, const std::string& more = "") {
 }
 
 absl::StatusOr<v1::OpticsPlan> Plan(PartScene& scene, int threads = 2, int scans = 1,
-                                    int frames = 1, bool per_scan = false) {
+                                    int frames = 1, bool per_scan = false,
+                                    double part_gamma_rad = 0) {
   OpticsTask task;
   for (int s = 1; s <= scans; ++s) {
     for (int f = 0; f < frames; ++f) {
-      task.frames.push_back({StepFrame(0.001 * f + 0.002 * s), s, f});
+      PartFrameRequest request = StepFrame(0.001 * f + 0.002 * s);
+      request.measurement.part_gamma_rad = part_gamma_rad;
+      task.frames.push_back({request, s, f});
     }
   }
   task.per_scan = per_scan;
@@ -204,7 +207,8 @@ TEST(PlanOptics, ExposuresFitTheFrameTime) {
 TEST(PlanOptics, EveryScanHasItsOwn) {
   const auto scene =
       StepScene(With(R"("f_numbers": [4, 11], "realisations": 2, "frames_per_scan": 2)"));
-  const auto plan = Plan(*scene, 2, 2, 6, /*per_scan=*/true);
+  // Turned, so that the step wanders along the line.
+  const auto plan = Plan(*scene, 2, 2, 6, /*per_scan=*/true, /*part_gamma_rad=*/0.6);
   ASSERT_TRUE(plan.ok()) << plan.status();
   ASSERT_EQ(plan->scans_size(), 2);
   EXPECT_EQ(plan->scans(0).scan(), 1);
