@@ -21,6 +21,7 @@ constexpr double kNormal95 = 1.959963984540054;
 constexpr double kDarkest = 1.0 / 25, kBrightest = 4;
 // Places so much darker than the median of the line are given up.
 constexpr double kLargestContrast = 100;
+constexpr double kLargestRatio = 1e5;
 constexpr double kLargestTilt_rad = 30 * std::numbers::pi / 180;
 constexpr int kFirstFocusDistances = 5, kFocusRounds = 2;
 // Exposures at which a focus distance or a power is looked at before it is searched properly.
@@ -404,8 +405,9 @@ ExposureGrid MakeExposureGrid(const SettingJudge& judge, const Inspection& inspe
     longest = std::min(longest, *limit.longest_s);
     shortest = std::min(shortest, longest / 10);
   }
-  grid.min_s = shortest;
+  grid.min_s = std::max(shortest, longest / kLargestRatio);
   grid.max_s = longest;
+  grid.equal_ratios = true;
   return grid;
 }
 

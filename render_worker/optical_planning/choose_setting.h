@@ -51,7 +51,8 @@ bool AsGoodAs(const JudgedSetting& judged, const JudgedSetting& best);
 
 // Exposure times for the planning's smallest f-number: as stated, or from where bright places of
 // the line (one in ten is brighter) reach a 25th of what the sensor holds to where dark ones (one
-// in ten is darker) would hold four times as much, over all frames, at most what `limit` allows.
+// in ten is darker) would hold four times as much, over all frames, at most what `limit` allows, in
+// equal ratios.
 ExposureGrid MakeExposureGrid(const SettingJudge& judge, const Inspection& inspection,
                               const ExposureLimit& limit);
 

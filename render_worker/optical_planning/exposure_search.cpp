@@ -11,7 +11,10 @@
 namespace sightline {
 namespace {
 
+// Times that are looked at first: at least so many, and no farther apart than this ratio while they
+// are at most twice as many.
 constexpr int kFirstTimes = 12;
+constexpr double kFirstRatio = 1.6;
 // Neighbours of the best whose times differ by less than this ratio are near enough.
 constexpr double kNearEnough = 1.03;
 constexpr int kMostRounds = 32;
@@ -25,15 +28,23 @@ double RoundTo4Digits(double value) {
 }
 
 double ExposureGrid::At(int index) const {
-  const double exact = min_s + index * (max_s - min_s) / (count - 1);
+  const double part = static_cast<double>(index) / (count - 1);
+  const double exact =
+      equal_ratios ? min_s * std::pow(max_s / min_s, part) : min_s + part * (max_s - min_s);
   const double rounded = RoundTo4Digits(exact);
   // Never outside the grid.
   return rounded >= min_s && rounded <= max_s ? rounded : exact;
 }
 
+int ExposureGrid::Nearest(double time_s) const {
+  const double part = equal_ratios ? std::log(time_s / min_s) / std::log(max_s / min_s)
+                                   : (time_s - min_s) / (max_s - min_s);
+  return std::clamp(static_cast<int>(std::lround(part * (count - 1))), 0, count - 1);
+}
+
 ExposureGrid AtFNumber(const ExposureGrid& grid, double grid_f_number, double f_number) {
   const double ratio = f_number / grid_f_number;
-  return {grid.min_s * ratio * ratio, grid.max_s * ratio * ratio, grid.count};
+  return {grid.min_s * ratio * ratio, grid.max_s * ratio * ratio, grid.count, grid.equal_ratios};
 }
 
 absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
@@ -50,20 +61,18 @@ absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
     for (size_t i = 0; i < indices.size(); ++i) known[indices[i]] = (*answers)[i];
     return absl::OkStatus();
   };
-  // Index at a time, the nearest.
-  const auto index_at = [&](double time_s) {
-    const double place = (time_s - grid.min_s) / (grid.max_s - grid.min_s) * (grid.count - 1);
-    return std::clamp(static_cast<int>(std::lround(place)), 0, grid.count - 1);
-  };
   std::vector<int> first;
   if (every || grid.count <= kFirstTimes) {
     for (int index = 0; index < grid.count; ++index) first.push_back(index);
   } else {
-    // From a hundredth of the longest on, if the grid begins at 0.
-    const double shortest = std::max(grid.min_s, grid.max_s / 1000);
-    for (int i = 0; i < kFirstTimes; ++i) {
-      first.push_back(index_at(
-          shortest * std::pow(grid.max_s / shortest, static_cast<double>(i) / (kFirstTimes - 1))));
+    // In equally spaced grids the shortest times are far apart by ratio anyway.
+    const double shortest = std::max(grid.min_s, grid.max_s * (grid.equal_ratios ? 0 : 1e-3));
+    const double ratio = grid.max_s / shortest;
+    const int times = std::clamp(1 + static_cast<int>(std::log(ratio) / std::log(kFirstRatio)),
+                                 kFirstTimes, 2 * kFirstTimes);
+    for (int i = 0; i < times; ++i) {
+      first.push_back(
+          grid.Nearest(shortest * std::pow(ratio, static_cast<double>(i) / (times - 1))));
     }
     first.push_back(0);
   }
@@ -79,7 +88,7 @@ absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
       if (high - low < 2) return;
       const double t_low = std::max(grid.At(low), grid.max_s * 1e-6), t_high = grid.At(high);
       if (t_high / t_low < kNearEnough) return;
-      between.push_back(std::clamp(index_at(std::sqrt(t_low * t_high)), low + 1, high - 1));
+      between.push_back(std::clamp(grid.Nearest(std::sqrt(t_low * t_high)), low + 1, high - 1));
     };
     if (at != known.begin()) halve(std::prev(at)->first, at->first);
     if (std::next(at) != known.end()) halve(at->first, std::next(at)->first);

@@ -15,12 +15,16 @@ namespace sightline {
 // To four significant digits, as a person sets things; 0 stays 0.
 double RoundTo4Digits(double value);
 
-// Exposure times, equally spaced but for rounding to four digits.
+// Exposure times, equally spaced as in the thesis or in equal ratios, but for rounding to four
+// digits.
 struct ExposureGrid {
   double min_s = 0, max_s = 0;
   int count = 2;
+  bool equal_ratios = false;  // min_s > 0
 
   double At(int index) const;
+  // Index of the time that is nearest; of those in the grid.
+  int Nearest(double time_s) const;
 };
 
 // The grid at another f-number: the same exposures, times (N/N_0)^2 (thesis eq. 6.4).
@@ -30,9 +34,10 @@ ExposureGrid AtFNumber(const ExposureGrid& grid, double grid_f_number, double f_
 using CostsOfExposures =
     std::function<absl::StatusOr<std::vector<double>>(std::span<const int> indices)>;
 
-// Index of least cost. About twelve times at equal ratios first, then the gaps beside the best one
-// are halved (in the ratio of times) until its neighbours are next to it or differ by less than 3
-// %: about twenty costs instead of all. Finds the grid's optimum where the cost falls and then
+// Index of least cost. A dozen to two dozen times at equal ratios first, then the gaps beside the
+// best one are halved (in the ratio of times) until its neighbours are next to it or differ by less
+// than 3
+// %: twenty to thirty costs instead of all. Finds the grid's optimum where the cost falls and then
 // rises, up to chance in its numbers; ties go to the shorter time. `every`: all costs are asked
 // for.
 absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,

@@ -376,10 +376,7 @@ class Report {
     }
     if (html.empty()) return "";
     if (of_scans && has_common) html = "<h3>With one setting for all scans</h3>\n" + html;
-    return Soft(
-               "The simulated image about the line, with the setting chosen; the detected points "
-               "are marked.") +
-           html;
+    return Soft("The simulated image about the line, with the setting chosen.") + html;
   }
 
   static std::vector<std::string> DeviceRow(const Combination& c) {
