@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/image_file/grey_png.h"
 #include "render_worker/optical_planning/choose_setting.h"
@@ -108,6 +109,12 @@ class OpticsPlanner {
         plan.mutable_common()->set_scan(0);
       }
       if (groups[g].scan != 0 && groups.size() > 1) *plan.add_scans() = *std::move(choice);
+    }
+    if (!poorly_represented_.empty()) {
+      plan.add_warnings(absl::StrFormat(
+          "%s: the frames that were rendered stand for less than %.0f %% of what the scan's frames "
+          "differ in (represented_fraction); more of them (optics.frames_per_scan) would say more",
+          absl::StrJoin(poorly_represented_, ", "), 100 * kPoorlyRepresented));
     }
     *plan.mutable_best() = plan.common().best();
     *plan.mutable_curve() = plan.common().curve();
@@ -314,12 +321,7 @@ class OpticsPlanner {
     if (absl::Status s = AddFrames(group, judge, choice->chosen(), &answer); !s.ok()) return s;
     if (absl::Status s = AddCheck(group, choice->chosen(), &answer); !s.ok()) return s;
     evaluated_images_ += judge.judged_images();
-    if (group.represented_fraction < kPoorlyRepresented) {
-      plan->add_warnings(absl::StrFormat(
-          "%s: the frames that were rendered stand for %.0f %% of what its frames differ in; more "
-          "frames (optics.frames_per_scan) would say more",
-          name, 100 * group.represented_fraction));
-    }
+    if (group.represented_fraction < kPoorlyRepresented) poorly_represented_.push_back(name);
     for (const FNumberChoice& here : choice->curve) {
       if (here.refused.empty()) continue;
       plan->add_warnings(
@@ -434,6 +436,7 @@ class OpticsPlanner {
   std::vector<Scan> scans_;
   double done_ = 0, share_ = 1;  // of the whole, before and for the group at work
   int64_t evaluated_images_ = 0;
+  std::vector<std::string> poorly_represented_;
 };
 
 }  // namespace
