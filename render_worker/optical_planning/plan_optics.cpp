@@ -24,6 +24,8 @@ namespace {
 
 // Frames of a scan that are glanced at; more of them, evenly spaced, say nothing new.
 constexpr int kMostGlances = 64;
+// Larger single frames are cut to the rows about their line, as those of scans are.
+constexpr int64_t kWholeFramePixels = int64_t{1} << 20;
 // About the line, so that false lines beside it are seen.
 constexpr int kRoiMargin_px = 48;
 // Frames of all scans together that one common setting is chosen by.
@@ -254,8 +256,12 @@ class OpticsPlanner {
       Say(done_ + 0.2 * share_ * static_cast<double>(traced.size()) /
                       static_cast<double>(group.frames.size()),
           absl::StrFormat("light of scan %d, frame %d", chosen.scan, chosen.seen->frame->frame));
-      // A single frame is judged as a whole, those of scans about their line.
-      if (task_.frames.size() > 1) options.roi = chosen.seen->glance.roi;
+      // A single small frame is judged as a whole, others about their line.
+      const int64_t pixels =
+          int64_t{inspection_.rig.camera.columns_px} * inspection_.rig.camera.rows_px;
+      if (task_.frames.size() > 1 || pixels > kWholeFramePixels) {
+        options.roi = chosen.seen->glance.roi;
+      }
       auto light = TraceFrameLight(scene_, chosen.seen->frame->request, effects_, options);
       if (!light.ok()) return light.status();
       const double weight =

@@ -32,11 +32,12 @@ struct OpticsHooks {
 };
 
 // Of every scan some frames stand for the rest (ChooseRepresentatives), each cut to the rows about
-// its line if there is more than one frame. Every scan gets its own choice; the common one is the
-// best of the settings that were judged for all scans, every scan counting by its line length. The
-// inspection has sensor, lens and optics. FAILED_PRECONDITION, reason NO_LINE: no frame shows the
-// line; reason EXPOSURE_TOO_LONG; INVALID_ARGUMENT: effects for plates alone; RESOURCE_EXHAUSTED;
-// CANCELLED. Same task and seed, same bytes, for any number of threads.
+// its line if there is more than one frame, or more than a million pixels. One setting is chosen
+// for all of them, by up to 16 frames together that count by the length of line they stand for;
+// with `per_scan` every scan gets its own, among the f-numbers that do for all. The inspection has
+// sensor, lens and optics. FAILED_PRECONDITION, reason NO_LINE: no frame shows the line; reason
+// EXPOSURE_TOO_LONG; INVALID_ARGUMENT: effects for plates alone; RESOURCE_EXHAUSTED; CANCELLED.
+// Same task and seed, same bytes, for any number of threads.
 absl::StatusOr<v1::OpticsPlan> PlanOptics(PartScene& scene, std::span<const ActiveEffect> effects,
                                           const OpticsTask& task, const OpticsHooks& hooks);
 
