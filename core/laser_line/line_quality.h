@@ -75,8 +75,8 @@ class QualityEstimate {
   // standard deviation between realisations. s is that of the number linearised in the blocks' sums
   // (delta method), whose variances between realisations add up, as blocks are independent: so many
   // blocks make s known well from few realisations. What is a share stays in [0, 1].
-  // Where nothing was missed in R realisations, misses of a fresh one follow the predictive law of a
-  // Poisson number with a flat prior for its mean, k or more with probability (R + 1)^-k; the
+  // Where nothing was missed in R realisations, misses of a fresh one follow the predictive law of
+  // a Poisson number with a flat prior for its mean, k or more with probability (R + 1)^-k; the
   // interval of the coverage leaves room for as many as are not ruled out at 5 %.
   Interval u_px() const;
   Interval bias_px() const;

@@ -10,7 +10,8 @@ namespace sightline {
 // background.
 struct LineDisplacement {
   double shift_px = 0;
-  double broadening_px2 = 0;  // of the variance; cut off with the flanks, too small by a fifth or so
+  double broadening_px2 =
+      0;  // of the variance; cut off with the flanks, too small by a fifth or so
 };
 LineDisplacement DisplacementOfLine(const RecordedSet& set, const ExpectedSet& expected, int frame);
 

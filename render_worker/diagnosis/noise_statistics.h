@@ -40,9 +40,9 @@ class TextureStatistic : public SetStatistic {
 };
 
 // Entry per pair of recordings of the same scene with the same settings, one after the other: half
-// the mean squared difference of every bin, the temporal variance [DN^2]. It is expected at the mean
-// that has been recorded (photon transfer, EMVA 1288 release 4.0, section 2.4): the speckle of a
-// place makes all of its recordings brighter or darker than is expected of any.
+// the mean squared difference of every bin, the temporal variance [DN^2]. It is expected at the
+// mean that has been recorded (photon transfer, EMVA 1288 release 4.0, section 2.4): the speckle of
+// a place makes all of its recordings brighter or darker than is expected of any.
 class RepeatStatistic : public SetStatistic {
  public:
   explicit RepeatStatistic(const RecordedSet& set);

@@ -36,8 +36,8 @@ absl::StatusOr<PixelIrradiance> FormLight(const IdealImage& image, const FrameSe
                                           std::span<const ActiveEffect> effects,
                                           const SpeckleModel& speckle, int threads);
 
-// Sensor: from light to numbers. `previous_mean_electrons`: of the frame read out before in the same
-// burst, or nullptr.
+// Sensor: from light to numbers. `previous_mean_electrons`: of the frame read out before in the
+// same burst, or nullptr.
 struct ReadOutImage {
   Image<uint16_t> raw_dn;
   Image<double> mean_photo_electrons;  // after the effects

@@ -13,9 +13,9 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "render_worker/image_chain/form_image.h"
+#include "render_worker/image_file/grey_png.h"
 #include "render_worker/recordings/plate_frames.h"
 #include "render_worker/sensor/expose.h"
-#include "render_worker/image_file/grey_png.h"
 #include "render_worker/verification/line_statistics.h"
 
 namespace sightline {

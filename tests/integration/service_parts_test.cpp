@@ -9,12 +9,12 @@
 #include <thread>
 
 #include "coverage_server/service/evaluation_pool.h"
-#include "rpc_server/lru_store.h"
 #include "coverage_server/service/query_validation.h"
 #include "coverage_server/service/scene_spec.h"
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 #include "proto/status/rpc_status.h"
+#include "rpc_server/lru_store.h"
 
 namespace sightline {
 namespace {
