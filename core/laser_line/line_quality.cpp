@@ -8,9 +8,6 @@
 namespace sightline {
 namespace {
 
-// Of a standard normal number, two-sided 95 %.
-constexpr double kNormal95 = 1.959963984540054;
-
 // A detected point and a crossing in the same column.
 struct Pair {
   double distance_px;

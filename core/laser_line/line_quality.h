@@ -8,6 +8,9 @@
 
 namespace sightline {
 
+// Of a standard normal number, two-sided 95 %.
+inline constexpr double kNormal95 = 1.959963984540054;
+
 // Where the true line crosses an image column; a column may have several crossings.
 struct LineCrossing {
   int column_px = 0;

@@ -4,6 +4,11 @@
 
 namespace sightline {
 
+double SensorVergence(const SensorPlane& plane, double u_m, double v_m) {
+  const double b = plane.image_distance_m;
+  return 1 / b - (plane.slope_u * u_m + plane.slope_v * v_m) / (b * b);
+}
+
 std::optional<SensorPlane> ScheimpflugPlane(const Eigen::Vector3d& normal, double offset_m,
                                             double focal_length_m) {
   // On the axis the plane is at z = offset/n_z, so b = 1/(1/f - n_z/offset).

@@ -16,6 +16,11 @@ struct SensorPlane {
   double slope_v = 0;  // tangent of the turn about the rows' direction
 };
 
+// 1/b [1/m] on the chief ray through (u, v) of the perpendicular sensor at image_distance_m = b_0,
+// whose coordinates images have: that ray meets the tilted sensor at (u, v) b/b_0, so b = b_0 +
+// (slope . (u, v)) b/b_0 and 1/b = 1/b_0 - slope . (u, v)/b_0^2.
+double SensorVergence(const SensorPlane& plane, double u_m, double v_m);
+
 // The sensor plane on which a thin lens of focal length f images every point of the plane
 // normal . x = offset sharply. A point (x, y, z) has its image at u = b x/z, v = b y/z with
 // 1/b = 1/f - 1/z; put into normal . (u, v, b) z/b = offset this is linear in u, v, b:

@@ -164,6 +164,17 @@ int Sensor::ChannelAt(int row, int column) const {
   return odd_row == odd_column ? (odd_row ? kBlue : kRed) : kGreen;
 }
 
+int MostSensitiveChannel(const Sensor& sensor, double wavelength_m) {
+  int best = 0;
+  for (int channel = 1; channel < sensor.channels(); ++channel) {
+    if (sensor.quantum_efficiency[channel].At(wavelength_m) >
+        sensor.quantum_efficiency[best].At(wavelength_m)) {
+      best = channel;
+    }
+  }
+  return best;
+}
+
 absl::StatusOr<Sensor> ParseSensor(const v1::Sensor& message, const std::string& context) {
   const Checker check(context);
   Sensor sensor;

@@ -53,6 +53,10 @@ struct Sensor {
   int ChannelAt(int row, int column) const;
 };
 
+// The channel that converts most light of a wavelength: kRed, kGreen or kBlue, the first of equals;
+// 0 of mono sensors.
+int MostSensitiveChannel(const Sensor& sensor, double wavelength_m);
+
 // Validates a message; `context` (e.g. the file name) starts every error message.
 // INVALID_ARGUMENT names the field, its value and the allowed range: gain <= 0, quantum efficiency
 // outside [0, 1], missing curve of a channel, ...

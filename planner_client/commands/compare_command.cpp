@@ -13,6 +13,7 @@
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/planning_session.h"
 #include "planner_client/commands/progress_line.h"
@@ -208,8 +209,9 @@ int RunCompare(CompareOptions& options) {
   }
   options.output.comparison = table;
   options.output.point_clouds = false;
-  std::error_code error;
-  std::filesystem::create_directories(options.output.folder, error);
+  if (absl::Status made = MakeOutputFolder(options.output.folder); !made.ok()) {
+    return ReportError(made);
+  }
   for (const auto& [name, text] : {std::pair("comparison.csv", &csv), {"curves.csv", &curves}}) {
     absl::Status status = WriteFileAtomically(options.output.folder + "/" + name, *text);
     if (!status.ok()) return ReportError(status);

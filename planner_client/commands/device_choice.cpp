@@ -42,6 +42,14 @@ v1::Inspection InspectionOf(const DeviceCamera& camera, const DeviceLens& lens,
   to->set_min_f_number(lens.min_f_number);
   to->set_max_f_number(lens.max_f_number);
   if (lens.min_focus_distance_m) to->set_min_focus_distance_m(*lens.min_focus_distance_m);
+  // Where scanning has a speed the camera limits it, too.
+  const v1::CostModel& costs = inspection.costs();
+  *devices.mutable_costs() = costs;
+  if (camera.max_frame_rate_hz && (costs.has_frame_rate_hz() || costs.has_stage_speed_m_per_s())) {
+    const double rate_hz = *camera.max_frame_rate_hz;
+    devices.mutable_costs()->set_frame_rate_hz(
+        costs.has_frame_rate_hz() ? std::min(rate_hz, costs.frame_rate_hz()) : rate_hz);
+  }
   *devices.mutable_laser() = laser.message.laser();
   if (inspection.laser().has_distance_m()) {
     devices.mutable_laser()->set_distance_m(inspection.laser().distance_m());
@@ -55,6 +63,7 @@ v1::Inspection WithDevices(v1::Inspection inspection, const v1::Inspection& devi
   *inspection.mutable_camera() = devices.camera();
   *inspection.mutable_lens() = devices.lens();
   *inspection.mutable_laser() = devices.laser();
+  *inspection.mutable_costs() = devices.costs();
   auto* f_numbers = inspection.mutable_optics()->mutable_f_numbers();
   f_numbers->erase(std::remove_if(f_numbers->begin(), f_numbers->end(),
                                   [&](double f_number) {

@@ -28,7 +28,7 @@ void AddDeviceOptions(CLI::App& app, DeviceRequirements* requirements);
 struct DeviceCandidates {
   struct Candidate {
     v1::DeviceCombination combination;  // with what geometry says
-    v1::Inspection devices;             // its camera, lens and laser; the rest is empty
+    v1::Inspection devices;             // its camera, lens, laser and costs; the rest is empty
   };
   std::vector<Candidate> rendered;
   std::vector<v1::DeviceCombination> lost;

@@ -18,6 +18,7 @@
 #include "core/recordings/recordings.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/diagnosis_client/answer_json.h"
@@ -171,12 +172,7 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
                                                      std::vector<std::string>* warnings) {
   const fs::path out = options.out;
   const fs::path calibrated = out / "calibrated";
-  std::error_code error;
-  fs::create_directories(calibrated, error);
-  if (error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("cannot make folder ", calibrated.string(), ": ", error.message()));
-  }
+  if (absl::Status made = MakeOutputFolder(calibrated.string()); !made.ok()) return made;
   std::vector<std::pair<fs::path, std::string>> files;
   const std::string answer = AnswerJson(diagnosis);
   if (const std::string name = AnswerFile(diagnosis.set()); !name.empty()) {
@@ -194,6 +190,7 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
   }
   const fs::path inspection = calibrated / "inspection.json";
   // One of an earlier run would not be that of this diagnosis.
+  std::error_code error;
   fs::remove(inspection, error);
   auto result = Calibrated(options, set, nominal_part, diagnosis, calibrated, &files);
   if (result.ok()) {
@@ -246,12 +243,7 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
       if (!inspection.ok()) return inspection.status();
     }
   }
-  std::error_code error;
-  fs::create_directories(options.out, error);
-  if (error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("cannot make folder ", options.out, ": ", error.message()));
-  }
+  if (absl::Status made = MakeOutputFolder(options.out); !made.ok()) return made;
   *request.mutable_source()->mutable_recordings() = set->recordings;
   if (options.seed) request.set_seed(*options.seed);
   if (options.max_effects) request.set_max_effects(*options.max_effects);

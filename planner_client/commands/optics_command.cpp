@@ -14,6 +14,7 @@
 #include "planner_client/commands/device_choice.h"
 #include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/frame_choice.h"
+#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/worker_session.h"
@@ -66,16 +67,8 @@ absl::StatusOr<v1::CreateOpticsRequest> MakeRequest(const OpticsOptions& options
 std::string DetectedChannel(const Inspection& inspection) {
   const Sensor& sensor = *inspection.sensor;
   if (sensor.colour_filter == ColourFilter::kMono) return "mono";
-  int best = inspection.optics->detector.channel.value_or(-1);
-  const auto efficiency = [&](int channel) {
-    return sensor.quantum_efficiency[channel].At(inspection.rig.laser.wavelength_m);
-  };
-  for (int channel = 0; best < 0 && channel < 3; ++channel) {
-    if (efficiency(channel) >= efficiency(kRed) && efficiency(channel) >= efficiency(kGreen) &&
-        efficiency(channel) >= efficiency(kBlue)) {
-      best = channel;
-    }
-  }
+  const int best = inspection.optics->detector.channel.value_or(
+      MostSensitiveChannel(sensor, inspection.rig.laser.wavelength_m));
   return best == kRed ? "red" : best == kGreen ? "green" : "blue";
 }
 
@@ -138,12 +131,7 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
     if (!found.ok()) return found.status();
     candidates = *std::move(found);
   }
-  std::error_code error;
-  fs::create_directories(options.choice.out, error);
-  if (error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("cannot make folder ", options.choice.out, ": ", error.message()));
-  }
+  if (absl::Status made = MakeOutputFolder(options.choice.out); !made.ok()) return made;
 
   ProgressLine progress;
   WorkerClientOptions client;

@@ -16,6 +16,7 @@
 #include "core/recordings/shot_list.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/output_folder.h"
 
 namespace sightline {
 namespace {
@@ -37,12 +38,7 @@ absl::StatusOr<int> New(const NewOptions& options) {
     return absl::InvalidArgumentError(
         absl::StrCat(options.out, ": has a recordings.json already; give another --out"));
   }
-  std::error_code error;
-  fs::create_directories(folder / "images", error);
-  if (error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("cannot make folder ", options.out, ": ", error.message()));
-  }
+  if (absl::Status made = MakeOutputFolder((folder / "images").string()); !made.ok()) return made;
   absl::Status status = WriteFileAtomically((folder / "README.md").string(), ShotListText(*list));
   if (!status.ok()) return status;
   status = WriteFileAtomically((folder / "recordings.json").string(),

@@ -11,6 +11,7 @@
 #include "core/json/strict_json.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/diagnosis_client/diagnosis_client.h"
 #include "planner_client/diagnosis_client/recorded_folder.h"
@@ -48,12 +49,7 @@ absl::StatusOr<int> Verify(VerifyOptions options) {
   const auto set = ReadRecordedFolder(options.input, Shown::kPlate);
   if (!set.ok()) return set.status();
   if (options.out.empty()) options.out = (fs::path(set->folder) / "verification").string();
-  std::error_code error;
-  fs::create_directories(options.out, error);
-  if (error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("cannot make folder ", options.out, ": ", error.message()));
-  }
+  if (absl::Status made = MakeOutputFolder(options.out); !made.ok()) return made;
   v1::CreateVerificationRequest request;
   *request.mutable_source()->mutable_recordings() = set->recordings;
   if (options.seed) request.set_seed(*options.seed);

@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "core/rig/scheimpflug.h"
 #include "render_worker/sensor/expose.h"
 
 namespace sightline {
@@ -75,13 +76,12 @@ OpticsModel MakeOpticsModel(const FrameSetup& frame, std::span<const ActiveEffec
   optics.curvature = [focal_length, image_distance](double depth_m, double, double) {
     return DefocusCurvature(focal_length, depth_m, image_distance);
   };
-  const double slope_u = std::tan(frame.lens.sensor_tilt_y_rad);
-  const double slope_v = std::tan(frame.lens.sensor_tilt_x_rad);
-  if (slope_u != 0 || slope_v != 0) {
+  const SensorPlane sensor{image_distance, std::tan(frame.lens.sensor_tilt_y_rad),
+                           std::tan(frame.lens.sensor_tilt_x_rad)};
+  if (sensor.slope_u != 0 || sensor.slope_v != 0) {
     optics.curvature_varies = true;
     optics.curvature = [=](double depth_m, double u_m, double v_m) {
-      return DefocusCurvature(focal_length, depth_m,
-                              image_distance + slope_u * u_m + slope_v * v_m);
+      return DefocusCurvature(focal_length, depth_m, 1 / SensorVergence(sensor, u_m, v_m));
     };
   }
   optics.image_distance_m = image_distance;

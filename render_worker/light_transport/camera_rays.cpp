@@ -3,6 +3,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/rig/scheimpflug.h"
+
 namespace sightline {
 
 Eigen::Vector2d Undistort(const Distortion& d, const Eigen::Vector2d& distorted) {
@@ -45,12 +47,11 @@ Eigen::Vector3d CameraRays::ChiefDirection(double u_m, double v_m) const {
 }
 
 double CameraRays::FocusDistance(double u_m, double v_m) const {
-  const double slope_m = slope_u_ * u_m + slope_v_ * v_m;
-  if (slope_m == 0) return focus_distance_m_;
+  if (slope_u_ == 0 && slope_v_ == 0) return focus_distance_m_;
   // 1/d = 1/f - 1/b with 1/f = 1/d_0 + 1/b_0. The calibrated image distance stands for b_0, from
   // which it differs by parts in a thousand.
-  const double vergence =
-      1 / focus_distance_m_ + 1 / image_distance_m_ - 1 / (image_distance_m_ + slope_m);
+  const double vergence = 1 / focus_distance_m_ + 1 / image_distance_m_ -
+                          SensorVergence({image_distance_m_, slope_u_, slope_v_}, u_m, v_m);
   // Beyond infinity nothing is in focus: the farthest that rays can be aimed at.
   constexpr double kFarthest_m = 1e6;
   return vergence * kFarthest_m > 1 ? 1 / vergence : kFarthest_m;

@@ -16,7 +16,6 @@
 namespace sightline {
 namespace {
 
-constexpr double kNormal95 = 1.959963984540054;
 // Of the exposures that are tried without being told: parts and multiples of what fills a pixel.
 constexpr double kDarkest = 1.0 / 25, kBrightest = 4;
 // Places so much darker than the median of the line are given up.
@@ -24,9 +23,14 @@ constexpr double kLargestContrast = 100;
 constexpr double kLargestRatio = 1e5;
 constexpr double kLargestTilt_rad = 30 * std::numbers::pi / 180;
 constexpr int kFirstFocusDistances = 5, kFocusRounds = 2;
-// Exposures at which a focus distance or a power is looked at before it is searched properly.
+// Exposures at which a focus distance or a power is looked at before it is searched properly: at
+// least so many, and while they are at most thrice as many no farther apart than this ratio.
 constexpr int kGlanceExposures = 5;
-constexpr size_t kMostPairs = 60;
+constexpr double kGlanceRatio = 3;
+// Exposures that pairs are made of.
+constexpr int kPairedExposures = 12;
+// Laser sheets of frames that differ by less are the same [1, m].
+constexpr double kSameSheet = 1e-6;
 
 // Lens settings that may be tried at an f-number, in order.
 std::vector<double> FirstFocusDistances(const OpticsPlanning& planning, double stated_m) {
@@ -103,18 +107,12 @@ class Chooser {
                                "optics.exposure_time_s: the shortest, %.4g s at f/%.3g, is longer "
                                "than %.4g s, which "
                                "is all that %s allow",
-                               grid_.min_s, planning_.f_numbers[0],
-                               choice_.limit.longest_s.value_or(0), choice_.limit.because)),
+                               grid_.min_s, grid_f_number_, choice_.limit.longest_s.value_or(0),
+                               choice_.limit.because)),
                            "EXPOSURE_TOO_LONG");
     }
     choice_.focus = focus_of_[choice_.best];
-    if (best_without_tilt_ && best_with_tilt_) {
-      choice_.alternatives.push_back({"sensor not tilted", *best_without_tilt_});
-      choice_.alternatives.push_back({"sensor tilted to the laser sheet", *best_with_tilt_});
-    }
-    if (stated_focus_ && planning_.focus_distance_m) {
-      choice_.alternatives.push_back({"focus as the inspection has it", *stated_focus_});
-    }
+    if (absl::Status status = TryAlternatives(); !status.ok()) return status;
     if (planning_.two_exposures) {
       if (absl::Status status = TryPairs(); !status.ok()) return status;
     }
@@ -183,18 +181,41 @@ class Chooser {
 
   // Least cost of a few exposures: to compare lens settings by.
   absl::StatusOr<JudgedSetting> Glance(const ExposureGrid& grid, double power_w) {
+    // In equally spaced grids the shortest times are far apart by ratio anyway.
+    const double shortest = std::max(grid.min_s, grid.equal_ratios ? 0 : grid.max_s / 100);
+    const double ratio = grid.max_s / shortest;
+    const int count =
+        std::clamp(static_cast<int>(std::ceil(std::log(ratio) / std::log(kGlanceRatio))),
+                   kGlanceExposures, 3 * kGlanceExposures);
     std::vector<double> times;
-    const double shortest = std::max(grid.min_s, grid.max_s / 100);
-    for (int i = 0; i < kGlanceExposures; ++i) {
-      times.push_back(shortest * std::pow(grid.max_s / shortest, (i + 0.5) / kGlanceExposures));
-    }
+    for (int i = 0; i < count; ++i) times.push_back(shortest * std::pow(ratio, (i + 0.5) / count));
     auto judged = Judge(times, power_w);
     if (!judged.ok()) return judged.status();
     return *std::min_element(judged->begin(), judged->end(), Better);
   }
 
-  void Keep(const JudgedSetting& judged, std::optional<JudgedSetting>* best) const {
-    if (!*best || Better(judged, **best)) *best = judged;
+  bool Tilted(const LensSetting& lens) const {
+    return lens.sensor_tilt_x_rad != inspection_.rig.lens->sensor_tilt_x_rad ||
+           lens.sensor_tilt_y_rad != inspection_.rig.lens->sensor_tilt_y_rad;
+  }
+
+  // The sensor as the inspection has it.
+  LensSetting Untilted(double f_number, double focus_distance_m) const {
+    return {f_number, focus_distance_m, inspection_.rig.lens->sensor_tilt_x_rad,
+            inspection_.rig.lens->sensor_tilt_y_rad};
+  }
+
+  // The tilt to the laser sheet, if all frames have the same one and it is in reach.
+  std::optional<LensSetting> TiltedToSheet(double f_number) const {
+    if (!planning_.sensor_tilt) return std::nullopt;
+    const FrameLight& first = *judge_.frames()[0].light;
+    for (const WeightedFrame& frame : judge_.frames()) {
+      if ((frame.light->sheet_normal - first.sheet_normal).norm() > kSameSheet ||
+          std::abs(frame.light->sheet_offset_m - first.sheet_offset_m) > kSameSheet) {
+        return std::nullopt;
+      }
+    }
+    return FocusOnSheet(first, inspection_, f_number);
   }
 
   // The lens settings to try, and for a range of focus distances those beside the best.
@@ -211,14 +232,9 @@ class Chooser {
     }
     std::vector<LensSetting> lenses;
     for (const double distance : FirstFocusDistances(planning_, group_.stated_focus_m)) {
-      lenses.push_back({f_number, distance, inspection_.rig.lens->sensor_tilt_x_rad,
-                        inspection_.rig.lens->sensor_tilt_y_rad});
+      lenses.push_back(Untilted(f_number, distance));
     }
-    const size_t untilted = lenses.size();
-    if (planning_.sensor_tilt) {
-      const auto tilted = FocusOnSheet(*judge_.frames()[0].light, inspection_, f_number);
-      if (tilted) lenses.push_back(*tilted);
-    }
+    if (const auto tilted = TiltedToSheet(f_number)) lenses.push_back(*tilted);
     const std::vector<double> powers = Powers(planning_, inspection_.rig.laser.power_w);
 
     // One lens setting needs no glance.
@@ -241,9 +257,8 @@ class Chooser {
       for (int round = 0; round < kFocusRounds; ++round) {
         // Untilted ones by distance; the gaps beside the best.
         std::vector<std::pair<double, double>> by_distance;
-        for (size_t i = 0; i < seen.size(); ++i) {
-          if (planning_.sensor_tilt && i == untilted && lenses.size() > untilted) continue;
-          by_distance.emplace_back(seen[i].first.focus_distance_m, seen[i].second.cost());
+        for (const auto& [lens, judged] : seen) {
+          if (!Tilted(lens)) by_distance.emplace_back(lens.focus_distance_m, judged.cost());
         }
         std::sort(by_distance.begin(), by_distance.end());
         const auto best =
@@ -258,21 +273,14 @@ class Chooser {
           between.push_back(middle(best->first, std::next(best)->first));
         }
         for (const double distance : between) {
-          LensSetting lens = lenses[0];
-          lens.focus_distance_m = distance;
-          if (absl::Status s = look(lens); !s.ok()) return s;
+          if (absl::Status s = look(Untilted(f_number, distance)); !s.ok()) return s;
         }
       }
     }
     size_t best = 0;
     for (size_t i = 0; i < seen.size(); ++i) {
       if (Better(seen[i].second, seen[best].second)) best = i;
-      const bool tilted = planning_.sensor_tilt && lenses.size() > untilted && i == untilted;
-      Keep(seen[i].second, tilted ? &best_with_tilt_ : &best_without_tilt_);
-      if (!tilted) focus_of_.back().push_back(seen[i].second);
-      if (seen[i].first.focus_distance_m == group_.stated_focus_m && !tilted) {
-        Keep(seen[i].second, &stated_focus_);
-      }
+      if (!Tilted(seen[i].first)) focus_of_.back().push_back(seen[i].second);
     }
     std::sort(focus_of_.back().begin(), focus_of_.back().end(), [](const auto& a, const auto& b) {
       return a.setting.lens.focus_distance_m < b.setting.lens.focus_distance_m;
@@ -297,11 +305,36 @@ class Chooser {
     }
     auto here = Search(grid, lens.f_number, best_power);
     if (!here.ok()) return here.status();
-    const JudgedSetting& judged = here->exposures[here->best];
-    const bool tilted = lens.sensor_tilt_x_rad != inspection_.rig.lens->sensor_tilt_x_rad ||
-                        lens.sensor_tilt_y_rad != inspection_.rig.lens->sensor_tilt_y_rad;
-    Keep(judged, tilted ? &best_with_tilt_ : &best_without_tilt_);
     choice_.curve.push_back(*std::move(here));
+    return absl::OkStatus();
+  }
+
+  // What the lens's freedoms are worth: the best f-number without each, its exposure searched as
+  // well.
+  absl::Status TryAlternatives() {
+    const JudgedSetting best = choice_.best_single();
+    const LensSetting& lens = best.setting.lens;
+    const auto search = [&](const char* name, const LensSetting& other) -> absl::Status {
+      std::string refused;
+      const std::optional<ExposureGrid> grid = GridAt(other.f_number, &refused);
+      if (absl::Status s = judge_.LookThrough(other); !s.ok()) return s;
+      auto here = Search(*grid, other.f_number, best.setting.laser_power_w);
+      if (!here.ok()) return here.status();
+      choice_.alternatives.push_back({name, here->exposures[here->best]});
+      return absl::OkStatus();
+    };
+    constexpr char kTilted[] = "sensor tilted to the laser sheet", kFlat[] = "sensor not tilted";
+    if (const auto tilted = TiltedToSheet(lens.f_number)) {
+      choice_.alternatives.push_back({Tilted(lens) ? kTilted : kFlat, best});
+      const std::vector<JudgedSetting>& flat = choice_.focus;
+      const LensSetting other =
+          Tilted(lens) ? std::min_element(flat.begin(), flat.end(), Better)->setting.lens : *tilted;
+      if (absl::Status s = search(Tilted(lens) ? kFlat : kTilted, other); !s.ok()) return s;
+    }
+    if (planning_.focus_distance_m && lens.focus_distance_m != group_.stated_focus_m) {
+      return search("focus as the inspection has it",
+                    Untilted(lens.f_number, group_.stated_focus_m));
+    }
     return absl::OkStatus();
   }
 
@@ -310,24 +343,28 @@ class Chooser {
     const FNumberChoice& here = choice_.curve[choice_.best];
     const JudgedSetting single = choice_.best_single();
     choice_.alternatives.push_back({"one exposure", single});
+    // A dozen of them, as evenly spaced in ratio as they come, the best one among them.
+    const double ratio = std::max(1.3, std::pow(here.exposures.back().setting.exposure_time_s /
+                                                    here.exposures.front().setting.exposure_time_s,
+                                                1.0 / kPairedExposures));
+    std::vector<double> times = {single.setting.exposure_time_s};
+    for (const JudgedSetting& judged : here.exposures) {
+      const double time_s = judged.setting.exposure_time_s;
+      if (std::all_of(times.begin(), times.end(), [&](double other) {
+            return std::max(other / time_s, time_s / other) >= ratio;
+          })) {
+        times.push_back(time_s);
+      }
+    }
     std::vector<std::pair<double, double>> pairs;
-    for (size_t l = 0; l < here.exposures.size(); ++l) {
-      for (size_t s = 0; s < l; ++s) {
-        const double long_s = here.exposures[l].setting.exposure_time_s;
-        const double short_s = here.exposures[s].setting.exposure_time_s;
-        // Nearly equal ones show the same.
-        if (long_s < 1.5 * short_s) continue;
+    for (const double long_s : times) {
+      for (const double short_s : times) {
+        if (long_s <= short_s) continue;
         if (choice_.limit.longest_s && long_s + short_s > *choice_.limit.longest_s) continue;
         pairs.emplace_back(long_s, short_s);
       }
     }
     if (pairs.empty()) return absl::OkStatus();
-    // A part of them, evenly, if they are many.
-    if (pairs.size() > kMostPairs) {
-      std::vector<std::pair<double, double>> some;
-      for (size_t i = 0; i < kMostPairs; ++i) some.push_back(pairs[i * pairs.size() / kMostPairs]);
-      pairs = std::move(some);
-    }
     if (absl::Status s = judge_.LookThrough(single.setting.lens); !s.ok()) return s;
     auto judged = judge_.JudgePairs(pairs, single.setting.laser_power_w);
     if (!judged.ok()) return judged.status();
@@ -347,7 +384,6 @@ class Chooser {
   const std::function<void(double)>& progress_;
   SettingChoice choice_;
   std::vector<std::vector<JudgedSetting>> focus_of_;  // by f-number
-  std::optional<JudgedSetting> best_without_tilt_, best_with_tilt_, stated_focus_;
 };
 
 }  // namespace

@@ -15,7 +15,7 @@ namespace sightline {
 struct SettingGroup {
   double image_speed_px_per_m = 0;  // of the image per travel of the stage
   double travel_m = 0;              // of the scan; 0: a single frame
-  double stated_focus_m = 0;        // focus distance of the inspection
+  double stated_focus_m = 0;        // where nothing else is asked for
   std::vector<double> f_numbers;    // to try, ascending
 };
 
@@ -30,7 +30,7 @@ struct FNumberChoice {
 struct SettingChoice {
   std::vector<FNumberChoice> curve;  // by f-number
   size_t best = 0;                   // of the curve
-  // Best with and without a freedom, by name; the best of all is among them.
+  // The best f-number with and without a freedom, by name.
   struct Alternative {
     std::string name;
     JudgedSetting judged;

@@ -18,17 +18,6 @@ constexpr double kLeastSigma = 0.7, kMostSigma = 20;
 // Standard deviations of dark noise's ridge score that make a line.
 constexpr double kNoiseDeviations = 6;
 
-int BestChannel(const FrameSetup& frame) {
-  int best = 0;
-  const auto efficiency = [&](int channel) {
-    return frame.sensor.quantum_efficiency[channel].At(frame.laser.wavelength_m);
-  };
-  for (int channel = 1; channel < frame.sensor.channels(); ++channel) {
-    if (efficiency(channel) > efficiency(best)) best = channel;
-  }
-  return best;
-}
-
 }  // namespace
 
 DetectionPlan PlanDetection(const FrameSetup& frame, const LineDetector& detector) {
@@ -36,7 +25,8 @@ DetectionPlan PlanDetection(const FrameSetup& frame, const LineDetector& detecto
   DetectionPlan plan;
   plan.method = detector.method;
   const bool mono = sensor.colour_filter == ColourFilter::kMono;
-  const int channel = mono ? 0 : detector.channel.value_or(BestChannel(frame));
+  const int channel =
+      mono ? 0 : detector.channel.value_or(MostSensitiveChannel(sensor, frame.laser.wavelength_m));
   for (const PixelPlane& plane : PixelPlanes(sensor)) {
     if (mono || sensor.ChannelAt(frame.roi.row_px + plane.first_row,
                                  frame.roi.column_px + plane.first_column) == channel) {

@@ -22,6 +22,7 @@
 namespace sightline {
 namespace {
 
+constexpr char kNoLine[] = "NO_LINE";
 // Frames of a scan that are glanced at; more of them, evenly spaced, say nothing new.
 constexpr int kMostGlances = 64;
 // Larger single frames are cut to the rows about their line, as those of scans are.
@@ -105,6 +106,10 @@ class OpticsPlanner {
       done_ = 0.05 + 0.95 * static_cast<double>(g) / static_cast<double>(groups.size());
       share_ = 0.95 / static_cast<double>(groups.size());
       auto choice = Choose(groups[g], &plan);
+      if (ErrorReason(choice.status()) == kNoLine && groups[g].scan != 0 && groups.size() > 1) {
+        plan.add_warnings(absl::StrCat("scan ", groups[g].scan, ": ", choice.status().message()));
+        continue;
+      }
       if (!choice.ok()) return choice.status();
       if (groups[g].scan == 0 || groups.size() == 1) {
         *plan.mutable_common() = *choice;
@@ -182,7 +187,7 @@ class OpticsPlanner {
                              task_.frames.size() == 1
                                  ? "the laser lights nothing that the camera sees in this frame"
                                  : "the laser lights nothing that the camera sees, in any frame"),
-                         "NO_LINE");
+                         kNoLine);
   }
 
   int FramesPerScanTogether() const {
@@ -246,28 +251,37 @@ class OpticsPlanner {
     return margin;
   }
 
-  // Traced light of the group's frames, weighted so that sums over them stand for the whole.
-  absl::StatusOr<std::vector<WeightedFrame>> Trace(const FrameGroup& group) {
+  // Traced light of the group's frames, weighted so that sums over them stand for the whole. Frames
+  // in which the coarse look took something else for a line leave the group; NO_LINE if all do.
+  absl::StatusOr<std::vector<WeightedFrame>> Trace(FrameGroup& group) {
     FrameLightOptions options;
     options.margin_px = Margin(group);
     options.limits = hooks_.limits;
+    // A single small frame is judged as a whole, others about their line.
+    const int64_t pixels =
+        int64_t{inspection_.rig.camera.columns_px} * inspection_.rig.camera.rows_px;
+    const bool whole = task_.frames.size() == 1 && pixels <= kWholeFramePixels;
+    std::vector<ChosenFrame> kept;
     std::vector<WeightedFrame> traced;
-    for (const ChosenFrame& chosen : group.frames) {
-      Say(done_ + 0.2 * share_ * static_cast<double>(traced.size()) /
-                      static_cast<double>(group.frames.size()),
+    absl::Status none;
+    for (size_t f = 0; f < group.frames.size(); ++f) {
+      const ChosenFrame& chosen = group.frames[f];
+      Say(done_ + 0.2 * share_ * static_cast<double>(f) / static_cast<double>(group.frames.size()),
           absl::StrFormat("light of scan %d, frame %d", chosen.scan, chosen.seen->frame->frame));
-      // A single small frame is judged as a whole, others about their line.
-      const int64_t pixels =
-          int64_t{inspection_.rig.camera.columns_px} * inspection_.rig.camera.rows_px;
-      if (task_.frames.size() > 1 || pixels > kWholeFramePixels) {
-        options.roi = chosen.seen->glance.roi;
-      }
+      if (!whole) options.roi = chosen.seen->glance.roi;
       auto light = TraceFrameLight(scene_, chosen.seen->frame->request, effects_, options);
+      if (ErrorReason(light.status()) == kNoLine) {
+        none = light.status();
+        continue;
+      }
       if (!light.ok()) return light.status();
       const double weight =
           chosen.lit_samples / std::max<double>(1, chosen.seen->glance.lit_samples);
       traced.push_back({std::make_shared<const FrameLight>(*std::move(light)), weight});
+      kept.push_back(chosen);
     }
+    if (traced.empty()) return none;
+    group.frames = std::move(kept);
     // Relative weights count; those of a single frame are 1.
     double sum = 0;
     for (const WeightedFrame& frame : traced) sum += frame.weight;
@@ -290,6 +304,39 @@ class OpticsPlanner {
     return fastest;
   }
 
+  // Focus distance where none is asked for: the inspection's; else the camera distance of a single
+  // scan, and of several the distance at which their lines are least out of focus (mean of
+  // 1/depth).
+  double StatedFocus_m(const FrameGroup& group, const std::vector<WeightedFrame>& traced) const {
+    const std::optional<double>& stated = inspection_.rig.lens->focus_distance_m;
+    if (stated) return *stated;
+    if (group.scan != 0) {
+      return group.frames[0].seen->frame->request.measurement.camera_distance_m;
+    }
+    double weights = 0, inverse = 0;
+    for (const WeightedFrame& frame : traced) {
+      const double weight = frame.weight * static_cast<double>(frame.light->line.size());
+      weights += weight;
+      inverse += weight / frame.light->median_line_depth_m;
+    }
+    return RoundTo4Digits(weights / inverse);
+  }
+
+  // Height of a pixel of u_px, mean over the line of the group's frames.
+  double MeanHeightPerPixel(const FrameGroup& group,
+                            const std::vector<WeightedFrame>& traced) const {
+    double weights = 0, sum = 0;
+    for (size_t f = 0; f < traced.size(); ++f) {
+      const FrameLight& light = *traced[f].light;
+      const double weight = traced[f].weight * static_cast<double>(light.line.size());
+      weights += weight;
+      sum +=
+          weight * HeightPerPixel(PartFrameSetup(inspection_, group.frames[f].seen->frame->request),
+                                  light.median_line_depth_m);
+    }
+    return sum / weights;
+  }
+
   // All at first; for single scans those that are not out of the question for all scans together.
   std::vector<double> FNumbers(const v1::OpticsPlan& plan) const {
     if (!plan.has_common()) return planning_.f_numbers;
@@ -305,10 +352,10 @@ class OpticsPlanner {
   absl::StatusOr<v1::OpticsChoice> Choose(FrameGroup& group, v1::OpticsPlan* plan) {
     auto traced = Trace(group);
     if (!traced.ok()) return traced.status();
-    const FrameSetup frame = PartFrameSetup(inspection_, group.frames[0].seen->frame->request);
     group.setting.image_speed_px_per_m = ImageSpeed_px_per_m(group);
-    group.setting.stated_focus_m = *frame.lens.focus_distance_m;
+    group.setting.stated_focus_m = StatedFocus_m(group, *traced);
     group.setting.f_numbers = FNumbers(*plan);
+    const double height_per_px = MeanHeightPerPixel(group, *traced);
     SettingJudge judge(inspection_, effects_, *std::move(traced), task_.seed, hooks_.limits);
     const ExposureLimit limit = LimitExposure(inspection_.costs, inspection_.rig.scan_step_m,
                                               planning_, group.setting.image_speed_px_per_m);
@@ -319,8 +366,6 @@ class OpticsPlanner {
       Say(done_ + share_ * (0.2 + 0.75 * fraction), name);
     });
     if (!choice.ok()) return choice.status();
-    const double height_per_px =
-        HeightPerPixel(frame, judge.frames()[0].light->median_line_depth_m);
     v1::OpticsChoice answer = ChoiceToProto(*choice, inspection_, group.setting, height_per_px);
     answer.set_scan(group.scan);
     answer.set_represented_fraction(group.represented_fraction);
@@ -341,30 +386,17 @@ class OpticsPlanner {
                          v1::OpticsChoice* answer) {
     if (absl::Status s = judge.LookThrough(best.setting.lens); !s.ok()) return s;
     const LineCost cost{planning_.prior_uncertainty_px, planning_.false_line_weight};
-    size_t block = 0;
     for (size_t f = 0; f < group.frames.size(); ++f) {
       const ChosenFrame& chosen = group.frames[f];
       const FrameLight& light = *judge.frames()[f].light;
+      const LineQuality quality = QualityOf(best.frames[f], cost);
+      const FrameSetup setup = judge.Setup(f, best.setting, 0);
       v1::RepresentativeFrame* entry = answer->add_frames();
       entry->set_scan(chosen.scan);
       entry->set_frame(chosen.seen->frame->frame);
       entry->set_stage_position_m(chosen.seen->frame->request.stage_position_m);
       entry->set_weight(chosen.share);
       entry->set_line_points(static_cast<int64_t>(light.line.size()));
-      // Its own blocks of the sums.
-      const FrameSetup setup = judge.Setup(f, best.setting, 0);
-      const size_t blocks = JudgeLine({std::vector<std::vector<LinePoint>>(
-                                          PlanDetection(setup, planning_.detector).planes.size())},
-                                      PlanDetection(setup, planning_.detector), light.line,
-                                      light.grid.roi.columns_px, 1)
-                                .size();
-      LineSums sums;
-      for (size_t b = 0; b < blocks; ++b, ++block) {
-        for (const LineSums& r : best.sums[block]) sums += r;
-      }
-      const double unweighted =
-          1 / (judge.frames()[f].weight * static_cast<double>(best.sums[0].size()));
-      const LineQuality quality = QualityOf(unweighted * sums, cost);
       entry->set_u_px(quality.u_px);
       entry->set_profile_coverage(quality.profile_coverage);
       auto picture =
@@ -381,10 +413,10 @@ class OpticsPlanner {
     if (group.check == nullptr) return absl::OkStatus();
     FrameGroup one;
     one.scan = group.scan;
-    one.frames.push_back({group.check, group.scan, 0, group.check->glance.lit_samples * 1.0});
+    one.frames.push_back(
+        {group.check, group.scan, 0, static_cast<double>(group.check->glance.lit_samples)});
     auto traced = Trace(one);
-    // A few lit samples of the coarse look need not be a line.
-    if (absl::IsFailedPrecondition(traced.status())) return absl::OkStatus();
+    if (ErrorReason(traced.status()) == kNoLine) return absl::OkStatus();
     if (!traced.ok()) return traced.status();
     SettingJudge judge(inspection_, effects_, *std::move(traced), task_.seed, hooks_.limits);
     if (absl::Status s = judge.LookThrough(best.setting.lens); !s.ok()) return s;
@@ -401,9 +433,9 @@ class OpticsPlanner {
 
   // The part of an image with most of the line, from black level to the brightest tenth of a per
   // cent, in square-root steps as the eye sees it. Of Bayer sensors the detected channel alone.
-  static absl::StatusOr<std::string> Picture(const Image<uint16_t>& raw_dn, const FrameSetup& frame,
-                                             const FrameLight& light) {
-    const DetectionPlan plan = PlanDetection(frame, {});
+  absl::StatusOr<std::string> Picture(const Image<uint16_t>& raw_dn, const FrameSetup& frame,
+                                      const FrameLight& light) const {
+    const DetectionPlan plan = PlanDetection(frame, planning_.detector);
     const PixelPlane& plane = plan.planes[0];
     const Image<float> values = PlaneValues(raw_dn, plane);
     const int columns = std::min(kPictureColumns_px, values.columns_px);

@@ -109,19 +109,24 @@ absl::StatusOr<DetectedLine> SettingJudge::Detect(size_t frame, const OpticalSet
 JudgedSetting SettingJudge::Summarise(
     const OpticalSetting& setting,
     const std::vector<std::vector<std::vector<LineSums>>>& by_frame) const {
-  std::vector<std::vector<LineSums>> sums;
+  // Blocks of columns of all frames, each with its realisations.
+  std::vector<std::vector<LineSums>> blocks;
+  std::vector<LineSums> frames;
   for (size_t f = 0; f < frames_.size(); ++f) {
-    const size_t blocks = by_frame[f][0].size();
-    for (size_t b = 0; b < blocks; ++b) {
+    LineSums total;
+    for (size_t b = 0; b < by_frame[f][0].size(); ++b) {
       std::vector<LineSums> realisations;
       for (const std::vector<LineSums>& r : by_frame[f]) {
         realisations.push_back(frames_[f].weight * r[b]);
+        total += r[b];
       }
-      sums.push_back(std::move(realisations));
+      blocks.push_back(std::move(realisations));
     }
+    frames.push_back((1.0 / static_cast<double>(by_frame[f].size())) * total);
   }
-  QualityEstimate quality(sums, {planning_.prior_uncertainty_px, planning_.false_line_weight});
-  return {setting, std::move(sums), std::move(quality), 0};
+  return {setting, std::move(frames),
+          QualityEstimate(blocks, {planning_.prior_uncertainty_px, planning_.false_line_weight}),
+          0};
 }
 
 absl::StatusOr<std::vector<JudgedSetting>> SettingJudge::Judge(

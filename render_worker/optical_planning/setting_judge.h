@@ -32,8 +32,7 @@ struct OpticalSetting {
 
 struct JudgedSetting {
   OpticalSetting setting;
-  std::vector<std::vector<LineSums>>
-      sums;  // [block of columns of any frame][realisation], weighted
+  std::vector<LineSums> frames;  // by frame, mean of its realisations, unweighted
   QualityEstimate quality;
   double time_cost_px = 0;  // of scanning, besides quality.mean().cost
 

@@ -35,6 +35,20 @@ TEST(Scheimpflug, ImagesOfThePlaneLieOnTheSensor) {
   }
 }
 
+// In the coordinates of the perpendicular sensor: the chief ray's place on the tilted one has that
+// distance.
+TEST(Scheimpflug, VergenceIsThatOfThePlaceTheChiefRayMeets) {
+  const SensorPlane plane{0.017, 0.1, -0.2};
+  for (const double u : {-3e-3, 0.0, 2e-3}) {
+    for (const double v : {-2e-3, 1e-3}) {
+      const double b = 1 / SensorVergence(plane, u, v);
+      const double scale = b / plane.image_distance_m;
+      EXPECT_NEAR(b, plane.image_distance_m + scale * (plane.slope_u * u + plane.slope_v * v),
+                  1e-15);
+    }
+  }
+}
+
 // Scheimpflug's rule: lens plane, object plane and sensor plane share a line.
 TEST(Scheimpflug, ThreePlanesMeetInOneLine) {
   const Eigen::Vector3d normal = Eigen::Vector3d(0, std::cos(0.5), std::sin(0.5));

@@ -15,6 +15,7 @@
 #include "core/json/strict_json.h"
 #include "sightline/v1/diagnosis.pb.h"
 #include "sightline/v1/verification.pb.h"
+#include "tests/integration/run_process.h"
 #include "tests/render_worker/scene_diagnosis/groove_scene.h"
 #include "tests/render_worker/service/plate_spec.h"
 
@@ -35,22 +36,12 @@ class DiagnoseProcessTest : public ::testing::Test {
     return folder_ + "/" + name;
   }
 
-  struct Result {
-    int exit_code;
-    std::string output;
-  };
   // `sightline ARGUMENTS`; {folder} is replaced.
-  Result Run(const std::string& arguments) const {
-    const std::string program = fs::read_symlink("/proc/self/exe").parent_path() / "sightline";
+  ProcessResult Run(const std::string& arguments) const {
     const std::string command =
-        absl::StrCat("timeout 100 ", program, " ",
-                     absl::StrReplaceAll(arguments, {{"{folder}", folder_}}), " 2>&1");
-    FILE* pipe = popen(command.c_str(), "r");
-    Result result{};
-    char buffer[512];
-    while (fgets(buffer, sizeof(buffer), pipe) != nullptr) result.output += buffer;
-    result.exit_code = WEXITSTATUS(pclose(pipe));
-    return result;
+        absl::StrCat("timeout 100 ", BinFolder(), "/sightline ",
+                     absl::StrReplaceAll(arguments, {{"{folder}", folder_}}));
+    return RunProcess(command);
   }
 
   std::string folder_ = "/tmp/sightline-diagnose-process-XXXXXX";
@@ -65,7 +56,7 @@ TEST_F(DiagnoseProcessTest, PartFromImagesToACalibratedInspection) {
                                                  R"("laser_interreflection": true)"}}));
   Write("plan.json", R"({"scans": [{"index": 1, "measurement": {"camera_distance_m": 0.3,
     "triangulation_angle_deg": 30}, "trigger_positions_m": [0, 0.001]}]})");
-  Result result =
+  ProcessResult result =
       Run("render {folder}/inspection.json --plan {folder}/plan.json --out {folder}/set");
   ASSERT_EQ(result.exit_code, 0) << result.output;
 
@@ -102,7 +93,7 @@ TEST_F(DiagnoseProcessTest, PartFromImagesToACalibratedInspection) {
 
 TEST_F(DiagnoseProcessTest, PlateIsVerifiedAndTooFewRecordingsAreSaid) {
   Write("shots.json", ToJson(PlateSpec(4).plate().recordings()));
-  Result result = Run("render {folder}/shots.json --out {folder}/set");
+  ProcessResult result = Run("render {folder}/shots.json --out {folder}/set");
   ASSERT_EQ(result.exit_code, 0) << result.output;
   result = Run("verify {folder}/set");
   ASSERT_EQ(result.exit_code, 0) << result.output;

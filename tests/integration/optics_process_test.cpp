@@ -15,6 +15,7 @@
 #include "sightline/v1/catalogue.pb.h"
 #include "sightline/v1/optics.pb.h"
 #include "sightline/v1/plan.pb.h"
+#include "tests/integration/run_process.h"
 
 namespace sightline {
 namespace {
@@ -22,8 +23,6 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-std::string BinFolder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
 
 constexpr char kSensor[] = R"({"name": "small", "sensor_type": "mono", "pixel_pitch_m": 5.3e-6,
   "sensor_columns_px": 128, "sensor_rows_px": 64, "bit_depth_bit": 10,
@@ -62,21 +61,12 @@ class OpticsProcessTest : public ::testing::Test {
     return folder_ + "/" + name;
   }
 
-  struct Result {
-    int exit_code;
-    std::string output;
-  };
   // `sightline ARGUMENTS`; {folder} is replaced.
-  Result Run(const std::string& arguments) const {
+  ProcessResult Run(const std::string& arguments) const {
     const std::string command =
         absl::StrCat("timeout 120 ", BinFolder(), "/sightline ",
-                     absl::StrReplaceAll(arguments, {{"{folder}", folder_}}), " 2>&1");
-    FILE* pipe = popen(command.c_str(), "r");
-    Result result{};
-    char buffer[512];
-    while (fgets(buffer, sizeof(buffer), pipe) != nullptr) result.output += buffer;
-    result.exit_code = WEXITSTATUS(pclose(pipe));
-    return result;
+                     absl::StrReplaceAll(arguments, {{"{folder}", folder_}}));
+    return RunProcess(command);
   }
 
   template <typename Message>
@@ -91,7 +81,7 @@ class OpticsProcessTest : public ::testing::Test {
 };
 
 TEST_F(OpticsProcessTest, OneFrame) {
-  const Result result = Run("optics {folder}/inspection.json --out {folder}/out");
+  const ProcessResult result = Run("optics {folder}/inspection.json --out {folder}/out");
   ASSERT_EQ(result.exit_code, 0) << result.output;
   EXPECT_THAT(result.output, HasSubstr("has the least cost"));
   const auto optics = Read<v1::OpticsPlan>("out/optics.json");
@@ -111,7 +101,7 @@ constexpr char kPlan[] = R"({"inspection_name": "table", "scans": [
 // The plan comes back with the setting of every scan, and images are made with it.
 TEST_F(OpticsProcessTest, PlanGetsItsSettings) {
   Write("plan.json", kPlan);
-  const Result result =
+  const ProcessResult result =
       Run("optics {folder}/inspection.json --plan {folder}/plan.json --out {folder}/out");
   ASSERT_EQ(result.exit_code, 0) << result.output;
   const auto optics = Read<v1::OpticsPlan>("out/optics.json");
@@ -123,7 +113,7 @@ TEST_F(OpticsProcessTest, PlanGetsItsSettings) {
     EXPECT_EQ(plan.scans(s).setting().exposure_time_s(), optics.scans(s).best().exposure_time_s());
     EXPECT_EQ(plan.scans(s).trigger_positions_m_size(), s == 0 ? 5 : 2);
   }
-  const Result images =
+  const ProcessResult images =
       Run("render {folder}/inspection.json --plan {folder}/out/plan.json --scan 2 --frame 1 "
           "--out {folder}/images");
   ASSERT_EQ(images.exit_code, 0) << images.output;
@@ -131,7 +121,7 @@ TEST_F(OpticsProcessTest, PlanGetsItsSettings) {
   text << std::ifstream(folder_ + "/images/recordings.json").rdbuf();
   EXPECT_THAT(text.str(),
               HasSubstr(absl::StrCat("\"f_number\": ", optics.scans(1).best().f_number())));
-  const Result common = Run(
+  const ProcessResult common = Run(
       "optics {folder}/inspection.json --plan {folder}/plan.json --common --out {folder}/common");
   ASSERT_EQ(common.exit_code, 0) << common.output;
   const auto same = Read<v1::Plan>("common/plan.json");
@@ -165,7 +155,7 @@ class OpticsBadInput : public OpticsProcessTest, public ::testing::WithParamInte
 TEST_P(OpticsBadInput, NamesFileFieldAndRange) {
   const BadInput& bad = GetParam();
   Write("bad.json", Inspection(bad.optics, bad.more, bad.lens));
-  const Result result = Run("optics {folder}/bad.json --out {folder}/out");
+  const ProcessResult result = Run("optics {folder}/bad.json --out {folder}/out");
   EXPECT_EQ(result.exit_code, 2) << bad.what << "\n" << result.output;
   EXPECT_THAT(result.output, AllOf(HasSubstr("bad.json"), HasSubstr(bad.expected))) << bad.what;
   EXPECT_FALSE(fs::exists(folder_ + "/out/optics.json"));
@@ -188,7 +178,7 @@ INSTANTIATE_TEST_SUITE_P(
 TEST_F(OpticsProcessTest, OtherBadInput) {
   std::string text = Inspection("");
   Write("no_pitch.json", absl::StrReplaceAll(text, {{"\"pixel_pitch_m\": 5.3e-6,", ""}}));
-  Result result = Run("optics {folder}/no_pitch.json --out {folder}/out");
+  ProcessResult result = Run("optics {folder}/no_pitch.json --out {folder}/out");
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.output, AllOf(HasSubstr("no_pitch.json"), HasSubstr("pixel_pitch_m")));
   fs::create_directories(folder_ + "/empty");
@@ -219,7 +209,7 @@ TEST_F(OpticsProcessTest, CatalogueChoosesAndSaysWhy) {
   Write("devices/lasers/red.json",
         R"({"name": "red", "laser": {"wavelength_m": 660e-9, "power_w": 0.005, "fan_angle_deg": 40,
             "divergence_rad": 0.001, "beam_focus_distance_m": 0.3}, "source": "test"})");
-  const Result result =
+  const ProcessResult result =
       Run("optics {folder}/inspection.json --catalogue {folder}/devices --out {folder}/out");
   ASSERT_EQ(result.exit_code, 0) << result.output;
   const auto devices = Read<v1::DeviceChoice>("out/devices.json");

@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "sightline/v1/plan.pb.h"
+#include "tests/integration/run_process.h"
 
 namespace sightline {
 namespace {
@@ -59,14 +60,9 @@ class PlanProcessTest : public ::testing::Test {
 
   // Exit code of `sightline ARGUMENTS` in the folder, and what it said.
   std::pair<int, std::string> Run(const std::string& arguments) const {
-    const std::string program = fs::read_symlink("/proc/self/exe").parent_path() / "sightline";
-    const std::string command =
-        absl::StrCat("cd ", folder_, " && timeout 100 ", program, " ", arguments, " 2>&1");
-    FILE* pipe = popen(command.c_str(), "r");
-    std::string output;
-    char buffer[512];
-    while (fgets(buffer, sizeof(buffer), pipe) != nullptr) output += buffer;
-    return {WEXITSTATUS(pclose(pipe)), output};
+    const ProcessResult result = RunProcess(
+        absl::StrCat("cd ", folder_, " && timeout 100 ", BinFolder(), "/sightline ", arguments));
+    return {result.exit_code, result.output};
   }
   v1::Plan ReadPlan(const std::string& folder) const {
     v1::Plan plan;

@@ -16,6 +16,7 @@
 #include "absl/strings/str_cat.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/embedded_server/embedded_server.h"
+#include "tests/integration/run_process.h"
 #include "tests/integration/service_fixture.h"
 
 namespace sightline {
@@ -23,9 +24,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-std::string Binary() {
-  return std::filesystem::read_symlink("/proc/self/exe").parent_path() / "fake_coverage_server";
-}
+std::string Binary() { return BinFolder() + "/fake_coverage_server"; }
 
 class ServerProcessTest : public ::testing::Test {
  protected:
@@ -72,20 +71,8 @@ void SendSignal(pid_t pid, int signal_number) {
   ASSERT_EQ(kill(pid, signal_number), 0);
 }
 
-struct ProcessResult {
-  int exit_code;
-  std::string output;
-};
-
-// Runs a command line in a shell; stdout and stderr together.
-ProcessResult RunCommand(const std::string& command) {
-  FILE* pipe = popen(absl::StrCat("timeout 20 ", command, " 2>&1").c_str(), "r");
-  ProcessResult result{};
-  char buffer[512];
-  while (fgets(buffer, sizeof(buffer), pipe) != nullptr) result.output += buffer;
-  result.exit_code = WEXITSTATUS(pclose(pipe));
-  return result;
-}
+// Runs a command line that takes no more than 20 s.
+ProcessResult RunCommand(const std::string& command) { return RunProcess("timeout 20 " + command); }
 
 TEST_F(ServerProcessTest, EmbeddedServerIsPrivateAndCleansUp) {
   Start();
@@ -309,6 +296,13 @@ TEST_F(ServerProcessTest, CommandLine) {
   EXPECT_EQ(tls.exit_code, 2);
   EXPECT_THAT(tls.output, HasSubstr("/nonexistent.pem"));
   EXPECT_EQ(RunCommand(Binary() + " --listen unix:/nonexistent/folder/s").exit_code, 1);
+  const ProcessResult plain = RunCommand(Binary() + " --listen 0.0.0.0:0");
+  EXPECT_EQ(plain.exit_code, 2);
+  EXPECT_THAT(plain.output, HasSubstr("--allow-plaintext"));
+  const ProcessResult metrics =
+      RunCommand(Binary() + " --listen 127.0.0.1:0 --metrics-host 0.0.0.0 --metrics-port 1");
+  EXPECT_EQ(metrics.exit_code, 2);
+  EXPECT_THAT(metrics.output, HasSubstr("--metrics-host 0.0.0.0"));
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/rig/scheimpflug.h"
 #include "tests/render_worker/light_transport/test_scenes.h"
 
 namespace sightline {
@@ -52,6 +53,36 @@ TEST(CameraRays, RaysThroughThePupilMeetInTheFocusedPlane) {
   }
   // Second moment of an even disc: R^2/2.
   EXPECT_NEAR(r2 / (n * n), 4e-3 * 4e-3 / 2, 1e-9);
+}
+
+// A sensor tilted to an object plane by Scheimpflug's rule: the rays of every place meet on that
+// plane.
+TEST(CameraRays, TiltedSensorsFocusOnATiltedPlane) {
+  SceneView view;
+  view.camera = LookDown({0, 0, 0.3});
+  view.pupil_radius_m = 5e-3;
+  constexpr double kFocalLength_m = 0.016;
+  const Eigen::Vector3d normal = Eigen::Vector3d(0.3, 0.6, 0.7).normalized();
+  const double offset_m = 0.28 * normal.z();
+  const auto plane = ScheimpflugPlane(normal, offset_m, kFocalLength_m);
+  ASSERT_TRUE(plane.has_value());
+  view.image_distance_m = plane->image_distance_m;
+  view.focus_distance_m = 0.28;
+  view.sensor_slope_u = plane->slope_u;
+  view.sensor_slope_v = plane->slope_v;
+  const CameraRays camera(view);
+  for (const double u : {-2e-3, 0.0, 2e-3}) {
+    for (const double v : {-2e-3, 0.0, 2e-3}) {
+      for (const float pupil : {0.1F, 0.5F, 0.9F}) {
+        const CameraRays::Ray ray = camera.PupilRay(u, v, pupil, pupil);
+        const Eigen::Vector3d met =
+            (ray.origin_m + ray.direction).cast<double>() - view.camera.origin_m;
+        const Eigen::Vector3d in_camera(met.dot(view.camera.x_axis), met.dot(view.camera.y_axis),
+                                        met.dot(view.camera.z_axis));
+        EXPECT_NEAR(normal.dot(in_camera), offset_m, 2e-7) << u << " " << v;
+      }
+    }
+  }
 }
 
 }  // namespace

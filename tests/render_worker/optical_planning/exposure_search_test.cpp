@@ -27,7 +27,7 @@ TEST_P(Valleys, SearchFindsTheGridsOptimum) {
   };
   const auto found = SearchExposure(grid, false, costs);
   ASSERT_TRUE(found.ok());
-  EXPECT_LE(asked, 40);
+  EXPECT_LE(asked, 30);
   const auto all = SearchExposure(grid, true, costs);
   ASSERT_TRUE(all.ok());
   // The next grid point, or one whose time differs by less than 3 %.

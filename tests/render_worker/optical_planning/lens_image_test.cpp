@@ -31,15 +31,18 @@ double RelativeDifference(const Image<float>& image, const Image<float>& referen
 
 struct Setting {
   double f_number, focus_m;
+  double tilt_x_deg, tilt_y_deg;
 };
 class AgainstTheRenderer : public ::testing::TestWithParam<Setting> {};
 
 // The light on the pixels is that of the renderer, which traces every f-number anew and samples the
 // pupil of other light: in focus and out of it, with the lens wide open and stopped down.
 TEST_P(AgainstTheRenderer, ImagesAreTheSame) {
-  const auto [f_number, focus_m] = GetParam();
+  const auto [f_number, focus_m, tilt_x_deg, tilt_y_deg] = GetParam();
   StepOptions step;
-  step.lens = absl::StrCat(R"("f_number": )", f_number, R"(, "focus_distance_m": )", focus_m);
+  step.lens = absl::StrCat(R"("f_number": )", f_number, R"(, "focus_distance_m": )", focus_m,
+                           R"(, "sensor_tilt_x_deg": )", tilt_x_deg, R"(, "sensor_tilt_y_deg": )",
+                           tilt_y_deg);
   step.ambient_w_m2_sr = 1;
   step.speckle = false;
   const auto scene = StepScene(step);
@@ -70,8 +73,10 @@ TEST_P(AgainstTheRenderer, ImagesAreTheSame) {
       1, 0.01);
 }
 INSTANTIATE_TEST_SUITE_P(Settings, AgainstTheRenderer,
-                         ::testing::Values(Setting{2.8, 0.298}, Setting{2.8, 0.32},
-                                           Setting{8, 0.298}, Setting{16, 0.25}));
+                         ::testing::Values(Setting{2.8, 0.298, 0, 0}, Setting{2.8, 0.32, 0, 0},
+                                           Setting{8, 0.298, 0, 0}, Setting{16, 0.25, 0, 0},
+                                           // Tilts that blur one side of the image.
+                                           Setting{2, 0.3, 4, 0}, Setting{2, 0.3, 0, -4}));
 
 // Contrast of the speckle on the line follows the same law as in the renderer: more of it at small
 // apertures; other seeds, other speckle; same seed, same bytes, whatever the threads.

@@ -90,7 +90,7 @@ TEST(PlanOptics, SearchIsAsGoodAsTheFullGrid) {
   const auto grid = Plan(*StepScene(With(optics + R"(, "every_exposure": true)")));
   ASSERT_TRUE(search.ok() && grid.ok());
   for (int n = 0; n < 3; ++n) {
-    EXPECT_LT(search->curve(n).exposures_size(), 40);
+    EXPECT_LT(search->curve(n).exposures_size(), 30);
     EXPECT_EQ(grid->curve(n).exposures_size(), 120);
     // Within the chance of the numbers, and within 2 %.
     EXPECT_LE(search->curve(n).cost() - grid->curve(n).cost(),
