@@ -13,87 +13,75 @@
 #include <algorithm>
 #include <chrono>
 #include <exception>
-#include <fstream>
 #include <mutex>
-#include <sstream>
 #include <utility>
 
 #include "absl/status/statusor.h"
-#include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "rpc_server/listen_address.h"
+#include "rpc_server/server_credentials.h"
 
 namespace sightline {
 namespace {
 
 constexpr char kUnixPrefix[] = "unix:";
 
-bool IsUnix(const std::string& address) { return absl::StartsWith(address, kUnixPrefix); }
-
-absl::StatusOr<std::string> ReadPem(const std::string& option, const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  text << file.rdbuf();
-  if (!file || !absl::StrContains(text.str(), "-----BEGIN ")) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(option, ": ", path, " is not a readable PEM file"));
+// INVALID_ARGUMENT if the path cannot be one of a socket, UNAVAILABLE if a server answers there.
+absl::Status CheckUnixAddress(const std::string& listen) {
+  const std::string path = listen.substr(sizeof(kUnixPrefix) - 1);
+  sockaddr_un address{};
+  if (path.empty() || path.size() >= sizeof(address.sun_path)) {
+    return absl::InvalidArgumentError(absl::StrCat("--listen ", listen,
+                                                   ": the path of a unix socket must have 1 to ",
+                                                   sizeof(address.sun_path) - 1, " bytes"));
   }
-  return text.str();
-}
-
-absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> MakeCredentials(
-    const RpcServerOptions& options) {
-  if (options.tls_certificate_file.empty() != options.tls_key_file.empty()) {
-    return absl::InvalidArgumentError("--tls-cert and --tls-key belong together");
-  }
-  if (options.tls_certificate_file.empty()) {
-    if (!options.tls_client_ca_file.empty()) {
-      return absl::InvalidArgumentError("--tls-client-ca needs --tls-cert and --tls-key");
-    }
-    return grpc::InsecureServerCredentials();
-  }
-  absl::StatusOr<std::string> certificate = ReadPem("--tls-cert", options.tls_certificate_file);
-  if (!certificate.ok()) return certificate.status();
-  absl::StatusOr<std::string> key = ReadPem("--tls-key", options.tls_key_file);
-  if (!key.ok()) return key.status();
-  grpc::SslServerCredentialsOptions ssl;
-  ssl.pem_key_cert_pairs.push_back({*key, *certificate});
-  if (!options.tls_client_ca_file.empty()) {
-    absl::StatusOr<std::string> ca = ReadPem("--tls-client-ca", options.tls_client_ca_file);
-    if (!ca.ok()) return ca.status();
-    ssl.pem_root_certs = *ca;
-    ssl.client_certificate_request = GRPC_SSL_REQUEST_AND_REQUIRE_CLIENT_CERTIFICATE_AND_VERIFY;
-  }
-  return grpc::SslServerCredentials(ssl);
-}
-
-absl::Status CheckAddress(const std::string& listen) {
-  if (IsUnix(listen)) {
-    const std::string path = listen.substr(sizeof(kUnixPrefix) - 1);
-    sockaddr_un address{};
-    if (path.empty() || path.size() >= sizeof(address.sun_path)) {
-      return absl::InvalidArgumentError(absl::StrCat("--listen ", listen,
-                                                     ": the path of a unix socket must have 1 to ",
-                                                     sizeof(address.sun_path) - 1, " bytes"));
-    }
-    // gRPC replaces a socket that is there; one that still answers belongs to somebody.
-    address.sun_family = AF_UNIX;
-    std::copy(path.begin(), path.end(), address.sun_path);
-    const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
-    const bool taken =
-        fd >= 0 && connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
-    if (fd >= 0) close(fd);
-    if (taken) return absl::UnavailableError(absl::StrCat("--listen ", listen, ": already in use"));
-    return absl::OkStatus();
-  }
-  const size_t colon = listen.rfind(':');
-  int port = -1;
-  if (colon == std::string::npos || colon == 0 ||
-      !absl::SimpleAtoi(listen.substr(colon + 1), &port) || port < 0 || port > 65535) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("--listen ", listen, ": must be unix:PATH or HOST:PORT"));
-  }
+  // gRPC replaces a socket that is there; one that still answers belongs to somebody.
+  address.sun_family = AF_UNIX;
+  std::copy(path.begin(), path.end(), address.sun_path);
+  const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
+  const bool taken =
+      fd >= 0 && connect(fd, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
+  if (fd >= 0) close(fd);
+  if (taken) return absl::UnavailableError(absl::StrCat("--listen ", listen, ": already in use"));
   return absl::OkStatus();
+}
+
+// Plain text leaves this machine only where somebody asked for it.
+absl::Status CheckAddress(const RpcServerOptions& options) {
+  if (IsUnixAddress(options.listen)) return CheckUnixAddress(options.listen);
+  const absl::StatusOr<std::string> host = HostOfAddress("--listen", options.listen);
+  if (!host.ok()) return host.status();
+  if (!options.tls_certificate_file.empty() || options.allow_plaintext) return absl::OkStatus();
+  const absl::StatusOr<bool> is_loopback = IsLoopbackHost(*host);
+  if (!is_loopback.ok()) {
+    return absl::UnavailableError(absl::StrCat(
+        "--listen ", options.listen, ": cannot listen there: ", is_loopback.status().message()));
+  }
+  if (*is_loopback) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "--listen ", options.listen,
+      ": other machines reach this address, and without TLS anybody on the network could use the "
+      "server and read what is sent. Give --tls-cert and --tls-key (and --tls-client-ca to choose "
+      "who may connect), listen on unix:PATH or 127.0.0.1:PORT, or add --allow-plaintext on a "
+      "network that you trust"));
+}
+
+absl::Status CheckMetricsAddress(const RpcServerOptions& options) {
+  if (options.metrics_port < 0 || options.allow_plaintext) return absl::OkStatus();
+  const absl::StatusOr<std::string> host = HostOfAddress(
+      "--metrics-host", absl::StrCat(options.metrics_host, ":", options.metrics_port));
+  if (!host.ok()) return host.status();
+  const absl::StatusOr<bool> is_loopback = IsLoopbackHost(*host);
+  if (!is_loopback.ok()) {
+    return absl::UnavailableError(
+        absl::StrCat("--metrics-host ", options.metrics_host,
+                     ": cannot listen there: ", is_loopback.status().message()));
+  }
+  if (*is_loopback) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      "--metrics-host ", options.metrics_host,
+      ": metrics are served without TLS to everybody who reaches this address. Leave it at "
+      "127.0.0.1, or add --allow-plaintext on a network that you trust"));
 }
 
 }  // namespace
@@ -109,8 +97,11 @@ RpcServer::~RpcServer() { Drain(absl::ZeroDuration()); }
 
 absl::Status RpcServer::Listen(const RpcServerOptions& options,
                                const std::vector<NamedService>& services) {
-  if (absl::Status status = CheckAddress(options.listen); !status.ok()) return status;
-  absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> credentials = MakeCredentials(options);
+  if (absl::Status status = CheckAddress(options); !status.ok()) return status;
+  if (absl::Status status = CheckMetricsAddress(options); !status.ok()) return status;
+  const absl::StatusOr<std::shared_ptr<grpc::ServerCredentials>> credentials =
+      MakeServerCredentials(
+          {options.tls_certificate_file, options.tls_key_file, options.tls_client_ca_file});
   if (!credentials.ok()) return credentials.status();
   if (options.metrics_port >= 0) {
     const std::string bind = absl::StrCat(options.metrics_host, ":", options.metrics_port);
@@ -141,20 +132,19 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
   quota.SetMaxThreads(options.max_call_threads);
   builder.SetResourceQuota(quota);
   for (const NamedService& service : services) builder.RegisterService(service.service);
-  builder.RegisterService(&job_service_);
+  if (jobs_ != nullptr) builder.RegisterService(&job_service_);
   server_ = builder.BuildAndStart();
-  if (server_ == nullptr || (port == 0 && !IsUnix(options.listen))) {
-    return absl::UnavailableError(
-        absl::StrCat("--listen ", options.listen,
-                     ": cannot listen there (address in use, no permission, or a wrong key)"));
+  if (server_ == nullptr || (port == 0 && !IsUnixAddress(options.listen))) {
+    return absl::UnavailableError(absl::StrCat(
+        "--listen ", options.listen, ": cannot listen there (address in use or no permission)"));
   }
-  address_ = IsUnix(options.listen)
+  address_ = IsUnixAddress(options.listen)
                  ? options.listen
                  : absl::StrCat(options.listen.substr(0, options.listen.rfind(':')), ":", port);
   auto* health = server_->GetHealthCheckService();
   health->SetServingStatus(true);
   for (const NamedService& service : services) health->SetServingStatus(service.name, true);
-  health->SetServingStatus("sightline.v1.JobService", true);
+  if (jobs_ != nullptr) health->SetServingStatus("sightline.v1.JobService", true);
   spdlog::info("event=listening address={} metrics_port={}", address_, metrics_port_);
   return absl::OkStatus();
 }
@@ -165,8 +155,10 @@ bool RpcServer::Drain(absl::Duration grace) {
   server_->GetHealthCheckService()->SetServingStatus(false);
   calls_->StartDraining();
   // What they would make is lost with this process.
-  for (const JobRecord& job : jobs_->List("")) {
-    if (!job.finished()) jobs_->Cancel(job.job_id).status().IgnoreError();
+  if (jobs_ != nullptr) {
+    for (const JobRecord& job : jobs_->List("")) {
+      if (!job.finished()) jobs_->Cancel(job.job_id).status().IgnoreError();
+    }
   }
   const bool finished = calls_->WaitUntilIdle(grace);
   calls_->CancelAll();

@@ -31,10 +31,11 @@ struct RpcServerOptions {
   std::string listen;
   int max_call_threads = 256;
   // Prometheus: http://METRICS_HOST:METRICS_PORT/metrics; -1: off, 0: any free port.
-  std::string metrics_host = "0.0.0.0";
+  std::string metrics_host = "127.0.0.1";
   int metrics_port = -1;
-  // PEM files. Certificate and key: TLS; a client CA as well: clients must have a certificate of
-  // it.
+  // Whether other machines may reach the server without TLS, and its metrics, which have none.
+  bool allow_plaintext = false;
+  // PEM files, see TlsFiles; they may be replaced while the server runs.
   std::string tls_certificate_file;
   std::string tls_key_file;
   std::string tls_client_ca_file;
@@ -54,7 +55,7 @@ class RunningServer {
 };
 
 // Serves a JobService over `jobs` and the services of its owner, which must outlive it or its
-// Drain.
+// Drain. Null `jobs`: there is no JobService, and Drain cancels nothing.
 class RpcServer : public RunningServer {
  public:
   struct NamedService {
@@ -66,8 +67,8 @@ class RpcServer : public RunningServer {
   RpcServer(std::string name, ServerMetrics* metrics, CallTracker* calls, JobStore* jobs);
   ~RpcServer() override;
 
-  // INVALID_ARGUMENT for an address or TLS file that cannot be used, naming it; UNAVAILABLE when
-  // the address is taken.
+  // INVALID_ARGUMENT for an address or TLS file that cannot be used, naming it, and for plain text
+  // on an address that other machines reach; UNAVAILABLE when the address is taken.
   absl::Status Listen(const RpcServerOptions& options, const std::vector<NamedService>& services);
 
   const std::string& address() const override { return address_; }

@@ -90,12 +90,15 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
       ->check(CLI::Range(0, 65535));
   app.add_option("--metrics-host", options->metrics_host, "Address to serve metrics on")
       ->capture_default_str();
+  app.add_flag("--allow-plaintext", options->allow_plaintext,
+               "Let other machines reach the server without TLS, and its metrics");
   app.add_option("--drain-seconds", drain_seconds,
                  "How long running calls may take to finish on SIGTERM")
       ->check(CLI::Range(0.0, 3600.0))
       ->capture_default_str();
-  app.add_option("--tls-cert", options->tls_certificate_file,
-                 "PEM certificate chain; turns on TLS");
+  app.add_option(
+      "--tls-cert", options->tls_certificate_file,
+      "PEM certificate chain; turns on TLS. Read anew when it changes, as the two below");
   app.add_option("--tls-key", options->tls_key_file, "PEM private key");
   app.add_option("--tls-client-ca", options->tls_client_ca_file,
                  "PEM; clients must show a certificate of it (mTLS)");

@@ -378,6 +378,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
     posix_spawn_file_actions_destroy(&actions);
   }
   bool worker_failed = false;
+  int killed_by = 0;
   while (!workers.empty()) {
     if (options.cancelled != nullptr && options.cancelled->load()) job.cancelled.store(1);
     if (options.on_progress)
@@ -386,6 +387,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
       int state = 0;
       if (waitpid(workers[i], &state, WNOHANG) == workers[i]) {
         worker_failed |= !WIFEXITED(state) || WEXITSTATUS(state) != 0;
+        if (WIFSIGNALED(state)) killed_by = WTERMSIG(state);
         // What it had taken is lost: stop the others too.
         if (worker_failed) job.cancelled.store(1);
         workers.erase(workers.begin() + static_cast<ptrdiff_t>(i));
@@ -400,6 +402,12 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
       return status;
   }
   if (!worker_failed && job.cancelled.load()) return absl::CancelledError("visibility field");
+  // Whoever killed it may not do so again, while an error of its own comes back.
+  if (killed_by != 0) {
+    return absl::UnavailableError(absl::StrCat("a visibility field worker was killed by signal ",
+                                               killed_by, " after ", job.directions_done.load(),
+                                               " of ", total, " directions"));
+  }
   if (worker_failed || job.directions_done.load() != total) {
     return absl::InternalError(
         absl::StrCat("a visibility field worker died: ", job.directions_done.load(), " of ", total,

@@ -18,5 +18,6 @@ Command AddOpticsCommand(CLI::App& app);
 Command AddDiagnoseCommand(CLI::App& app);
 Command AddRecordingsCommand(CLI::App& app);
 Command AddVerifyCommand(CLI::App& app);
+Command AddServeCommand(CLI::App& app);
 
 }  // namespace sightline

@@ -1,15 +1,26 @@
 // sightline: plans machine-vision inspection by simulation.
 #include <CLI/CLI.hpp>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/parent_watch.h"
+#include "planner_client/commands/progress_line.h"
 
 int main(int argc, char** argv) {
   CLI::App app{"Sightline plans machine-vision inspection by simulation."};
   app.set_version_flag("--version", SIGHTLINE_VERSION);
   app.require_subcommand(1);
+  std::string progress = "text";
+  app.add_option("--progress", progress,
+                 "form of progress and errors on stderr: text, or json for programs, an object a "
+                 "line")
+      ->check(CLI::IsMember({"text", "json"}));
+  int parent_fd = -1;
+  app.add_option("--parent-fd", parent_fd,
+                 "read end of a pipe; the command ends when its other end is closed");
   std::vector<std::pair<CLI::App*, sightline::Command>> commands;
   const auto add = [&](const char* name, const char* description, auto&& add_command) {
     CLI::App* subcommand = app.add_subcommand(name, description);
@@ -25,10 +36,18 @@ int main(int argc, char** argv) {
   add("recordings", "shot list for recordings, and their check", sightline::AddRecordingsCommand);
   add("verify", "recordings of a plate next to their simulation", sightline::AddVerifyCommand);
   add("diagnose", "what the description of recordings leaves out", sightline::AddDiagnoseCommand);
+  add("serve", "planning jobs for remote clients: gRPC, HTTP and a web page",
+      sightline::AddServeCommand);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? sightline::kExitDone : sightline::kExitWrongInput;
+  }
+  if (progress == "json") sightline::UseJsonProgress();
+  if (parent_fd >= 0) {
+    if (absl::Status watched = sightline::EndWithParent(parent_fd); !watched.ok()) {
+      return sightline::ReportError(watched);
+    }
   }
   for (const auto& [subcommand, command] : commands) {
     if (subcommand->parsed()) return command();

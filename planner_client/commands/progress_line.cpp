@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cstdio>
+#include <nlohmann/json.hpp>
 
 namespace sightline {
 namespace {
@@ -11,23 +12,34 @@ namespace {
 constexpr int kBarWidth = 30;
 constexpr auto kRedraw = std::chrono::milliseconds(100);
 constexpr auto kLogInterval = std::chrono::seconds(5);
+constexpr auto kJsonInterval = std::chrono::milliseconds(200);
+
+bool json_progress = false;
 
 }  // namespace
 
-ProgressLine::ProgressLine() : terminal_(isatty(STDERR_FILENO) != 0) {}
+void UseJsonProgress() { json_progress = true; }
+bool UsesJsonProgress() { return json_progress; }
+
+ProgressLine::ProgressLine(ProgressPhase phase)
+    : phase_(phase), terminal_(!json_progress && isatty(STDERR_FILENO) != 0) {}
 
 ProgressLine::~ProgressLine() { Finish(); }
 
 void ProgressLine::Show(double fraction, const std::string& text) {
   const auto now = std::chrono::steady_clock::now();
-  if (now - last_ < (terminal_
-                         ? std::chrono::duration_cast<std::chrono::milliseconds>(kRedraw)
-                         : std::chrono::duration_cast<std::chrono::milliseconds>(kLogInterval))) {
-    return;
-  }
+  const std::chrono::milliseconds interval = json_progress ? kJsonInterval
+                                             : terminal_   ? kRedraw
+                                                         : std::chrono::milliseconds(kLogInterval);
+  if (now - last_ < interval) return;
   last_ = now;
   fraction = std::clamp(fraction, 0.0, 1.0);
-  if (terminal_) {
+  if (json_progress) {
+    const nlohmann::json line = {
+        {"progress", phase_.begin + fraction * (phase_.end - phase_.begin)}, {"message", text}};
+    std::fprintf(stderr, "%s\n",
+                 line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+  } else if (terminal_) {
     const int filled = static_cast<int>(fraction * kBarWidth + 0.5);
     const std::string bar = std::string(filled, '#') + std::string(kBarWidth - filled, '.');
     std::fprintf(stderr, "\r\033[K[%s] %3.0f %%  %s", bar.c_str(), 100 * fraction, text.c_str());

@@ -18,6 +18,7 @@
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/frame_choice.h"
+#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/render_client/render_client.h"
@@ -34,6 +35,7 @@ struct RenderOptions {
   std::optional<int64_t> seed;
   bool layers = false, demosaic = false, no_speckle = false;
   std::string format = "png";
+  std::string checkpoint;
   WorkerSessionOptions worker;
 };
 
@@ -149,17 +151,13 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
                                                     : v1::RenderOutput::IMAGE_FORMAT_PNG);
   output->set_layers(options.layers);
   output->set_demosaic(options.demosaic);
-  std::error_code error;
-  fs::create_directories(options.choice.out, error);
-  if (error) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("cannot make folder ", options.choice.out, ": ", error.message()));
-  }
+  if (absl::Status made = MakeOutputFolder(options.choice.out); !made.ok()) return made;
 
   ProgressLine progress;
   RenderClientOptions client;
   auto worker = StartWorkerSession(options.worker, &progress, &client);
   if (!worker.ok()) return worker.status();
+  if (!options.checkpoint.empty()) client.checkpoint_file = options.checkpoint + "/finished_images";
   std::vector<std::string> warnings;
   client.on_warning = [&](const std::string& warning) { warnings.push_back(warning); };
   auto files = RenderToFolder(client, *std::move(spec), assets, options.choice.out);
@@ -195,6 +193,9 @@ Command AddRenderCommand(CLI::App& app) {
       ->capture_default_str();
   app.add_flag("--demosaic", options->demosaic, "also images/NNN_rgb of colour sensors");
   app.add_flag("--no-speckle", options->no_speckle, "image laser light without speckle");
+  app.add_option("--checkpoint", options->checkpoint,
+                 "folder that lists which images are finished; the same command with the same "
+                 "folders goes on with the others after the process was ended");
   AddWorkerOptions(app, &options->worker);
   app.add_option("--max-image-bytes", options->worker.max_image_bytes,
                  "memory of our own worker for one image, e.g. 16GB; default 8GB");

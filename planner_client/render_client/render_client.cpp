@@ -10,9 +10,11 @@
 #include <filesystem>
 #include <fstream>
 #include <memory>
+#include <optional>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "planner_client/render_client/finished_images.h"
 #include "planner_client/rpc_client/sha256.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/render_service.grpc.pb.h"
@@ -88,6 +90,14 @@ class RenderCall {
 
   absl::StatusOr<std::vector<std::string>> Run(const std::string& folder) {
     constexpr char kInterrupted[] = "interrupted; finished images are kept";
+    if (!options_.checkpoint_file.empty()) {
+      auto finished = FinishedImages::Open(options_.checkpoint_file, folder, spec_);
+      if (!finished.ok()) return finished.status();
+      finished_ = *std::move(finished);
+      for (const int image : finished_->images()) {
+        spec_.mutable_output()->add_finished_images(image);
+      }
+    }
     v1::CreateRenderRequest request;
     request.set_request_id(NewRequestId());
     *request.mutable_spec() = spec_;
@@ -127,6 +137,7 @@ class RenderCall {
     request.set_job_id(job.job_id());
     auto reader = render_->StreamRenderFiles(context, request);
     std::vector<std::string> files;
+    if (finished_) files = finished_->files();
     absl::Status status = ReadStream(*reader, folder, &files);
     if (!status.ok()) context->TryCancel();
     const absl::Status finish = FromGrpcStatus(reader->Finish());
@@ -171,12 +182,14 @@ class RenderCall {
       }
       if (absl::Status status = file.Commit(); !status.ok()) return status;
       files->push_back(header.file());
+      if (finished_) finished_->AddFile(header.image(), header.file(), header.sha256());
     }
     return absl::OkStatus();
   }
 
   const RenderClientOptions& options_;
   v1::RenderSpec spec_;
+  std::optional<FinishedImages> finished_;
   WorkerCall call_;
   std::unique_ptr<v1::RenderService::Stub> render_;
 };

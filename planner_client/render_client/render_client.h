@@ -13,6 +13,9 @@ namespace sightline {
 
 struct RenderClientOptions : WorkerClientOptions {
   std::function<void(const std::string& warning)> on_warning;
+  // Where the images that are finished are listed; the same request with the same file and folder
+  // makes only the others. Empty: nowhere.
+  std::string checkpoint_file;
 };
 
 // Uploads what the worker does not know, renders, and writes every file into `folder` once it is

@@ -8,6 +8,7 @@
 #include <fstream>
 #include <optional>
 #include <set>
+#include <tuple>
 #include <utility>
 
 #include "absl/strings/escaping.h"
@@ -70,8 +71,9 @@ class ImageWriter {
     }
   }
 
-  // `name`: path in the folder with its extension. `description`: JSON of what made the image.
-  absl::Status Write(const std::string& name, const Image<uint16_t>& raw_dn,
+  // `number`: of the image. `name`: path in the folder with its extension. `description`: JSON of
+  // what made the image.
+  absl::Status Write(int number, const std::string& name, const Image<uint16_t>& raw_dn,
                      const RegionOfInterest& roi, const FrameLayers* layers,
                      const std::string& description) const {
     const fs::path path = fs::path(folder_) / name;
@@ -83,13 +85,13 @@ class ImageWriter {
     }
     absl::Status status = WriteRawImage(path.string(), raw_dn, description, FormatOf(output_));
     if (!status.ok()) return status;
-    if (status = Report(name); !status.ok()) return status;
+    if (status = Report(name, number); !status.ok()) return status;
     const std::string stem = (fs::path(name).parent_path() / fs::path(name).stem()).string();
     if (layers != nullptr) {
       const std::string file = stem + "_layers.exr";
       status = WriteLayers((fs::path(folder_) / file).string(), Named(*layers), description);
       if (!status.ok()) return status;
-      if (status = Report(file); !status.ok()) return status;
+      if (status = Report(file, number); !status.ok()) return status;
     }
     if (output_.demosaic() && sensor_.colour_filter == ColourFilter::kBayerRggb) {
       auto colour =
@@ -102,7 +104,7 @@ class ImageWriter {
       status = WriteColourImage((fs::path(folder_) / file).string(), *colour, description,
                                 FormatOf(output_));
       if (!status.ok()) return status;
-      return Report(file);
+      return Report(file, number);
     }
     return absl::OkStatus();
   }
@@ -111,7 +113,7 @@ class ImageWriter {
     absl::Status status =
         WriteFileAtomically(folder_ + "/recordings.json", RecordingsToJson(recordings) + "\n");
     if (!status.ok()) return status;
-    return Report("recordings.json");
+    return Report("recordings.json", -1);
   }
 
  private:
@@ -129,9 +131,10 @@ class ImageWriter {
     return named;
   }
 
-  absl::Status Report(const std::string& name) const {
+  absl::Status Report(const std::string& name, int number) const {
     absl::StatusOr<RenderedFile> file = Describe(folder_, name);
     if (!file.ok()) return file.status();
+    file->image = number;
     if (hooks_.on_file) hooks_.on_file(*std::move(file));
     return absl::OkStatus();
   }
@@ -144,6 +147,20 @@ class ImageWriter {
 
 bool Cancelled(const RenderTaskHooks& hooks) {
   return hooks.cancelled != nullptr && *hooks.cancelled;
+}
+
+// Which of the images the client has; INVALID_ARGUMENT for a number that is none.
+absl::StatusOr<std::vector<bool>> FinishedImages(const v1::RenderOutput& output, int images) {
+  std::vector<bool> finished(static_cast<size_t>(images), false);
+  for (int i = 0; i < output.finished_images_size(); ++i) {
+    const int number = output.finished_images(i);
+    if (number < 0 || number >= images) {
+      return InvalidFields({{absl::StrCat("output.finished_images[", i, "]"),
+                             absl::StrCat("is ", number, ", must be in [0, ", images, ")")}});
+    }
+    finished[static_cast<size_t>(number)] = true;
+  }
+  return finished;
 }
 
 // The set with this recording alone: what the image's file says about itself.
@@ -178,6 +195,9 @@ class PartTask final : public RenderTask {
       if (!status.ok()) return status;
       frames_.push_back(message.frames(static_cast<int>(i)));
     }
+    auto finished = FinishedImages(output, static_cast<int>(frames_.size()));
+    if (!finished.ok()) return finished.status();
+    finished_ = *std::move(finished);
     return absl::OkStatus();
   }
 
@@ -197,7 +217,13 @@ class PartTask final : public RenderTask {
     const ImageWriter writer(folder, output_, *inspection_.sensor, hooks);
     writer.WarnOnce();
     std::set<std::string> warned;
+    if (!SameSource() && hooks.on_warning) {
+      hooks.on_warning(
+          "the scans differ in laser power or sensor tilt; recordings.json has those of the first "
+          "frame");
+    }
     for (size_t i = 0; i < frames_.size(); ++i) {
+      if (finished_[i]) continue;
       if (Cancelled(hooks)) return absl::CancelledError("cancelled");
       const std::string& name = recordings.recordings(static_cast<int>(i)).file();
       RenderLimits limits;
@@ -215,20 +241,38 @@ class PartTask final : public RenderTask {
       for (const std::string& warning : frame->warnings) {
         if (warned.insert(warning).second && hooks.on_warning) hooks.on_warning(warning);
       }
-      absl::Status status =
-          writer.Write(name, frame->image.raw_dn, PartFrameSetup(inspection_, requests_[i]).roi,
-                       frame->layers ? &*frame->layers : nullptr,
-                       DescribeImage(recordings, static_cast<int>(i)));
+      absl::Status status = writer.Write(static_cast<int>(i), name, frame->image.raw_dn,
+                                         PartFrameSetup(inspection_, requests_[i]).roi,
+                                         frame->layers ? &*frame->layers : nullptr,
+                                         DescribeImage(recordings, static_cast<int>(i)));
       if (!status.ok()) return status;
     }
     return writer.WriteRecordings(recordings);
   }
 
  private:
+  // All frames have the laser power and the sensor tilt of the first, which the set has once.
+  bool SameSource() const {
+    const auto source = [](const PartFrameRequest& request) {
+      const CameraSetting setting = request.setting.value_or(CameraSetting{});
+      return std::tuple(request.setting.has_value(), setting.laser_power_w,
+                        setting.sensor_tilt_x_rad, setting.sensor_tilt_y_rad);
+    };
+    return std::all_of(requests_.begin(), requests_.end(), [&](const PartFrameRequest& request) {
+      return source(request) == source(requests_[0]);
+    });
+  }
+
   // recordings.json of format version 2.
   v1::Recordings DescribeSet(const std::string& part_digest) const {
-    const Lens& lens = *inspection_.rig.lens;
-    const Laser& laser = inspection_.rig.laser;
+    Lens lens = *inspection_.rig.lens;
+    Laser laser = inspection_.rig.laser;
+    if (requests_[0].setting) {
+      // Where frames differ in these, a warning says so.
+      laser.power_w = requests_[0].setting->laser_power_w;
+      lens.sensor_tilt_x_rad = requests_[0].setting->sensor_tilt_x_rad;
+      lens.sensor_tilt_y_rad = requests_[0].setting->sensor_tilt_y_rad;
+    }
     RecordingSet set;
     set.format_version = 2;
     set.name = inspection_.name;
@@ -276,6 +320,7 @@ class PartTask final : public RenderTask {
   std::vector<ActiveEffect> effects_;
   std::vector<PartFrameRequest> requests_;
   std::vector<v1::PartFrame> frames_;  // as they were asked for
+  std::vector<bool> finished_;         // of them
 };
 
 // --- plates -------------------------------------------------------------------------------------
@@ -324,6 +369,9 @@ class PlateTask final : public RenderTask {
                                "is \"recordings.json\", which the set itself needs"}});
       }
     }
+    auto finished = FinishedImages(output, frames());
+    if (!finished.ok()) return finished.status();
+    finished_ = *std::move(finished);
     return absl::OkStatus();
   }
 
@@ -336,6 +384,11 @@ class PlateTask final : public RenderTask {
     writer.WarnOnce();
     Image<double> previous;
     for (int i = 0; i < frames(); ++i) {
+      const bool finished = finished_[static_cast<size_t>(i)];
+      // A frame of a burst begins with what the frame before has left in the sensor.
+      const bool needed_next = i + 1 < frames() && !finished_[static_cast<size_t>(i) + 1] &&
+                               PlateFrame(set_, i + 1, options_).burst_frame_index > 0;
+      if (finished && !needed_next) continue;
       if (Cancelled(hooks)) return absl::CancelledError("cancelled");
       if (hooks.on_progress) {
         hooks.on_progress(static_cast<double>(i) / frames(),
@@ -346,9 +399,12 @@ class PlateTask final : public RenderTask {
           frame, effects_, frame.burst_frame_index > 0 ? &previous : nullptr, hooks.threads);
       if (!image.ok()) return image.status();
       if (Cancelled(hooks)) return absl::CancelledError("cancelled");
-      absl::Status status = writer.Write(message_.recordings(i).file(), image->raw_dn, frame.roi,
-                                         /*layers=*/nullptr, DescribeImage(message_, i));
-      if (!status.ok()) return status;
+      if (!finished) {
+        absl::Status status =
+            writer.Write(i, message_.recordings(i).file(), image->raw_dn, frame.roi,
+                         /*layers=*/nullptr, DescribeImage(message_, i));
+        if (!status.ok()) return status;
+      }
       previous = std::move(image->mean_photo_electrons);
     }
     return writer.WriteRecordings(message_);
@@ -360,6 +416,7 @@ class PlateTask final : public RenderTask {
   v1::RenderOutput output_;
   PlateFrameOptions options_;
   std::vector<ActiveEffect> effects_;
+  std::vector<bool> finished_;  // of the recordings
 };
 
 }  // namespace

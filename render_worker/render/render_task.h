@@ -20,6 +20,7 @@ struct RenderedFile {
   std::string file;  // path in the folder
   int64_t size_bytes = 0;
   std::string sha256;  // lower-case hex
+  int image = -1;      // number of its frame or recording; recordings.json: -1
 };
 
 // What a running task tells and asks. Called from the task's thread.
@@ -45,7 +46,8 @@ class RenderTask {
   virtual std::vector<std::string> AssetFiles() const = 0;
   virtual int frames() const = 0;
 
-  // Renders into `folder`, which exists; recordings.json comes last. Every file appears complete.
+  // Renders into `folder`, which exists, all but what the request says is finished; recordings.json
+  // comes last. Every file appears complete.
   // INVALID_ARGUMENT, NOT_FOUND: a broken asset; CANCELLED.
   virtual absl::Status Run(const std::string& folder, const AssetResolver& assets,
                            const RenderTaskHooks& hooks) = 0;

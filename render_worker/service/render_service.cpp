@@ -202,6 +202,7 @@ absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
       response.mutable_header()->set_file(file.file);
       response.mutable_header()->set_size_bytes(file.size_bytes);
       response.mutable_header()->set_sha256(file.sha256);
+      response.mutable_header()->set_image(file.image);
       if (!writer->Write(response)) return gone;
       std::ifstream bytes(fs::path(output->folder()) / file.file, std::ios::binary);
       std::string chunk(kFileChunkBytes, '\0');

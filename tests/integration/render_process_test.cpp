@@ -18,6 +18,7 @@
 #include "planner_client/embedded_server/embedded_server.h"
 #include "planner_client/render_client/render_client.h"
 #include "render_worker/image_file/image_file.h"
+#include "tests/integration/run_process.h"
 
 namespace sightline {
 namespace {
@@ -25,8 +26,6 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-std::string BinFolder() { return fs::read_symlink("/proc/self/exe").parent_path(); }
 
 constexpr char kSensor[] = R"({"sensor_type": "mono", "pixel_pitch_m": 5.3e-6,
   "sensor_columns_px": 64, "sensor_rows_px": 48, "bit_depth_bit": 10,
@@ -107,21 +106,12 @@ class RenderProcessTest : public ::testing::Test {
     return folder_ + "/" + name;
   }
 
-  struct Result {
-    int exit_code;
-    std::string output;
-  };
   // `sightline render ARGUMENTS --out FOLDER/out`; {folder} is replaced.
-  Result Render(const std::string& arguments) const {
+  ProcessResult Render(const std::string& arguments) const {
     const std::string command = absl::StrCat(
         "timeout 60 ", BinFolder(), "/sightline render ",
-        absl::StrReplaceAll(arguments, {{"{folder}", folder_}}), " --out ", folder_, "/out 2>&1");
-    FILE* pipe = popen(command.c_str(), "r");
-    Result result{};
-    char buffer[512];
-    while (fgets(buffer, sizeof(buffer), pipe) != nullptr) result.output += buffer;
-    result.exit_code = WEXITSTATUS(pclose(pipe));
-    return result;
+        absl::StrReplaceAll(arguments, {{"{folder}", folder_}}), " --out ", folder_, "/out");
+    return RunProcess(command);
   }
 
   static std::string Bytes(const fs::path& path) {
@@ -152,7 +142,7 @@ class RenderProcessTest : public ::testing::Test {
 
 TEST_F(RenderProcessTest, PartImageOfAFixedMeasurement) {
   const std::string measurement = " --measurement 0.3,30,0,0,0,0,0,0,0";
-  const Result result = Render("{folder}/inspection.json --layers" + measurement);
+  const ProcessResult result = Render("{folder}/inspection.json --layers" + measurement);
   ASSERT_EQ(result.exit_code, 0) << result.output;
   const auto set = ReadRecordings(folder_ + "/out/recordings.json");
   ASSERT_TRUE(set.ok()) << set.status();
@@ -173,7 +163,7 @@ TEST_F(RenderProcessTest, ScansAndFramesOfAPlan) {
     {"index": 2, "measurement": {"camera_distance_m": 0.35, "triangulation_angle_deg": -30},
      "trigger_positions_m": [0]}]})");
   const std::string plan = "{folder}/inspection.json --plan {folder}/plan.json";
-  const Result all = Render(plan);
+  const ProcessResult all = Render(plan);
   ASSERT_EQ(all.exit_code, 0) << all.output;
   auto set = ReadRecordings(folder_ + "/out/recordings.json");
   ASSERT_TRUE(set.ok());
@@ -201,7 +191,7 @@ TEST_F(RenderProcessTest, ScansAndFramesOfAPlan) {
 
 TEST_F(RenderProcessTest, PlateSetIsAValidSet) {
   Write("set.json", RecordingsToJson(PlateRecordings(3)));
-  const Result result = Render("{folder}/set.json");
+  const ProcessResult result = Render("{folder}/set.json");
   ASSERT_EQ(result.exit_code, 0) << result.output;
   const auto set = ReadRecordings(folder_ + "/out/recordings.json");
   ASSERT_TRUE(set.ok()) << set.status();
@@ -212,8 +202,60 @@ TEST_F(RenderProcessTest, PlateSetIsAValidSet) {
   }
 }
 
+// As it is after the process was killed: some images are listed, one that is not is there too, one
+// was damaged since.
+TEST_F(RenderProcessTest, GoesOnWithTheImagesThatAreMissing) {
+  v1::Recordings recordings = PlateRecordings(5);
+  // The last one begins with what the one before has left in the sensor.
+  recordings.mutable_recordings(4)->set_burst_frame_index(1);
+  Write("set.json", RecordingsToJson(recordings));
+  ASSERT_EQ(Render("{folder}/set.json --checkpoint {folder}/checkpoint").exit_code, 0);
+  const auto image = [&](int number) {
+    return absl::StrCat(folder_, "/out/images/", number, ".png");
+  };
+  std::vector<std::string> whole;
+  for (int i = 0; i < 5; ++i) whole.push_back(Bytes(image(i)));
+  std::istringstream list(Bytes(folder_ + "/checkpoint/finished_images"));
+  std::string kept, line;
+  for (int lines = 0; lines < 5 && std::getline(list, line); ++lines) kept += line + "\n";
+  Write("checkpoint/finished_images", kept + R"({"image":4,"fi)");
+  fs::remove(image(4));
+  fs::remove(folder_ + "/out/recordings.json");
+  std::ofstream(image(1)) << "damaged";
+  const fs::file_time_type before = fs::file_time_type::clock::now() - std::chrono::hours(1);
+  fs::last_write_time(image(0), before);
+  fs::last_write_time(image(3), before);
+
+  const ProcessResult again = Render("{folder}/set.json --checkpoint {folder}/checkpoint");
+  ASSERT_EQ(again.exit_code, 0) << again.output;
+  EXPECT_THAT(again.output, HasSubstr("6 files"));
+  for (int i = 0; i < 5; ++i) EXPECT_EQ(Bytes(image(i)), whole[i]) << i;
+  EXPECT_EQ(fs::last_write_time(image(0)), before);
+  EXPECT_EQ(fs::last_write_time(image(3)), before);
+  EXPECT_TRUE(fs::exists(folder_ + "/out/recordings.json"));
+
+  // Of another request nothing is taken.
+  ASSERT_EQ(Render("{folder}/set.json --seed 2 --checkpoint {folder}/checkpoint").exit_code, 0);
+  EXPECT_NE(Bytes(image(0)), whole[0]);
+}
+
+TEST_F(RenderProcessTest, ProgramsGetProgressAndErrorsAsJson) {
+  Write("set.json", RecordingsToJson(PlateRecordings(1)));
+  const ProcessResult good =
+      RunProcess(absl::StrCat(BinFolder(), "/sightline --progress=json render ", folder_,
+                              "/set.json --out ", folder_, "/out"));
+  EXPECT_EQ(good.exit_code, 0) << good.output;
+  EXPECT_THAT(good.output, HasSubstr(R"({"message":"image 1 of 1","progress":)"));
+  const ProcessResult bad =
+      RunProcess(absl::StrCat(BinFolder(), "/sightline --progress=json render ", folder_,
+                              "/no.json --out ", folder_, "/out"));
+  EXPECT_EQ(bad.exit_code, 2);
+  EXPECT_THAT(bad.output, AllOf(HasSubstr(R"({"error":{"code":"NOT_FOUND","message":")"),
+                                HasSubstr("no.json"), HasSubstr(R"("reason":)")));
+}
+
 TEST_F(RenderProcessTest, WrongInputSaysWhatToGive) {
-  Result result = Render("{folder}/inspection.json");
+  ProcessResult result = Render("{folder}/inspection.json");
   EXPECT_EQ(result.exit_code, 2);
   EXPECT_THAT(result.output,
               AllOf(HasSubstr("does not fix camera_distance_m"), HasSubstr("--plan")));

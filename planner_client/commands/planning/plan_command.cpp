@@ -3,24 +3,35 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <system_error>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/planning_session.h"
 #include "planner_client/commands/progress_line.h"
+#include "planner_client/plan_oracle/journalled_oracle.h"
+#include "planner_client/rpc_client/sha256.h"
 
 namespace sightline {
 namespace {
+
+// Of the whole command, by how long the example head takes; opening the session comes before, the
+// outputs after.
+constexpr ProgressPhase kPlanningPhase{kOpenSessionPhase.end, 0.85};
+constexpr ProgressPhase kBoundPhase{0.85, 0.95};
 
 struct PlanOptions {
   SessionOptions session;
   OutputOptions output;
   std::string strategy = "refined";
   std::string keep;
+  std::string checkpoint;
   bool resume = false;
   int64_t seed = 1;
   std::optional<double> goal;
@@ -50,6 +61,30 @@ absl::Status ReadGivenScans(const PlanOptions& options, PlannerRequest& request)
       (earlier->locked[i] ? request.locked : request.starting).push_back(earlier->all[i]);
     }
   }
+  return absl::OkStatus();
+}
+
+// Keeps what the coverage server answers in a file of the folder, and first takes from there what
+// it answered an earlier run of the same task that was broken off.
+absl::Status KeepAnswers(const std::string& folder, PlanningSession* session,
+                         const std::string& inspection_file) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return absl::InternalError(absl::StrCat(folder, ": ", error.message()));
+  const auto inspection = ReadFile(inspection_file);
+  if (!inspection.ok()) return inspection.status();
+  // Another build may answer otherwise.
+  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
+  const auto built = std::filesystem::last_write_time(program, error).time_since_epoch().count();
+  Sha256 fingerprint;
+  fingerprint.Add(*inspection);
+  fingerprint.Add(session->client->scene().scene_digest);
+  if (session->fresh_client) fingerprint.Add(session->fresh_client->scene().scene_digest);
+  fingerprint.Add(absl::StrCat(SIGHTLINE_VERSION, " ", built));
+  auto journal =
+      JournalledOracle::Open(std::move(session->oracle), folder + "/answers", fingerprint.Hex());
+  if (!journal.ok()) return journal.status();
+  session->oracle = *std::move(journal);
   return absl::OkStatus();
 }
 
@@ -85,7 +120,11 @@ int RunPlan(PlanOptions& options) {
   request.matrix_samples = options.matrix_samples;
   request.with_curves = false;
   request.interrupted = &interrupted;
-  ProgressLine progress;
+  if (!options.checkpoint.empty()) {
+    absl::Status kept = KeepAnswers(options.checkpoint, &*session, options.session.inspection_file);
+    if (!kept.ok()) return ReportError(kept);
+  }
+  ProgressLine progress(kPlanningPhase);
   request.on_progress = [&](const PlanProgress& p) {
     progress.Show(
         p.coverage / p.goal,
@@ -110,6 +149,7 @@ int RunPlan(PlanOptions& options) {
 
   if (options.bound_evaluations > 0 && !interrupted.load() && !document.scans.empty()) {
     const auto bound_start = std::chrono::steady_clock::now();
+    progress.Enter(kBoundPhase);
     std::vector<Measurement> scans;
     for (const ChosenScan& scan : document.scans) scans.push_back(scan.measurement);
     const double reached = session->ForUncertainty()
@@ -159,6 +199,9 @@ Command AddPlanCommand(CLI::App& app) {
   app.add_option("--keep", options->keep,
                  "plan.json whose scans stay as they are; the rest is planned");
   app.add_flag("--resume", options->resume, "go on from the plan.json in --out");
+  app.add_option("--checkpoint", options->checkpoint,
+                 "folder for what is needed to go on after the process was ended; the same command "
+                 "with the same folder makes the plan of an unbroken run");
   app.add_option("--evaluations-per-scan", options->evaluations_per_scan,
                  "gain evaluations per scan")
       ->check(CLI::Range(1, 100000000));

@@ -13,6 +13,7 @@
 #include "core/part/part_health_proto.h"
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
+#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/planning/uncertainty_outputs.h"
 #include "planner_client/report/plan/plan_csv.h"
 #include "planner_client/requirements/feature_verdicts.h"
@@ -343,11 +344,7 @@ absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
 }
 
 absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error)
-    return absl::InvalidArgumentError(
-        absl::StrCat("cannot make folder ", folder, ": ", error.message()));
+  if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
   if (absl::Status status = WriteFileAtomically(folder + "/plan.json", ToJson(document.plan));
       !status.ok())
     return status;
@@ -401,11 +398,7 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
     data.scans.push_back(std::move(report));
     if (options.point_clouds) {
       const std::string folder = options.folder + "/points";
-      std::error_code error;
-      std::filesystem::create_directories(folder, error);
-      if (error)
-        return absl::InvalidArgumentError(
-            absl::StrCat("cannot make folder ", folder, ": ", error.message()));
+      if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
       auto points = client.MeasurementPoints(scan.measurement);
       if (absl::IsFailedPrecondition(points.status()))
         continue;  // a scan given by hand that collides

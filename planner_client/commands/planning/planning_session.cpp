@@ -119,7 +119,10 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
     session.server = std::move(*server);
     client.embedded = session.server.get();
   }
-  ProgressLine progress;
+  ProgressPhase phase = kOpenSessionPhase;
+  const double middle = (phase.begin + phase.end) / 2;
+  if (options.fresh_targets) phase.end = middle;
+  ProgressLine progress(phase);
   client.on_progress = [&](double fraction, const std::string& message) {
     progress.Show(fraction, message);
   };
@@ -128,6 +131,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   if (!opened.ok()) return opened.status();
   session.client = std::move(*opened);
   if (options.fresh_targets) {
+    progress.Enter({middle, kOpenSessionPhase.end});
     fresh_task.sampling.seed = FreshSeed(fresh_task.sampling.seed);
     fresh_task.field_directions = std::min(fresh_task.field_directions, kFreshFieldDirections);
     auto fresh = CoverageClient::Open(std::move(client), std::move(fresh_task));

@@ -10,6 +10,7 @@
 #include "core/inspection/inspection.h"
 #include "core/part/mesh.h"
 #include "core/part/part_health.h"
+#include "planner_client/commands/progress_line.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/plan_oracle/uncertainty_oracle.h"
 #include "planner_client/requirements/requirements.h"
@@ -39,6 +40,9 @@ struct PlanningSession {
 
   bool ForUncertainty() const { return inspection.goal.admissible.has_value(); }
 };
+
+// The part of a planning command that opening a session is.
+inline constexpr ProgressPhase kOpenSessionPhase{0, 0.2};
 
 // Prints the part's health findings and shows progress on stderr.
 absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options);

@@ -1,0 +1,336 @@
+#include "planner_client/plan_oracle/journalled_oracle.h"
+
+#include <openssl/sha.h>
+
+#include <array>
+#include <cstring>
+#include <filesystem>
+#include <optional>
+#include <type_traits>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+
+namespace sightline {
+namespace {
+
+// A journal of this size is not continued: planning that asks more starts again from here.
+constexpr int64_t kMaxJournalBytes = int64_t{2} << 30;
+// More than any batch of gains or coverages needs.
+constexpr uint32_t kMaxAnswerBytes = 512 << 20;
+// Of what a file is, the layout of answers and the machine's byte order.
+constexpr char kFileType[] = "sightline answers 1\n";
+
+// Values one after the other, in the machine's own form.
+class Writer {
+ public:
+  template <typename T>
+  void Put(const T& value) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    bytes_.append(reinterpret_cast<const char*>(&value), sizeof(value));
+  }
+  template <typename T>
+  void PutAll(std::span<const T> values) {
+    static_assert(std::is_trivially_copyable_v<T>);
+    Put(static_cast<uint64_t>(values.size()));
+    bytes_.append(reinterpret_cast<const char*>(values.data()), values.size_bytes());
+  }
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  std::string bytes_;
+};
+
+// First 8 bytes of the SHA-256.
+uint64_t Digest(const std::string& bytes) {
+  std::array<unsigned char, SHA256_DIGEST_LENGTH> digest;
+  SHA256(reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size(), digest.data());
+  uint64_t value;
+  std::memcpy(&value, digest.data(), sizeof(value));
+  return value;
+}
+
+enum class QueryKind : uint8_t {
+  kGains = 1,
+  kWeightedGains,
+  kFastCoverage,
+  kExactCoverage,
+  kPlanScore,
+  kGrowingPlanScore
+};
+
+uint64_t QueryDigest(QueryKind kind, std::span<const Measurement> measurements,
+                     std::span<const float> values = {}) {
+  Writer query;
+  query.Put(kind);
+  query.Put(static_cast<uint64_t>(measurements.size()));
+  for (const Measurement& measurement : measurements) query.Put(ToArray(measurement));
+  query.PutAll(values);
+  return Digest(query.bytes());
+}
+
+// Reads past the end give zeros and leave it not ok().
+class Reader {
+ public:
+  explicit Reader(const std::string& bytes) : bytes_(bytes) {}
+  template <typename T>
+  T Get() {
+    T value{};
+    if (bytes_.size() - place_ < sizeof(T)) {
+      ok_ = false;
+    } else {
+      std::memcpy(&value, bytes_.data() + place_, sizeof(T));
+      place_ += sizeof(T);
+    }
+    return value;
+  }
+  template <typename T>
+  std::vector<T> GetAll() {
+    const auto count = Get<uint64_t>();
+    if (!ok_ || count > (bytes_.size() - place_) / sizeof(T)) {
+      ok_ = false;
+      return {};
+    }
+    std::vector<T> values(count);
+    if (count > 0) std::memcpy(values.data(), bytes_.data() + place_, count * sizeof(T));
+    place_ += count * sizeof(T);
+    return values;
+  }
+  bool AtEnd() const { return ok_ && place_ == bytes_.size(); }
+  bool ok() const { return ok_; }
+
+ private:
+  const std::string& bytes_;
+  size_t place_ = 0;
+  bool ok_ = true;
+};
+
+void Encode(const ScanGain& gain, Writer& out) {
+  out.Put(gain.feasibility);
+  out.Put(gain.new_targets);
+  out.Put(gain.covered_targets);
+  out.Put(gain.weighted_gain);
+  out.Put(gain.gain);
+}
+void Decode(Reader& in, ScanGain* gain) {
+  gain->feasibility = in.Get<ScanFeasibility>();
+  gain->new_targets = in.Get<int32_t>();
+  gain->covered_targets = in.Get<int32_t>();
+  gain->weighted_gain = in.Get<double>();
+  gain->gain = in.Get<double>();
+}
+
+void Encode(const TargetBits& bits, Writer& out) {
+  out.Put(static_cast<uint64_t>(bits.size()));
+  out.PutAll(std::span<const uint64_t>(bits.words()));
+}
+void Decode(Reader& in, TargetBits* bits) {
+  const auto size = in.Get<uint64_t>();
+  std::vector<uint64_t> words = in.GetAll<uint64_t>();
+  if (words.size() != (size + 63) / 64) words.clear();
+  *bits = TargetBits(words.empty() ? 0 : size);
+  bits->words() = std::move(words);
+}
+
+void Encode(const ScanCoverage& coverage, Writer& out) {
+  out.Put(coverage.feasibility);
+  Encode(coverage.covered, out);
+  Encode(coverage.covered_without_normal_gate, out);
+  out.Put(coverage.first_frame);
+  out.Put(coverage.last_frame);
+  out.Put(coverage.measurement_points);
+  Encode(coverage.fresh_covered, out);
+  out.PutAll(std::span<const uint32_t>(coverage.shares.targets));
+  out.PutAll(std::span<const float>(coverage.shares.share));
+}
+void Decode(Reader& in, ScanCoverage* coverage) {
+  coverage->feasibility = in.Get<ScanFeasibility>();
+  Decode(in, &coverage->covered);
+  Decode(in, &coverage->covered_without_normal_gate);
+  coverage->first_frame = in.Get<int32_t>();
+  coverage->last_frame = in.Get<int32_t>();
+  coverage->measurement_points = in.Get<int64_t>();
+  Decode(in, &coverage->fresh_covered);
+  coverage->shares.targets = in.GetAll<uint32_t>();
+  coverage->shares.share = in.GetAll<float>();
+}
+
+void Encode(const std::optional<int64_t>& value, Writer& out) {
+  out.Put(static_cast<uint8_t>(value.has_value()));
+  out.Put(value.value_or(0));
+}
+void Decode(Reader& in, std::optional<int64_t>* value) {
+  const bool given = in.Get<uint8_t>() != 0;
+  const auto number = in.Get<int64_t>();
+  *value = given ? std::optional<int64_t>(number) : std::nullopt;
+}
+
+void Encode(const PlanScore& score, Writer& out) {
+  out.Put(score.settled);
+  out.Put(score.relaxed);
+  out.Put(score.judged);
+  Encode(score.fresh_settled, out);
+  Encode(score.fresh_relaxed, out);
+  out.Put(score.fresh_judged);
+}
+void Decode(Reader& in, PlanScore* score) {
+  score->settled = in.Get<int64_t>();
+  score->relaxed = in.Get<int64_t>();
+  score->judged = in.Get<int64_t>();
+  Decode(in, &score->fresh_settled);
+  Decode(in, &score->fresh_relaxed);
+  score->fresh_judged = in.Get<int64_t>();
+}
+
+template <typename T>
+void Encode(const std::vector<T>& values, Writer& out) {
+  out.Put(static_cast<uint64_t>(values.size()));
+  for (const T& value : values) Encode(value, out);
+}
+template <typename T>
+void Decode(Reader& in, std::vector<T>* values) {
+  const auto count = in.Get<uint64_t>();
+  for (uint64_t i = 0; i < count && in.ok(); ++i) Decode(in, &values->emplace_back());
+}
+
+// Before every answer in the file.
+struct AnswerHeader {
+  uint64_t query = 0;
+  uint64_t check = 0;  // of the answer's bytes
+  uint32_t size_bytes = 0;
+  uint32_t reserved = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<JournalledOracle>> JournalledOracle::Open(
+    std::unique_ptr<GainOracle> oracle, const std::string& file, const std::string& fingerprint) {
+  auto journal = std::unique_ptr<JournalledOracle>(new JournalledOracle(std::move(oracle), file));
+  const std::string start = absl::StrCat(kFileType, fingerprint, "\n");
+  std::error_code error;
+  const auto size = std::filesystem::file_size(file, error);
+  if (!error && size > start.size()) {
+    journal->replay_.open(file, std::ios::binary);
+    std::string found(start.size(), '\0');
+    journal->replay_.read(found.data(), static_cast<std::streamsize>(found.size()));
+    journal->replaying_ = journal->replay_ && found == start;
+  }
+  if (journal->replaying_) {
+    journal->size_bytes_ = static_cast<int64_t>(start.size());
+    return journal;
+  }
+  journal->replay_.close();
+  journal->append_.open(file, std::ios::binary | std::ios::trunc);
+  journal->append_ << start << std::flush;
+  if (!journal->append_) {
+    return absl::InternalError(absl::StrCat(file, ": cannot be written"));
+  }
+  journal->size_bytes_ = static_cast<int64_t>(start.size());
+  return journal;
+}
+
+void JournalledOracle::EndReplay() {
+  replaying_ = false;
+  replay_.close();
+  // What follows was not written whole, or answers another question.
+  std::error_code error;
+  std::filesystem::resize_file(file_, static_cast<uintmax_t>(size_bytes_), error);
+  append_.open(file_, std::ios::binary | std::ios::app);
+}
+
+bool JournalledOracle::NextAnswer(uint64_t query, std::string* answer) {
+  if (!replaying_) return false;
+  AnswerHeader header;
+  replay_.read(reinterpret_cast<char*>(&header), sizeof(header));
+  bool good = replay_ && header.query == query && header.size_bytes <= kMaxAnswerBytes;
+  if (good) {
+    answer->resize(header.size_bytes);
+    replay_.read(answer->data(), static_cast<std::streamsize>(answer->size()));
+    good = replay_ && Digest(*answer) == header.check;
+  }
+  if (!good) {
+    EndReplay();
+    return false;
+  }
+  size_bytes_ += static_cast<int64_t>(sizeof(header) + answer->size());
+  ++replayed_queries_;
+  return true;
+}
+
+void JournalledOracle::Append(uint64_t query, const std::string& answer) {
+  // A disk that is full costs the journal, not the plan.
+  if (!append_ || size_bytes_ > kMaxJournalBytes || answer.size() > kMaxAnswerBytes) return;
+  const AnswerHeader header{query, Digest(answer), static_cast<uint32_t>(answer.size()), 0};
+  append_.write(reinterpret_cast<const char*>(&header), sizeof(header));
+  append_.write(answer.data(), static_cast<std::streamsize>(answer.size()));
+  append_.flush();
+  size_bytes_ += static_cast<int64_t>(sizeof(header) + answer.size());
+}
+
+template <typename Answer>
+absl::StatusOr<Answer> JournalledOracle::AnswerTo(
+    uint64_t query, const std::function<absl::StatusOr<Answer>()>& ask) {
+  std::string bytes;
+  if (NextAnswer(query, &bytes)) {
+    Answer answer;
+    Reader in(bytes);
+    Decode(in, &answer);
+    if (in.AtEnd()) return answer;
+    return absl::DataLossError(
+        absl::StrCat(file_, ": holds an answer of another form; remove it and plan again"));
+  }
+  absl::StatusOr<Answer> answer = ask();
+  if (!answer.ok()) return answer;
+  Writer out;
+  Encode(*answer, out);
+  Append(query, out.bytes());
+  return answer;
+}
+
+absl::StatusOr<std::vector<ScanGain>> JournalledOracle::Gains(
+    std::span<const Measurement> measurements, std::span<const float> known) {
+  auto gains = AnswerTo<std::vector<ScanGain>>(QueryDigest(QueryKind::kGains, measurements, known),
+                                               [&] { return oracle_->Gains(measurements, known); });
+  if (gains.ok()) evaluations_ += static_cast<int64_t>(measurements.size());
+  return gains;
+}
+
+absl::StatusOr<std::vector<ScanGain>> JournalledOracle::WeightedGains(
+    std::span<const Measurement> measurements, std::span<const float> weights) {
+  auto gains = AnswerTo<std::vector<ScanGain>>(
+      QueryDigest(QueryKind::kWeightedGains, measurements, weights),
+      [&] { return oracle_->WeightedGains(measurements, weights); });
+  if (gains.ok()) evaluations_ += static_cast<int64_t>(measurements.size());
+  return gains;
+}
+
+absl::StatusOr<std::vector<ScanCoverage>> JournalledOracle::FastCoverage(
+    std::span<const Measurement> measurements) {
+  auto coverages =
+      AnswerTo<std::vector<ScanCoverage>>(QueryDigest(QueryKind::kFastCoverage, measurements),
+                                          [&] { return oracle_->FastCoverage(measurements); });
+  if (coverages.ok()) evaluations_ += static_cast<int64_t>(measurements.size());
+  return coverages;
+}
+
+absl::StatusOr<std::vector<ScanCoverage>> JournalledOracle::ExactCoverage(
+    std::span<const Measurement> measurements) {
+  return AnswerTo<std::vector<ScanCoverage>>(QueryDigest(QueryKind::kExactCoverage, measurements),
+                                             [&] { return oracle_->ExactCoverage(measurements); });
+}
+
+absl::StatusOr<PlanScore> JournalledOracle::ScorePlan(std::span<const Measurement> scans,
+                                                      bool thorough) {
+  const float flag = thorough ? 1.0f : 0.0f;
+  return AnswerTo<PlanScore>(
+      QueryDigest(QueryKind::kPlanScore, scans, std::span<const float>(&flag, 1)),
+      [&] { return oracle_->ScorePlan(scans, thorough); });
+}
+
+absl::StatusOr<std::vector<PlanScore>> JournalledOracle::ScoreGrowingPlan(
+    std::span<const Measurement> scans) {
+  return AnswerTo<std::vector<PlanScore>>(QueryDigest(QueryKind::kGrowingPlanScore, scans),
+                                          [&] { return oracle_->ScoreGrowingPlan(scans); });
+}
+
+}  // namespace sightline

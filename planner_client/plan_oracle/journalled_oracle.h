@@ -1,0 +1,78 @@
+// Answers of an oracle, kept in a file, so that planning that was broken off goes on where it was.
+//
+// A strategy is a deterministic function of what the oracle answers. Run again with the answers of
+// the broken run it asks the same questions in the same order, at the speed of reading, until the
+// file ends; from there on it asks the oracle. The plan is the same, byte for byte, as if nothing
+// had happened.
+#pragma once
+
+#include <cstdint>
+#include <fstream>
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "planner_client/strategy/gain_oracle.h"
+
+namespace sightline {
+
+class JournalledOracle final : public GainOracle {
+ public:
+  // `fingerprint` names everything that the answers depend on (part, inspection, program). A file
+  // of another fingerprint, a damaged one, and what follows an answer that was not written whole
+  // are not used. INTERNAL: the file cannot be opened for writing.
+  static absl::StatusOr<std::unique_ptr<JournalledOracle>> Open(std::unique_ptr<GainOracle> oracle,
+                                                                const std::string& file,
+                                                                const std::string& fingerprint);
+
+  // Queries answered from the file so far.
+  int64_t replayed_queries() const { return replayed_queries_; }
+
+  const TargetBits& measurable() const override { return oracle_->measurable(); }
+  const TargetBits& fresh_measurable() const override { return oracle_->fresh_measurable(); }
+  absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
+                                              std::span<const float> known) override;
+  absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
+                                                      std::span<const float> weights) override;
+  absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
+      std::span<const Measurement> measurements) override;
+  absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
+      std::span<const Measurement> measurements) override;
+  // Replayed ones included.
+  int64_t evaluations() const override { return evaluations_; }
+
+  std::vector<ShareStep> steps() const override { return oracle_->steps(); }
+  bool ScoresPlans() const override { return oracle_->ScoresPlans(); }
+  absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool thorough) override;
+  absl::StatusOr<std::vector<PlanScore>> ScoreGrowingPlan(
+      std::span<const Measurement> scans) override;
+
+ private:
+  JournalledOracle(std::unique_ptr<GainOracle> oracle, std::string file)
+      : oracle_(std::move(oracle)), file_(std::move(file)) {}
+
+  // The next answer of the file if it is to this query; ends the replay if it is not.
+  bool NextAnswer(uint64_t query, std::string* answer);
+  void EndReplay();
+  void Append(uint64_t query, const std::string& answer);
+  // From the file, or from `ask` and then into the file.
+  template <typename Answer>
+  absl::StatusOr<Answer> AnswerTo(uint64_t query,
+                                  const std::function<absl::StatusOr<Answer>()>& ask);
+
+  const std::unique_ptr<GainOracle> oracle_;
+  const std::string file_;
+  std::ifstream replay_;
+  int64_t replay_end_ = 0;  // bytes of the file that are whole answers
+  bool replaying_ = false;
+  std::ofstream append_;
+  int64_t size_bytes_ = 0;
+  int64_t evaluations_ = 0;
+  int64_t replayed_queries_ = 0;
+};
+
+}  // namespace sightline

@@ -1,0 +1,108 @@
+#include "planner_client/render_client/finished_images.h"
+
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
+
+#include <algorithm>
+#include <array>
+#include <filesystem>
+#include <nlohmann/json.hpp>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "planner_client/rpc_client/sha256.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+using nlohmann::json;
+
+// Equal requests have equal bytes, whatever order their maps are in.
+std::string RequestDigest(const v1::RenderSpec& spec) {
+  std::string bytes;
+  {
+    google::protobuf::io::StringOutputStream stream(&bytes);
+    google::protobuf::io::CodedOutputStream coded(&stream);
+    coded.SetSerializationDeterministic(true);
+    spec.SerializeToCodedStream(&coded);
+  }
+  Sha256 digest;
+  digest.Add(bytes);
+  return digest.Hex();
+}
+
+bool HasDigest(const fs::path& path, const std::string& sha256) {
+  std::ifstream file(path, std::ios::binary);
+  if (!file) return false;
+  Sha256 digest;
+  std::string buffer(1 << 16, '\0');
+  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
+         file.gcount() > 0) {
+    digest.Add(buffer.substr(0, static_cast<size_t>(file.gcount())));
+  }
+  return digest.Hex() == sha256;
+}
+
+// A line as it is written: {"image":3,"files":[["images/003.png","ab12..."]]}.
+bool IsImageLine(const json& line) {
+  if (!line.is_object() || !line.contains("image") || !line["image"].is_number_integer() ||
+      !line.contains("files") || !line["files"].is_array()) {
+    return false;
+  }
+  return std::all_of(line["files"].begin(), line["files"].end(), [](const json& file) {
+    return file.is_array() && file.size() == 2 && file[0].is_string() && file[1].is_string();
+  });
+}
+
+}  // namespace
+
+absl::StatusOr<FinishedImages> FinishedImages::Open(const std::string& file,
+                                                    const std::string& folder,
+                                                    const v1::RenderSpec& spec) {
+  FinishedImages finished;
+  const std::string request = RequestDigest(spec);
+  std::string kept = json({{"request", request}}).dump() + "\n";
+  const std::string start = kept;
+  {
+    std::ifstream list(file, std::ios::binary);
+    std::string text;
+    std::getline(list, text);
+    const bool same = list && text + "\n" == start;
+    while (same && std::getline(list, text) && !list.eof()) {
+      const json line = json::parse(text, nullptr, /*allow_exceptions=*/false);
+      if (!IsImageLine(line)) break;
+      const bool whole =
+          std::all_of(line["files"].begin(), line["files"].end(), [&](const json& entry) {
+            return HasDigest(fs::path(folder) / entry[0].get<std::string>(),
+                             entry[1].get<std::string>());
+          });
+      if (!whole) continue;
+      finished.images_.push_back(line["image"].get<int>());
+      for (const json& entry : line["files"]) {
+        finished.files_.push_back(entry[0].get<std::string>());
+      }
+      absl::StrAppend(&kept, text, "\n");
+    }
+  }
+  std::sort(finished.images_.begin(), finished.images_.end());
+  std::error_code error;
+  fs::create_directories(fs::path(file).parent_path(), error);
+  finished.list_.open(file, std::ios::binary | std::ios::trunc);
+  finished.list_ << kept << std::flush;
+  if (!finished.list_) return absl::InternalError(absl::StrCat(file, ": cannot be written"));
+  return finished;
+}
+
+void FinishedImages::AddFile(int image, const std::string& file, const std::string& sha256) {
+  if (image != current_ && current_ >= 0) {
+    json files = json::array();
+    for (const ImageFile& entry : current_files_) files.push_back({entry.file, entry.sha256});
+    list_ << json({{"image", current_}, {"files", files}}).dump() + "\n" << std::flush;
+    current_files_.clear();
+  }
+  current_ = image;
+  current_files_.push_back({file, sha256});
+}
+
+}  // namespace sightline

@@ -1,0 +1,45 @@
+// Images of a request that are in a folder already: what a render that was broken off goes on from.
+#pragma once
+
+#include <fstream>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "sightline/v1/render_service.pb.h"
+
+namespace sightline {
+
+// A list of finished images in a file, a line of JSON each, under the digest of the request that
+// they answer.
+class FinishedImages {
+ public:
+  // Reads the list at `file`. Of another request, or broken: begun anew. Images whose files are not
+  // in `folder` any more, or have other bytes, do not count. INTERNAL: the file cannot be written.
+  static absl::StatusOr<FinishedImages> Open(const std::string& file, const std::string& folder,
+                                             const v1::RenderSpec& spec);
+
+  // Numbers of finished images, ascending.
+  const std::vector<int>& images() const { return images_; }
+  // Their files.
+  const std::vector<std::string>& files() const { return files_; }
+
+  // A file that is complete in the folder. All files of an image come one after the other; the next
+  // image's first one, or one of image -1, says that it is finished.
+  void AddFile(int image, const std::string& file, const std::string& sha256);
+
+ private:
+  struct ImageFile {
+    std::string file;
+    std::string sha256;
+  };
+
+  std::ofstream list_;
+  std::vector<int> images_;
+  std::vector<std::string> files_;
+  int current_ = -1;
+  std::vector<ImageFile> current_files_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,30 @@
+// What the clients file says, checked.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "planning_service/access/client_access.h"
+
+namespace sightline {
+
+using TokenDigest = std::array<uint8_t, 32>;  // SHA-256
+
+TokenDigest DigestOfToken(const std::string& token);
+
+struct KnownClients {
+  std::vector<Client> clients;
+  std::vector<std::optional<TokenDigest>> token_digests;  // one per client
+  std::map<std::string, size_t> client_of_certificate_name;
+};
+
+// `json`: a v1::ClientsFile of at most 4 MiB. INVALID_ARGUMENT names `file`, the field and the
+// reason, but never what stands in a field about tokens.
+absl::StatusOr<KnownClients> ParseClientsFile(const std::string& json, const std::string& file);
+
+}  // namespace sightline

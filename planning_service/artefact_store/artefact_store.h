@@ -1,0 +1,82 @@
+// Files by the SHA-256 of their bytes, in a folder.
+//
+// A file is written under another name, flushed to disk and renamed: under its digest it is
+// complete or not there. Several processes may share the folder.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+
+namespace sightline {
+
+class ArtefactStore;
+
+// A file on its way in. Removed if it is not committed.
+class ArtefactWriter {
+ public:
+  ~ArtefactWriter();
+  ArtefactWriter(const ArtefactWriter&) = delete;
+  ArtefactWriter& operator=(const ArtefactWriter&) = delete;
+
+  // RESOURCE_EXHAUSTED, reason DISK_FULL.
+  absl::Status Write(const std::string& bytes);
+  int64_t size_bytes() const { return size_bytes_; }
+  // Returns the digest. With `expected_digest` not empty: INVALID_ARGUMENT, reason DIGEST_MISMATCH,
+  // if the bytes have another one.
+  absl::StatusOr<std::string> Commit(const std::string& expected_digest);
+
+ private:
+  friend class ArtefactStore;
+  struct Impl;
+  explicit ArtefactWriter(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+  int64_t size_bytes_ = 0;
+};
+
+// Thread-safe.
+class ArtefactStore {
+ public:
+  // Makes the folder; removes what earlier processes left half-written more than a day of file
+  // times ago. `reserve_bytes`: free space of the disk below which nothing is taken in.
+  static absl::StatusOr<std::unique_ptr<ArtefactStore>> Open(const std::string& folder,
+                                                             int64_t reserve_bytes);
+
+  // RESOURCE_EXHAUSTED, reason DISK_FULL.
+  absl::StatusOr<std::unique_ptr<ArtefactWriter>> NewFile();
+  // Takes a copy of a file (a link where the file system can) and returns digest and size.
+  struct Added {
+    std::string digest;
+    int64_t size_bytes = 0;
+  };
+  absl::StatusOr<Added> AddFile(const std::string& path);
+
+  bool Has(const std::string& digest) const;
+  // NOT_FOUND; a `digest` that is none is NOT_FOUND too.
+  absl::StatusOr<std::string> Path(const std::string& digest) const;
+  // Up to `limit` bytes from `offset` on; empty at the end. DATA_LOSS is not checked here.
+  absl::StatusOr<std::string> Read(const std::string& digest, int64_t offset, int64_t limit) const;
+  // Puts the file at `path` for a job to read: as a copy that the job may not change. Checks the
+  // digest: DATA_LOSS if the bytes on disk are others.
+  absl::Status Materialise(const std::string& digest, const std::string& path) const;
+
+  // Removes files that `keep` does not name and that were not touched for `min_age` of file times
+  // (they may belong to a job that is being created). Returns bytes freed.
+  absl::StatusOr<int64_t> RemoveAllBut(const std::set<std::string>& keep, absl::Duration min_age);
+
+  // Whether the disk has more than the reserve.
+  bool HasRoom() const;
+
+ private:
+  ArtefactStore(std::string folder, int64_t reserve_bytes);
+  const std::string folder_;
+  const int64_t reserve_bytes_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,15 @@
+// A job event as receivers get it.
+#pragma once
+
+#include <string>
+
+#include "planning_service/job_store/planning_job_store.h"
+
+namespace sightline {
+
+// {"event_id": "12", "type": "done", "time": "2026-01-31T12:00:00.000000Z", "job": {...}}, where
+// `job` is the proto3 JSON form of v1::PlanningJob with original names and all fields, and the
+// event_id grows from event to event. The same event gives the same bytes.
+std::string EventJson(const JobEvent& event);
+
+}  // namespace sightline

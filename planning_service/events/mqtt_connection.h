@@ -1,0 +1,61 @@
+// A connection to an MQTT broker (3.1.1), over Eclipse Paho's asynchronous client.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/time/time.h"
+
+namespace sightline {
+
+struct MqttSettings {
+  std::string uri;  // tcp://HOST:PORT or ssl://HOST:PORT
+  std::string client_id;
+  std::string user;      // empty: none
+  std::string password;  // of the user; empty: none
+  // PEM files. Of who signed the broker's certificate (empty: the system's), and our own.
+  std::string ca_file;
+  std::string certificate_file;
+  std::string key_file;
+  // What the broker publishes, retained, when the connection breaks.
+  std::string will_topic;
+  std::string will_payload;
+};
+
+// By one thread at a time. What waits gives up within 50 ms once `interrupted` is true.
+class MqttConnection {
+ public:
+  explicit MqttConnection(const std::atomic<bool>& interrupted);
+  ~MqttConnection();
+  MqttConnection(const MqttConnection&) = delete;
+  MqttConnection& operator=(const MqttConnection&) = delete;
+
+  // Drops an earlier connection. UNAVAILABLE with the reason, CANCELLED.
+  absl::Status Connect(const MqttSettings& settings, absl::Duration timeout);
+  // Whether neither end has broken the connection, as far as is known.
+  bool IsConnected() const;
+  // With quality of service 1: OK once the broker has it. UNAVAILABLE, CANCELLED; the broker may
+  // have it all the same. `even_if_interrupted`: waits for the whole timeout.
+  absl::Status Publish(const std::string& topic, const std::string& payload, bool retained,
+                       absl::Duration timeout, bool even_if_interrupted = false);
+
+ private:
+  class Signal;
+  class Registration;
+  struct Callbacks;
+
+  // OK once `done` came well; UNAVAILABLE when it came badly, the connection was lost or time is
+  // up.
+  absl::Status Await(Signal& done, const std::string& what, absl::Duration timeout,
+                     bool even_if_interrupted) const;
+
+  const std::atomic<bool>& interrupted_;
+  void* client_ = nullptr;              // MQTTAsync
+  std::unique_ptr<Registration> lost_;  // set once the connection breaks
+  bool is_connected_ = false;
+};
+
+}  // namespace sightline

@@ -1,0 +1,14 @@
+// Secrets come from files, never from a command line that every user of the machine can read.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+
+namespace sightline {
+
+// The file's content without the line break at its end: 1 byte to 4 KiB. INVALID_ARGUMENT names
+// `option`, file and reason, never the content.
+absl::StatusOr<std::string> ReadSecret(const std::string& option, const std::string& file);
+
+}  // namespace sightline

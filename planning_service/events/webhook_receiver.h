@@ -1,0 +1,35 @@
+// Job events by HTTP POST.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "planning_service/events/event_receiver.h"
+
+namespace sightline {
+
+struct WebhookOptions {
+  // https://HOST[:PORT]/PATH; http:// to this machine alone, unless plain text is allowed.
+  std::string url;
+  // Shared with the receiver: 16 bytes to 4 KiB, a line break at the end left out. Read anew for
+  // every event, so that it can be changed.
+  std::string secret_file;
+  // PEM of who signed the receiver's certificate; empty: the system's.
+  std::string ca_file;
+  bool allow_plaintext = false;
+  // Of one delivery, 100 ms to 30 s.
+  absl::Duration timeout = absl::Seconds(10);
+};
+
+// Posts EventJson with the headers
+//   X-Sightline-Event: TYPE
+//   X-Sightline-Delivery: EVENT_ID (the same when it is sent again)
+//   X-Sightline-Signature: sha256=HEX, the HMAC-SHA256 of the body under the secret.
+// Any 2xx answer is success, 410 Gone ends the receiver. Redirections are not followed: they are
+// failures.
+// INVALID_ARGUMENT names option and reason.
+absl::StatusOr<std::unique_ptr<EventReceiver>> MakeWebhookReceiver(const WebhookOptions& options);
+
+}  // namespace sightline

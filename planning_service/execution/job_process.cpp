@@ -1,0 +1,277 @@
+#include "planning_service/execution/job_process.h"
+
+#include <fcntl.h>
+#include <poll.h>
+#include <signal.h>
+#include <spawn.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <chrono>
+#include <cstring>
+#include <nlohmann/json.hpp>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "planning_service/execution/process_memory.h"
+
+extern char** environ;
+
+namespace sightline {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr int kPoll_ms = 100;
+constexpr auto kMemoryInterval = std::chrono::seconds(1);
+constexpr auto kStopTime = std::chrono::seconds(5);
+constexpr size_t kLongestLine = 64 << 10;
+constexpr size_t kLastWordsBytes = 2000;
+// Descriptors of the child.
+constexpr int kLifelineFd = 3;
+constexpr int kLockFd = 4;
+
+class ScopedFd {
+ public:
+  explicit ScopedFd(int fd = -1) : fd_(fd) {}
+  ~ScopedFd() { Reset(); }
+  ScopedFd(const ScopedFd&) = delete;
+  ScopedFd& operator=(const ScopedFd&) = delete;
+  int get() const { return fd_; }
+  void Reset(int fd = -1) {
+    if (fd_ >= 0) close(fd_);
+    fd_ = fd;
+  }
+
+ private:
+  int fd_;
+};
+
+bool MakePipe(ScopedFd* read_end, ScopedFd* write_end) {
+  int fds[2];
+  if (pipe2(fds, O_CLOEXEC) != 0) return false;
+  // Above those that the child has them at: dup2 must not overwrite one before it is moved.
+  read_end->Reset(fcntl(fds[0], F_DUPFD_CLOEXEC, 10));
+  write_end->Reset(fcntl(fds[1], F_DUPFD_CLOEXEC, 10));
+  close(fds[0]);
+  close(fds[1]);
+  return read_end->get() >= 0 && write_end->get() >= 0;
+}
+
+absl::StatusCode CodeFromName(const std::string& name) {
+  for (int code = 0; code <= 16; ++code) {
+    const auto candidate = static_cast<absl::StatusCode>(code);
+    if (absl::StatusCodeToString(candidate) == name) return candidate;
+  }
+  return absl::StatusCode::kUnknown;
+}
+
+// What a process writes to stderr: lines of JSON that it means for us, and lines for people.
+class Words {
+ public:
+  void Add(const char* bytes, size_t size) {
+    rest_.append(bytes, size);
+    size_t begin = 0;
+    for (size_t end = rest_.find('\n'); end != std::string::npos; end = rest_.find('\n', begin)) {
+      Line(rest_.substr(begin, end - begin));
+      begin = end + 1;
+    }
+    rest_.erase(0, begin);
+    if (rest_.size() > kLongestLine) rest_.clear();
+  }
+
+  const JobProgress& progress() const { return progress_; }
+  const std::optional<JobFailure>& failure() const { return failure_; }
+  const std::string& last_words() const { return last_words_; }
+
+ private:
+  void Line(const std::string& line) {
+    const nlohmann::json json = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
+    if (json.is_object() && json.contains("progress") && json["progress"].is_number()) {
+      progress_.fraction = std::clamp(json["progress"].get<double>(), 0.0, 1.0);
+      progress_.message = Text(json, "message");
+    } else if (json.is_object() && json.contains("error") && json["error"].is_object()) {
+      const nlohmann::json& error = json["error"];
+      failure_ = JobFailure{CodeFromName(Text(error, "code")), Text(error, "reason"),
+                            Text(error, "message")};
+    } else {
+      absl::StrAppend(&last_words_, line, "\n");
+      if (last_words_.size() > 2 * kLastWordsBytes) {
+        last_words_.erase(0, last_words_.size() - kLastWordsBytes);
+      }
+    }
+  }
+
+  static std::string Text(const nlohmann::json& object, const char* field) {
+    return object.contains(field) && object[field].is_string() ? object[field].get<std::string>()
+                                                               : "";
+  }
+
+  std::string rest_;
+  JobProgress progress_;
+  std::optional<JobFailure> failure_;
+  std::string last_words_;
+};
+
+std::string DescribeEnd(int wait_status, const std::string& last_words) {
+  const std::string how = WIFSIGNALED(wait_status)
+                              ? absl::StrCat("was killed by signal ", WTERMSIG(wait_status), " (",
+                                             strsignal(WTERMSIG(wait_status)), ")")
+                              : absl::StrCat("ended with exit code ", WEXITSTATUS(wait_status));
+  return absl::StrCat("the process of the job ", how,
+                      last_words.empty() ? "" : absl::StrCat("; its last words: ", last_words));
+}
+
+class ChildProcess {
+ public:
+  absl::Status Start(const JobProcessOptions& options) {
+    ScopedFd lifeline_read, output_write;
+    if (!MakePipe(&lifeline_read, &lifeline_) || !MakePipe(&output_, &output_write)) {
+      return absl::UnavailableError(absl::StrCat("cannot make a pipe: ", std::strerror(errno)));
+    }
+    std::vector<std::string> words = {options.program, "--progress=json",
+                                      absl::StrCat("--parent-fd=", kLifelineFd)};
+    words.insert(words.end(), options.arguments.begin(), options.arguments.end());
+    std::vector<char*> argv;
+    for (std::string& word : words) argv.push_back(word.data());
+    argv.push_back(nullptr);
+
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+    posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", O_WRONLY, 0);
+    posix_spawn_file_actions_adddup2(&actions, output_write.get(), 2);
+    posix_spawn_file_actions_adddup2(&actions, lifeline_read.get(), kLifelineFd);
+    ScopedFd lock;
+    if (options.lock_fd >= 0) {
+      lock.Reset(fcntl(options.lock_fd, F_DUPFD_CLOEXEC, 10));
+      posix_spawn_file_actions_adddup2(&actions, lock.get(), kLockFd);
+    }
+    posix_spawn_file_actions_addchdir_np(&actions, options.folder.c_str());
+    posix_spawnattr_t attributes;
+    posix_spawnattr_init(&attributes);
+    sigset_t none;
+    sigset_t all;
+    sigemptyset(&none);
+    sigfillset(&all);
+    posix_spawnattr_setsigmask(&attributes, &none);
+    posix_spawnattr_setsigdefault(&attributes, &all);
+    posix_spawnattr_setpgroup(&attributes, 0);
+    posix_spawnattr_setflags(
+        &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+    const int error =
+        posix_spawn(&pid_, options.program.c_str(), &actions, &attributes, argv.data(), environ);
+    posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
+    if (error == 0) return absl::OkStatus();
+    pid_ = -1;
+    return absl::UnavailableError(
+        absl::StrCat("cannot start ", options.program, ": ", std::strerror(error)));
+  }
+
+  ~ChildProcess() {
+    if (pid_ <= 0) return;
+    Kill();
+    int ignored;
+    waitpid(pid_, &ignored, 0);
+  }
+
+  pid_t pid() const { return pid_; }
+  void AskToStop() const { kill(pid_, SIGTERM); }
+  // Its own servers end with it: the other end of what they watch is closed.
+  void Kill() const { kill(-pid_, SIGKILL); }
+
+  enum class Heard { kWords, kNothing, kEnd };
+  // Reads what it says within kPoll_ms.
+  Heard Listen(Words* words) {
+    pollfd fd = {output_.get(), POLLIN, 0};
+    if (poll(&fd, 1, kPoll_ms) <= 0) return Heard::kNothing;
+    char buffer[4096];
+    const ssize_t got = read(output_.get(), buffer, sizeof(buffer));
+    if (got < 0 && errno == EINTR) return Heard::kNothing;
+    if (got <= 0) return Heard::kEnd;
+    words->Add(buffer, static_cast<size_t>(got));
+    return Heard::kWords;
+  }
+
+  // True once it has ended.
+  bool Ended(int* wait_status) {
+    const pid_t ended = waitpid(pid_, wait_status, WNOHANG);
+    if (ended == 0 || (ended < 0 && errno == EINTR)) return false;
+    // Children of it that were left behind.
+    kill(-pid_, SIGKILL);
+    pid_ = -1;
+    return true;
+  }
+
+ private:
+  pid_t pid_ = -1;
+  ScopedFd lifeline_;  // the process ends when this is closed
+  ScopedFd output_;
+};
+
+}  // namespace
+
+absl::StatusOr<JobProcessEnd> RunJobProcess(const JobProcessOptions& options,
+                                            const std::function<bool(const JobProgress&)>& go_on) {
+  ChildProcess child;
+  if (absl::Status started = child.Start(options); !started.ok()) return started;
+  const Clock::time_point start = Clock::now();
+  Clock::time_point memory_looked_at = start;
+  std::optional<JobProcessEnd::Kind> stopping;
+  std::optional<Clock::time_point> asked_to_stop;
+  Words words;
+  int wait_status = 0;
+  bool talks = true;
+  while (!child.Ended(&wait_status)) {
+    if (talks) {
+      talks = child.Listen(&words) != ChildProcess::Heard::kEnd;
+    } else {
+      poll(nullptr, 0, kPoll_ms);
+    }
+    const Clock::time_point now = Clock::now();
+    if (asked_to_stop) {
+      if (now - *asked_to_stop > kStopTime) child.Kill();
+      continue;
+    }
+    if (!go_on(words.progress())) {
+      stopping = JobProcessEnd::Kind::kStopped;
+      asked_to_stop = now;
+      child.AskToStop();
+    } else if (absl::FromChrono(now - start) > options.max_time) {
+      stopping = JobProcessEnd::Kind::kOutOfTime;
+      asked_to_stop = now;
+      child.AskToStop();
+    } else if (options.max_memory_bytes > 0 && now - memory_looked_at > kMemoryInterval) {
+      memory_looked_at = now;
+      if (ProcessTreeMemory(child.pid()) > options.max_memory_bytes) {
+        stopping = JobProcessEnd::Kind::kOutOfMemory;
+        asked_to_stop = now;
+        child.Kill();
+      }
+    }
+  }
+  // What it said last is still in the pipe.
+  while (talks && child.Listen(&words) == ChildProcess::Heard::kWords) {
+  }
+  JobProcessEnd end;
+  const bool done = WIFEXITED(wait_status) && WEXITSTATUS(wait_status) == 0;
+  if (stopping) {
+    end.kind = *stopping;
+  } else if (done) {
+    end.kind = JobProcessEnd::Kind::kDone;
+  } else if (words.failure() && WIFEXITED(wait_status)) {
+    end.kind = JobProcessEnd::Kind::kFailed;
+    end.failure = *words.failure();
+  } else {
+    end.kind = JobProcessEnd::Kind::kWithoutWord;
+    end.failure = {absl::StatusCode::kInternal, "PROCESS_ENDED",
+                   DescribeEnd(wait_status, words.last_words())};
+  }
+  return end;
+}
+
+}  // namespace sightline

@@ -1,0 +1,68 @@
+// Runs queued jobs, each attempt in a process and a folder of its own.
+#pragma once
+
+#include <atomic>
+#include <condition_variable>
+#include <cstdint>
+#include <functional>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "planning_service/access/client_access.h"
+#include "planning_service/artefact_store/artefact_store.h"
+#include "planning_service/execution/job_process.h"
+#include "planning_service/job_store/planning_job_store.h"
+
+namespace sightline {
+
+struct JobRunnerOptions {
+  std::string program;      // path of `sightline`
+  std::string work_folder;  // jobs have their folders in it; they stay over restarts until done
+  int workers = 1;          // jobs at a time; 0: others run them
+  int64_t max_memory_bytes = 0;                        // of one job; 0: no limit
+  absl::Duration max_time = absl::InfiniteDuration();  // of one attempt
+};
+
+// An attempt that ends without a word (killed, crashed, its server gone) puts its job back into the
+// queue, where it goes on from what it kept; after several in a row that got no further the job
+// fails, reason PROCESS_ENDED. Nothing is started while the disk is full, and a job that fails then
+// is tried again. Results are stored complete before the job counts as done.
+class JobRunner {
+ public:
+  // Pointers must outlive it.
+  JobRunner(JobRunnerOptions options, PlanningJobStore* store, ArtefactStore* artefacts,
+            ClientAccess* access);
+  // Stops.
+  ~JobRunner();
+
+  void Start();
+  // Ends the processes and puts their jobs back into the queue: the next start goes on with them.
+  void Stop();
+
+ private:
+  void Work();
+  // Waits; false when it is to stop.
+  bool Pause(absl::Duration time);
+  void Run(const PlanningJob& job);
+  // Puts what the task needs into the job's folder.
+  absl::Status Prepare(const PlanningJob& job, const std::string& folder);
+  void Conclude(const PlanningJob& job, const JobProcessEnd& end, bool advanced,
+                const std::string& folder);
+  absl::StatusOr<std::vector<JobFile>> StoreResults(const std::string& folder);
+  // Until it is told, however long the database does not answer; not when stopping.
+  void Tell(const std::string& what, const std::function<absl::Status()>& tell);
+
+  const JobRunnerOptions options_;
+  PlanningJobStore* const store_;
+  ArtefactStore* const artefacts_;
+  ClientAccess* const access_;
+  std::vector<std::thread> threads_;
+  std::atomic<bool> stopping_ = false;
+  std::mutex mutex_;
+  std::condition_variable stop_;
+};
+
+}  // namespace sightline

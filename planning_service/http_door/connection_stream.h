@@ -1,0 +1,62 @@
+// Bytes of one connection, plain or TLS, with deadlines.
+#pragma once
+
+#include <openssl/ssl.h>
+
+#include <chrono>
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "planning_service/http_door/listening_socket.h"
+
+namespace sightline {
+
+// For one thread. Nothing here blocks beyond its deadline.
+class ConnectionStream {
+ public:
+  using Clock = std::chrono::steady_clock;
+  enum class Outcome { kDone, kClosed, kTimedOut };
+
+  // `socket` must not block. `stop_event` becomes readable when the server ends.
+  ConnectionStream(FileDescriptor socket, int stop_event);
+  ~ConnectionStream();
+
+  // Speaks TLS from now on.
+  Outcome StartTls(SSL_CTX* context, Clock::time_point deadline);
+  // Of the client's certificate.
+  std::vector<std::string> PeerNames() const;
+
+  // Waits until there is something to read; kClosed also when the server ends.
+  Outcome WaitForRequest(Clock::time_point deadline);
+  // At least one byte, at most `size`.
+  Outcome Read(char* bytes, size_t size, Clock::time_point deadline, size_t* count);
+  // All of them.
+  Outcome Write(const char* bytes, size_t size, Clock::time_point deadline);
+  // Whether the peer has gone, as far as can be told without waiting.
+  bool PeerIsGone() const;
+  bool IsEnding() const;
+  // Says that nothing more comes, then discards what still arrives: closing at once would reset
+  // the connection and take the answer from a client that is still sending.
+  void Finish(Clock::time_point deadline);
+  // From any thread: makes all of the above fail.
+  void CutOff();
+
+ private:
+  struct SslFree {
+    void operator()(SSL* ssl) const { SSL_free(ssl); }
+  };
+  // Waits for bytes on the socket or the end of the server.
+  Outcome WaitForSocket(Clock::time_point deadline) const;
+  // Waits for `events` of poll().
+  Outcome Wait(short events, Clock::time_point deadline) const;
+  // After a call of OpenSSL that returned `result` <= 0: waits for what it wants.
+  Outcome WaitForTls(int result, Clock::time_point deadline) const;
+
+  const FileDescriptor socket_;
+  const int stop_event_;
+  std::unique_ptr<SSL, SslFree> ssl_;
+};
+
+}  // namespace sightline

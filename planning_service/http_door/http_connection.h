@@ -1,0 +1,23 @@
+// HTTP/1.1 on one connection: framing by Boost.Beast, limits and deadlines here.
+#pragma once
+
+#include <cstdint>
+#include <functional>
+
+#include "absl/time/time.h"
+#include "planning_service/http_door/connection_stream.h"
+#include "planning_service/http_door/http_exchange.h"
+
+namespace sightline {
+
+struct HttpConnectionLimits {
+  int64_t max_request_bytes = 0;
+  absl::Duration request_timeout;
+};
+
+// Answers requests until either side closes the connection. `handle` must begin and end an answer
+// to each; it may leave the body unread.
+void ServeHttpConnection(ConnectionStream* stream, const HttpConnectionLimits& limits,
+                         const std::function<void(HttpExchange&)>& handle);
+
+}  // namespace sightline

@@ -1,0 +1,12 @@
+// Description of the HTTP contract for programs.
+#pragma once
+
+#include <string>
+
+namespace sightline {
+
+// OpenAPI 3.0.3: the paths of openapi.json, with schemas made from the messages that the service
+// reads and writes, so that they cannot differ from these.
+std::string OpenApiJson();
+
+}  // namespace sightline

@@ -1,0 +1,186 @@
+#include "planning_service/http_door/request_body.h"
+
+#include <limits>
+#include <optional>
+#include <set>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/strip.h"
+#include "core/json/strict_json.h"
+#include "planning_service/http_door/multipart_reader.h"
+#include "planning_service/task/planning_task.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+// Tasks are text written by hand or by programs; the large things are files.
+constexpr size_t kMaxJsonBytes = 16 << 20;
+constexpr size_t kMaxFieldBytes = 64;
+constexpr int kMaxParts = 1000;
+
+std::string MediaType(const HttpRequest& request) {
+  const std::string type = request.Header("content-type");
+  return absl::AsciiStrToLower(absl::StripAsciiWhitespace(type.substr(0, type.find(';'))));
+}
+
+absl::Status UnsupportedMediaType(const std::string& wanted) {
+  return WithErrorInfo(absl::InvalidArgumentError(absl::StrCat("Content-Type: must be ", wanted)),
+                       "MEDIA_TYPE_NOT_SUPPORTED");
+}
+
+// "DOCUMENT: path.of.field: reason" of the strict reader as a field violation.
+absl::Status WithField(const absl::Status& status, const std::string& document,
+                       const std::string& field_prefix) {
+  absl::string_view text = status.message();
+  if (!absl::IsInvalidArgument(status) || !absl::ConsumePrefix(&text, document + ": ")) {
+    return status;
+  }
+  const size_t colon = text.find(": ");
+  // Syntax errors name a line instead of a field.
+  if (colon == absl::string_view::npos || absl::StartsWith(text, "line ")) {
+    return InvalidFields({{document, std::string(text)}});
+  }
+  return InvalidFields(
+      {{absl::StrCat(field_prefix, text.substr(0, colon)), std::string(text.substr(colon + 2))}});
+}
+
+absl::Status ParseTask(const std::string& json, v1::PlanningTask* task) {
+  return WithField(ParseStrictJson(json, "task", task), "task", "task.");
+}
+
+// The rest of what `read` gives.
+template <typename Read>
+absl::StatusOr<std::string> ReadText(const std::string& field, size_t max_bytes, Read read) {
+  std::string text;
+  for (;;) {
+    absl::StatusOr<std::string> piece = read();
+    if (!piece.ok()) return piece.status();
+    if (piece->empty()) return text;
+    if (text.size() + piece->size() > max_bytes) {
+      return WithErrorInfo(absl::ResourceExhaustedError(
+                               absl::StrCat(field, ": must have at most ", max_bytes, " bytes")),
+                           "REQUEST_TOO_LARGE");
+    }
+    text += *piece;
+  }
+}
+
+template <typename Read>
+absl::StatusOr<JobFile> TakeFile(PlanningJobs* jobs, const Client& client,
+                                 const std::string& expected_digest, Read read) {
+  absl::StatusOr<FileUpload> upload = jobs->Upload(client);
+  if (!upload.ok()) return upload.status();
+  for (;;) {
+    absl::StatusOr<std::string> piece = read();
+    if (!piece.ok()) return piece.status();
+    if (piece->empty()) return upload->Finish(expected_digest);
+    if (absl::Status status = upload->Write(*piece); !status.ok()) return status;
+  }
+}
+
+}  // namespace
+
+bool IsMultipartForm(const HttpRequest& request) {
+  return MediaType(request) == "multipart/form-data";
+}
+
+absl::StatusOr<int64_t> ReadInteger(const std::string& field, const std::string& text, int64_t min,
+                                    int64_t max) {
+  int64_t value = 0;
+  if (!absl::SimpleAtoi(text, &value) || value < min || value > max) {
+    return InvalidFields({{field, absl::StrCat("is \"", text.substr(0, kMaxFieldBytes),
+                                               "\", must be an integer from ", min, " to ", max)}});
+  }
+  return value;
+}
+
+absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs,
+                                      const Client& client) {
+  absl::StatusOr<std::string> boundary =
+      MultipartBoundary(exchange.request().Header("content-type"));
+  if (!boundary.ok()) return boundary.status();
+  MultipartReader reader(*boundary, [&exchange] { return exchange.ReadBody(); });
+  const auto read = [&reader] { return reader.Read(); };
+  TaskForm form;
+  bool has_task = false;
+  std::set<std::string> names;
+  for (int parts = 1;; ++parts) {
+    absl::StatusOr<std::optional<MultipartPart>> part = reader.NextPart();
+    if (!part.ok()) return part.status();
+    if (!part->has_value()) break;
+    if (parts > kMaxParts) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("multipart/form-data: must have at most ", kMaxParts, " parts"));
+    }
+    const std::string& field = (*part)->name;
+    if (field == "task") {
+      if (has_task) return InvalidFields({{"task", "is given twice"}});
+      has_task = true;
+      absl::StatusOr<std::string> json = ReadText("task", kMaxJsonBytes, read);
+      if (!json.ok()) return json.status();
+      // Before the files: a task that cannot be read is refused at once.
+      if (absl::Status status = ParseTask(*json, &form.task); !status.ok()) return status;
+      continue;
+    }
+    if (field == "priority") {
+      if (form.has_priority) return InvalidFields({{"priority", "is given twice"}});
+      form.has_priority = true;
+      absl::StatusOr<std::string> text = ReadText("priority", kMaxFieldBytes, read);
+      if (!text.ok()) return text.status();
+      absl::StatusOr<int64_t> priority = ReadInteger("priority", *text, -100, 100);
+      if (!priority.ok()) return priority.status();
+      form.priority = static_cast<int>(*priority);
+      continue;
+    }
+    const std::string& name = (*part)->filename.empty() ? field : (*part)->filename;
+    const std::string place = absl::StrCat("files[", form.files.size(), "].name");
+    if (!IsValidUtf8(name)) return InvalidFields({{place, "must be UTF-8"}});
+    if (absl::Status status = CheckFileName(name); !status.ok()) {
+      return FieldViolations(status).empty()
+                 ? InvalidFields({{place, std::string(status.message())}})
+                 : status;
+    }
+    if (!names.insert(name).second) {
+      return InvalidFields({{place, absl::StrCat("\"", name, "\" is given twice")}});
+    }
+    absl::StatusOr<JobFile> file = TakeFile(jobs, client, "", read);
+    if (!file.ok()) return file.status();
+    file->name = name;
+    form.files.push_back(*std::move(file));
+  }
+  if (!has_task) {
+    return InvalidFields({{"task",
+                           "is missing; the form needs a field of this name with the JSON "
+                           "of a planning task"}});
+  }
+  return form;
+}
+
+absl::Status ReadJsonBody(HttpExchange& exchange, bool may_be_empty,
+                          google::protobuf::Message* message) {
+  const std::string type = MediaType(exchange.request());
+  if (type != "application/json" && !(type.empty() && may_be_empty)) {
+    return UnsupportedMediaType("application/json");
+  }
+  absl::StatusOr<std::string> json =
+      ReadText("body", kMaxJsonBytes, [&exchange] { return exchange.ReadBody(); });
+  if (!json.ok()) return json.status();
+  if (json->empty() && may_be_empty) return absl::OkStatus();
+  if (type.empty()) return UnsupportedMediaType("application/json");
+  return WithField(ParseStrictJson(*json, "body", message), "body", "");
+}
+
+absl::StatusOr<JobFile> ReadFileBody(HttpExchange& exchange, PlanningJobs* jobs,
+                                     const Client& client, const std::string& expected_digest) {
+  if (IsMultipartForm(exchange.request())) {
+    return UnsupportedMediaType("application/octet-stream: the bytes of the file themselves");
+  }
+  return TakeFile(jobs, client, expected_digest, [&exchange] { return exchange.ReadBody(); });
+}
+
+}  // namespace sightline

@@ -1,0 +1,67 @@
+// What each path and method of the HTTP door does.
+#pragma once
+
+#include <atomic>
+#include <map>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "planning_service/access/client_access.h"
+#include "planning_service/http_door/browser_guard.h"
+#include "planning_service/http_door/http_door.h"
+#include "planning_service/http_door/http_exchange.h"
+#include "planning_service/jobs/planning_jobs.h"
+
+namespace sightline {
+
+// Thread-safe.
+class Routes {
+ public:
+  // Pointers must outlive it.
+  Routes(PlanningJobs* jobs, ClientAccess* access, BrowserGuard guard, int max_event_streams,
+         const std::vector<WebFile>& web_files);
+
+  // Answers the request.
+  void Answer(HttpExchange& exchange);
+
+ private:
+  using Path = std::vector<std::string>;
+  using Handler = void (Routes::*)(HttpExchange&, const Client&, const Path&);
+  struct Route {
+    const char* method;
+    Path pattern;  // "*": one segment, "**" at the end: one or more
+    Handler handler;
+  };
+  struct WebReply {
+    WebFile file;
+    std::string entity_tag;
+  };
+
+  static bool Matches(const Path& pattern, const Path& path);
+  bool AnswerWebFile(HttpExchange& exchange);
+
+  void CreateJob(HttpExchange& exchange, const Client& client, const Path& path);
+  void ListJobs(HttpExchange& exchange, const Client& client, const Path& path);
+  void GetJob(HttpExchange& exchange, const Client& client, const Path& path);
+  void CancelJob(HttpExchange& exchange, const Client& client, const Path& path);
+  void WatchJob(HttpExchange& exchange, const Client& client, const Path& path);
+  void ListResults(HttpExchange& exchange, const Client& client, const Path& path);
+  void GetResult(HttpExchange& exchange, const Client& client, const Path& path);
+  void PutFile(HttpExchange& exchange, const Client& client, const Path& path);
+  void PutRecipe(HttpExchange& exchange, const Client& client, const Path& path);
+  void DeleteRecipe(HttpExchange& exchange, const Client& client, const Path& path);
+  void StartRecipe(HttpExchange& exchange, const Client& client, const Path& path);
+  void GetState(HttpExchange& exchange, const Client& client, const Path& path);
+
+  PlanningJobs* const jobs_;
+  ClientAccess* const access_;
+  const BrowserGuard guard_;
+  const int max_event_streams_;
+  const std::string openapi_;
+  const std::vector<Route> routes_;
+  std::map<std::string, WebReply> web_files_;  // by path
+  std::atomic<int> event_streams_{0};
+};
+
+}  // namespace sightline

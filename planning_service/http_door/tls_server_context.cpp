@@ -1,0 +1,164 @@
+#include "planning_service/http_door/tls_server_context.h"
+
+#include <arpa/inet.h>
+#include <openssl/err.h>
+#include <openssl/pem.h>
+#include <openssl/x509v3.h>
+#include <spdlog/spdlog.h>
+#include <sys/stat.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+
+namespace sightline {
+namespace {
+
+// Reason of the last error of OpenSSL in this thread; forgets the others.
+std::string OpenSslReason() {
+  const unsigned long code = ERR_peek_last_error();
+  ERR_clear_error();
+  const char* reason = code == 0 ? nullptr : ERR_reason_error_string(code);
+  return reason == nullptr ? "cannot be read" : reason;
+}
+
+absl::Status Unusable(const std::string& option, const std::string& file) {
+  return absl::InvalidArgumentError(absl::StrCat(option, ": ", file, ": ", OpenSslReason()));
+}
+
+absl::StatusOr<std::shared_ptr<SSL_CTX>> ReadFiles(const TlsFiles& files) {
+  ERR_clear_error();
+  std::shared_ptr<SSL_CTX> context(SSL_CTX_new(TLS_server_method()), SSL_CTX_free);
+  if (context == nullptr) return absl::InternalError(OpenSslReason());
+  SSL_CTX_set_min_proto_version(context.get(), TLS1_2_VERSION);
+  // No resumption: every connection is verified against the authorities of now.
+  SSL_CTX_set_options(context.get(), SSL_OP_NO_RENEGOTIATION | SSL_OP_NO_TICKET |
+                                         SSL_OP_CIPHER_SERVER_PREFERENCE |
+                                         SSL_OP_IGNORE_UNEXPECTED_EOF);
+  SSL_CTX_set_session_cache_mode(context.get(), SSL_SESS_CACHE_OFF);
+  SSL_CTX_set_num_tickets(context.get(), 0);
+  SSL_CTX_set_mode(context.get(),
+                   SSL_MODE_ENABLE_PARTIAL_WRITE | SSL_MODE_ACCEPT_MOVING_WRITE_BUFFER);
+  if (SSL_CTX_use_certificate_chain_file(context.get(), files.certificate.c_str()) != 1) {
+    return Unusable("--tls-cert", files.certificate);
+  }
+  if (SSL_CTX_use_PrivateKey_file(context.get(), files.key.c_str(), SSL_FILETYPE_PEM) != 1 ||
+      SSL_CTX_check_private_key(context.get()) != 1) {
+    return Unusable("--tls-key", files.key);
+  }
+  if (!files.client_ca.empty()) {
+    STACK_OF(X509_NAME)* names = SSL_load_client_CA_file(files.client_ca.c_str());
+    if (names == nullptr ||
+        SSL_CTX_load_verify_locations(context.get(), files.client_ca.c_str(), nullptr) != 1) {
+      sk_X509_NAME_pop_free(names, X509_NAME_free);
+      return Unusable("--tls-client-ca", files.client_ca);
+    }
+    SSL_CTX_set_client_CA_list(context.get(), names);  // takes the names
+    SSL_CTX_set_verify(context.get(), SSL_VERIFY_PEER | SSL_VERIFY_FAIL_IF_NO_PEER_CERT, nullptr);
+  }
+  return context;
+}
+
+// Text that differs when a file was written or replaced.
+std::string LookOf(const TlsFiles& files) {
+  std::string look;
+  for (const std::string& file : {files.certificate, files.key, files.client_ca}) {
+    struct stat status {};
+    if (file.empty() || stat(file.c_str(), &status) != 0) {
+      look += "-;";
+      continue;
+    }
+    absl::StrAppend(&look, status.st_ino, ":", status.st_size, ":", status.st_mtim.tv_sec, ".",
+                    status.st_mtim.tv_nsec, ";");
+  }
+  return look;
+}
+
+void AddName(const ASN1_STRING* text, std::vector<std::string>* names) {
+  unsigned char* utf8 = nullptr;
+  const int length = text == nullptr ? -1 : ASN1_STRING_to_UTF8(&utf8, text);
+  if (length > 0) {
+    std::string name(reinterpret_cast<const char*>(utf8), static_cast<size_t>(length));
+    // A NUL inside would let "admin\0.example" pass for another name elsewhere.
+    const bool plain = std::none_of(name.begin(), name.end(), [](char c) {
+      return static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
+    });
+    if (plain && std::find(names->begin(), names->end(), name) == names->end()) {
+      names->push_back(std::move(name));
+    }
+  }
+  OPENSSL_free(utf8);
+}
+
+void AddAddress(const ASN1_OCTET_STRING& bytes, std::vector<std::string>* names) {
+  char text[INET6_ADDRSTRLEN] = "";
+  const int length = ASN1_STRING_length(&bytes);
+  const int family = length == 4 ? AF_INET : length == 16 ? AF_INET6 : AF_UNSPEC;
+  if (family != AF_UNSPEC &&
+      inet_ntop(family, ASN1_STRING_get0_data(&bytes), text, sizeof(text)) != nullptr) {
+    names->push_back(text);
+  }
+}
+
+}  // namespace
+
+TlsServerContext::TlsServerContext(TlsFiles files, absl::Duration check_interval)
+    : files_(std::move(files)), check_interval_(check_interval) {}
+
+absl::StatusOr<std::unique_ptr<TlsServerContext>> TlsServerContext::Load(
+    const TlsFiles& files, absl::Duration check_interval) {
+  std::unique_ptr<TlsServerContext> context(new TlsServerContext(files, check_interval));
+  context->seen_ = LookOf(files);
+  absl::StatusOr<std::shared_ptr<SSL_CTX>> read = ReadFiles(files);
+  if (!read.ok()) return read.status();
+  context->context_ = *std::move(read);
+  context->checked_ = std::chrono::steady_clock::now();
+  return context;
+}
+
+std::shared_ptr<SSL_CTX> TlsServerContext::Current() {
+  const auto now = std::chrono::steady_clock::now();
+  if (now - checked_ < absl::ToChronoNanoseconds(check_interval_)) return context_;
+  checked_ = now;
+  // Looked at before reading: a change in between is seen next time.
+  std::string look = LookOf(files_);
+  if (look == seen_) return context_;
+  seen_ = std::move(look);
+  absl::StatusOr<std::shared_ptr<SSL_CTX>> read = ReadFiles(files_);
+  if (read.ok()) {
+    context_ = *std::move(read);
+    spdlog::info("event=tls_certificate_changed file={}", files_.certificate);
+  } else {
+    spdlog::warn("event=tls_certificate_kept reason={:?}", read.status().ToString());
+  }
+  return context_;
+}
+
+std::vector<std::string> VerifiedPeerNames(SSL* connection) {
+  std::vector<std::string> names;
+  const std::unique_ptr<X509, void (*)(X509*)> certificate(SSL_get1_peer_certificate(connection),
+                                                           X509_free);
+  if (certificate == nullptr || (SSL_get_verify_mode(connection) & SSL_VERIFY_PEER) == 0 ||
+      SSL_get_verify_result(connection) != X509_V_OK) {
+    return names;
+  }
+  X509_NAME* subject = X509_get_subject_name(certificate.get());
+  const int index = X509_NAME_get_index_by_NID(subject, NID_commonName, -1);
+  if (index >= 0) AddName(X509_NAME_ENTRY_get_data(X509_NAME_get_entry(subject, index)), &names);
+  auto* alternatives = static_cast<GENERAL_NAMES*>(
+      X509_get_ext_d2i(certificate.get(), NID_subject_alt_name, nullptr, nullptr));
+  constexpr int kMaxNames = 100;
+  for (int i = 0; i < std::min(sk_GENERAL_NAME_num(alternatives), kMaxNames); ++i) {
+    const GENERAL_NAME* name = sk_GENERAL_NAME_value(alternatives, i);
+    if (name->type == GEN_DNS) AddName(name->d.dNSName, &names);
+    if (name->type == GEN_URI) AddName(name->d.uniformResourceIdentifier, &names);
+    if (name->type == GEN_EMAIL) AddName(name->d.rfc822Name, &names);
+    if (name->type == GEN_IPADD) AddAddress(*name->d.iPAddress, &names);
+  }
+  GENERAL_NAMES_free(alternatives);
+  return names;
+}
+
+}  // namespace sightline

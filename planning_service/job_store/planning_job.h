@@ -1,0 +1,58 @@
+// A planning job as it is kept.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "core/job/job_store.h"
+
+namespace sightline {
+
+// A file of a job: one that came with its task, or a result. The bytes are in the artefact store.
+struct JobFile {
+  std::string name;    // path below the job's folder, with '/'
+  std::string digest;  // SHA-256, lower-case hex
+  int64_t size_bytes = 0;
+
+  friend bool operator==(const JobFile&, const JobFile&) = default;
+};
+
+// Why a job failed.
+struct JobFailure {
+  absl::StatusCode code = absl::StatusCode::kOk;
+  std::string reason;  // for programs, e.g. OUT_OF_MEMORY; may be empty
+  std::string message;
+
+  friend bool operator==(const JobFailure&, const JobFailure&) = default;
+};
+
+struct PlanningJob {
+  std::string job_id;
+  int64_t sequence = 0;  // order of acceptance
+  std::string client;
+  std::string kind;
+  std::string request_id;
+  std::string fingerprint;  // SHA-256 of task and files
+  std::string task;         // v1::PlanningTask, serialised
+  std::vector<JobFile> files;
+  int priority = 0;
+  JobState state = JobState::kQueued;
+  double progress = 0;  // [0, 1]
+  std::string message;
+  bool cancel_requested = false;  // of a running job
+  int attempts = 0;               // how often it was started
+  int crashes = 0;                // attempts in a row that ended without a word
+  JobFailure failure;
+  std::vector<JobFile> results;
+  // Clock of the server, for people alone.
+  absl::Time created = absl::InfinitePast();
+  absl::Time started = absl::InfinitePast();
+  absl::Time finished = absl::InfinitePast();
+  int64_t revision = 0;  // grows with every change
+
+  bool IsFinished() const { return state >= JobState::kSucceeded; }
+};
+
+}  // namespace sightline

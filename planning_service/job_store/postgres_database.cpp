@@ -1,0 +1,388 @@
+#include "planning_service/job_store/postgres_database.h"
+
+#include <endian.h>
+#include <libpq-fe.h>
+#include <openssl/evp.h>
+
+#include <algorithm>
+#include <bit>
+#include <chrono>
+#include <cstring>
+#include <mutex>
+#include <set>
+#include <type_traits>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "planning_service/job_store/random_number.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+using std::chrono::steady_clock;
+
+// Types by their numbers in pg_type, which never change.
+constexpr Oid kBool = 16;
+constexpr Oid kBytea = 17;
+constexpr Oid kInt8 = 20;
+constexpr Oid kInt4 = 23;
+constexpr Oid kText = 25;
+constexpr Oid kFloat8 = 701;
+
+// Advisory lock of whoever writes: "sightlin" in ASCII.
+constexpr int64_t kWriteLock = 0x73696768746c696e;
+
+constexpr auto kFirstBackoff = std::chrono::milliseconds(100);
+constexpr auto kLongestBackoff = std::chrono::milliseconds(5000);
+
+// A statement, or a wait for the lock, that takes longer is given up; a process that stopped in the
+// middle of a transaction does not hold up the others for ever; a host that vanished is noticed by
+// the server. A server that is set to answer before it has written is overruled.
+constexpr char kSessionSettings[] =
+    "SET search_path TO sightline, pg_temp;"
+    "SET statement_timeout = '30s';"
+    "SET idle_in_transaction_session_timeout = '30s';"
+    "SELECT set_config(name, '0', false) FROM pg_settings WHERE name = 'idle_session_timeout';"
+    "SET tcp_keepalives_idle = 10;"
+    "SET tcp_keepalives_interval = 5;"
+    "SET tcp_keepalives_count = 3;"
+    "SELECT set_config('synchronous_commit', 'on', false)"
+    " WHERE current_setting('synchronous_commit') = 'off'";
+
+struct FinishConnection {
+  void operator()(PGconn* connection) const { PQfinish(connection); }
+};
+struct ClearResult {
+  void operator()(PGresult* result) const { PQclear(result); }
+};
+using ConnectionHandle = std::unique_ptr<PGconn, FinishConnection>;
+using ResultHandle = std::unique_ptr<PGresult, ClearResult>;
+
+// Numbers travel with their highest byte first.
+template <typename T>
+T FromWire(const void* bytes) {
+  static_assert(sizeof(T) == 4 || sizeof(T) == 8);
+  std::conditional_t<sizeof(T) == 4, uint32_t, uint64_t> number = 0;
+  std::memcpy(&number, bytes, sizeof(T));
+  if constexpr (sizeof(T) == 4) {
+    return std::bit_cast<T>(be32toh(number));
+  } else {
+    return std::bit_cast<T>(be64toh(number));
+  }
+}
+
+template <typename T>
+std::string ToWire(T value) {
+  static_assert(sizeof(T) == 8);
+  const uint64_t number = htobe64(std::bit_cast<uint64_t>(value));
+  return std::string(reinterpret_cast<const char*>(&number), sizeof(number));
+}
+
+std::string OneLine(const char* message) {
+  std::string line = message ? message : "";
+  std::replace(line.begin(), line.end(), '\n', ' ');
+  return std::string(absl::StripAsciiWhitespace(line));
+}
+
+// Whether the statement failed with its connection. libpq may say so in its message alone: errors
+// of the server have a SQLSTATE.
+bool IsConnectionLost(PGconn* connection, const PGresult* result) {
+  if (PQstatus(connection) != CONNECTION_OK || result == nullptr) return true;
+  const char* severity = PQresultErrorField(result, PG_DIAG_SEVERITY_NONLOCALIZED);
+  return PQresultErrorField(result, PG_DIAG_SQLSTATE) == nullptr ||
+         (severity != nullptr && absl::string_view(severity) != "ERROR");
+}
+
+// Error of a statement.
+absl::Status PostgresError(PGconn* connection, const PGresult* result) {
+  const char* field = result ? PQresultErrorField(result, PG_DIAG_SQLSTATE) : nullptr;
+  const std::string state = field ? field : "";
+  const std::string message =
+      absl::StrCat("PostgreSQL: ", OneLine(PQerrorMessage(connection)),
+                   state.empty() ? "" : absl::StrCat(" (SQLSTATE ", state, ")"));
+  if (state == "53100") return WithErrorInfo(absl::ResourceExhaustedError(message), "DISK_FULL");
+  if (state == "53200") return absl::ResourceExhaustedError(message);
+  if (state == "XX001" || state == "XX002") return absl::DataLossError(message);
+  if (state == "22021" || state == "22P05" || state == "54000") {
+    return absl::InvalidArgumentError(message);
+  }
+  if (state == "42501" || state == "28000" || state == "28P01") {
+    return absl::PermissionDeniedError(message);
+  }
+  // Connections, shortage of them, shutdown, timeouts, conflicts, a standby, errors of the disk.
+  for (const char* prefix : {"08", "53", "57", "40", "25006", "25P03", "55P03", "58030"}) {
+    if (absl::StartsWith(state, prefix)) return absl::UnavailableError(message);
+  }
+  if (IsConnectionLost(connection, result)) return absl::UnavailableError(message);
+  return absl::InternalError(message);
+}
+
+SqlValue ToValue(const PGresult* result, int row, int column) {
+  const char* value = PQgetvalue(result, row, column);
+  switch (PQftype(result, column)) {
+    case kBool:
+      return int64_t{*value != 0};
+    case kInt4:
+      return int64_t{FromWire<int32_t>(value)};
+    case kInt8:
+      return FromWire<int64_t>(value);
+    case kFloat8:
+      return FromWire<double>(value);
+    case kBytea:
+      return SqlBytes{std::string(value, PQgetlength(result, row, column))};
+    default:
+      return std::string(value, PQgetlength(result, row, column));
+  }
+}
+
+// A connection that is opened anew when it was lost.
+class PostgresConnection : public SqlConnection {
+ public:
+  explicit PostgresConnection(std::string connection_text)
+      : connection_text_(std::move(connection_text)) {}
+
+  absl::Status Begin(SqlAccess access) override {
+    // The connection may have been lost since it was used last: nothing is lost by starting again.
+    // If it is lost once more, there is more to it.
+    absl::Status begun = TryBegin(access);
+    if (absl::IsUnavailable(begun) && was_connected_) begun = TryBegin(access);
+    return begun;
+  }
+
+  absl::StatusOr<SqlRows> Run(const std::string& sql,
+                              const std::vector<SqlValue>& parameters) override {
+    if (!connection_) return absl::UnavailableError("PostgreSQL: not connected");
+    std::vector<Oid> types;
+    std::vector<std::string> numbers(parameters.size());
+    std::vector<const char*> values;
+    std::vector<int> lengths;
+    const std::vector<int> formats(parameters.size(), 1);
+    for (size_t i = 0; i < parameters.size(); ++i) {
+      const std::string* bytes = &numbers[i];
+      if (const auto* whole = std::get_if<int64_t>(&parameters[i])) {
+        types.push_back(kInt8);
+        numbers[i] = ToWire(*whole);
+      } else if (const auto* real = std::get_if<double>(&parameters[i])) {
+        types.push_back(kFloat8);
+        numbers[i] = ToWire(*real);
+      } else if (const auto* text = std::get_if<std::string>(&parameters[i])) {
+        types.push_back(kText);
+        bytes = text;
+      } else {
+        types.push_back(kBytea);
+        bytes = &std::get<SqlBytes>(parameters[i]).bytes;
+      }
+      values.push_back(bytes->data());
+      lengths.push_back(static_cast<int>(bytes->size()));
+    }
+    const ResultHandle result(PQexecParams(connection_.get(), sql.c_str(),
+                                           static_cast<int>(parameters.size()), types.data(),
+                                           values.data(), lengths.data(), formats.data(), 1));
+    const ExecStatusType status = PQresultStatus(result.get());
+    if (status != PGRES_TUPLES_OK && status != PGRES_COMMAND_OK) {
+      absl::Status error = PostgresError(connection_.get(), result.get());
+      if (IsConnectionLost(connection_.get(), result.get())) connection_.reset();
+      return error;
+    }
+    // A transaction that failed "commits" without an error, by rolling back.
+    if (absl::string_view(PQcmdStatus(result.get())) == "ROLLBACK" && sql != "ROLLBACK") {
+      return absl::InternalError("PostgreSQL: the transaction was rolled back");
+    }
+    SqlRows rows;
+    for (int row = 0; row < PQntuples(result.get()); ++row) {
+      std::vector<SqlValue> columns;
+      for (int column = 0; column < PQnfields(result.get()); ++column) {
+        columns.push_back(ToValue(result.get(), row, column));
+      }
+      rows.emplace_back(std::move(columns));
+    }
+    return rows;
+  }
+
+  absl::Status Commit() override { return Run("COMMIT", {}).status(); }
+
+  void Rollback() override {
+    if (!connection_ || PQtransactionStatus(connection_.get()) == PQTRANS_IDLE) return;
+    if (!Run("ROLLBACK", {}).ok()) connection_.reset();
+  }
+
+  // Connects if the connection is gone. UNAVAILABLE.
+  absl::Status Connect() {
+    if (connection_ && PQstatus(connection_.get()) == CONNECTION_OK) return absl::OkStatus();
+    connection_.reset();
+    const auto now = steady_clock::now();
+    if (now < next_attempt_) return absl::UnavailableError("PostgreSQL: the connection is lost");
+    absl::Status opened = Open();
+    if (opened.ok()) {
+      backoff_ = {};
+    } else {
+      connection_.reset();
+      backoff_ =
+          std::clamp<std::chrono::milliseconds>(2 * backoff_, kFirstBackoff, kLongestBackoff);
+      next_attempt_ = steady_clock::now() + backoff_;
+    }
+    return opened;
+  }
+
+  void Disconnect() { connection_.reset(); }
+  PGconn* get() const { return connection_.get(); }
+
+ private:
+  absl::Status Open() {
+    // What the text says comes later and wins.
+    const char* const keywords[] = {"connect_timeout",
+                                    "keepalives_idle",
+                                    "keepalives_count",
+                                    "keepalives_interval",
+                                    "tcp_user_timeout",
+                                    "fallback_application_name",
+                                    "dbname",
+                                    "client_encoding",
+                                    nullptr};
+    const char* const values[] = {
+        "5", "10", "3", "5", "30000", "sightline", connection_text_.c_str(), "UTF8", nullptr};
+    connection_.reset(PQconnectdbParams(keywords, values, 1));
+    if (!connection_ || PQstatus(connection_.get()) != CONNECTION_OK) {
+      return absl::UnavailableError(
+          absl::StrCat("PostgreSQL: cannot connect: ",
+                       connection_ ? OneLine(PQerrorMessage(connection_.get())) : "no memory"));
+    }
+    // Remarks of the server, e.g. that a table is there already, are for nobody.
+    PQsetNoticeProcessor(
+        connection_.get(), [](void*, const char*) {}, nullptr);
+    const char* encoding = PQparameterStatus(connection_.get(), "server_encoding");
+    if (!encoding || absl::string_view(encoding) != "UTF8") {
+      return absl::FailedPreconditionError(absl::StrCat("PostgreSQL: the database's encoding is ",
+                                                        encoding ? encoding : "unknown",
+                                                        ", must be UTF8"));
+    }
+    const ResultHandle set(PQexec(connection_.get(), kSessionSettings));
+    if (PQresultStatus(set.get()) != PGRES_TUPLES_OK) {
+      return PostgresError(connection_.get(), set.get());
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status TryBegin(SqlAccess access) {
+    was_connected_ = connection_ != nullptr;
+    if (absl::Status connected = Connect(); !connected.ok()) return connected;
+    absl::Status begun =
+        Run(access == SqlAccess::kWrite ? "BEGIN ISOLATION LEVEL READ COMMITTED"
+                                        : "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY",
+            {})
+            .status();
+    // The lock is a statement of its own: those after it see what was committed before it.
+    if (begun.ok() && access == SqlAccess::kWrite) {
+      begun = Run("SELECT pg_advisory_xact_lock($1) IS NULL", {kWriteLock}).status();
+    }
+    if (begun.ok()) return begun;
+    if (!connection_) return begun;
+    was_connected_ = false;  // it is still there, so that the error would only come again
+    Rollback();
+    return begun;
+  }
+
+  const std::string connection_text_;
+  ConnectionHandle connection_;
+  bool was_connected_ = false;  // before the last attempt to begin
+  std::chrono::milliseconds backoff_{0};
+  steady_clock::time_point next_attempt_{};
+};
+
+class PostgresDatabase : public SqlDatabase {
+ public:
+  explicit PostgresDatabase(std::string connection_text)
+      : connection_text_(std::move(connection_text)), session_(connection_text_) {}
+
+  absl::Status Open() {
+    std::lock_guard lock(mutex_);
+    if (absl::Status checked = CheckSession(); !checked.ok()) return checked;
+    name_ = absl::StrCat("PostgreSQL database ", PQdb(session_.get()));
+    if (absl::Status begun = session_.Begin(SqlAccess::kWrite); !begun.ok()) return begun;
+    // Not "IF NOT EXISTS": that needs the right to make schemas even if this one is there.
+    auto made = session_.Run("SELECT 1 FROM pg_namespace WHERE nspname = 'sightline'", {});
+    if (made.ok() && made->empty()) made = session_.Run("CREATE SCHEMA sightline", {});
+    absl::Status status = made.ok() ? session_.Commit() : made.status();
+    if (!status.ok()) session_.Rollback();
+    return status;
+  }
+
+  absl::StatusOr<std::unique_ptr<SqlConnection>> Connect() override {
+    auto connection = std::make_unique<PostgresConnection>(connection_text_);
+    if (absl::Status connected = connection->Connect(); !connected.ok()) return connected;
+    return connection;
+  }
+  bool IsShared() const override { return true; }
+  std::string Name() const override { return name_; }
+
+  absl::StatusOr<int64_t> Owner() override {
+    std::lock_guard lock(mutex_);
+    if (absl::Status checked = CheckSession(); !checked.ok()) return checked;
+    return owner_;
+  }
+
+  absl::StatusOr<bool> IsOwnerGone(SqlConnection* connection, int64_t owner) override {
+    const auto rows = connection->Run("SELECT pg_try_advisory_xact_lock($1)", {owner});
+    if (!rows.ok()) return rows.status();
+    return !rows->empty() && rows->front().Int(0) != 0;
+  }
+
+  bool Holds(const std::string& role) override {
+    std::lock_guard lock(mutex_);
+    if (!CheckSession().ok()) return false;
+    // The session would count another lock of the same number, not refuse it.
+    if (roles_.count(role) > 0) return true;
+    if (!TryLock(RoleNumber(role))) return false;
+    roles_.insert(role);
+    return true;
+  }
+
+ private:
+  // Positive, so that it is an owner's number only by a chance of 2^-62.
+  static int64_t RoleNumber(const std::string& role) {
+    unsigned char digest[EVP_MAX_MD_SIZE] = {};
+    EVP_Digest(role.data(), role.size(), digest, nullptr, EVP_sha256(), nullptr);
+    return static_cast<int64_t>(FromWire<uint64_t>(digest) >> 1);
+  }
+
+  bool TryLock(int64_t number) {
+    const auto rows = session_.Run("SELECT pg_try_advisory_lock($1)", {number});
+    return rows.ok() && !rows->empty() && rows->front().Int(0) != 0;
+  }
+
+  // Sees to it that the session lives and has an owner number. With the mutex held.
+  absl::Status CheckSession() {
+    if (session_.get() && owner_ != 0 && session_.Run("SELECT 1", {}).ok()) {
+      return absl::OkStatus();
+    }
+    session_.Disconnect();
+    roles_.clear();
+    owner_ = 0;
+    if (absl::Status connected = session_.Connect(); !connected.ok()) return connected;
+    const auto number = static_cast<int64_t>(RandomBits() >> 1);
+    if (!TryLock(number)) return absl::UnavailableError("PostgreSQL: the connection is lost");
+    owner_ = number;
+    return absl::OkStatus();
+  }
+
+  const std::string connection_text_;
+  std::string name_;
+  std::mutex mutex_;
+  // Lives as long as this object does for the others: its locks say so.
+  PostgresConnection session_;  // by mutex_, as all below
+  int64_t owner_ = 0;
+  std::set<std::string> roles_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const std::string& connection) {
+  auto database = std::make_unique<PostgresDatabase>(connection);
+  if (absl::Status opened = database->Open(); !opened.ok()) return opened;
+  return database;
+}
+
+}  // namespace sightline

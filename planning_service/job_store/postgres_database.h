@@ -1,0 +1,20 @@
+// PostgreSQL behind the interface of SQL databases.
+#pragma once
+
+#include <memory>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "planning_service/job_store/sql_database.h"
+
+namespace sightline {
+
+// `connection`: of libpq. Makes the schema `sightline` if it is not there. UNAVAILABLE: cannot
+// connect. FAILED_PRECONDITION: the database's encoding is not UTF8.
+//
+// Writing transactions, owners and roles are advisory locks, so no clock decides who lives. A lost
+// connection is opened anew by the next transaction; while that fails, attempts are spaced from
+// 0.1 s to 5 s, and calls in between are UNAVAILABLE at once.
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenPostgresDatabase(const std::string& connection);
+
+}  // namespace sightline

@@ -1,0 +1,16 @@
+// Random numbers that nobody has drawn before.
+#pragma once
+
+#include <cstdint>
+#include <random>
+
+namespace sightline {
+
+// 64 random bits of the operating system.
+inline uint64_t RandomBits() {
+  std::random_device device;
+  const uint64_t high = device();
+  return high << 32 | device();
+}
+
+}  // namespace sightline

@@ -1,0 +1,254 @@
+#include "planning_service/job_store/sqlite_database.h"
+
+#include <fcntl.h>
+#include <sqlite3.h>
+#include <sys/file.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <filesystem>
+#include <map>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "planning_service/job_store/random_number.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+// Longest wait for another program that reads or copies the file.
+constexpr int kBusyTimeoutMs = 10'000;
+// Statements whose text depends on the number of values would pile up.
+constexpr size_t kMaxKeptStatements = 200;
+
+struct CloseDatabase {
+  void operator()(sqlite3* database) const { sqlite3_close_v2(database); }
+};
+struct FinalizeStatement {
+  void operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
+};
+using DatabaseHandle = std::unique_ptr<sqlite3, CloseDatabase>;
+using StatementHandle = std::unique_ptr<sqlite3_stmt, FinalizeStatement>;
+
+absl::Status SqliteError(sqlite3* database, int code, const std::string& file) {
+  const std::string message =
+      absl::StrCat(file, ": ", database ? sqlite3_errmsg(database) : sqlite3_errstr(code));
+  const int system_error = database ? sqlite3_system_errno(database) : 0;
+  const bool no_room = system_error == ENOSPC || system_error == EDQUOT;
+  switch (code & 0xff) {
+    case SQLITE_FULL:
+      return WithErrorInfo(absl::ResourceExhaustedError(message), "DISK_FULL");
+    case SQLITE_IOERR:
+    case SQLITE_CANTOPEN:
+      if (no_room) return WithErrorInfo(absl::ResourceExhaustedError(message), "DISK_FULL");
+      return absl::UnavailableError(message);
+    case SQLITE_BUSY:
+    case SQLITE_LOCKED:
+    case SQLITE_PROTOCOL:
+    case SQLITE_INTERRUPT:
+      return absl::UnavailableError(message);
+    case SQLITE_CORRUPT:
+    case SQLITE_NOTADB:
+      return absl::DataLossError(message);
+    case SQLITE_NOMEM:
+      return absl::ResourceExhaustedError(message);
+    case SQLITE_READONLY:
+    case SQLITE_PERM:
+    case SQLITE_AUTH:
+      return absl::PermissionDeniedError(message);
+    case SQLITE_TOOBIG:
+      return absl::InvalidArgumentError(message);
+    default:
+      return absl::InternalError(message);
+  }
+}
+
+class SqliteConnection : public SqlConnection {
+ public:
+  static absl::StatusOr<std::unique_ptr<SqliteConnection>> Open(const std::string& file) {
+    sqlite3* opened = nullptr;
+    const int code = sqlite3_open_v2(
+        file.c_str(), &opened,
+        SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE,
+        nullptr);
+    DatabaseHandle database(opened);
+    if (code != SQLITE_OK) return SqliteError(opened, code, file);
+    sqlite3_busy_timeout(opened, kBusyTimeoutMs);
+    auto connection =
+        std::unique_ptr<SqliteConnection>(new SqliteConnection(file, std::move(database)));
+    // With synchronous=FULL a commit is on disk when it returns, in WAL mode too.
+    for (const char* pragma :
+         {"PRAGMA journal_mode = WAL", "PRAGMA synchronous = FULL", "PRAGMA foreign_keys = ON"}) {
+      if (const auto run = connection->Run(pragma, {}); !run.ok()) return run.status();
+    }
+    return connection;
+  }
+
+  absl::Status Begin(SqlAccess access) override {
+    return Run(access == SqlAccess::kWrite ? "BEGIN IMMEDIATE" : "BEGIN", {}).status();
+  }
+
+  absl::Status Commit() override { return Run("COMMIT", {}).status(); }
+
+  void Rollback() override {
+    // Some errors, e.g. a full disk, have ended the transaction already.
+    if (sqlite3_get_autocommit(database_.get()) == 0) Run("ROLLBACK", {}).IgnoreError();
+  }
+
+  absl::StatusOr<SqlRows> Run(const std::string& sql,
+                              const std::vector<SqlValue>& parameters) override {
+    const auto statement = Prepare(sql);
+    if (!statement.ok()) return statement.status();
+    auto rows = Execute(*statement, parameters);
+    // The statement must not keep a lock, nor the values of this call.
+    sqlite3_reset(*statement);
+    sqlite3_clear_bindings(*statement);
+    return rows;
+  }
+
+ private:
+  SqliteConnection(std::string file, DatabaseHandle database)
+      : file_(std::move(file)), database_(std::move(database)) {}
+
+  absl::Status Error(int code) const { return SqliteError(database_.get(), code, file_); }
+
+  absl::StatusOr<sqlite3_stmt*> Prepare(const std::string& sql) {
+    const auto known = statements_.find(sql);
+    if (known != statements_.end()) return known->second.get();
+    sqlite3_stmt* prepared = nullptr;
+    const int code = sqlite3_prepare_v3(database_.get(), sql.data(), static_cast<int>(sql.size()),
+                                        SQLITE_PREPARE_PERSISTENT, &prepared, nullptr);
+    StatementHandle statement(prepared);
+    if (code != SQLITE_OK) return Error(code);
+    if (statements_.size() >= kMaxKeptStatements) statements_.clear();
+    return statements_.emplace(sql, std::move(statement)).first->second.get();
+  }
+
+  absl::StatusOr<SqlRows> Execute(sqlite3_stmt* statement,
+                                  const std::vector<SqlValue>& parameters) {
+    for (size_t i = 0; i < parameters.size(); ++i) {
+      // "$1" is a name to SQLite: its index depends on where it stands first.
+      const int index = sqlite3_bind_parameter_index(statement, absl::StrCat("$", i + 1).c_str());
+      if (index == 0) return absl::InternalError(absl::StrCat("parameter ", i + 1, " is unused"));
+      if (const int code = Bind(statement, index, parameters[i]); code != SQLITE_OK) {
+        return Error(code);
+      }
+    }
+    SqlRows rows;
+    while (true) {
+      const int code = sqlite3_step(statement);
+      if (code == SQLITE_DONE) return rows;
+      if (code != SQLITE_ROW) return Error(code);
+      std::vector<SqlValue> values;
+      for (int i = 0; i < sqlite3_column_count(statement); ++i) {
+        values.push_back(Column(statement, i));
+      }
+      rows.emplace_back(std::move(values));
+    }
+  }
+
+  // Values outlive the step, so they need not be copied.
+  static int Bind(sqlite3_stmt* statement, int index, const SqlValue& value) {
+    if (const auto* whole = std::get_if<int64_t>(&value)) {
+      return sqlite3_bind_int64(statement, index, *whole);
+    }
+    if (const auto* real = std::get_if<double>(&value)) {
+      return sqlite3_bind_double(statement, index, *real);
+    }
+    if (const auto* text = std::get_if<std::string>(&value)) {
+      return sqlite3_bind_text64(statement, index, text->data(), text->size(), SQLITE_STATIC,
+                                 SQLITE_UTF8);
+    }
+    const std::string& bytes = std::get<SqlBytes>(value).bytes;
+    return sqlite3_bind_blob64(statement, index, bytes.data(), bytes.size(), SQLITE_STATIC);
+  }
+
+  static SqlValue Column(sqlite3_stmt* statement, int index) {
+    switch (sqlite3_column_type(statement, index)) {
+      case SQLITE_INTEGER:
+        return static_cast<int64_t>(sqlite3_column_int64(statement, index));
+      case SQLITE_FLOAT:
+        return sqlite3_column_double(statement, index);
+      case SQLITE_TEXT: {
+        const auto* text = reinterpret_cast<const char*>(sqlite3_column_text(statement, index));
+        return std::string(text, sqlite3_column_bytes(statement, index));
+      }
+      default: {
+        // An empty blob is a null pointer.
+        const auto* bytes = static_cast<const char*>(sqlite3_column_blob(statement, index));
+        return SqlBytes{bytes ? std::string(bytes, sqlite3_column_bytes(statement, index)) : ""};
+      }
+    }
+  }
+
+  const std::string file_;
+  DatabaseHandle database_;
+  std::map<std::string, StatementHandle> statements_;  // go before the database
+};
+
+class SqliteDatabase : public SqlDatabase {
+ public:
+  // Takes over the descriptor of the lock file.
+  SqliteDatabase(std::string file, int lock)
+      : file_(std::move(file)), lock_(lock), owner_(static_cast<int64_t>(RandomBits() >> 1)) {}
+  ~SqliteDatabase() override { close(lock_); }
+  SqliteDatabase(const SqliteDatabase&) = delete;
+  SqliteDatabase& operator=(const SqliteDatabase&) = delete;
+
+  absl::StatusOr<std::unique_ptr<SqlConnection>> Connect() override {
+    return SqliteConnection::Open(file_);
+  }
+  bool IsShared() const override { return false; }
+  std::string Name() const override { return file_; }
+  absl::StatusOr<int64_t> Owner() override { return owner_; }
+  // The lock file lets one owner live at a time.
+  absl::StatusOr<bool> IsOwnerGone(SqlConnection*, int64_t owner) override {
+    return owner != owner_;
+  }
+  bool Holds(const std::string&) override { return true; }
+
+ private:
+  const std::string file_;
+  const int lock_;
+  const int64_t owner_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& file) {
+  // Two names of one file must not have two locks.
+  std::error_code error;
+  const std::filesystem::path canonical = std::filesystem::weakly_canonical(file, error);
+  const std::string path = error ? file : canonical.string();
+  const std::string lock_file = path + ".lock";
+  const int lock = open(lock_file.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600);
+  if (lock < 0) {
+    const int code = errno;
+    const absl::Status status =
+        absl::ErrnoToStatus(code, absl::StrCat(lock_file, ": cannot be opened"));
+    return code == ENOSPC || code == EDQUOT
+               ? WithErrorInfo(absl::ResourceExhaustedError(status.message()), "DISK_FULL")
+               : status;
+  }
+  if (flock(lock, LOCK_EX | LOCK_NB) != 0) {
+    close(lock);
+    return absl::FailedPreconditionError(
+        absl::StrCat(path, ": another process has it open (it holds the lock of ", lock_file, ")"));
+  }
+  auto database = std::make_unique<SqliteDatabase>(path, lock);
+  auto connection = database->Connect();
+  if (!connection.ok()) return connection.status();
+  // A damaged page would else show only when a job on it is asked for.
+  const auto check = (*connection)->Run("PRAGMA quick_check(1)", {});
+  if (!check.ok()) return check.status();
+  if (check->size() != 1 || check->front().Text(0) != "ok") {
+    return absl::DataLossError(absl::StrCat(
+        path, ": the database is damaged: ", check->empty() ? "" : check->front().Text(0)));
+  }
+  return database;
+}
+
+}  // namespace sightline

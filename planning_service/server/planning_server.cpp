@@ -1,0 +1,214 @@
+#include "planning_service/server/planning_server.h"
+
+#include <grpcpp/grpcpp.h>
+
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "planning_service/access/client_access.h"
+#include "planning_service/artefact_store/artefact_store.h"
+#include "planning_service/events/event_delivery.h"
+#include "planning_service/execution/housekeeping.h"
+#include "planning_service/execution/job_runner.h"
+#include "planning_service/grpc_door/planning_service.h"
+#include "planning_service/http_door/http_door.h"
+#include "planning_service/job_store/planning_job_store.h"
+#include "planning_service/jobs/planning_jobs.h"
+#include "planning_service/web/web_page.h"
+#include "rpc_server/call_tracker.h"
+#include "rpc_server/listen_address.h"
+#include "rpc_server/server_metrics.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+absl::Status MakeFolder(const std::string& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (!error) fs::permissions(folder, fs::perms::owner_all, error);  // parts are secrets
+  if (!error) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat("--data ", folder, ": ", error.message()));
+}
+
+// What other machines reach needs TLS, and somebody who says who may do what: without, everybody is
+// an operator.
+absl::Status CheckExposure(const PlanningServerOptions& options) {
+  const bool has_tls = !options.rpc.tls_certificate_file.empty();
+  const bool knows_clients =
+      !options.clients_file.empty() || !options.rpc.tls_client_ca_file.empty();
+  for (const auto& [option, address] :
+       {std::pair("--listen", options.rpc.listen), std::pair("--http", options.http_listen)}) {
+    if (address.empty() || IsUnixAddress(address)) continue;
+    auto host = HostOfAddress(option, address);
+    if (!host.ok()) return host.status();
+    auto loopback = IsLoopbackHost(*host);
+    if (!loopback.ok()) return loopback.status();
+    if (*loopback || options.rpc.allow_plaintext) continue;
+    if (!has_tls) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          option, " ", address,
+          ": other machines reach it in plain text; give --tls-cert and --tls-key, listen on "
+          "127.0.0.1, or add --allow-plaintext on a network that you trust"));
+    }
+    if (!knows_clients) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          option, " ", address,
+          ": everybody who reaches it could see and cancel all jobs; give --clients or "
+          "--tls-client-ca, or add --allow-plaintext on a network that you trust"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// Every user of the machine can read a command line.
+absl::Status CheckDatabase(const std::string& connection) {
+  const bool uri = absl::StrContains(connection, "://");
+  const size_t at = connection.find('@');
+  const bool uri_password =
+      uri && at != std::string::npos &&
+      connection.substr(0, at).find(':', connection.find("://") + 3) != std::string::npos;
+  if (!uri_password && !absl::StrContains(absl::AsciiStrToLower(connection), "password")) {
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(
+      "--database: a password does not belong on the command line; put it into a password file "
+      "(~/.pgpass, or PGPASSFILE)");
+}
+
+class PlanningServer final : public RunningServer {
+ public:
+  PlanningServer() : calls_(&metrics_), rpc_("planning_service", &metrics_, &calls_, nullptr) {}
+  ~PlanningServer() override { Drain(absl::ZeroDuration()); }
+
+  absl::Status Start(const PlanningServerOptions& options) {
+    if (absl::Status s = CheckExposure(options); !s.ok()) return s;
+    if (absl::Status s = CheckDatabase(options.database); !s.ok()) return s;
+    const std::string work_folder = options.data_folder + "/work";
+    for (const std::string& folder : {options.data_folder, work_folder}) {
+      if (absl::Status s = MakeFolder(folder); !s.ok()) return s;
+    }
+    auto store = options.database.empty() ? OpenSqliteJobStore(options.data_folder + "/jobs.sqlite")
+                                          : OpenPostgresJobStore(options.database);
+    if (!store.ok()) return store.status();
+    store_ = *std::move(store);
+    auto artefacts =
+        ArtefactStore::Open(options.data_folder + "/artefacts", options.min_free_bytes);
+    if (!artefacts.ok()) return artefacts.status();
+    artefacts_ = *std::move(artefacts);
+    if (options.clients_file.empty()) {
+      access_ = AllowEverybody();
+    } else {
+      auto access = ReadClientAccess(options.clients_file);
+      if (!access.ok()) return access.status();
+      access_ = *std::move(access);
+    }
+    // Jobs that ran when an earlier server ended.
+    if (auto orphans = store_->RequeueOrphans(); !orphans.ok()) return orphans.status();
+    jobs_ = std::make_unique<PlanningJobs>(store_.get(), artefacts_.get());
+    service_ = std::make_unique<PlanningServiceImpl>(jobs_.get(), access_.get(), &calls_);
+    if (absl::Status s = StartEvents(options); !s.ok()) return s;
+    if (absl::Status s = StartHttp(options); !s.ok()) return s;
+    absl::Status listening =
+        rpc_.Listen(options.rpc, {{"sightline.v1.PlanningService", service_.get()}});
+    if (!listening.ok()) return listening;
+
+    HousekeepingOptions housekeeping;
+    housekeeping.keep_finished = options.keep_finished;
+    housekeeping.work_folder = work_folder;
+    housekeeping_ = std::make_unique<Housekeeping>(housekeeping, store_.get(), artefacts_.get());
+    JobRunnerOptions runner;
+    runner.program = options.program;
+    runner.work_folder = fs::absolute(work_folder).string();
+    runner.workers = options.workers;
+    runner.max_memory_bytes = options.max_job_memory_bytes;
+    runner.max_time = options.max_job_time;
+    runner_ = std::make_unique<JobRunner>(runner, store_.get(), artefacts_.get(), access_.get());
+    runner_->Start();
+    return absl::OkStatus();
+  }
+
+  const std::string& address() const override { return rpc_.address(); }
+
+  bool Drain(absl::Duration grace) override {
+    const bool finished = rpc_.Drain(grace);
+    if (http_) http_->Stop();
+    // Their jobs go on at the next start.
+    runner_.reset();
+    housekeeping_.reset();
+    events_.reset();
+    http_.reset();
+    return finished;
+  }
+
+ private:
+  absl::Status StartEvents(const PlanningServerOptions& options) {
+    std::vector<std::unique_ptr<EventReceiver>> receivers;
+    for (const MqttOptions& mqtt : options.mqtt) {
+      auto receiver = MakeMqttReceiver(mqtt);
+      if (!receiver.ok()) return receiver.status();
+      receivers.push_back(*std::move(receiver));
+    }
+    for (const WebhookOptions& webhook : options.webhooks) {
+      auto receiver = MakeWebhookReceiver(webhook);
+      if (!receiver.ok()) return receiver.status();
+      receivers.push_back(*std::move(receiver));
+    }
+    if (!receivers.empty()) {
+      events_ = std::make_unique<EventDelivery>(store_.get(), std::move(receivers));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status StartHttp(const PlanningServerOptions& options) {
+    if (options.http_listen.empty()) return absl::OkStatus();
+    HttpDoorOptions http;
+    http.listen = options.http_listen;
+    http.tls_certificate_file = options.rpc.tls_certificate_file;
+    http.tls_key_file = options.rpc.tls_key_file;
+    http.tls_client_ca_file = options.rpc.tls_client_ca_file;
+    http.max_request_bytes = options.max_request_bytes;
+    http.allowed_hosts = options.http_hosts;
+    for (WebPageFile& file : WebPage()) {
+      http.web_files.push_back(
+          {std::move(file.path), std::move(file.content_type), std::move(file.bytes)});
+    }
+    auto door = HttpDoor::Start(http, jobs_.get(), access_.get());
+    if (!door.ok()) return door.status();
+    http_ = *std::move(door);
+    std::printf("http%s://%s\n", http.tls_certificate_file.empty() ? "" : "s",
+                http_->address().c_str());
+    std::fflush(stdout);
+    return absl::OkStatus();
+  }
+
+  // In the order in which they need each other; they end the other way round.
+  ServerMetrics metrics_;
+  CallTracker calls_;
+  std::unique_ptr<PlanningJobStore> store_;
+  std::unique_ptr<ArtefactStore> artefacts_;
+  std::unique_ptr<ClientAccess> access_;
+  std::unique_ptr<PlanningJobs> jobs_;
+  std::unique_ptr<PlanningServiceImpl> service_;
+  RpcServer rpc_;
+  std::unique_ptr<EventDelivery> events_;
+  std::unique_ptr<HttpDoor> http_;
+  std::unique_ptr<Housekeeping> housekeeping_;
+  std::unique_ptr<JobRunner> runner_;
+};
+
+}  // namespace
+
+absl::StatusOr<std::unique_ptr<RunningServer>> StartPlanningServer(
+    const PlanningServerOptions& options) {
+  auto server = std::make_unique<PlanningServer>();
+  if (absl::Status started = server->Start(options); !started.ok()) return started;
+  return server;
+}
+
+}  // namespace sightline

@@ -1,0 +1,47 @@
+// All of the planning service in one process: stores, doors, execution, events.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "planning_service/events/mqtt_receiver.h"
+#include "planning_service/events/webhook_receiver.h"
+#include "rpc_server/rpc_server.h"
+
+namespace sightline {
+
+struct PlanningServerOptions {
+  RpcServerOptions rpc;
+  // Jobs, artefacts and folders of running jobs; made if it is not there.
+  std::string data_folder;
+  // libpq connection of a database that several servers share, which then share the data folder as
+  // well; empty: SQLite in the data folder, which then is this server's alone.
+  std::string database;
+  std::string http_listen;              // HOST:PORT; empty: no HTTP
+  std::vector<std::string> http_hosts;  // names of this server in requests
+  std::string clients_file;             // empty: everybody may do all
+  std::string program;                  // path of `sightline`
+  int workers = 1;                      // jobs at a time; 0: other servers of the database run them
+  int64_t max_job_memory_bytes = 0;     // 0: no limit
+  absl::Duration max_job_time = absl::InfiniteDuration();
+  absl::Duration keep_finished = absl::Hours(24 * 30);
+  int64_t min_free_bytes = int64_t{1} << 30;
+  int64_t max_request_bytes = int64_t{4} << 30;
+  std::vector<MqttOptions> mqtt;
+  std::vector<WebhookOptions> webhooks;
+};
+
+// INVALID_ARGUMENT for an option that cannot be used; FAILED_PRECONDITION: another server has the
+// data folder, or it is of a newer version; UNAVAILABLE: an address is taken, or the database does
+// not answer.
+absl::StatusOr<std::unique_ptr<RunningServer>> StartPlanningServer(
+    const PlanningServerOptions& options);
+
+// `sightline serve [options]`: argv[0] is the program, options follow. Returns the exit code.
+int PlanningServerMain(int argc, char** argv);
+
+}  // namespace sightline

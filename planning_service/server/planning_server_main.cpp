@@ -1,0 +1,111 @@
+#include <filesystem>
+#include <system_error>
+
+#include "planning_service/server/planning_server.h"
+#include "rpc_server/server_main.h"
+
+namespace sightline {
+namespace {
+
+struct EventFlags {
+  std::vector<std::string> mqtt, webhooks;
+  std::string mqtt_prefix = "sightline";
+  std::string mqtt_credentials, mqtt_ca, mqtt_certificate, mqtt_key;
+  std::string webhook_secret, webhook_ca;
+};
+
+void AddEventOptions(CLI::App& app, EventFlags* flags) {
+  app.add_option("--mqtt", flags->mqtt,
+                 "Broker to publish job events to: ssl://HOST:PORT, or tcp:// on this machine; may "
+                 "be repeated");
+  app.add_option("--mqtt-prefix", flags->mqtt_prefix, "First part of the topics")
+      ->capture_default_str();
+  app.add_option("--mqtt-credentials", flags->mqtt_credentials,
+                 "File of two lines, user and password");
+  app.add_option("--mqtt-ca", flags->mqtt_ca, "PEM of who signed the broker's certificate");
+  app.add_option("--mqtt-cert", flags->mqtt_certificate, "PEM, our certificate for the broker");
+  app.add_option("--mqtt-key", flags->mqtt_key, "PEM, its key");
+  app.add_option(
+      "--webhook", flags->webhooks,
+      "URL to post job events to: https://, or http:// on this machine; may be repeated");
+  app.add_option("--webhook-secret", flags->webhook_secret,
+                 "File of the secret that signs them (HMAC-SHA256)");
+  app.add_option("--webhook-ca", flags->webhook_ca, "PEM of who signed the receiver's certificate");
+}
+
+void FillEventOptions(const EventFlags& flags, bool allow_plaintext,
+                      PlanningServerOptions* options) {
+  for (const std::string& url : flags.mqtt) {
+    MqttOptions mqtt;
+    mqtt.url = url;
+    mqtt.topic_prefix = flags.mqtt_prefix;
+    mqtt.credentials_file = flags.mqtt_credentials;
+    mqtt.ca_file = flags.mqtt_ca;
+    mqtt.certificate_file = flags.mqtt_certificate;
+    mqtt.key_file = flags.mqtt_key;
+    mqtt.allow_plaintext = allow_plaintext;
+    options->mqtt.push_back(mqtt);
+  }
+  for (const std::string& url : flags.webhooks) {
+    WebhookOptions webhook;
+    webhook.url = url;
+    webhook.secret_file = flags.webhook_secret;
+    webhook.ca_file = flags.webhook_ca;
+    webhook.allow_plaintext = allow_plaintext;
+    options->webhooks.push_back(webhook);
+  }
+}
+
+}  // namespace
+
+int PlanningServerMain(int argc, char** argv) {
+  PlanningServerOptions options;
+  EventFlags events;
+  double max_job_time_s = 0;
+  double retention_days = 30;
+  ServerProgram program;
+  program.name = "sightline serve";
+  program.description =
+      "Planning jobs for remote clients: gRPC, HTTP and a web page; jobs outlive the server.";
+  program.add_options = [&](CLI::App& app) {
+    app.add_option("--data", options.data_folder, "Folder of jobs and their files")->required();
+    app.add_option("--http", options.http_listen,
+                   "HOST:PORT of the HTTP/JSON door and the web page; default: none");
+    app.add_option("--http-host", options.http_hosts,
+                   "Name of this server in requests of browsers; may be repeated");
+    app.add_option("--database", options.database,
+                   "PostgreSQL that several servers share, e.g. \"host=db dbname=sightline\"; "
+                   "default: SQLite in --data");
+    app.add_option("--clients", options.clients_file,
+                   "JSON file of who may do what; default: everybody all");
+    app.add_option("--workers", options.workers,
+                   "Jobs at a time; 0: none, other servers of the same database run them")
+        ->check(CLI::Range(0, 256))
+        ->capture_default_str();
+    AddBytesOption(app, "--max-job-memory", &options.max_job_memory_bytes,
+                   "Memory of one job with all its processes, e.g. 16GB; default: no limit");
+    app.add_option("--max-job-time-s", max_job_time_s, "Longest time of one job; 0: no limit")
+        ->check(CLI::Range(0.0, 1e7));
+    app.add_option("--retention-days", retention_days,
+                   "How long finished jobs are kept, in days that the service was running")
+        ->check(CLI::Range(0.0, 36500.0))
+        ->capture_default_str();
+    AddBytesOption(app, "--min-free", &options.min_free_bytes,
+                   "Free space of the disk below which nothing is accepted or started");
+    AddBytesOption(app, "--max-request-bytes", &options.max_request_bytes,
+                   "Largest body of an HTTP request");
+    AddEventOptions(app, &events);
+  };
+  program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
+    std::error_code error;
+    options.program = std::filesystem::read_symlink("/proc/self/exe", error).string();
+    if (error) return absl::InternalError("cannot find the program's own path");
+    if (max_job_time_s > 0) options.max_job_time = absl::Seconds(max_job_time_s);
+    options.keep_finished = absl::Hours(24 * retention_days);
+    FillEventOptions(events, options.rpc.allow_plaintext, &options);
+    return StartPlanningServer(options);
+  };
+  return ServerMain(argc, argv, program, &options.rpc);
+}
+
+}  // namespace sightline

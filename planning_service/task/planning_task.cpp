@@ -1,0 +1,566 @@
+#include "planning_service/task/planning_task.h"
+
+#include <openssl/evp.h>
+#include <stdlib.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <map>
+#include <set>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "core/inspection/inspection.h"
+#include "core/json/strict_json.h"
+#include "core/recordings/recordings.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kInspectionFile[] = "inspection.json";
+constexpr char kRecordingsFile[] = "recordings.json";
+constexpr char kPlanFile[] = "plan.json";
+constexpr size_t kMaxFileNameBytes = 200;
+// Camera and material files are a few kilobytes.
+constexpr size_t kMaxDescriptionBytes = 4 << 20;
+constexpr int kMostFiles = 10000;
+constexpr int kMostMessageDepth = 32;
+
+absl::Status Invalid(const std::string& field, const std::string& description) {
+  return WithErrorInfo(InvalidFields({{field, description}}), "INVALID_FIELD");
+}
+
+// A folder that goes at the end.
+class TemporaryFolder {
+ public:
+  TemporaryFolder() {
+    std::string path = (fs::temp_directory_path() / "sightline-task-XXXXXX").string();
+    if (mkdtemp(path.data()) != nullptr) path_ = path;
+  }
+  ~TemporaryFolder() {
+    std::error_code ignored;
+    if (!path_.empty()) fs::remove_all(path_, ignored);
+  }
+  TemporaryFolder(const TemporaryFolder&) = delete;
+  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
+  const std::string& path() const { return path_; }
+
+ private:
+  std::string path_;
+};
+
+// --- file names in messages ---------------------------------------------------------------------
+
+// A field of a message that names a file, with its path in the message.
+struct NamedFile {
+  std::string field;
+  std::string file;
+};
+
+// Fields named `file` or `..._file` name files, in every message of sightline.v1.
+bool NamesFile(const google::protobuf::FieldDescriptor& field) {
+  return field.type() == google::protobuf::FieldDescriptor::TYPE_STRING &&
+         (field.name() == "file" || absl::EndsWith(field.name(), "_file"));
+}
+
+void CollectFiles(const google::protobuf::Message& message, const std::string& path, int depth,
+                  std::vector<NamedFile>* files) {
+  if (depth > kMostMessageDepth) return;
+  const google::protobuf::Reflection& reflection = *message.GetReflection();
+  std::vector<const google::protobuf::FieldDescriptor*> fields;
+  reflection.ListFields(message, &fields);
+  for (const google::protobuf::FieldDescriptor* field : fields) {
+    const std::string name = absl::StrCat(path, path.empty() ? "" : ".", field->name());
+    const int count = field->is_repeated() ? reflection.FieldSize(message, field) : 1;
+    for (int i = 0; i < count; ++i) {
+      const std::string element = field->is_repeated() ? absl::StrCat(name, "[", i, "]") : name;
+      if (NamesFile(*field)) {
+        files->push_back({element, field->is_repeated()
+                                       ? reflection.GetRepeatedString(message, field, i)
+                                       : reflection.GetString(message, field)});
+      } else if (field->cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE &&
+                 !field->is_map()) {
+        CollectFiles(field->is_repeated() ? reflection.GetRepeatedMessage(message, field, i)
+                                          : reflection.GetMessage(message, field),
+                     element, depth + 1, files);
+      }
+    }
+  }
+}
+
+absl::Status CheckNamed(const std::vector<NamedFile>& named, const std::set<std::string>& files) {
+  for (const NamedFile& name : named) {
+    if (name.file.empty()) continue;  // the readers say where one must be given
+    if (absl::Status good = CheckFileName(name.file); !good.ok()) {
+      return Invalid(name.field, std::string(good.message()));
+    }
+    if (files.contains(name.file)) continue;
+    return WithErrorInfo(
+        absl::NotFoundError(absl::StrCat(name.field, ": no file \"", absl::CHexEscape(name.file),
+                                         "\" came with the task; it has ",
+                                         files.empty() ? "none" : absl::StrJoin(files, ", "))),
+        "FILE_UNKNOWN", {{"field", name.field}, {"file", name.file.substr(0, 200)}});
+  }
+  return absl::OkStatus();
+}
+
+// --- kinds --------------------------------------------------------------------------------------
+
+enum class Need { kNo, kOptional, kRequired };
+
+// What a kind of task takes.
+struct KindRules {
+  Need inspection, plan, recordings;
+  // Name of its options' field, and whether a seed means something.
+  std::string options;
+  bool seed;
+};
+
+const std::map<std::string, KindRules>& Rules() {
+  static const std::map<std::string, KindRules> rules = {
+      {"plan", {Need::kRequired, Need::kNo, Need::kNo, "plan_options", true}},
+      {"evaluate", {Need::kRequired, Need::kRequired, Need::kNo, "", false}},
+      {"optics", {Need::kRequired, Need::kOptional, Need::kNo, "optics_options", true}},
+      {"render", {Need::kOptional, Need::kOptional, Need::kOptional, "render_options", true}},
+      {"verify", {Need::kNo, Need::kNo, Need::kRequired, "", true}},
+      {"diagnose", {Need::kOptional, Need::kNo, Need::kRequired, "diagnose_options", true}},
+  };
+  return rules;
+}
+
+absl::Status CheckGiven(const std::string& kind, const std::string& field, Need need, bool given) {
+  if (need == Need::kRequired && !given) {
+    return Invalid(field, absl::StrCat("is missing: a task of kind ", kind, " needs it"));
+  }
+  if (need == Need::kNo && given) {
+    return Invalid(field, absl::StrCat("does not belong to a task of kind ", kind));
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckKind(const v1::PlanningTask& task) {
+  const auto rules = Rules().find(task.kind());
+  if (rules == Rules().end()) {
+    return Invalid("kind", absl::StrCat("is \"", absl::CHexEscape(task.kind().substr(0, 40)),
+                                        "\", must be one of ", absl::StrJoin(TaskKinds(), ", ")));
+  }
+  const KindRules& rule = rules->second;
+  const bool plan = task.has_plan() || !task.plan_job_id().empty();
+  for (const auto& [field, need, given] :
+       {std::tuple("inspection", rule.inspection, task.has_inspection()),
+        std::tuple("plan", rule.plan, plan),
+        std::tuple("recordings", rule.recordings, task.has_recordings())}) {
+    if (absl::Status s = CheckGiven(task.kind(), field, need, given); !s.ok()) return s;
+  }
+  if (task.has_plan() && !task.plan_job_id().empty()) {
+    return Invalid("plan_job_id", "cannot be given together with plan");
+  }
+  if (task.kind() == "render") {
+    if (task.has_inspection() == task.has_recordings()) {
+      return Invalid("inspection", "render needs either an inspection or recordings");
+    }
+    if (task.has_recordings() && plan) return Invalid("plan", "belongs to an inspection");
+  }
+  for (const auto& [field, given] : {std::pair("plan_options", task.has_plan_options()),
+                                     std::pair("optics_options", task.has_optics_options()),
+                                     std::pair("render_options", task.has_render_options()),
+                                     std::pair("diagnose_options", task.has_diagnose_options())}) {
+    if (given && rule.options != field) {
+      return Invalid(field, absl::StrCat("does not belong to a task of kind ", task.kind()));
+    }
+  }
+  if (task.has_seed() && !rule.seed) {
+    return Invalid("seed", absl::StrCat("nothing of a task of kind ", task.kind(), " is drawn"));
+  }
+  return absl::OkStatus();
+}
+
+template <typename Number>
+absl::Status InRange(const std::string& field, Number value, Number least, Number greatest) {
+  if (value >= least && value <= greatest) return absl::OkStatus();
+  return Invalid(field, absl::StrCat("is ", value, ", must be in [", least, ", ", greatest, "]"));
+}
+
+absl::Status CheckPlanOptions(const v1::PlanJobOptions& options) {
+  const std::string in = "plan_options.";
+  absl::Status s;
+  if (options.has_goal()) s.Update(InRange(in + "goal", options.goal(), 1e-6, 1.0));
+  if (options.has_max_scans()) s.Update(InRange(in + "max_scans", options.max_scans(), 1, 1000));
+  if (options.has_max_time_s()) {
+    s.Update(InRange(in + "max_time_s", options.max_time_s(), 1e-3, 1e6));
+  }
+  if (options.has_evaluations_per_scan()) {
+    s.Update(InRange<int64_t>(in + "evaluations_per_scan", options.evaluations_per_scan(), 1,
+                              100000000));
+  }
+  if (options.has_bound_evaluations()) {
+    s.Update(InRange<int64_t>(in + "bound_evaluations", options.bound_evaluations(), 0, 100000000));
+  }
+  // The command knows the strategies; an argument must not look like an option.
+  for (const char c : options.strategy()) {
+    if (!absl::ascii_isalnum(static_cast<unsigned char>(c)) && c != '-') {
+      return Invalid(in + "strategy", "may have letters, digits and hyphens only");
+    }
+  }
+  if (absl::StartsWith(options.strategy(), "-") || options.strategy().size() > 40) {
+    return Invalid(in + "strategy", "is not the name of a strategy");
+  }
+  return s;
+}
+
+absl::Status CheckFrameOptions(const std::string& in, const v1::FrameJobOptions& options) {
+  absl::Status s;
+  if (options.has_scan()) s.Update(InRange(in + ".scan", options.scan(), 1, 1000000));
+  if (options.has_frame()) s.Update(InRange(in + ".frame", options.frame(), -10000000, 10000000));
+  if (options.has_stage_position_m()) {
+    s.Update(InRange(in + ".stage_position_m", options.stage_position_m(), -100.0, 100.0));
+  }
+  return s;
+}
+
+absl::Status CheckOptions(const v1::PlanningTask& task) {
+  absl::Status s;
+  if (task.has_plan_options()) s.Update(CheckPlanOptions(task.plan_options()));
+  if (task.has_optics_options()) {
+    s.Update(CheckFrameOptions("optics_options", task.optics_options()));
+  }
+  if (task.has_render_options()) {
+    const v1::RenderJobOptions& options = task.render_options();
+    s.Update(CheckFrameOptions("render_options.frames", options.frames()));
+    if (options.has_exposure_time_s()) {
+      s.Update(InRange("render_options.exposure_time_s", options.exposure_time_s(), 1e-9, 1e4));
+    }
+    if (options.has_f_number()) {
+      s.Update(InRange("render_options.f_number", options.f_number(), 0.5, 128.0));
+    }
+  }
+  if (task.has_diagnose_options()) {
+    const v1::DiagnoseJobOptions& options = task.diagnose_options();
+    if (options.has_max_effects()) {
+      s.Update(InRange("diagnose_options.max_effects", options.max_effects(), 1, 3));
+    }
+    for (int i = 0; i < options.excluded_effects_size(); ++i) {
+      const std::string& id = options.excluded_effects(i);
+      const bool good =
+          !id.empty() && id.size() <= 100 && id[0] != '-' &&
+          std::all_of(id.begin(), id.end(), [](unsigned char c) { return absl::ascii_isgraph(c); });
+      if (!good) {
+        s.Update(Invalid(absl::StrCat("diagnose_options.excluded_effects[", i, "]"),
+                         "is not the name of an effect"));
+      }
+    }
+    if (!options.part_unit().empty() &&
+        !std::all_of(options.part_unit().begin(), options.part_unit().end(),
+                     [](unsigned char c) { return absl::ascii_isalpha(c); })) {
+      s.Update(Invalid("diagnose_options.part_unit", "must be m, cm, mm, um or inch"));
+    }
+  }
+  return s;
+}
+
+// --- inspection ---------------------------------------------------------------------------------
+
+// "inspection.json: camera.rows_px is 0, ..." as a violation of a field of the task.
+absl::Status AsViolation(const std::string& context, const std::string& prefix,
+                         const absl::Status& status) {
+  if (!absl::IsInvalidArgument(status)) return status;
+  std::string text(status.message());
+  if (!absl::StartsWith(text, context + ": ")) return status;
+  text.erase(0, context.size() + 2);
+  const size_t end = text.find_first_of(" :");
+  if (end == std::string::npos) return status;
+  return Invalid(prefix + text.substr(0, end), text.substr(text[end] == ':' ? end + 2 : end + 1));
+}
+
+// Camera and material files beside the inspection, in a folder of their own.
+absl::Status WriteDescriptions(const v1::Inspection& inspection, const TaskFileReader& read,
+                               const std::string& folder) {
+  std::set<std::string> names;
+  if (!inspection.camera().sensor_file().empty()) names.insert(inspection.camera().sensor_file());
+  for (const v1::MaterialAssignment& assignment : inspection.materials()) {
+    if (!assignment.file().empty()) names.insert(assignment.file());
+  }
+  for (const std::string& name : names) {
+    auto bytes = read(name);
+    if (!bytes.ok()) return bytes.status();
+    if (bytes->size() > kMaxDescriptionBytes) {
+      return absl::InvalidArgumentError(absl::StrCat(name, ": has ", bytes->size(),
+                                                     " bytes; a camera or material file has at "
+                                                     "most ",
+                                                     kMaxDescriptionBytes));
+    }
+    const fs::path path = fs::path(folder) / name;
+    std::error_code error;
+    fs::create_directories(path.parent_path(), error);
+    std::ofstream file(path, std::ios::binary);
+    file << *bytes;
+    file.close();
+    if (error || !file) {
+      return absl::InternalError(absl::StrCat(name, ": cannot be written to be checked"));
+    }
+  }
+  return absl::OkStatus();
+}
+
+// What an error of a file in the temporary folder says, without the folder.
+absl::Status WithoutFolder(const absl::Status& status, const std::string& folder) {
+  std::string text(status.message());
+  for (size_t at = text.find(folder); at != std::string::npos; at = text.find(folder)) {
+    text.erase(at, folder.size() + 1);
+  }
+  return {status.code(), text};
+}
+
+// Names in material files are relative to these: found again below the inspection's folder.
+absl::Status CheckMaterialFiles(const v1::Inspection& inlined, const std::string& folder,
+                                const std::set<std::string>& files) {
+  for (int i = 0; i < inlined.materials_size(); ++i) {
+    std::vector<NamedFile> named;
+    CollectFiles(inlined.materials(i).material(),
+                 absl::StrCat("inspection.materials[", i, "].material"), 0, &named);
+    for (NamedFile& name : named) {
+      name.file = fs::path(name.file).lexically_normal().lexically_relative(folder).string();
+    }
+    if (absl::Status s = CheckNamed(named, files); !s.ok()) return s;
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckInspection(const v1::Inspection& message, const std::set<std::string>& files,
+                             const TaskFileReader& read) {
+  if (message.part().file().empty()) return Invalid("inspection.part.file", "is missing");
+  for (const auto& [field, file] : [&] {
+         std::vector<NamedFile> meshes = {{"inspection.part.file", message.part().file()}};
+         for (int i = 0; i < message.obstacles_size(); ++i) {
+           meshes.push_back(
+               {absl::StrCat("inspection.obstacles[", i, "].file"), message.obstacles(i).file()});
+         }
+         return meshes;
+       }()) {
+    if (absl::EndsWithIgnoreCase(file, ".gltf")) {
+      return Invalid(field, "is a glTF file with its buffers elsewhere; save it as .glb");
+    }
+  }
+  const TemporaryFolder folder;
+  if (folder.path().empty()) return absl::InternalError("no folder for checking the task");
+  if (absl::Status s = WriteDescriptions(message, read, folder.path()); !s.ok()) return s;
+  const auto inlined = InlineInspectionFiles(message, kInspectionFile, folder.path());
+  if (!inlined.ok()) {
+    return AsViolation(kInspectionFile, "inspection.",
+                       WithoutFolder(inlined.status(), folder.path()));
+  }
+  if (absl::Status s = CheckMaterialFiles(*inlined, folder.path(), files); !s.ok()) return s;
+  const auto parsed = ParseInspection(*inlined, kInspectionFile, "");
+  if (!parsed.ok()) {
+    return AsViolation(kInspectionFile, "inspection.",
+                       WithoutFolder(parsed.status(), folder.path()));
+  }
+  return absl::OkStatus();
+}
+
+std::string Sha256Hex(const std::string& bytes) {
+  std::array<unsigned char, 32> digest;
+  unsigned int size = 0;
+  EVP_Digest(bytes.data(), bytes.size(), digest.data(), &size, EVP_sha256(), nullptr);
+  return absl::BytesToHexString(
+      absl::string_view(reinterpret_cast<const char*>(digest.data()), digest.size()));
+}
+
+}  // namespace
+
+const std::vector<std::string>& TaskKinds() {
+  static const std::vector<std::string> kinds = {"plan",   "evaluate", "optics",
+                                                 "render", "verify",   "diagnose"};
+  return kinds;
+}
+
+absl::Status CheckFileName(const std::string& name) {
+  const auto bad = [&](const std::string& why) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("file name \"", absl::CHexEscape(name.substr(0, 80)), "\" ", why));
+  };
+  if (name.empty()) return bad("is empty");
+  if (name.size() > kMaxFileNameBytes) {
+    return bad(absl::StrCat("has more than ", kMaxFileNameBytes, " bytes"));
+  }
+  for (const unsigned char c : name) {
+    if (c < 0x20 || c == 0x7f || c == '\\') return bad("has a control character or a backslash");
+  }
+  for (const absl::string_view part : absl::StrSplit(name, '/')) {
+    if (part.empty() || part == "." || part == "..") {
+      return bad("must be a relative path below the task's folder, without \"..\"");
+    }
+  }
+  for (const char* own : {kInspectionFile, kRecordingsFile, kPlanFile}) {
+    if (name == own) {
+      return bad("is one that the service writes itself: its content belongs into the task");
+    }
+  }
+  return absl::OkStatus();
+}
+
+absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::string>& files,
+                       const TaskFileReader& read) {
+  if (absl::Status s = CheckKind(task); !s.ok()) return s;
+  if (absl::Status s = CheckOptions(task); !s.ok()) return s;
+  if (files.size() > kMostFiles) {
+    return Invalid("files", absl::StrCat("has ", files.size(), " entries, at most ", kMostFiles));
+  }
+  std::set<std::string> names;
+  for (size_t i = 0; i < files.size(); ++i) {
+    const std::string field = absl::StrCat("files[", i, "].name");
+    if (absl::Status s = CheckFileName(files[i]); !s.ok()) {
+      return Invalid(field, std::string(s.message()));
+    }
+    if (!names.insert(files[i]).second) return Invalid(field, "is there twice: " + files[i]);
+  }
+  // A file cannot be a folder of another one.
+  for (const std::string& name : names) {
+    for (size_t slash = name.find('/'); slash != std::string::npos;
+         slash = name.find('/', slash + 1)) {
+      if (names.contains(name.substr(0, slash))) {
+        return Invalid("files", absl::StrCat(name.substr(0, slash), " is a file and a folder"));
+      }
+    }
+  }
+  std::vector<NamedFile> named;
+  CollectFiles(task, "", 0, &named);
+  // A plan tells of files that were used when it was made; nothing reads these.
+  std::erase_if(named, [](const NamedFile& name) { return absl::StartsWith(name.field, "plan."); });
+  // So do recordings of a part: the mesh is that of diagnose_options.part_file or the inspection.
+  std::erase_if(named, [](const NamedFile& name) {
+    return absl::StartsWith(name.field, "recordings.part.file");
+  });
+  // The images of a shot list are what is to be rendered.
+  if (task.kind() == "render") {
+    std::erase_if(named, [](const NamedFile& name) {
+      return absl::StartsWith(name.field, "recordings.recordings[");
+    });
+  }
+  if (absl::Status s = CheckNamed(named, names); !s.ok()) return s;
+  if (task.has_recordings()) {
+    const auto parsed = ParseRecordings(task.recordings(), kRecordingsFile);
+    if (!parsed.ok()) return AsViolation(kRecordingsFile, "recordings.", parsed.status());
+  }
+  return task.has_inspection() ? CheckInspection(task.inspection(), names, read) : absl::OkStatus();
+}
+
+std::string TaskFingerprint(const v1::PlanningTask& task, const std::vector<JobFile>& files) {
+  std::string text = ToJson(task);
+  std::vector<std::string> lines;
+  for (const JobFile& file : files) lines.push_back(absl::StrCat(file.digest, " ", file.name));
+  std::sort(lines.begin(), lines.end());
+  return Sha256Hex(absl::StrCat(text, "\n", absl::StrJoin(lines, "\n")));
+}
+
+absl::Status WriteTaskFiles(const v1::PlanningTask& task, const std::string& folder) {
+  const fs::path base(folder);
+  if (task.has_inspection()) {
+    absl::Status s =
+        WriteFileAtomically((base / kInspectionFile).string(), ToJson(task.inspection()) + "\n");
+    if (!s.ok()) return s;
+  }
+  if (task.has_plan()) {
+    absl::Status s = WriteFileAtomically((base / kPlanFile).string(), ToJson(task.plan()) + "\n");
+    if (!s.ok()) return s;
+  }
+  if (task.has_recordings()) {
+    return WriteFileAtomically((base / kRecordingsFile).string(),
+                               RecordingsToJson(task.recordings()) + "\n");
+  }
+  return absl::OkStatus();
+}
+
+namespace {
+
+class Arguments {
+ public:
+  explicit Arguments(std::vector<std::string> first) : list_(std::move(first)) {}
+  // As one argument: a value that begins with a hyphen is no option.
+  template <typename T>
+  void Add(const std::string& option, const T& value) {
+    list_.push_back(absl::StrCat(option, "=", Text(value)));
+  }
+  void Flag(const std::string& option, bool on) {
+    if (on) list_.push_back(option);
+  }
+  std::vector<std::string> Take() { return std::move(list_); }
+
+ private:
+  static std::string Text(const std::string& text) { return text; }
+  static std::string Text(double value) { return NumberText(value); }
+  static std::string Text(int64_t value) { return absl::StrCat(value); }
+  static std::string Text(int32_t value) { return absl::StrCat(value); }
+  std::vector<std::string> list_;
+};
+
+void AddFrames(const v1::FrameJobOptions& options, Arguments* arguments) {
+  if (options.has_scan()) arguments->Add("--scan", options.scan());
+  if (options.has_frame()) arguments->Add("--frame", options.frame());
+  if (options.has_stage_position_m()) {
+    arguments->Add("--stage-position", options.stage_position_m());
+  }
+}
+
+}  // namespace
+
+std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::string& out_folder,
+                                       const std::string& checkpoint_folder) {
+  const bool has_plan = task.has_plan() || !task.plan_job_id().empty();
+  Arguments arguments({task.kind(), task.has_recordings() ? kRecordingsFile : kInspectionFile});
+  if (task.kind() == "evaluate") arguments.Flag(kPlanFile, has_plan);
+  arguments.Add("--out", out_folder);
+  if (task.has_seed()) arguments.Add("--seed", task.seed());
+  if (task.kind() == "plan") {
+    const v1::PlanJobOptions& options = task.plan_options();
+    arguments.Add("--checkpoint", checkpoint_folder);
+    if (!options.strategy().empty()) arguments.Add("--strategy", options.strategy());
+    if (options.has_goal()) arguments.Add("--goal", options.goal());
+    if (options.has_max_scans()) arguments.Add("--max-scans", options.max_scans());
+    if (options.has_max_time_s()) arguments.Add("--max-time-s", options.max_time_s());
+    if (options.has_evaluations_per_scan()) {
+      arguments.Add("--evaluations-per-scan", options.evaluations_per_scan());
+    }
+    if (options.has_bound_evaluations()) {
+      arguments.Add("--bound-evaluations", options.bound_evaluations());
+    }
+    arguments.Flag("--no-pictures", options.no_pictures());
+    arguments.Flag("--no-point-clouds", options.no_point_clouds());
+  } else if (task.kind() == "optics") {
+    if (has_plan) arguments.Add("--plan", std::string(kPlanFile));
+    AddFrames(task.optics_options(), &arguments);
+  } else if (task.kind() == "render") {
+    const v1::RenderJobOptions& options = task.render_options();
+    arguments.Add("--checkpoint", checkpoint_folder);
+    if (has_plan) arguments.Add("--plan", std::string(kPlanFile));
+    AddFrames(options.frames(), &arguments);
+    if (options.has_exposure_time_s()) arguments.Add("--exposure", options.exposure_time_s());
+    if (options.has_f_number()) arguments.Add("--f-number", options.f_number());
+    arguments.Flag("--layers", options.layers());
+    arguments.Flag("--demosaic", options.demosaic());
+    arguments.Flag("--no-speckle", options.no_speckle());
+    if (options.tiff()) arguments.Add("--format", std::string("tiff"));
+  } else if (task.kind() == "diagnose") {
+    const v1::DiagnoseJobOptions& options = task.diagnose_options();
+    if (task.has_inspection()) arguments.Add("--inspection", std::string(kInspectionFile));
+    if (!options.part_file().empty()) arguments.Add("--part", options.part_file());
+    if (!options.part_unit().empty()) arguments.Add("--part-unit", options.part_unit());
+    for (const std::string& id : options.excluded_effects()) arguments.Add("--exclude", id);
+    if (options.has_max_effects()) arguments.Add("--max-effects", options.max_effects());
+  }
+  return arguments.Take();
+}
+
+}  // namespace sightline

@@ -1,0 +1,47 @@
+// What a planning task asks: whether it can be answered, which files it needs, and the command that
+// answers it.
+#pragma once
+
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "planning_service/job_store/planning_job.h"
+#include "sightline/v1/planning_task.pb.h"
+
+namespace sightline {
+
+// "plan", "evaluate", "optics", "render", "verify", "diagnose".
+const std::vector<std::string>& TaskKinds();
+
+// Whether a name may stand for a file of a job: a relative path with '/' of at most 200 bytes
+// without "..", ".", empty parts, backslashes or control characters, and none of the names that
+// the service itself writes beside the files (inspection.json, recordings.json, plan.json).
+// INVALID_ARGUMENT says what is wrong.
+absl::Status CheckFileName(const std::string& name);
+
+// Bytes of a file that came with the task. NOT_FOUND: there is none of that name.
+using TaskFileReader = std::function<absl::StatusOr<std::string>(const std::string& name)>;
+
+// Checks kind, fields and values of a task, and that every file it names is among `files`: also the
+// files that its material files name. No other file can be read when the task is worked on, since
+// each name is one of `files`. INVALID_ARGUMENT with field violations
+// ("inspection.camera.rows_px"); NOT_FOUND, reason FILE_UNKNOWN, for a file that did not come.
+absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::string>& files,
+                       const TaskFileReader& read);
+
+// SHA-256 of task, names and digests: equal for equal questions.
+std::string TaskFingerprint(const v1::PlanningTask& task, const std::vector<JobFile>& files);
+
+// Writes what of the task stands in messages (inspection.json, recordings.json, plan.json) into
+// `folder`, where its files are already.
+absl::Status WriteTaskFiles(const v1::PlanningTask& task, const std::string& folder);
+
+// Arguments of the `sightline` program, run in that folder, with results in `out_folder`. What is
+// needed to go on after an end of the process is kept in `checkpoint_folder`.
+std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::string& out_folder,
+                                       const std::string& checkpoint_folder);
+
+}  // namespace sightline

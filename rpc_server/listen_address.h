@@ -1,0 +1,22 @@
+// Addresses that servers listen on.
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace sightline {
+
+// "unix:PATH".
+bool IsUnixAddress(const std::string& address);
+
+// The host of HOST:PORT or [V6]:PORT, without brackets. INVALID_ARGUMENT names `option`: it is
+// none.
+absl::StatusOr<std::string> HostOfAddress(const std::string& option, const std::string& address);
+
+// Whether only this machine reaches `host`: every address that the name or literal stands for is a
+// loopback one. UNAVAILABLE: the name is not known.
+absl::StatusOr<bool> IsLoopbackHost(const std::string& host);
+
+}  // namespace sightline

@@ -1,0 +1,145 @@
+// Planning that is broken off and run again with its journal makes the plan of an unbroken run.
+#include "planner_client/plan_oracle/journalled_oracle.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <memory>
+#include <string>
+
+#include "planner_client/strategy/planner.h"
+#include "tests/planner_client/analytic_oracle.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kTargets = 200;
+
+// A target is covered by scans from near its azimuth.
+bool Covers(const Measurement& scan, size_t target) {
+  const double azimuth = 2 * std::numbers::pi * static_cast<double>(target) / kTargets;
+  return std::cos(scan.camera_azimuth_rad - azimuth) > 0.8;
+}
+
+class JournalledOracleTest : public testing::Test {
+ protected:
+  void SetUp() override {
+    file_ = (fs::temp_directory_path() /
+             ("sightline-journal-" + std::to_string(getpid()) + "-" +
+              testing::UnitTest::GetInstance()->current_test_info()->name()))
+                .string();
+    fs::remove(file_);
+  }
+  void TearDown() override { fs::remove(file_); }
+
+  static PlannerRequest Request() {
+    PlannerRequest request;
+    request.domain = ThesisDomain();
+    request.goal.coverage = 1;
+    request.goal.max_scans = 8;
+    request.evaluations_per_scan = 500;
+    return request;
+  }
+
+  // What a run through the journal found and asked of the oracle behind it.
+  struct Run {
+    std::vector<std::array<double, kMeasurementParameters>> scans;
+    int64_t evaluations = 0;
+    int64_t asked = 0;
+    int64_t replayed = 0;
+  };
+  // Stops after so many queries of gains; 0: runs to the end.
+  Run Plan(int stop_after_queries, const std::string& fingerprint = "part 1") {
+    auto owned = std::make_unique<FunctionOracle>(kTargets, Covers);
+    FunctionOracle& oracle = *owned;
+    std::atomic<bool> interrupted = false;
+    int queries = 0;
+    oracle.set_on_query([&] {
+      if (stop_after_queries > 0 && ++queries >= stop_after_queries) interrupted = true;
+    });
+    auto journal = JournalledOracle::Open(std::move(owned), file_, fingerprint);
+    EXPECT_TRUE(journal.ok()) << journal.status();
+    PlannerRequest request = Request();
+    request.interrupted = &interrupted;
+    auto plan = MakePlan(**journal, request);
+    EXPECT_TRUE(plan.ok()) << plan.status();
+    Run run;
+    for (const ChosenScan& scan : plan->scans) run.scans.push_back(ToArray(scan.measurement));
+    run.evaluations = plan->evaluations;
+    run.asked = oracle.evaluations();
+    run.replayed = (*journal)->replayed_queries();
+    return run;
+  }
+
+  std::string file_;
+};
+
+TEST_F(JournalledOracleTest, GoesOnWhereItWasBrokenOff) {
+  FunctionOracle oracle(kTargets, Covers);
+  auto whole = MakePlan(oracle, Request());
+  ASSERT_TRUE(whole.ok()) << whole.status();
+  ASSERT_GT(whole->scans.size(), 2u);
+  Plan(5);
+  const Run second = Plan(20);
+  EXPECT_GT(second.replayed, 0);
+  const Run last = Plan(0);
+  EXPECT_GT(last.replayed, second.replayed);
+  std::vector<std::array<double, kMeasurementParameters>> expected;
+  for (const ChosenScan& scan : whole->scans) expected.push_back(ToArray(scan.measurement));
+  EXPECT_EQ(last.scans, expected);
+  EXPECT_EQ(last.evaluations, whole->evaluations);
+  EXPECT_LT(last.asked, whole->evaluations);
+}
+
+TEST_F(JournalledOracleTest, AFinishedRunAsksNothingAgain) {
+  const Run first = Plan(0);
+  const Run again = Plan(0);
+  EXPECT_EQ(again.scans, first.scans);
+  EXPECT_EQ(again.evaluations, first.evaluations);
+  EXPECT_EQ(again.asked, 0);
+}
+
+// A process that is killed while it writes leaves a piece of an answer.
+TEST_F(JournalledOracleTest, AnAnswerCutAnywhereIsAskedAgain) {
+  const Run first = Plan(0);
+  const auto size = static_cast<int64_t>(fs::file_size(file_));
+  for (const int64_t cut : {int64_t{1}, int64_t{15}, int64_t{100}, size / 2, size - 22}) {
+    fs::resize_file(file_, static_cast<uintmax_t>(size - cut));
+    const Run again = Plan(0);
+    EXPECT_EQ(again.scans, first.scans) << cut;
+    EXPECT_EQ(static_cast<int64_t>(fs::file_size(file_)), size) << cut;
+  }
+}
+
+TEST_F(JournalledOracleTest, ADamagedAnswerIsAskedAgain) {
+  const Run first = Plan(0);
+  const auto size = static_cast<std::streamoff>(fs::file_size(file_));
+  {
+    std::fstream file(file_, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(size / 2);
+    const std::string garbage(64, '\x5a');
+    file.write(garbage.data(), static_cast<std::streamsize>(garbage.size()));
+  }
+  const Run again = Plan(0);
+  EXPECT_EQ(again.scans, first.scans);
+  EXPECT_GT(again.asked, 0);
+}
+
+TEST_F(JournalledOracleTest, AnswersOfAnotherPartAreNotUsed) {
+  const Run first = Plan(0);
+  const Run other = Plan(0, "part 2");
+  EXPECT_EQ(other.replayed, 0);
+  EXPECT_EQ(other.asked, first.asked);
+}
+
+TEST_F(JournalledOracleTest, SaysWhenItCannotWrite) {
+  auto oracle = std::make_unique<FunctionOracle>(kTargets, Covers);
+  EXPECT_FALSE(JournalledOracle::Open(std::move(oracle), "/no/such/folder/journal", "x").ok());
+}
+
+}  // namespace
+}  // namespace sightline

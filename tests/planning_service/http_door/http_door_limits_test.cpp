@@ -1,0 +1,283 @@
+// What the door does with clients that send too much, too slowly, or nonsense.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <chrono>
+#include <fstream>
+#include <thread>
+
+#include "tests/planning_service/http_door/door_fixture.h"
+#include "tests/planning_service/http_door/raw_connection.h"
+
+namespace sightline {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Not;
+using ::testing::StartsWith;
+
+constexpr char kHost[] = "Host: localhost\r\n";
+
+class HttpDoorLimits : public DoorTest {
+ protected:
+  // The answer to bytes after which the server closes the connection.
+  std::string Exchange(const std::string& bytes) {
+    RawConnection connection(port());
+    EXPECT_TRUE(connection.connected());
+    connection.Send(bytes);
+    return connection.ReadAll();
+  }
+  // Waits until `condition` holds; for what happens in the server's own time.
+  template <typename Condition>
+  static bool Eventually(Condition condition) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
+    while (std::chrono::steady_clock::now() < end) {
+      if (condition()) return true;
+      std::this_thread::sleep_for(std::chrono::milliseconds(10));
+    }
+    return false;
+  }
+};
+
+int64_t ResidentBytes() {
+  std::ifstream file("/proc/self/statm");
+  int64_t pages = 0;
+  int64_t resident = 0;
+  file >> pages >> resident;
+  return resident * sysconf(_SC_PAGESIZE);
+}
+
+TEST_F(HttpDoorLimits, LargeFilesPassThroughWithoutBeingHeld) {
+  StartDoor();
+  constexpr int64_t kFileBytes = 64 << 20;
+  const std::string piece(1 << 20, 'x');
+  const std::string head =
+      absl::StrCat("--b\r\nContent-Disposition: form-data; name=task\r\n\r\n", kPlanTask,
+                   "\r\n--b\r\nContent-Disposition: form-data; name=f; "
+                   "filename=part.glb\r\n\r\n");
+  const std::string tail = "\r\n--b--\r\n";
+  RawConnection connection(port());
+  const int64_t at_start = ResidentBytes();
+  int64_t largest = at_start;
+  ASSERT_TRUE(connection.Send(absl::StrCat(
+      "POST /v1/jobs HTTP/1.1\r\n", kHost, "Content-Type: multipart/form-data; boundary=b\r\n",
+      "Content-Length: ", head.size() + kFileBytes + tail.size(), "\r\nConnection: close\r\n\r\n",
+      head)));
+  for (int64_t sent = 0; sent < kFileBytes; sent += static_cast<int64_t>(piece.size())) {
+    ASSERT_TRUE(connection.Send(piece));
+    largest = std::max(largest, ResidentBytes());
+  }
+  ASSERT_TRUE(connection.Send(tail));
+  EXPECT_THAT(connection.ReadAll(), HasSubstr("HTTP/1.1 201"));
+#ifndef __SANITIZE_ADDRESS__  // which keeps what was freed, to see it used again
+  EXPECT_LT(largest - at_start, kFileBytes / 2);
+#endif
+}
+
+TEST_F(HttpDoorLimits, TakesChunkedBodies) {
+  StartDoor();
+  const std::string answer =
+      Exchange(absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost,
+                            "Connection: close\r\nTransfer-Encoding: chunked\r\n\r\n",
+                            "5;ext=1\r\nglTF \r\n5\r\nbytes\r\n0\r\nTrailer: x\r\n\r\n"));
+  EXPECT_THAT(answer, AllOf(HasSubstr("201 Created"), HasSubstr(Sha256Hex("glTF bytes"))));
+}
+
+TEST_F(HttpDoorLimits, AClientThatGoesLeavesNothingBehind) {
+  StartDoor();
+  {
+    RawConnection connection(port());
+    ASSERT_TRUE(connection.Send(absl::StrCat(
+        "POST /v1/jobs HTTP/1.1\r\n", kHost, "Content-Type: multipart/form-data; boundary=b\r\n",
+        "Content-Length: 1000000\r\n\r\n--b\r\nContent-Disposition: form-data; name=f\r\n\r\n",
+        std::string(300000, 'x'))));
+    ASSERT_TRUE(Eventually([this] { return CountArtefacts() == 1; }));
+  }
+  EXPECT_TRUE(Eventually([this] { return CountArtefacts() == 0; }));
+  EXPECT_THAT(Json(NewClient()->Get("/v1/jobs"))["jobs"], IsEmpty());
+}
+
+TEST_F(HttpDoorLimits, AnswersAClientThatIsStillSending) {
+  StartDoor();
+  auto form = PlanForm("not JSON");
+  form[1].content = std::string(8 << 20, 'x');
+  Error(NewClient()->Post("/v1/jobs", form), 400, "INVALID_FIELD");
+}
+
+TEST_F(HttpDoorLimits, RefusesLargeRequests) {
+  options_.max_request_bytes = 1000;
+  StartDoor();
+  const std::string large(1001, 'x');
+  Error(NewClient()->Put("/v1/files", large, "application/octet-stream"), 413, "REQUEST_TOO_LARGE");
+  EXPECT_THAT(
+      Exchange(absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost,
+                            "Transfer-Encoding: chunked\r\n\r\n3e9\r\n", large, "\r\n0\r\n\r\n")),
+      HasSubstr("HTTP/1.1 413"));
+  EXPECT_EQ(CountArtefacts(), 0);
+}
+
+TEST_F(HttpDoorLimits, SaysContinueOnlyToThoseWhoMay) {
+  UseClientsFile();
+  StartDoor();
+  const std::string head = absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost,
+                                        "Expect: 100-continue\r\nConnection: close\r\n"
+                                        "Content-Length: 3\r\n");
+  RawConnection stranger(port());
+  ASSERT_TRUE(stranger.Send(head + "\r\n"));
+  EXPECT_THAT(stranger.ReadUntil("}}\n"), StartsWith("HTTP/1.1 401"));
+  RawConnection known(port());
+  ASSERT_TRUE(known.Send(head + "Authorization: Bearer line-token-nobody-guesses\r\n\r\n"));
+  EXPECT_THAT(known.ReadUntil("\r\n\r\n"), StartsWith("HTTP/1.1 100 Continue"));
+  ASSERT_TRUE(known.Send("abc"));
+  EXPECT_THAT(known.ReadAll(), HasSubstr("HTTP/1.1 201"));
+}
+
+TEST_F(HttpDoorLimits, RefusesWhatIsNotHttp) {
+  StartDoor();
+  const std::vector<std::pair<std::string, std::string>> cases = {
+      {"nonsense\r\n\r\n", "HTTP/1.1 400"},
+      {"GET / HTTP/2.0\r\n\r\n", "HTTP/1.1 400"},
+      {"GET / HTTP/1.1\r\n\r\n", "HTTP/1.1 400"},
+      {"GET / HTTP/1.1\r\nHost: localhost\r\nHost: localhost\r\n\r\n", "HTTP/1.1 400"},
+      {absl::StrCat("GET no-slash HTTP/1.1\r\n", kHost, "\r\n"), "HTTP/1.1 400"},
+      {absl::StrCat("GET / HTTP/1.1\r\n", kHost, "bad header\r\n\r\n"), "HTTP/1.1 400"},
+      {absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost,
+                    "Content-Length: 1\r\nContent-Length: 2\r\n\r\nxx"),
+       "HTTP/1.1 400"},
+      {absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost,
+                    "Content-Length: 1\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n"),
+       "HTTP/1.1 400"},
+      {absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost, "Content-Length: -1\r\n\r\n"),
+       "HTTP/1.1 400"},
+      {absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost,
+                    "Transfer-Encoding: chunked\r\n\r\nzz\r\n"),
+       "HTTP/1.1 400"},
+      {absl::StrCat("GET /", std::string(40000, 'a'), " HTTP/1.1\r\n", kHost, "\r\n"),
+       "HTTP/1.1 431"},
+      {absl::StrCat("GET / HTTP/1.1\r\n", kHost, "X: ", std::string(40000, 'a'), "\r\n\r\n"),
+       "HTTP/1.1 431"},
+      {"GET / HTTP/1.1\r\nX: " + std::string(200000, 'a'), "HTTP/1.1 431"},
+  };
+  for (const auto& [bytes, answer] : cases) {
+    EXPECT_THAT(Exchange(bytes), StartsWith(answer)) << bytes.substr(0, 100);
+  }
+  EXPECT_EQ(NewClient()->Get("/healthz")->status, 200);
+}
+
+TEST_F(HttpDoorLimits, AnswersSeveralRequestsOfAConnection) {
+  StartDoor();
+  const std::string get = absl::StrCat("GET /healthz HTTP/1.1\r\n", kHost);
+  const std::string answer =
+      Exchange(absl::StrCat(get, "\r\n", "PUT /v1/files HTTP/1.1\r\n", kHost,
+                            "Content-Length: 3\r\n\r\nabc", get, "Connection: close\r\n\r\n"));
+  const size_t first = answer.find("HTTP/1.1 200");
+  const size_t second = answer.find("HTTP/1.1 201", first);
+  EXPECT_NE(answer.find("HTTP/1.1 200", second), std::string::npos) << answer;
+}
+
+TEST_F(HttpDoorLimits, ABodyThatWasNotReadIsNoRequest) {
+  StartDoor();
+  const std::string inner = absl::StrCat("GET /healthz HTTP/1.1\r\n", kHost, "\r\n");
+  const std::string answer = Exchange(absl::StrCat(
+      "POST /nothing HTTP/1.1\r\n", kHost, "Content-Length: ", inner.size(), "\r\n\r\n", inner));
+  EXPECT_THAT(answer, AllOf(StartsWith("HTTP/1.1 404"), HasSubstr("Connection: close"),
+                            Not(HasSubstr("HTTP/1.1 200"))));
+}
+
+TEST_F(HttpDoorLimits, CutsOffSlowClients) {
+  options_.request_timeout = absl::Milliseconds(200);
+  StartDoor();
+  EXPECT_THAT(Exchange(""), IsEmpty());
+  EXPECT_THAT(Exchange("GET / HTTP/1.1\r\n"), StartsWith("HTTP/1.1 408"));
+  EXPECT_THAT(
+      Exchange(absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost, "Content-Length: 10\r\n\r\nabc")),
+      StartsWith("HTTP/1.1 408"));
+  EXPECT_EQ(CountArtefacts(), 0);
+  // Bytes that come one by one do not hold a connection either.
+  RawConnection trickle(port());
+  ASSERT_TRUE(trickle.Send("GET / HTTP/1.1\r\nX: "));
+  EXPECT_TRUE(Eventually([&] { return !trickle.Send("x"); }));
+}
+
+TEST_F(HttpDoorLimits, RefusesConnectionsAboveTheLimit) {
+  options_.max_connections = 2;
+  StartDoor();
+  RawConnection first(port());
+  RawConnection second(port());
+  // An answer shows that the connection has been taken.
+  const std::string get = absl::StrCat("GET /healthz HTTP/1.1\r\n", kHost, "\r\n");
+  ASSERT_TRUE(first.Send(get));
+  ASSERT_THAT(first.ReadUntil("ok\n"), HasSubstr("200"));
+  ASSERT_TRUE(second.Send(get));
+  ASSERT_THAT(second.ReadUntil("ok\n"), HasSubstr("200"));
+  const auto refused = NewClient()->Get("/healthz");
+  Error(refused, 503, "TOO_MANY_CONNECTIONS");
+  EXPECT_THAT(refused->get_header_value("Retry-After"), Not(IsEmpty()));
+  second.Close();
+  EXPECT_TRUE(Eventually([this] {
+    const auto answer = NewClient()->Get("/healthz");
+    return answer && answer->status == 200;
+  }));
+}
+
+TEST_F(HttpDoorLimits, StopLetsARequestFinish) {
+  StartDoor();
+  RawConnection connection(port());
+  ASSERT_TRUE(
+      connection.Send(absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost,
+                                   "Content-Length: 100001\r\n\r\n", std::string(100000, 'x'))));
+  ASSERT_TRUE(Eventually([this] { return CountArtefacts() == 1; }));
+  std::thread stop([this] { door_->Stop(); });
+  // Once new connections are refused the stop is under way.
+  EXPECT_TRUE(Eventually([this] { return !RawConnection(port()).connected(); }));
+  EXPECT_TRUE(connection.Send("x"));
+  EXPECT_THAT(connection.ReadAll(),
+              AllOf(HasSubstr("201 Created"), HasSubstr("Connection: close")));
+  stop.join();
+}
+
+TEST_F(HttpDoorLimits, RefusesOtherHostsAndOrigins) {
+  options_.allowed_hosts = {"planner.plant"};
+  StartDoor();
+  const auto client = NewClient();
+  Error(client->Get("/v1/jobs", {{"Host", "evil.example"}}), 403, "HOST_NOT_ALLOWED");
+  Error(client->Get("/", {{"Host", "evil.example:80"}}), 403, "HOST_NOT_ALLOWED");
+  EXPECT_THAT(Exchange(absl::StrCat("GET http://evil.example/ HTTP/1.1\r\n", kHost,
+                                    "Connection: close\r\n\r\n")),
+              StartsWith("HTTP/1.1 403"));
+  for (const char* host : {"localhost", "127.0.0.1:1", "[::1]:8080", "Planner.Plant:443"}) {
+    EXPECT_EQ(client->Get("/v1/jobs", {{"Host", host}})->status, 200) << host;
+  }
+  const auto post = [&](const std::string& origin) {
+    return client->Post("/v1/jobs", {{"Origin", origin}}, PlanForm());
+  };
+  Error(post("http://evil.example"), 403, "ORIGIN_NOT_ALLOWED");
+  Error(post("null"), 403, "ORIGIN_NOT_ALLOWED");
+  Error(post(absl::StrCat("http://127.0.0.1:", port() + 1)), 403, "ORIGIN_NOT_ALLOWED");
+  Error(client->Delete("/v1/jobs/x", {{"Sec-Fetch-Site", "cross-site"}}), 403,
+        "ORIGIN_NOT_ALLOWED");
+  EXPECT_EQ(CountArtefacts(), 0);
+  EXPECT_EQ(post(absl::StrCat("http://127.0.0.1:", port()))->status, 201);
+}
+
+TEST_F(HttpDoorLimits, NamesOptionsThatCannotBeUsed) {
+  for (const char* listen : {"", "8080", ":8080", "localhost", "localhost:x", "localhost:70000",
+                             "::1:8080", "unix:/tmp/x", "no such host:1"}) {
+    options_.listen = listen;
+    const auto door = HttpDoor::Start(options_, jobs_.get(), access_.get());
+    EXPECT_TRUE(absl::IsInvalidArgument(door.status())) << listen << door.status();
+    EXPECT_THAT(std::string(door.status().message()), HasSubstr("--http"));
+  }
+  options_.listen = "127.0.0.1:0";
+  StartDoor();
+  options_.listen = door_->address();
+  const auto second = HttpDoor::Start(options_, jobs_.get(), access_.get());
+  EXPECT_TRUE(absl::IsUnavailable(second.status())) << second.status();
+  EXPECT_THAT(std::string(second.status().message()), HasSubstr(door_->address()));
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,62 @@
+// Bytes to and from a server, for what no proper client would send.
+#pragma once
+
+#include <arpa/inet.h>
+#include <netinet/in.h>
+#include <poll.h>
+#include <sys/socket.h>
+#include <unistd.h>
+
+#include <string>
+
+namespace sightline {
+
+class RawConnection {
+ public:
+  explicit RawConnection(int port) : socket_(socket(AF_INET, SOCK_STREAM | SOCK_CLOEXEC, 0)) {
+    sockaddr_in address{};
+    address.sin_family = AF_INET;
+    address.sin_port = htons(static_cast<uint16_t>(port));
+    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
+    connected_ = connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof(address)) == 0;
+  }
+  ~RawConnection() { Close(); }
+  RawConnection(const RawConnection&) = delete;
+  RawConnection& operator=(const RawConnection&) = delete;
+
+  bool connected() const { return connected_; }
+  void Close() {
+    if (socket_ >= 0) close(socket_);
+    socket_ = -1;
+  }
+  // False if the server has closed the connection.
+  bool Send(const std::string& bytes) {
+    size_t sent = 0;
+    while (sent < bytes.size()) {
+      const ssize_t count = send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL);
+      if (count <= 0) return false;
+      sent += static_cast<size_t>(count);
+    }
+    return true;
+  }
+  // What comes until `text` is in it or the server closes, for at most 60 s.
+  std::string ReadUntil(const std::string& text) {
+    std::string all;
+    while (all.find(text) == std::string::npos) {
+      pollfd entry{socket_, POLLIN, 0};
+      char buffer[4096];
+      if (poll(&entry, 1, 60000) <= 0) break;
+      const ssize_t count = recv(socket_, buffer, sizeof(buffer), 0);
+      if (count <= 0) break;
+      all.append(buffer, static_cast<size_t>(count));
+    }
+    return all;
+  }
+  std::string ReadAll() { return ReadUntil(std::string("\0never sent\0", 12)); }
+
+ private:
+  int socket_;
+  bool connected_ = false;
+};
+
+}  // namespace sightline

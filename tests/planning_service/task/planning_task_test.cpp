@@ -1,0 +1,200 @@
+#include "planning_service/task/planning_task.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <filesystem>
+#include <map>
+
+#include "core/json/strict_json.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+using testing::Contains;
+using testing::ElementsAre;
+using testing::HasSubstr;
+
+v1::PlanningTask Task(const std::string& json) {
+  v1::PlanningTask task;
+  const absl::Status parsed = ParseStrictJson(json, "task", &task);
+  EXPECT_TRUE(parsed.ok()) << parsed;
+  return task;
+}
+
+// Files that came with a task, by name.
+using Files = std::map<std::string, std::string>;
+
+absl::Status Check(const std::string& json, const Files& files) {
+  std::vector<std::string> names;
+  for (const auto& [name, bytes] : files) names.push_back(name);
+  return CheckTask(Task(json), names, [&](const std::string& name) -> absl::StatusOr<std::string> {
+    const auto file = files.find(name);
+    if (file == files.end()) return absl::NotFoundError(name);
+    return file->second;
+  });
+}
+
+std::string FieldOf(const absl::Status& status) {
+  const auto violations = FieldViolations(status);
+  return violations.empty() ? "" : violations[0].field;
+}
+
+constexpr char kPlan[] =
+    R"({"kind": "plan", "inspection": {"part": {"file": "part.stl", "unit": "mm"}}})";
+
+TEST(PlanningTask, APlanNeedsItsPart) {
+  EXPECT_TRUE(Check(kPlan, {{"part.stl", "solid"}}).ok());
+  const absl::Status missing = Check(kPlan, {{"other.stl", "solid"}});
+  EXPECT_TRUE(absl::IsNotFound(missing)) << missing;
+  EXPECT_EQ(ErrorReason(missing), "FILE_UNKNOWN");
+  EXPECT_EQ(ErrorMetadata(missing)["field"], "inspection.part.file");
+}
+
+TEST(PlanningTask, KindsSayWhatTheyTake) {
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "paln"})", {})), "kind");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "plan"})", {})), "inspection");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "verify"})", {})), "recordings");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "evaluate", "inspection": {"part": {"file": "p.stl"}}})",
+                          {{"p.stl", ""}})),
+            "plan");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "plan", "inspection": {"part": {"file": "p.glb"}},
+                              "render_options": {"layers": true}})",
+                          {{"p.glb", ""}})),
+            "render_options");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "render"})", {})), "inspection");
+}
+
+TEST(PlanningTask, ValuesAreCheckedWhereTheyStand) {
+  const absl::Status wrong = Check(
+      R"({"kind": "plan", "inspection": {"part": {"file": "part.stl", "unit": "mm"},
+          "camera": {"columns_px": 0, "rows_px": 100, "vertical_fov_deg": 30}}})",
+      {{"part.stl", "solid"}});
+  EXPECT_EQ(FieldOf(wrong), "inspection.camera.columns_px") << wrong;
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "plan", "inspection": {"part": {"file": "p.glb"}},
+                              "plan_options": {"goal": 1.5}})",
+                          {{"p.glb", ""}})),
+            "plan_options.goal");
+}
+
+// What a request names can be one of its own files only.
+TEST(PlanningTask, NoNameLeavesTheTask) {
+  for (const std::string name :
+       {"/etc/passwd", "../part.stl", "a/../../part.stl", "./part.stl", "a//part.stl",
+        "a\\part.stl", "part.stl/", "", "a/..", "inspection.json", "plan.json"}) {
+    EXPECT_FALSE(CheckFileName(name).ok()) << name;
+  }
+  EXPECT_FALSE(CheckFileName(std::string("a\0b", 3)).ok());
+  EXPECT_FALSE(CheckFileName(std::string(300, 'a')).ok());
+  for (const std::string name : {"part.stl", "materials/steel.json", "Teil äöü 1.glb", "..part"}) {
+    EXPECT_TRUE(CheckFileName(name).ok()) << name;
+  }
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "plan", "inspection": {"part": {"file": "/etc/passwd"}}})",
+                          {{"part.stl", ""}})),
+            "inspection.part.file");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "plan", "inspection": {"part": {"file": "part.glb"},
+                              "tolerances": {"file": "../secret.stp"}}})",
+                          {{"part.glb", ""}})),
+            "inspection.tolerances.file");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "plan", "inspection": {"part": {"file": "part.gltf"}}})",
+                          {{"part.gltf", ""}})),
+            "inspection.part.file");
+}
+
+// A material file names further files: these count as well.
+TEST(PlanningTask, FilesNamedInFilesAreChecked) {
+  const std::string task = R"({"kind": "render", "inspection": {"part": {"file": "part.glb"},
+      "materials": [{"file": "materials/metal.json"}]}})";
+  const auto material = [](const std::string& table) {
+    return R"({"name": "metal", "conductor": {"refractive_index_file": ")" + table +
+           R"(", "ggx_alpha_x": 0.2}})";
+  };
+  Files files = {
+      {"part.glb", ""}, {"materials/metal.json", material("iron.csv")}, {"materials/iron.csv", ""}};
+  absl::Status good = Check(task, files);
+  EXPECT_EQ(ErrorReason(good), "") << good;
+  EXPECT_THAT(std::string(good.message()), testing::Not(HasSubstr("iron.csv"))) << good;
+  for (const std::string table :
+       {"/etc/passwd", "../../secret.csv", "../part2.csv", "missing.csv"}) {
+    files["materials/metal.json"] = material(table);
+    const absl::Status wrong = Check(task, files);
+    EXPECT_FALSE(wrong.ok()) << table;
+    EXPECT_TRUE(ErrorReason(wrong) == "FILE_UNKNOWN" || ErrorReason(wrong) == "INVALID_FIELD")
+        << wrong;
+    EXPECT_THAT(std::string(wrong.message()), testing::Not(HasSubstr("sightline-task"))) << wrong;
+  }
+}
+
+// Every field that can hold a file name must be found, also in messages that come later.
+TEST(PlanningTask, EveryFileFieldOfAnInspectionIsSeen) {
+  v1::PlanningTask task = Task(R"({"kind": "render", "inspection": {"part": {"file": "part.glb"},
+      "obstacles": [{"file": "no/such.stl", "unit": "mm"}]}})");
+  const auto check = [&] {
+    return CheckTask(task, {"part.glb"}, [](const std::string&) -> absl::StatusOr<std::string> {
+      return absl::NotFoundError("");
+    });
+  };
+  EXPECT_EQ(ErrorMetadata(check())["field"], "inspection.obstacles[0].file");
+  task.mutable_inspection()->clear_obstacles();
+  task.mutable_inspection()
+      ->add_materials()
+      ->mutable_material()
+      ->mutable_conductor()
+      ->set_refractive_index_file("no/such.csv");
+  EXPECT_EQ(ErrorMetadata(check())["field"],
+            "inspection.materials[0].material.conductor.refractive_index_file");
+  task.mutable_inspection()->clear_materials();
+  task.mutable_inspection()->mutable_camera()->set_sensor_file("no/such.json");
+  EXPECT_EQ(ErrorMetadata(check())["field"], "inspection.camera.sensor_file");
+}
+
+TEST(PlanningTask, AFileIsNotAFolderToo) {
+  EXPECT_EQ(FieldOf(Check(kPlan, {{"part.stl", ""}, {"part.stl/x", ""}})), "files");
+}
+
+TEST(PlanningTask, FingerprintTellsQuestionsApart) {
+  const v1::PlanningTask task = Task(kPlan);
+  const JobFile part{"part.stl", std::string(64, 'a'), 10};
+  const JobFile other{"part.stl", std::string(64, 'b'), 10};
+  const std::string fingerprint = TaskFingerprint(task, {part});
+  EXPECT_EQ(fingerprint.size(), 64u);
+  EXPECT_EQ(TaskFingerprint(Task(kPlan), {part}), fingerprint);
+  EXPECT_NE(TaskFingerprint(task, {other}), fingerprint);
+  v1::PlanningTask seeded = task;
+  seeded.set_seed(2);
+  EXPECT_NE(TaskFingerprint(seeded, {part}), fingerprint);
+  const JobFile second{"b.stl", std::string(64, 'c'), 1};
+  EXPECT_EQ(TaskFingerprint(task, {part, second}), TaskFingerprint(task, {second, part}));
+}
+
+TEST(PlanningTask, ArgumentsAreTheCommands) {
+  v1::PlanningTask task = Task(kPlan);
+  task.set_seed(-7);
+  task.mutable_plan_options()->set_goal(0.9);
+  EXPECT_THAT(TaskArguments(task, "../out", "../checkpoint"),
+              ElementsAre("plan", "inspection.json", "--out=../out", "--seed=-7",
+                          "--checkpoint=../checkpoint", "--goal=0.9"));
+  v1::PlanningTask verify;
+  verify.set_kind("verify");
+  verify.mutable_recordings();
+  EXPECT_THAT(TaskArguments(verify, "../out", "../checkpoint"),
+              ElementsAre("verify", "recordings.json", "--out=../out"));
+  v1::PlanningTask optics = Task(R"({"kind": "optics", "plan_job_id": "job-1",
+      "inspection": {"part": {"file": "p.glb"}}, "optics_options": {"scan": 2}})");
+  EXPECT_THAT(TaskArguments(optics, "../out", "../checkpoint"), Contains("--plan=plan.json"));
+  EXPECT_THAT(TaskArguments(optics, "../out", "../checkpoint"), Contains("--scan=2"));
+}
+
+TEST(PlanningTask, AnOptionIsNoWayIn) {
+  v1::PlanningTask task = Task(kPlan);
+  task.mutable_plan_options()->set_strategy("--coverage-server=evil:1");
+  EXPECT_EQ(FieldOf(CheckTask(
+                task, {"part.stl"},
+                [](const std::string&) -> absl::StatusOr<std::string> { return std::string(); })),
+            "plan_options.strategy");
+}
+
+}  // namespace
+}  // namespace sightline

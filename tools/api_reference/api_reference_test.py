@@ -1,0 +1,114 @@
+"""Tests of the API reference on a contract of their own, and of the list of reasons."""
+import pathlib
+import subprocess
+import sys
+import tempfile
+import unittest
+
+HERE = pathlib.Path(__file__).resolve().parent
+PROTO = '''syntax = "proto3";
+package sightline.v1;
+// Does things; see `plan.json`.
+service Doer {
+  // NOT_FOUND, reason JOB_UNKNOWN.
+  rpc Do(Request) returns (stream Inner.Answer);
+}
+message Request {
+  // In [0, 1] | half_width_m * 2.
+  optional double share = 1;
+  repeated Inner inners = 2;
+  oneof kind {
+    string name = 3;
+    Inner.Mood mood = 4;
+  }
+  map<string, Inner> by_name = 5;
+}
+message Inner {
+  message Answer {}
+  enum Mood {
+    // Not said.
+    UNKNOWN = 0;
+  }
+}
+'''
+
+
+class ApiReferenceTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.root = pathlib.Path(folder.name)
+        (self.root / "sightline" / "v1").mkdir(parents=True)
+        self.write(PROTO)
+
+    def write(self, proto):
+        (self.root / "sightline" / "v1" / "doer.proto").write_text(proto)
+        subprocess.run(["protoc", "-I", self.root, "--include_source_info",
+                        f"--descriptor_set_out={self.root / 'set'}", "sightline/v1/doer.proto"],
+                       check=True)
+
+    def generate(self, *options):
+        return subprocess.run(
+            [sys.executable, HERE / "api_reference.py", self.root / "set", "--out",
+             self.root / "api", *options], stderr=subprocess.PIPE, text=True)
+
+    def test_pages(self):
+        self.assertEqual(0, self.generate().returncode)
+        page = (self.root / "api" / "doer.md").read_text()
+        for line in (
+                "Does things; see `plan.json`.",
+                "| `Do` | [Request](#request) | stream of [Inner.Answer](#inneranswer) | "
+                "`NOT_FOUND`, reason `JOB_UNKNOWN`. |",
+                "| `share` = 1 | optional double | In \\[0, 1\\] \\| `half_width_m` \\* 2. |",
+                "| `inners` = 2 | list of [Inner](#inner) |  |",
+                "| `name` = 3 | string | *one of `kind`* |",
+                "| `mood` = 4 | [Inner.Mood](#innermood) | *one of `kind`* |",
+                "| `by_name` = 5 | map of string to [Inner](#inner) |  |",
+                "### Inner.Mood", "| `UNKNOWN` = 0 | Not said. |"):
+            self.assertIn(line + "\n", page)
+        self.assertNotIn("ByNameEntry", page)
+        self.assertIn("| [Doer](doer.md#doer) | `Do` |",
+                      (self.root / "api" / "README.md").read_text())
+
+    def test_check_finds_what_is_stale(self):
+        self.assertIn("README.md, doer.md", self.generate("--check").stderr)
+        self.generate()
+        self.assertEqual(0, self.generate("--check").returncode)
+        (self.root / "api" / "gone.md").write_text("")
+        self.assertIn("stale: gone.md;", self.generate("--check").stderr)
+        self.write(PROTO.replace("Not said", "Unsaid"))
+        run = self.generate("--check")
+        self.assertEqual(1, run.returncode)
+        self.assertIn("stale: doer.md, gone.md;", run.stderr)
+        self.generate()
+        self.assertEqual(0, self.generate("--check").returncode)
+        self.assertFalse((self.root / "api" / "gone.md").exists())
+
+
+class CheckReasonsTest(unittest.TestCase):
+    def test_names_what_is_missing_on_either_side(self):
+        with tempfile.TemporaryDirectory() as folder:
+            root = pathlib.Path(folder)
+            (root / "core").mkdir()
+            (root / "docs").mkdir()
+            (root / "core" / "a.cpp").write_text(
+                'return WithErrorInfo(Error(Text("NOT (ME")), \n  "FIRST_ONE", {{"x", "y"}});\n'
+                'Fail({StatusCode::kInternal, "SECOND_ONE", "text"});\n'
+                'constexpr char kReasonThird[] = "THIRD_ONE";\nDo("NO_REASON");\n')
+            (root / "docs" / "coverage-service.md").write_text("`FIRST_ONE`")
+            errors = root / "docs" / "errors.md"
+            errors.write_text("| `SECOND_ONE` | |\n| `OLD_ONE` | |\n")
+
+            def check():
+                return subprocess.run([sys.executable, HERE / "check_reasons.py", root],
+                                      stdout=subprocess.PIPE, text=True)
+
+            self.assertEqual((1, "core/a.cpp: THIRD_ONE is not in docs/errors.md\n"
+                                 "docs/errors.md: OLD_ONE is nowhere in the code\n"),
+                             (check().returncode, check().stdout))
+            errors.write_text("| `SECOND_ONE`, `THIRD_ONE` | |\n")
+            self.assertEqual(0, check().returncode)
+
+
+if __name__ == "__main__":
+    unittest.main()
