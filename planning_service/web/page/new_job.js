@@ -349,7 +349,8 @@ export class NewJobView {
     const state = JSON.stringify([isAsked, stated, size]);
     if (state === this.unitState) return;
     this.unitState = state;
-    const hadFocus = this.unitBox.contains(document.activeElement);
+    // Who tabs through the page while the part is read stays where they are.
+    const focused = this.unitBox.contains(document.activeElement) ? document.activeElement.value : null;
     this.unitBox.hidden = !isAsked;
     this.unitBox.replaceChildren(h('legend', {}, 'Unit of the file: which size is right?'),
         ...Object.keys(METRES_PER_UNIT).map((choice) => h('label', {},
@@ -359,7 +360,7 @@ export class NewJobView {
             }}),
             h('span', {}, h('strong', {}, UNIT_NAMES[choice]), ...(size ? [` ${sizeText(size, choice)}`,
                 h('span', {class: 'soft'}, refusedSize(size, choice) ? ` – too ${refusedSize(size, choice)}` : '')] : [])))));
-    if (hadFocus) this.unitBox.querySelector('input:checked')?.focus();
+    if (focused !== null) (this.unitBox.querySelector('input:checked') ?? this.unitBox.querySelector(`input[value="${focused}"]`))?.focus();
   }
 
   // What follows from the camera's numbers.
