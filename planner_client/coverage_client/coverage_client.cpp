@@ -7,6 +7,7 @@
 #include <deque>
 #include <map>
 #include <mutex>
+#include <optional>
 #include <thread>
 
 #include "absl/strings/str_cat.h"
@@ -312,20 +313,25 @@ class CoverageClientImpl final : public CoverageClient {
     return connection_;
   }
 
-  // How far one call has got with trying again.
+  // How far one call has got with trying again since it last got an answer.
   struct Attempts {
-    absl::Time start = absl::Now();
+    std::optional<absl::Time> first_unavailable;
     int unavailable = 0;
     int recoveries = 0;
     int generation = 0;
   };
 
   // OK: what failed with `error` may be tried again. Otherwise the error to report.
-  absl::Status Recover(const absl::Status& error, Attempts* attempts) {
+  absl::Status Recover(absl::Status error, Attempts* attempts) {
     if (ErrorReason(error) == kReasonSceneUnknown) {
-      if (++attempts->recoveries > kMaxRecoveriesPerCall) return error;
       // Prepare makes the scene in every attempt anyway.
-      return created_ ? RecreateScene(attempts->generation) : absl::OkStatus();
+      absl::Status made = created_ ? RecreateScene(attempts->generation) : absl::OkStatus();
+      if (!absl::IsUnavailable(made)) {
+        if (made.ok() && ++attempts->recoveries > kMaxRecoveriesPerCall) return error;
+        return made;
+      }
+      // Nor that server is there any more.
+      error = made;
     }
     if (!absl::IsUnavailable(error)) return error;
     if (options_.embedded != nullptr) {
@@ -346,7 +352,8 @@ class CoverageClientImpl final : public CoverageClient {
         return absl::OkStatus();
       }
     }
-    if (absl::Now() - attempts->start > options_.retry_for) {
+    if (!attempts->first_unavailable) attempts->first_unavailable = absl::Now();
+    if (absl::Now() - *attempts->first_unavailable > options_.retry_for) {
       return absl::UnavailableError(absl::StrCat("coverage server ", options_.Address(), ": ",
                                                  error.message(), " (tried ",
                                                  attempts->unavailable + 1, " times)"));
@@ -369,13 +376,11 @@ class CoverageClientImpl final : public CoverageClient {
   }
 
   // `generation`: the one in which the scene was found missing; whoever comes first makes it again.
+  // UNAVAILABLE: to be tried again, the scene is still missing.
   absl::Status RecreateScene(int generation) {
     std::lock_guard lock(recovery_mutex_);
     if (generation_ != generation) return absl::OkStatus();
-    absl::Status status = CreateScene(*connection());
-    // Tried again by the caller, who finds the scene still missing.
-    if (absl::IsUnavailable(status)) return absl::OkStatus();
-    if (!status.ok()) return status;
+    if (absl::Status status = CreateScene(*connection()); !status.ok()) return status;
     ++generation_;
     ++recoveries_;
     return absl::OkStatus();
@@ -583,7 +588,7 @@ class CoverageClientImpl final : public CoverageClient {
     for (size_t i = 0; i < slices.size(); ++i) todo.push_back(i);
     Attempts attempts;
     while (!todo.empty()) {
-      attempts.generation = generation_;
+      const int asked_generation = generation_;
       const std::shared_ptr<Connection> used = connection();
       grpc::CompletionQueue queue;
       std::map<size_t, Pending> under_way;  // by slice
@@ -607,7 +612,9 @@ class CoverageClientImpl final : public CoverageClient {
         bool ok = false;
         queue.Next(&tag, &ok);
         const auto finished = under_way.find(reinterpret_cast<size_t>(tag));
-        if (!finished->second.status.ok()) {
+        if (finished->second.status.ok()) {
+          attempts = {};
+        } else {
           failed.push_back(finished->first);
           if (error.ok()) error = FromGrpcStatus(finished->second.status);
         }
@@ -620,6 +627,7 @@ class CoverageClientImpl final : public CoverageClient {
       }
       todo.insert(todo.end(), failed.begin(), failed.end());
       if (error.ok()) continue;
+      attempts.generation = asked_generation;
       if (absl::Status status = Recover(error, &attempts); !status.ok()) return status;
     }
     return absl::OkStatus();

@@ -79,7 +79,10 @@ const std::vector<std::string> kVersion1 = {
     " failure_code BIGINT NOT NULL,"
     " failure_reason TEXT NOT NULL,"
     " failure_message TEXT NOT NULL,"
-    " revision BIGINT NOT NULL)",
+    " revision BIGINT NOT NULL,"
+    " request_id TEXT NOT NULL,"
+    " priority BIGINT NOT NULL,"
+    " attempts BIGINT NOT NULL)",
     "CREATE INDEX event_job ON event (job_id, sequence)",
     "CREATE TABLE event_result ("
     " event_sequence BIGINT NOT NULL REFERENCES event (sequence) ON DELETE CASCADE,"

@@ -50,7 +50,9 @@ struct PlanningJobFilter {
 struct JobEvent {
   int64_t sequence = 0;
   std::string type;  // "accepted", "progress", "done", "failed", "cancelled"
-  PlanningJob job;   // id, client, kind, state, progress, message, failure, results, revision
+  // As it was then: id, client, kind, request_id, priority, state, progress, message, attempts,
+  // failure, results, revision.
+  PlanningJob job;
   absl::Time time;
 };
 
@@ -146,8 +148,8 @@ class PlanningJobStore {
   // that a jump of the wall clock makes nothing old. Retention counts in it.
   virtual absl::Status AdvanceServiceTime(absl::Duration by) = 0;
   // Removes jobs finished, and uploads that no job or recipe uses made, longer ago than `age` of
-  // service time, and events older than it that all known receivers have got. Returns the number of
-  // jobs removed.
+  // service time, and events older than it that all known receivers have got; events twice as old
+  // go in any case, since a receiver may be gone for good. Returns the number of jobs removed.
   virtual absl::StatusOr<int> RemoveOlderThan(absl::Duration age) = 0;
   // Digests that a job, recipe or upload names: the others may go from the artefact store.
   virtual absl::StatusOr<std::set<std::string>> NamedDigests() = 0;

@@ -156,12 +156,14 @@ void AddEvent(SqlTransaction& sql, const std::string& type, const PlanningJob& j
   const int64_t sequence = NextNumber(sql, "event");
   sql.Run(absl::StrCat("INSERT INTO event (sequence, type, time_us, job_id, client, kind, state,"
                        " progress, message, failure_code, failure_reason, failure_message,"
-                       " revision, made_service_us)"
-                       " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, ",
+                       " revision, request_id, priority, attempts, made_service_us)"
+                       " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, $9, $10, $11, $12, $13, $14, $15,"
+                       " $16, ",
                        kServiceTime, ")"),
           {sequence, type, ToMicros(absl::Now()), job.job_id, job.client, job.kind,
            ToText(job.state), job.progress, job.message, static_cast<int64_t>(job.failure.code),
-           job.failure.reason, job.failure.message, job.revision});
+           job.failure.reason, job.failure.message, job.revision, job.request_id,
+           int64_t{job.priority}, int64_t{job.attempts}});
   for (size_t i = 0; i < job.results.size(); ++i) {
     sql.Run(
         "INSERT INTO event_result (event_sequence, place, name, digest, size_bytes)"
@@ -676,6 +678,7 @@ absl::Status SqlJobStore::Succeed(const Attempt& attempt, const std::vector<JobF
   return WriteAttempt(attempt, [&](SqlTransaction& sql, PlanningJob* job) -> absl::Status {
     job->state = JobState::kSucceeded;
     job->progress = 1;
+    job->message.clear();  // it told of what the job was doing
     job->results = results;
     Finish(sql, "done", job);
     last_progress_event_.erase(job->job_id);
@@ -829,7 +832,8 @@ absl::StatusOr<std::vector<JobEvent>> SqlJobStore::Events(int64_t after_sequence
     for (const SqlRow& row :
          sql.Run(absl::StrCat("SELECT sequence, type, time_us, job_id, client, kind, state,"
                               " progress, message, failure_code, failure_reason, failure_message,"
-                              " revision FROM event WHERE sequence > $1",
+                              " revision, request_id, priority, attempts FROM event"
+                              " WHERE sequence > $1",
                               job_id ? " AND job_id = $3" : "", " ORDER BY sequence LIMIT $2"),
                  parameters)) {
       JobEvent event;
@@ -844,6 +848,9 @@ absl::StatusOr<std::vector<JobEvent>> SqlJobStore::Events(int64_t after_sequence
       event.job.message = row.Text(8);
       event.job.failure = {static_cast<absl::StatusCode>(row.Int(9)), row.Text(10), row.Text(11)};
       event.job.revision = row.Int(12);
+      event.job.request_id = row.Text(13);
+      event.job.priority = static_cast<int>(row.Int(14));
+      event.job.attempts = static_cast<int>(row.Int(15));
       places[event.sequence] = events.size();
       events.push_back(std::move(event));
     }
@@ -943,9 +950,9 @@ absl::StatusOr<int> SqlJobStore::RemoveOlderThan(absl::Duration age) {
         " named_file.client AND other.digest = named_file.digest AND other.holder <> 'upload')",
         {limit_us});
     sql.Run(
-        "DELETE FROM event WHERE made_service_us < $1 AND NOT EXISTS"
-        " (SELECT 1 FROM receiver WHERE receiver.sequence < event.sequence)",
-        {limit_us});
+        "DELETE FROM event WHERE made_service_us < $1 AND (made_service_us < $2 OR NOT EXISTS"
+        " (SELECT 1 FROM receiver WHERE receiver.sequence < event.sequence))",
+        {limit_us, limit_us - age_us});
     return static_cast<int>(removed.size());
   });
 }
