@@ -3,6 +3,7 @@
 #include <curl/curl.h>
 #include <grpcpp/grpcpp.h>
 #include <grpcpp/impl/codegen/client_unary_call.h>
+#include <spdlog/spdlog.h>
 #include <unistd.h>
 
 #include <CLI/CLI.hpp>
@@ -16,6 +17,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "bench/common/measure.h"
+#include "planner_client/rpc_client/sha256.h"
 #include "planning_service/server/planning_server.h"
 #include "sightline/v1/planning_service.grpc.pb.h"
 
@@ -23,6 +25,14 @@ namespace sightline::bench {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr char kToken[] = "token of the benchmark";
+
+std::string Sha256Hex(const std::string& text) {
+  Sha256 digest;
+  digest.Add(text);
+  return digest.Hex();
+}
 
 // One client's connection; true if the request was answered well.
 using Request = std::function<bool()>;
@@ -82,19 +92,15 @@ class Server {
     options.http_listen = "127.0.0.1:0";
     options.workers = 0;
     options.min_free_bytes = 0;
-    // The address of the HTTP door is printed.
-    const fs::path printed = folder_ / "printed";
+    options.clients_file = folder_ / "clients.json";
     fs::create_directories(folder_);
-    std::fflush(stdout);
-    const int terminal = dup(STDOUT_FILENO);
-    if (std::freopen(printed.c_str(), "w", stdout) == nullptr) Fail("printed", "cannot be written");
+    // SHA-256 of kToken.
+    std::ofstream(options.clients_file)
+        << absl::StrCat(R"({"clients": [{"name": "bench", "token_sha256": ")", Sha256Hex(kToken),
+                        R"(", "max_queued_jobs": 1000000}]})");
     auto server = StartPlanningServer(options);
-    std::fflush(stdout);
-    dup2(terminal, STDOUT_FILENO);
-    close(terminal);
     if (!server.ok()) Fail("start", std::string(server.status().message()));
     server_ = *std::move(server);
-    std::ifstream(printed) >> http_;
   }
   ~Server() {
     server_->Drain(absl::Seconds(1));
@@ -107,13 +113,16 @@ class Server {
     return grpc::CreateCustomChannel(server_->address(), grpc::InsecureChannelCredentials(),
                                      arguments);
   }
-  const std::string& http() const { return http_; }
+  std::string http() const { return server_->http_url(); }
 
  private:
   fs::path folder_;
-  std::unique_ptr<RunningServer> server_;
-  std::string http_;
+  std::unique_ptr<PlanningServer> server_;
 };
+
+void Identify(grpc::ClientContext* context) {
+  context->AddMetadata("authorization", absl::StrCat("Bearer ", kToken));
+}
 
 size_t Discard(char*, size_t size, size_t count, void*) { return size * count; }
 
@@ -123,7 +132,11 @@ Request HttpGet(const std::string& url) {
   curl_easy_setopt(curl.get(), CURLOPT_URL, url.c_str());
   curl_easy_setopt(curl.get(), CURLOPT_WRITEFUNCTION, Discard);
   curl_easy_setopt(curl.get(), CURLOPT_TCP_NODELAY, 1L);
-  return [curl] {
+  const std::shared_ptr<curl_slist> headers(
+      curl_slist_append(nullptr, absl::StrCat("Authorization: Bearer ", kToken).c_str()),
+      curl_slist_free_all);
+  curl_easy_setopt(curl.get(), CURLOPT_HTTPHEADER, headers.get());
+  return [curl, headers] {
     long status = 0;
     return curl_easy_perform(curl.get()) == CURLE_OK &&
            curl_easy_getinfo(curl.get(), CURLINFO_RESPONSE_CODE, &status) == CURLE_OK &&
@@ -146,11 +159,13 @@ int Run(double seconds, const std::string& json) {
   std::setvbuf(stdout, nullptr, _IOLBF, 0);
   PrintMachine();
   curl_global_init(CURL_GLOBAL_ALL);
+  spdlog::set_level(spdlog::level::err);
   const Server server;
   const auto stub = v1::PlanningService::NewStub(server.Channel());
   std::string digest, job_id;
   {
     grpc::ClientContext context;
+    Identify(&context);
     v1::UploadFileResponse response;
     auto writer = stub->UploadFile(&context, &response);
     v1::UploadFileRequest request;
@@ -165,6 +180,7 @@ int Run(double seconds, const std::string& json) {
   const auto create = [digest](v1::PlanningService::Stub& service, const std::string& request_id,
                                std::string* id) {
     grpc::ClientContext context;
+    Identify(&context);
     v1::CreatePlanningJobRequest request;
     request.set_request_id(request_id);
     *request.mutable_task() = Task();
@@ -196,6 +212,7 @@ int Run(double seconds, const std::string& json) {
       {"gRPC get job", Rpc(server,
                            [&](v1::PlanningService::Stub& service, int, int) {
                              grpc::ClientContext context;
+                             Identify(&context);
                              v1::GetPlanningJobRequest request;
                              request.set_job_id(job_id);
                              v1::GetPlanningJobResponse response;

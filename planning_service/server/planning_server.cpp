@@ -2,7 +2,6 @@
 
 #include <grpcpp/grpcpp.h>
 
-#include <cstdio>
 #include <filesystem>
 #include <utility>
 
@@ -81,10 +80,10 @@ absl::Status CheckDatabase(const std::string& connection) {
       "(~/.pgpass, or PGPASSFILE)");
 }
 
-class PlanningServer final : public RunningServer {
+class PlanningServerImpl final : public PlanningServer {
  public:
-  PlanningServer() : calls_(&metrics_), rpc_("planning_service", &metrics_, &calls_, nullptr) {}
-  ~PlanningServer() override { Drain(absl::ZeroDuration()); }
+  PlanningServerImpl() : calls_(&metrics_), rpc_("planning_service", &metrics_, &calls_, nullptr) {}
+  ~PlanningServerImpl() override { Drain(absl::ZeroDuration()); }
 
   absl::Status Start(const PlanningServerOptions& options) {
     if (absl::Status s = CheckExposure(options); !s.ok()) return s;
@@ -135,6 +134,10 @@ class PlanningServer final : public RunningServer {
 
   const std::string& address() const override { return rpc_.address(); }
 
+  std::string http_url() const override {
+    return http_ ? absl::StrCat(http_scheme_, http_->address()) : "";
+  }
+
   bool Drain(absl::Duration grace) override {
     const bool finished = rpc_.Drain(grace);
     if (http_) http_->Stop();
@@ -181,9 +184,7 @@ class PlanningServer final : public RunningServer {
     auto door = HttpDoor::Start(http, jobs_.get(), access_.get());
     if (!door.ok()) return door.status();
     http_ = *std::move(door);
-    std::printf("http%s://%s\n", http.tls_certificate_file.empty() ? "" : "s",
-                http_->address().c_str());
-    std::fflush(stdout);
+    http_scheme_ = http.tls_certificate_file.empty() ? "http://" : "https://";
     return absl::OkStatus();
   }
 
@@ -198,15 +199,16 @@ class PlanningServer final : public RunningServer {
   RpcServer rpc_;
   std::unique_ptr<EventDelivery> events_;
   std::unique_ptr<HttpDoor> http_;
+  std::string http_scheme_;
   std::unique_ptr<Housekeeping> housekeeping_;
   std::unique_ptr<JobRunner> runner_;
 };
 
 }  // namespace
 
-absl::StatusOr<std::unique_ptr<RunningServer>> StartPlanningServer(
+absl::StatusOr<std::unique_ptr<PlanningServer>> StartPlanningServer(
     const PlanningServerOptions& options) {
-  auto server = std::make_unique<PlanningServer>();
+  auto server = std::make_unique<PlanningServerImpl>();
   if (absl::Status started = server->Start(options); !started.ok()) return started;
   return server;
 }

@@ -35,10 +35,16 @@ struct PlanningServerOptions {
   std::vector<WebhookOptions> webhooks;
 };
 
+class PlanningServer : public RunningServer {
+ public:
+  // "http://HOST:PORT" or "https://..." of the HTTP door; empty: none.
+  virtual std::string http_url() const = 0;
+};
+
 // INVALID_ARGUMENT for an option that cannot be used; FAILED_PRECONDITION: another server has the
 // data folder, or it is of a newer version; UNAVAILABLE: an address is taken, or the database does
 // not answer.
-absl::StatusOr<std::unique_ptr<RunningServer>> StartPlanningServer(
+absl::StatusOr<std::unique_ptr<PlanningServer>> StartPlanningServer(
     const PlanningServerOptions& options);
 
 // `sightline serve [options]`: argv[0] is the program, options follow. Returns the exit code.

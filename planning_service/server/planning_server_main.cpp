@@ -1,5 +1,7 @@
+#include <cstdio>
 #include <filesystem>
 #include <system_error>
+#include <utility>
 
 #include "planning_service/server/planning_server.h"
 #include "rpc_server/server_main.h"
@@ -103,7 +105,13 @@ int PlanningServerMain(int argc, char** argv) {
     if (max_job_time_s > 0) options.max_job_time = absl::Seconds(max_job_time_s);
     options.keep_finished = absl::Hours(24 * retention_days);
     FillEventOptions(events, options.rpc.allow_plaintext, &options);
-    return StartPlanningServer(options);
+    auto server = StartPlanningServer(options);
+    if (!server.ok()) return server.status();
+    // Comes before the line that says that the server listens.
+    if (const std::string url = (*server)->http_url(); !url.empty()) {
+      std::printf("%s\n", url.c_str());
+    }
+    return *std::move(server);
   };
   return ServerMain(argc, argv, program, &options.rpc);
 }
