@@ -8,7 +8,7 @@
 namespace sightline {
 
 // {"event_id": "12", "type": "done", "time": "2026-01-31T12:00:00.000000Z", "job": {...}}, where
-// `job` is the proto3 JSON form of v1::PlanningJob with original names and all fields, and the
+// `job` is MessageJson of the v1::PlanningJob, as in answers by HTTP, and the
 // event_id grows from event to event. The same event gives the same bytes.
 std::string EventJson(const JobEvent& event);
 

@@ -268,6 +268,7 @@ absl::StatusOr<JobProcessEnd> RunJobProcess(const JobProcessOptions& options,
     end.failure = *words.failure();
   } else {
     end.kind = JobProcessEnd::Kind::kWithoutWord;
+    end.was_killed = WIFSIGNALED(wait_status) && WTERMSIG(wait_status) == SIGKILL;
     end.failure = {absl::StatusCode::kInternal, "PROCESS_ENDED",
                    DescribeEnd(wait_status, words.last_words())};
   }

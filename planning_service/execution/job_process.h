@@ -34,6 +34,8 @@ struct JobProcessEnd {
     kOutOfTime,
   };
   Kind kind = Kind::kWithoutWord;
+  // Of kWithoutWord: by SIGKILL, which a process never sends itself: somebody or the system did.
+  bool was_killed = false;
   JobFailure failure;
 };
 

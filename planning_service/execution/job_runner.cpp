@@ -25,8 +25,10 @@ constexpr absl::Duration kFullDiskPause = absl::Seconds(2);
 constexpr absl::Duration kFirstRetry = absl::Milliseconds(200);
 constexpr absl::Duration kLongestRetry = absl::Seconds(10);
 constexpr absl::Duration kReportInterval = absl::Milliseconds(250);
-// Attempts in a row that ended without a word and got no further than those before.
+// Attempts in a row that ended without a word and got no further than those before: a few where the
+// job's own fault is likely, many where somebody else killed it or a server it needs.
 constexpr int kMostCrashes = 8;
+constexpr int kMostKills = 100;
 constexpr int kMostResults = 100000;
 // How long processes of an earlier attempt may take to be gone.
 constexpr int kLockTries = 50;
@@ -211,9 +213,10 @@ void JobRunner::Run(const PlanningJob& job) {
     return;
   }
   if (!end.ok()) {
-    end = JobProcessEnd{
-        JobProcessEnd::Kind::kWithoutWord,
-        {end.status().code(), "PROCESS_NOT_STARTED", std::string(end.status().message())}};
+    JobProcessEnd not_started;
+    not_started.failure = {end.status().code(), "PROCESS_NOT_STARTED",
+                           std::string(end.status().message())};
+    end = not_started;
     Pause(kFirstRetry);
   }
   if (cancelled && end->kind != JobProcessEnd::Kind::kDone) {
@@ -290,7 +293,8 @@ void JobRunner::Conclude(const PlanningJob& job, const JobProcessEnd& end, bool 
   // Whatever else it says: without room it could not do otherwise.
   if (!artefacts_->HasRoom()) return requeue(/*crashed=*/false);
   if (end.kind == Kind::kWithoutWord || IsPassing(end.failure.code)) {
-    if (advanced || job.crashes + 1 < kMostCrashes) {
+    const bool from_outside = end.was_killed || IsPassing(end.failure.code);
+    if (advanced || job.crashes + 1 < (from_outside ? kMostKills : kMostCrashes)) {
       spdlog::warn("event=attempt_ended job={} attempt={} why=\"{}\"", job.job_id, job.attempts,
                    end.failure.message);
       return requeue(/*crashed=*/true);

@@ -27,9 +27,10 @@ struct JobRunnerOptions {
 };
 
 // An attempt that ends without a word (killed, crashed, its server gone) puts its job back into the
-// queue, where it goes on from what it kept; after several in a row that got no further the job
-// fails, reason PROCESS_ENDED. Nothing is started while the disk is full, and a job that fails then
-// is tried again. Results are stored complete before the job counts as done.
+// queue, where it goes on from what it kept; after several in a row that got no further (more where
+// it was killed from outside than where it crashed) the job fails, reason PROCESS_ENDED. Nothing is
+// started while the disk is full, and a job that fails then is tried again. Results are stored
+// complete before the job counts as done.
 class JobRunner {
  public:
   // Pointers must outlive it.

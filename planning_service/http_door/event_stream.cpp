@@ -6,7 +6,8 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "planning_service/http_door/http_reply.h"
+#include "core/json/message_json.h"
+#include "planning_service/http/http_reply.h"
 #include "planning_service/http_door/request_body.h"
 
 namespace sightline {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "planning_service/http_door/http_exchange.h"
+#include "planning_service/http/http_exchange.h"
 #include "planning_service/jobs/planning_jobs.h"
 
 namespace sightline {

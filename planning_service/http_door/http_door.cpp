@@ -19,11 +19,11 @@
 #include "absl/base/thread_annotations.h"
 #include "absl/strings/str_cat.h"
 #include "absl/synchronization/mutex.h"
-#include "planning_service/http_door/http_connection.h"
-#include "planning_service/http_door/http_reply.h"
-#include "planning_service/http_door/listening_socket.h"
+#include "planning_service/http/http_connection.h"
+#include "planning_service/http/http_reply.h"
+#include "planning_service/http/listening_socket.h"
+#include "planning_service/http/tls_server_context.h"
 #include "planning_service/http_door/routes.h"
-#include "planning_service/http_door/tls_server_context.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {

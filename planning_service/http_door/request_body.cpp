@@ -11,7 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "core/json/strict_json.h"
-#include "planning_service/http_door/multipart_reader.h"
+#include "planning_service/http/multipart_reader.h"
 #include "planning_service/task/planning_task.h"
 #include "proto/status/rpc_status.h"
 

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "planning_service/http_door/http_exchange.h"
+#include "planning_service/http/http_exchange.h"
 #include "planning_service/jobs/planning_jobs.h"
 #include "sightline/v1/planning_task.pb.h"
 

@@ -15,8 +15,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
-#include "planning_service/http_door/http_reply.h"
-#include "planning_service/http_door/listening_socket.h"
+#include "planning_service/http/http_reply.h"
+#include "planning_service/http/listening_socket.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {

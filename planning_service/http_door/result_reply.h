@@ -5,7 +5,7 @@
 #include <string>
 
 #include "absl/strings/string_view.h"
-#include "planning_service/http_door/http_exchange.h"
+#include "planning_service/http/http_exchange.h"
 #include "planning_service/jobs/planning_jobs.h"
 
 namespace sightline {

@@ -8,9 +8,9 @@
 
 #include "absl/status/statusor.h"
 #include "planning_service/access/client_access.h"
-#include "planning_service/http_door/browser_guard.h"
+#include "planning_service/http/browser_guard.h"
+#include "planning_service/http/http_exchange.h"
 #include "planning_service/http_door/http_door.h"
-#include "planning_service/http_door/http_exchange.h"
 #include "planning_service/jobs/planning_jobs.h"
 
 namespace sightline {

@@ -1,13 +1,11 @@
 // Answers of the HTTP door: JSON, errors, bytes.
 #pragma once
 
-#include <google/protobuf/message.h>
-
 #include <string>
 
 #include "absl/status/status.h"
 #include "absl/strings/string_view.h"
-#include "planning_service/http_door/http_exchange.h"
+#include "planning_service/http/http_exchange.h"
 
 namespace sightline {
 
@@ -16,10 +14,6 @@ int HttpStatusOf(const absl::Status& status);
 
 // {"error": {"code", "reason", "message", "fields": [{"field", "description"}]}}
 std::string ErrorJson(const absl::Status& status);
-
-// proto3 JSON with original names on one line; every field is there except messages that are not
-// set; int64 are numbers, times RFC 3339.
-std::string MessageJson(const google::protobuf::Message& message);
 
 // Each sends a whole answer. Errors of the connection are dropped: nobody is left to tell.
 void ReplyText(HttpExchange& exchange, int http_status, const HttpHeaders& headers,

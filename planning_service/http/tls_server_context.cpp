@@ -1,4 +1,4 @@
-#include "planning_service/http_door/tls_server_context.h"
+#include "planning_service/http/tls_server_context.h"
 
 #include <arpa/inet.h>
 #include <openssl/err.h>

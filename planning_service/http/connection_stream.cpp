@@ -1,4 +1,4 @@
-#include "planning_service/http_door/connection_stream.h"
+#include "planning_service/http/connection_stream.h"
 
 #include <openssl/err.h>
 #include <poll.h>
@@ -9,7 +9,7 @@
 #include <climits>
 #include <utility>
 
-#include "planning_service/http_door/tls_server_context.h"
+#include "planning_service/http/tls_server_context.h"
 
 namespace sightline {
 namespace {

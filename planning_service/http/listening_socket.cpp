@@ -1,4 +1,4 @@
-#include "planning_service/http_door/listening_socket.h"
+#include "planning_service/http/listening_socket.h"
 
 #include <arpa/inet.h>
 #include <netdb.h>

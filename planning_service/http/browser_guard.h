@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "absl/status/status.h"
-#include "planning_service/http_door/http_exchange.h"
+#include "planning_service/http/http_exchange.h"
 
 namespace sightline {
 

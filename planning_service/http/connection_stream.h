@@ -9,7 +9,7 @@
 #include <string>
 #include <vector>
 
-#include "planning_service/http_door/listening_socket.h"
+#include "planning_service/http/listening_socket.h"
 
 namespace sightline {
 

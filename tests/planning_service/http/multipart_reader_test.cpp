@@ -1,4 +1,4 @@
-#include "planning_service/http_door/multipart_reader.h"
+#include "planning_service/http/multipart_reader.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

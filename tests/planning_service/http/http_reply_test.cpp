@@ -1,10 +1,11 @@
-#include "planning_service/http_door/http_reply.h"
+#include "planning_service/http/http_reply.h"
 
 #include <gtest/gtest.h>
 
 #include <nlohmann/json.hpp>
 #include <vector>
 
+#include "core/json/message_json.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/planning_service.pb.h"
 

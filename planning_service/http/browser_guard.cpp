@@ -1,4 +1,4 @@
-#include "planning_service/http_door/browser_guard.h"
+#include "planning_service/http/browser_guard.h"
 
 #include <algorithm>
 #include <utility>

@@ -1,4 +1,4 @@
-#include "planning_service/http_door/http_connection.h"
+#include "planning_service/http/http_connection.h"
 
 #include <spdlog/spdlog.h>
 
@@ -17,7 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "absl/time/clock.h"
-#include "planning_service/http_door/http_reply.h"
+#include "planning_service/http/http_reply.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {

@@ -5,8 +5,8 @@
 #include <functional>
 
 #include "absl/time/time.h"
-#include "planning_service/http_door/connection_stream.h"
-#include "planning_service/http_door/http_exchange.h"
+#include "planning_service/http/connection_stream.h"
+#include "planning_service/http/http_exchange.h"
 
 namespace sightline {
 

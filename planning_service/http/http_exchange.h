@@ -12,7 +12,7 @@
 #include "absl/status/statusor.h"
 #include "absl/strings/string_view.h"
 #include "planning_service/access/client_access.h"
-#include "planning_service/http_door/request_target.h"
+#include "planning_service/http/request_target.h"
 
 namespace sightline {
 

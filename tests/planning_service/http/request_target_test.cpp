@@ -1,4 +1,4 @@
-#include "planning_service/http_door/request_target.h"
+#include "planning_service/http/request_target.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

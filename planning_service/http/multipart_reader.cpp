@@ -1,4 +1,4 @@
-#include "planning_service/http_door/multipart_reader.h"
+#include "planning_service/http/multipart_reader.h"
 
 #include <algorithm>
 #include <utility>
@@ -6,7 +6,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "planning_service/http_door/request_target.h"
+#include "planning_service/http/request_target.h"
 
 namespace sightline {
 namespace {
