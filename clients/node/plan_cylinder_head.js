@@ -23,7 +23,7 @@ const RETRY_FOR_MS = 60_000;
 const FINISHED = ['SUCCEEDED', 'FAILED', 'CANCELLED'];
 
 const contract = protoLoader.loadSync('sightline/v1/planning_service.proto', {
-  includeDirs: [path.join(ROOT, 'proto')], keepCase: true, longs: String, enums: String,
+  includeDirs: [path.join(ROOT, 'proto')], keepCase: true, longs: String, enums: String, defaults: true,
 });
 const {PlanningService} = grpc.loadPackageDefinition(contract).sightline.v1;
 
