@@ -10,7 +10,9 @@
 #include <regex>
 #include <set>
 #include <sstream>
+#include <string_view>
 
+#include "absl/strings/ascii.h"
 #include "core/inspection/field_checks.h"
 #include "core/inspection/imaging.h"
 #include "core/inspection/inspection.h"
@@ -335,6 +337,27 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
   return set;
 }
 
+std::string NumberNullPlatePositions(const std::string& json) {
+  constexpr std::string_view kMember = "\"plate_position_id\"";
+  constexpr std::string_view kNull = "null";
+  std::string result;
+  size_t copied = 0;
+  const auto skip_space = [&](size_t at) {
+    while (at < json.size() && absl::ascii_isspace(static_cast<unsigned char>(json[at]))) ++at;
+    return at;
+  };
+  // A quote inside a JSON string is preceded by a backslash, so this finds members only.
+  for (size_t at = json.find(kMember); at != std::string::npos; at = json.find(kMember, at + 1)) {
+    const size_t colon = skip_space(at + kMember.size());
+    if (colon >= json.size() || json[colon] != ':') continue;
+    const size_t value = skip_space(colon + 1);
+    if (json.compare(value, kNull.size(), kNull) != 0) continue;
+    absl::StrAppend(&result, json.substr(copied, value - copied), kNoPlatePosition);
+    copied = value + kNull.size();
+  }
+  return result + json.substr(copied);
+}
+
 absl::Status ReadRecordingsMessage(const std::string& path, v1::Recordings* message) {
   std::ifstream file(path, std::ios::binary);
   std::ostringstream text;
@@ -342,11 +365,7 @@ absl::Status ReadRecordingsMessage(const std::string& path, v1::Recordings* mess
   if (!file || !text) {
     return absl::NotFoundError(absl::StrCat(path, ": cannot be read: ", std::strerror(errno)));
   }
-  // A quote inside a JSON string is preceded by a backslash, so this matches members only.
-  static const std::regex null_position("\"plate_position_id\"\\s*:\\s*null\\b");
-  const std::string json = std::regex_replace(
-      text.str(), null_position, absl::StrCat("\"plate_position_id\": ", kNoPlatePosition));
-  return ParseStrictJson(json, path, message);
+  return ParseStrictJson(NumberNullPlatePositions(text.str()), path, message);
 }
 
 absl::StatusOr<RecordingSet> ReadRecordings(const std::string& path) {

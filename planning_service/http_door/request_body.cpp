@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "core/json/strict_json.h"
+#include "core/recordings/recordings.h"
 #include "planning_service/http/multipart_reader.h"
 #include "planning_service/task/planning_task.h"
 #include "proto/status/rpc_status.h"
@@ -50,7 +51,7 @@ absl::Status WithField(const absl::Status& status, const std::string& document,
 }
 
 absl::Status ParseTask(const std::string& json, v1::PlanningTask* task) {
-  return WithField(ParseStrictJson(json, "task", task), "task", "task.");
+  return WithField(ParseStrictJson(NumberNullPlatePositions(json), "task", task), "task", "task.");
 }
 
 // The rest of what `read` gives.
@@ -172,7 +173,7 @@ absl::Status ReadJsonBody(HttpExchange& exchange, bool may_be_empty,
   if (!json.ok()) return json.status();
   if (json->empty() && may_be_empty) return absl::OkStatus();
   if (type.empty()) return UnsupportedMediaType("application/json");
-  return WithField(ParseStrictJson(*json, "body", message), "body", "");
+  return WithField(ParseStrictJson(NumberNullPlatePositions(*json), "body", message), "body", "");
 }
 
 absl::StatusOr<JobFile> ReadFileBody(HttpExchange& exchange, PlanningJobs* jobs,

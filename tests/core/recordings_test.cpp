@@ -171,5 +171,16 @@ TEST(Recordings, SharedSetsRoundTrip) {
   EXPECT_GT(sets, 0);
 }
 
+TEST(NumberNullPlatePositions, ReplacesMembersThatAreNullOnly) {
+  EXPECT_EQ(NumberNullPlatePositions(R"({"plate_position_id" :
+ null, "a": "\"plate_position_id\": null", "plate_position_id": 3, "b": null})"),
+            R"({"plate_position_id" :
+ -2147483648, "a": "\"plate_position_id\": null", "plate_position_id": 3, "b": null})");
+  // No end in sight is no reason to fall over.
+  const std::string open = "\"plate_position_id\"" + std::string(8 << 20, ' ');
+  EXPECT_EQ(NumberNullPlatePositions(open), open);
+  EXPECT_EQ(NumberNullPlatePositions("\"plate_position_id\":"), "\"plate_position_id\":");
+}
+
 }  // namespace
 }  // namespace sightline
