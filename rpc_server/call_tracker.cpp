@@ -6,6 +6,7 @@
 #include <exception>
 #include <new>
 
+#include "core/trace/trace_context.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -17,11 +18,22 @@ absl::Status Draining() {
       absl::Milliseconds(500));
 }
 
+// Of the caller; one of its own where he has none, so that the lines of one call can be found
+// together.
+std::string TraceparentOf(const grpc::ServerContext& context) {
+  const auto& metadata = context.client_metadata();
+  const auto found = metadata.find(kTraceparentKey);
+  const std::string given =
+      found == metadata.end() ? "" : ValidTraceparent({found->second.data(), found->second.size()});
+  return given.empty() ? NewTraceparent() : given;
+}
+
 }  // namespace
 
 grpc::Status CallTracker::Run(const std::string& method, grpc::ServerContext* context,
                               const std::function<absl::Status()>& call) {
   const absl::Time start = absl::Now();
+  const ScopedTrace trace(TraceparentOf(*context));
   AddInFlight(1);
   absl::Status status;
   // Counted before it is tested, so that a drain either sees this call or refuses it.

@@ -110,7 +110,7 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
     } catch (const std::exception& e) {
       return absl::UnavailableError(absl::StrCat("--metrics-port: cannot listen on ", bind));
     }
-    exposer_->RegisterCollectable(metrics_->registry());
+    exposer_->RegisterCollectable(metrics_->collectable());
     const std::vector<int> ports = exposer_->GetListeningPorts();
     metrics_port_ = ports.empty() ? 0 : ports.front();
   }

@@ -3,6 +3,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
 #include <unistd.h>
@@ -11,6 +12,9 @@
 #include <cerrno>
 #include <cstdio>
 #include <thread>
+
+#include "core/trace/trace_context.h"
+#include "rpc_server/health_check.h"
 
 namespace sightline {
 namespace {
@@ -54,11 +58,30 @@ StopCause WaitForStop(int parent_fd) {
   }
 }
 
+// "trace_id=... " of the request that the thread works on, where it works on one.
+class TraceFlag final : public spdlog::custom_flag_formatter {
+ public:
+  void format(const spdlog::details::log_msg&, const std::tm&,
+              spdlog::memory_buf_t& line) override {
+    const std::string_view trace_id = TraceIdOf(CurrentTraceparent());
+    if (trace_id.empty()) return;
+    for (const std::string_view part :
+         {std::string_view("trace_id="), trace_id, std::string_view(" ")}) {
+      line.append(part.data(), part.data() + part.size());
+    }
+  }
+  std::unique_ptr<custom_flag_formatter> clone() const override {
+    return spdlog::details::make_unique<TraceFlag>();
+  }
+};
+
 void StartLogging(const std::string& name, const std::string& level) {
   auto logger = spdlog::stderr_logger_mt(name);
   // key=value all through, for machines.
-  logger->set_pattern("time=%Y-%m-%dT%H:%M:%S.%eZ level=%l pid=%P %v",
-                      spdlog::pattern_time_type::utc);
+  auto formatter = std::make_unique<spdlog::pattern_formatter>(spdlog::pattern_time_type::utc);
+  formatter->add_flag<TraceFlag>('*').set_pattern(
+      "time=%Y-%m-%dT%H:%M:%S.%eZ level=%l pid=%P %*%v");
+  logger->set_formatter(std::move(formatter));
   logger->set_level(spdlog::level::from_str(level));
   logger->flush_on(spdlog::level::debug);
   spdlog::set_default_logger(std::move(logger));
@@ -74,11 +97,13 @@ void AddBytesOption(CLI::App& app, const char* name, int64_t* value, const char*
 }
 
 int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOptions* options) {
+  if (const std::optional<int> code = MaybeCheckHealth(argc, argv)) return *code;
   options->metrics_port = 0;
   double drain_seconds = 30;
   int parent_fd = -1;
   std::string log_level = "info";
   CLI::App app(program.description, program.name);
+  if (!program.version.empty()) app.set_version_flag("--version", program.version);
   app.add_option("--listen", options->listen, "unix:PATH or HOST:PORT (port 0: any free one)")
       ->required();
   program.add_options(app);
@@ -107,6 +132,10 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
       ->capture_default_str();
   app.add_option("--parent-fd", parent_fd,
                  "Read end of a pipe; the server ends when its other end is closed");
+  std::string ignored;  // read above; here for --help
+  app.add_option("--health-check", ignored,
+                 "Ask the server at this address whether it serves, and end: exit code 0 if so. "
+                 "With --tls-cert and --tls-key by TLS");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

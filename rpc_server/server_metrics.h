@@ -1,6 +1,7 @@
 // Prometheus metrics that every server has.
 #pragma once
 
+#include <prometheus/collectable.h>
 #include <prometheus/counter.h>
 #include <prometheus/gauge.h>
 #include <prometheus/histogram.h>
@@ -17,11 +18,14 @@ namespace sightline {
 class ServerMetrics {
  public:
   ServerMetrics();
+  virtual ~ServerMetrics() = default;
 
   void CountRequest(const std::string& method, const std::string& code, absl::Duration latency);
   void SetInFlight(int64_t calls);
 
   std::shared_ptr<prometheus::Registry> registry() const { return registry_; }
+  // What is asked on every scrape: the registry, unless a server must look things up first.
+  virtual std::shared_ptr<prometheus::Collectable> collectable() { return registry_; }
   // A gauge without labels.
   prometheus::Gauge& AddGauge(const std::string& name, const std::string& help);
 

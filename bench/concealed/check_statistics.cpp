@@ -12,8 +12,8 @@
 #include <vector>
 
 #include "bench/concealed/truth_file.h"
-#include "render_worker/diagnosis/fit.h"
-#include "render_worker/diagnosis/set_model.h"
+#include "render_worker/diagnosis/fit/fit.h"
+#include "render_worker/diagnosis/fit/set_model.h"
 
 namespace sightline::bench {
 namespace {

@@ -13,9 +13,9 @@
 #include "bench/concealed/equivalents.h"
 #include "bench/concealed/rig_design.h"
 #include "bench/concealed/variant_laws.h"
-#include "render_worker/diagnosis/recorded_set.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/plate_frames.h"
+#include "render_worker/recordings/recorded_set.h"
 
 namespace sightline::bench {
 namespace {

@@ -21,13 +21,13 @@
 #include "bench/concealed/truth_file.h"
 #include "bench/concealed/variant_laws.h"
 #include "core/random/counter_random.h"
-#include "render_worker/diagnosis/expected_frame.h"
-#include "render_worker/diagnosis/power.h"
-#include "render_worker/diagnosis/recorded_set.h"
-#include "render_worker/diagnosis/recording_scatter.h"
+#include "render_worker/diagnosis/expectation/expected_frame.h"
+#include "render_worker/diagnosis/fit/power.h"
+#include "render_worker/diagnosis/random_effect/recording_scatter.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/image_file/image_file.h"
 #include "render_worker/recordings/plate_frames.h"
+#include "render_worker/recordings/recorded_set.h"
 
 namespace sightline::bench {
 namespace {

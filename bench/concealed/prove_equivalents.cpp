@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "bench/concealed/truth_file.h"
-#include "render_worker/diagnosis/power.h"
+#include "render_worker/diagnosis/fit/power.h"
 
 namespace sightline::bench {
 namespace {

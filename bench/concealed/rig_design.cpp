@@ -10,9 +10,9 @@
 
 #include "absl/strings/str_format.h"
 #include "core/random/counter_random.h"
-#include "render_worker/diagnosis/expected_frame.h"
-#include "render_worker/diagnosis/recorded_set.h"
+#include "render_worker/diagnosis/expectation/expected_frame.h"
 #include "render_worker/recordings/plate_frames.h"
+#include "render_worker/recordings/recorded_set.h"
 
 namespace sightline::bench {
 namespace {

@@ -5,8 +5,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
-#include "render_worker/diagnosis/recorded_set.h"
 #include "render_worker/effects/effect.h"
+#include "render_worker/recordings/recorded_set.h"
 
 namespace sightline::bench {
 

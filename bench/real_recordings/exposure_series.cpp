@@ -10,7 +10,7 @@
 #include <nlohmann/json.hpp>
 
 #include "bench/real_recordings/curve_fit.h"
-#include "render_worker/diagnosis/speckle_statistics.h"
+#include "render_worker/speckle/speckle_statistics.h"
 
 namespace sightline {
 namespace {

@@ -8,7 +8,7 @@
 #include <numbers>
 
 #include "bench/real_recordings/curve_fit.h"
-#include "render_worker/diagnosis/line_spread.h"
+#include "render_worker/diagnosis/expectation/line_spread.h"
 #include "render_worker/optics/pupil.h"
 
 namespace sightline {

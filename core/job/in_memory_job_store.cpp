@@ -17,6 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/job/job_store.h"
+#include "core/trace/trace_context.h"
 
 namespace sightline {
 namespace {
@@ -66,6 +67,7 @@ class InMemoryJobStore : public JobStore {
     job->number = next_number_++;
     job->fingerprint = fingerprint;
     job->work = std::move(work);
+    job->traceparent = CurrentTraceparent();
     job->record.kind = kind;
     job->record.request_id = request_id;
     job->record.job_id = NewId(kind);
@@ -126,6 +128,7 @@ class InMemoryJobStore : public JobStore {
     int64_t number = 0;
     std::string fingerprint;
     JobWork work;
+    std::string traceparent;  // of the request that made it
     JobRecord record;
     std::atomic<bool> cancelled{false};
   };
@@ -214,6 +217,7 @@ class InMemoryJobStore : public JobStore {
       lock.unlock();
       absl::StatusOr<std::string> result = absl::InternalError("no result");
       try {
+        const ScopedTrace trace(job->traceparent);
         Context context(*this, *job);
         result = work(context);
       } catch (const std::exception& e) {

@@ -244,6 +244,38 @@ absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const 
   return Load(bytes, format, unit, name, "");
 }
 
+absl::StatusOr<PointCloud> LoadPoints(const std::string& path) {
+  absl::StatusOr<std::string> bytes = ReadBytes(path);
+  if (!bytes.ok()) return bytes.status();
+  absl::StatusOr<RawMesh> raw = ReadPly(*bytes);
+  if (!raw.ok()) {
+    return absl::Status(raw.status().code(), absl::StrCat(path, ": ", raw.status().message()));
+  }
+  if (raw->positions.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": has no points"));
+  }
+  const auto first_bad = [&](const std::vector<Eigen::Vector3d>& vectors,
+                             const char* what) -> absl::Status {
+    const auto bad = [](const Eigen::Vector3d& v) { return !v.allFinite(); };
+    const auto first = std::find_if(vectors.begin(), vectors.end(), bad);
+    if (first == vectors.end()) return absl::OkStatus();
+    return absl::InvalidArgumentError(absl::StrCat(
+        path, ": point ", first - vectors.begin(), ": its ", what, " is not finite; of ",
+        vectors.size(), " points this is so for ", std::count_if(first, vectors.end(), bad)));
+  };
+  if (absl::Status status = first_bad(raw->positions, "position"); !status.ok()) return status;
+  if (absl::Status status = first_bad(raw->normals, "normal"); !status.ok()) return status;
+  PointCloud cloud;
+  cloud.positions_m = std::move(raw->positions);
+  if (raw->normals.size() == cloud.positions_m.size()) {
+    cloud.normals = std::move(raw->normals);
+    for (Eigen::Vector3d& normal : cloud.normals) {
+      if (const double length = normal.norm(); length > 0) normal /= length;
+    }
+  }
+  return cloud;
+}
+
 absl::Status WritePlyPoints(const std::string& path, const std::vector<Eigen::Vector3f>& points_m,
                             const std::vector<Eigen::Vector3f>& normals) {
   if (points_m.size() != normals.size()) {

@@ -27,6 +27,18 @@ absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit
 absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const std::string& format,
                                                 const std::string& unit, const std::string& name);
 
+// Points as a scanner delivers them.
+struct PointCloud {
+  std::vector<Eigen::Vector3d> positions_m;
+  std::vector<Eigen::Vector3d> normals;  // unit vectors; empty if the file has none
+};
+
+// Vertices of a PLY file (ASCII or binary) in metres, normals where it has nx, ny, nz.
+// INVALID_ARGUMENT names the file and, of a coordinate that is not finite, the index of the first
+// such point (counted from 0) and how many there are; also for a damaged file and one without
+// points. NOT_FOUND: no such file.
+absl::StatusOr<PointCloud> LoadPoints(const std::string& path);
+
 // Binary little-endian PLY of points with normals, metres. For planned point clouds.
 absl::Status WritePlyPoints(const std::string& path, const std::vector<Eigen::Vector3f>& points_m,
                             const std::vector<Eigen::Vector3f>& normals);

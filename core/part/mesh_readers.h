@@ -23,6 +23,8 @@ namespace sightline {
 // finite.
 struct RawMesh {
   std::vector<Eigen::Vector3d> positions;
+  // PLY only: nx, ny, nz of every vertex as they are in the file; empty if it has none.
+  std::vector<Eigen::Vector3d> normals;
   std::vector<std::array<uint32_t, 3>> triangles;
   // Index into material_names of every triangle. Empty without materials.
   std::vector<uint16_t> triangle_material;

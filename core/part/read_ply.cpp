@@ -181,13 +181,16 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
     if (element.name == "tristrips") {
       return absl::InvalidArgumentError("triangle strips are not supported: export faces");
     }
-    std::array<int, 3> axis_of = {-1, -1, -1};
+    std::array<int, 3> axis_of = {-1, -1, -1}, normal_axis_of = {-1, -1, -1};
     int list_of_face = -1;
     for (size_t k = 0; k < element.properties.size(); ++k) {
       const Property& property = element.properties[k];
       for (int axis = 0; axis < 3; ++axis) {
         if (!property.count_type && property.name == std::string(1, "xyz"[axis])) {
           axis_of[axis] = static_cast<int>(k);
+        }
+        if (!property.count_type && property.name == std::string({'n', "xyz"[axis]})) {
+          normal_axis_of[axis] = static_cast<int>(k);
         }
       }
       if (property.count_type &&
@@ -198,6 +201,8 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
     if (is_vertex && std::count(axis_of.begin(), axis_of.end(), -1) > 0) {
       return absl::InvalidArgumentError("vertices have no x, y and z");
     }
+    const bool has_normals =
+        is_vertex && std::count(normal_axis_of.begin(), normal_axis_of.end(), -1) == 0;
     if (is_face && list_of_face < 0) {
       return absl::InvalidArgumentError("faces have no list vertex_indices");
     }
@@ -211,7 +216,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
     }
     if (element.count > body.Left()) return truncated(0);
     for (uint64_t i = 0; i < element.count; ++i) {
-      Eigen::Vector3d position = Eigen::Vector3d::Zero();
+      Eigen::Vector3d position = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
       for (size_t k = 0; k < element.properties.size(); ++k) {
         const Property& property = element.properties[k];
         double value = 0;
@@ -219,6 +224,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
           if (!body.Read(property.type, &value)) return truncated(i);
           for (int axis = 0; axis < 3; ++axis) {
             if (axis_of[axis] == static_cast<int>(k)) position[axis] = value;
+            if (normal_axis_of[axis] == static_cast<int>(k)) normal[axis] = value;
           }
           continue;
         }
@@ -251,6 +257,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
         }
       }
       if (is_vertex) mesh.positions.push_back(position);
+      if (has_normals) mesh.normals.push_back(normal);
     }
     vertices_read = vertices_read || is_vertex;
   }

@@ -348,6 +348,7 @@ class Check {
       Error(absl::StrCat("is clipped at ", top, ": ", narrow,
                          "-bit data, but camera.bit_depth_bit is ", bits, "; record raw numbers"),
             absl::StrCat(narrow, "-bit data"), files);
+      result_.narrow = {narrow, 0, std::pow(2.0, narrow - bits)};
       narrow_ = true;
       return;
     }
@@ -357,6 +358,7 @@ class Check {
                          1 << narrow, " values of ", narrow,
                          "-bit data stretched to it: record raw numbers"),
             "", {});
+      result_.narrow = {narrow, bits - narrow, std::pow(2.0, narrow - bits)};
       narrow_ = true;
       return;
     }
@@ -504,6 +506,12 @@ class Check {
     if (known.empty()) return;
     median_ratio_ = Median(known);
     const int bits = set_.camera.bit_depth_bit;
+    // Lower bits clipped above rather than upper bits: the light is as bright as described.
+    if (result_.narrow && result_.narrow->repeated_bit == 0 &&
+        std::abs(std::log(median_ratio_)) <
+            std::abs(std::log(median_ratio_ / result_.narrow->gain_factor))) {
+      result_.narrow->gain_factor = 1;
+    }
     // 8-bit data that is clipped nowhere: light and dark level both too small by the same factor.
     for (int narrow = 8; narrow < bits && !narrow_ && !out_of_range_; ++narrow) {
       const double factor = std::pow(2.0, narrow - bits);
@@ -516,6 +524,7 @@ class Check {
                             "record raw numbers",
                             median_ratio_, (1 << narrow) - 1, narrow, bits),
             "", {});
+      result_.narrow = {narrow, 0, factor};
       narrow_ = true;
     }
     if (narrow_ || out_of_range_) return;
@@ -828,6 +837,28 @@ class Check {
 RecordingCheck CheckRecordings(const RecordingSet& set,
                                const std::vector<Image<uint16_t>>& raw_dn) {
   return Check(set, raw_dn).Run();
+}
+
+NarrowNumbers EightBitNumbers(const Sensor& camera) {
+  return {8, 0, std::pow(2.0, 8 - camera.bit_depth_bit)};
+}
+
+std::string TakeNarrowNumbers(const NarrowNumbers& narrow, RecordingSet* set,
+                              std::vector<Image<uint16_t>>* raw_dn) {
+  Sensor& camera = set->camera;
+  const std::string warning = absl::StrFormat(
+      "camera.bit_depth_bit is %d, but all images hold %d-bit numbers: they are taken as such, "
+      "gain "
+      "and black level %s; their rounding hides what changes less than a step",
+      camera.bit_depth_bit, narrow.bit_depth_bit,
+      narrow.gain_factor == 1 ? "as described" : absl::StrFormat("times %.4g", narrow.gain_factor));
+  camera.bit_depth_bit = narrow.bit_depth_bit;
+  camera.gain_dn_per_electron *= narrow.gain_factor;
+  camera.black_level_dn *= narrow.gain_factor;
+  for (Image<uint16_t>& image : *raw_dn) {
+    for (uint16_t& value : image.values) value >>= narrow.repeated_bit;
+  }
+  return warning;
 }
 
 std::vector<std::string> LeaveOutWithoutLine(const RecordingCheck& check, RecordingSet* set,

@@ -2,6 +2,7 @@
 // that are not raw, recordings that are not what they are said to be.
 #pragma once
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -19,18 +20,34 @@ struct RecordingState {
   std::vector<std::string> remarks;  // errors and warnings about this recording, short
 };
 
+// All images hold numbers of fewer bits than the camera is said to have.
+struct NarrowNumbers {
+  int bit_depth_bit = 8;
+  int repeated_bit = 0;    // upper bits that are repeated below the number, to be shifted out
+  double gain_factor = 1;  // gain and black level of these numbers over those described
+};
+
 // Messages name file, field and reason.
 struct RecordingCheck {
   std::vector<std::string> errors;    // cannot be used
   std::vector<std::string> warnings;  // suspicious, or what the set is too small to say
   std::vector<RecordingState> recordings;
-  std::vector<int> without_line;  // laser recordings that should show it; among the errors
+  std::vector<int> without_line;        // laser recordings that should show it; among the errors
+  std::optional<NarrowNumbers> narrow;  // can be taken as such; among the errors until they are
 };
 
 // `raw_dn`: one image for every recording; an empty one could not be read and is passed over.
 // Physical effects (a bent response, glare, drift, stuck bits, ...) are no bad input: at most
 // warnings.
 RecordingCheck CheckRecordings(const RecordingSet& set, const std::vector<Image<uint16_t>>& raw_dn);
+
+// Files of 8 bits from a camera that has more: its upper bits.
+NarrowNumbers EightBitNumbers(const Sensor& camera);
+
+// Describes the camera by the bits that the numbers have, so that their rounding is in the model,
+// and says so as a warning. The set is to be checked again.
+std::string TakeNarrowNumbers(const NarrowNumbers& narrow, RecordingSet* set,
+                              std::vector<Image<uint16_t>>* raw_dn);
 
 // Takes recordings without a line out of a set if they are at most a tenth of its laser recordings
 // and in no burst, so that the others can still be used. What was left out and why, as warnings;

@@ -78,7 +78,6 @@ bool ReadPng(std::FILE* file, std::array<char, 128>* message, PngHeader* header,
 
 // What ReadPng reads into, or why not.
 struct PngImage {
-  int bit_depth_bit = 0;
   std::string refused;
   Image<uint16_t> wide;
   std::vector<uint8_t> narrow;
@@ -93,9 +92,9 @@ png_bytep* BeginPng(const PngHeader& header, void* context) {
                     : header.colour_type == PNG_COLOR_TYPE_PALETTE  ? "has a palette"
                                                                     : "is a colour image";
     image.refused += ", must be greyscale with the numbers as read out (no demosaicing)";
-  } else if (header.bits != 16 && (header.bits != 8 || image.bit_depth_bit > 8)) {
-    image.refused = absl::StrCat("has ", header.bits, " bits a pixel, but camera.bit_depth_bit is ",
-                                 image.bit_depth_bit, ": record raw numbers in 16-bit files");
+  } else if (header.bits != 16 && header.bits != 8) {
+    image.refused =
+        absl::StrCat("has ", header.bits, " bits a pixel: record raw numbers in 16-bit files");
   } else if (header.columns > kMaxSidePx || header.rows > kMaxSidePx) {
     image.refused = absl::StrCat("is ", header.columns, " x ", header.rows, " px, too large");
   }
@@ -110,10 +109,8 @@ png_bytep* BeginPng(const PngHeader& header, void* context) {
   return image.rows.data();
 }
 
-absl::StatusOr<Image<uint16_t>> LoadPng(std::FILE* file, const std::string& path,
-                                        int bit_depth_bit) {
+absl::StatusOr<Image<uint16_t>> LoadPng(std::FILE* file, const std::string& path, int* file_bits) {
   PngImage image;
-  image.bit_depth_bit = bit_depth_bit;
   PngHeader header;
   std::array<char, 128> message{};
   const bool ok = ReadPng(file, &message, &header, BeginPng, &image);
@@ -124,14 +121,14 @@ absl::StatusOr<Image<uint16_t>> LoadPng(std::FILE* file, const std::string& path
     return absl::InvalidArgumentError(
         absl::StrCat(path, ": is damaged: ", std::string(message.data())));
   }
+  *file_bits = header.bits;
   for (size_t i = 0; i < image.narrow.size(); ++i) image.wide.values[i] = image.narrow[i];
   return std::move(image.wide);
 }
 
-}  // namespace
-
-absl::StatusOr<Image<uint16_t>> LoadRawImage(const std::string& path, int bit_depth_bit,
-                                             const RawImageReader& read_other) {
+// `file_bits`: 8 or 16, of PNG files.
+absl::StatusOr<Image<uint16_t>> LoadImage(const std::string& path, const RawImageReader& read_other,
+                                          int* file_bits) {
   std::error_code ignored;
   const File file(std::fopen(path.c_str(), "rb"), std::fclose);
   if (file == nullptr || std::filesystem::is_directory(path, ignored)) {
@@ -144,7 +141,7 @@ absl::StatusOr<Image<uint16_t>> LoadRawImage(const std::string& path, int bit_de
   if (size == 0) return absl::InvalidArgumentError(absl::StrCat(path, ": is empty"));
   switch (TypeOf({head.data(), size})) {
     case FileType::kPng:
-      return LoadPng(file.get(), path, bit_depth_bit);
+      return LoadPng(file.get(), path, file_bits);
     case FileType::kTiff:
       if (read_other) return read_other(path);
       return absl::InvalidArgumentError(
@@ -161,18 +158,38 @@ absl::StatusOr<Image<uint16_t>> LoadRawImage(const std::string& path, int bit_de
       absl::StrCat(path, ": is neither a PNG nor a TIFF file, must be 16-bit greyscale"));
 }
 
-std::vector<Image<uint16_t>> LoadRecordedImages(const RecordingSet& set,
-                                                const std::vector<std::string>& paths,
-                                                const RawImageReader& read_other,
-                                                std::vector<std::string>* errors) {
-  std::vector<Image<uint16_t>> images(set.recordings.size());
+}  // namespace
+
+absl::StatusOr<Image<uint16_t>> LoadRawImage(const std::string& path, int bit_depth_bit,
+                                             const RawImageReader& read_other) {
+  int file_bits = 16;
+  auto image = LoadImage(path, read_other, &file_bits);
+  if (image.ok() && file_bits == 8 && bit_depth_bit > 8) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": has 8 bits a pixel, but the camera has ", bit_depth_bit,
+                     ": record raw numbers in 16-bit files"));
+  }
+  return image;
+}
+
+LoadedImages LoadRecordedImages(const RecordingSet& set, const std::vector<std::string>& paths,
+                                const RawImageReader& read_other) {
+  LoadedImages loaded;
+  std::vector<Image<uint16_t>>& images = loaded.raw_dn;
+  std::vector<std::string>* const errors = &loaded.errors;
+  images.resize(set.recordings.size());
+  std::vector<std::string> narrow;
   for (size_t i = 0; i < images.size(); ++i) {
     const RecordedImage& recording = set.recordings[i];
     if (i >= paths.size()) {
       errors->push_back(absl::StrCat(recording.file, ": recordings[", i, "].file is missing"));
       continue;
     }
-    auto image = LoadRawImage(paths[i], set.camera.bit_depth_bit, read_other);
+    int file_bits = 16;
+    auto image = LoadImage(paths[i], read_other, &file_bits);
+    if (image.ok() && file_bits == 8 && set.camera.bit_depth_bit > 8) {
+      narrow.push_back(recording.file);
+    }
     if (absl::IsNotFound(image.status())) {
       errors->push_back(absl::StrCat(recording.file, ": recordings[", i,
                                      "].file is missing: ", image.status().message()));
@@ -188,7 +205,16 @@ std::vector<Image<uint16_t>> LoadRecordedImages(const RecordingSet& set,
       images[i] = *std::move(image);
     }
   }
-  return images;
+  // Of one camera all or none.
+  if (!narrow.empty() && narrow.size() == images.size()) {
+    loaded.eight_bit_files = true;
+  } else if (!narrow.empty()) {
+    errors->push_back(absl::StrCat(
+        narrow.front(), ": has 8 bits a pixel, but others have 16",
+        narrow.size() > 1 ? absl::StrCat(" (like ", narrow.size() - 1, " more)") : std::string(),
+        ": record raw numbers of camera.bit_depth_bit = ", set.camera.bit_depth_bit));
+  }
+  return loaded;
 }
 
 }  // namespace sightline

@@ -21,12 +21,17 @@ using RawImageReader = std::function<absl::StatusOr<Image<uint16_t>>(const std::
 absl::StatusOr<Image<uint16_t>> LoadRawImage(const std::string& path, int bit_depth_bit,
                                              const RawImageReader& read_other = {});
 
+struct LoadedImages {
+  // One for every recording, in the same order; empty if it cannot be used.
+  std::vector<Image<uint16_t>> raw_dn;
+  std::vector<std::string> errors;  // name file, field and reason
+  // Numbers of all images fit into 8 bits and the files have no more, though the camera has.
+  bool eight_bit_files = false;
+};
+
 // One image for every recording, from `paths` in the same order; size as the region of interest
-// says. Images that cannot be used are empty and add a message to `errors` that names file, field
-// and reason.
-std::vector<Image<uint16_t>> LoadRecordedImages(const RecordingSet& set,
-                                                const std::vector<std::string>& paths,
-                                                const RawImageReader& read_other,
-                                                std::vector<std::string>* errors);
+// says.
+LoadedImages LoadRecordedImages(const RecordingSet& set, const std::vector<std::string>& paths,
+                                const RawImageReader& read_other);
 
 }  // namespace sightline

@@ -83,6 +83,13 @@ struct CylinderBody {
 // the image rows.
 using Body = std::variant<BoxBody, CylinderBody>;
 
+// How a part lies that is not where its holder should have it. A point x of the part is where the
+// rig would place the point  rotation (x - centre_m)  from the centre that its offsets refer to.
+struct PartPlacement {
+  Eigen::Matrix3d rotation = Eigen::Matrix3d::Identity();
+  Eigen::Vector3d centre_m = Eigen::Vector3d::Zero();  // part coordinates
+};
+
 struct Rig {
   Camera camera;
   std::optional<Lens> lens;
@@ -92,6 +99,8 @@ struct Rig {
   double max_range_m = 1.5;
   std::vector<Body> camera_bodies = {BoxBody{{0, 0, -0.06}, {0.06, 0.06, 0.12}}};
   std::vector<Body> laser_bodies = {BoxBody{{0, 0, -0.06}, {0.04, 0.04, 0.12}}};
+  // Unset: not turned, about the centre of its bounding box.
+  std::optional<PartPlacement> part_placement;
 };
 
 }  // namespace sightline

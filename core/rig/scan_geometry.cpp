@@ -56,6 +56,7 @@ ScanGeometry MakeScanGeometry(const Rig& rig, const Measurement& m) {
                      Eigen::AngleAxisd(m.part_beta_rad, Eigen::Vector3d::UnitY()) *
                      Eigen::AngleAxisd(m.part_alpha_rad, Eigen::Vector3d::UnitX()))
                         .toRotationMatrix();
+  if (rig.part_placement) g.part_rotation = g.part_rotation * rig.part_placement->rotation;
   g.part_offset_m = Eigen::Vector3d(0, m.offset_y_m, m.offset_z_m);
   return g;
 }

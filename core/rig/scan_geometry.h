@@ -3,7 +3,8 @@
 //
 // World: x is the stage direction, z up; camera and laser look at the origin.
 //   X_world = R_z(gamma) R_y(beta) R_x(alpha) (X_part - part_centre) + (s, offset_y, offset_z)
-// with s the stage position.
+// with s the stage position. A placement of the part (Rig::part_placement) turns it before
+// R_x(alpha) and says what part_centre is.
 #pragma once
 
 #include <Eigen/Core>

@@ -34,7 +34,8 @@ class CoverageSceneImpl final : public CoverageScene {
  public:
   explicit CoverageSceneImpl(SceneDefinition definition)
       : definition_(std::move(definition)),
-        part_centre_m_(definition_.part.BoundingBox().center()),
+        part_centre_m_(definition_.rig.part_placement ? definition_.rig.part_placement->centre_m
+                                                      : definition_.part.BoundingBox().center()),
         domain_(ThesisDomain()) {}
 
   absl::Status Init(const SceneBuildOptions& options) {

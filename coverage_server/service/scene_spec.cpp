@@ -5,6 +5,7 @@
 #include <openssl/evp.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
@@ -47,6 +48,26 @@ std::string DeterministicBytes(const google::protobuf::Message& message) {
 // Degrees do not survive the way through radians and back bit by bit: 1e-9 degrees is what counts.
 double RoundDegrees(double degrees) { return std::round(degrees * 1e9) / 1e9; }
 
+absl::StatusOr<PartPlacement> ParsePlacement(const v1::PartPlacement& message) {
+  const auto vector = [](const v1::Vector3& v) { return Eigen::Vector3d(v.x(), v.y(), v.z()); };
+  PartPlacement placement;
+  placement.centre_m = vector(message.centre_m());
+  const Eigen::Vector3d rotation = vector(message.rotation_rad());
+  constexpr double kFarthest_m = 10;
+  if (!(placement.centre_m.cwiseAbs().array() <= kFarthest_m).all()) {
+    return InvalidFields({{"spec.part_placement.centre_m", "every coordinate in [-10, 10] m"}});
+  }
+  const double angle = rotation.norm();
+  if (!(angle <= std::numbers::pi)) {
+    return InvalidFields({{"spec.part_placement.rotation_rad",
+                           absl::StrCat("is ", angle, " long, must be at most pi")}});
+  }
+  if (angle > 0) {
+    placement.rotation = Eigen::AngleAxisd(angle, rotation / angle).toRotationMatrix();
+  }
+  return placement;
+}
+
 // Rig, sampling and uncertainty of a spec whose own fields were checked. INVALID_ARGUMENT.
 absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
   absl::StatusOr<Rig> parsed_rig = ParseRig(
@@ -60,6 +81,11 @@ absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
   }
   parsed->rig = *std::move(parsed_rig);
   parsed->sampling = *std::move(parsed_sampling);
+  if (spec.has_part_placement()) {
+    absl::StatusOr<PartPlacement> placement = ParsePlacement(spec.part_placement());
+    if (!placement.ok()) return placement.status();
+    parsed->rig.part_placement = *std::move(placement);
+  }
   if (!spec.has_uncertainty()) return absl::OkStatus();
   absl::StatusOr<UncertaintyModel> uncertainty = ParseUncertainty(spec.uncertainty(), "spec");
   if (!uncertainty.ok()) {
@@ -145,6 +171,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
       }
     }
   }
+  if (spec.has_part_placement()) *normalised.mutable_part_placement() = spec.part_placement();
   parsed.digest = Sha256Hex(DeterministicBytes(normalised));
   // What is built depends on the normal form alone: same digest, same scene, bit by bit.
   if (absl::Status status = ParseSettings(normalised, &parsed); !status.ok()) return status;

@@ -5,10 +5,12 @@
 
 namespace sightline {
 
-int CoverageServerMain(int argc, char** argv, const CoverageBackend& backend) {
+int CoverageServerMain(int argc, char** argv, const CoverageBackend& backend,
+                       const std::string& version) {
   CoverageServerOptions options;
   ServerProgram program;
   program.name = "coverage_server";
+  program.version = version;
   program.description = "Coverage of parts by linear laser scans, served by gRPC.";
   program.add_options = [&options](CLI::App& app) {
     app.add_option("--threads", options.threads, "Queries at a time; 0: one per core")

@@ -1,13 +1,17 @@
 // Command line, signals and life of a coverage server process.
 #pragma once
 
+#include <string>
+
 #include "coverage_server/service/coverage_backend.h"
 
 namespace sightline {
 
 // `coverage_server --listen unix:PATH | HOST:PORT [options]`. Prints one line "listening on
 // ADDRESS" to stdout when it serves; logs to stderr. SIGTERM and SIGINT drain, a second one ends at
-// once. Returns the exit code: 0 ended as asked, 1 failed while running, 2 wrong arguments.
-int CoverageServerMain(int argc, char** argv, const CoverageBackend& backend);
+// once. `version`: what --version prints. Returns the exit code: 0 ended as asked, 1 failed while
+// running, 2 wrong arguments.
+int CoverageServerMain(int argc, char** argv, const CoverageBackend& backend,
+                       const std::string& version = "");
 
 }  // namespace sightline

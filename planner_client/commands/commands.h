@@ -18,6 +18,8 @@ Command AddOpticsCommand(CLI::App& app);
 Command AddDiagnoseCommand(CLI::App& app);
 Command AddRecordingsCommand(CLI::App& app);
 Command AddVerifyCommand(CLI::App& app);
+Command AddExploreCommand(CLI::App& app);
 Command AddServeCommand(CLI::App& app);
+Command AddBackupCommand(CLI::App& app);
 
 }  // namespace sightline

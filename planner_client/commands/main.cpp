@@ -4,6 +4,8 @@
 #include <utility>
 #include <vector>
 
+#include "core/trace/trace_context.h"
+#include "core/version/version.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/parent_watch.h"
@@ -11,7 +13,7 @@
 
 int main(int argc, char** argv) {
   CLI::App app{"Sightline plans machine-vision inspection by simulation."};
-  app.set_version_flag("--version", SIGHTLINE_VERSION);
+  app.set_version_flag("--version", sightline::VersionText("sightline"));
   app.require_subcommand(1);
   std::string progress = "text";
   app.add_option("--progress", progress,
@@ -21,6 +23,11 @@ int main(int argc, char** argv) {
   int parent_fd = -1;
   app.add_option("--parent-fd", parent_fd,
                  "read end of a pipe; the command ends when its other end is closed");
+  std::string traceparent;
+  app.add_option("--traceparent", traceparent,
+                 "W3C trace context of the request that this command is part of, for the logs of "
+                 "servers; default: a new one")
+      ->envname("TRACEPARENT");
   std::vector<std::pair<CLI::App*, sightline::Command>> commands;
   const auto add = [&](const char* name, const char* description, auto&& add_command) {
     CLI::App* subcommand = app.add_subcommand(name, description);
@@ -36,14 +43,21 @@ int main(int argc, char** argv) {
   add("recordings", "shot list for recordings, and their check", sightline::AddRecordingsCommand);
   add("verify", "recordings of a plate next to their simulation", sightline::AddVerifyCommand);
   add("diagnose", "what the description of recordings leaves out", sightline::AddDiagnoseCommand);
+  add("explore", "scans by hand on a local web page: their gain and what the camera would record",
+      sightline::AddExploreCommand);
   add("serve", "planning jobs for remote clients: gRPC, HTTP and a web page",
       sightline::AddServeCommand);
+  add("backup", "copy of the planning service's data folder, while it runs",
+      sightline::AddBackupCommand);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
     return app.exit(error) == 0 ? sightline::kExitDone : sightline::kExitWrongInput;
   }
   if (progress == "json") sightline::UseJsonProgress();
+  // One that is not valid counts as none, as the specification has it.
+  traceparent = sightline::ValidTraceparent(traceparent);
+  sightline::SetProcessTraceparent(traceparent.empty() ? sightline::NewTraceparent() : traceparent);
   if (parent_fd >= 0) {
     if (absl::Status watched = sightline::EndWithParent(parent_fd); !watched.ok()) {
       return sightline::ReportError(watched);

@@ -36,6 +36,7 @@ struct RenderOptions {
   bool layers = false, demosaic = false, no_speckle = false;
   std::string format = "png";
   std::string checkpoint;
+  std::string part;
   WorkerSessionOptions worker;
 };
 
@@ -138,7 +139,24 @@ absl::StatusOr<v1::RenderSpec> PlateSpec(const RenderOptions& options) {
   return spec;
 }
 
+// "2/8": from 1.
+absl::Status ParsePart(const RenderOptions& options, int* part, int* count) {
+  if (options.part.empty()) return absl::OkStatus();
+  const std::vector<std::string> numbers = absl::StrSplit(options.part, '/');
+  if (numbers.size() != 2 || !absl::SimpleAtoi(numbers[0], part) ||
+      !absl::SimpleAtoi(numbers[1], count) || *part < 1 || *count < *part) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--part ", options.part, ": must be K/N, number K of N parts, from 1/N to N/N"));
+  }
+  if (!options.checkpoint.empty()) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      "--part needs --checkpoint: by it the run after all parts knows what they made");
+}
+
 absl::StatusOr<int> Render(const RenderOptions& options) {
+  int part = 1;
+  int part_count = 1;
+  if (absl::Status s = ParsePart(options, &part, &part_count); !s.ok()) return s;
   absl::StatusOr<std::string> text = ReadFile(options.choice.input);
   if (!text.ok()) return text.status();
   std::vector<AssetFile> assets;
@@ -158,6 +176,11 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   auto worker = StartWorkerSession(options.worker, &progress, &client);
   if (!worker.ok()) return worker.status();
   if (!options.checkpoint.empty()) client.checkpoint_file = options.checkpoint + "/finished_images";
+  if (part_count > 1) {
+    client.part = part - 1;
+    client.part_count = part_count;
+    absl::StrAppend(&client.checkpoint_file, ".", part, "-of-", part_count);
+  }
   std::vector<std::string> warnings;
   client.on_warning = [&](const std::string& warning) { warnings.push_back(warning); };
   auto files = RenderToFolder(client, *std::move(spec), assets, options.choice.out);
@@ -166,6 +189,10 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
   if (!files.ok()) return AboutInput(files.status(), options.choice.input);
+  if (part_count > 1) {
+    std::printf("part %d of %d is done\n", part, part_count);
+    return kExitDone;
+  }
   std::printf("%zu files: %s\n", files->size(),
               fs::absolute(fs::path(options.choice.out) / "recordings.json").c_str());
   return kExitDone;
@@ -196,6 +223,10 @@ Command AddRenderCommand(CLI::App& app) {
   app.add_option("--checkpoint", options->checkpoint,
                  "folder that lists which images are finished; the same command with the same "
                  "folders goes on with the others after the process was ended");
+  app.add_option("--part", options->part,
+                 "K/N: only number K of N parts of the images, for another process or machine each "
+                 "with the same --out and --checkpoint; the same command without --part, after all "
+                 "of them, makes what is left and recordings.json");
   AddWorkerOptions(app, &options->worker);
   app.add_option("--max-image-bytes", options->worker.max_image_bytes,
                  "memory of our own worker for one image, e.g. 16GB; default 8GB");

@@ -57,6 +57,14 @@ Eigen::Vector3d VectorFromProto(const v1::Vector3& vector) {
   return {vector.x(), vector.y(), vector.z()};
 }
 
+v1::Vector3 VectorToProto(const Eigen::Vector3d& vector) {
+  v1::Vector3 message;
+  message.set_x(vector.x());
+  message.set_y(vector.y());
+  message.set_z(vector.z());
+  return message;
+}
+
 Eigen::Vector3f VectorAt(const google::protobuf::RepeatedField<float>& field, int i) {
   return {field[3 * i], field[3 * i + 1], field[3 * i + 2]};
 }
@@ -109,6 +117,12 @@ class CoverageClientImpl final : public CoverageClient {
     }
     spec_.set_field_directions(task_.field_directions);
     if (task_.uncertainty) *spec_.mutable_uncertainty() = UncertaintyToProto(*task_.uncertainty);
+    if (task_.rig.part_placement) {
+      const Eigen::AngleAxisd turn(task_.rig.part_placement->rotation);
+      v1::PartPlacement& placement = *spec_.mutable_part_placement();
+      *placement.mutable_centre_m() = VectorToProto(task_.rig.part_placement->centre_m);
+      *placement.mutable_rotation_rad() = VectorToProto(turn.angle() * turn.axis());
+    }
     Connect();
   }
 
@@ -201,6 +215,8 @@ class CoverageClientImpl final : public CoverageClient {
                                                        bool after_each_scan,
                                                        std::span<const float> enough_m) override {
     const size_t count = targets.empty() ? targets_.size() : targets.size();
+    // What is asked after an interruption is for the plan that is kept.
+    const bool kept = options_.interrupted != nullptr && *options_.interrupted;
     PosteriorUncertainties result;
     absl::Status status = WithRetries([&](Connection& connection) -> absl::Status {
       result = {};
@@ -224,7 +240,7 @@ class CoverageClientImpl final : public CoverageClient {
         append(response.calibration_m(), result.calibration_m);
         append(response.points(), result.points);
         append(response.after_each_scan_m(), result.after_each_scan_m);
-        if (options_.interrupted != nullptr && *options_.interrupted) context.TryCancel();
+        if (!kept && options_.interrupted != nullptr && *options_.interrupted) context.TryCancel();
       }
       return FromGrpcStatus(reader->Finish());
     });

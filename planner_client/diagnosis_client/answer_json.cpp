@@ -71,6 +71,19 @@ Json AlsoPresent(const v1::Diagnosis& diagnosis) {
   return entries;
 }
 
+Json CheckJson(const v1::PredictiveCheck& check) {
+  Json json = {{"p_value", check.p_value()},
+               {"log_score_gain", check.log_score_gain()},
+               {"groups", Json::array()}};
+  for (const v1::PredictedGroup& group : check.groups()) {
+    json["groups"].push_back({{"name", group.name()},
+                              {"chi_squared", group.chi_squared()},
+                              {"degrees_of_freedom", group.degrees_of_freedom()},
+                              {"p_value", group.p_value()}});
+  }
+  return json;
+}
+
 }  // namespace
 
 std::string AnswerJson(const v1::Diagnosis& diagnosis) {
@@ -87,6 +100,10 @@ std::string AnswerJson(const v1::Diagnosis& diagnosis) {
     for (const int recording : held_out.recordings()) {
       answer["held_out_improvement"]["recordings"].push_back(recording);
     }
+  }
+  if (diagnosis.has_named_check()) {
+    answer["predictive_check"] = {{"null", CheckJson(diagnosis.null_check())},
+                                  {"named", CheckJson(diagnosis.named_check())}};
   }
   return answer.dump(2, ' ', false, Json::error_handler_t::replace) + "\n";
 }

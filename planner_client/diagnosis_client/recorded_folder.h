@@ -12,17 +12,22 @@ namespace sightline {
 
 struct RecordedFolder {
   std::string folder;
-  std::string description_file;   // path of its recordings.json
-  v1::Recordings recordings;      // valid
-  std::vector<AssetFile> images;  // of the recordings, in their order
+  std::string description_file;          // path of its recordings.json
+  v1::Recordings recordings;             // valid
+  std::vector<AssetFile> images;         // of the recordings, in their order
+  std::vector<std::string> assumptions;  // sentences on values that were not stated
 };
 
 enum class Shown { kPlate, kPlateOrPart };
+// What happens to values of a plate's description that are missing: an error, or
+// AssumeMissingValues.
+enum class MissingValues { kError, kAssume };
 
 // `path`: the folder or its recordings.json. NOT_FOUND: no description, or images are missing (all
 // are named); INVALID_ARGUMENT names file, field and reason; also for format version 2, a part, if
 // only a plate may be shown.
 absl::StatusOr<RecordedFolder> ReadRecordedFolder(const std::string& path,
-                                                  Shown shown = Shown::kPlateOrPart);
+                                                  Shown shown = Shown::kPlateOrPart,
+                                                  MissingValues missing = MissingValues::kError);
 
 }  // namespace sightline

@@ -7,8 +7,10 @@
 #include <array>
 #include <filesystem>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "planner_client/rpc_client/sha256.h"
 
@@ -55,30 +57,48 @@ bool IsImageLine(const json& line) {
   });
 }
 
+// The list itself first, if it is there, then the others in the order of their names.
+std::vector<fs::path> ListsLike(const std::string& file) {
+  const fs::path own(file);
+  std::vector<fs::path> lists;
+  std::error_code error;
+  for (auto entry = fs::directory_iterator(own.parent_path(), error);
+       !error && entry != fs::directory_iterator(); entry.increment(error)) {
+    if (absl::StartsWith(entry->path().filename().string(), own.filename().string())) {
+      lists.push_back(entry->path());
+    }
+  }
+  std::sort(lists.begin(), lists.end());
+  return lists;
+}
+
 }  // namespace
 
 absl::StatusOr<FinishedImages> FinishedImages::Open(const std::string& file,
                                                     const std::string& folder,
                                                     const v1::RenderSpec& spec) {
   FinishedImages finished;
-  const std::string request = RequestDigest(spec);
-  std::string kept = json({{"request", request}}).dump() + "\n";
-  const std::string start = kept;
-  {
-    std::ifstream list(file, std::ios::binary);
+  const std::string start = json({{"request", RequestDigest(spec)}}).dump() + "\n";
+  std::string kept = start;
+  std::set<int> seen;
+  for (const fs::path& path : ListsLike(file)) {
+    std::ifstream list(path, std::ios::binary);
     std::string text;
     std::getline(list, text);
     const bool same = list && text + "\n" == start;
     while (same && std::getline(list, text) && !list.eof()) {
       const json line = json::parse(text, nullptr, /*allow_exceptions=*/false);
       if (!IsImageLine(line)) break;
+      const int image = line["image"].get<int>();
       const bool whole =
+          !seen.contains(image) &&
           std::all_of(line["files"].begin(), line["files"].end(), [&](const json& entry) {
             return HasDigest(fs::path(folder) / entry[0].get<std::string>(),
                              entry[1].get<std::string>());
           });
       if (!whole) continue;
-      finished.images_.push_back(line["image"].get<int>());
+      seen.insert(image);
+      finished.images_.push_back(image);
       for (const json& entry : line["files"]) {
         finished.files_.push_back(entry[0].get<std::string>());
       }

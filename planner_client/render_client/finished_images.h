@@ -15,8 +15,9 @@ namespace sightline {
 // they answer.
 class FinishedImages {
  public:
-  // Reads the list at `file`. Of another request, or broken: begun anew. Images whose files are not
-  // in `folder` any more, or have other bytes, do not count. INTERNAL: the file cannot be written.
+  // Reads the list at `file`, and those of others beside it, whose names begin like it; it is
+  // written anew. What is of another request or broken does not count, nor do images whose files
+  // are not in `folder` any more or have other bytes. INTERNAL: the file cannot be written.
   static absl::StatusOr<FinishedImages> Open(const std::string& file, const std::string& folder,
                                              const v1::RenderSpec& spec);
 

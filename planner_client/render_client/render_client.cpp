@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <array>
 #include <cerrno>
 #include <cstdio>
 #include <cstring>
@@ -13,6 +14,7 @@
 #include <optional>
 #include <thread>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "planner_client/render_client/finished_images.h"
 #include "planner_client/rpc_client/sha256.h"
@@ -24,11 +26,21 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// In the names of files that are not complete.
+constexpr char kPartialMark[] = ".part-";
+
+// Processes of several machines may write into the same folder.
+std::string HostName() {
+  std::array<char, 256> name{};
+  return gethostname(name.data(), name.size() - 1) == 0 ? name.data() : "";
+}
+
 // A file under another name until it is complete.
 class PartialFile {
  public:
   explicit PartialFile(fs::path path)
-      : path_(std::move(path)), temporary_(absl::StrCat(path_.string(), ".part-", getpid())) {}
+      : path_(std::move(path)),
+        temporary_(absl::StrCat(path_.string(), kPartialMark, HostName(), "-", getpid())) {}
   ~PartialFile() {
     stream_.close();
     if (!committed_) std::remove(temporary_.c_str());
@@ -66,6 +78,19 @@ class PartialFile {
   bool committed_ = false;
 };
 
+// Of processes that were killed and go on here: nobody else works in the folder then.
+void RemovePartialFiles(const std::string& folder) {
+  std::error_code error;
+  std::vector<fs::path> partial;
+  for (auto entry = fs::recursive_directory_iterator(folder, error);
+       !error && entry != fs::recursive_directory_iterator(); entry.increment(error)) {
+    if (absl::StrContains(entry->path().filename().string(), kPartialMark)) {
+      partial.push_back(entry->path());
+    }
+  }
+  for (const fs::path& path : partial) fs::remove(path, error);
+}
+
 // File names come from the worker: none may leave the folder.
 bool StaysInFolder(const std::string& file) {
   const fs::path path(file);
@@ -91,10 +116,19 @@ class RenderCall {
   absl::StatusOr<std::vector<std::string>> Run(const std::string& folder) {
     constexpr char kInterrupted[] = "interrupted; finished images are kept";
     if (!options_.checkpoint_file.empty()) {
+      if (!IsPart()) RemovePartialFiles(folder);
       auto finished = FinishedImages::Open(options_.checkpoint_file, folder, spec_);
       if (!finished.ok()) return finished.status();
       finished_ = *std::move(finished);
       for (const int image : finished_->images()) {
+        spec_.mutable_output()->add_finished_images(image);
+      }
+    }
+    // For this part those of the others are as good as finished.
+    const int images = spec_.has_plate() ? spec_.plate().recordings().recordings_size()
+                                         : spec_.part().frames_size();
+    for (int image = 0; image < images; ++image) {
+      if (image % options_.part_count != options_.part) {
         spec_.mutable_output()->add_finished_images(image);
       }
     }
@@ -108,7 +142,7 @@ class RenderCall {
     if (!status.ok()) return call_.Explained(status, kInterrupted);
     const v1::Job& job = response.job();
     // Of an earlier run: it would vouch for images that are about to change.
-    std::remove((fs::path(folder) / "recordings.json").c_str());
+    if (!IsPart()) std::remove((fs::path(folder) / "recordings.json").c_str());
     absl::StatusOr<std::vector<std::string>> files = Receive(job, folder);
     if (files.ok()) return files;
     if (!absl::IsUnavailable(files.status())) call_.Cancel(job.job_id());
@@ -180,12 +214,18 @@ class RenderCall {
       if (hash.Hex() != header.sha256()) {
         return absl::DataLossError(absl::StrCat(header.file(), " was damaged on its way"));
       }
-      if (absl::Status status = file.Commit(); !status.ok()) return status;
+      // A set is whole where it has its description: that is for who runs after all parts.
+      const bool commits = !IsPart() || header.image() >= 0;
+      if (absl::Status status = commits ? file.Commit() : absl::OkStatus(); !status.ok()) {
+        return status;
+      }
       files->push_back(header.file());
       if (finished_) finished_->AddFile(header.image(), header.file(), header.sha256());
     }
     return absl::OkStatus();
   }
+
+  bool IsPart() const { return options_.part_count > 1; }
 
   const RenderClientOptions& options_;
   v1::RenderSpec spec_;

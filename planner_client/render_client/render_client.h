@@ -15,7 +15,13 @@ struct RenderClientOptions : WorkerClientOptions {
   std::function<void(const std::string& warning)> on_warning;
   // Where the images that are finished are listed; the same request with the same file and folder
   // makes only the others. Empty: nowhere.
+  // Images that are listed in other files of that folder, whose names begin like this one's, count
+  // as finished as well.
   std::string checkpoint_file;
+  // Makes only every `part_count`-th image, of number `part` (from 0) first, and no
+  // recordings.json.
+  int part = 0;
+  int part_count = 1;
 };
 
 // Uploads what the worker does not know, renders, and writes every file into `folder` once it is

@@ -1,15 +1,42 @@
 #include "planner_client/rpc_client/channel.h"
 
+#include <grpcpp/support/client_interceptor.h>
+
 #include <algorithm>
 #include <chrono>
+#include <memory>
 #include <random>
+#include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/trace/trace_context.h"
 
 namespace sightline {
 namespace {
 
 constexpr int kMaxMessageBytes = 64 << 20;
+
+// Tells servers which request a call belongs to.
+class TraceInterceptor final : public grpc::experimental::Interceptor {
+ public:
+  void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {
+    if (methods->QueryInterceptionHookPoint(
+            grpc::experimental::InterceptionHookPoints::PRE_SEND_INITIAL_METADATA) &&
+        !CurrentTraceparent().empty()) {
+      methods->GetSendInitialMetadata()->emplace(kTraceparentKey, CurrentTraceparent());
+    }
+    methods->Proceed();
+  }
+};
+
+class TraceInterceptorFactory final : public grpc::experimental::ClientInterceptorFactoryInterface {
+ public:
+  grpc::experimental::Interceptor* CreateClientInterceptor(
+      grpc::experimental::ClientRpcInfo*) override {
+    return new TraceInterceptor();  // gRPC owns it
+  }
+};
 
 }  // namespace
 
@@ -32,7 +59,10 @@ std::shared_ptr<grpc::Channel> OpenChannel(const ServerAccess& access) {
     ssl.pem_cert_chain = access.tls_certificate;
     credentials = grpc::SslCredentials(ssl);
   }
-  return grpc::CreateCustomChannel(access.Address(), credentials, arguments);
+  std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> interceptors;
+  interceptors.push_back(std::make_unique<TraceInterceptorFactory>());
+  return grpc::experimental::CreateCustomChannelWithInterceptors(
+      access.Address(), credentials, arguments, std::move(interceptors));
 }
 
 void SetTimeout(grpc::ClientContext* context, absl::Duration timeout) {

@@ -26,7 +26,8 @@ struct ServerAccess {
   const std::string& Address() const { return embedded != nullptr ? embedded->address() : address; }
 };
 
-// Finds a server that was restarted quickly; does not try calls again by itself.
+// Finds a server that was restarted quickly; does not try calls again by itself. Calls carry the
+// CurrentTraceparent() of the thread that makes them.
 std::shared_ptr<grpc::Channel> OpenChannel(const ServerAccess& access);
 
 // Deadline of a call, from now on.

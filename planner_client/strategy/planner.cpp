@@ -61,7 +61,23 @@ absl::Status CheckRequest(const PlannerRequest& request) {
     return bad("evaluations_per_scan", request.evaluations_per_scan, ">= 1");
   }
   if (request.matrix_samples < 1) return bad("matrix_samples", request.matrix_samples, ">= 1");
+  if (request.scan_count) {
+    const auto given = static_cast<int64_t>(request.locked.size() + request.starting.size());
+    if (*request.scan_count < 1) return bad("scan_count", *request.scan_count, ">= 1");
+    if (*request.scan_count < given) {
+      return bad("scan_count", *request.scan_count,
+                 absl::StrCat("at least the ", given, " locked and starting scans").c_str());
+    }
+  }
   return absl::OkStatus();
+}
+
+// Whoever is to settle all targets with at most so many scans settles most with them.
+PlannerRequest AimAtAllTargets(PlannerRequest request) {
+  (request.goal.admissible ? *request.goal.admissible : request.goal.coverage) = 1;
+  request.goal.max_scans = *request.scan_count;
+  request.goal.min_gain = 0;
+  return request;
 }
 
 }  // namespace
@@ -88,9 +104,10 @@ absl::Status CheckStrategy(const std::string& name) {
   return known ? absl::OkStatus() : UnknownStrategy(name);
 }
 
-absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest& request) {
-  if (auto status = CheckStrategy(request.strategy); !status.ok()) return status;
-  if (auto status = CheckRequest(request); !status.ok()) return status;
+absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest& given) {
+  if (auto status = CheckStrategy(given.strategy); !status.ok()) return status;
+  if (auto status = CheckRequest(given); !status.ok()) return status;
+  const PlannerRequest request = given.scan_count ? AimAtAllTargets(given) : given;
 
   PlanRun run(oracle, request);
   auto locked = run.Exact(request.locked);

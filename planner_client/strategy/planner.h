@@ -4,6 +4,7 @@
 #include <atomic>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -41,6 +42,12 @@ struct PlannerRequest {
   int64_t matrix_samples = 200000;    // measurability matrix only
   std::vector<Measurement> locked;    // kept in the plan, first
   std::vector<Measurement> starting;  // resumed or hand-edited scans: in the plan, may be moved
+  // Instead of reaching the goal's fraction with few scans: settle most with so many, whatever else
+  // the goal says of fraction, number and least gain of scans. Unset, or >= 1 and no less than
+  // there are locked and starting scans.
+  std::optional<int> scan_count;
+  // Scans known to be good, which the refined strategy may use without searching them.
+  std::vector<Measurement> candidates;
   // Score the plan after each scan too (PlannerResult's curves); costs seconds where only plans can
   // be scored.
   bool with_curves = true;
@@ -57,6 +64,8 @@ struct PlannerResult {
   std::vector<double> coverage_curve;
   std::vector<double> relaxed_curve;
   PlanScore score;  // of the whole plan
+  // Good scans that the refined strategy found, used or not; for PlannerRequest::candidates.
+  std::vector<Measurement> candidates;
 };
 
 // What a plan is to settle: admissible uncertainties if the goal asks for them, else coverage.

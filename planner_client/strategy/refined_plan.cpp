@@ -5,6 +5,7 @@
 #include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "planner_client/optimise/climb.h"
 #include "planner_client/optimise/random.h"
 #include "planner_client/strategy/scan_pool.h"
 
@@ -18,34 +19,19 @@ constexpr double kGreedyShare = 0.5;
 constexpr double kRelocateShare = 0.15;
 constexpr double kPolishShare = 0.05;
 constexpr int kSwarm = 50;
-constexpr int64_t kPolishBatch = 64;
 constexpr int64_t kKeptPerSearch = 48;
 constexpr int64_t kKeptPerPolish = 4;
 constexpr double kKeptSeparation = 0.03;
-constexpr size_t kMaxPool = 1600;
-constexpr int kPoolRounds = 20;
-// The search over the pool looks at this many pairs of a random target and a step of its worth when
-// there are clearly more.
-constexpr size_t kSamplePairs = 4096;
+constexpr size_t kMaxPool = 4000;
+// A share of 0.95 of so many targets is known to 0.002.
+constexpr size_t kSamplePairs = 16384;
+constexpr int64_t kExchanges = 100'000;
 
 struct Scan {
   std::vector<double> x;
   Measurement measurement;
   TargetShares shares;  // fast
 };
-
-// Targets that the search over the pool looks at: all of them, or a random part of that size.
-std::vector<uint32_t> SampleOf(const TargetBits& judged, size_t size, Random& random) {
-  std::vector<uint32_t> sample = FullShares(judged).targets;
-  if (sample.size() <= size * 5 / 4) return sample;
-  for (size_t i = 0; i < size; ++i) {
-    const auto left = static_cast<int64_t>(sample.size() - i);
-    std::swap(sample[i], sample[i + static_cast<size_t>(random.Below(left))]);
-  }
-  sample.resize(size);
-  std::sort(sample.begin(), sample.end());
-  return sample;
-}
 
 class RefinedPlanner {
  public:
@@ -55,8 +41,8 @@ class RefinedPlanner {
         random_(DeriveSeed(static_cast<uint64_t>(run.request().seed), 1)),
         aim_(run.goal_targets()),
         pool_(run.oracle().steps(),
-              SampleOf(run.oracle().measurable(),
-                       kSamplePairs / std::max<size_t>(1, run.oracle().steps().size()), random_)) {}
+              TargetSample(run.oracle().measurable(), run.oracle().steps().size(), kSamplePairs,
+                           random_)) {}
 
   absl::StatusOr<PlannerResult> Plan() {
     const absl::Status status = Search();
@@ -75,6 +61,9 @@ class RefinedPlanner {
       }
       // A search that was cut short says so, even if its plan happens to reach the goal.
       if (status.ok() && reaches) result->stop_reason = StopReason::kGoalReached;
+      for (const Scan& scan : scans_) {
+        if (!scan.shares.targets.empty()) result->candidates.push_back(scan.measurement);
+      }
       return result;
     }
   }
@@ -144,10 +133,10 @@ class RefinedPlanner {
   }
 
   int64_t PolishBatches() const {
-    return std::max<int64_t>(2, (Share(kPolishShare) + kPolishBatch - 1) / kPolishBatch);
+    return std::max<int64_t>(2, (Share(kPolishShare) + kClimbBatch - 1) / kClimbBatch);
   }
 
-  bool OutOfBudget() const { return Left() < PolishBatches() * kPolishBatch + kKeptPerPolish + 1; }
+  bool OutOfBudget() const { return Left() < PolishBatches() * kClimbBatch + kKeptPerPolish + 1; }
 
   // Fast estimate of what the plan settles.
   int64_t Covered() const { return run_.CountSettled(KnownFrom(plan_)); }
@@ -205,7 +194,11 @@ class RefinedPlanner {
       if (!indices.ok()) return indices.status();
       for (const auto& index : *indices) plan_.push_back(*index);
     }
-    return absl::OkStatus();
+    std::vector<Scan> candidates;
+    for (const Measurement& measurement : run_.request().candidates) {
+      candidates.push_back({run_.space().ToUnit(measurement), measurement, {}});
+    }
+    return AddToPool(std::move(candidates)).status();
   }
 
   // A global search for scans that add most to what is known; the best different ones go into the
@@ -310,28 +303,16 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Leaves out the scan whose loss the pool can best make good.
+  // Leaves out the scan that adds least; what follows makes its loss good.
   void DropOne() {
-    PoolPlan best_plan;
-    double best = -1;
-    for (size_t place = fixed_; place < plan_.size(); ++place) {
-      PoolPlan trial = plan_;
-      trial.erase(trial.begin() + static_cast<std::ptrdiff_t>(place));
-      pool_.ExchangeWhileBetter(trial, fixed_);
-      const double worth = run_.Worth(KnownFrom(trial));
-      if (worth > best) {
-        best = worth;
-        best_plan = trial;
-      }
-    }
-    plan_ = best_plan;
+    plan_.erase(plan_.begin() + static_cast<std::ptrdiff_t>(WeakestFirst().front()));
   }
 
   void ImproveFromPool() {
     LimitPool();
     run_.Report(Phase("exchanging scans"), static_cast<int64_t>(plan_.size()), exact_covered_);
-    const PoolPlan better = pool_.Improve(plan_, fixed_, pool_.MostWorth(), kPoolRounds, random_,
-                                          [this] { return run_.Stopped(); });
+    const PoolPlan better = pool_.Anneal(plan_, fixed_, pool_.MostWorth(), kExchanges, random_,
+                                         [this] { return run_.Stopped(); });
     // The pool looks at a part of the targets.
     if (run_.Worth(KnownFrom(better)) >= run_.Worth(KnownFrom(plan_))) plan_ = better;
   }
@@ -390,8 +371,7 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Evolution strategy around the scan: a batch of mutations of the best point so far, mostly of
-  // a few coordinates, with a step that shrinks when nothing improves.
+  // Evolution strategy around the scan.
   absl::Status Polish(size_t place) {
     const std::vector<float> others = KnownFromOthers(place);
     const int dimension = run_.space().dimension();
@@ -409,36 +389,19 @@ class RefinedPlanner {
       value = run_.GainAfter(others, scans_[plan_[place]].shares);
     }
     const double start_value = value;
-    bool moved = false;
-    double step = 0.1;
-    for (int64_t batch = 0; batch < PolishBatches(); ++batch) {
-      std::vector<std::vector<double>> points;
-      for (int64_t i = 0; i < kPolishBatch; ++i) {
-        std::vector<double> y = x;
-        const double scale = step * std::exp(random_.Normal());
-        const double share = i % 2 == 0 ? 1.0 : 2.0 / dimension;
-        for (double& coordinate : y) {
-          if (random_.Uniform() < share) coordinate += scale * random_.Normal();
-        }
-        points.push_back(run_.space().Normalise(y));
-      }
-      auto values = objective(points);
-      if (!values.ok()) return values.status();
-      const auto best = std::max_element(values->begin(), values->end());
-      if (*best >= value) {
-        moved = true;
-        step = *best > value ? step : step * 0.7;
-        value = *best;
-        x = points[static_cast<size_t>(best - values->begin())];
-      } else {
-        step *= 0.5;
-      }
-    }
+    auto climbed = Climb(
+        std::move(x), value, PolishBatches(), objective,
+        [this](std::span<const double> y) { return run_.space().Normalise(y); }, random_);
+    if (!climbed.ok()) return climbed.status();
     std::vector<Scan> scans = ScansOf(top);
-    if (moved) scans.push_back({x, run_.space().ToMeasurement(x), {}});
+    if (climbed->moved) {
+      scans.push_back({climbed->x, run_.space().ToMeasurement(climbed->x), {}});
+    }
     auto indices = AddToPool(std::move(scans));
     if (!indices.ok()) return indices.status();
-    if (moved && value >= start_value && indices->back()) plan_[place] = *indices->back();
+    if (climbed->moved && climbed->value >= start_value && indices->back()) {
+      plan_[place] = *indices->back();
+    }
     return absl::OkStatus();
   }
 

@@ -2,8 +2,8 @@
 //
 // 1. A quick greedy plan with short swarm searches; the best different scans of every search go
 //    into a pool with the targets they cover.
-// 2. Local search over the pool: exchanges of one scan, and removal of a few scans followed by
-//    greedy completion, to cover most with a given number of scans.
+// 2. Simulated annealing over the pool, by exchanges of one scan, to cover most with a given number
+//    of scans.
 // 3. Polishing: one scan after the other moves in the continuous parameters to cover most of what
 //    the others leave; the scan that contributes least is searched anew.
 // 4. When the plan reaches the goal (exactly evaluated), one scan is dropped, and 2 and 3 go on

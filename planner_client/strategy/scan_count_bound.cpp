@@ -186,7 +186,6 @@ class BoundSearch {
     absl::Status status = Search(initial);
     if (!status.ok() && !Interrupted()) return status;
     result_.evaluations = Used();
-    result_.columns = static_cast<int64_t>(columns_.size());
     result_.scans = static_cast<int>(std::ceil(result_.bound - 1e-6));
     result_.statement = absl::StrFormat(
         "%s%d scans (%.2f) are needed to settle %d of %d targets, as far as the "
@@ -303,12 +302,15 @@ class BoundSearch {
     if (scans.empty()) return absl::OkStatus();
     auto coverage = oracle_.FastCoverage(scans);
     if (!coverage.ok()) return coverage.status();
-    for (ScanCoverage& c : *coverage) {
+    for (size_t i = 0; i < scans.size(); ++i) {
+      ScanCoverage& c = (*coverage)[i];
       if (c.feasibility != ScanFeasibility::kFeasible) continue;
       TargetShares shares = oracle_.ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
       // More than a target needs does not count.
       for (float& share : shares.share) share = std::min(share, 1.0f);
-      if (!shares.targets.empty()) columns_.push_back(std::move(shares));
+      if (shares.targets.empty()) continue;
+      columns_.push_back(std::move(shares));
+      result_.priced_scans.push_back(scans[i]);
     }
     return absl::OkStatus();
   }

@@ -23,6 +23,7 @@
 #include <functional>
 #include <span>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/inspection/inspection.h"
@@ -40,7 +41,7 @@ struct ScanCountBoundResult {
   bool converged = false;
   int64_t evaluations = 0;  // of pricing and of the scans' coverage
   int64_t last_round_evaluations = 0;
-  int64_t columns = 0;  // scans the weights were made from
+  std::vector<Measurement> priced_scans;  // feasible ones that the weights were made from
   int rounds = 0;
   std::string statement;  // the result in words, with what it rests on
 };

@@ -8,6 +8,9 @@ namespace {
 
 constexpr uint8_t kWhole = 127;  // two of them still fit into a byte
 constexpr double kBetter = 1e-9;
+// Temperatures of annealing, in parts of what all is worth: one exchange in three that loses this
+// much is accepted.
+constexpr double kHottest = 0.005, kColdest = 0.0001;
 
 // Number of places at which `added` reaches `need`.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
@@ -30,6 +33,27 @@ CountReached(const uint8_t* need, const uint8_t* added, size_t size) {
   return count;
 }
 
+// Number of places at which sum - out + in reaches what is needed.
+#if defined(__x86_64__) && defined(__GNUC__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
+__attribute__((target_clones("avx2", "default")))
+#endif
+int64_t
+CountExchanged(const uint16_t* sum, const uint8_t* out, const uint8_t* in, size_t size) {
+  // As in CountReached.
+  constexpr size_t kRun = 8192;
+  int64_t count = 0;
+  for (size_t begin = 0; begin < size; begin += kRun) {
+    const size_t end = std::min(size, begin + kRun);
+    uint16_t reached = 0;
+    for (size_t i = begin; i < end; ++i) {
+      const auto with = static_cast<uint16_t>(sum[i] - out[i] + in[i]);
+      reached = static_cast<uint16_t>(reached + (with >= kWhole));
+    }
+    count += reached;
+  }
+  return count;
+}
+
 void AddSaturated(const std::vector<uint8_t>& added, std::vector<uint8_t>& sum) {
   for (size_t i = 0; i < sum.size(); ++i) {
     sum[i] = static_cast<uint8_t>(std::min<int>(kWhole, sum[i] + added[i]));
@@ -37,6 +61,20 @@ void AddSaturated(const std::vector<uint8_t>& added, std::vector<uint8_t>& sum) 
 }
 
 }  // namespace
+
+std::vector<uint32_t> TargetSample(const TargetBits& judged, size_t steps, size_t pairs,
+                                   Random& random) {
+  const size_t size = pairs / std::max<size_t>(1, steps);
+  std::vector<uint32_t> sample = FullShares(judged).targets;
+  if (sample.size() <= size * 5 / 4) return sample;
+  for (size_t i = 0; i < size; ++i) {
+    const auto left = static_cast<int64_t>(sample.size() - i);
+    std::swap(sample[i], sample[i + static_cast<size_t>(random.Below(left))]);
+  }
+  sample.resize(size);
+  std::sort(sample.begin(), sample.end());
+  return sample;
+}
 
 ScanPool::ScanPool(std::vector<ShareStep> steps, std::vector<uint32_t> targets)
     : steps_(std::move(steps)), targets_(std::move(targets)) {}
@@ -88,6 +126,14 @@ double ScanPool::WorthWith(const Column& need, const Column& added) const {
 
 double ScanPool::Worth(const PoolPlan& plan) const {
   return WorthWith(NeedAfter(plan), Column(steps_.size() * targets_.size(), 0));
+}
+
+std::vector<double> ScanPool::WorthWithEach(const PoolPlan& plan) const {
+  const Column need = NeedAfter(plan);
+  std::vector<double> worth;
+  worth.reserve(columns_.size());
+  for (const Column& column : columns_) worth.push_back(WorthWith(need, column));
+  return worth;
 }
 
 double ScanPool::MostWorth() const {
@@ -163,34 +209,53 @@ void ScanPool::ExchangeWhileBetter(PoolPlan& plan, size_t fixed) const {
   }
 }
 
-PoolPlan ScanPool::Improve(PoolPlan plan, size_t fixed, double goal, int rounds, Random& random,
-                           const std::function<bool()>& stop) const {
+PoolPlan ScanPool::Anneal(PoolPlan plan, size_t fixed, double goal, int64_t proposals,
+                          Random& random, const std::function<bool()>& stop) const {
   const size_t size = plan.size();
   if (size <= fixed || columns_.empty()) return plan;
-  ExchangeWhileBetter(plan, fixed);
-  double best = Worth(plan);
-  for (int round = 0; round < rounds && best < goal - kBetter && plan.size() > fixed && !stop();
-       ++round) {
-    PoolPlan trial = plan;
-    // A plan may have become smaller: scans that add nothing are not put back.
-    const auto removable = static_cast<int64_t>(trial.size() - fixed);
-    const int64_t removed = 1 + random.Below(std::min<int64_t>(3, removable));
-    for (int64_t r = 0; r < removed; ++r) {
-      trial.erase(trial.begin() + static_cast<std::ptrdiff_t>(fixed) +
-                  random.Below(static_cast<int64_t>(trial.size() - fixed)));
-    }
-    // One random scan of the pool instead of the greedy choice leads elsewhere.
-    trial.push_back(static_cast<size_t>(random.Below(static_cast<int64_t>(columns_.size()))));
-    CompleteGreedily(trial, size, goal);
-    if (trial.size() > size) trial.resize(size);
-    ExchangeWhileBetter(trial, fixed);
-    const double worth = Worth(trial);
-    if (worth >= best - kBetter) {
-      best = worth;
-      plan = std::move(trial);
+  // Not saturated, so that scans can be taken out again.
+  std::vector<uint16_t> sum(steps_.size() * targets_.size(), 0);
+  for (const size_t scan : plan) {
+    for (size_t i = 0; i < sum.size(); ++i) {
+      sum[i] = static_cast<uint16_t>(sum[i] + columns_[scan][i]);
     }
   }
-  return plan;
+  const auto worth_with = [&](size_t out, size_t in) {
+    double worth = 0;
+    for (size_t s = 0; s < steps_.size(); ++s) {
+      const size_t begin = s * targets_.size();
+      worth += steps_[s].weight *
+               static_cast<double>(CountExchanged(sum.data() + begin, columns_[out].data() + begin,
+                                                  columns_[in].data() + begin, targets_.size()));
+    }
+    return worth;
+  };
+  double worth = worth_with(plan[fixed], plan[fixed]);
+  PoolPlan best = plan;
+  double best_worth = worth;
+  double temperature = kHottest * MostWorth();
+  const double cooling = std::pow(kColdest / kHottest, 1.0 / static_cast<double>(proposals));
+  for (int64_t proposal = 0; proposal < proposals && best_worth < goal - kBetter; ++proposal) {
+    if (proposal % 1024 == 0 && stop()) break;
+    const size_t place =
+        fixed + static_cast<size_t>(random.Below(static_cast<int64_t>(size - fixed)));
+    const auto in = static_cast<size_t>(random.Below(static_cast<int64_t>(columns_.size())));
+    const size_t out = plan[place];
+    const double with = worth_with(out, in);
+    temperature *= cooling;
+    if (with < worth && random.Uniform() >= std::exp((with - worth) / temperature)) continue;
+    for (size_t i = 0; i < sum.size(); ++i) {
+      sum[i] = static_cast<uint16_t>(sum[i] - columns_[out][i] + columns_[in][i]);
+    }
+    plan[place] = in;
+    worth = with;
+    if (worth > best_worth) {
+      best_worth = worth;
+      best = plan;
+    }
+  }
+  ExchangeWhileBetter(best, fixed);
+  return best;
 }
 
 }  // namespace sightline

@@ -16,6 +16,12 @@ namespace sightline {
 // Indices of scans in a pool.
 using PoolPlan = std::vector<size_t>;
 
+// Targets that a pool may look at, ascending: all that are judged, or a random part of `pairs` /
+// `steps` of them where pairs of a target and one of `steps` steps of its worth are clearly more
+// than `pairs`.
+std::vector<uint32_t> TargetSample(const TargetBits& judged, size_t steps, size_t pairs,
+                                   Random& random);
+
 // Shares of the pool's scans at some of the targets, as parts of every step's threshold in units of
 // 1/127: a plan's worth is then a count over bytes.
 class ScanPool {
@@ -32,6 +38,8 @@ class ScanPool {
   void Keep(const std::vector<size_t>& kept);
 
   double Worth(const PoolPlan& plan) const;
+  // Worth of the plan with each scan of the pool added.
+  std::vector<double> WorthWithEach(const PoolPlan& plan) const;
   // If every target reached every step.
   double MostWorth() const;
   // What each scan of the pool would add to the plan, plus the most that putting it in the place of
@@ -44,11 +52,13 @@ class ScanPool {
   // Exchanges a scan of the plan, from place `fixed` on, for one of the pool as long as that is
   // worth more; the best exchange first.
   void ExchangeWhileBetter(PoolPlan& plan, size_t fixed) const;
-  // Ruin and recreate: removes up to three scans (from place `fixed` on), completes greedily,
-  // exchanges; keeps the result if it is worth at least as much. Scans that add nothing may be left
-  // out. Stops after `rounds` rounds, at a worth of `goal`, or when `stop` says so.
-  PoolPlan Improve(PoolPlan plan, size_t fixed, double goal, int rounds, Random& random,
-                   const std::function<bool()>& stop) const;
+  // Simulated annealing (Kirkpatrick et al. 1983) over exchanges of one scan of the plan, from
+  // place `fixed` on, for one of the pool: `proposals` of them, at temperatures that fall in equal
+  // ratios from a two-hundredth of what all is worth to a fiftieth of that; then exchanges while
+  // better. The best plan met. Stops at a worth of `goal`, or when `stop`, asked now and then, says
+  // so.
+  PoolPlan Anneal(PoolPlan plan, size_t fixed, double goal, int64_t proposals, Random& random,
+                  const std::function<bool()>& stop) const;
 
  private:
   using Column = std::vector<uint8_t>;  // [step][target]

@@ -30,6 +30,7 @@ constexpr absl::Duration kMaxIncomingAge = absl::Hours(24);
 constexpr size_t kDigestLength = 64;
 constexpr char kIncoming[] = "incoming";
 constexpr char kLockFile[] = "lock";
+constexpr char kHoldFile[] = "hold";
 
 absl::Status DiskFull(const std::string& message) {
   return WithErrorInfo(absl::ResourceExhaustedError(message), "DISK_FULL");
@@ -55,6 +56,8 @@ class FileDescriptor {
 
   int get() const { return fd_; }
   bool is_open() const { return fd_ >= 0; }
+  // The caller closes it.
+  int Release() { return std::exchange(fd_, -1); }
   // Returns 0 or errno.
   int Close() {
     if (fd_ < 0) return 0;
@@ -94,6 +97,11 @@ bool IsDigest(const std::string& text) {
 
 std::string PathOf(const std::string& folder, const std::string& digest) {
   return absl::StrCat(folder, "/", digest.substr(0, 2), "/", digest);
+}
+
+// Of the digests that begin with a byte.
+std::string FolderOf(const std::string& folder, int first) {
+  return absl::StrCat(folder, "/", absl::Hex(first, absl::kZeroPad2));
 }
 
 // 0 or errno.
@@ -184,16 +192,23 @@ absl::StatusOr<FileDescriptor> NewTemporary(std::string* path) {
   return fd;
 }
 
-// Held while a file gets its name (shared) or is removed (alone): else a file that has just come in
-// could be removed for the age of the one before it. The kernel frees it however a process ends.
-absl::StatusOr<FileDescriptor> LockNames(const std::string& folder, int operation) {
-  const std::string path = absl::StrCat(folder, "/", kLockFile);
+// A lock of the folder; the kernel frees it however a process ends.
+absl::StatusOr<FileDescriptor> Lock(const std::string& folder, const char* name, int operation) {
+  const std::string path = absl::StrCat(folder, "/", name);
   FileDescriptor fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
   if (!fd.is_open()) return FileError(errno, path, "cannot be opened");
   while (flock(fd.get(), operation) != 0) {
-    if (errno != EINTR) return FileError(errno, path, "cannot be locked");
+    if (errno == EINTR) continue;
+    if (errno == EWOULDBLOCK) return absl::AbortedError(absl::StrCat(path, ": is locked"));
+    return FileError(errno, path, "cannot be locked");
   }
   return fd;
+}
+
+// Held while a file gets its name (shared) or is removed (alone): else a file that has just come in
+// could be removed for the age of the one before it.
+absl::StatusOr<FileDescriptor> LockNames(const std::string& folder, int operation) {
+  return Lock(folder, kLockFile, operation);
 }
 
 // The file system's clock: that of a server of files may be another one than ours. Takes no room,
@@ -341,6 +356,16 @@ absl::StatusOr<ArtefactStore::Added> ArtefactStore::AddFile(const std::string& p
   return Added{copied->digest, copied->size_bytes};
 }
 
+std::set<std::string> ArtefactStore::Digests() const {
+  std::set<std::string> digests;
+  for (int first = 0; first < 256; ++first) {
+    for (std::string& name : NamesIn(FolderOf(folder_, first))) {
+      if (IsDigest(name)) digests.insert(std::move(name));
+    }
+  }
+  return digests;
+}
+
 bool ArtefactStore::Has(const std::string& digest) const { return Path(digest).ok(); }
 
 absl::StatusOr<std::string> ArtefactStore::Path(const std::string& digest) const {
@@ -408,13 +433,25 @@ absl::Status ArtefactStore::Materialise(const std::string& digest, const std::st
   return status;
 }
 
+ArtefactHold::~ArtefactHold() { close(fd_); }
+
+absl::StatusOr<std::unique_ptr<ArtefactHold>> ArtefactStore::Hold() {
+  auto lock = Lock(folder_, kHoldFile, LOCK_SH);
+  if (!lock.ok()) return lock.status();
+  return std::unique_ptr<ArtefactHold>(new ArtefactHold(lock->Release()));
+}
+
 absl::StatusOr<int64_t> ArtefactStore::RemoveAllBut(const std::set<std::string>& keep,
                                                     absl::Duration min_age) {
+  const auto alone = Lock(folder_, kHoldFile, LOCK_EX | LOCK_NB);
+  if (absl::IsAborted(alone.status())) return 0;
+  // Where the disk is so full that not even the lock's file can be made, removal is what helps.
+  if (!alone.ok() && !absl::IsResourceExhausted(alone.status())) return alone.status();
   const auto now = FileTimeNow(folder_);
   if (!now.ok()) return now.status();
   int64_t freed_bytes = 0;
   for (int first = 0; first < 256; ++first) {
-    const std::string folder = absl::StrCat(folder_, "/", absl::Hex(first, absl::kZeroPad2));
+    const std::string folder = FolderOf(folder_, first);
     for (const std::string& name : NamesIn(folder)) {
       if (!IsDigest(name) || keep.count(name) > 0) continue;
       const std::string path = absl::StrCat(folder, "/", name);

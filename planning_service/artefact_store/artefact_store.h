@@ -40,6 +40,20 @@ class ArtefactWriter {
   int64_t size_bytes_ = 0;
 };
 
+// As long as it lives no process removes files from the folder; the kernel lets go of it however
+// its process ends.
+class ArtefactHold {
+ public:
+  ~ArtefactHold();
+  ArtefactHold(const ArtefactHold&) = delete;
+  ArtefactHold& operator=(const ArtefactHold&) = delete;
+
+ private:
+  friend class ArtefactStore;
+  explicit ArtefactHold(int fd) : fd_(fd) {}
+  const int fd_;
+};
+
 // Thread-safe.
 class ArtefactStore {
  public:
@@ -58,6 +72,8 @@ class ArtefactStore {
   absl::StatusOr<Added> AddFile(const std::string& path);
 
   bool Has(const std::string& digest) const;
+  // Of all files that are complete.
+  std::set<std::string> Digests() const;
   // NOT_FOUND; a `digest` that is none is NOT_FOUND too.
   absl::StatusOr<std::string> Path(const std::string& digest) const;
   // Up to `limit` bytes from `offset` on; empty at the end. DATA_LOSS is not checked here.
@@ -67,8 +83,11 @@ class ArtefactStore {
   absl::Status Materialise(const std::string& digest, const std::string& path) const;
 
   // Removes files that `keep` does not name and that were not touched for `min_age` of file times
-  // (they may belong to a job that is being created). Returns bytes freed.
+  // (they may belong to a job that is being created). Returns bytes freed: none while somebody has
+  // a hold.
   absl::StatusOr<int64_t> RemoveAllBut(const std::set<std::string>& keep, absl::Duration min_age);
+  // Waits until a removal that is under way has ended.
+  absl::StatusOr<std::unique_ptr<ArtefactHold>> Hold();
 
   // Whether the disk has more than the reserve.
   bool HasRoom() const;

@@ -11,7 +11,6 @@
 #include <cerrno>
 #include <chrono>
 #include <cstring>
-#include <nlohmann/json.hpp>
 #include <optional>
 #include <utility>
 
@@ -28,8 +27,6 @@ using Clock = std::chrono::steady_clock;
 constexpr int kPoll_ms = 100;
 constexpr auto kMemoryInterval = std::chrono::seconds(1);
 constexpr auto kStopTime = std::chrono::seconds(5);
-constexpr size_t kLongestLine = 64 << 10;
-constexpr size_t kLastWordsBytes = 2000;
 // Descriptors of the child.
 constexpr int kLifelineFd = 3;
 constexpr int kLockFd = 4;
@@ -60,61 +57,6 @@ bool MakePipe(ScopedFd* read_end, ScopedFd* write_end) {
   close(fds[1]);
   return read_end->get() >= 0 && write_end->get() >= 0;
 }
-
-absl::StatusCode CodeFromName(const std::string& name) {
-  for (int code = 0; code <= 16; ++code) {
-    const auto candidate = static_cast<absl::StatusCode>(code);
-    if (absl::StatusCodeToString(candidate) == name) return candidate;
-  }
-  return absl::StatusCode::kUnknown;
-}
-
-// What a process writes to stderr: lines of JSON that it means for us, and lines for people.
-class Words {
- public:
-  void Add(const char* bytes, size_t size) {
-    rest_.append(bytes, size);
-    size_t begin = 0;
-    for (size_t end = rest_.find('\n'); end != std::string::npos; end = rest_.find('\n', begin)) {
-      Line(rest_.substr(begin, end - begin));
-      begin = end + 1;
-    }
-    rest_.erase(0, begin);
-    if (rest_.size() > kLongestLine) rest_.clear();
-  }
-
-  const JobProgress& progress() const { return progress_; }
-  const std::optional<JobFailure>& failure() const { return failure_; }
-  const std::string& last_words() const { return last_words_; }
-
- private:
-  void Line(const std::string& line) {
-    const nlohmann::json json = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
-    if (json.is_object() && json.contains("progress") && json["progress"].is_number()) {
-      progress_.fraction = std::clamp(json["progress"].get<double>(), 0.0, 1.0);
-      progress_.message = Text(json, "message");
-    } else if (json.is_object() && json.contains("error") && json["error"].is_object()) {
-      const nlohmann::json& error = json["error"];
-      failure_ = JobFailure{CodeFromName(Text(error, "code")), Text(error, "reason"),
-                            Text(error, "message")};
-    } else {
-      absl::StrAppend(&last_words_, line, "\n");
-      if (last_words_.size() > 2 * kLastWordsBytes) {
-        last_words_.erase(0, last_words_.size() - kLastWordsBytes);
-      }
-    }
-  }
-
-  static std::string Text(const nlohmann::json& object, const char* field) {
-    return object.contains(field) && object[field].is_string() ? object[field].get<std::string>()
-                                                               : "";
-  }
-
-  std::string rest_;
-  JobProgress progress_;
-  std::optional<JobFailure> failure_;
-  std::string last_words_;
-};
 
 std::string DescribeEnd(int wait_status, const std::string& last_words) {
   const std::string how = WIFSIGNALED(wait_status)
@@ -186,7 +128,7 @@ class ChildProcess {
 
   enum class Heard { kWords, kNothing, kEnd };
   // Reads what it says within kPoll_ms.
-  Heard Listen(Words* words) {
+  Heard Listen(CommandMessages* words) {
     pollfd fd = {output_.get(), POLLIN, 0};
     if (poll(&fd, 1, kPoll_ms) <= 0) return Heard::kNothing;
     char buffer[4096];
@@ -223,7 +165,7 @@ absl::StatusOr<JobProcessEnd> RunJobProcess(const JobProcessOptions& options,
   Clock::time_point memory_looked_at = start;
   std::optional<JobProcessEnd::Kind> stopping;
   std::optional<Clock::time_point> asked_to_stop;
-  Words words;
+  CommandMessages words;
   int wait_status = 0;
   bool talks = true;
   while (!child.Ended(&wait_status)) {

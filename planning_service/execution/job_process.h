@@ -9,6 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
+#include "planning_service/execution/command_messages.h"
 #include "planning_service/job_store/planning_job.h"
 
 namespace sightline {
@@ -37,12 +38,6 @@ struct JobProcessEnd {
   // Of kWithoutWord: by SIGKILL, which a process never sends itself: somebody or the system did.
   bool was_killed = false;
   JobFailure failure;
-};
-
-// What the process said last about how far it is; `fraction` in [0, 1].
-struct JobProgress {
-  double fraction = 0;
-  std::string message;
 };
 
 // Runs `sightline --progress=json ARGUMENTS` until it ends. `go_on` is called every 0.1 s or so;

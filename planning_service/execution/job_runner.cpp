@@ -12,6 +12,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/trace/trace_context.h"
 #include "planning_service/task/planning_task.h"
 #include "proto/status/rpc_status.h"
 
@@ -68,11 +69,23 @@ bool IsPassing(absl::StatusCode code) {
          code == absl::StatusCode::kAborted;
 }
 
+// What the servers of the job's commands log names the request as well.
+void AddTraceparent(const std::string& traceparent, TaskCommands* commands) {
+  if (traceparent.empty()) return;
+  const std::string option = absl::StrCat("--traceparent=", traceparent);
+  for (std::vector<std::string>& part : commands->parts) part.insert(part.begin(), option);
+  commands->conclusion.insert(commands->conclusion.begin(), option);
+}
+
 }  // namespace
 
 JobRunner::JobRunner(JobRunnerOptions options, PlanningJobStore* store, ArtefactStore* artefacts,
-                     ClientAccess* access)
-    : options_(std::move(options)), store_(store), artefacts_(artefacts), access_(access) {}
+                     ClientAccess* access, ComputeEngine* engine)
+    : options_(std::move(options)),
+      store_(store),
+      artefacts_(artefacts),
+      access_(access),
+      engine_(engine) {}
 
 JobRunner::~JobRunner() { Stop(); }
 
@@ -160,6 +173,7 @@ absl::Status JobRunner::Prepare(const PlanningJob& job, const std::string& folde
 }
 
 void JobRunner::Run(const PlanningJob& job) {
+  const ScopedTrace trace(job.traceparent);
   const Attempt attempt{job.job_id, job.attempts};
   const std::string folder = absl::StrCat(options_.work_folder, "/", job.job_id);
   std::error_code error;
@@ -173,30 +187,26 @@ void JobRunner::Run(const PlanningJob& job) {
   }
   spdlog::info("event=job_started job={} kind={} client=\"{}\" attempt={}", job.job_id, job.kind,
                job.client, job.attempts);
-  if (absl::Status prepared = Prepare(job, folder); !prepared.ok()) {
-    JobProcessEnd end;
-    end.kind = JobProcessEnd::Kind::kFailed;
-    end.failure = {prepared.code(), ErrorReason(prepared), std::string(prepared.message())};
-    Conclude(job, end, false, folder);
-    return;
-  }
   v1::PlanningTask task;
   task.ParseFromString(job.task);
-  JobProcessOptions process;
-  process.program = options_.program;
-  process.arguments = TaskArguments(task, "../out", "../checkpoint");
-  process.folder = folder + "/in";
-  process.lock_fd = lock.fd();
-  process.max_memory_bytes = options_.max_memory_bytes;
-  process.max_time = options_.max_time;
+  AttemptOptions options;
+  options.name = job.job_id;
+  options.program = options_.program;
+  options.folder = folder;
+  options.commands = SplitTask(task, "../out", "../checkpoint", options_.parts);
+  AddTraceparent(job.traceparent, &options.commands);
+  options.prepare = [&] { return Prepare(job, folder); };
+  options.lock_fd = lock.fd();
+  options.max_memory_bytes = options_.max_memory_bytes;
+  options.max_time = options_.max_time;
 
   bool cancelled = false;
   bool superseded = false;
   double furthest = 0;
   absl::Time told = absl::InfinitePast();
-  const auto go_on = [&](const JobProgress& progress) {
+  const auto wish = [&](const JobProgress& progress) {
     furthest = std::max(furthest, progress.fraction);
-    if (stopping_) return false;
+    if (stopping_) return Wish::kLeave;
     if (const absl::Time now = absl::Now(); now - told >= kReportInterval || now < told) {
       told = now;
       const auto asked_to_stop =
@@ -205,9 +215,10 @@ void JobRunner::Run(const PlanningJob& job) {
       superseded =
           absl::IsAborted(asked_to_stop.status()) || absl::IsNotFound(asked_to_stop.status());
     }
-    return !cancelled && !superseded;
+    if (superseded) return Wish::kLeave;
+    return cancelled ? Wish::kCancel : Wish::kGoOn;
   };
-  auto end = RunJobProcess(process, go_on);
+  auto end = engine_->Run(options, wish);
   if (superseded) {
     spdlog::warn("event=attempt_superseded job={} attempt={}", job.job_id, job.attempts);
     return;

@@ -1,4 +1,4 @@
-// Runs queued jobs, each attempt in a process and a folder of its own.
+// Runs queued jobs, each in processes and a folder of its own.
 #pragma once
 
 #include <atomic>
@@ -13,7 +13,7 @@
 #include "absl/time/time.h"
 #include "planning_service/access/client_access.h"
 #include "planning_service/artefact_store/artefact_store.h"
-#include "planning_service/execution/job_process.h"
+#include "planning_service/execution/engine/compute_engine.h"
 #include "planning_service/job_store/planning_job_store.h"
 
 namespace sightline {
@@ -22,8 +22,9 @@ struct JobRunnerOptions {
   std::string program;      // path of `sightline`
   std::string work_folder;  // jobs have their folders in it; they stay over restarts until done
   int workers = 1;          // jobs at a time; 0: others run them
-  int64_t max_memory_bytes = 0;                        // of one job; 0: no limit
-  absl::Duration max_time = absl::InfiniteDuration();  // of one attempt
+  int parts = 1;            // into how many a job is split that can be
+  int64_t max_memory_bytes = 0;                        // of each of its commands; 0: no limit
+  absl::Duration max_time = absl::InfiniteDuration();  // of each of an attempt's commands
 };
 
 // An attempt that ends without a word (killed, crashed, its server gone) puts its job back into the
@@ -35,12 +36,13 @@ class JobRunner {
  public:
   // Pointers must outlive it.
   JobRunner(JobRunnerOptions options, PlanningJobStore* store, ArtefactStore* artefacts,
-            ClientAccess* access);
+            ClientAccess* access, ComputeEngine* engine);
   // Stops.
   ~JobRunner();
 
   void Start();
-  // Ends the processes and puts their jobs back into the queue: the next start goes on with them.
+  // Ends the processes, unless they run elsewhere, and puts their jobs back into the queue: the
+  // next start goes on with them.
   void Stop();
 
  private:
@@ -60,6 +62,7 @@ class JobRunner {
   PlanningJobStore* const store_;
   ArtefactStore* const artefacts_;
   ClientAccess* const access_;
+  ComputeEngine* const engine_;
   std::vector<std::thread> threads_;
   std::atomic<bool> stopping_ = false;
   std::mutex mutex_;

@@ -17,6 +17,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "absl/time/clock.h"
+#include "core/trace/trace_context.h"
 #include "planning_service/http/http_reply.h"
 #include "proto/status/rpc_status.h"
 
@@ -284,6 +285,12 @@ absl::Status Exchange::End() {
   return SendAll("0\r\n\r\n");
 }
 
+// Of the client; one of its own where it has none.
+std::string TraceparentOf(const HttpRequest& request) {
+  const std::string given = ValidTraceparent(request.Header(kTraceparentKey));
+  return given.empty() ? NewTraceparent() : given;
+}
+
 void LogRequest(const Exchange& exchange, Clock::time_point begin) {
   const int status = exchange.http_status();
   const auto level = status == 500   ? spdlog::level::err
@@ -307,10 +314,11 @@ void ServeHttpConnection(ConnectionStream* stream, const HttpConnectionLimits& l
     }
     const Clock::time_point begin = Clock::now();
     Exchange exchange(stream, &buffer, limits);
-    if (absl::Status status = exchange.ReadHead(); absl::IsCancelled(status)) {
-      return;
-    } else if (!status.ok()) {
-      ReplyError(exchange, status);
+    const absl::Status head = exchange.ReadHead();
+    if (absl::IsCancelled(head)) return;
+    const ScopedTrace trace(TraceparentOf(exchange.request()));
+    if (!head.ok()) {
+      ReplyError(exchange, head);
     } else {
       try {
         handle(exchange);

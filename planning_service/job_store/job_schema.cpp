@@ -94,8 +94,13 @@ const std::vector<std::string> kVersion1 = {
     "CREATE TABLE receiver (name TEXT PRIMARY KEY, sequence BIGINT NOT NULL)",
 };
 
+// The request that a job came with; jobs of older programs have none.
+const std::vector<std::string> kVersion2 = {
+    "ALTER TABLE job ADD COLUMN traceparent TEXT NOT NULL DEFAULT ''",
+};
+
 // Step i leads from version i to i + 1. Steps that were released never change.
-const std::vector<const std::vector<std::string>*> kSteps = {&kVersion1};
+const std::vector<const std::vector<std::string>*> kSteps = {&kVersion1, &kVersion2};
 
 }  // namespace
 

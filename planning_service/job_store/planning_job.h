@@ -37,6 +37,7 @@ struct PlanningJob {
   std::string fingerprint;  // SHA-256 of task and files
   std::string task;         // v1::PlanningTask, serialised
   std::vector<JobFile> files;
+  std::string traceparent;  // of the request that made it, for logs; may be empty
   int priority = 0;
   JobState state = JobState::kQueued;
   double progress = 0;  // [0, 1]

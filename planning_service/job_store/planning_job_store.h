@@ -35,6 +35,7 @@ struct NewPlanningJob {
   std::string fingerprint;
   std::string task;
   std::vector<JobFile> files;
+  std::string traceparent;  // empty or valid
   int priority = 0;
 };
 

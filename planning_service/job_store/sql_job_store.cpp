@@ -36,7 +36,7 @@ constexpr absl::Duration kLongestWait = absl::Hours(24 * 365);
 constexpr char kJobColumns[] =
     "job_id, sequence, client, kind, request_id, fingerprint, priority, state, progress, message, "
     "cancel_requested, attempts, crashes, failure_code, failure_reason, failure_message, "
-    "created_us, started_us, finished_us, revision";
+    "created_us, started_us, finished_us, revision, traceparent";
 constexpr char kServiceTime[] = "(SELECT value FROM counter WHERE name = 'service_us')";
 constexpr char kFinishedStates[] = "('SUCCEEDED', 'FAILED', 'CANCELLED')";
 
@@ -96,6 +96,7 @@ PlanningJob ToJob(const SqlRow& row) {
   job.started = ToTime(row.Int(17));
   job.finished = ToTime(row.Int(18));
   job.revision = row.Int(19);
+  job.traceparent = row.Text(20);
   return job;
 }
 
@@ -497,6 +498,7 @@ absl::StatusOr<PlanningJob> SqlJobStore::Create(const NewPlanningJob& job,
     made.client = job.client;
     made.kind = job.kind;
     made.request_id = job.request_id;
+    made.traceparent = job.traceparent;
     made.fingerprint = job.fingerprint;
     made.task = job.task;
     made.files = job.files;
@@ -505,10 +507,11 @@ absl::StatusOr<PlanningJob> SqlJobStore::Create(const NewPlanningJob& job,
     made.revision = 1;
     sql.Run(
         "INSERT INTO job (job_id, sequence, client, kind, request_id, fingerprint, task,"
-        " priority, state, created_us, revision)"
-        " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, 'QUEUED', $9, $10)",
+        " priority, state, created_us, revision, traceparent)"
+        " VALUES ($1, $2, $3, $4, $5, $6, $7, $8, 'QUEUED', $9, $10, $11)",
         {made.job_id, made.sequence, made.client, made.kind, made.request_id, made.fingerprint,
-         SqlBytes{made.task}, int64_t{made.priority}, ToMicros(made.created), made.revision});
+         SqlBytes{made.task}, int64_t{made.priority}, ToMicros(made.created), made.revision,
+         made.traceparent});
     ReplaceFiles(sql, {made.client, "file", made.job_id}, made.files);
     AddEvent(sql, "accepted", made);
     const absl::Status room = CheckStoredBytes(sql, made.client, quota);
@@ -728,7 +731,7 @@ absl::StatusOr<int> SqlJobStore::RequeueOrphans() {
                                 " WHERE state = 'RUNNING' AND owner = $1 ORDER BY sequence"),
                    {owner})) {
         PlanningJob job = ToJob(orphan);
-        const bool advanced = orphan.Int(20) != 0;
+        const bool advanced = orphan.Int(21) != 0;
         if (PutBack(sql, &job, true, advanced)) ++requeued;
       }
     }

@@ -251,4 +251,40 @@ absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::strin
   return database;
 }
 
+absl::Status CopySqliteDatabase(const std::string& file, const std::string& to) {
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(file, error)) {
+    return absl::NotFoundError(absl::StrCat(file, ": there is no such database"));
+  }
+  const std::string part = to + ".part";
+  std::filesystem::remove(part, error);
+  sqlite3* from_opened = nullptr;
+  sqlite3* to_opened = nullptr;
+  // Not read-only: readers of a database with a write-ahead log write to its index.
+  const int from_code =
+      sqlite3_open_v2(file.c_str(), &from_opened,
+                      SQLITE_OPEN_READWRITE | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE, nullptr);
+  const DatabaseHandle from(from_opened);
+  if (from_code != SQLITE_OK) return SqliteError(from_opened, from_code, file);
+  const int to_code = sqlite3_open_v2(
+      part.c_str(), &to_opened,
+      SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE | SQLITE_OPEN_NOMUTEX | SQLITE_OPEN_EXRESCODE,
+      nullptr);
+  DatabaseHandle copy(to_opened);
+  if (to_code != SQLITE_OK) return SqliteError(to_opened, to_code, part);
+  sqlite3_busy_timeout(from_opened, kBusyTimeoutMs);
+  sqlite3_backup* backup = sqlite3_backup_init(to_opened, "main", from_opened, "main");
+  if (backup == nullptr) return SqliteError(to_opened, sqlite3_errcode(to_opened), part);
+  // All at once: a single reading transaction.
+  sqlite3_backup_step(backup, -1);
+  const int code = sqlite3_backup_finish(backup);
+  copy.reset();
+  absl::Status status = code == SQLITE_OK ? absl::OkStatus() : SqliteError(nullptr, code, file);
+  if (status.ok() && rename(part.c_str(), to.c_str()) != 0) {
+    status = absl::ErrnoToStatus(errno, absl::StrCat(to, ": cannot be made"));
+  }
+  if (!status.ok()) std::filesystem::remove(part, error);
+  return status;
+}
+
 }  // namespace sightline

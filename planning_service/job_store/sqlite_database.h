@@ -15,4 +15,9 @@ namespace sightline {
 // damaged.
 absl::StatusOr<std::unique_ptr<SqlDatabase>> OpenSqliteDatabase(const std::string& file);
 
+// Copies a database, as it is at one moment, to a new file, which is complete or not there; another
+// process may have it open and write to it meanwhile. NOT_FOUND: there is none. DATA_LOSS: it is
+// damaged.
+absl::Status CopySqliteDatabase(const std::string& file, const std::string& to);
+
 }  // namespace sightline

@@ -1,5 +1,7 @@
 #include "planning_service/jobs/planning_jobs.h"
 
+#include <spdlog/spdlog.h>
+
 #include <algorithm>
 #include <set>
 #include <utility>
@@ -8,6 +10,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/trace/trace_context.h"
 #include "planning_service/task/planning_task.h"
 #include "proto/status/rpc_status.h"
 
@@ -220,6 +223,16 @@ absl::Status PlanningJobs::Check(const Client& client, const v1::PlanningTask& t
   return absl::OkStatus();
 }
 
+absl::StatusOr<PlanningJob> PlanningJobs::Accept(const Client& client, NewPlanningJob job) {
+  job.traceparent = CurrentTraceparent();
+  absl::StatusOr<PlanningJob> made = store_->Create(job, client.quota);
+  if (made.ok()) {
+    spdlog::info("event=job_accepted job={} kind={} client=\"{}\" request_id={:?}", made->job_id,
+                 made->kind, made->client, made->request_id);
+  }
+  return made;
+}
+
 absl::StatusOr<PlanningJob> PlanningJobs::Create(const Client& client,
                                                  const std::string& request_id,
                                                  const v1::PlanningTask& task,
@@ -235,7 +248,7 @@ absl::StatusOr<PlanningJob> PlanningJobs::Create(const Client& client,
   job.task = task.SerializeAsString();
   job.files = std::move(files);
   job.priority = priority;
-  return store_->Create(job, client.quota);
+  return Accept(client, std::move(job));
 }
 
 absl::StatusOr<PlanningJob> PlanningJobs::Get(const Client& client, const std::string& job_id) {
@@ -398,7 +411,7 @@ absl::StatusOr<PlanningJob> PlanningJobs::StartJob(const Client& client,
   job.task = recipe->task;
   job.files = recipe->files;
   job.priority = priority;
-  return store_->Create(job, client.quota);
+  return Accept(client, std::move(job));
 }
 
 absl::StatusOr<v1::GetVisionStateResponse> PlanningJobs::VisionState(const Client& client) {

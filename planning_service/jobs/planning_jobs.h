@@ -85,6 +85,8 @@ class PlanningJobs {
   // Checks the task and the client's right to its files; fills in sizes.
   absl::Status Check(const Client& client, const v1::PlanningTask& task,
                      std::vector<JobFile>* files);
+  // Keeps the job with the request that made it.
+  absl::StatusOr<PlanningJob> Accept(const Client& client, NewPlanningJob job);
 
   PlanningJobStore* store_;
   ArtefactStore* artefacts_;

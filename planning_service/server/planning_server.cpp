@@ -11,16 +11,17 @@
 #include "planning_service/access/client_access.h"
 #include "planning_service/artefact_store/artefact_store.h"
 #include "planning_service/events/event_delivery.h"
+#include "planning_service/execution/engine/cluster_engine.h"
 #include "planning_service/execution/housekeeping.h"
 #include "planning_service/execution/job_runner.h"
 #include "planning_service/grpc_door/planning_service.h"
 #include "planning_service/http_door/http_door.h"
 #include "planning_service/job_store/planning_job_store.h"
 #include "planning_service/jobs/planning_jobs.h"
+#include "planning_service/server/planning_metrics.h"
 #include "planning_service/web/web_page.h"
 #include "rpc_server/call_tracker.h"
 #include "rpc_server/listen_address.h"
-#include "rpc_server/server_metrics.h"
 
 namespace sightline {
 namespace {
@@ -80,6 +81,31 @@ absl::Status CheckDatabase(const std::string& connection) {
       "(~/.pgpass, or PGPASSFILE)");
 }
 
+absl::StatusOr<std::unique_ptr<ComputeEngine>> MakeEngine(const PlanningServerOptions& options) {
+  if (options.runner == "local") return MakeLocalEngine();
+  std::unique_ptr<BatchScheduler> scheduler;
+  if (options.runner == "slurm") {
+    scheduler = MakeSlurmScheduler(options.slurm);
+  } else if (options.runner == "kubernetes") {
+    KubernetesOptions kubernetes = options.kubernetes;
+    if (kubernetes.image.empty() || kubernetes.volume_claim.empty()) {
+      return absl::InvalidArgumentError(
+          "--runner kubernetes needs --kubernetes-image and --kubernetes-volume-claim");
+    }
+    if (kubernetes.mount_path.empty()) {
+      kubernetes.mount_path = fs::absolute(options.data_folder).lexically_normal().string();
+    }
+    scheduler = MakeKubernetesScheduler(std::move(kubernetes));
+  } else {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--runner ", options.runner, ": must be local, slurm or kubernetes"));
+  }
+  if (absl::Status s = scheduler->Check(); !s.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat("--runner ", options.runner, ": ", s.message()));
+  }
+  return MakeClusterEngine(std::move(scheduler));
+}
+
 class PlanningServerImpl final : public PlanningServer {
  public:
   PlanningServerImpl() : calls_(&metrics_), rpc_("planning_service", &metrics_, &calls_, nullptr) {}
@@ -88,6 +114,9 @@ class PlanningServerImpl final : public PlanningServer {
   absl::Status Start(const PlanningServerOptions& options) {
     if (absl::Status s = CheckExposure(options); !s.ok()) return s;
     if (absl::Status s = CheckDatabase(options.database); !s.ok()) return s;
+    auto engine = MakeEngine(options);
+    if (!engine.ok()) return engine.status();
+    engine_ = *std::move(engine);
     const std::string work_folder = options.data_folder + "/work";
     for (const std::string& folder : {options.data_folder, work_folder}) {
       if (absl::Status s = MakeFolder(folder); !s.ok()) return s;
@@ -96,6 +125,7 @@ class PlanningServerImpl final : public PlanningServer {
                                           : OpenPostgresJobStore(options.database);
     if (!store.ok()) return store.status();
     store_ = *std::move(store);
+    metrics_.SetStore(store_.get());
     auto artefacts =
         ArtefactStore::Open(options.data_folder + "/artefacts", options.min_free_bytes);
     if (!artefacts.ok()) return artefacts.status();
@@ -125,9 +155,11 @@ class PlanningServerImpl final : public PlanningServer {
     runner.program = options.program;
     runner.work_folder = fs::absolute(work_folder).string();
     runner.workers = options.workers;
+    runner.parts = options.parts;
     runner.max_memory_bytes = options.max_job_memory_bytes;
     runner.max_time = options.max_job_time;
-    runner_ = std::make_unique<JobRunner>(runner, store_.get(), artefacts_.get(), access_.get());
+    runner_ = std::make_unique<JobRunner>(runner, store_.get(), artefacts_.get(), access_.get(),
+                                          engine_.get());
     runner_->Start();
     return absl::OkStatus();
   }
@@ -189,7 +221,7 @@ class PlanningServerImpl final : public PlanningServer {
   }
 
   // In the order in which they need each other; they end the other way round.
-  ServerMetrics metrics_;
+  PlanningMetrics metrics_;
   CallTracker calls_;
   std::unique_ptr<PlanningJobStore> store_;
   std::unique_ptr<ArtefactStore> artefacts_;
@@ -201,6 +233,7 @@ class PlanningServerImpl final : public PlanningServer {
   std::unique_ptr<HttpDoor> http_;
   std::string http_scheme_;
   std::unique_ptr<Housekeeping> housekeeping_;
+  std::unique_ptr<ComputeEngine> engine_;
   std::unique_ptr<JobRunner> runner_;
 };
 

@@ -10,6 +10,7 @@
 #include "absl/time/time.h"
 #include "planning_service/events/mqtt_receiver.h"
 #include "planning_service/events/webhook_receiver.h"
+#include "planning_service/execution/engine/batch_scheduler.h"
 #include "rpc_server/rpc_server.h"
 
 namespace sightline {
@@ -26,7 +27,12 @@ struct PlanningServerOptions {
   std::string clients_file;             // empty: everybody may do all
   std::string program;                  // path of `sightline`
   int workers = 1;                      // jobs at a time; 0: other servers of the database run them
-  int64_t max_job_memory_bytes = 0;     // 0: no limit
+  std::string runner = "local";         // where jobs run: "local", "slurm", "kubernetes"
+  int parts = 1;                        // into how many a job is split that can be
+  SlurmOptions slurm;
+  // Without mount path: that of the data folder.
+  KubernetesOptions kubernetes;
+  int64_t max_job_memory_bytes = 0;  // 0: no limit
   absl::Duration max_job_time = absl::InfiniteDuration();
   absl::Duration keep_finished = absl::Hours(24 * 30);
   int64_t min_free_bytes = int64_t{1} << 30;

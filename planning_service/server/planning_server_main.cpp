@@ -35,6 +35,33 @@ void AddEventOptions(CLI::App& app, EventFlags* flags) {
   app.add_option("--webhook-ca", flags->webhook_ca, "PEM of who signed the receiver's certificate");
 }
 
+void AddRunnerOptions(CLI::App& app, PlanningServerOptions* options, int* cpus) {
+  app.add_option(
+         "--runner", options->runner,
+         "Where jobs run: local, or on a cluster that sees --data under the same path: slurm "
+         "or kubernetes")
+      ->check(CLI::IsMember({"local", "slurm", "kubernetes"}))
+      ->capture_default_str();
+  app.add_option("--parts", options->parts,
+                 "Into how many parts, that run at the same time, renderings of several images are "
+                 "split")
+      ->check(CLI::Range(1, 1000))
+      ->capture_default_str();
+  app.add_option("--cpus", *cpus,
+                 "Processors to ask the cluster for, of every command; default: as it is set up")
+      ->check(CLI::Range(1, 4096));
+  app.add_option("--slurm-partition", options->slurm.partition, "Partition; default: Slurm's");
+  app.add_option("--slurm-account", options->slurm.account, "Account; default: the user's");
+  app.add_option("--kubernetes-namespace", options->kubernetes.name_space, "Namespace of the jobs")
+      ->capture_default_str();
+  app.add_option("--kubernetes-image", options->kubernetes.image,
+                 "Container image with the programs where this server has them");
+  app.add_option("--kubernetes-volume-claim", options->kubernetes.volume_claim,
+                 "Claim of the volume that has --data");
+  app.add_option("--kubernetes-mount-path", options->kubernetes.mount_path,
+                 "Where the volume is mounted, as for this server; default: --data");
+}
+
 void FillEventOptions(const EventFlags& flags, bool allow_plaintext,
                       PlanningServerOptions* options) {
   for (const std::string& url : flags.mqtt) {
@@ -65,6 +92,7 @@ int PlanningServerMain(int argc, char** argv) {
   EventFlags events;
   double max_job_time_s = 0;
   double retention_days = 30;
+  int cpus = 0;
   ServerProgram program;
   program.name = "sightline serve";
   program.description =
@@ -96,6 +124,7 @@ int PlanningServerMain(int argc, char** argv) {
                    "Free space of the disk below which nothing is accepted or started");
     AddBytesOption(app, "--max-request-bytes", &options.max_request_bytes,
                    "Largest body of an HTTP request");
+    AddRunnerOptions(app, &options, &cpus);
     AddEventOptions(app, &events);
   };
   program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
@@ -103,6 +132,7 @@ int PlanningServerMain(int argc, char** argv) {
     options.program = std::filesystem::read_symlink("/proc/self/exe", error).string();
     if (error) return absl::InternalError("cannot find the program's own path");
     if (max_job_time_s > 0) options.max_job_time = absl::Seconds(max_job_time_s);
+    options.slurm.cpus = options.kubernetes.cpus = cpus;
     options.keep_finished = absl::Hours(24 * retention_days);
     FillEventOptions(events, options.rpc.allow_plaintext, &options);
     auto server = StartPlanningServer(options);

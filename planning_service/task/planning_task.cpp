@@ -9,6 +9,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <limits>
 #include <map>
 #include <set>
 #include <utility>
@@ -21,6 +22,7 @@
 #include "absl/strings/str_split.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/recordings/assumed_values.h"
 #include "core/recordings/recordings.h"
 #include "proto/status/rpc_status.h"
 
@@ -451,7 +453,10 @@ absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::stri
   }
   if (absl::Status s = CheckNamed(named, names); !s.ok()) return s;
   if (task.has_recordings()) {
-    const auto parsed = ParseRecordings(task.recordings(), kRecordingsFile);
+    v1::Recordings recordings = task.recordings();
+    // A diagnosis assumes and fits what is not stated.
+    if (task.kind() == "diagnose") AssumeMissingValues(&recordings);
+    const auto parsed = ParseRecordings(recordings, kRecordingsFile);
     if (!parsed.ok()) return AsViolation(kRecordingsFile, "recordings.", parsed.status());
   }
   return task.has_inspection() ? CheckInspection(task.inspection(), names, read) : absl::OkStatus();
@@ -514,8 +519,7 @@ void AddFrames(const v1::FrameJobOptions& options, Arguments* arguments) {
   }
 }
 
-}  // namespace
-
+// Of the whole task in one process.
 std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::string& out_folder,
                                        const std::string& checkpoint_folder) {
   const bool has_plan = task.has_plan() || !task.plan_job_id().empty();
@@ -561,6 +565,30 @@ std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::
     if (options.has_max_effects()) arguments.Add("--max-effects", options.max_effects());
   }
   return arguments.Take();
+}
+
+// Into how many parts the task may be split: images do not depend on each other.
+int MostParts(const v1::PlanningTask& task) {
+  if (task.kind() != "render") return 1;
+  if (task.has_recordings()) return task.recordings().recordings_size();
+  const v1::FrameJobOptions& frames = task.render_options().frames();
+  const bool one_frame = frames.has_frame() || frames.has_stage_position_m();
+  const bool has_plan = task.has_plan() || !task.plan_job_id().empty();
+  return has_plan && !one_frame ? std::numeric_limits<int>::max() : 1;
+}
+
+}  // namespace
+
+TaskCommands SplitTask(const v1::PlanningTask& task, const std::string& out_folder,
+                       const std::string& checkpoint_folder, int most_parts) {
+  TaskCommands commands;
+  commands.conclusion = TaskArguments(task, out_folder, checkpoint_folder);
+  const int count = std::min(most_parts, MostParts(task));
+  for (int part = 1; count > 1 && part <= count; ++part) {
+    commands.parts.push_back(commands.conclusion);
+    commands.parts.back().push_back(absl::StrCat("--part=", part, "/", count));
+  }
+  return commands;
 }
 
 }  // namespace sightline

@@ -39,9 +39,20 @@ std::string TaskFingerprint(const v1::PlanningTask& task, const std::vector<JobF
 // `folder`, where its files are already.
 absl::Status WriteTaskFiles(const v1::PlanningTask& task, const std::string& folder);
 
-// Arguments of the `sightline` program, run in that folder, with results in `out_folder`. What is
-// needed to go on after an end of the process is kept in `checkpoint_folder`.
-std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::string& out_folder,
-                                       const std::string& checkpoint_folder);
+// Command lines of the `sightline` program that answer a task.
+struct TaskCommands {
+  // Do not depend on each other: may run in any order, at the same time, on several machines, and
+  // again. Empty: the task does not split.
+  std::vector<std::vector<std::string>> parts;
+  // Runs once all parts have ended well, and makes the results: the same bytes, whatever the number
+  // of parts.
+  std::vector<std::string> conclusion;
+};
+
+// Commands, run in that folder, with results in `out_folder`. What is needed to go on after an end
+// of a process is kept in `checkpoint_folder`. There are at most `most_parts` parts, and none where
+// they would be a single one.
+TaskCommands SplitTask(const v1::PlanningTask& task, const std::string& out_folder,
+                       const std::string& checkpoint_folder, int most_parts);
 
 }  // namespace sightline

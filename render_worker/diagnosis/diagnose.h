@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "render_worker/diagnosis/recorded_set.h"
+#include "render_worker/recordings/recorded_set.h"
 #include "sightline/v1/diagnosis.pb.h"
 
 namespace sightline {

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -118,6 +119,40 @@ double PixelMean(const Image<float>& samples, int row, int column, int sub_pixel
   return sum / (sub_pixels * sub_pixels);
 }
 
+// The camera's view of the surface at a sub-pixel, from the depths about it.
+// Of the neighbours to either side the one at the more similar depth lies on the same surface.
+LineView ViewAt(const CameraRays& camera, const SubPixelGrid& grid, const Image<float>& depth_m,
+                int row, int column) {
+  const auto point = [&](int i, int j) -> Eigen::Vector3d {
+    const Eigen::Vector3d ray = camera.ChiefDirection(grid.U(j), grid.V(i));
+    return double{depth_m.At(i, j)} * ray;
+  };
+  const Eigen::Vector3d here = point(row, column);
+  const auto along = [&](int rows, int columns) -> Eigen::Vector3d {
+    Eigen::Vector3d best = Eigen::Vector3d::Zero();
+    double least = std::numeric_limits<double>::infinity();
+    for (const int side : {-1, 1}) {
+      const int i = row + side * rows, j = column + side * columns;
+      if (i < 0 || i >= depth_m.rows_px || j < 0 || j >= depth_m.columns_px) continue;
+      if (!(depth_m.At(i, j) > 0)) continue;
+      const double step = std::abs(depth_m.At(i, j) - depth_m.At(row, column));
+      if (step < least) {
+        least = step;
+        best = side * (point(i, j) - here);
+      }
+    }
+    return best;
+  };
+  // Over a pixel: depths are single precision.
+  const Eigen::Vector3d normal = along(grid.sub_pixels, 0).cross(along(0, grid.sub_pixels));
+  LineView view;
+  view.distance_m = here.norm();
+  const double lengths = normal.norm() * here.norm();
+  view.incidence_rad =
+      lengths > 0 ? std::acos(std::min(1.0, std::abs(normal.dot(here)) / lengths)) : 0;
+  return view;
+}
+
 // A frame as a pinhole in the pupil's centre sees it.
 struct PinholeFrame {
   FrameSetup frame;
@@ -232,6 +267,7 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
                              request.stage_position_m, " m")),
                          "NO_LINE");
   }
+  const CameraRays rays(view);
   std::vector<double> depths, radiances;
   for (const LineCrossing& crossing : light.line) {
     const int column = (crossing.column_px + light.grid.margin_px) * light.grid.sub_pixels +
@@ -239,6 +275,7 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
     const int row = std::clamp(static_cast<int>(std::lround(GridRow(light.grid, crossing.row_px))),
                                0, light.grid.rows() - 1);
     depths.push_back(laser->depth_m.At(row, column));
+    light.line_views.push_back(ViewAt(rays, light.grid, laser->depth_m, row, column));
     radiances.push_back(PixelMean(laser->radiance_w_m2_sr, row, column, light.grid.sub_pixels));
   }
   light.median_line_depth_m = Quantile(depths, 0.5);

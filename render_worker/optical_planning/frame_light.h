@@ -15,6 +15,12 @@
 
 namespace sightline {
 
+// From where the camera sees a point of the line.
+struct LineView {
+  double distance_m = 0;     // from the pupil's centre
+  double incidence_rad = 0;  // between the surface's normal and the direction to the pupil
+};
+
 struct FrameLight {
   PartFrameRequest request;
   // Laser light as a pinhole in the pupil's centre sees it, at the sub-pixels of a grid fine enough
@@ -33,6 +39,7 @@ struct FrameLight {
   // reaches, at the centres of the image columns (thesis 6.4.2, the reference by rasterization:
   // direct light, no roughness, no optics). Column and row count from the region's first pixel.
   std::vector<LineCrossing> line;
+  std::vector<LineView> line_views;  // one per crossing
   double median_line_depth_m = 0;
   // Radiance of the line, mean over a pixel about a crossing: median over the crossings, and what
   // one in ten is below, and above.

@@ -17,8 +17,8 @@ namespace {
 
 // Laser light darker than this share of the line is imaged without speckle.
 constexpr double kSpeckleShare = 1e-3;
-// Layers of depth are then no more than a tenth of a wave from their light: well below what an image
-// just begins to show (Rayleigh's criterion, a quarter).
+// Layers of depth are then no more than a tenth of a wave from their light: well below what an
+// image just begins to show (Rayleigh's criterion, a quarter).
 constexpr double kLayerStepWaves = 0.2;
 // What diffraction brings in from beyond the margin.
 constexpr double kLostEnergy = 0.01;

@@ -98,6 +98,24 @@ std::vector<LineSums> JudgeLine(const DetectedLine& detected, const DetectionPla
   return sums;
 }
 
+std::vector<std::vector<size_t>> CrossingsOfBlocks(const DetectionPlan& plan,
+                                                   const std::vector<LineCrossing>& line,
+                                                   int columns_px) {
+  std::vector<std::vector<size_t>> blocks;
+  for (const PixelPlane& plane : plan.planes) {
+    const size_t first = blocks.size();
+    const int columns = (columns_px - plane.first_column + plane.step - 1) / plane.step;
+    const int block_columns = kBlockColumns_px / plane.step;
+    blocks.resize(first + static_cast<size_t>((columns + block_columns - 1) / block_columns));
+    for (size_t i = 0; i < line.size(); ++i) {
+      if (line[i].column_px % plane.step != plane.first_column) continue;
+      blocks[first + static_cast<size_t>(line[i].column_px / plane.step / block_columns)].push_back(
+          i);
+    }
+  }
+  return blocks;
+}
+
 absl::StatusOr<DetectedLine> ExposeAndDetect(const PixelIrradiance& light, const FrameSetup& frame,
                                              std::span<const ActiveEffect> effects,
                                              const DetectionPlan& plan) {

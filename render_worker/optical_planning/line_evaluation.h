@@ -45,6 +45,11 @@ std::vector<LineSums> JudgeLine(const DetectedLine& detected, const DetectionPla
                                 const std::vector<LineCrossing>& line, int columns_px,
                                 double reach_px);
 
+// For every block of JudgeLine, in its order, the crossings (indices into `line`) that it counts.
+std::vector<std::vector<size_t>> CrossingsOfBlocks(const DetectionPlan& plan,
+                                                   const std::vector<LineCrossing>& line,
+                                                   int columns_px);
+
 // Reads out one exposure and detects its line. With no effects only the planes that are looked at
 // are computed; their numbers are the same.
 absl::StatusOr<DetectedLine> ExposeAndDetect(const PixelIrradiance& light, const FrameSetup& frame,

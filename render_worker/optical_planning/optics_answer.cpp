@@ -186,4 +186,27 @@ v1::OpticsChoice ChoiceToProto(const SettingChoice& choice, const Inspection& in
   return answer;
 }
 
+v1::LearnedDetection DetectionToProto(const DetectionNoise& noise,
+                                      std::span<const DetectedBlock> blocks, int frames) {
+  v1::LearnedDetection message;
+  v1::LineDetection::Table* table = message.mutable_table();
+  for (const double distance : noise.distances_m) table->add_distances_m(distance);
+  for (const double angle : noise.incidence_angles_rad) {
+    table->add_incidence_angles_deg(angle / Radians(1));
+  }
+  for (const double u_px : noise.u_px) table->add_standard_deviations_px(u_px);
+  for (const double error : noise.relative_standard_error) {
+    message.add_relative_standard_errors(error);
+  }
+  message.set_frames(frames);
+  for (const DetectedBlock& block : blocks) {
+    message.set_line_points(message.line_points() + block.crossings);
+    message.set_found_points(message.found_points() + block.found);
+  }
+  message.set_bias_px(noise.bias_px);
+  message.set_deviation_dispersion(noise.deviation_dispersion);
+  message.set_found_dispersion(noise.found_dispersion);
+  return message;
+}
+
 }  // namespace sightline

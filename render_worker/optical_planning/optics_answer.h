@@ -1,8 +1,11 @@
 // Choices of settings as messages.
 #pragma once
 
+#include <span>
+
 #include "core/inspection/inspection.h"
 #include "render_worker/optical_planning/choose_setting.h"
+#include "render_worker/optical_planning/detection_noise.h"
 #include "sightline/v1/optics.pb.h"
 
 namespace sightline {
@@ -21,5 +24,8 @@ double HeightPerPixel(const FrameSetup& frame, double line_depth_m);
 // the caller.
 v1::OpticsChoice ChoiceToProto(const SettingChoice& choice, const Inspection& inspection,
                                const SettingGroup& group, double height_per_px);
+
+v1::LearnedDetection DetectionToProto(const DetectionNoise& noise,
+                                      std::span<const DetectedBlock> blocks, int frames);
 
 }  // namespace sightline

@@ -370,6 +370,7 @@ class OpticsPlanner {
     answer.set_scan(group.scan);
     answer.set_represented_fraction(group.represented_fraction);
     if (absl::Status s = AddFrames(group, judge, choice->chosen(), &answer); !s.ok()) return s;
+    if (absl::Status s = AddDetection(judge, choice->chosen(), &answer); !s.ok()) return s;
     if (absl::Status s = AddCheck(group, choice->chosen(), &answer); !s.ok()) return s;
     evaluated_images_ += judge.judged_images();
     if (group.represented_fraction < kPoorlyRepresented) poorly_represented_.push_back(name);
@@ -404,6 +405,18 @@ class OpticsPlanner {
       if (!picture.ok()) return picture.status();
       entry->set_picture_png(*std::move(picture));
     }
+    return absl::OkStatus();
+  }
+
+  // What planning of the geometry reads. The judge looks through the chosen lens.
+  static absl::Status AddDetection(SettingJudge& judge, const JudgedSetting& best,
+                                   v1::OpticsChoice* answer) {
+    const auto blocks = judge.DetectedBlocks(best.setting);
+    if (!blocks.ok()) return blocks.status();
+    const std::optional<DetectionNoise> noise = LearnDetectionNoise(*blocks);
+    if (!noise) return absl::OkStatus();
+    *answer->mutable_detection() =
+        DetectionToProto(*noise, *blocks, static_cast<int>(judge.frames().size()));
     return absl::OkStatus();
   }
 

@@ -136,18 +136,16 @@ absl::StatusOr<std::vector<JudgedSetting>> SettingJudge::Judge(
   return JudgePairs(single, laser_power_w);
 }
 
-absl::StatusOr<std::vector<JudgedSetting>> SettingJudge::JudgePairs(
+absl::StatusOr<SettingJudge::BlockSums> SettingJudge::CountPairs(
     std::span<const std::pair<double, double>> long_and_short_s, double laser_power_w) {
   assert(images_.size() == frames_.size());
   const int realisations = Realisations();
   const int frames = static_cast<int>(frames_.size());
   const int pairs = static_cast<int>(long_and_short_s.size());
-  // [pair][frame][realisation]
-  std::vector<std::vector<std::vector<std::vector<LineSums>>>> sums(
-      static_cast<size_t>(pairs),
-      std::vector<std::vector<std::vector<LineSums>>>(
-          static_cast<size_t>(frames),
-          std::vector<std::vector<LineSums>>(static_cast<size_t>(realisations))));
+  BlockSums sums(static_cast<size_t>(pairs),
+                 std::vector<std::vector<std::vector<LineSums>>>(
+                     static_cast<size_t>(frames),
+                     std::vector<std::vector<LineSums>>(static_cast<size_t>(realisations))));
   const int tasks = pairs * frames * realisations;
   std::vector<absl::Status> statuses(static_cast<size_t>(tasks));
   // Neighbouring tasks cost about the same: dealt out in turn.
@@ -187,13 +185,51 @@ absl::StatusOr<std::vector<JudgedSetting>> SettingJudge::JudgePairs(
     if (!status.ok()) return status;
   }
   judged_images_ += tasks;
+  return sums;
+}
+
+absl::StatusOr<std::vector<JudgedSetting>> SettingJudge::JudgePairs(
+    std::span<const std::pair<double, double>> long_and_short_s, double laser_power_w) {
+  const auto sums = CountPairs(long_and_short_s, laser_power_w);
+  if (!sums.ok()) return sums.status();
   std::vector<JudgedSetting> judged;
-  for (int pair = 0; pair < pairs; ++pair) {
-    const auto& [long_s, short_s] = long_and_short_s[static_cast<size_t>(pair)];
-    judged.push_back(
-        Summarise({lens_, long_s, short_s, laser_power_w}, sums[static_cast<size_t>(pair)]));
+  for (size_t pair = 0; pair < long_and_short_s.size(); ++pair) {
+    const auto& [long_s, short_s] = long_and_short_s[pair];
+    judged.push_back(Summarise({lens_, long_s, short_s, laser_power_w}, (*sums)[pair]));
   }
   return judged;
+}
+
+absl::StatusOr<std::vector<DetectedBlock>> SettingJudge::DetectedBlocks(
+    const OpticalSetting& setting) {
+  const std::vector<std::pair<double, double>> exposures = {
+      {setting.exposure_time_s, setting.second_exposure_time_s}};
+  const auto sums = CountPairs(exposures, setting.laser_power_w);
+  if (!sums.ok()) return sums.status();
+  std::vector<DetectedBlock> detected;
+  for (size_t f = 0; f < frames_.size(); ++f) {
+    const FrameLight& light = *frames_[f].light;
+    const DetectionPlan plan = PlanDetection(Setup(f, setting, 0), planning_.detector);
+    const auto blocks = CrossingsOfBlocks(plan, light.line, light.grid.roi.columns_px);
+    for (size_t b = 0; b < blocks.size(); ++b) {
+      if (blocks[b].empty()) continue;
+      DetectedBlock block;
+      for (const size_t crossing : blocks[b]) {
+        block.distance_m += light.line_views[crossing].distance_m;
+        block.incidence_rad += light.line_views[crossing].incidence_rad;
+      }
+      block.distance_m /= static_cast<double>(blocks[b].size());
+      block.incidence_rad /= static_cast<double>(blocks[b].size());
+      for (const std::vector<LineSums>& realisation : (*sums)[0][f]) {
+        block.crossings += realisation[b].crossings;
+        block.found += realisation[b].found;
+        block.deviation_px += realisation[b].deviation_px;
+        block.deviation2_px2 += realisation[b].deviation2_px2;
+      }
+      detected.push_back(block);
+    }
+  }
+  return detected;
 }
 
 }  // namespace sightline

@@ -9,6 +9,7 @@
 #include "absl/status/statusor.h"
 #include "core/inspection/optics_planning.h"
 #include "core/laser_line/line_quality.h"
+#include "render_worker/optical_planning/detection_noise.h"
 #include "render_worker/optical_planning/frame_light.h"
 #include "render_worker/optical_planning/line_evaluation.h"
 
@@ -64,6 +65,10 @@ class SettingJudge {
   absl::StatusOr<std::vector<JudgedSetting>> JudgePairs(
       std::span<const std::pair<double, double>> long_and_short_s, double laser_power_w);
 
+  // What was detected with one setting, all blocks of all frames that have a crossing, through the
+  // lens of the last LookThrough, which must be the setting's. CANCELLED.
+  absl::StatusOr<std::vector<DetectedBlock>> DetectedBlocks(const OpticalSetting& setting);
+
   // The frame's setup at a setting, realisation `r`; the plate's distance is that of its line.
   FrameSetup Setup(size_t frame, const OpticalSetting& setting, int realisation) const;
   const std::vector<WeightedFrame>& frames() const { return frames_; }
@@ -78,6 +83,10 @@ class SettingJudge {
   // `exposure`: 0 or, of the second of a frame, 1: other photons.
   absl::StatusOr<DetectedLine> Detect(size_t frame, const OpticalSetting& setting, int realisation,
                                       int exposure) const;
+  // Sums of every pair of exposures: [pair][frame][realisation][block].
+  using BlockSums = std::vector<std::vector<std::vector<std::vector<LineSums>>>>;
+  absl::StatusOr<BlockSums> CountPairs(std::span<const std::pair<double, double>> long_and_short_s,
+                                       double laser_power_w);
   JudgedSetting Summarise(const OpticalSetting& setting,
                           const std::vector<std::vector<std::vector<LineSums>>>& by_frame) const;
   double ReachPx() const;

@@ -5,10 +5,10 @@
 #include <cassert>
 #include <cmath>
 
-#include "render_worker/diagnosis/speckle_statistics.h"
 #include "render_worker/optics/pupil.h"
 #include "render_worker/render/part_frame.h"
 #include "render_worker/sensor/expose.h"
+#include "render_worker/speckle/speckle_statistics.h"
 
 namespace sightline {
 namespace {

@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/part/mesh.h"
+#include "core/recordings/assumed_values.h"
 #include "core/recordings/check_recordings.h"
 #include "core/recordings/load_images.h"
 #include "core/recordings/part_inspection.h"
@@ -101,13 +102,15 @@ struct DiagnosisServiceImpl::CheckedScene {
 };
 
 absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServiceImpl::Check(
-    const v1::RecordedSetSource& source) {
-  const v1::Recordings& message = source.recordings();
+    const v1::RecordedSetSource& source, Missing missing_values) {
+  v1::Recordings message = source.recordings();
   if (message.recordings_size() > kMostRecordings) {
     return InvalidFields(
         {{"source.recordings.recordings",
           absl::StrCat("has ", message.recordings_size(), ", at most ", kMostRecordings)}});
   }
+  std::vector<std::string> assumptions;
+  if (missing_values == Missing::kAssume) assumptions = AssumeMissingValues(&message);
   absl::StatusOr<RecordingSet> description = ParseRecordings(message, "source.recordings");
   if (!description.ok()) return description.status();
   AssetFolder files(absl::StrCat(p_.spool_folder, "/set-", next_folder_++));
@@ -149,34 +152,43 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
         WithErrorInfo(absl::UnavailableError("overloaded: too many sets wait"), "OVERLOADED"),
         absl::Seconds(1));
   }
-  std::vector<std::string> errors;
-  checked->images = LoadRecordedImages(*description, paths, ReadRawImage, &errors);
-  if (!errors.empty()) return InvalidImages(files, errors);
+  LoadedImages loaded = LoadRecordedImages(*description, paths, ReadRawImage);
+  if (!loaded.errors.empty()) return InvalidImages(files, loaded.errors);
+  checked->images = std::move(loaded.raw_dn);
+  if (loaded.eight_bit_files) {
+    assumptions.push_back(
+        TakeNarrowNumbers(EightBitNumbers(description->camera), &*description, &checked->images));
+  }
   RecordingCheck check = CheckRecordings(*description, checked->images);
+  if (check.narrow) {
+    assumptions.push_back(TakeNarrowNumbers(*check.narrow, &*description, &checked->images));
+    check = CheckRecordings(*description, checked->images);
+  }
   const std::vector<std::string> left_out =
       LeaveOutWithoutLine(check, &*description, &checked->images);
   if (!left_out.empty()) check = CheckRecordings(*description, checked->images);
   if (!check.errors.empty()) return InvalidImages(files, check.errors);
-  checked->warnings = left_out;
+  checked->warnings = assumptions;
+  checked->warnings.insert(checked->warnings.end(), left_out.begin(), left_out.end());
   checked->warnings.insert(checked->warnings.end(), check.warnings.begin(), check.warnings.end());
   checked->description = *std::move(description);
   return checked;
 }
 
 absl::StatusOr<std::shared_ptr<const DiagnosisServiceImpl::CheckedPlate>>
-DiagnosisServiceImpl::CheckPlate(const v1::RecordedSetSource& source) {
+DiagnosisServiceImpl::CheckPlate(const v1::RecordedSetSource& source, Missing missing) {
   if (const int version = source.recordings().format_version(); version == 2) {
     return InvalidFields({{"source.recordings.format_version",
                            "is 2 (images of a part), must be 1: laser lines on a flat plate"}});
   }
-  auto set = Check(source);
+  auto set = Check(source, missing);
   if (!set.ok()) return set.status();
   return std::make_shared<const CheckedPlate>(*set);
 }
 
 absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedScene>>
 DiagnosisServiceImpl::CheckScene(const v1::CreateDiagnosisRequest& request) {
-  auto set = Check(request.source());
+  auto set = Check(request.source(), Missing::kError);
   if (!set.ok()) return set.status();
   auto work = std::make_shared<CheckedScene>(
       *std::move(set), absl::StrCat(p_.spool_folder, "/scene-", next_folder_++));
@@ -267,7 +279,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
     return MakeActiveEffect(id, {}).status();
   });
   if (!status.ok()) return status;
-  auto work = CheckPlate(request.source());
+  auto work = CheckPlate(request.source(), Missing::kAssume);
   if (!work.ok()) return work.status();
   return CreateJob(kDiagnose, request, (*work)->source->warnings,
                    [this, settings = CommonSettings<DiagnosisSettings>(request, p_.threads),
@@ -318,7 +330,7 @@ absl::Status DiagnosisServiceImpl::Verification(const v1::CreateVerificationRequ
   VerificationSettings settings;
   settings.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
   settings.threads = p_.threads;
-  auto work = CheckPlate(request.source());
+  auto work = CheckPlate(request.source(), Missing::kError);
   if (!work.ok()) return work.status();
   auto job = CreateJob(
       kVerify, request, (*work)->source->warnings,

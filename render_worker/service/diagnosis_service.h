@@ -68,9 +68,12 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
   struct CheckedPlate;
   struct CheckedScene;
 
-  absl::StatusOr<std::shared_ptr<CheckedSet>> Check(const v1::RecordedSetSource& source);
+  // `missing`: whether values that a plate's description does not state are assumed.
+  enum class Missing { kError, kAssume };
+  absl::StatusOr<std::shared_ptr<CheckedSet>> Check(const v1::RecordedSetSource& source,
+                                                    Missing missing);
   absl::StatusOr<std::shared_ptr<const CheckedPlate>> CheckPlate(
-      const v1::RecordedSetSource& source);
+      const v1::RecordedSetSource& source, Missing missing);
   // All but the meshes.
   absl::StatusOr<std::shared_ptr<CheckedScene>> CheckScene(
       const v1::CreateDiagnosisRequest& request);

@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "render_worker/service/optics_service.h"
 #include "render_worker/service/render_service.h"
+#include "render_worker/service/sensor_service.h"
 
 namespace sightline {
 namespace {
@@ -63,6 +64,7 @@ class RenderServerImpl final : public RenderServer {
                             options.max_set_bytes}),
         optics_service_({spool_.path(), &assets_, jobs_.get(), &calls_, Threads(options.threads),
                          options.max_image_bytes}),
+        sensor_service_({spool_.path(), &assets_, jobs_.get(), &calls_}),
         server_("render_worker", &metrics_, &calls_, jobs_.get()) {}
 
   ~RenderServerImpl() override {
@@ -75,7 +77,8 @@ class RenderServerImpl final : public RenderServer {
     absl::Status status =
         server_.Listen(options, {{"sightline.v1.RenderService", &service_},
                                  {"sightline.v1.DiagnosisService", &diagnosis_service_},
-                                 {"sightline.v1.OpticsService", &optics_service_}});
+                                 {"sightline.v1.OpticsService", &optics_service_},
+                                 {"sightline.v1.SensorService", &sensor_service_}});
     if (status.ok()) {
       spdlog::info("event=serving threads={} spool={}", Threads(options.threads), spool_.path());
     }
@@ -96,6 +99,7 @@ class RenderServerImpl final : public RenderServer {
   RenderServiceImpl service_;
   DiagnosisServiceImpl diagnosis_service_;
   OpticsServiceImpl optics_service_;
+  SensorServiceImpl sensor_service_;
   RpcServer server_;
 };
 

@@ -8,10 +8,11 @@
 
 namespace sightline {
 
-int RenderWorkerMain(int argc, char** argv) {
+int RenderWorkerMain(int argc, char** argv, const std::string& version) {
   RenderServerOptions options;
   ServerProgram program;
   program.name = "render_worker";
+  program.version = version;
   program.description = "What the camera would record, served by gRPC.";
   program.add_options = [&options](CLI::App& app) {
     app.add_option("--threads", options.threads, "Threads of one job; 0: one per core")

@@ -1,9 +1,12 @@
 // Command line of the render worker.
 #pragma once
 
+#include <string>
+
 namespace sightline {
 
-// `render_worker --listen unix:PATH | HOST:PORT [options]`, see ServerMain.
-int RenderWorkerMain(int argc, char** argv);
+// `render_worker --listen unix:PATH | HOST:PORT [options]`, see ServerMain. `version`: what
+// --version prints.
+int RenderWorkerMain(int argc, char** argv, const std::string& version);
 
 }  // namespace sightline

@@ -6,8 +6,8 @@
 
 #include "absl/status/statusor.h"
 #include "core/image/image.h"
-#include "render_worker/diagnosis/profile_bins.h"
 #include "render_worker/frame/frame_setup.h"
+#include "render_worker/recordings/profile_bins.h"
 #include "render_worker/sensor/pixel_planes.h"
 
 namespace sightline {

@@ -5,7 +5,7 @@
 
 #include "absl/status/statusor.h"
 #include "render_worker/diagnosis/diagnose.h"
-#include "render_worker/diagnosis/recorded_set.h"
+#include "render_worker/recordings/recorded_set.h"
 #include "sightline/v1/verification.pb.h"
 
 namespace sightline {

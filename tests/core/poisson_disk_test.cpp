@@ -11,7 +11,7 @@
 #include <tuple>
 
 #include "core/part/load_part.h"
-#include "tests/core/test_meshes.h"
+#include "tests/core/part/test_meshes.h"
 
 namespace sightline {
 namespace {

@@ -11,6 +11,7 @@
 #include <sstream>
 
 #include "core/json/strict_json.h"
+#include "core/recordings/assumed_values.h"
 
 namespace sightline {
 namespace {
@@ -180,6 +181,79 @@ TEST(NumberNullPlatePositions, ReplacesMembersThatAreNullOnly) {
   const std::string open = "\"plate_position_id\"" + std::string(8 << 20, ' ');
   EXPECT_EQ(NumberNullPlatePositions(open), open);
   EXPECT_EQ(NumberNullPlatePositions("\"plate_position_id\":"), "\"plate_position_id\":");
+}
+
+TEST(AssumedValues, CompleteDescriptionStaysAsItIs) {
+  v1::Recordings message = Plate();
+  const std::string before = message.SerializeAsString();
+  EXPECT_THAT(AssumeMissingValues(&message), ::testing::IsEmpty());
+  EXPECT_EQ(message.SerializeAsString(), before);
+}
+
+TEST(AssumedValues, EveryValueThatCanBeFittedMayBeMissing) {
+  const std::vector<std::pair<std::string, std::function<void(v1::Recordings*)>>> cases = {
+      {"lens.transmission", [](auto* m) { m->mutable_lens()->clear_transmission(); }},
+      {"laser.power_w", [](auto* m) { m->mutable_laser()->clear_power_w(); }},
+      {"laser.divergence_rad", [](auto* m) { m->mutable_laser()->clear_divergence_rad(); }},
+      {"laser.fan_angle_deg", [](auto* m) { m->mutable_laser()->clear_fan_angle_deg(); }},
+      {"laser.beam_focus_distance_m",
+       [](auto* m) { m->mutable_laser()->clear_beam_focus_distance_m(); }},
+      {"surface.ggx_alpha", [](auto* m) { m->clear_surface(); }},
+      {"rig.incidence_angle_deg", [](auto* m) { m->clear_rig(); }},
+      {"camera.gain_dn_per_electron",
+       [](auto* m) { m->mutable_camera()->clear_gain_dn_per_electron(); }},
+      {"camera.saturation_capacity_electrons",
+       [](auto* m) { m->mutable_camera()->clear_saturation_capacity_electrons(); }},
+      {"camera.quantum_efficiency",
+       [](auto* m) { m->mutable_camera()->clear_quantum_efficiency(); }},
+      {"camera.dark_mean_electrons",
+       [](auto* m) { m->mutable_camera()->clear_dark_mean_electrons(); }},
+      {"camera.dark_noise_electrons",
+       [](auto* m) { m->mutable_camera()->clear_dark_noise_electrons(); }},
+      {"focus_distance_m", [](auto* m) { m->mutable_recordings(0)->clear_focus_distance_m(); }},
+      {"laser_distance_m", [](auto* m) { m->mutable_recordings(0)->clear_laser_distance_m(); }},
+      {"timestamp_s", [](auto* m) {
+         for (auto& recording : *m->mutable_recordings()) recording.clear_timestamp_s();
+       }}};
+  for (const auto& [field, clear] : cases) {
+    v1::Recordings message = Plate();
+    clear(&message);
+    EXPECT_FALSE(ParseRecordings(message, "").ok()
+                 // Sensors have had a default of 0 for it.
+                 && field != "camera.dark_mean_electrons")
+        << field;
+    EXPECT_THAT(AssumeMissingValues(&message), ::testing::Contains(HasSubstr(field)));
+    EXPECT_TRUE(ParseRecordings(message, "").ok()) << ParseRecordings(message, "").status();
+  }
+}
+
+TEST(AssumedValues, UncertaintyIsTheWiderOfStatedAndAssumed) {
+  v1::Recordings message = Plate();
+  message.mutable_laser()->clear_power_w();
+  message.mutable_rig()->clear_incidence_angle_deg();
+  message.mutable_uncertainty()->set_incidence_angle_deg(25);
+  AssumeMissingValues(&message);
+  EXPECT_DOUBLE_EQ(message.uncertainty().incidence_angle_deg(), 25);
+  EXPECT_GE(message.uncertainty().power_relative(), 1);
+  EXPECT_DOUBLE_EQ(message.uncertainty().camera_distance_m(), 0.002);
+}
+
+TEST(AssumedValues, WhatNothingCanReplaceStaysAnError) {
+  const std::vector<std::function<void(v1::Recordings*)>> cases = {
+      [](auto* m) { m->mutable_camera()->clear_pixel_pitch_m(); },
+      [](auto* m) { m->mutable_camera()->clear_bit_depth_bit(); },
+      [](auto* m) { m->mutable_lens()->clear_focal_length_m(); },
+      [](auto* m) { m->mutable_laser()->clear_wavelength_m(); },
+      [](auto* m) { m->mutable_recordings(0)->clear_exposure_time_s(); },
+      [](auto* m) { m->mutable_recordings(0)->clear_camera_distance_m(); },
+      [](auto* m) { m->clear_recordings(); },
+      [](auto* m) { m->Clear(); }};
+  for (const auto& clear : cases) {
+    v1::Recordings message = Plate();
+    clear(&message);
+    AssumeMissingValues(&message);
+    EXPECT_FALSE(ParseRecordings(message, "").ok());
+  }
 }
 
 }  // namespace

@@ -12,7 +12,7 @@
 #include "coverage_server/scan/target_lookup.h"
 #include "coverage_server/visibility/measurability.h"
 #include "coverage_server/visibility/visibility_field.h"
-#include "tests/core/test_meshes.h"
+#include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"
 
 namespace sightline {

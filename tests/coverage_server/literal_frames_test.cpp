@@ -10,7 +10,7 @@
 #include "core/targets/poisson_disk.h"
 #include "coverage_server/scan/exact_evaluator.h"
 #include "coverage_server/scan/target_lookup.h"
-#include "tests/core/test_meshes.h"
+#include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"
 
 namespace sightline {

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <thread>
 
-#include "tests/core/test_meshes.h"
+#include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"
 
 namespace sightline {

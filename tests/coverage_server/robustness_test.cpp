@@ -4,7 +4,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "tests/core/test_meshes.h"
+#include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"
 
 namespace sightline {

@@ -10,7 +10,7 @@
 #include "coverage_server/scan/target_lookup.h"
 #include "coverage_server/visibility/octahedral_map.h"
 #include "coverage_server/visibility/surface_probes.h"
-#include "tests/core/test_meshes.h"
+#include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"
 
 namespace sightline {

@@ -2,42 +2,18 @@
 // start.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <sys/wait.h>
 
-#include <cstdio>
-#include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <string>
 
-#include "absl/strings/str_cat.h"
-#include "core/json/strict_json.h"
 #include "sightline/v1/plan.pb.h"
-#include "tests/integration/run_process.h"
+#include "tests/integration/box_process.h"
 
 namespace sightline {
 namespace {
 
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
-
-// A box of 60 x 40 x 20 mm.
-constexpr char kBox[] = R"(v 0 0 0
-v 60 0 0
-v 60 40 0
-v 0 40 0
-v 0 0 20
-v 60 0 20
-v 60 40 20
-v 0 40 20
-f 1 4 3 2
-f 5 6 7 8
-f 1 2 6 5
-f 2 3 7 6
-f 3 4 8 7
-f 4 1 5 8
-)";
 
 // Its top is toleranced, by hand.
 constexpr char kInspection[] = R"({
@@ -49,35 +25,9 @@ constexpr char kInspection[] = R"({
   "goal": {"admissible": 0.8}
 })";
 
-class PlanProcessTest : public ::testing::Test {
+class PlanProcessTest : public BoxProcessTest {
  protected:
-  void SetUp() override {
-    ASSERT_NE(mkdtemp(folder_.data()), nullptr);
-    std::ofstream(folder_ + "/box.obj") << kBox;
-    std::ofstream(folder_ + "/inspection.json") << kInspection;
-  }
-  void TearDown() override { fs::remove_all(folder_); }
-
-  // Exit code of `sightline ARGUMENTS` in the folder, and what it said.
-  std::pair<int, std::string> Run(const std::string& arguments) const {
-    const ProcessResult result = RunProcess(
-        absl::StrCat("cd ", folder_, " && timeout 100 ", BinFolder(), "/sightline ", arguments));
-    return {result.exit_code, result.output};
-  }
-  v1::Plan ReadPlan(const std::string& folder) const {
-    v1::Plan plan;
-    const absl::Status status =
-        ReadStrictJsonFile(absl::StrCat(folder_, "/", folder, "/plan.json"), &plan);
-    EXPECT_TRUE(status.ok()) << status;
-    return plan;
-  }
-  std::string Bytes(const std::string& file) const {
-    std::ostringstream bytes;
-    bytes << std::ifstream(folder_ + "/" + file, std::ios::binary).rdbuf();
-    return bytes.str();
-  }
-
-  std::string folder_ = "/tmp/sightline-plan-process-XXXXXX";
+  PlanProcessTest() : BoxProcessTest(kInspection) {}
 };
 
 TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
@@ -85,7 +35,7 @@ TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
       " --evaluations-per-scan 500 --bound-evaluations 2000 --no-pictures --field-directions 576";
   const auto [code, output] = Run("plan inspection.json --out a" + options);
   ASSERT_EQ(code, 0) << output;
-  const v1::Plan plan = ReadPlan("a");
+  const v1::Plan plan = Read<v1::Plan>("a/plan.json");
   const v1::PlanUncertainty& u = plan.uncertainty();
   // Only the top is judged: 24 of 88 square centimetres.
   EXPECT_GT(u.judged_targets(), 0);
@@ -115,7 +65,8 @@ TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
   EXPECT_EQ(Bytes("a/uncertainty.ply"), Bytes("b/uncertainty.ply"));
   const auto [evaluated, said] = Run("evaluate inspection.json a/plan.json --out c --ellipsoids");
   ASSERT_EQ(evaluated, 0) << said;
-  EXPECT_EQ(ReadPlan("c").uncertainty().admissible_fraction(), u.admissible_fraction());
+  EXPECT_EQ(Read<v1::Plan>("c/plan.json").uncertainty().admissible_fraction(),
+            u.admissible_fraction());
   EXPECT_TRUE(fs::exists(folder_ + "/c/points/scan_01_ellipsoids.ply"));
 }
 

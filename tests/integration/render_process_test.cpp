@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <sstream>
 #include <thread>
 
@@ -237,6 +238,41 @@ TEST_F(RenderProcessTest, GoesOnWithTheImagesThatAreMissing) {
   // Of another request nothing is taken.
   ASSERT_EQ(Render("{folder}/set.json --seed 2 --checkpoint {folder}/checkpoint").exit_code, 0);
   EXPECT_NE(Bytes(image(0)), whole[0]);
+}
+
+// Parts may run anywhere and in any order; who runs after them makes the description alone.
+TEST_F(RenderProcessTest, PartsMakeTheBytesOfTheWhole) {
+  Write("set.json", RecordingsToJson(PlateRecordings(5)));
+  ASSERT_EQ(Render("{folder}/set.json").exit_code, 0);
+  std::map<std::string, std::string> whole;
+  const auto files = [&] {
+    std::map<std::string, std::string> bytes;
+    for (const auto& entry : fs::recursive_directory_iterator(folder_ + "/out")) {
+      if (entry.is_regular_file()) bytes[entry.path()] = Bytes(entry.path());
+    }
+    return bytes;
+  };
+  whole = files();
+  ASSERT_EQ(whole.size(), 6u);
+  fs::remove_all(folder_ + "/out");
+  const std::string command = "{folder}/set.json --checkpoint {folder}/checkpoint";
+  for (const char* part : {" --part 2/2", " --part 1/2"}) {
+    const ProcessResult result = Render(command + part);
+    ASSERT_EQ(result.exit_code, 0) << result.output;
+    EXPECT_FALSE(fs::exists(folder_ + "/out/recordings.json"));
+  }
+  EXPECT_EQ(files().size(), 5u);
+  const auto made = fs::last_write_time(folder_ + "/out/images/0.png");
+  // One that was killed here, before it had finished a file.
+  Write("out/images/3.png.part-node-17", "half");
+  const ProcessResult result = Render(command);
+  ASSERT_EQ(result.exit_code, 0) << result.output;
+  EXPECT_EQ(files(), whole);
+  EXPECT_EQ(fs::last_write_time(folder_ + "/out/images/0.png"), made);
+  for (const char* part : {"0/2", "3/2", "1", "a/b", "1/2/3"}) {
+    EXPECT_EQ(Render(command + " --part " + part).exit_code, 2) << part;
+  }
+  EXPECT_EQ(Render("{folder}/set.json --part 1/2").exit_code, 2);
 }
 
 TEST_F(RenderProcessTest, ProgramsGetProgressAndErrorsAsJson) {

@@ -14,6 +14,7 @@
 
 #include "core/json/strict_json.h"
 #include "proto/status/rpc_status.h"
+#include "rpc_server/health_check.h"
 #include "rpc_server/listen_address.h"
 #include "sightline/v1/job_service.grpc.pb.h"
 #include "tests/integration/service_fixture.h"
@@ -139,6 +140,47 @@ class RpcServerTlsTest : public ::testing::Test {
   const TestAuthority new_authority_{"new authority"};
   const std::string both_roots_ = old_authority_.certificate() + new_authority_.certificate();
 };
+
+TEST_F(RpcServerTlsTest, HealthIsAskedByTls) {
+  RunningRpcServer running;
+  const PemPair own = old_authority_.Issue("server");
+  const RpcServerOptions options = Options(own, old_authority_.certificate());
+  ASSERT_TRUE(running.server().Listen(options, {}).ok());
+  HealthCheckOptions check;
+  check.address = running.server().address();
+  EXPECT_TRUE(absl::IsUnavailable(CheckHealth(check))) << "without TLS";
+  check.tls_certificate_file = options.tls_certificate_file;
+  EXPECT_TRUE(absl::IsInvalidArgument(CheckHealth(check))) << "without a key";
+  check.tls_key_file = options.tls_key_file;
+  EXPECT_TRUE(CheckHealth(check).ok()) << CheckHealth(check);
+  const PemPair stranger = new_authority_.Issue("stranger");
+  check.tls_certificate_file = Write("stranger.pem", stranger.certificate);
+  check.tls_key_file = Write("stranger.key", stranger.key);
+  EXPECT_TRUE(absl::IsUnavailable(CheckHealth(check))) << "of an authority that it does not know";
+}
+
+TEST(HealthCheckTest, ServingOrNot) {
+  RunningRpcServer running;
+  RpcServerOptions options;
+  options.listen = "127.0.0.1:0";
+  ASSERT_TRUE(running.server().Listen(options, {}).ok());
+  HealthCheckOptions check;
+  check.address = running.server().address();
+  EXPECT_TRUE(CheckHealth(check).ok()) << CheckHealth(check);
+  const std::string flag = "--health-check=" + check.address;
+  const char* asks[] = {"server", flag.c_str()};
+  EXPECT_EQ(MaybeCheckHealth(2, asks), 0);
+  const char* asks_otherwise[] = {"server", "--health-check", check.address.c_str()};
+  EXPECT_EQ(MaybeCheckHealth(3, asks_otherwise), 0);
+  const char* asks_wrongly[] = {"server", "--health-check"};
+  EXPECT_EQ(MaybeCheckHealth(2, asks_wrongly), 2);
+  const char* asks_nothing[] = {"server", "--health-checks", "--listen"};
+  EXPECT_EQ(MaybeCheckHealth(3, asks_nothing), std::nullopt);
+
+  running.server().Drain(absl::ZeroDuration());
+  EXPECT_TRUE(absl::IsUnavailable(CheckHealth(check)));
+  EXPECT_EQ(MaybeCheckHealth(2, asks), 1);
+}
 
 TEST_F(RpcServerTlsTest, NewConnectionsSeeTheNewCertificate) {
   RunningRpcServer running;

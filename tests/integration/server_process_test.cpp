@@ -14,6 +14,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "core/trace/trace_context.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/embedded_server/embedded_server.h"
 #include "tests/integration/run_process.h"
@@ -73,6 +74,33 @@ void SendSignal(pid_t pid, int signal_number) {
 
 // Runs a command line that takes no more than 20 s.
 ProcessResult RunCommand(const std::string& command) { return RunProcess("timeout 20 " + command); }
+
+// A call that the server complains of: the line names the request that the caller works on.
+TEST_F(ServerProcessTest, LogNamesTheRequestOfTheCaller) {
+  Start();
+  ServerAccess access;
+  access.embedded = server_.get();
+  const auto stub = v1::CoverageService::NewStub(OpenChannel(access));
+  const auto ask_wrongly = [&] {
+    grpc::ClientContext context;
+    SetTimeout(&context, absl::Seconds(10));
+    v1::CreateSceneResponse response;
+    return stub->CreateScene(&context, v1::CreateSceneRequest(), &response);
+  };
+  {
+    const ScopedTrace trace("00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01");
+    EXPECT_EQ(ask_wrongly().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  }
+  EXPECT_EQ(ask_wrongly().error_code(), grpc::StatusCode::INVALID_ARGUMENT);
+  std::ifstream log(server_->folder() + "/stderr.log");
+  std::string line;
+  ASSERT_TRUE(std::getline(log, line));
+  EXPECT_THAT(line, HasSubstr(" trace_id=0af7651916cd43dd8448eb211c80319c event=call"));
+  // Who has none gets one of the call.
+  ASSERT_TRUE(std::getline(log, line));
+  EXPECT_THAT(line, ::testing::ContainsRegex(" trace_id=[0-9a-f]{32} event=call"));
+  EXPECT_THAT(line, ::testing::Not(HasSubstr("0af7651916cd43dd8448eb211c80319c")));
+}
 
 TEST_F(ServerProcessTest, EmbeddedServerIsPrivateAndCleansUp) {
   Start();

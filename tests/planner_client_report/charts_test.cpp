@@ -142,6 +142,22 @@ TEST(XyChart, MakesRoomForBands) {
   }
 }
 
+TEST(XyChart, LabelsDotsAsFarAsTheyDoNotOverlap) {
+  XyChart chart;
+  ChartSeries series;
+  series.css_class = "model";
+  series.mark = SeriesMark::kDots;
+  series.x = {0, 0.001, 0.002, 10};
+  series.y = {1, 1, 1, 2};
+  series.labels = {"above", "below", "hidden", "a < b"};
+  chart.series = {series};
+  const std::string svg = XyChartSvg(chart);
+  EXPECT_THAT(svg, HasSubstr(">above</text>"));
+  EXPECT_THAT(svg, HasSubstr(">below</text>"));
+  EXPECT_THAT(svg, Not(HasSubstr("hidden")));
+  EXPECT_THAT(svg, HasSubstr("a &lt; b"));
+}
+
 TEST(XyChart, RingsGoAroundDots) {
   XyChart chart;
   chart.series = {{"null", SeriesMark::kRings, {1}, {1}, {}, {"the best"}}};

@@ -18,6 +18,7 @@
 
 #include "core/json/strict_json.h"
 #include "core/tolerance/tolerance_proto.h"
+#include "core/version/version.h"
 #include "tools/step_import/glb_writer.h"
 #include "tools/step_import/shape_mesh.h"
 #include "tools/step_import/step_reader.h"
@@ -150,6 +151,7 @@ int main(int argc, char** argv) {
   sightline::Arguments arguments;
   CLI::App app(
       "Meshes the solids of a STEP file and writes them as GLB, in metres; reads its tolerances.");
+  app.set_version_flag("--version", sightline::VersionText("sightline_step_import"));
   app.add_option("IN", arguments.in, "STEP file (AP203, AP214, AP242)")->required();
   app.add_option("--out", arguments.out, "GLB file to write");
   app.add_option("--tolerances", arguments.tolerances,

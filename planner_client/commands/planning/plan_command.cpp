@@ -8,23 +8,31 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/json/strict_json.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/optics/optics_outputs.h"
 #include "planner_client/commands/part_assets.h"
+#include "planner_client/commands/planning/as_measured_session.h"
+#include "planner_client/commands/planning/pareto_outputs.h"
 #include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/plan_with_optics.h"
 #include "planner_client/commands/planning/planning_session.h"
 #include "planner_client/commands/progress_line.h"
 #include "planner_client/plan_oracle/journalled_oracle.h"
+#include "planner_client/report/optics/optics_report.h"
 #include "planner_client/rpc_client/sha256.h"
+#include "planner_client/strategy/priced_plan.h"
 
 namespace sightline {
 namespace {
 
 // Of the whole command, by how long the example head takes; opening the session comes before, the
 // outputs after.
-constexpr ProgressPhase kPlanningPhase{kOpenSessionPhase.end, 0.85};
-constexpr ProgressPhase kBoundPhase{0.85, 0.95};
+constexpr ProgressPhase kPlanningPhase{kOpenSessionPhase.end, 0.5};
+constexpr ProgressPhase kBoundPhase{0.5, 0.7};
+constexpr ProgressPhase kAgainPhase{0.7, 0.95};
 
 struct PlanOptions {
   SessionOptions session;
@@ -33,13 +41,18 @@ struct PlanOptions {
   std::string keep;
   std::string checkpoint;
   bool resume = false;
+  AsMeasuredOptions measured;
+  ParetoOptions pareto;
   int64_t seed = 1;
   std::optional<double> goal;
   std::optional<int> max_scans;
   std::optional<double> max_time_s;
   int64_t evaluations_per_scan = 10000;
   int64_t matrix_samples = 1500000;
-  int64_t bound_evaluations = 100000;
+  int64_t bound_evaluations = 300000;
+  bool optics = false;
+  int optics_rounds = 4;
+  WorkerSessionOptions worker;
 };
 
 double SecondsSince(std::chrono::steady_clock::time_point start) {
@@ -88,94 +101,262 @@ absl::Status KeepAnswers(const std::string& folder, PlanningSession* session,
   return absl::OkStatus();
 }
 
-int RunPlan(PlanOptions& options) {
-  const std::atomic<bool>& interrupted = InterruptFlag();
-  PlannerRequest request;
-  if (absl::Status status = ReadGivenScans(options, request); !status.ok())
-    return ReportError(status);
-  if (absl::Status status = CheckStrategy(options.strategy); !status.ok()) {
-    return ReportError(status);
+// optics.json, its report, and the settings of the plan's scans.
+absl::Status WriteOptics(const v1::OpticsPlan& optics, const std::string& folder, v1::Plan* plan) {
+  v1::OpticsPlan named = optics;
+  named.set_sightline_version(SIGHTLINE_VERSION);
+  SetSettings(named, plan);
+  for (const std::string& warning : named.warnings()) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
-  const auto start = std::chrono::steady_clock::now();
-  auto session = OpenSession(options.session);
-  if (!session.ok()) return ReportError(session.status());
-  const SceneInfo& scene = session->client->scene();
-  auto& timings = options.output.timings;
-  timings.push_back({"target points", scene.targets_time_s});
-  timings.push_back({"visibility data", scene.field_time_s});
-  timings.push_back({"measurability", scene.measurability_time_s});
-  timings.push_back({"loading, upload and start of the server",
-                     session->open_time_s - scene.targets_time_s - scene.field_time_s -
-                         scene.measurability_time_s});
+  if (absl::Status s = WriteOpticsJson(named, folder + "/optics.json"); !s.ok()) return s;
+  return WriteOpticsReport(named, nullptr, folder + "/optics.html");
+}
 
-  PlanningGoal& goal = session->inspection.goal;
-  if (options.goal) (goal.admissible ? *goal.admissible : goal.coverage) = *options.goal;
-  if (options.max_scans) session->inspection.goal.max_scans = *options.max_scans;
-  if (options.max_time_s) session->inspection.goal.max_time_s = *options.max_time_s;
-  request.domain = session->inspection.domain;
-  request.goal = goal;
+// Scans that were measured, if any.
+absl::StatusOr<EarlierPlan> ReadMeasuredScans(PlanOptions& options, PlannerRequest& request) {
+  if (options.measured.files.empty()) return EarlierPlan{};
+  if (!options.resume) {
+    return absl::InvalidArgumentError(
+        "--measured: needs --resume, since the points are of scans of the plan.json in --out");
+  }
+  if (options.optics) {
+    return absl::InvalidArgumentError("--optics and --measured exclude each other");
+  }
+  return LockMeasuredScans(options.measured, options.output.folder, &request);
+}
+
+// What --optics needs of the inspection is found before the scene is built.
+absl::Status CheckOptics(const PlanOptions& options) {
+  if (!options.optics) return absl::OkStatus();
+  if (!options.checkpoint.empty()) {
+    return absl::InvalidArgumentError(
+        "--optics and --checkpoint exclude each other: what the render worker answers is not kept");
+  }
+  if (options.pareto.front) {
+    return absl::InvalidArgumentError(
+        "--optics and --pareto exclude each other: pick a plan, then `sightline optics --plan`");
+  }
+  v1::Inspection message;
+  const std::string& file = options.session.inspection_file;
+  if (absl::Status s = ReadStrictJsonFile(file, &message); !s.ok()) return s;
+  return CheckImagingInspection(message, file).status();
+}
+
+// Of the request, what only the options say.
+void SetOptions(const PlanOptions& options, PlannerRequest& request) {
   request.strategy = options.strategy;
   request.seed = options.seed;
   request.evaluations_per_scan = options.evaluations_per_scan;
   request.matrix_samples = options.matrix_samples;
   request.with_curves = false;
-  request.interrupted = &interrupted;
-  if (!options.checkpoint.empty()) {
-    absl::Status kept = KeepAnswers(options.checkpoint, &*session, options.session.inspection_file);
-    if (!kept.ok()) return ReportError(kept);
+  request.interrupted = &InterruptFlag();
+}
+
+void SetGoal(const PlanOptions& options, PlanningGoal& goal) {
+  if (options.goal) (goal.admissible ? *goal.admissible : goal.coverage) = *options.goal;
+  if (options.max_scans) goal.max_scans = *options.max_scans;
+  if (options.max_time_s) goal.max_time_s = *options.max_time_s;
+}
+
+// One plan, step by step, on a session that is open.
+class Planning {
+ public:
+  Planning(PlanOptions& options, PlannerRequest request, const EarlierPlan& earlier,
+           PlanningSession& session, std::chrono::steady_clock::time_point start)
+      : options_(options),
+        earlier_(earlier),
+        session_(session),
+        request_(std::move(request)),
+        start_(start),
+        progress_(kPlanningPhase) {
+    const SceneInfo& scene = session_.client->scene();
+    AddTiming("target points", scene.targets_time_s);
+    AddTiming("visibility data", scene.field_time_s);
+    AddTiming("measurability", scene.measurability_time_s);
+    AddTiming("loading, upload and start of the server",
+              session_.open_time_s - scene.targets_time_s - scene.field_time_s -
+                  scene.measurability_time_s);
+    SetGoal(options_, session_.inspection.goal);
+    request_.domain = session_.inspection.domain;
+    request_.goal = session_.inspection.goal;
+    SetOptions(options_, request_);
+    request_.on_progress = [this](const PlanProgress& p) {
+      progress_.Show(
+          p.coverage / p.goal,
+          absl::StrFormat("%d scans, %.1f %% %s, %dk evaluations: %s", p.scans, 100 * p.coverage,
+                          session_.ForUncertainty() ? "admissible" : "covered",
+                          p.evaluations / 1000, p.phase));
+    };
   }
-  ProgressLine progress(kPlanningPhase);
-  request.on_progress = [&](const PlanProgress& p) {
-    progress.Show(
-        p.coverage / p.goal,
-        absl::StrFormat("%d scans, %.1f %% %s, %dk evaluations: %s", p.scans, 100 * p.coverage,
-                        session->ForUncertainty() ? "admissible" : "covered", p.evaluations / 1000,
-                        p.phase));
-  };
-  const auto plan_start = std::chrono::steady_clock::now();
-  auto result = MakePlan(*session->oracle, request);
-  progress.Finish();
-  if (!result.ok()) return ReportError(result.status());
-  timings.push_back({"planning", SecondsSince(plan_start)});
-  const double time_to_plan_s = SecondsSince(start);
 
-  PlanSource source{options.strategy, options.seed, result->evaluations,
-                    StopReasonToProto(result->stop_reason)};
-  auto made = MakePlanDocument(*session, std::move(result->scans), source);
-  if (!made.ok()) return ReportError(made.status());
-  PlanDocument& document = *made;
-  if (absl::Status status = WritePlanJson(document, options.output.folder); !status.ok())
-    return ReportError(status);
+  absl::Status Run() {
+    const bool bounded = options_.bound_evaluations > 0;
+    // All plans of a front profit from the bound's scans.
+    if (options_.pareto.front && bounded) {
+      if (auto status = FindBound({}, 1); !status.ok()) return status;
+      request_.candidates = bound_->priced_scans;
+    }
+    if (auto status = Plan(); !status.ok()) return status;
+    if (!options_.pareto.front && bounded && GoesOn()) {
+      std::vector<Measurement> scans;
+      for (const ChosenScan& scan : document_.scans) scans.push_back(scan.measurement);
+      const double settled = session_.ForUncertainty()
+                                 ? document_.plan.uncertainty().admissible_fraction()
+                                 : document_.plan.coverage().coverage();
+      if (auto status = FindBound(scans, settled); !status.ok()) return status;
+      if (auto status = PlanWithBound(); !status.ok()) return status;
+    }
+    if (options_.optics && GoesOn()) {
+      if (auto status = PlanOptically(); !status.ok()) return status;
+    }
+    if (bound_) SetBound(*bound_, document_.plan);
+    return WritePlanOutputs(session_, document_, options_.output);
+  }
 
-  if (options.bound_evaluations > 0 && !interrupted.load() && !document.scans.empty()) {
+  void Print() const {
+    std::printf("%s%s%.1f s from cold start to plan.\n", SummarisePlan(document_.plan).c_str(),
+                SummariseAsMeasured(document_.plan).c_str(), time_to_plan_s_);
+    if (options_.output.pareto) {
+      std::printf("%s", SummarisePareto(*options_.output.pareto).c_str());
+    }
+    std::printf("plan:   %s\nreport: %s\n",
+                std::filesystem::absolute(options_.output.folder + "/plan.json").c_str(),
+                std::filesystem::absolute(options_.output.folder + "/report.html").c_str());
+  }
+
+ private:
+  bool GoesOn() const { return !InterruptFlag() && !document_.scans.empty(); }
+
+  void AddTiming(const std::string& name, double seconds) {
+    options_.output.timings.push_back({name, seconds});
+  }
+
+  absl::Status Plan() {
+    progress_.Enter(kPlanningPhase);
+    const auto plan_start = std::chrono::steady_clock::now();
+    auto result = options_.pareto.front ? PlanFront(session_, request_, progress_, &options_.output)
+                                        : MakePlan(*session_.oracle, request_);
+    progress_.Finish();
+    if (!result.ok()) return result.status();
+    result_ = *std::move(result);
+    planning_s_ = SecondsSince(plan_start);
+    AddTiming("planning", planning_s_);
+    time_to_plan_s_ = SecondsSince(start_);
+    return Describe();
+  }
+
+  // plan.json appears as soon as there is a plan, and again when there is a better one.
+  absl::Status Describe() {
+    auto made = MakePlanDocument(session_, result_.scans,
+                                 {options_.strategy, options_.seed, result_.evaluations,
+                                  StopReasonToProto(result_.stop_reason)});
+    if (!made.ok()) return made.status();
+    document_ = *std::move(made);
+    if (!earlier_.files.empty()) {
+      if (auto status = DescribeAsMeasured(earlier_, session_, &document_); !status.ok()) {
+        return status;
+      }
+    }
+    return WritePlanJson(document_, options_.output.folder);
+  }
+
+  // Bounds what `scans` settle, a share of the targets, at most the goal.
+  absl::Status FindBound(std::span<const Measurement> scans, double settled) {
     const auto bound_start = std::chrono::steady_clock::now();
-    progress.Enter(kBoundPhase);
-    std::vector<Measurement> scans;
-    for (const ChosenScan& scan : document.scans) scans.push_back(scan.measurement);
-    const double reached = session->ForUncertainty()
-                               ? document.plan.uncertainty().admissible_fraction()
-                               : document.plan.coverage().coverage();
+    progress_.Enter(kBoundPhase);
     auto bound = BoundScanCount(
-        *session->oracle, request.domain, std::min(GoalFraction(request.goal), reached), scans,
-        options.bound_evaluations, options.seed,
+        *session_.oracle, request_.domain, std::min(GoalFraction(request_.goal), settled), scans,
+        options_.bound_evaluations, options_.seed,
         [&](const ScanCountBoundProgress& p) {
-          progress.Show(static_cast<double>(p.evaluations) / static_cast<double>(p.budget),
-                        absl::StrFormat("lower bound so far: %.2f scans", p.bound));
+          progress_.Show(static_cast<double>(p.evaluations) / static_cast<double>(p.budget),
+                         absl::StrFormat("lower bound so far: %.2f scans", p.bound));
         },
-        &interrupted);
-    progress.Finish();
-    if (!bound.ok()) return ReportError(bound.status());
-    SetBound(*bound, document.plan);
-    timings.push_back({"lower bound", SecondsSince(bound_start)});
+        &InterruptFlag());
+    progress_.Finish();
+    if (!bound.ok()) return bound.status();
+    bound_ = *std::move(bound);
+    AddTiming("lower bound", SecondsSince(bound_start));
+    return absl::OkStatus();
   }
-  if (absl::Status status = WritePlanOutputs(*session, document, options.output); !status.ok())
-    return ReportError(status);
-  std::printf("%s%.1f s from cold start to plan.\n", SummarisePlan(document.plan).c_str(),
-              time_to_plan_s);
-  std::printf("plan:   %s\nreport: %s\n",
-              std::filesystem::absolute(options.output.folder + "/plan.json").c_str(),
-              std::filesystem::absolute(options.output.folder + "/report.html").c_str());
-  return interrupted.load() ? kExitInterrupted : kExitDone;
+
+  absl::Status PlanWithBound() {
+    PlannerRequest request = request_;
+    if (request.goal.max_time_s) {
+      *request.goal.max_time_s -= planning_s_;
+      if (*request.goal.max_time_s <= 0) return absl::OkStatus();
+    }
+    if (InterruptFlag()) return absl::OkStatus();
+    const auto again_start = std::chrono::steady_clock::now();
+    progress_.Enter(kAgainPhase);
+    const size_t before = result_.scans.size();
+    auto result = PlanWithPricedScans(*session_.oracle, request, std::move(result_), *bound_);
+    progress_.Finish();
+    if (!result.ok()) return result.status();
+    result_ = *std::move(result);
+    AddTiming("planning with the bound's scans", SecondsSince(again_start));
+    return result_.scans.size() < before ? Describe() : absl::OkStatus();
+  }
+
+  absl::Status PlanOptically() {
+    const auto optics_start = std::chrono::steady_clock::now();
+    const auto optics = PlanWithOptics({options_.session, options_.output.folder,
+                                        options_.optics_rounds, options_.seed, options_.worker},
+                                       request_, &session_, &document_);
+    if (!optics.ok()) return optics.status();
+    AddTiming("planning with optics", SecondsSince(optics_start));
+    return WriteOptics(*optics, options_.output.folder, &document_.plan);
+  }
+
+  PlanOptions& options_;
+  const EarlierPlan& earlier_;
+  PlanningSession& session_;
+  PlannerRequest request_;
+  std::chrono::steady_clock::time_point start_;
+  ProgressLine progress_;
+  PlannerResult result_;
+  PlanDocument document_;
+  std::optional<ScanCountBoundResult> bound_;
+  double planning_s_ = 0, time_to_plan_s_ = 0;
+};
+
+absl::Status PlanParsed(PlanOptions& options) {
+  PlannerRequest request;
+  if (auto status = ReadGivenScans(options, request); !status.ok()) return status;
+  if (auto status = CheckStrategy(options.strategy); !status.ok()) return status;
+  const auto earlier = ReadMeasuredScans(options, request);
+  if (!earlier.ok()) return earlier.status();
+  const bool measured = !earlier->files.empty();
+  if (measured) options.session.before_upload = PutMeasuredPart(options.measured, *earlier);
+  if (auto status = CheckOptics(options); !status.ok()) return status;
+  const auto start = std::chrono::steady_clock::now();
+  auto session = OpenSession(options.session);
+  if (!session.ok()) return session.status();
+  if (measured) {
+    if (auto status = AskMeasuredPoints(*earlier, &*session); !status.ok()) return status;
+  }
+  if (!options.checkpoint.empty()) {
+    auto kept = KeepAnswers(options.checkpoint, &*session, options.session.inspection_file);
+    if (!kept.ok()) return kept;
+  }
+  Planning planning(options, std::move(request), *earlier, *session, start);
+  if (auto status = planning.Run(); !status.ok()) return status;
+  planning.Print();
+  return absl::OkStatus();
+}
+
+int RunPlan(PlanOptions& options) {
+  const char* other = options.optics                    ? "--optics"
+                      : !options.measured.files.empty() ? "--measured"
+                                                        : "";
+  if (absl::Status s = CheckParetoOptions(options.pareto, options.strategy, other); !s.ok()) {
+    return ReportError(s);
+  }
+  if (options.pareto.Picks()) {
+    return RunPick(options.session, options.pareto.pick, options.output);
+  }
+  if (absl::Status s = PlanParsed(options); !s.ok()) return ReportError(s);
+  return InterruptFlag() ? kExitInterrupted : kExitDone;
 }
 
 }  // namespace
@@ -199,6 +380,8 @@ Command AddPlanCommand(CLI::App& app) {
   app.add_option("--keep", options->keep,
                  "plan.json whose scans stay as they are; the rest is planned");
   app.add_flag("--resume", options->resume, "go on from the plan.json in --out");
+  AddAsMeasuredOptions(app, &options->measured);
+  AddParetoOptions(app, &options->pareto);
   app.add_option("--checkpoint", options->checkpoint,
                  "folder for what is needed to go on after the process was ended; the same command "
                  "with the same folder makes the plan of an unbroken run");
@@ -210,6 +393,13 @@ Command AddPlanCommand(CLI::App& app) {
   app.add_option("--bound-evaluations", options->bound_evaluations,
                  "budget of the lower bound, 0: none")
       ->check(CLI::Range(0, 100000000));
+  app.add_flag("--optics", options->optics,
+               "plan the geometry for the line as images of its scans show it, and write the "
+               "setting of camera and laser of every scan");
+  app.add_option("--optics-rounds", options->optics_rounds,
+                 "most times that geometry and setting are planned in turn")
+      ->check(CLI::Range(1, 20));
+  AddWorkerOptions(app, &options->worker);
   app.add_flag("!--no-fresh-targets", options->session.fresh_targets,
                "score the plan on its own targets only");
   app.add_option("--coverage-server", options->session.coverage_server,

@@ -30,9 +30,31 @@ v1::Pose ToPose(const Eigen::Matrix4d& matrix) {
   return pose;
 }
 
+// From coordinates of the CAD model to those of the plan's poses, where the part lies as measured
+// points found it.
+Eigen::Isometry3f ToStage(const PlanningSession& session) {
+  return session.measured ? session.measured->registration.pose.Matrix().cast<float>()
+                          : Eigen::Isometry3f::Identity();
+}
+
+// Moves part and targets of a report to where the part was found, among the plan's poses.
+void ShowWhereItLies(const PlanningSession& session, ReportData* data) {
+  if (!session.measured) return;
+  const Eigen::Isometry3f to_stage = ToStage(session);
+  for (Eigen::Vector3f& place : data->mesh.positions_m) place = to_stage * place;
+  for (Eigen::Vector3f& place : data->targets.positions_m) place = to_stage * place;
+  for (Eigen::Vector3f& normal : data->targets.normals) normal = to_stage.linear() * normal;
+  for (const MeasuredPart::TargetDeviation& target : session.measured->deviations) {
+    data->deviations.push_back(
+        {target.position_m, target.normal, target.mean_m, target.significant});
+  }
+}
+
 v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& chosen) {
-  const Rig& rig = session.inspection.rig;
-  const Eigen::Vector3d centre = session.part->BoundingBox().center();
+  // As if the part lay where it should: the frame that points are delivered in.
+  Rig rig = session.inspection.rig;
+  rig.part_placement.reset();
+  const Eigen::Vector3d centre = session.model_centre_m;
   const ScanGeometry geometry = MakeScanGeometry(rig, chosen.measurement);
   v1::PlannedScan scan;
   *scan.mutable_measurement() = MeasurementToProto(chosen.measurement);
@@ -77,7 +99,7 @@ absl::Status AddVerdicts(const PlanningSession& session, std::span<const Measure
     }
   }
   auto verdicts = JudgeFeatures(session.inspection, *session.requirements, scans,
-                                session.part->BoundingBox().center(), knowledge);
+                                session.client->scene().part_centre_m, knowledge);
   if (!verdicts.ok()) return verdicts.status();
   for (v1::FeatureVerdict& verdict : *verdicts) {
     *document.plan.mutable_uncertainty()->add_features() = std::move(verdict);
@@ -91,7 +113,7 @@ void ExaminePropagation(const PlanningSession& session, const std::vector<Chosen
   constexpr size_t kPerScan = 200;
   const Rig& rig = session.inspection.rig;
   const UncertaintyModel& model = *session.inspection.uncertainty;
-  const Eigen::Vector3d centre = session.part->BoundingBox().center();
+  const Eigen::Vector3d centre = session.client->scene().part_centre_m;
   int64_t examined = 0, not_linear = 0;
   for (const ChosenScan& scan : scans) {
     const ScanGeometry geometry = MakeScanGeometry(rig, scan.measurement);
@@ -132,7 +154,9 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
     feasible.push_back(document.scans[i].measurement);
     index_of.push_back(static_cast<int>(i));
   }
-  auto exact = session.client->Uncertainties(feasible, {}, true, {});
+  auto exact = session.measured_oracle != nullptr
+                   ? session.measured_oracle->Uncertainties(feasible)
+                   : session.client->Uncertainties(feasible, {}, true, {});
   if (!exact.ok()) return exact.status();
   document.uncertainties = *std::move(exact);
 
@@ -363,9 +387,11 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
   data.mesh = *session.part;
   data.rig = session.inspection.rig;
   data.targets = client.targets();
+  ShowWhereItLies(session, &data);
   data.sampling = session.inspection.targets;
   data.measurable = client.measurable();
   data.comparison = options.comparison;
+  data.pareto = options.pareto;
   if (session.ForUncertainty()) {
     data.uncertainty = TargetUncertaintiesOf(session, document);
     absl::Status status =
@@ -404,9 +430,10 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
         continue;  // a scan given by hand that collides
       if (!points.ok()) return points.status();
       std::vector<Eigen::Vector3f> positions, normals;
+      const Eigen::Isometry3f to_stage = ToStage(session);
       for (const ScanPoint& p : *points) {
-        positions.push_back(p.position_m);
-        normals.push_back(p.normal);
+        positions.push_back(to_stage * p.position_m);
+        normals.push_back(to_stage.linear() * p.normal);
       }
       if (absl::Status status = WritePlyPoints(absl::StrFormat("%s/scan_%02d.ply", folder, i + 1),
                                                positions, normals);
@@ -415,6 +442,9 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
       }
       if (!data.uncertainty) continue;
       data.uncertainty->scan_sensitivities[i] = SensitivityOf(session, scan.measurement, *points);
+      for (Eigen::Vector3f& place : data.uncertainty->scan_sensitivities[i].positions_m) {
+        place = to_stage * place;
+      }
       if (!options.ellipsoids) continue;
       absl::Status status =
           WriteEllipsoids(session, scan.measurement, *points,

@@ -57,6 +57,7 @@ struct OutputOptions {
   bool ellipsoids = false;  // of plans for uncertainty: points/scan_NN_ellipsoids.ply
   std::vector<NamedTiming> timings;
   std::optional<ComparisonTable> comparison;
+  std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
 };
 
 // Writes plan.json and plan.csv; then pictures, report.html and points/scan_NN.ply. plan.json comes

@@ -80,11 +80,15 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   auto inspection = ReadInspection(options.inspection_file);
   if (!inspection.ok()) return inspection.status();
   session.inspection = std::move(*inspection);
+  if (options.line_detection && session.inspection.uncertainty) {
+    session.inspection.uncertainty->detection = *options.line_detection;
+  }
 
   auto part = LoadPart(session.inspection.part_file, session.inspection.part_unit);
   if (!part.ok()) return part.status();
   session.health = CheckPartHealth(*part);
   session.part = std::make_shared<const TriangleMesh>(std::move(*part));
+  session.model_centre_m = session.part->BoundingBox().center();
   const Eigen::Vector3d size_mm = 1e3 * session.health.bounding_box_m.sizes();
   std::fprintf(stderr, "part: %s, %.1f x %.1f x %.1f mm, %lld triangles, %.1f cm2\n",
                std::filesystem::path(session.inspection.part_file).filename().c_str(), size_mm.x(),
@@ -108,6 +112,9 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
     if (!mesh.ok()) return mesh.status();
     task.obstacles.push_back(
         {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, source.name});
+  }
+  if (options.before_upload) {
+    if (absl::Status status = options.before_upload(session, task); !status.ok()) return status;
   }
 
   CoverageClientOptions client;

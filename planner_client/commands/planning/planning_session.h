@@ -2,6 +2,7 @@
 // knows them.
 #pragma once
 
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -13,9 +14,13 @@
 #include "planner_client/commands/progress_line.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/plan_oracle/uncertainty_oracle.h"
+#include "planner_client/replanning/measured_oracle.h"
+#include "planner_client/replanning/measured_part.h"
 #include "planner_client/requirements/requirements.h"
 
 namespace sightline {
+
+struct PlanningSession;
 
 struct SessionOptions {
   std::string inspection_file;
@@ -24,12 +29,24 @@ struct SessionOptions {
   int field_directions = kDefaultFieldDirections;
   // Also sample targets anew, to score plans on what their search has not seen.
   bool fresh_targets = true;
+  // Instead of the inspection's, which must have an uncertainty.
+  std::optional<LineDetectionNoise> line_detection;
+  // Called with the inspection, its part and its obstacles as they were read, before anything is
+  // uploaded; what it changes is what will be planned for. May be null.
+  std::function<absl::Status(PlanningSession&, CoverageTask&)> before_upload;
 };
 
 struct PlanningSession {
   Inspection inspection;
   std::shared_ptr<const TriangleMesh> part;
   PartHealth health;
+  // Centre of the CAD model's bounding box, which the rig's offsets refer to.
+  Eigen::Vector3d model_centre_m = Eigen::Vector3d::Zero();
+  // Of plans that go on from measured scans: the part as these found it (`part` is its mesh, and
+  // the rig of `inspection` has its placement), and what knows what their points settle, which
+  // `oracle` owns. Null of other plans.
+  std::shared_ptr<const MeasuredPart> measured;
+  MeasuredOracle* measured_oracle = nullptr;
   std::unique_ptr<EmbeddedServer> server;  // null with --coverage-server
   std::unique_ptr<CoverageClient> client;
   std::unique_ptr<CoverageClient> fresh_client;  // null without fresh targets

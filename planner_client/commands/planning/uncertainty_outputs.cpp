@@ -23,7 +23,7 @@ struct PointSetup {
 PointSetup SetupOf(const PlanningSession& session, const ScanGeometry& geometry,
                    const ScanPoint& point) {
   const Rig& rig = session.inspection.rig;
-  const Eigen::Vector3d centre = session.part->BoundingBox().center();
+  const Eigen::Vector3d centre = session.client->scene().part_centre_m;
   const double stage_m = point.frame * rig.scan_step_m;
   PointSetup result;
   result.setup =

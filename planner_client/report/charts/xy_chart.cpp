@@ -101,6 +101,40 @@ void AppendDots(std::string* svg, const XyChart& chart, const ChartSeries& serie
   }
 }
 
+// Above its dot, or below where there is a dot or another label.
+void AppendLabels(std::string* svg, const XyChart& chart, const ChartSeries& series,
+                  const ChartScale& x, const ChartScale& y) {
+  constexpr double kCharacter = 7.5, kHalfHeight = 6, kDot = 4, kAway = 14;
+  struct Box {
+    double x, y, half_width, half_height;
+  };
+  std::vector<Box> taken;
+  const auto drawable = [&](size_t i) {
+    return DrawableX(chart, x, series.x[i]) && Drawable(chart.y, series.y[i]);
+  };
+  for (size_t i = 0; i < series.labels.size(); ++i) {
+    if (drawable(i)) taken.push_back({x.At(series.x[i]), y.At(series.y[i]), kDot, kDot});
+  }
+  for (size_t i = 0; i < series.labels.size(); ++i) {
+    if (!drawable(i)) continue;
+    for (const double away : {-kAway, kAway}) {
+      const Box box{x.At(series.x[i]), y.At(series.y[i]) + away,
+                    0.5 * kCharacter * static_cast<double>(series.labels[i].size()), kHalfHeight};
+      if (std::any_of(taken.begin(), taken.end(), [&](const Box& other) {
+            return std::abs(other.x - box.x) < other.half_width + box.half_width &&
+                   std::abs(other.y - box.y) < other.half_height + box.half_height;
+          })) {
+        continue;
+      }
+      taken.push_back(box);
+      absl::StrAppendFormat(
+          svg, "<text class=\"label\" x=\"%.1f\" y=\"%.1f\" text-anchor=\"middle\">%s</text>\n",
+          box.x, box.y + 4, EscapeHtml(series.labels[i]));
+      break;
+    }
+  }
+}
+
 }  // namespace
 
 std::string XyChartSvg(const XyChart& chart) {
@@ -110,6 +144,7 @@ std::string XyChartSvg(const XyChart& chart) {
     assert(series.half_band.empty() || series.half_band.size() == series.y.size());
     assert(series.lower.empty() || series.lower.size() == series.y.size());
     assert(series.upper.size() == series.lower.size());
+    assert(series.labels.empty() || series.labels.size() == series.y.size());
     assert(series.notes.empty() || series.notes.size() == series.y.size());
     xs.insert(xs.end(), series.x.begin(), series.x.end());
     for (size_t i = 0; i < series.y.size(); ++i) {
@@ -182,6 +217,7 @@ std::string XyChartSvg(const XyChart& chart) {
     if (series.mark != SeriesMark::kLine && series.mark != SeriesMark::kDashedLine) {
       AppendDots(&svg, chart, series, x, y);
     }
+    AppendLabels(&svg, chart, series, x, y);
   }
   return svg + "</svg>\n";
 }

@@ -19,6 +19,8 @@ struct ChartSeries {
   std::vector<std::string> notes;  // shown on pointing at a dot; empty: none
   // Ends of a band that is not symmetric, instead of half_band; empty: none.
   std::vector<double> lower = {}, upper = {};
+  // By the dots, as far as they overlap neither a dot nor an earlier label; empty: none.
+  std::vector<std::string> labels = {};
 };
 
 struct XyChart {

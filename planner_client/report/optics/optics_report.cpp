@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/json/strict_json.h"
+#include "planner_client/report/optics/detection_section.h"
 #include "planner_client/report/optics/optics_charts.h"
 #include "planner_client/report/optics/optics_text.h"
 #include "planner_client/report/page/html.h"
@@ -108,6 +109,9 @@ class Report {
         PageSection("curve", "Every f-number in numbers", CurveTable()) +
         PageSection("alternatives", "What a freedom is worth", Alternatives()) +
         PageSection("scans", "A setting for every scan", Scans()) +
+        PageSection("rounds", "Geometry and optics in turn", RoundsSection(optics_)) +
+        PageSection("detection", "What planning of the geometry needs",
+                    DetectionSection(optics_.common())) +
         PageSection("frames", "Frames it was judged by", Frames()) +
         PageSection("devices", "Cameras, lenses and lasers", Devices()) +
         PageSection("method", "How this was computed", Method());

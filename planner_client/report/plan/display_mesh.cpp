@@ -8,7 +8,7 @@
 #include <tuple>
 #include <unordered_map>
 
-#include "planner_client/report/plan/point_index.h"
+#include "core/part/point_index.h"
 
 namespace sightline {
 namespace {

@@ -13,7 +13,9 @@
 #include "planner_client/report/charts/coverage_curve.h"
 #include "planner_client/report/page/assets.h"
 #include "planner_client/report/page/html.h"
+#include "planner_client/report/plan/as_measured_html.h"
 #include "planner_client/report/plan/display_mesh.h"
+#include "planner_client/report/plan/pareto_section.h"
 #include "planner_client/report/plan/uncovered_regions.h"
 #include "planner_client/report/plan/viewer_data.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
@@ -605,6 +607,12 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
   }
   if (data.uncertainty.has_value())
     sections += InadmissibleSection(*data.uncertainty, data.measurable, covered);
+  if (data.plan.has_as_measured()) {
+    sections += Section("as-measured", "As measured",
+                        AsMeasuredHtml(data.plan.as_measured(), data.plan.scans_size(),
+                                       data.plan.has_uncertainty(), data.deviations));
+  }
+  if (data.pareto.has_value()) sections += ParetoSection(*data.pareto);
   sections += CurveSection(data.plan) + ScansSection(data) +
               RegionsSection(data, regions, region_count, uncovered_count) +
               MeasurabilitySection(data);
@@ -628,7 +636,7 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
   return FillTemplate(
       ReportTemplate(),
       {{"TITLE", EscapeHtml(absl::StrCat(name, " \u2013 inspection plan"))},
-       {"STYLE", std::string(ReportStyle())},
+       {"STYLE", absl::StrCat(ReportStyle(), data.pareto ? ChartStyle() : "")},
        {"HEADING", EscapeHtml(name)},
        {"FINDING", Finding(data.plan)},
        {"FIGURES", Figures(data)},

@@ -10,6 +10,7 @@
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
 #include "planner_client/report/uncertainty/target_uncertainty.h"
+#include "sightline/v1/pareto.pb.h"
 #include "sightline/v1/part.pb.h"
 #include "sightline/v1/plan.pb.h"
 
@@ -45,6 +46,13 @@ struct ComparisonTable {
   std::vector<StrategyComparison> strategies;
 };
 
+// Where the surface of a measured part deviates from the CAD model, in coordinates of the model.
+struct ReportDeviation {
+  Eigen::Vector3f position_m, normal;
+  float deviation_m = 0;
+  bool significant = false;
+};
+
 // The plan's index, poses and numbers are taken as they are.
 struct ReportData {
   v1::Plan plan;
@@ -60,8 +68,11 @@ struct ReportData {
   std::string coverage_png;       // after the last scan; empty: none
   std::vector<NamedTiming> timings;
   std::optional<ComparisonTable> comparison;
+  std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
   // Of plans for uncertainty: shown on the part. What plan.uncertainty says is shown in any case.
   std::optional<TargetUncertainties> uncertainty;
+  // Of plans with plan.as_measured.
+  std::vector<ReportDeviation> deviations;
   std::vector<std::string> notes;
 };
 

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "planner_client/report/plan/point_index.h"
+#include "core/part/point_index.h"
 
 namespace sightline {
 namespace {

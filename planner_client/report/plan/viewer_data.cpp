@@ -7,7 +7,7 @@
 #include <variant>
 
 #include "absl/strings/escaping.h"
-#include "planner_client/report/plan/point_index.h"
+#include "core/part/point_index.h"
 
 namespace sightline {
 namespace {

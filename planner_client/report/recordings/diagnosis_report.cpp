@@ -24,6 +24,7 @@
 #include "planner_client/report/page/number_text.h"
 #include "planner_client/report/page/static_page.h"
 #include "planner_client/report/recordings/line_range.h"
+#include "planner_client/report/recordings/predictive_check.h"
 #include "planner_client/report/recordings/raw_picture.h"
 #include "planner_client/report/recordings/recording_text.h"
 
@@ -139,6 +140,7 @@ class Report {
         PageSection("explanations", "What explains it, and what does not", Explanations()) +
         PageSection("next", "What to record next", NextRecordings()) +
         PageSection("fit", "How well the model fits", Fit()) +
+        PageSection("prediction", "Does it predict?", PredictiveCheckHtml(d_, NamedModel())) +
         PageSection("setup", "The set-up, fitted again", Deviations()) +
         PageSection("stages", "Where in the chain", Stages()) +
         PageSection("laws", "What it grows with", Laws()) +
@@ -169,6 +171,23 @@ class Report {
   std::string ModelName() const {
     if (d_.ranked().empty() || d_.ranked(0).effect() == "unknown") return "with the missing term";
     return absl::StrCat("with ", ExplanationTitle(d_.ranked(0)));
+  }
+
+  // The most probable model with a name, which stands in `named_check`; empty: the null model.
+  std::string NamedModel() const {
+    if (!d_.part_of_it().empty()) {
+      std::vector<std::string> names;
+      for (const v1::FittedEffect& effect : d_.part_of_it()) {
+        names.push_back(EffectTitle(effect.effect()));
+      }
+      return absl::StrJoin(names, " + ");
+    }
+    for (const v1::Explanation& explanation : d_.ranked()) {
+      if (explanation.effect() == "none") return "";
+      if (explanation.effect() != "unknown" && !explanation.effects().empty())
+        return ExplanationTitle(explanation);
+    }
+    return "";
   }
 
   static std::string ExplanationTitle(const v1::Explanation& explanation) {

@@ -48,7 +48,8 @@ class JobRunnerTest : public testing::Test {
     options_.workers = workers;
     std::ofstream(options_.program) << "#!/bin/bash\nout=../out\n" << body << "\n";
     chmod(options_.program.c_str(), 0700);
-    runner_ = std::make_unique<JobRunner>(options_, store_.get(), artefacts_.get(), access_.get());
+    runner_ = std::make_unique<JobRunner>(options_, store_.get(), artefacts_.get(), access_.get(),
+                                          engine_.get());
     runner_->Start();
   }
 
@@ -97,6 +98,7 @@ class JobRunnerTest : public testing::Test {
   std::unique_ptr<ClientAccess> access_;
   Client client_;
   std::unique_ptr<PlanningJobs> jobs_;
+  std::unique_ptr<ComputeEngine> engine_ = MakeLocalEngine();
   std::unique_ptr<JobRunner> runner_;
 };
 
@@ -195,6 +197,45 @@ TEST_F(JobRunnerTest, SeveralWorkersRunEveryJobOnce) {
   int count = 0;
   for (std::string line; std::getline(runs, line);) ++count;
   EXPECT_EQ(count, 20);
+}
+
+// Leaves an attempt at its first Run, and takes it up at the second.
+class LeavingEngine final : public ComputeEngine {
+ public:
+  absl::StatusOr<JobProcessEnd> Run(const AttemptOptions& options,
+                                    const ProgressCallback& wish) override {
+    const std::string marker = options.folder + "/in/marker";
+    JobProcessEnd end;
+    if (!fs::exists(options.folder + "/left")) {
+      EXPECT_TRUE(options.prepare().ok());
+      std::ofstream(options.folder + "/left") << "";
+      std::ofstream(marker) << "";
+      while ((last_wish = wish({0.5, "runs"})) == Wish::kGoOn) usleep(10000);
+      end.kind = JobProcessEnd::Kind::kStopped;
+      return end;
+    }
+    std::ofstream(options.folder + "/out/plan.json") << (fs::exists(marker) ? "kept" : "anew");
+    end.kind = JobProcessEnd::Kind::kDone;
+    return end;
+  }
+
+  Wish last_wish = Wish::kGoOn;
+};
+
+TEST_F(JobRunnerTest, WhatRunsOnElsewhereIsTakenUpAsItIs) {
+  auto engine = std::make_unique<LeavingEngine>();
+  const LeavingEngine* const leaving = engine.get();
+  engine_ = std::move(engine);
+  Start("exit 1");
+  const PlanningJob job = Ask();
+  WaitFor(job, [](const PlanningJob& now) { return now.progress > 0; });
+  runner_->Stop();
+  EXPECT_EQ(leaving->last_wish, Wish::kLeave);
+  EXPECT_EQ(store_->Get(job.job_id)->state, JobState::kQueued);
+  Start("exit 1");
+  const PlanningJob done = Finished(job);
+  EXPECT_EQ(done.state, JobState::kSucceeded) << done.failure.message;
+  EXPECT_EQ(Result(done, "plan.json"), "kept");
 }
 
 // A symbolic link that a command left is no way to a file of the server.

@@ -19,6 +19,8 @@ using testing::Not;
 using testing::SizeIs;
 using testing::UnorderedElementsAre;
 
+constexpr char kTraceparent[] = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01";
+
 class JobStoreTest : public StoreTest {
  protected:
   JobStoreTest() { Reopen(); }
@@ -30,6 +32,7 @@ INSTANTIATE_TEST_SUITE_P(Databases, JobStoreTest,
 TEST_P(JobStoreTest, KeepsWhatItWasGiven) {
   NewPlanningJob asked = NewJob("mes", 7);
   asked.request_id = "order \xc3\xbc 1";
+  asked.traceparent = kTraceparent;
   asked.files = {File("part.stl", 'a', 10), File("sub/other.stl", 'b', 20)};
   const auto made = store_->Create(asked, {});
   ASSERT_TRUE(made.ok()) << made.status();
@@ -43,6 +46,7 @@ TEST_P(JobStoreTest, KeepsWhatItWasGiven) {
     EXPECT_EQ(job->client, "mes");
     EXPECT_EQ(job->kind, "plan");
     EXPECT_EQ(job->request_id, asked.request_id);
+    EXPECT_EQ(job->traceparent, kTraceparent);
     EXPECT_EQ(job->fingerprint, "f");
     EXPECT_EQ(job->task, asked.task);
     EXPECT_EQ(job->files, asked.files);
@@ -747,7 +751,31 @@ TEST_P(JobStoreTest, RefusesNewerTables) {
   const absl::Status refused = TryOpen().status();
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
   EXPECT_THAT(refused.message(), HasSubstr("version 99"));
-  EXPECT_THAT(refused.message(), HasSubstr("version 1"));
+  EXPECT_THAT(refused.message(), HasSubstr("version 2"));
+}
+
+// What a program of the first version left behind.
+TEST_P(JobStoreTest, TakesOverTablesOfVersion1) {
+  const PlanningJob running = Create();
+  Claim();
+  const PlanningJob queued = Create();
+  store_.reset();
+  {
+    const auto database = OpenDatabase();
+    const auto connection = database->Connect();
+    ASSERT_TRUE((*connection)->Begin(SqlAccess::kWrite).ok());
+    ASSERT_TRUE((*connection)->Run("ALTER TABLE job DROP COLUMN traceparent", {}).ok());
+    ASSERT_TRUE((*connection)->Run("UPDATE schema_version SET version = 1", {}).ok());
+    ASSERT_TRUE((*connection)->Commit().ok());
+  }
+  Reopen();
+  EXPECT_EQ(store_->Get(running.job_id)->state, JobState::kRunning);
+  EXPECT_EQ(*store_->RequeueOrphans(), 1);
+  EXPECT_EQ(store_->Get(queued.job_id)->traceparent, "");
+  NewPlanningJob asked = NewJob();
+  asked.traceparent = kTraceparent;
+  EXPECT_EQ(store_->Create(asked, {})->traceparent, kTraceparent);
+  EXPECT_EQ(Claim().job_id, running.job_id);
 }
 
 }  // namespace

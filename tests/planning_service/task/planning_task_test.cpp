@@ -173,18 +173,44 @@ TEST(PlanningTask, ArgumentsAreTheCommands) {
   v1::PlanningTask task = Task(kPlan);
   task.set_seed(-7);
   task.mutable_plan_options()->set_goal(0.9);
-  EXPECT_THAT(TaskArguments(task, "../out", "../checkpoint"),
+  EXPECT_THAT(SplitTask(task, "../out", "../checkpoint", 1).conclusion,
               ElementsAre("plan", "inspection.json", "--out=../out", "--seed=-7",
                           "--checkpoint=../checkpoint", "--goal=0.9"));
   v1::PlanningTask verify;
   verify.set_kind("verify");
   verify.mutable_recordings();
-  EXPECT_THAT(TaskArguments(verify, "../out", "../checkpoint"),
+  EXPECT_THAT(SplitTask(verify, "../out", "../checkpoint", 1).conclusion,
               ElementsAre("verify", "recordings.json", "--out=../out"));
   v1::PlanningTask optics = Task(R"({"kind": "optics", "plan_job_id": "job-1",
       "inspection": {"part": {"file": "p.glb"}}, "optics_options": {"scan": 2}})");
-  EXPECT_THAT(TaskArguments(optics, "../out", "../checkpoint"), Contains("--plan=plan.json"));
-  EXPECT_THAT(TaskArguments(optics, "../out", "../checkpoint"), Contains("--scan=2"));
+  EXPECT_THAT(SplitTask(optics, "../out", "../checkpoint", 1).conclusion,
+              Contains("--plan=plan.json"));
+  EXPECT_THAT(SplitTask(optics, "../out", "../checkpoint", 1).conclusion, Contains("--scan=2"));
+}
+
+TEST(PlanningTask, RenderingsOfSeveralImagesSplit) {
+  v1::PlanningTask task;
+  task.set_kind("render");
+  for (int i = 0; i < 3; ++i) task.mutable_recordings()->add_recordings();
+  const TaskCommands whole = SplitTask(task, "../out", "../checkpoint", 1);
+  EXPECT_TRUE(whole.parts.empty());
+  // As many parts as are asked for, but none without an image.
+  for (const auto& [asked, made] : {std::pair(2, 2u), std::pair(3, 3u), std::pair(100, 3u)}) {
+    const TaskCommands split = SplitTask(task, "../out", "../checkpoint", asked);
+    EXPECT_EQ(split.conclusion, whole.conclusion);
+    ASSERT_EQ(split.parts.size(), made);
+    for (size_t i = 0; i < made; ++i) {
+      std::vector<std::string> expected = whole.conclusion;
+      expected.push_back("--part=" + std::to_string(i + 1) + "/" + std::to_string(made));
+      EXPECT_EQ(split.parts[i], expected);
+    }
+  }
+  v1::PlanningTask one_frame = Task(R"({"kind": "render", "plan_job_id": "job-1",
+      "inspection": {"part": {"file": "p.glb"}}, "render_options": {"frames": {"scan": 2}}})");
+  EXPECT_EQ(SplitTask(one_frame, "../out", "../checkpoint", 4).parts.size(), 4u);
+  one_frame.mutable_render_options()->mutable_frames()->set_frame(7);
+  EXPECT_TRUE(SplitTask(one_frame, "../out", "../checkpoint", 4).parts.empty());
+  EXPECT_TRUE(SplitTask(Task(kPlan), "../out", "../checkpoint", 4).parts.empty());
 }
 
 TEST(PlanningTask, AnOptionIsNoWayIn) {

@@ -170,7 +170,8 @@ export async function startMockServer({pageFolder, port = 0, stepMs = 60, token 
       next += 1;
       sent += 1;
       if (isCut && sent === 2) {
-        setTimeout(() => response.destroy(), 20);
+        // A browser drops what it has not read when the connection breaks; each time it gets longer.
+        setTimeout(() => response.destroy(), 20 * eventRequests.length);
         return;
       }
       if (['done', 'failed', 'cancelled'].includes(event.type)) {

@@ -120,9 +120,12 @@ test('a part is uploaded, planned and reported', async () => {
     assert.equal(kind, 'plan');
     assert.deepEqual(inspection.part, {file: 'block.stl', unit: 'mm'});
     assert.deepEqual(inspection.targets, {spacing_m: 0.02, coverage_radius_m: 0.01});
-    // The stream was cut once; the next one asked for what came after it.
+    // Streams that begin at the first event were cut after two; the last one asked for what came
+    // after those that the page had read.
     const requests = mock.eventRequests.filter(({job}) => job === mock.jobs[0].shown.job_id);
-    assert.deepEqual(requests.map(({after: id}) => id), [0, 2]);
+    const after = requests.map(({after: id}) => id);
+    assert.deepEqual(after.slice(0, -1), after.slice(0, -1).fill(0));
+    assert.ok(after.length >= 2 && [1, 2].includes(after.at(-1)), `asked for events after ${after}`);
   }
   const opened = context.waitForEvent('page');
   await page.getByRole('link', {name: 'Open the report'}).click();
@@ -406,6 +409,8 @@ test('long lists have pages', needsMock, async () => {
   await page.getByRole('button', {name: 'Newer'}).click();
   await page.getByText('Page 1').waitFor();
   await page.getByLabel('State').selectOption('failed');
+  // The list of all states may show that job too, until the answer comes.
+  await page.locator('table.jobs tbody tr').nth(1).waitFor({state: 'detached'});
   await page.locator('table.jobs tbody tr', {hasText: 'broken.stl'}).waitFor();
   assert.equal(await page.locator('table.jobs tbody tr').count(), 1);
   noTroubles();

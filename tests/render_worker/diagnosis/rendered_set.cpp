@@ -1,5 +1,7 @@
-#include "rendered_set.h"
+#include "tests/render_worker/diagnosis/rendered_set.h"
 
+#include <algorithm>
+#include <cmath>
 #include <numbers>
 #include <utility>
 
@@ -79,6 +81,40 @@ RecordedSet RenderSmallSet(const SetupDeviation& deviation,
     raw_dn.push_back(RenderPlateFrame(frame, effects, nullptr, 1)->raw_dn);
   }
   return MakeRecordedSet(std::move(set), std::move(raw_dn));
+}
+
+SetupDeviation SomeDeviations() {
+  SetupDeviation deviation;
+  deviation.camera_distance_m = 2e-3;
+  deviation.focus_distance_relative = -0.02;
+  deviation.f_number_relative = 0.015;
+  deviation.power_relative = -0.06;
+  deviation.dark_mean_electrons = 0.4;
+  deviation.line_position_common_px = 1.1;
+  deviation.line_position_each_px = 0.3;
+  return deviation;
+}
+
+FitResult FitNull(const SetModel& model) {
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  return FitSet(model, start, {}, {}, nullptr);
+}
+
+void FailInReciprocity(RecordedSet* set) {
+  double shortest = 1e300;
+  for (const RecordedFrame& frame : set->frames) {
+    if (frame.plate_position_id >= 0) {
+      shortest = std::min(shortest, frame.nominal.exposure_time_s);
+    }
+  }
+  for (RecordedFrame& frame : set->frames) {
+    if (frame.plate_position_id < 0) continue;
+    const double factor = std::pow(shortest / frame.nominal.exposure_time_s, 0.35);
+    for (uint16_t& value : frame.raw_dn.values) {
+      value = static_cast<uint16_t>(std::lround(3 + factor * std::max(0.0, value - 3.0)));
+    }
+  }
 }
 
 }  // namespace sightline

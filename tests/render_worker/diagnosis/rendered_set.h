@@ -3,8 +3,9 @@
 
 #include <vector>
 
-#include "render_worker/diagnosis/recorded_set.h"
+#include "render_worker/diagnosis/fit/fit.h"
 #include "render_worker/effects/effect.h"
+#include "render_worker/recordings/recorded_set.h"
 
 namespace sightline {
 
@@ -14,5 +15,15 @@ RecordingSet SmallSetDescription();
 // As recorded with these deviations and effects.
 RecordedSet RenderSmallSet(const SetupDeviation& deviation,
                            const std::vector<ActiveEffect>& effects, uint64_t seed);
+
+// Of several quantities, within their uncertainties.
+SetupDeviation SomeDeviations();
+
+// The set's known parameters alone.
+FitResult FitNull(const SetModel& model);
+
+// Exposures of a rendered set count by the power 0.65 of their time, as films fail in reciprocity:
+// no effect of the vocabulary does.
+void FailInReciprocity(RecordedSet* set);
 
 }  // namespace sightline

@@ -35,7 +35,9 @@ TEST(FrameLight, TrueLineIsWhereSheetAndSurfaceMeet) {
   std::map<int, int> per_column;
   for (const LineCrossing& crossing : light.line) ++per_column[crossing.column_px];
   EXPECT_GT(per_column.size(), 170U);
-  for (const LineCrossing& crossing : light.line) {
+  ASSERT_EQ(light.line_views.size(), light.line.size());
+  for (size_t i = 0; i < light.line.size(); ++i) {
+    const LineCrossing& crossing = light.line[i];
     const double u = (frame.roi.column_px + crossing.column_px) * frame.sensor.pixel_pitch_m;
     const double v = (frame.roi.row_px + crossing.row_px) * frame.sensor.pixel_pitch_m;
     const Eigen::Vector3d direction = camera.ChiefDirection(u, v);
@@ -47,6 +49,12 @@ TEST(FrameLight, TrueLineIsWhereSheetAndSurfaceMeet) {
     const double plate = point.y() > 0 ? 0.004 : 0.0;
     if (std::abs(point.y()) > 0.0002) {
       EXPECT_NEAR(point.z(), plate, 3e-6) << crossing.column_px;
+      // Seen from the camera; the plates face along z.
+      const Eigen::Vector3d to_camera = camera.origin_m() - point;
+      EXPECT_NEAR(light.line_views[i].distance_m, to_camera.norm(), 2e-5) << crossing.column_px;
+      EXPECT_NEAR(light.line_views[i].incidence_rad, std::acos(to_camera.z() / to_camera.norm()),
+                  0.01)
+          << crossing.column_px;
     }
   }
   // The sheet in camera coordinates.

@@ -247,8 +247,8 @@ TEST_F(RenderServiceTest, CancelledJobEndsSoonAndItsStreamSaysSo) {
   ASSERT_TRUE(Cancel(job->job_id()).ok());
   std::vector<File> files;
   EXPECT_TRUE(absl::IsCancelled(Stream(job->job_id(), &files)));
-  // The stream polls every 50 ms beside.
-  EXPECT_LT(absl::Now() - start, absl::Milliseconds(300));
+  // An image takes milliseconds, and the stream polls every 50 ms; the rest is for busy machines.
+  EXPECT_LT(absl::Now() - start, absl::Seconds(5));
   EXPECT_EQ(Get(job->job_id()).state(), v1::Job::STATE_CANCELLED);
   EXPECT_LT(files.size(), 2999u);
 }

@@ -37,9 +37,9 @@ TEST(RecordingCheckOfSharedSets, AccusesNone) {
     for (const RecordedImage& image : set->recordings) {
       paths.push_back((folder / image.file).string());
     }
-    std::vector<std::string> unreadable;
-    const auto images = LoadRecordedImages(*set, paths, {}, &unreadable);
-    ASSERT_THAT(unreadable, testing::IsEmpty());
+    const LoadedImages loaded = LoadRecordedImages(*set, paths, {});
+    const auto& images = loaded.raw_dn;
+    ASSERT_THAT(loaded.errors, testing::IsEmpty());
     const RecordingCheck check = CheckRecordings(*set, images);
     EXPECT_THAT(check.errors, testing::IsEmpty()) << folder;
     // Strong effects may look like mistakes, and are worth a word; a null set is as described.

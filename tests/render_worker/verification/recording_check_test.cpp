@@ -234,6 +234,36 @@ TEST(RecordingCheck, UnclippedEightBitDataIsRecognised) {
   EXPECT_THAT(CheckRecordings(clean.set, images).errors, Contains(HasSubstr("8-bit data")));
 }
 
+TEST(RecordingCheck, EightBitsAreTakenAndEncodedNumbersAreNot) {
+  for (const ColourFilter filter : {ColourFilter::kMono, ColourFilter::kBayerRggb}) {
+    const Clean& clean = CleanSet(filter);
+    for (const bool repeated : {false, true}) {
+      Images images = clean.images;
+      Map(&images, [&](double v) {
+        const double upper = std::floor(v / 4);
+        return repeated ? 4 * upper + std::floor(upper / 64) : upper;
+      });
+      const RecordingCheck check = CheckRecordings(clean.set, images);
+      ASSERT_TRUE(check.narrow);
+      RecordingSet set = clean.set;
+      EXPECT_THAT(TakeNarrowNumbers(*check.narrow, &set, &images), HasSubstr("8-bit numbers"));
+      EXPECT_EQ(set.camera.bit_depth_bit, 8);
+      EXPECT_DOUBLE_EQ(set.camera.gain_dn_per_electron, clean.set.camera.gain_dn_per_electron / 4);
+      EXPECT_THAT(CheckRecordings(set, images).errors, testing::IsEmpty());
+    }
+    // A curve is no range of numbers.
+    Images encoded = clean.images;
+    Map(&encoded, [](double v) { return 255 * std::pow(v / 1023, 1 / 1.8); });
+    RecordingCheck check = CheckRecordings(clean.set, encoded);
+    RecordingSet set = clean.set;
+    if (check.narrow) {
+      TakeNarrowNumbers(*check.narrow, &set, &encoded);
+      check = CheckRecordings(set, encoded);
+    }
+    EXPECT_THAT(check.errors, Contains(HasSubstr("proportional to light")));
+  }
+}
+
 TEST(RecordingCheck, MultiplesOfFourAreOnlySuspicious) {
   const Clean& clean = CleanSet(ColourFilter::kMono);
   Images images = clean.images;
@@ -513,6 +543,26 @@ TEST_F(RecordingFiles, RefusesWhatIsNotRaw) {
   EXPECT_THAT(message("a.png", 10), HasSubstr("damaged"));
 }
 
+TEST_F(RecordingFiles, FilesOfEightBitsAreTakenIfAllAre) {
+  RecordingSet set = SmallSet(ColourFilter::kMono);
+  set.recordings.resize(2);
+  WritePng("narrow.png", PNG_FORMAT_GRAY);
+  ASSERT_TRUE(
+      WriteRawImage(Path("wide.png"), Image<uint16_t>(64, 64, 321), "", ImageFormat::kPng).ok());
+  const auto narrow = LoadRawImage(Path("narrow.png"), 8);
+  ASSERT_TRUE(narrow.ok());
+  for (RecordedImage& recording : set.recordings) {
+    recording.roi_columns_px = narrow->columns_px;
+    recording.roi_rows_px = narrow->rows_px;
+  }
+  LoadedImages loaded = LoadRecordedImages(set, {Path("narrow.png"), Path("narrow.png")}, {});
+  EXPECT_TRUE(loaded.eight_bit_files);
+  EXPECT_THAT(loaded.errors, testing::IsEmpty());
+  loaded = LoadRecordedImages(set, {Path("narrow.png"), Path("wide.png")}, {});
+  EXPECT_FALSE(loaded.eight_bit_files);
+  EXPECT_THAT(loaded.errors, Contains(HasSubstr("others have 16")));
+}
+
 TEST_F(RecordingFiles, NamesEveryFileThatCannotBeUsed) {
   RecordingSet set = SmallSet(ColourFilter::kMono);
   set.recordings.resize(3);
@@ -520,9 +570,10 @@ TEST_F(RecordingFiles, NamesEveryFileThatCannotBeUsed) {
       WriteRawImage(Path("0.png"), Image<uint16_t>(128, 96, 5), "", ImageFormat::kPng).ok());
   ASSERT_TRUE(
       WriteRawImage(Path("1.png"), Image<uint16_t>(96, 128, 5), "", ImageFormat::kPng).ok());
-  std::vector<std::string> errors;
-  const Images images =
-      LoadRecordedImages(set, {Path("0.png"), Path("1.png"), Path("2.png")}, {}, &errors);
+  const LoadedImages loaded =
+      LoadRecordedImages(set, {Path("0.png"), Path("1.png"), Path("2.png")}, {});
+  const Images& images = loaded.raw_dn;
+  const std::vector<std::string>& errors = loaded.errors;
   EXPECT_FALSE(images[0].empty());
   EXPECT_TRUE(images[1].empty());
   EXPECT_TRUE(images[2].empty());

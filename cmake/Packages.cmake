@@ -1,0 +1,80 @@
+# Debian packages, by `cpack -G DEB` in the build folder, of what the target `installables` built.
+set(CPACK_GENERATOR DEB)
+set(CPACK_PACKAGE_NAME sightline)
+set(CPACK_PACKAGE_VENDOR Sightline)
+set(CPACK_PACKAGE_CONTACT "Sightline developers <developers@sightline.invalid>" CACHE STRING
+  "Who answers for the packages: NAME <MAIL>")
+set(CPACK_STRIP_FILES ON)
+set(CPACK_INSTALL_DEFAULT_DIRECTORY_PERMISSIONS
+  OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+# Files of /etc are outside the prefix.
+set(CPACK_SET_DESTDIR ON)
+set(CPACK_INSTALL_PREFIX /usr)
+set(CPACK_PACKAGING_INSTALL_PREFIX /usr)
+
+# The STEP importer is a package as well where asked for, since its libraries bring X11:
+# cpack -G DEB -D "CPACK_COMPONENTS_ALL=client;coverage_server;render_worker;step_import"
+set(CPACK_COMPONENTS_ALL client coverage_server render_worker)
+set(CPACK_COMPONENTS_GROUPING ONE_PER_GROUP)
+set(CPACK_DEB_COMPONENT_INSTALL ON)
+set(CPACK_DEBIAN_FILE_NAME DEB-DEFAULT)
+set(CPACK_DEBIAN_COMPRESSION_TYPE xz)
+set(CPACK_DEBIAN_PACKAGE_SECTION science)
+set(CPACK_DEBIAN_PACKAGE_SHLIBDEPS ON)
+set(CPACK_DEBIAN_PACKAGE_CONTROL_STRICT_PERMISSION ON)
+
+# sightline_package(COMPONENT NAME SUMMARY TEXT [DEPENDS ...] [RECOMMENDS ...] [SUGGESTS ...]
+#   [SERVICE name] [KEPT_FOLDERS ...]): KEPT_FOLDERS are what the service has made, gone on purge.
+function(sightline_package component name summary text)
+  cmake_parse_arguments(ARG "" "SERVICE" "DEPENDS;RECOMMENDS;SUGGESTS;KEPT_FOLDERS" ${ARGN})
+  string(TOUPPER ${component} upper)
+  set(CPACK_DEBIAN_${upper}_PACKAGE_NAME ${name} PARENT_SCOPE)
+  set(CPACK_DEBIAN_${upper}_DESCRIPTION "${summary}\n${text}" PARENT_SCOPE)
+  foreach(kind DEPENDS RECOMMENDS SUGGESTS)
+    list(JOIN ARG_${kind} ", " joined)
+    set(CPACK_DEBIAN_${upper}_PACKAGE_${kind} "${joined}" PARENT_SCOPE)
+  endforeach()
+  if(NOT ARG_SERVICE)
+    return()
+  endif()
+  set(SERVICE ${ARG_SERVICE})
+  list(JOIN ARG_KEPT_FOLDERS " " KEPT_FOLDERS)
+  set(made ${PROJECT_BINARY_DIR}/deploy/packages/${name})
+  foreach(script postinst prerm postrm)
+    configure_file(${PROJECT_SOURCE_DIR}/deploy/packages/${script}.in ${made}/${script} @ONLY
+      FILE_PERMISSIONS OWNER_READ OWNER_WRITE OWNER_EXECUTE GROUP_READ GROUP_EXECUTE WORLD_READ WORLD_EXECUTE)
+  endforeach()
+  file(WRITE ${made}/conffiles "/etc/default/${SERVICE}\n")
+  set(CPACK_DEBIAN_${upper}_PACKAGE_CONTROL_EXTRA
+    "${made}/postinst;${made}/prerm;${made}/postrm;${made}/conffiles" PARENT_SCOPE)
+endfunction()
+
+set(same "(= ${PROJECT_VERSION})")
+sightline_package(client sightline
+  "plans machine-vision inspection by simulation"
+  "Given a CAD part and a scanner of laser line, camera and linear stage, it
+finds the few linear scans that measure the part's surface, and says how
+many any plan would need. The planning service is part of it."
+  DEPENDS "sightline-coverage-server ${same}"
+  RECOMMENDS "sightline-render-worker ${same}"
+  SUGGESTS "sightline-step-import ${same}"
+  SERVICE sightline-serve
+  KEPT_FOLDERS /var/lib/sightline)
+sightline_package(coverage_server sightline-coverage-server
+  "coverage of parts by laser scans, served by gRPC"
+  "The engine behind the planner sightline: which points of a part's surface
+a linear scan of laser line and camera measures, and how well. Other
+programs may ask it as well."
+  SERVICE sightline-coverage-server)
+sightline_package(render_worker sightline-render-worker
+  "images that a laser-line camera would record, served by gRPC"
+  "Renders raw images as a given sensor would read them out: laser speckle,
+defocus, light reflected between walls, noise of the sensor. It also says
+what the description of recordings leaves out."
+  SERVICE sightline-render-worker
+  KEPT_FOLDERS /var/cache/sightline-render-worker)
+sightline_package(step_import sightline-step-import
+  "STEP files and their tolerances for sightline"
+  "Reads STEP (AP203, AP214, AP242) by OpenCASCADE and writes parts as GLB
+and tolerances as JSON. The planner sightline starts it for STEP files.")
+include(CPack)

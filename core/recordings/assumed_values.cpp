@@ -1,0 +1,234 @@
+#include "core/recordings/assumed_values.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+
+namespace sightline {
+namespace {
+
+using google::protobuf::Descriptor;
+using google::protobuf::FieldDescriptor;
+using google::protobuf::Message;
+using google::protobuf::Reflection;
+
+// What a laser-line scanner usually has, and how much scanners differ (k = 1). Relative
+// uncertainties are at most a third of the value where the quantity enters linearly: a normal law
+// must keep away from zero.
+struct UsualValue {
+  const char* part;   // field of Recordings
+  const char* field;  // of that part
+  double value;
+  const char* uncertainty;  // field of Recordings.Uncertainty; "" if none
+  double standard_uncertainty;
+  const char* unit;
+};
+constexpr UsualValue kUsualValues[] = {
+    // Coated lenses of machine vision: 0.8 to 0.95.
+    {"lens", "transmission", 0.85, "transmission_relative", 0.1, ""},
+    // Line lasers of class 2 and 3R. The brightness of the line determines it together with the
+    // surface.
+    {"laser", "power_w", 1e-3, "power_relative", 3, " W"},
+    {"laser", "divergence_rad", 1e-3, "divergence_relative", 0.3, " rad"},
+    {"laser", "fan_angle_deg", 45, "", 0, " deg"},
+    // Milled or sandblasted metal.
+    {"surface", "diffuse_albedo", 0.35, "diffuse_albedo_relative", 0.3, ""},
+    {"surface", "specular_f0", 0.6, "specular_f0_relative", 0.3, ""},
+    {"surface", "ggx_alpha", 0.4, "ggx_alpha_relative", 0.3, ""},
+    {"rig", "incidence_angle_deg", 45, "incidence_angle_deg", 10, " deg"},
+    // Industrial CMOS cameras by their EMVA 1288 data sheets: 2 to 15 electrons.
+    {"camera", "dark_noise_electrons", 6, "dark_noise_relative", 0.3, " electrons"},
+};
+// Quantum efficiency of mono sensors in the red.
+constexpr double kQuantumEfficiency = 0.5, kQuantumEfficiencyRelative = 0.2;
+// Pixels hold about this much where nothing is said.
+constexpr double kSaturation_electrons = 10000, kGainRelative = 0.3;
+constexpr double kBeamFocusUncertainty_m = 0.1, kLaserDistanceUncertainty_m = 0.05;
+constexpr double kFocusRelative = 0.05;
+// Cameras have black levels so that noise is not cut off at zero; dark frames determine it.
+constexpr double kDarkMean_electrons = 30;
+constexpr int kLargestBits = 16;
+
+class Completion {
+ public:
+  explicit Completion(v1::Recordings* message) : message_(message) {}
+
+  std::vector<std::string> Run() {
+    for (const UsualValue& usual : kUsualValues) Assume(usual);
+    AssumeConversion();
+    AssumeDarkLevel();
+    AssumeEfficiency();
+    AssumeDistances();
+    AssumeOrder();
+    return std::move(notes_);
+  }
+
+ private:
+  Message* Part(const char* name) {
+    const FieldDescriptor* field = message_->GetDescriptor()->FindFieldByName(name);
+    return message_->GetReflection()->MutableMessage(message_, field);
+  }
+
+  // The wider of what is stated and what is assumed.
+  void Widen(const std::string& name, double standard_uncertainty) {
+    v1::Recordings::Uncertainty* uncertainty = message_->mutable_uncertainty();
+    const FieldDescriptor* field = uncertainty->GetDescriptor()->FindFieldByName(name);
+    const Reflection* reflection = uncertainty->GetReflection();
+    reflection->SetDouble(
+        uncertainty, field,
+        std::max(reflection->GetDouble(*uncertainty, field), standard_uncertainty));
+  }
+
+  void Note(const std::string& field, double value, const std::string& unit,
+            const std::string& uncertainty) {
+    notes_.push_back(absl::StrCat(field, " is not stated: ", absl::StrFormat("%.4g", value), unit,
+                                  uncertainty.empty()
+                                      ? " is assumed"
+                                      : absl::StrCat(" ", uncertainty, " is assumed, and fitted")));
+  }
+
+  static std::string PlusMinus(const std::string& name, double uncertainty,
+                               const std::string& unit) {
+    if (name.ends_with("_relative")) return absl::StrFormat("+- %.3g %%", 100 * uncertainty);
+    return absl::StrFormat("+- %.3g%s", uncertainty, unit);
+  }
+
+  void Assume(const UsualValue& usual) {
+    Message* part = Part(usual.part);
+    const FieldDescriptor* field = part->GetDescriptor()->FindFieldByName(usual.field);
+    if (part->GetReflection()->HasField(*part, field)) return;
+    part->GetReflection()->SetDouble(part, field, usual.value);
+    const std::string uncertainty = usual.uncertainty;
+    if (!uncertainty.empty()) Widen(uncertainty, usual.standard_uncertainty);
+    Note(absl::StrCat(usual.part, ".", usual.field), usual.value, usual.unit,
+         uncertainty.empty() ? "" : PlusMinus(uncertainty, usual.standard_uncertainty, usual.unit));
+  }
+
+  // Gain and saturation follow from each other: the converter's range is that of the pixel.
+  void AssumeConversion() {
+    v1::Sensor* camera = message_->mutable_camera();
+    if (camera->bit_depth_bit() < 1 || camera->bit_depth_bit() > kLargestBits) return;
+    const double full_dn = std::ldexp(1.0, camera->bit_depth_bit()) - 1;
+    if (!camera->has_gain_dn_per_electron()) {
+      const double saturation = camera->saturation_capacity_electrons() > 0
+                                    ? camera->saturation_capacity_electrons()
+                                    : kSaturation_electrons;
+      camera->set_gain_dn_per_electron(full_dn / saturation);
+      Widen("gain_relative", kGainRelative);
+      Note("camera.gain_dn_per_electron", full_dn / saturation, " DN/e-",
+           PlusMinus("gain_relative", kGainRelative, ""));
+    }
+    if (!camera->has_saturation_capacity_electrons() && camera->gain_dn_per_electron() > 0) {
+      const double saturation = full_dn / camera->gain_dn_per_electron();
+      camera->set_saturation_capacity_electrons(saturation);
+      Note("camera.saturation_capacity_electrons", saturation, " electrons", "");
+    }
+  }
+
+  void AssumeDarkLevel() {
+    v1::Sensor* camera = message_->mutable_camera();
+    if (camera->has_dark_mean_electrons() || camera->has_black_level_dn()) return;
+    camera->set_dark_mean_electrons(kDarkMean_electrons);
+    Widen("dark_mean_electrons", kDarkMean_electrons);
+    Note("camera.dark_mean_electrons", kDarkMean_electrons, " electrons",
+         PlusMinus("dark_mean_electrons", kDarkMean_electrons, " electrons"));
+  }
+
+  void AssumeEfficiency() {
+    v1::Sensor* camera = message_->mutable_camera();
+    if (camera->has_quantum_efficiency() || !camera->quantum_efficiency_curve().empty()) return;
+    v1::Sensor::QuantumEfficiency* efficiency = camera->mutable_quantum_efficiency();
+    if (camera->sensor_type() == "mono") {
+      efficiency->set_mono(kQuantumEfficiency);
+    } else {
+      efficiency->set_red(kQuantumEfficiency);
+      efficiency->set_green(kQuantumEfficiency);
+      efficiency->set_blue(kQuantumEfficiency);
+    }
+    Widen("quantum_efficiency_relative", kQuantumEfficiencyRelative);
+    Note("camera.quantum_efficiency", kQuantumEfficiency, "",
+         PlusMinus("quantum_efficiency_relative", kQuantumEfficiencyRelative, ""));
+  }
+
+  // Says once for all recordings that miss a field.
+  template <typename Has, typename Set>
+  bool AssumeInRecordings(const Has& has, const Set& set) {
+    bool missing = false;
+    for (v1::Recording& recording : *message_->mutable_recordings()) {
+      if (has(recording)) continue;
+      set(&recording);
+      missing = true;
+    }
+    return missing;
+  }
+
+  void AssumeDistances() {
+    if (AssumeInRecordings([](const auto& r) { return r.has_focus_distance_m(); },
+                           [](auto* r) { r->set_focus_distance_m(r->camera_distance_m()); })) {
+      Widen("focus_distance_relative", kFocusRelative);
+      notes_.push_back(absl::StrFormat(
+          "recordings[].focus_distance_m is not stated: the camera is assumed to be "
+          "focused on the plate +- %.3g %%, which is fitted",
+          100 * kFocusRelative));
+    }
+    if (AssumeInRecordings([](const auto& r) { return r.has_laser_distance_m(); },
+                           [](auto* r) { r->set_laser_distance_m(r->camera_distance_m()); })) {
+      Widen("laser_distance_m", kLaserDistanceUncertainty_m);
+      notes_.push_back(absl::StrFormat(
+          "recordings[].laser_distance_m is not stated: the distance of the camera is assumed "
+          "+- %.3g m, which is fitted",
+          kLaserDistanceUncertainty_m));
+    }
+    if (!message_->laser().has_beam_focus_distance_m() && !message_->recordings().empty()) {
+      const double distance = message_->recordings(0).laser_distance_m();
+      message_->mutable_laser()->set_beam_focus_distance_m(distance);
+      Widen("beam_focus_distance_m", kBeamFocusUncertainty_m);
+      Note("laser.beam_focus_distance_m", distance, " m",
+           PlusMinus("beam_focus_distance_m", kBeamFocusUncertainty_m, " m"));
+    }
+    if (AssumeInRecordings([](const auto& r) { return r.has_line_offset_m(); },
+                           [](auto* r) { r->set_line_offset_m(0); })) {
+      notes_.emplace_back("recordings[].line_offset_m is not stated: 0 m is assumed");
+    }
+  }
+
+  void AssumeOrder() {
+    double time_s = 0;
+    bool times_missing = false;
+    int group = 0;
+    for (const v1::Recording& recording : message_->recordings()) {
+      group = std::max(group, recording.repeat_group());
+    }
+    for (v1::Recording& recording : *message_->mutable_recordings()) {
+      if (!recording.has_timestamp_s()) {
+        recording.set_timestamp_s(time_s);
+        times_missing = true;
+      }
+      time_s = std::max(time_s, recording.timestamp_s()) + 1;
+      if (!recording.has_burst_frame_index()) recording.set_burst_frame_index(0);
+      if (!recording.has_same_speckle()) recording.set_same_speckle(false);
+      // A group of its own: not known to be a repetition.
+      if (!recording.has_repeat_group()) recording.set_repeat_group(++group);
+    }
+    if (times_missing) {
+      notes_.emplace_back(
+          "recordings[].timestamp_s is not stated: one recording per second is assumed; what "
+          "changes with time cannot be told");
+    }
+  }
+
+  v1::Recordings* message_;
+  std::vector<std::string> notes_;
+};
+
+}  // namespace
+
+std::vector<std::string> AssumeMissingValues(v1::Recordings* message) {
+  if (message->format_version() != 1) return {};
+  return Completion(message).Run();
+}
+
+}  // namespace sightline

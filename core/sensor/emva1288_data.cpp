@@ -1,0 +1,217 @@
+#include "core/sensor/emva1288_data.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <set>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kMostLines = 100000;
+constexpr int kMostSteps = 10000, kMostImagesOfStep = 10000;
+constexpr int kLeastSize_px = 8, kLargestSize_px = 65536;
+constexpr size_t kShownCharacters = 60;
+
+// What is shown of text that cannot be read.
+std::string Quoted(const std::string& text) {
+  const bool cut = text.size() > kShownCharacters;
+  return absl::StrCat("\"", absl::CHexEscape(text.substr(0, kShownCharacters)), cut ? "..." : "",
+                      "\"");
+}
+
+// A finite number, with a decimal point or a decimal comma.
+std::optional<double> Number(std::string text) {
+  std::replace(text.begin(), text.end(), ',', '.');
+  double value = 0;
+  if (!absl::SimpleAtod(text, &value)) return std::nullopt;
+  return std::isfinite(value) ? std::optional(value) : std::nullopt;
+}
+
+class DataFileReader {
+ public:
+  explicit DataFileReader(std::string context) : context_(std::move(context)) {}
+
+  absl::StatusOr<v1::SensorSet> Read(std::string_view text) {
+    // A byte order mark, as Windows editors write it.
+    if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
+    std::istringstream lines{std::string(text)};
+    for (std::string line; std::getline(lines, line);) {
+      if (++line_ > kMostLines) {
+        return Error(absl::StrCat("there are more than ", kMostLines, " lines"));
+      }
+      absl::StripAsciiWhitespace(&line);
+      if (line.empty() || line[0] == '#') continue;
+      if (absl::Status status = ReadLine(line); !status.ok()) return status;
+    }
+    if (absl::Status status = FinishStep(); !status.ok()) return status;
+    if (!set_.has_bit_depth_bit()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          context_, ": has no line \"n BITS COLUMNS ROWS\", which says what the images are"));
+    }
+    if (absl::Status status = CheckSensorSet(set_, context_); !status.ok()) return status;
+    if (absl::Status status = CheckPhotons(); !status.ok()) return status;
+    return std::move(set_);
+  }
+
+ private:
+  absl::Status ErrorAt(int line, const std::string& reason) const {
+    return absl::InvalidArgumentError(absl::StrCat(context_, ":", line, ": ", reason));
+  }
+  absl::Status Error(const std::string& reason) const { return ErrorAt(line_, reason); }
+
+  absl::Status ReadLine(const std::string& line) {
+    const size_t end = line.find_first_of(" \t");
+    const std::string kind = line.substr(0, end);
+    std::string rest = end == std::string::npos ? "" : line.substr(end);
+    absl::StripAsciiWhitespace(&rest);
+    const std::vector<std::string> words =
+        absl::StrSplit(rest, absl::ByAnyChar(" \t"), absl::SkipEmpty());
+    if (kind == "v") return absl::OkStatus();
+    if (kind == "n") return ReadFormat(words);
+    if (kind == "b" || kind == "d") return StartStep(kind == "d", words);
+    if (kind == "i") return AddImage(rest);
+    return Error(absl::StrCat("begins with ", Quoted(kind),
+                              ", must begin with v, n, b, d, i or, for a comment, #"));
+  }
+
+  absl::Status ReadFormat(const std::vector<std::string>& words) {
+    if (set_.has_bit_depth_bit()) return Error("is a second line of kind n");
+    int bits = 0, columns = 0, rows = 0;
+    if (words.size() != 3 || !absl::SimpleAtoi(words[0], &bits) ||
+        !absl::SimpleAtoi(words[1], &columns) || !absl::SimpleAtoi(words[2], &rows)) {
+      return Error("must be \"n BITS COLUMNS ROWS\" with whole numbers");
+    }
+    set_.set_bit_depth_bit(bits);
+    set_.set_columns_px(columns);
+    set_.set_rows_px(rows);
+    return absl::OkStatus();
+  }
+
+  absl::Status StartStep(bool dark, const std::vector<std::string>& words) {
+    if (absl::Status status = FinishStep(); !status.ok()) return status;
+    const size_t most = dark ? 1 : 2;
+    const auto exposure_time_ns = words.empty() ? std::nullopt : Number(words[0]);
+    const auto photons = words.size() < 2 ? std::nullopt : Number(words[1]);
+    if (!exposure_time_ns || words.size() > most || (words.size() == 2 && !photons)) {
+      return Error(dark ? "must be \"d EXPOSURE_TIME_NS\" with a finite number"
+                        : "must be \"b EXPOSURE_TIME_NS PHOTONS\" with finite numbers");
+    }
+    v1::FlatFieldStep* step = set_.add_steps();
+    step->set_dark(dark);
+    step->set_exposure_time_s(1e-9 * *exposure_time_ns);
+    if (photons) step->set_photons(*photons);
+    step_line_.push_back(line_);
+    return absl::OkStatus();
+  }
+
+  absl::Status AddImage(const std::string& file) {
+    if (set_.steps().empty()) return Error("an image must stand below a line of kind b or d");
+    if (file.empty()) return Error("names no image");
+    std::string path(file);
+    std::replace(path.begin(), path.end(), '\\', '/');
+    if (!files_.insert(path).second) {
+      return Error(absl::StrCat("image ", Quoted(path), " is listed a second time"));
+    }
+    set_.mutable_steps(set_.steps_size() - 1)->add_files(std::move(path));
+    return absl::OkStatus();
+  }
+
+  absl::Status FinishStep() const {
+    if (set_.steps().empty()) return absl::OkStatus();
+    const int images = set_.steps(set_.steps_size() - 1).files_size();
+    if (images >= 2) return absl::OkStatus();
+    return ErrorAt(step_line_.back(),
+                   absl::StrCat("the step has ", images, images == 1 ? " image" : " images",
+                                ", must have at least two: noise is measured from their "
+                                "difference (EMVA 1288, clause 6.6)"));
+  }
+
+  // Steps of two images are the photon transfer series.
+  absl::Status CheckPhotons() const {
+    int before = -1;
+    for (int i = 0; i < set_.steps_size(); ++i) {
+      const v1::FlatFieldStep& step = set_.steps(i);
+      if (step.dark() || step.files_size() != 2 || !step.has_photons()) continue;
+      if (before >= 0) {
+        const v1::FlatFieldStep& last = set_.steps(before);
+        if (step.exposure_time_s() > last.exposure_time_s() && step.photons() < last.photons()) {
+          return ErrorAt(
+              step_line_[i],
+              absl::StrCat("photons fall from ", last.photons(), " (line ", step_line_[before],
+                           ") to ", step.photons(), " while the exposure time grows"));
+        }
+      }
+      before = i;
+    }
+    return absl::OkStatus();
+  }
+
+  const std::string context_;
+  v1::SensorSet set_;
+  std::vector<int> step_line_;
+  std::set<std::string> files_;
+  int line_ = 0;
+};
+
+}  // namespace
+
+absl::StatusOr<v1::SensorSet> ParseEmva1288Data(std::string_view text, const std::string& context) {
+  return DataFileReader(context).Read(text);
+}
+
+absl::Status CheckSensorSet(const v1::SensorSet& set, const std::string& context) {
+  const auto error = [&](const std::string& field, const auto& value, const std::string& rule) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(context, ": ", field, " is ", value, ", must be ", rule));
+  };
+  if (set.bit_depth_bit() < 1 || set.bit_depth_bit() > 16) {
+    return error("bit_depth_bit", set.bit_depth_bit(), "in [1, 16]");
+  }
+  for (const auto& [field, size] :
+       {std::pair("columns_px", set.columns_px()), std::pair("rows_px", set.rows_px())}) {
+    if (size < kLeastSize_px || size > kLargestSize_px) {
+      return error(field, size, absl::StrCat("in [", kLeastSize_px, ", ", kLargestSize_px, "]"));
+    }
+  }
+  if (set.steps_size() < 1 || set.steps_size() > kMostSteps) {
+    return error("number of steps", set.steps_size(), absl::StrCat("in [1, ", kMostSteps, "]"));
+  }
+  std::optional<bool> with_photons;
+  for (int i = 0; i < set.steps_size(); ++i) {
+    const v1::FlatFieldStep& step = set.steps(i);
+    const std::string field = absl::StrCat("steps[", i, "].");
+    if (!(step.exposure_time_s() >= 0) || !std::isfinite(step.exposure_time_s())) {
+      return error(field + "exposure_time_s", step.exposure_time_s(), "at least 0 and finite");
+    }
+    if (step.files_size() < 2 || step.files_size() > kMostImagesOfStep) {
+      return error(absl::StrCat("number of ", field, "files"), step.files_size(),
+                   absl::StrCat("in [2, ", kMostImagesOfStep, "]"));
+    }
+    for (const std::string& file : step.files()) {
+      if (file.empty()) return error(field + "files", "empty", "a name");
+    }
+    if (step.dark()) continue;
+    if (step.has_photons() && (!(step.photons() >= 0) || !std::isfinite(step.photons()))) {
+      return error(field + "photons", step.photons(), "at least 0 and finite");
+    }
+    if (with_photons && *with_photons != step.has_photons()) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          context, ": ", field, "photons must be given in all steps with light or in none"));
+    }
+    with_photons = step.has_photons();
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace sightline

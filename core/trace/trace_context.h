@@ -1,0 +1,41 @@
+// Which request a call, a job or a line of the log belongs to: W3C Trace Context
+// (https://www.w3.org/TR/trace-context/). Nothing is recorded here: what comes in goes out as it
+// was.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace sightline {
+
+// Name of the gRPC metadata and of the HTTP header.
+inline constexpr char kTraceparentKey[] = "traceparent";
+
+// A new one, not sampled: "00-TRACE_ID-PARENT_ID-00".
+std::string NewTraceparent();
+
+// The same in version 00 if it is a valid one, of that version or a later one; else empty.
+std::string ValidTraceparent(std::string_view text);
+
+// 32 lower-case hexadecimal digits, of a valid one; of an empty one empty.
+std::string_view TraceIdOf(std::string_view traceparent);
+
+// Of this thread, or else of this process; empty: none.
+const std::string& CurrentTraceparent();
+
+// For programs that work on one request from start to end. Before threads are started.
+void SetProcessTraceparent(std::string traceparent);
+
+// What this thread does until the end of the scope belongs to that request.
+class ScopedTrace {
+ public:
+  explicit ScopedTrace(std::string traceparent);
+  ~ScopedTrace();
+  ScopedTrace(const ScopedTrace&) = delete;
+  ScopedTrace& operator=(const ScopedTrace&) = delete;
+
+ private:
+  std::string before_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,257 @@
+#include <spdlog/sinks/stdout_sinks.h>
+#include <spdlog/spdlog.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <thread>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/json/strict_json.h"
+#include "planner_client/commands/commands.h"
+#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/part_assets.h"
+#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/worker_session.h"
+#include "planner_client/explore/explore_routes.h"
+#include "planner_client/explore/explore_session.h"
+#include "planning_service/http/http_server.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ExploreOptions {
+  SessionOptions session;
+  WorkerSessionOptions worker;
+  std::string listen = "127.0.0.1:8090";
+  bool allow_plaintext = false;
+  std::vector<std::string> hosts;
+  std::string plan;
+  std::string folder;
+};
+
+// Where images come from, or why there are none.
+struct Pictures {
+  std::unique_ptr<EmbeddedServer> worker;
+  DrawDraft draw;
+  std::string missing;
+};
+
+// What images need is not what planning needs: without it everything else works.
+Pictures OpenPictures(const ExploreOptions& options) {
+  Pictures pictures;
+  const std::string& file = options.session.inspection_file;
+  const auto without = [&](const absl::Status& status) {
+    pictures.missing = std::string(status.message());
+    return std::move(pictures);
+  };
+  v1::Inspection message;
+  if (absl::Status read = ReadStrictJsonFile(file, &message); !read.ok()) return without(read);
+  auto checked = CheckImagingInspection(message, file);
+  if (!checked.ok()) return without(checked.status());
+  std::vector<AssetFile> assets;
+  absl::Status taken = TakeAssets(file, &checked->message, &assets);
+  if (!taken.ok()) return without(taken);
+  WorkerClientOptions client;
+  auto worker = StartWorkerSession(options.worker, nullptr, &client);
+  if (!worker.ok()) return without(worker.status());
+  pictures.worker = *std::move(worker);
+  pictures.draw = DrawWithWorker(std::move(checked->message), std::move(assets), client);
+  return pictures;
+}
+
+absl::StatusOr<std::unique_ptr<HttpServer>> ListenForPage(const ExploreOptions& options) {
+  HttpServerOptions http;
+  http.option = "--listen";
+  http.listen = options.listen;
+  http.max_connections = 32;
+  http.max_request_bytes = kMaxExploreRequestBytes;
+  auto server = HttpServer::Listen(http);
+  if (!server.ok()) return server.status();
+  if (!(*server)->listening().is_loopback && !options.allow_plaintext) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--listen ", options.listen,
+        ": everybody who reaches this address could read and change the plan, without encryption; "
+        "listen on 127.0.0.1, or add --allow-plaintext on a network that you trust"));
+  }
+  return server;
+}
+
+absl::StatusOr<std::vector<ExploredScan>> ReadFirstScans(const std::string& file) {
+  std::vector<ExploredScan> scans;
+  if (file.empty()) return scans;
+  const auto given = ReadPlanScans(file);
+  if (!given.ok()) return given.status();
+  for (size_t i = 0; i < given->all.size(); ++i) {
+    const v1::PlannedScan& planned = given->plan.scans(static_cast<int>(i));
+    ExploredScan scan;
+    scan.measurement = given->all[i];
+    scan.locked = given->locked[i];
+    if (planned.has_setting()) scan.setting = planned.setting();
+    scans.push_back(std::move(scan));
+  }
+  return scans;
+}
+
+// Settings of the scans, which may be in another order in the plan.
+void SetScanSettings(const std::vector<ExploredScan>& scans, v1::Plan* plan) {
+  std::vector<bool> used(scans.size(), false);
+  for (v1::PlannedScan& planned : *plan->mutable_scans()) {
+    const std::string wanted = planned.measurement().SerializeAsString();
+    for (size_t i = 0; i < scans.size(); ++i) {
+      if (used[i] || MeasurementToProto(scans[i].measurement).SerializeAsString() != wanted) {
+        continue;
+      }
+      used[i] = true;
+      if (scans[i].setting) *planned.mutable_setting() = *scans[i].setting;
+      break;
+    }
+  }
+}
+
+// The files of `sightline evaluate` without pictures and points, which would take long.
+absl::StatusOr<SavedPlan> SavePlan(PlanningSession& session, const std::string& folder,
+                                   const std::vector<ExploredScan>& scans) {
+  std::vector<Measurement> measurements;
+  for (const ExploredScan& scan : scans) measurements.push_back(scan.measurement);
+  auto exact = session.oracle->ExactCoverage(measurements);
+  if (!exact.ok()) return exact.status();
+  auto fast = session.client->FastCoverage(measurements);
+  if (!fast.ok()) return fast.status();
+  std::vector<ChosenScan> chosen;
+  for (size_t i = 0; i < scans.size(); ++i) {
+    chosen.push_back({.measurement = measurements[i],
+                      .locked = scans[i].locked,
+                      .exact = std::move((*exact)[i]),
+                      .fast_covered = (*fast)[i].covered.Count()});
+  }
+  auto document =
+      MakePlanDocument(session, std::move(chosen),
+                       {.strategy = "explore", .stop_reason = v1::Plan::STOP_REASON_EVALUATED});
+  if (!document.ok()) return document.status();
+  SetScanSettings(scans, &document->plan);
+  OutputOptions output;
+  output.folder = folder;
+  output.pictures = false;
+  output.point_clouds = false;
+  absl::Status written = WritePlanOutputs(session, *document, output);
+  if (!written.ok()) return written;
+  SavedPlan saved;
+  for (const char* name : {"plan.json", "plan.csv", "report.html"}) {
+    saved.files.push_back((fs::path(folder) / name).string());
+  }
+  return saved;
+}
+
+// Scans that nobody has saved, where --plan can read them.
+absl::StatusOr<std::string> KeepUnsaved(const ExploreSession& session, const std::string& folder) {
+  v1::Plan plan;
+  for (const ExploredScan& scan : session.Scans()) {
+    v1::PlannedScan& planned = *plan.add_scans();
+    *planned.mutable_measurement() = MeasurementToProto(scan.measurement);
+    planned.set_locked(scan.locked);
+    if (scan.setting) *planned.mutable_setting() = *scan.setting;
+  }
+  if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
+  const std::string path = (fs::path(folder) / "unsaved_plan.json").string();
+  if (absl::Status s = WriteFileAtomically(path, ToJson(plan)); !s.ok()) return s;
+  return path;
+}
+
+int RunExplore(ExploreOptions& options) {
+  const std::atomic<bool>& interrupted = InterruptFlag();
+  // Errors in the inspection, the plan and the address are found before the scene is built.
+  const auto inspection = ReadInspection(options.session.inspection_file);
+  if (!inspection.ok()) return ReportError(inspection.status());
+  auto scans = ReadFirstScans(options.plan);
+  if (!scans.ok()) return ReportError(scans.status());
+  spdlog::set_default_logger(spdlog::stderr_logger_mt("explore"));
+  spdlog::set_level(spdlog::level::warn);
+  auto server = ListenForPage(options);
+  if (!server.ok()) return ReportError(server.status());
+  if (options.folder.empty()) {
+    options.folder =
+        (fs::path(options.session.inspection_file).parent_path() / "explored_plan").string();
+  }
+  const std::string folder = fs::absolute(options.folder).lexically_normal().string();
+
+  // Scans by hand need no second sample of targets, which would double the time to start.
+  options.session.fresh_targets = false;
+  auto session = OpenSession(options.session);
+  if (!session.ok()) return ReportError(session.status());
+  Pictures pictures = OpenPictures(options);
+  if (!pictures.draw) std::fprintf(stderr, "no pictures: %s\n", pictures.missing.c_str());
+
+  ExploreTask task;
+  task.inspection = session->inspection;
+  task.part = session->part;
+  task.targets = session->client->targets();
+  task.oracle = session->client.get();
+  if (session->oracle->ScoresPlans()) task.judge = session->oracle.get();
+  task.draw = std::move(pictures.draw);
+  task.no_pictures = pictures.missing;
+  task.folder = folder;
+  task.saved_before = [folder] {
+    std::error_code error;
+    return fs::exists(fs::path(folder) / "plan.json", error);
+  };
+  task.save = [&](const std::vector<ExploredScan>& given) {
+    return SavePlan(*session, folder, given);
+  };
+  task.scans = *std::move(scans);
+  auto explore = ExploreSession::Open(std::move(task));
+  if (!explore.ok()) return ReportError(explore.status());
+  const ExploreRoutes routes(explore->get(),
+                             MakeBrowserGuard(options.hosts, (*server)->listening()));
+  (*server)->Start([&routes](HttpExchange& exchange) { routes.Answer(exchange); });
+  std::printf("page:   http://%s/\nplan:   %s (once it is saved)\nCtrl-C ends it.\n",
+              (*server)->listening().address.c_str(), (fs::path(folder) / "plan.json").c_str());
+  std::fflush(stdout);
+  while (!interrupted) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+
+  (*explore)->Close();
+  (*server)->Stop();
+  if ((*explore)->HasUnsaved()) {
+    const auto kept = KeepUnsaved(**explore, folder);
+    if (!kept.ok()) return ReportError(kept.status());
+    std::printf("scans that were not saved: %s (go on with --plan)\n", kept->c_str());
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+Command AddExploreCommand(CLI::App& app) {
+  auto options = std::make_shared<ExploreOptions>();
+  app.add_option("inspection", options->session.inspection_file, "inspection.json")->required();
+  app.add_option("--listen", options->listen, "HOST:PORT of the page; port 0: any free one")
+      ->capture_default_str();
+  app.add_option("--plan", options->plan, "plan.json: begin with its scans");
+  app.add_option("--out", options->folder,
+                 "folder for the plan; default: explored_plan beside the inspection");
+  app.add_option("--host", options->hosts,
+                 "name of this machine in requests of browsers; may be repeated");
+  app.add_flag("--allow-plaintext", options->allow_plaintext,
+               "listen on an address that others reach, on a network that you trust");
+  app.add_option("--coverage-server", options->session.coverage_server,
+                 "unix:PATH or HOST:PORT; default: one of our own");
+  app.add_option("--field-directions", options->session.field_directions,
+                 "resolution of the visibility data, a square number")
+      ->check(CLI::Range(64, 65536))
+      ->capture_default_str();
+  AddWorkerOptions(app, &options->worker);
+  return [options] { return RunExplore(*options); };
+}
+
+}  // namespace sightline

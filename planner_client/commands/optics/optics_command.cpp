@@ -1,0 +1,172 @@
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/inspection/inspection.h"
+#include "core/json/strict_json.h"
+#include "planner_client/commands/commands.h"
+#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/frame_choice.h"
+#include "planner_client/commands/optics/device_choice.h"
+#include "planner_client/commands/optics/optics_outputs.h"
+#include "planner_client/commands/optics/optics_request.h"
+#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/part_assets.h"
+#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/worker_session.h"
+#include "planner_client/optics_client/optics_client.h"
+#include "planner_client/optics_client/uncertainty_correction.h"
+#include "planner_client/report/optics/optics_report.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct OpticsOptions {
+  FrameChoice choice;
+  std::string verification, catalogue;
+  DeviceRequirements devices;
+  bool common = false;
+  std::optional<int64_t> seed;
+  WorkerSessionOptions worker;
+};
+
+// "red": the channel that the line is detected in.
+std::string DetectedChannel(const Inspection& inspection) {
+  const Sensor& sensor = *inspection.sensor;
+  if (sensor.colour_filter == ColourFilter::kMono) return "mono";
+  const int best = inspection.optics->detector.channel.value_or(
+      MostSensitiveChannel(sensor, inspection.rig.laser.wavelength_m));
+  return best == kRed ? "red" : best == kGreen ? "green" : "blue";
+}
+
+void Print(const v1::OpticsPlan& optics) {
+  std::printf("%s\n", optics.common().statement().c_str());
+  std::printf("\nf-number  exposure ms   u_px  coverage   cost  as good as the best\n");
+  for (const v1::OpticsPoint& point : optics.curve()) {
+    std::printf("%8s  %11s  %5.3f  %7.1f%%  %5.3f  %s\n",
+                absl::StrFormat("%.3g", point.f_number()).c_str(),
+                absl::StrFormat("%.4g", 1e3 * point.exposure_time_s()).c_str(), point.u_px(),
+                100 * point.profile_coverage(), point.cost(), point.as_good_as_best() ? "yes" : "");
+  }
+  if (optics.scans_size() > 1) {
+    std::printf("\nscan  f-number  exposure ms   u_px  coverage   cost\n");
+    for (const v1::OpticsChoice& scan : optics.scans()) {
+      const v1::OpticsPoint& point = scan.best();
+      std::printf("%4d  %8s  %11s  %5.3f  %7.1f%%  %5.3f\n", scan.scan(),
+                  absl::StrFormat("%.3g", point.f_number()).c_str(),
+                  absl::StrFormat("%.4g", 1e3 * point.exposure_time_s()).c_str(), point.u_px(),
+                  100 * point.profile_coverage(), point.cost());
+    }
+  }
+  std::printf("\n");
+}
+
+absl::StatusOr<int> Optics(const OpticsOptions& options) {
+  const std::string& input = options.choice.input;
+  auto made_request = MakeOpticsRequest(options.choice);
+  if (!made_request.ok()) return made_request.status();
+  const Inspection& inspection = made_request->inspection;
+  v1::CreateOpticsRequest& request = made_request->request;
+  if (options.seed) request.set_seed(*options.seed);
+  request.set_per_scan(!options.common);
+  std::optional<v1::UncertaintyCorrection> correction;
+  if (!options.verification.empty()) {
+    v1::Verification verification;
+    absl::Status s = ReadStrictJsonFile(options.verification, &verification);
+    if (!s.ok()) return s;
+    auto made = MakeCorrection(verification, DetectedChannel(inspection), options.verification);
+    if (!made.ok()) return made.status();
+    correction = *std::move(made);
+  }
+  std::optional<DeviceCandidates> candidates;
+  if (!options.catalogue.empty()) {
+    auto found = FindDevices(options.catalogue, inspection, request, options.devices);
+    if (!found.ok()) return found.status();
+    candidates = *std::move(found);
+  }
+  if (absl::Status made = MakeOutputFolder(options.choice.out); !made.ok()) return made;
+
+  ProgressLine progress;
+  WorkerClientOptions client;
+  auto worker = StartWorkerSession(options.worker, &progress, &client);
+  if (!worker.ok()) return worker.status();
+  std::optional<v1::DeviceChoice> devices;
+  if (candidates) {
+    auto chosen = ChooseDevices(*candidates, client, request, made_request->assets);
+    if (!chosen.ok()) {
+      progress.Finish();
+      return AboutInput(chosen.status(), input);
+    }
+    devices = chosen->choice;
+    *request.mutable_inspection() = chosen->inspection;
+  }
+  auto optics = PlanOptics(client, request, made_request->assets);
+  progress.Finish();
+  if (!optics.ok()) return AboutInput(optics.status(), input);
+  optics->set_sightline_version(SIGHTLINE_VERSION);
+  if (correction) ApplyCorrection(*correction, &*optics);
+
+  Print(*optics);
+  for (const std::string& warning : optics->warnings()) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  const fs::path out = options.choice.out;
+  std::vector<std::string> files;
+  const std::string answer = (out / "optics.json").string();
+  if (absl::Status s = WriteOpticsJson(*optics, answer); !s.ok()) return s;
+  files.push_back(answer);
+  if (devices) {
+    const std::string file = (out / "devices.json").string();
+    if (absl::Status s = WriteFileAtomically(file, ToJson(*devices) + "\n"); !s.ok()) return s;
+    files.push_back(file);
+  }
+  if (!options.choice.plan.empty() && !options.choice.scan) {
+    const std::string file = (out / "plan.json").string();
+    auto plan = ReadPlanScans(options.choice.plan);
+    if (!plan.ok()) return plan.status();
+    SetSettings(*optics, &plan->plan);
+    if (absl::Status s = WriteFileAtomically(file, ToJson(plan->plan) + "\n"); !s.ok()) return s;
+    files.push_back(file);
+  }
+  const std::string report = (out / "report.html").string();
+  absl::Status s = WriteOpticsReport(*optics, devices ? &*devices : nullptr, report);
+  if (!s.ok()) return s;
+  files.push_back(report);
+  for (const std::string& file : files) std::printf("%s\n", fs::absolute(file).c_str());
+  return kExitDone;
+}
+
+}  // namespace
+
+Command AddOpticsCommand(CLI::App& app) {
+  auto options = std::make_shared<OpticsOptions>();
+  app.add_option("input", options->choice.input, "inspection.json")->required();
+  app.add_option("--out", options->choice.out, "folder for optics.json and report.html")
+      ->required();
+  AddFrameOptions(app, &options->choice);
+  app.add_flag("--common", options->common,
+               "with --plan: one setting for all scans, none for each alone");
+  app.add_option("--verification", options->verification,
+                 "verification.json of `sightline verify`: what u_px to expect of the real camera");
+  app.add_option("--catalogue", options->catalogue,
+                 "folder of cameras/, lenses/ and lasers/ to choose from");
+  AddDeviceOptions(app, &options->devices);
+  app.add_option("--seed", options->seed, "of simulated speckle, photons and noise; default 1");
+  AddWorkerOptions(app, &options->worker);
+  app.add_option("--max-image-bytes", options->worker.max_image_bytes,
+                 "memory of our own worker for one image, e.g. 16GB; default 8GB");
+  return [options]() -> int {
+    const absl::StatusOr<int> code = Optics(*options);
+    return code.ok() ? *code : ReportError(code.status());
+  };
+}
+
+}  // namespace sightline

@@ -1,0 +1,230 @@
+#include "planner_client/commands/planning/as_measured_session.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <numbers>
+#include <optional>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/part/load_part.h"
+#include "planner_client/coverage_client/part_upload.h"
+#include "planner_client/replanning/measured_oracle.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+
+// What is fixed to the holder does not move with the part.
+std::shared_ptr<const TriangleMesh> FixedToHolder(const TriangleMesh& mesh, const PartPose& pose) {
+  auto moved = std::make_shared<TriangleMesh>(mesh);
+  const Eigen::Isometry3d to_part = pose.Matrix().inverse();
+  for (Eigen::Vector3f& position : moved->positions_m) {
+    position = (to_part * position.cast<double>()).cast<float>();
+  }
+  return moved;
+}
+
+MeasuredTargets TargetsOf(const PlanningSession& session, CoverageClient& client) {
+  const Inspection& inspection = session.inspection;
+  const std::vector<const IndexedScan*> scans = session.measured->ScanPointers();
+  MeasuredTargets targets;
+  for (const IndexedScan* scan : scans) {
+    targets.covered.push_back(CoveredByPoints(client.targets(), inspection.targets, *scan, 0));
+    targets.covered.back() &= client.measurable();
+    targets.points.push_back(static_cast<int64_t>(scan->points.positions_m.size()) +
+                             scan->points.off_model);
+  }
+  if (!session.ForUncertainty()) return targets;
+  const UncertaintyModel& model = *inspection.uncertainty;
+  const Requirements& requirements = *session.requirements;
+  targets.client = &client;
+  targets.judged = JudgeTargets(client, model, inspection.targets,
+                                requirements.AdmissibleUncertainties(client.targets()),
+                                requirements.relaxed_uncertainty_m);
+  targets.priors = PriorsOf(client.targets(), inspection.targets, model);
+  targets.uncertainties = UncertaintiesFromPoints(
+      client.targets(), targets.priors, inspection.targets.max_normal_angle_rad, scans, 0);
+  return targets;
+}
+
+// Part of the targets that scans settle, exact; infeasible ones count for nothing.
+absl::StatusOr<double> SettledFraction(GainOracle& oracle, std::span<const Measurement> scans) {
+  const auto all = static_cast<double>(std::max<int64_t>(1, oracle.measurable().Count()));
+  auto exact = oracle.ExactCoverage(scans);
+  if (!exact.ok()) return exact.status();
+  std::vector<Measurement> feasible;
+  TargetBits covered(oracle.measurable().size());
+  for (size_t i = 0; i < scans.size(); ++i) {
+    if ((*exact)[i].feasibility != ScanFeasibility::kFeasible) continue;
+    feasible.push_back(scans[i]);
+    covered |= (*exact)[i].covered;
+  }
+  if (!oracle.ScoresPlans()) return static_cast<double>(covered.Count()) / all;
+  auto score = oracle.ScorePlan(feasible, true);
+  if (!score.ok()) return score.status();
+  return static_cast<double>(score->settled) / all;
+}
+
+std::string Triple(const v1::Vector3& v, double scale) {
+  return absl::StrFormat("%.3f, %.3f, %.3f", scale * v.x(), scale * v.y(), scale * v.z());
+}
+
+}  // namespace
+
+void AddAsMeasuredOptions(CLI::App& app, AsMeasuredOptions* options) {
+  app.add_option("--measured", options->files,
+                 "with --resume: points that scans of the plan have measured (PLY, metres), one "
+                 "file per scan: scan_NN.ply, or in the order of the scans; the rest is planned "
+                 "for the part as they show it");
+  app.add_option(
+         "--pose-prior-mm", options->pose_prior_mm,
+         "with --measured: how far off the part may lie, standard deviation along each axis")
+      ->check(CLI::Range(0.001, 100.0));
+  app.add_option("--pose-prior-deg", options->pose_prior_deg,
+                 "with --measured: how far it may be turned, standard deviation about each axis")
+      ->check(CLI::Range(0.001, 30.0));
+  app.add_option("--tolerated-distance-mm", options->tolerated_distance_mm,
+                 "with --measured: three quarters of a file's points must be this near to the part")
+      ->check(CLI::Range(0.001, 5.0));
+}
+
+std::vector<Measurement> EarlierPlan::Measured() const {
+  std::vector<Measurement> measured;
+  for (const MeasuredFile& file : files) measured.push_back(scans[static_cast<size_t>(file.scan)]);
+  return measured;
+}
+
+absl::StatusOr<EarlierPlan> LockMeasuredScans(const AsMeasuredOptions& options,
+                                              const std::string& folder, PlannerRequest* request) {
+  for (const std::string& file : options.files) {
+    std::error_code error;
+    const auto in = std::filesystem::weakly_canonical(file, error).parent_path();
+    if (!error && in == std::filesystem::weakly_canonical(folder + "/points", error)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(file,
+                       ": points of the new plan will be written to this folder; keep "
+                       "measured points elsewhere"));
+    }
+  }
+  auto plan = ReadPlanScans(folder + "/plan.json");
+  if (!plan.ok()) return plan.status();
+  EarlierPlan earlier;
+  earlier.scans = std::move(plan->all);
+  auto files = AssignScans(options.files, static_cast<int>(earlier.scans.size()));
+  if (!files.ok()) return files.status();
+  earlier.files = *std::move(files);
+  std::vector<Measurement> locked = earlier.Measured();
+  const auto was_measured = [measured = locked](const Measurement& scan) {
+    return std::find(measured.begin(), measured.end(), scan) != measured.end();
+  };
+  for (const Measurement& scan : request->locked) {
+    if (!was_measured(scan)) locked.push_back(scan);
+  }
+  request->locked = std::move(locked);
+  std::erase_if(request->starting, was_measured);
+  return earlier;
+}
+
+std::function<absl::Status(PlanningSession&, CoverageTask&)> PutMeasuredPart(
+    const AsMeasuredOptions& options, const EarlierPlan& earlier) {
+  return [options, &earlier](PlanningSession& session, CoverageTask& task) -> absl::Status {
+    MeasuredPartOptions finding;
+    finding.prior.rotation_standard_deviation_rad = options.pose_prior_deg * kDegree;
+    finding.prior.translation_standard_deviation_m = 1e-3 * options.pose_prior_mm;
+    finding.tolerated_distance_m = 1e-3 * options.tolerated_distance_mm;
+    auto found =
+        FindMeasuredPart(*session.part, session.inspection, earlier.files, earlier.scans, finding);
+    if (!found.ok()) return found.status();
+    auto measured = std::make_shared<const MeasuredPart>(*std::move(found));
+    session.part = measured->mesh;
+    session.inspection.rig.part_placement = measured->placement;
+    session.measured = measured;
+    // As the server reads it: vertices that fell together are one.
+    auto welded = LoadPartFromMemory(EncodePly(*measured->mesh), "ply", "m", "part as measured");
+    if (!welded.ok()) return welded.status();
+    task.part = std::make_shared<const TriangleMesh>(*std::move(welded));
+    task.rig = session.inspection.rig;
+    for (CoverageTask::Obstacle& obstacle : task.obstacles) {
+      if (obstacle.frame != ObstacleFrame::kPart) continue;
+      obstacle.mesh = FixedToHolder(*obstacle.mesh, measured->registration.pose);
+    }
+    return absl::OkStatus();
+  };
+}
+
+absl::Status AskMeasuredPoints(const EarlierPlan& earlier, PlanningSession* session) {
+  MeasuredTargets planned = TargetsOf(*session, *session->client);
+  std::optional<MeasuredTargets> fresh;
+  if (session->fresh_client) fresh = TargetsOf(*session, *session->fresh_client);
+  auto oracle = std::make_unique<MeasuredOracle>(
+      std::move(session->oracle), earlier.Measured(), std::move(planned), std::move(fresh),
+      session->requirements ? session->requirements->relaxed_uncertainty_m : 0);
+  session->measured_oracle = oracle.get();
+  session->oracle = std::move(oracle);
+  return absl::OkStatus();
+}
+
+absl::Status DescribeAsMeasured(const EarlierPlan& earlier, const PlanningSession& session,
+                                PlanDocument* document) {
+  v1::AsMeasured& message = *document->plan.mutable_as_measured();
+  message = session.measured->message;
+  const std::vector<Measurement> measured = earlier.Measured();
+  auto simulated = session.client->ExactCoverage(measured);
+  if (!simulated.ok()) return simulated.status();
+  auto by_points = session.measured_oracle->ExactCoverage(measured);
+  if (!by_points.ok()) return by_points.status();
+  for (int i = 0; i < message.scans_size(); ++i) {
+    message.mutable_scans(i)->set_covered_targets((*by_points)[i].covered.Count());
+    message.mutable_scans(i)->set_simulated_covered_targets((*simulated)[i].covered.Count());
+  }
+  std::vector<Measurement> now;
+  for (const ChosenScan& scan : document->scans) now.push_back(scan.measurement);
+  const std::pair<const std::vector<Measurement>*, void (v1::AsMeasured::*)(double)> wanted[] = {
+      {&earlier.scans, &v1::AsMeasured::set_earlier_settled},
+      {&now, &v1::AsMeasured::set_settled},
+      {&measured, &v1::AsMeasured::set_measured_settled}};
+  for (const auto& [scans, set] : wanted) {
+    auto fraction = SettledFraction(*session.measured_oracle, *scans);
+    if (!fraction.ok()) return fraction.status();
+    (message.*set)(*fraction);
+  }
+  message.set_earlier_scans(static_cast<int32_t>(earlier.scans.size()));
+  return absl::OkStatus();
+}
+
+std::string SummariseAsMeasured(const v1::Plan& plan) {
+  if (!plan.has_as_measured()) return "";
+  const v1::AsMeasured& m = plan.as_measured();
+  std::string text = absl::StrFormat(
+      "the part lies (%s) mm and (%s) deg off; two standard deviations: (%s) mm, (%s) deg.\n",
+      Triple(m.translation_m(), 1e3), Triple(m.rotation_deg(), 1),
+      Triple(m.translation_standard_deviation_m(), 2e3),
+      Triple(m.rotation_standard_deviation_deg(), 2));
+  if (m.not_fixed_size() > 0) {
+    absl::StrAppendFormat(&text,
+                          "the points do not fix %d of its 6 degrees of freedom; there the prior "
+                          "(%.3g mm, %.3g deg) stays.\n",
+                          m.not_fixed_size(), 1e3 * m.prior_translation_standard_deviation_m(),
+                          m.prior_rotation_standard_deviation_deg());
+  }
+  if (m.deviation().significant_targets() > 0) {
+    absl::StrAppendFormat(
+        &text,
+        "its surface deviates significantly at %d of %d targets; most at (%s) mm: %.3f mm (2 u "
+        "= %.3f mm).\n",
+        m.deviation().significant_targets(), m.deviation().known_targets(),
+        Triple(m.deviation().largest_place_m(), 1e3), 1e3 * m.deviation().largest_m(),
+        2e3 * m.deviation().largest_uncertainty_m());
+  }
+  absl::StrAppendFormat(&text,
+                        "on this part the %d measured scans settle %.2f %%, the earlier plan of %d "
+                        "scans %.2f %%, this plan of %d scans %.2f %%.\n",
+                        m.scans_size(), 100 * m.measured_settled(), m.earlier_scans(),
+                        100 * m.earlier_settled(), plan.scans_size(), 100 * m.settled());
+  return text;
+}
+
+}  // namespace sightline

@@ -1,0 +1,57 @@
+// `sightline plan ... --measured FILE`: planning goes on from scans that have been measured.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <functional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/replanning/measured_part.h"
+#include "planner_client/strategy/planner.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+struct AsMeasuredOptions {
+  std::vector<std::string> files;  // empty: nothing was measured
+  // Standard deviations before any point; one for each axis.
+  double pose_prior_mm = 5;
+  double pose_prior_deg = 3;
+  double tolerated_distance_mm = 2;
+};
+
+void AddAsMeasuredOptions(CLI::App& app, AsMeasuredOptions* options);
+
+// An earlier plan and which of its scans were measured.
+struct EarlierPlan {
+  std::vector<Measurement> scans;
+  std::vector<MeasuredFile> files;  // one per measured scan, in the order of the scans
+  std::vector<Measurement> Measured() const;
+};
+
+// Of the plan.json in `folder`, whose scans `request` already has; the measured ones become its
+// first locked scans. INVALID_ARGUMENT: files that fit no scan, or that lie where this plan's own
+// points will be written.
+absl::StatusOr<EarlierPlan> LockMeasuredScans(const AsMeasuredOptions& options,
+                                              const std::string& folder, PlannerRequest* request);
+
+// What SessionOptions::before_upload does for such a plan: finds the part by the points and puts it
+// in the place of the CAD model. `earlier` must outlive the call of what is returned.
+std::function<absl::Status(PlanningSession&, CoverageTask&)> PutMeasuredPart(
+    const AsMeasuredOptions& options, const EarlierPlan& earlier);
+
+// Makes the session's oracle say of measured scans what their points say.
+absl::Status AskMeasuredPoints(const EarlierPlan& earlier, PlanningSession* session);
+
+// Plan::as_measured: the part as it was found, and what changed by planning anew.
+absl::Status DescribeAsMeasured(const EarlierPlan& earlier, const PlanningSession& session,
+                                PlanDocument* document);
+
+// A few lines for the terminal; empty of other plans.
+std::string SummariseAsMeasured(const v1::Plan& plan);
+
+}  // namespace sightline

@@ -1,0 +1,191 @@
+#include "planner_client/commands/planning/pareto_outputs.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/json/strict_json.h"
+#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/output_folder.h"
+#include "planner_client/pareto/frame_estimate.h"
+#include "planner_client/pareto/make_pareto_front.h"
+#include "planner_client/report/plan/pareto_section.h"
+#include "planner_client/strategy/plan_run.h"
+
+namespace sightline {
+namespace {
+
+ParetoTask TaskOf(const PlanningSession& session, const PlanningGoal& goal) {
+  const SceneInfo& scene = session.client->scene();
+  ParetoTask task;
+  task.inspection_name = session.inspection.name;
+  task.sightline_version = SIGHTLINE_VERSION;
+  task.part_digest = scene.part_digest;
+  task.scene_digest = scene.scene_digest;
+  task.costs = session.inspection.costs;
+  task.domain = session.inspection.domain;
+  task.for_uncertainty = session.ForUncertainty();
+  task.goal = GoalFraction(goal);
+  task.judged_targets = session.oracle->measurable().Count();
+  task.fresh_judged_targets = session.oracle->fresh_measurable().Count();
+  return task;
+}
+
+absl::Status WriteFront(const v1::ParetoFront& front, const std::string& folder) {
+  if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
+  if (absl::Status status = WriteFileAtomically(folder + "/pareto.json", ToJson(front));
+      !status.ok()) {
+    return status;
+  }
+  return WriteFileAtomically(folder + "/pareto.svg", ParetoSvgFile(front));
+}
+
+// The point's scans, evaluated exactly again.
+absl::StatusOr<std::vector<ChosenScan>> EvaluateAgain(const PlanningSession& session,
+                                                      const v1::ParetoPoint& point,
+                                                      const std::string& path) {
+  PlannerRequest request;
+  request.domain = session.inspection.domain;
+  request.goal = session.inspection.goal;
+  request.goal.max_time_s.reset();
+  PlanRun run(*session.oracle, request);
+  const std::vector<Measurement> measurements = ScansOfPoint(point);
+  auto exact = run.Exact(measurements);
+  if (!exact.ok()) return exact.status();
+  auto fast = session.oracle->FastCoverage(measurements);
+  if (!fast.ok()) return fast.status();
+  std::vector<ChosenScan> scans;
+  std::vector<FrameRange> frames;
+  for (size_t i = 0; i < measurements.size(); ++i) {
+    const ScanCoverage& coverage = *(*exact)[i];
+    if (coverage.feasibility != ScanFeasibility::kFeasible) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": points[", point.number() - 1, "].measurements[", i,
+                       "] is not feasible: ", FeasibilityName(coverage.feasibility)));
+    }
+    frames.push_back({coverage.first_frame, coverage.last_frame});
+    scans.push_back({.measurement = measurements[i],
+                     .locked = static_cast<int>(i) < point.locked_scans(),
+                     .exact = coverage,
+                     .fast_covered = (*fast)[i].covered.Count()});
+  }
+  auto score = run.Score(measurements, true);
+  if (!score.ok()) return score.status();
+  const PlanTime time = TimeOfPlan(session.inspection.costs, session.inspection.rig.scan_step_m,
+                                   measurements, frames, point.locked_scans());
+  if (absl::Status same = CheckSameNumbers(point, *score, time, path); !same.ok()) return same;
+  return scans;
+}
+
+}  // namespace
+
+void AddParetoOptions(CLI::App& app, ParetoOptions* options) {
+  app.add_flag("--pareto", options->front,
+               "also plan with fewer and more scans and for less time, and write the trade-off: "
+               "pareto.json, pareto.svg");
+  app.add_option("--pick", options->pick.number,
+                 "plan and report of this point of the pareto.json in --out, without planning "
+                 "again");
+  app.add_option("--pick-scans", options->pick.scans,
+                 "the same of the point that settles most with at most so many scans")
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--pick-seconds", options->pick.seconds,
+                 "the same of the point that settles most within so many seconds")
+      ->check(CLI::NonNegativeNumber);
+}
+
+absl::Status CheckParetoOptions(const ParetoOptions& options, const std::string& strategy,
+                                const std::string& other) {
+  const int picks =
+      (options.pick.number ? 1 : 0) + (options.pick.scans ? 1 : 0) + (options.pick.seconds ? 1 : 0);
+  if (picks > 1) {
+    return absl::InvalidArgumentError("--pick, --pick-scans and --pick-seconds exclude each other");
+  }
+  if (picks > 0 && options.front) {
+    return absl::InvalidArgumentError(
+        "--pareto and --pick exclude each other: first plan the front, then pick of it");
+  }
+  if ((picks > 0 || options.front) && !other.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(options.front ? "--pareto" : "--pick", " and ", other, " exclude each other"));
+  }
+  if (options.front && strategy != "refined") {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--pareto: needs --strategy refined, not ", strategy));
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<PlannerResult> PlanFront(const PlanningSession& session,
+                                        const PlannerRequest& request, ProgressLine& progress,
+                                        OutputOptions* output) {
+  const FrameEstimate estimate(session.inspection.rig, session.client->scene().part_centre_m,
+                               session.client->targets());
+  ParetoRequest front;
+  front.plan = request;
+  front.costs = session.inspection.costs;
+  front.scan_step_m = session.inspection.rig.scan_step_m;
+  front.estimate_frames = [&](const Measurement& scan) { return estimate.Frames(scan); };
+  front.on_progress = [&](double fraction, const std::string& text) {
+    progress.Show(fraction, text);
+  };
+  auto made = MakeParetoFront(*session.oracle, front);
+  if (!made.ok()) return made.status();
+  const size_t chosen = *PointForGoal(made->front.points);
+  output->pareto = ParetoToProto(*made, TaskOf(session, request.goal), request.seed, chosen,
+                                 StopReasonToProto(made->stop_reason));
+  if (absl::Status status = WriteFront(*output->pareto, output->folder); !status.ok()) {
+    return status;
+  }
+  PlannerResult plan;
+  plan.scans = std::move(made->front.points[chosen].scans);
+  plan.score = made->front.points[chosen].score;
+  plan.stop_reason = made->stop_reason;
+  // Why the plan for the goal went no further, where the whole front says only that it did not.
+  if (plan.stop_reason == StopReason::kStalled) plan.stop_reason = made->plan_stop_reason;
+  plan.evaluations = made->evaluations;
+  return plan;
+}
+
+int RunPick(const SessionOptions& session_options, const ParetoPick& pick, OutputOptions output) {
+  const std::string path = output.folder + "/pareto.json";
+  v1::ParetoFront front;
+  if (absl::Status status = ReadStrictJsonFile(path, &front); !status.ok()) {
+    return ReportError(status);
+  }
+  // A pick that there is not is found before the scene is built.
+  const auto index = PickPoint(front, pick, path);
+  if (!index.ok()) return ReportError(index.status());
+  auto session = OpenSession(session_options);
+  if (!session.ok()) return ReportError(session.status());
+  output.timings.push_back({"loading and visibility data", session->open_time_s});
+  // The goal may have been another one for the planning; the front states it.
+  PlanningGoal& goal = session->inspection.goal;
+  (goal.admissible ? *goal.admissible : goal.coverage) = front.goal();
+  if (absl::Status status = CheckPareto(front, TaskOf(*session, goal), path); !status.ok()) {
+    return ReportError(status);
+  }
+  const v1::ParetoPoint point = front.points(*index);
+  auto scans = EvaluateAgain(*session, point, path);
+  if (!scans.ok()) return ReportError(scans.status());
+  const PlanSource source{"refined", front.seed(), front.gain_evaluations(),
+                          v1::Plan::STOP_REASON_EVALUATED};
+  const auto document = MakePlanDocument(*session, *std::move(scans), source);
+  if (!document.ok()) return ReportError(document.status());
+  front.set_chosen(point.number());
+  if (absl::Status status = WriteFront(front, output.folder); !status.ok()) {
+    return ReportError(status);
+  }
+  output.pareto = std::move(front);
+  if (absl::Status status = WritePlanOutputs(*session, *document, output); !status.ok()) {
+    return ReportError(status);
+  }
+  std::printf("point %d: %splan:   %s\nreport: %s\n", point.number(),
+              SummarisePlan(document->plan).c_str(),
+              std::filesystem::absolute(output.folder + "/plan.json").c_str(),
+              std::filesystem::absolute(output.folder + "/report.html").c_str());
+  return kExitDone;
+}
+
+}  // namespace sightline

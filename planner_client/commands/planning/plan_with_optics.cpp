@@ -1,0 +1,202 @@
+#include "planner_client/commands/planning/plan_with_optics.h"
+
+#include <cstdio>
+#include <memory>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/optics/optics_outputs.h"
+#include "planner_client/commands/optics/optics_request.h"
+#include "planner_client/optics_client/detection_change.h"
+#include "planner_client/optics_client/optics_client.h"
+
+namespace sightline {
+namespace {
+
+// Cost of an f-number over the best one's, beyond which it is not looked at again.
+constexpr double kWorthTrying = 1.6;
+
+// The inspection's own request about the plan in the folder.
+absl::StatusOr<OpticsRequest> RequestFor(const JointPlanOptions& options) {
+  FrameChoice frames;
+  frames.input = options.session.inspection_file;
+  frames.out = options.folder;
+  frames.plan = options.folder + "/plan.json";
+  auto request = MakeOpticsRequest(frames);
+  if (request.ok()) request->request.set_seed(options.seed);
+  return request;
+}
+
+void KeepFNumbersWorthTrying(const v1::OpticsPlan& before, v1::CreateOpticsRequest* request) {
+  auto* f_numbers = request->mutable_inspection()->mutable_optics()->mutable_f_numbers();
+  f_numbers->Clear();
+  for (const v1::OpticsPoint& point : before.curve()) {
+    if (point.cost() <= kWorthTrying * before.best().cost()) f_numbers->Add(point.f_number());
+  }
+}
+
+absl::StatusOr<v1::OpticsPlan> ChooseSettings(const JointPlanOptions& options, bool per_scan,
+                                              const v1::OpticsPlan* before, const char* what) {
+  auto request = RequestFor(options);
+  if (!request.ok()) return request.status();
+  request->request.set_per_scan(per_scan);
+  if (before != nullptr) KeepFNumbersWorthTrying(*before, &request->request);
+  std::fprintf(stderr, "%s\n", what);
+  ProgressLine progress;
+  WorkerClientOptions client;
+  auto worker = StartWorkerSession(options.worker, &progress, &client);
+  if (!worker.ok()) return worker.status();
+  auto optics = PlanOptics(client, request->request, request->assets);
+  progress.Finish();
+  if (!optics.ok()) return AboutInput(optics.status(), options.session.inspection_file);
+  return optics;
+}
+
+std::vector<Measurement> ScansOf(const PlanDocument& document, bool locked) {
+  std::vector<Measurement> scans;
+  for (const ChosenScan& scan : document.scans) {
+    if (scan.locked == locked) scans.push_back(scan.measurement);
+  }
+  return scans;
+}
+
+std::vector<Measurement> ScansOf(const PlanDocument& document) {
+  std::vector<Measurement> scans;
+  for (const ChosenScan& scan : document.scans) scans.push_back(scan.measurement);
+  return scans;
+}
+
+void Say(int number, const v1::JointRound& round) {
+  std::fprintf(stderr,
+               "round %d: %d scans, f/%.3g, %.4g ms; u %.1f %% from what the scans were planned "
+               "for (%.1f standard errors); %.1f %% admissible with it\n",
+               number, round.scans(), round.setting().f_number(),
+               1e3 * round.setting().exposure_time_s(), 100 * round.change_of_u(),
+               round.change_in_standard_errors(), 100 * round.settled_with());
+}
+
+class JointPlanner {
+ public:
+  JointPlanner(const JointPlanOptions& options, PlannerRequest request, PlanningSession* session,
+               PlanDocument* document)
+      : options_(options), request_(std::move(request)), session_(*session), document_(*document) {}
+
+  absl::StatusOr<v1::OpticsPlan> Run() {
+    if (session_.ForUncertainty()) {
+      if (absl::Status s = FindRest(); !s.ok()) return s;
+    }
+    auto optics = ChooseSettings(options_, true, last_ ? &*last_ : nullptr,
+                                 "choosing the setting of every scan");
+    if (!optics.ok()) return optics;
+    for (const v1::JointRound& round : rounds_) *optics->add_rounds() = round;
+    optics->set_rounds_converged(converged_);
+    if (!missing_.empty()) optics->add_warnings(missing_);
+    return optics;
+  }
+
+ private:
+  // Plans in turn until what is learned is what the scans were planned for.
+  absl::Status FindRest() {
+    LineDetectionNoise planned_for = session_.inspection.uncertainty->detection;
+    double earlier_error = 0;
+    for (int number = 1; number <= options_.max_rounds; ++number) {
+      auto optics = ChooseSettings(
+          options_, false, last_ ? &*last_ : nullptr,
+          absl::StrCat("round ", number, ": choosing one setting for all scans").c_str());
+      if (!optics.ok()) return optics.status();
+      v1::JointRound round;
+      round.set_scans(static_cast<int>(document_.scans.size()));
+      round.set_settled_for(document_.plan.uncertainty().admissible_fraction());
+      *round.mutable_setting() = optics->best().setting();
+      if (!optics->common().has_detection()) {
+        missing_ =
+            "too little of the line is detected to learn how well; the scans are planned for the "
+            "inspection's own line_detection";
+        rounds_.push_back(round);
+        return absl::OkStatus();
+      }
+      const v1::LearnedDetection& learned = optics->common().detection();
+      *round.mutable_detection() = learned;
+      const DetectionChange change = ChangeOf(planned_for, earlier_error, learned);
+      round.set_change_of_u(change.root_mean_square);
+      round.set_change_in_standard_errors(change.in_standard_errors);
+      const bool same_setting = last_ && last_->best().f_number() == optics->best().f_number();
+      auto noise = NoiseOf(learned);
+      if (!noise.ok()) return noise.status();
+      planned_for = *noise;
+      earlier_error = MeanError(learned);
+      last_ = *std::move(optics);
+      if (absl::Status s = LookWith(planned_for, &round); !s.ok()) return s;
+      Say(number, round);
+      // Scans that reached the goal reach it with what was learned, too.
+      const double goal = GoalFraction(request_.goal);
+      const bool as_good = round.settled_with() >= goal || round.settled_for() < goal;
+      converged_ = change.IsNone() && (same_setting || number == 1) && as_good;
+      rounds_.push_back(std::move(round));
+      // The plan's numbers with the detection learned.
+      if (converged_) {
+        return MakeDocument(std::move(document_.scans), document_.plan.gain_evaluations(),
+                            document_.plan.stop_reason());
+      }
+      if (absl::Status s = PlanAgain(); !s.ok()) return s;
+    }
+    return absl::OkStatus();
+  }
+
+  // The present scans, exactly, with the detection learned; later plans are made with it.
+  absl::Status LookWith(const LineDetectionNoise& noise, v1::JointRound* round) {
+    SessionOptions options = options_.session;
+    options.line_detection = noise;
+    auto session = OpenSession(options);
+    if (!session.ok()) return session.status();
+    session->inspection.goal = session_.inspection.goal;
+    session_ = *std::move(session);
+    auto score = session_.oracle->ScorePlan(ScansOf(document_), true);
+    if (!score.ok()) return score.status();
+    round->set_settled_with(static_cast<double>(score->settled) /
+                            static_cast<double>(std::max<int64_t>(1, score->judged)));
+    return absl::OkStatus();
+  }
+
+  absl::Status PlanAgain() {
+    request_.locked = ScansOf(document_, true);
+    request_.starting = ScansOf(document_, false);
+    auto result = MakePlan(*session_.oracle, request_);
+    if (!result.ok()) return result.status();
+    const absl::Status made = MakeDocument(std::move(result->scans), result->evaluations,
+                                           StopReasonToProto(result->stop_reason));
+    if (!made.ok()) return made;
+    return InterruptFlag() ? absl::CancelledError("interrupted") : absl::OkStatus();
+  }
+
+  absl::Status MakeDocument(std::vector<ChosenScan> scans, int64_t evaluations,
+                            v1::Plan::StopReason stop_reason) {
+    auto document = MakePlanDocument(session_, std::move(scans),
+                                     {request_.strategy, request_.seed, evaluations, stop_reason});
+    if (!document.ok()) return document.status();
+    document_ = *std::move(document);
+    return WritePlanJson(document_, options_.folder);
+  }
+
+  const JointPlanOptions& options_;
+  PlannerRequest request_;
+  PlanningSession& session_;
+  PlanDocument& document_;
+  std::optional<v1::OpticsPlan> last_;
+  std::vector<v1::JointRound> rounds_;
+  bool converged_ = false;
+  std::string missing_;
+};
+
+}  // namespace
+
+absl::StatusOr<v1::OpticsPlan> PlanWithOptics(const JointPlanOptions& options,
+                                              const PlannerRequest& request,
+                                              PlanningSession* session, PlanDocument* document) {
+  return JointPlanner(options, request, session, document).Run();
+}
+
+}  // namespace sightline

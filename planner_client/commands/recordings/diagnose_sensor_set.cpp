@@ -1,0 +1,103 @@
+#include "planner_client/commands/recordings/diagnose_sensor_set.h"
+
+#include <cstdio>
+#include <filesystem>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "core/json/strict_json.h"
+#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/output_folder.h"
+#include "planner_client/diagnosis_client/sensor_set_client.h"
+#include "planner_client/diagnosis_client/sensor_set_folder.h"
+#include "planner_client/report/recordings/sensor_report.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+void PrintQuantities(const v1::SensorDiagnosis& diagnosis) {
+  if (diagnosis.quantities().empty()) return;
+  std::printf("\n%-34s %12s  %-27s %12s  %s\n", "quantity", "value", "95 % interval", "EMVA 1288",
+              "unit");
+  const auto number = [](bool given, double value) {
+    return given ? absl::StrFormat("%.5g", value) : "-";
+  };
+  for (const v1::SensorQuantity& q : diagnosis.quantities()) {
+    const std::string interval = q.has_lower() && q.has_upper()
+                                     ? absl::StrFormat("%.5g to %.5g", q.lower(), q.upper())
+                                     : "-";
+    std::printf("%-34s %12s  %-27s %12s  %s\n", q.name().c_str(),
+                number(q.has_value(), q.value()).c_str(), interval.c_str(),
+                number(q.has_emva_value(), q.emva_value()).c_str(), q.unit().c_str());
+    // What has no value says why.
+    if (!q.has_value() && !q.note().empty()) std::printf("    %s\n", q.note().c_str());
+  }
+}
+
+void PrintDepartures(const v1::SensorDiagnosis& diagnosis) {
+  bool any = false;
+  std::vector<std::string> absent, not_testable;
+  for (const v1::SensorDeparture& departure : diagnosis.departures()) {
+    if (!departure.found()) {
+      (departure.testable() ? absent : not_testable).push_back(departure.effect());
+      continue;
+    }
+    if (!any) std::printf("\nThe linear model leaves out:\n");
+    any = true;
+    std::printf("  %s (%s, p = %.2g): %s\n", departure.effect().c_str(), departure.stage().c_str(),
+                departure.p_value(), departure.description().c_str());
+  }
+  if (!absent.empty()) {
+    std::printf("\nLooked for and not found: %s\n", absl::StrJoin(absent, ", ").c_str());
+  }
+  if (!not_testable.empty()) {
+    std::printf("\nNot testable with these images: %s\n",
+                absl::StrJoin(not_testable, ", ").c_str());
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<int> RunSensorSetDiagnosis(SensorSetOptions options) {
+  const auto set = ReadSensorSetFolder(options.input);
+  if (!set.ok()) return set.status();
+  if (options.out.empty()) options.out = (fs::path(set->folder) / "diagnosis").string();
+  if (absl::Status made = MakeOutputFolder(options.out); !made.ok()) return made;
+  v1::CreateSensorDiagnosisRequest request;
+  *request.mutable_set() = set->set;
+
+  ProgressLine progress;
+  WorkerClientOptions client;
+  auto worker = StartWorkerSession(options.worker, &progress, &client);
+  if (!worker.ok()) return worker.status();
+  const auto diagnosis = DiagnoseSensorSet(client, std::move(request), set->images);
+  progress.Finish();
+  if (!diagnosis.ok()) return AboutInput(diagnosis.status(), set->description_file);
+
+  std::printf("%s: %s\n", diagnosis->set().c_str(), diagnosis->finding().c_str());
+  PrintQuantities(*diagnosis);
+  PrintDepartures(*diagnosis);
+  std::printf("\n");
+  for (const std::string& warning : diagnosis->warnings()) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  const fs::path out = options.out;
+  absl::Status status =
+      WriteFileAtomically((out / "diagnosis.json").string(), ToJson(*diagnosis) + "\n");
+  if (!status.ok()) return status;
+  status = WriteFileAtomically((out / "camera.json").string(), ToJson(diagnosis->camera()) + "\n");
+  if (!status.ok()) return status;
+  status = WriteSensorReport(*diagnosis, (out / "report.html").string());
+  if (!status.ok()) return status;
+  for (const char* file : {"report.html", "diagnosis.json", "camera.json"}) {
+    std::printf("%s\n", fs::absolute(out / file).c_str());
+  }
+  return kExitDone;
+}
+
+}  // namespace sightline

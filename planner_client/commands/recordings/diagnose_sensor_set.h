@@ -1,0 +1,23 @@
+// `sightline diagnose` of flat-field and dark frames: what the camera is, and which physics the
+// linear model of EMVA 1288 leaves out.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "planner_client/commands/worker_session.h"
+
+namespace sightline {
+
+struct SensorSetOptions {
+  std::string input;  // the set's folder or its data file
+  std::string out;    // empty: diagnosis/ in the set's folder
+  WorkerSessionOptions worker;
+};
+
+// Diagnoses, prints the finding and writes diagnosis.json, camera.json and report.html; the exit
+// code. Errors of reading the set, of the worker and of writing; without a diagnosis nothing is
+// written.
+absl::StatusOr<int> RunSensorSetDiagnosis(SensorSetOptions options);
+
+}  // namespace sightline

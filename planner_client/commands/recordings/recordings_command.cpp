@@ -1,0 +1,137 @@
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "core/inspection/inspection.h"
+#include "core/json/strict_json.h"
+#include "core/recordings/check_recordings.h"
+#include "core/recordings/load_images.h"
+#include "core/recordings/recordings.h"
+#include "core/recordings/shot_list.h"
+#include "planner_client/commands/commands.h"
+#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/output_folder.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct NewOptions {
+  std::string input, out = "recordings";
+  int images = 44;
+};
+
+absl::StatusOr<int> New(const NewOptions& options) {
+  const auto inspection = ReadInspection(options.input);
+  if (!inspection.ok()) return inspection.status();
+  const auto list = PlanShotList(*inspection, options.input, options.images);
+  if (!list.ok()) return list.status();
+  const fs::path folder = options.out;
+  if (fs::exists(folder / "recordings.json")) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(options.out, ": has a recordings.json already; give another --out"));
+  }
+  if (absl::Status made = MakeOutputFolder((folder / "images").string()); !made.ok()) return made;
+  absl::Status status = WriteFileAtomically((folder / "README.md").string(), ShotListText(*list));
+  if (!status.ok()) return status;
+  status = WriteFileAtomically((folder / "recordings.json").string(),
+                               RecordingsToJson(RecordingsToProto(list->set)) + "\n");
+  if (!status.ok()) return status;
+  for (const std::string& note : list->notes) std::fprintf(stderr, "note: %s\n", note.c_str());
+  std::printf("%zu recordings to take:\n", list->set.recordings.size());
+  for (const char* file : {"README.md", "recordings.json"}) {
+    std::printf("%s\n", fs::absolute(folder / file).c_str());
+  }
+  return kExitDone;
+}
+
+absl::StatusOr<int> Check(const std::string& input) {
+  fs::path folder = input;
+  fs::path description = folder / "recordings.json";
+  if (fs::is_regular_file(folder)) {
+    description = folder;
+    folder = folder.parent_path();
+  }
+  auto set = ReadRecordings(description.string());
+  if (!set.ok()) return set.status();
+  std::vector<std::string> paths, notes;
+  for (const RecordedImage& image : set->recordings) {
+    paths.push_back((folder / image.file).string());
+  }
+  LoadedImages loaded = LoadRecordedImages(*set, paths, {});
+  std::vector<Image<uint16_t>>& images = loaded.raw_dn;
+  std::vector<std::string> errors = loaded.errors;
+  if (loaded.eight_bit_files) {
+    notes.push_back(TakeNarrowNumbers(EightBitNumbers(set->camera), &*set, &images));
+  }
+  RecordingCheck check = CheckRecordings(*set, images);
+  if (check.narrow) {
+    notes.push_back(TakeNarrowNumbers(*check.narrow, &*set, &images));
+    check = CheckRecordings(*set, images);
+  }
+  check.warnings.insert(check.warnings.begin(), notes.begin(), notes.end());
+  errors.insert(errors.end(), check.errors.begin(), check.errors.end());
+
+  std::printf("file                 kind     mean DN  largest  saturated  line  remarks\n");
+  for (size_t i = 0; i < images.size(); ++i) {
+    const RecordedImage& recording = set->recordings[i];
+    const RecordingState& state = check.recordings[i];
+    const char* kind = recording.kind == RecordingKind::kLaser  ? "laser"
+                       : recording.kind == RecordingKind::kDark ? "dark"
+                                                                : "ambient";
+    if (images[i].empty()) {
+      std::printf("%-20s %-7s %8s %8s %10s  %-4s  not usable\n", recording.file.c_str(), kind, "-",
+                  "-", "-", "-");
+      continue;
+    }
+    std::printf("%-20s %-7s %8.1f %8.0f %8.2f %%  %-4s  %s\n", recording.file.c_str(), kind,
+                state.mean_dn, state.largest_dn, 100 * state.saturated_fraction,
+                set->format_version != 1 ? "-"
+                : state.line_found       ? "yes"
+                                         : "no",
+                absl::StrJoin(state.remarks, "; ").c_str());
+  }
+  std::printf("\n");
+  for (const std::string& warning : check.warnings) std::printf("warning: %s\n", warning.c_str());
+  for (const std::string& error : errors) std::printf("error: %s\n", error.c_str());
+  if (!errors.empty()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        description.string(), ": ", errors.size(), " error", errors.size() > 1 ? "s" : "",
+        ", see above; take or save these recordings again"));
+  }
+  std::printf("%zu recordings: usable%s\n", images.size(),
+              check.warnings.empty() ? "" : ", with warnings");
+  return kExitDone;
+}
+
+}  // namespace
+
+Command AddRecordingsCommand(CLI::App& app) {
+  app.require_subcommand(1);
+  auto fresh = std::make_shared<NewOptions>();
+  CLI::App* add = app.add_subcommand("new", "shot list and skeleton folder for recordings");
+  add->add_option("inspection", fresh->input, "inspection.json with sensor, lens and laser")
+      ->required();
+  add->add_option("--out", fresh->out, "folder for recordings.json, README.md and images/")
+      ->capture_default_str();
+  add->add_option("--images", fresh->images, "about how many; bursts are not cut")
+      ->check(CLI::Range(kFewestShots, kMostShots))
+      ->capture_default_str();
+  auto folder = std::make_shared<std::string>();
+  CLI::App* check =
+      app.add_subcommand("check", "whether recordings are usable, while the rig still stands");
+  check->add_option("folder", *folder, "folder of recordings, or its recordings.json")->required();
+  return [=]() -> int {
+    const absl::StatusOr<int> code = add->parsed() ? New(*fresh) : Check(*folder);
+    return code.ok() ? *code : ReportError(code.status());
+  };
+}
+
+}  // namespace sightline

@@ -1,0 +1,105 @@
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/json/strict_json.h"
+#include "planner_client/commands/commands.h"
+#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/worker_session.h"
+#include "planner_client/diagnosis_client/diagnosis_client.h"
+#include "planner_client/diagnosis_client/recorded_folder.h"
+#include "planner_client/diagnosis_client/sensor_set_folder.h"
+#include "planner_client/diagnosis_client/verification_csv.h"
+#include "planner_client/report/recordings/verification_report.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct VerifyOptions {
+  std::string input, out;
+  std::optional<int64_t> seed;
+  WorkerSessionOptions worker;
+};
+
+void Print(const v1::Verification& verification) {
+  std::printf("%s\nchannel    mean e_i  largest e_i  mean e_u  largest e_u\n",
+              verification.set().c_str());
+  const auto text = [](bool given, double value) {
+    return given ? absl::StrFormat("%.3f", value) : "-";
+  };
+  for (const v1::ChannelSummary& c : verification.summary()) {
+    std::printf("%-9s %9s %12s %9s %12s\n", c.channel().c_str(),
+                text(c.has_mean_e_i(), c.mean_e_i()).c_str(),
+                text(c.has_largest_e_i(), c.largest_e_i()).c_str(),
+                text(c.has_mean_e_u(), c.mean_e_u()).c_str(),
+                text(c.has_largest_e_u(), c.largest_e_u()).c_str());
+  }
+  std::printf("\n");
+}
+
+absl::StatusOr<int> Verify(VerifyOptions options) {
+  if (IsSensorSet(options.input)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(options.input,
+                     ": has flat-field and dark frames of a camera (EMVA 1288), verify is for "
+                     "recordings of a plate; use sightline diagnose"));
+  }
+  const auto set = ReadRecordedFolder(options.input, Shown::kPlate);
+  if (!set.ok()) return set.status();
+  if (options.out.empty()) options.out = (fs::path(set->folder) / "verification").string();
+  if (absl::Status made = MakeOutputFolder(options.out); !made.ok()) return made;
+  v1::CreateVerificationRequest request;
+  *request.mutable_source()->mutable_recordings() = set->recordings;
+  if (options.seed) request.set_seed(*options.seed);
+
+  ProgressLine progress;
+  WorkerClientOptions client;
+  auto worker = StartWorkerSession(options.worker, &progress, &client);
+  if (!worker.ok()) return worker.status();
+  const auto verification = VerifyRecordings(client, std::move(request), set->images);
+  progress.Finish();
+  if (!verification.ok()) return AboutInput(verification.status(), set->description_file);
+
+  Print(*verification);
+  for (const std::string& warning : verification->warnings()) {
+    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+  }
+  const fs::path out = options.out;
+  const std::string report = (out / "report.html").string();
+  absl::Status status =
+      WriteFileAtomically((out / "verification.json").string(), ToJson(*verification) + "\n");
+  if (!status.ok()) return status;
+  status = WriteFileAtomically((out / "verification.csv").string(), VerificationCsv(*verification));
+  if (!status.ok()) return status;
+  if (status = WriteVerificationReport(*verification, report); !status.ok()) return status;
+  for (const char* file : {"report.html", "verification.json", "verification.csv"}) {
+    std::printf("%s\n", fs::absolute(out / file).c_str());
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+Command AddVerifyCommand(CLI::App& app) {
+  auto options = std::make_shared<VerifyOptions>();
+  app.add_option("input", options->input, "folder of recordings of a plate, or its recordings.json")
+      ->required();
+  app.add_option("--out", options->out, "folder for the result; default: verification/ in the set");
+  app.add_option("--seed", options->seed, "of simulated speckle, photons and noise; default 1");
+  AddWorkerOptions(app, &options->worker);
+  return [options]() -> int {
+    const absl::StatusOr<int> code = Verify(*options);
+    return code.ok() ? *code : ReportError(code.status());
+  };
+}
+
+}  // namespace sightline

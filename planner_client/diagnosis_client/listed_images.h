@@ -1,0 +1,24 @@
+// Images that a description lists, read from its folder.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "planner_client/rpc_client/worker_call.h"
+
+namespace sightline {
+
+struct ListedImage {
+  std::string file;   // relative to the folder
+  std::string place;  // where the description lists it, for errors; may be empty
+};
+
+// The images in the order of the list. `list`: file and field of the description, which begin the
+// errors. NOT_FOUND: images cannot be read; says how many and names up to five. INVALID_ARGUMENT:
+// an image is empty.
+absl::StatusOr<std::vector<AssetFile>> ReadListedImages(const std::string& folder,
+                                                        const std::vector<ListedImage>& images,
+                                                        const std::string& list);
+
+}  // namespace sightline

@@ -1,0 +1,29 @@
+// Flat-field and dark frames of a camera as a folder on disk.
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "planner_client/rpc_client/worker_call.h"
+#include "sightline/v1/sensor_set.pb.h"
+
+namespace sightline {
+
+struct SensorSetFolder {
+  std::string folder;
+  std::string description_file;   // path of its EMVA 1288 data file
+  v1::SensorSet set;              // valid; its name is the folder's if the file gives none
+  std::vector<AssetFile> images;  // of the steps, in their order
+};
+
+// True if `path` is a .txt file, or a folder with an EMVA 1288 data file (its name in lower or
+// upper case) and no recordings.json. Whether it can be read is not asked.
+bool IsSensorSet(const std::string& path);
+
+// `path`: the folder or its data file, any .txt. NOT_FOUND: no data file, or images are missing
+// (named with their step, up to five); INVALID_ARGUMENT names the file and the reason: more than 16
+// MB, what ParseEmva1288Data finds, or an image path that leads out of the folder.
+absl::StatusOr<SensorSetFolder> ReadSensorSetFolder(const std::string& path);
+
+}  // namespace sightline

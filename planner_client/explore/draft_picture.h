@@ -1,0 +1,50 @@
+// A quick picture of what the camera would record: the renderer's image with fewer, larger pixels.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "planner_client/rpc_client/worker_call.h"
+#include "sightline/v1/render_service.pb.h"
+
+namespace sightline {
+
+struct DraftPicture {
+  std::string png;  // 8-bit, grey or colour
+  int columns_px = 0, rows_px = 0;
+  int reduction = 1;            // pixels of the camera per pixel of the picture and axis
+  double clipped_fraction = 0;  // of the picture's pixels: at the end of the sensor's scale
+  std::vector<std::string> warnings;
+};
+
+// CANCELLED once `cancelled` is set.
+using DrawDraft = std::function<absl::StatusOr<DraftPicture>(const v1::PartFrame& frame,
+                                                             const std::atomic<bool>& cancelled)>;
+
+// Most pixels of a draft.
+inline constexpr int64_t kDraftPixels = 60'000;
+
+// The request for a draft of one frame. `inspection`: self-contained (see v1::PartRender). Pixels
+// are joined to squares until at most `max_pixels` are left, up to three at the edges left out; the
+// exposure (and with it the motion blur, by a faster stage) is shortened so that each collects as
+// much light as the camera's own do. No speckle, one reflection, few samples. `reduction`: pixels
+// of the camera per pixel and axis.
+v1::RenderSpec DraftSpec(const v1::Inspection& inspection, const v1::PartFrame& frame,
+                         int64_t max_pixels, int* reduction);
+
+// A raw image (16-bit greyscale PNG, `bit_depth_bit` in use, RGGB mosaic if `bayer`) as a screen
+// shows it: black at `black_dn`, white at the end of the sensor's scale, so that longer exposures
+// look brighter. INTERNAL: `file` is no such image.
+absl::StatusOr<DraftPicture> PictureOfRaw(const std::string& file, int bit_depth_bit,
+                                          double black_dn, bool bayer);
+
+// Draws with a render worker. `inspection`: as for DraftSpec, its `assets` as files; `worker` says
+// where it is and must outlive what is returned.
+DrawDraft DrawWithWorker(v1::Inspection inspection, std::vector<AssetFile> assets,
+                         ServerAccess worker);
+
+}  // namespace sightline

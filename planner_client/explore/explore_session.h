@@ -1,0 +1,164 @@
+// The state behind the page of `sightline explore` and what the page may ask for: JSON in, JSON
+// out, no sockets.
+#pragma once
+
+#include <array>
+#include <atomic>
+#include <cstdint>
+#include <deque>
+#include <functional>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <span>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+#include "core/part/mesh.h"
+#include "core/targets/target_set.h"
+#include "planner_client/explore/draft_picture.h"
+#include "planner_client/explore/explore_request.h"
+#include "planner_client/explore/latest_only.h"
+#include "planner_client/explore/scan_view.h"
+#include "planner_client/strategy/gain_oracle.h"
+#include "sightline/v1/optics.pb.h"
+
+namespace sightline {
+
+// Most scans of a plan made by hand, as of one that is searched.
+inline constexpr int kMaxExploredScans = 1000;
+
+// A scan of the plan. Without a lens the setting is none.
+struct ExploredScan {
+  Measurement measurement;
+  std::optional<v1::OpticalSetting> setting;
+  bool locked = false;
+  ScanCoverage exact;
+};
+
+struct SavedPlan {
+  std::vector<std::string> files;  // as they are to be found
+};
+
+struct ExploreTask {
+  Inspection inspection;
+  std::shared_ptr<const TriangleMesh> part;
+  TargetSet targets;
+  // Coverage, fast and exact; thread-safe; must outlive the session.
+  GainOracle* oracle = nullptr;
+  // Scores plans where the goal is uncertainty, and guides the search there; else null.
+  // Thread-safe; must outlive the session.
+  GainOracle* judge = nullptr;
+  // Null: there are no pictures, because of `no_pictures`.
+  DrawDraft draw;
+  std::string no_pictures;
+  // Where plans go, for people. `saved_before` tells whether there is a plan already.
+  std::string folder;
+  std::function<bool()> saved_before;
+  // Writes the plan over what is there.
+  std::function<absl::StatusOr<SavedPlan>(const std::vector<ExploredScan>&)> save;
+  // The plan to begin with.
+  std::vector<ExploredScan> scans;
+};
+
+// Thread-safe: a request waits for none but those that change the same thing. Errors name field,
+// value and allowed range.
+class ExploreSession {
+ public:
+  // Evaluates the first scans exactly. Errors of the oracle.
+  static absl::StatusOr<std::unique_ptr<ExploreSession>> Open(ExploreTask task);
+
+  // What does not change: parameters and settings with their limits, numbers of targets, names.
+  Json Setup() const;
+  // What the 3-D view needs of part, targets and rig (report/plan/viewer_data.h), as text.
+  const std::string& Scene() const { return scene_; }
+  // Position of the controls, scans of the plan with what each adds, coverage so far.
+  Json State() const;
+
+  // {"measurement": {...}, "setting": {...}, "exact": bool, "instead_of": index}: what this scan
+  // measures, beside the plan's other scans; keeps the position. Measurements must be in the
+  // inspection's domain.
+  absl::StatusOr<Json> Evaluate(const Json& request);
+  // {"measurement", "instead_of"}: how many targets the plan makes known admissibly, without and
+  // with this scan; a scan that cannot be made adds nothing. {"cancelled": true} if another one was
+  // asked for meanwhile. FAILED_PRECONDITION: the goal is not uncertainty.
+  absl::StatusOr<Json> Admissible(const Json& request);
+  // {"revision": of the state that the page shows, "action": "add" | "replace" | "remove" | "move"
+  // | "load", "index", "to", "measurement", "setting"}: changes the plan and answers with the
+  // state. ABORTED, reason STATE_CHANGED: the plan is not that of the revision any more.
+  // FAILED_PRECONDITION: the scan cannot be made, or the plan has as many as it may.
+  absl::StatusOr<Json> ChangePlan(const Json& request);
+  // {"from": "here" | "anywhere", "measurement", "instead_of"}: a good next scan, found by fast
+  // estimates and chosen exactly; {"cancelled": true} if another search or CancelSuggestion() came
+  // between.
+  absl::StatusOr<Json> Suggest(const Json& request);
+  void CancelSuggestion() { suggestions_.Cancel(); }
+  // How far the search is.
+  Json SuggestionProgress() const;
+  // {"measurement", "setting", "frame": number of the scan's frame; default the middle one}: a
+  // draft of the image; {"cancelled": true} if another one was asked for meanwhile.
+  // FAILED_PRECONDITION, reason NO_PICTURES: says what the inspection lacks.
+  absl::StatusOr<Json> Picture(const Json& request);
+  // {"overwrite": bool}: writes the plan. ALREADY_EXISTS, reason PLAN_EXISTS: there is one and
+  // nobody has agreed to overwrite it. FAILED_PRECONDITION: the plan has no scans.
+  absl::StatusOr<Json> Save(const Json& request);
+
+  // Whether there are scans that no file has.
+  bool HasUnsaved() const;
+  // Of the plan, in its order.
+  std::vector<ExploredScan> Scans() const;
+  // Gives up what is under way and what comes.
+  void Close();
+
+ private:
+  struct Position {
+    Measurement measurement;
+    std::optional<v1::OpticalSetting> setting;
+  };
+
+  explicit ExploreSession(ExploreTask task);
+
+  absl::StatusOr<ScanCoverage> Exact(const Measurement& measurement);
+  absl::StatusOr<std::optional<v1::OpticalSetting>> SettingOf(const Json& request) const;
+  // Measurements of the plan; without one of its scans if that is given.
+  std::vector<Measurement> PlanScans(std::optional<int64_t> without) const;
+  // What the search for a next scan takes as known: shares that the plan settles.
+  absl::StatusOr<std::vector<float>> KnownShares(std::span<const Measurement> plan,
+                                                 const TargetBits& covered) const;
+  // Targets that the plan makes known admissibly; of one plan only once.
+  absl::StatusOr<PlanScore> Score(const std::vector<Measurement>& plan);
+  // Targets that the plan covers; without one of its scans if that is given.
+  TargetBits PlanCoverage(std::optional<int64_t> without) const;
+  StageTravel TravelOf(const Measurement& measurement, const ScanCoverage& exact) const;
+  Json EvaluationJson(const Measurement& measurement, const ScanCoverage& coverage, bool exact,
+                      const TargetBits& plan) const;
+  Json StateLocked() const;
+  std::string Obstacle(const Measurement& measurement, ScanFeasibility feasibility) const;
+
+  const ExploreTask task_;
+  const std::string scene_;
+  v1::OpticalSetting default_setting_;
+
+  mutable std::mutex mutex_;  // of the state below
+  int64_t revision_ = 1;
+  int64_t saved_revision_ = 1;
+  int64_t plan_revision_ = 1;  // revision of the last change of scans
+  Position position_;
+  std::vector<ExploredScan> scans_;
+
+  std::mutex exact_mutex_;  // of what was evaluated lately, newest first
+  std::deque<std::pair<Measurement, ScanCoverage>> exact_;
+
+  std::mutex score_mutex_;  // of the scores of plans, newest first
+  std::deque<std::pair<std::vector<Measurement>, PlanScore>> scores_;
+
+  LatestOnly suggestions_, pictures_, judgements_;
+  std::mutex save_mutex_;
+  std::atomic<int64_t> search_done_{0}, search_budget_{0}, search_best_{0};
+  std::atomic<bool> searching_{false};
+};
+
+}  // namespace sightline

@@ -1,0 +1,53 @@
+// Long work of which only the latest request counts: a new one takes the place of the one before.
+#pragma once
+
+#include <atomic>
+#include <memory>
+#include <mutex>
+#include <utility>
+
+namespace sightline {
+
+// Thread-safe.
+class LatestOnly {
+ public:
+  // The right to work. Whoever works looks at `cancelled` now and then and gives up once it is set.
+  struct Turn {
+    std::shared_ptr<std::atomic<bool>> cancelled;
+    std::unique_lock<std::mutex> work;
+  };
+
+  // Cancels earlier turns and waits until whoever has one has given it up. The turn may already be
+  // cancelled when it is got, by a later one.
+  Turn Take() {
+    auto mine = std::make_shared<std::atomic<bool>>(false);
+    {
+      const std::scoped_lock lock(mutex_);
+      if (latest_) *latest_ = true;
+      latest_ = mine;
+      if (closed_) *mine = true;
+    }
+    return {std::move(mine), std::unique_lock(work_)};
+  }
+
+  // Cancels the latest turn.
+  void Cancel() {
+    const std::scoped_lock lock(mutex_);
+    if (latest_) *latest_ = true;
+  }
+
+  // All turns from now on are cancelled ones.
+  void Close() {
+    const std::scoped_lock lock(mutex_);
+    closed_ = true;
+    if (latest_) *latest_ = true;
+  }
+
+ private:
+  std::mutex mutex_;  // of the two below
+  std::shared_ptr<std::atomic<bool>> latest_;
+  bool closed_ = false;
+  std::mutex work_;
+};
+
+}  // namespace sightline

@@ -1,0 +1,31 @@
+// Which frames of a scan yield points, fast and roughly: by the geometry of rig and part alone.
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <vector>
+
+#include "core/rig/rig.h"
+#include "core/targets/target_set.h"
+#include "planner_client/pareto/plan_time.h"
+
+namespace sightline {
+
+// Looks at a part of the targets, as if nothing hid them: what faces camera and laser and lies in
+// the camera's field of view and range counts. Searches that look at thousands of scans go by it;
+// what is reported comes from exact frames.
+class FrameEstimate {
+ public:
+  // `part_centre_m`: of the part's bounding box. Of many targets about `most` are kept.
+  FrameEstimate(const Rig& rig, const Eigen::Vector3d& part_centre_m, const TargetSet& targets,
+                size_t most = 1500);
+
+  FrameRange Frames(const Measurement& scan) const;
+
+ private:
+  Rig rig_;
+  Eigen::Vector3d part_centre_m_;
+  std::vector<Eigen::Vector3d> positions_m_, normals_;  // part coordinates
+};
+
+}  // namespace sightline

@@ -1,0 +1,62 @@
+// pareto.json: the front as a message, checked when it comes back, and the choice of a point.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+#include "planner_client/pareto/make_pareto_front.h"
+#include "sightline/v1/pareto.pb.h"
+
+namespace sightline {
+
+// What a front was made of.
+struct ParetoTask {
+  std::string inspection_name;
+  std::string sightline_version;
+  std::string part_digest;
+  std::string scene_digest;
+  CostModel costs;
+  MeasurementDomain domain;
+  bool for_uncertainty = false;
+  double goal = 0;  // fraction of the judged targets
+  int64_t judged_targets = 0;
+  int64_t fresh_judged_targets = 0;  // 0: none were sampled
+};
+
+// `chosen`: index of a point of the front; `stop_reason`: the result's.
+v1::ParetoFront ParetoToProto(const ParetoResult& result, const ParetoTask& task, int64_t seed,
+                              size_t chosen, v1::Plan::StopReason stop_reason);
+
+// INVALID_ARGUMENT: what `path` holds belongs to another part or task, or is not whole; names the
+// file, the field, its value and what it must be.
+absl::Status CheckPareto(const v1::ParetoFront& front, const ParetoTask& task,
+                         const std::string& path);
+
+// Scans of a point of a checked front.
+std::vector<Measurement> ScansOfPoint(const v1::ParetoPoint& point);
+
+// What is wanted of a front; exactly one is set.
+struct ParetoPick {
+  std::optional<int> number;      // of the point
+  std::optional<int> scans;       // at most so many: the most settled one
+  std::optional<double> seconds;  // at most so many: the most settled one
+};
+
+// Index of the point. Of equally settled ones the one of fewer scans, then of fewer seconds.
+// OUT_OF_RANGE: no point is like that; says what there is. INVALID_ARGUMENT: seconds of a front
+// without costs.
+absl::StatusOr<int> PickPoint(const v1::ParetoFront& front, const ParetoPick& pick,
+                              const std::string& path);
+
+// INVALID_ARGUMENT: the point's numbers are not those of `score` and `time`, which are exact.
+absl::Status CheckSameNumbers(const v1::ParetoPoint& point, const PlanScore& score,
+                              const PlanTime& time, const std::string& path);
+
+// The front as a table for the terminal: scans, seconds, settled.
+std::string SummarisePareto(const v1::ParetoFront& front);
+
+}  // namespace sightline

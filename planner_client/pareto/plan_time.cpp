@@ -1,0 +1,28 @@
+#include "planner_client/pareto/plan_time.h"
+
+#include <cassert>
+#include <vector>
+
+#include "planner_client/strategy/scan_order.h"
+
+namespace sightline {
+
+PlanTime TimeOfPlan(const CostModel& costs, double scan_step_m, std::span<const Measurement> scans,
+                    std::span<const FrameRange> frames, int locked) {
+  assert(frames.size() == scans.size());
+  CostModel stage_alone = costs;
+  stage_alone.frame_rate_hz.reset();
+  // In the order in which a plan sums them, so that the sums are the same numbers.
+  const std::vector<int> order = OrderScans(costs, scans, locked);
+  PlanTime time;
+  for (const int i : order) {
+    const FrameRange& range = frames[static_cast<size_t>(i)];
+    const double scan_s = ScanTimeS(costs, scan_step_m, range.first, range.last);
+    time.scan_s += scan_s;
+    time.frame_rate_s += scan_s - ScanTimeS(stage_alone, scan_step_m, range.first, range.last);
+  }
+  time.reposition_s = TotalRepositionTimeS(costs, scans, order);
+  return time;
+}
+
+}  // namespace sightline

@@ -1,0 +1,88 @@
+// Plans of which the first scans have been measured: what those settle is said by their points,
+// what the others would settle by simulation on the part as it was found.
+#pragma once
+
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "core/registration/surface_deviation.h"
+#include "planner_client/plan_oracle/uncertainty_oracle.h"
+#include "planner_client/strategy/gain_oracle.h"
+
+namespace sightline {
+
+// What points tell of the targets of one sampling.
+struct MeasuredTargets {
+  std::vector<TargetBits> covered;  // one per measured scan; measurable targets only
+  std::vector<int64_t> points;      // one per measured scan
+  // Only of plans for uncertainty.
+  CoverageClient* client = nullptr;  // must outlive the oracle
+  JudgedTargets judged;
+  std::vector<SurfacePrior> priors;  // one per target
+  PointUncertainties uncertainties;
+};
+
+class MeasuredOracle final : public GainOracle {
+ public:
+  // `scans`: those measured, as plans name them. `planned`, `fresh`: what their points tell of the
+  // targets of `oracle`; fresh: unset if that has no fresh targets.
+  MeasuredOracle(std::unique_ptr<GainOracle> oracle, std::vector<Measurement> scans,
+                 MeasuredTargets planned, std::optional<MeasuredTargets> fresh,
+                 double relaxed_uncertainty_m);
+
+  // Measured scans settle what their points say; they are feasible, since they have been made.
+  absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
+      std::span<const Measurement> measurements) override;
+  absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
+      std::span<const Measurement> measurements) override;
+  // Targets that the points leave open are those that the other scans must settle. Information
+  // densities add up (docs/method.md): that of the points is the density after which the surface
+  // would be known as well as they make it known, that of the others likewise. The whole of the
+  // targets is always looked at.
+  absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool thorough) override;
+  absl::StatusOr<std::vector<PlanScore>> ScoreGrowingPlan(
+      std::span<const Measurement> scans) override;
+
+  // Uncertainties of all targets after a plan and after each of its scans, likewise. Only of plans
+  // for uncertainty.
+  absl::StatusOr<PosteriorUncertainties> Uncertainties(std::span<const Measurement> scans) const;
+
+  const TargetBits& measurable() const override { return oracle_->measurable(); }
+  const TargetBits& fresh_measurable() const override { return oracle_->fresh_measurable(); }
+  absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
+                                              std::span<const float> known) override {
+    return oracle_->Gains(measurements, known);
+  }
+  absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
+                                                      std::span<const float> weights) override {
+    return oracle_->WeightedGains(measurements, weights);
+  }
+  int64_t evaluations() const override { return oracle_->evaluations(); }
+  std::vector<ShareStep> steps() const override { return oracle_->steps(); }
+  bool ScoresPlans() const override { return oracle_->ScoresPlans(); }
+
+ private:
+  // Index of the measured scan that a measurement is.
+  std::optional<size_t> MeasuredIndex(const Measurement& scan) const;
+  // `coverages` of `measurements`, those of measured scans covering what their points do;
+  // change(index of the measured scan, coverage) sets the rest.
+  template <typename Change>
+  absl::StatusOr<std::vector<ScanCoverage>> AsMeasured(
+      absl::StatusOr<std::vector<ScanCoverage>> coverages,
+      std::span<const Measurement> measurements, const Change& change) const;
+  struct Counts {
+    int64_t settled = 0, relaxed = 0;
+  };
+  absl::StatusOr<Counts> Count(const MeasuredTargets& targets,
+                               std::span<const Measurement> scans) const;
+
+  std::unique_ptr<GainOracle> oracle_;
+  std::vector<Measurement> scans_;
+  MeasuredTargets planned_;
+  std::optional<MeasuredTargets> fresh_;
+  double relaxed_uncertainty_m_;
+};
+
+}  // namespace sightline

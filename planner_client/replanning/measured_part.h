@@ -1,0 +1,79 @@
+// The part as points measured by the first scans of a plan show it: how it lies, where its surface
+// deviates from the CAD model, and the mesh that the remaining scans are planned on.
+//
+// It is supposed that the part lies in its holder in one way during all scans: a scan turns and
+// shifts holder and part together.
+#pragma once
+
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/inspection/inspection.h"
+#include "core/part/mesh.h"
+#include "core/registration/rigid_registration.h"
+#include "core/registration/surface_deviation.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+// A file of measured points and the scan that measured them, counted from 0.
+struct MeasuredFile {
+  std::string path;
+  int scan = 0;
+};
+
+// Which scan of a plan each file is of: the number in its name if all are named scan_NN.ply (from
+// 1), otherwise the order of the files is that of the scans. In the order of the scans.
+// INVALID_ARGUMENT names the file: some named so and others not, a number that the plan has not,
+// two files of one scan, more files than scans.
+absl::StatusOr<std::vector<MeasuredFile>> AssignScans(const std::vector<std::string>& paths,
+                                                      int scan_count);
+
+struct MeasuredPartOptions {
+  PosePrior prior;
+  // Three quarters of the points of every file must be this near to the registered model, besides
+  // what noise of detection explains.
+  double tolerated_distance_m = 0.002;
+  // Points farther from it belong to something else.
+  double reach_m = 0.005;
+  int threads = 0;  // 0: all cores; results do not depend on it
+};
+
+struct MeasuredPart {
+  Registration registration;
+  // CAD model as the rig has it: turned and shifted by the registration.
+  PartPlacement placement;
+  std::shared_ptr<const TriangleMesh> mesh;  // CAD coordinates, deviations included
+  std::vector<MeasuredFile> files;
+  std::vector<std::unique_ptr<IndexedScan>> scans;  // one per file
+  // Where the surface deviates, at targets on the CAD model; those that points tell of.
+  struct TargetDeviation {
+    Eigen::Vector3f position_m;
+    Eigen::Vector3f normal;
+    float mean_m;
+    float uncertainty_m;  // with that of the pose
+    bool significant;
+  };
+  std::vector<TargetDeviation> deviations;
+  // All of v1::AsMeasured but what plans settle.
+  v1::AsMeasured message;
+
+  std::vector<const IndexedScan*> ScanPointers() const;
+};
+
+// `scans`: of the plan, those that `files` refer to. Errors name the file: INVALID_ARGUMENT for
+// points that LoadPoints refuses, that lie too far from the part wherever it may lie, and for a
+// part that lies farther off than four standard deviations of the prior.
+absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
+                                              const Inspection& inspection,
+                                              const std::vector<MeasuredFile>& files,
+                                              const std::vector<Measurement>& scans,
+                                              const MeasuredPartOptions& options);
+
+// One per target: the uncertainty model's, with the resolution of the target's region.
+std::vector<SurfacePrior> PriorsOf(const TargetSet& targets, const TargetSampling& sampling,
+                                   const UncertaintyModel& model);
+
+}  // namespace sightline

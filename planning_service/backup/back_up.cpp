@@ -1,0 +1,145 @@
+#include "planning_service/backup/back_up.h"
+
+#include <fcntl.h>
+#include <unistd.h>
+
+#include <cerrno>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <set>
+#include <system_error>
+
+#include "absl/strings/str_cat.h"
+#include "planning_service/artefact_store/artefact_store.h"
+#include "planning_service/job_store/planning_job_store.h"
+#include "planning_service/job_store/sqlite_database.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kDatabase[] = "jobs.sqlite";
+
+std::string In(const std::string& folder, const char* name) {
+  return absl::StrCat(folder, "/", name);
+}
+
+absl::Status CheckFolders(const std::string& data_folder, const std::string& backup_folder) {
+  std::error_code error;
+  if (!fs::is_directory(In(data_folder, "artefacts"), error)) {
+    return absl::NotFoundError(absl::StrCat(
+        data_folder, ": is not the data folder of a planning service: it has no artefacts"));
+  }
+  const fs::path data = fs::weakly_canonical(data_folder, error);
+  const fs::path backup = fs::weakly_canonical(backup_folder, error);
+  if (data == backup) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(backup_folder, ": is the data folder itself"));
+  }
+  fs::create_directories(backup_folder, error);
+  if (error)
+    return absl::ErrnoToStatus(error.value(), absl::StrCat(backup_folder, ": cannot be made"));
+  return absl::OkStatus();
+}
+
+// Digests that a copied database names.
+absl::StatusOr<std::set<std::string>> NamedIn(const std::string& database) {
+  auto store = OpenSqliteJobStore(database);
+  if (!store.ok()) return store.status();
+  return (*store)->NamedDigests();
+}
+
+void RemoveDatabase(const std::string& file) {
+  std::error_code error;
+  for (const char* suffix : {"", "-wal", "-shm", ".lock"}) fs::remove(file + suffix, error);
+}
+
+// Gives the copied database its name, for good.
+absl::Status Conclude(const std::string& copy, const std::string& database) {
+  std::error_code error;
+  // Of the database before: nobody has it open.
+  for (const char* suffix : {"-wal", "-shm"}) fs::remove(database + suffix, error);
+  if (std::rename(copy.c_str(), database.c_str()) != 0) {
+    return absl::ErrnoToStatus(errno, absl::StrCat(database, ": cannot be made"));
+  }
+  RemoveDatabase(copy);
+  const std::string folder = fs::path(database).parent_path().string();
+  const int fd = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC);
+  const bool flushed = fd >= 0 && fsync(fd) == 0;
+  const int code = errno;
+  if (fd >= 0) close(fd);
+  if (flushed) return absl::OkStatus();
+  return absl::ErrnoToStatus(code, absl::StrCat(folder, ": cannot be flushed to disk"));
+}
+
+}  // namespace
+
+absl::StatusOr<BackupReport> BackUp(const std::string& data_folder,
+                                    const std::string& backup_folder, bool only_files,
+                                    const std::atomic<bool>& stop) {
+  if (absl::Status folders = CheckFolders(data_folder, backup_folder); !folders.ok()) {
+    return folders;
+  }
+  const auto from = ArtefactStore::Open(In(data_folder, "artefacts"), 0);
+  if (!from.ok()) return from.status();
+  const auto to = ArtefactStore::Open(In(backup_folder, "artefacts"), 0);
+  if (!to.ok()) return to.status();
+  // What the copied database names stays until it is copied, whatever the service forgets
+  // meanwhile.
+  const auto hold = (*from)->Hold();
+  if (!hold.ok()) return hold.status();
+
+  const std::string database = In(backup_folder, kDatabase);
+  const std::string copy = absl::StrCat(database, ".new");
+  std::set<std::string> named;
+  std::unique_ptr<SqlDatabase> earlier;  // open, so that no service begins to work with it
+  if (only_files) {
+    named = (*from)->Digests();
+  } else {
+    std::error_code error;
+    if (fs::exists(database, error)) {
+      auto opened = OpenSqliteDatabase(database);
+      if (!opened.ok()) return opened.status();
+      earlier = *std::move(opened);
+    }
+    RemoveDatabase(copy);
+    if (absl::Status copied = CopySqliteDatabase(In(data_folder, kDatabase), copy); !copied.ok()) {
+      return copied;
+    }
+    auto digests = NamedIn(copy);
+    if (!digests.ok()) return digests.status();
+    named = *std::move(digests);
+  }
+
+  BackupReport report;
+  for (const std::string& digest : named) {
+    if (stop)
+      return absl::CancelledError("the backup was stopped; the folder holds the one before");
+    ++report.files;
+    if ((*to)->Has(digest)) continue;
+    const auto path = (*from)->Path(digest);
+    if (!path.ok()) {
+      return absl::DataLossError(
+          absl::StrCat(data_folder, ": a job names the file ", digest, ", which is gone"));
+    }
+    const auto added = (*to)->AddFile(*path);
+    if (!added.ok()) return added.status();
+    if (added->digest != digest) {
+      return absl::DataLossError(
+          absl::StrCat(*path, ": is damaged: its digest is ", added->digest));
+    }
+    ++report.copied_files;
+    report.copied_bytes += added->size_bytes;
+  }
+  if (!only_files) {
+    if (absl::Status concluded = Conclude(copy, database); !concluded.ok()) return concluded;
+  }
+  if (const auto freed = (*to)->RemoveAllBut(named, absl::ZeroDuration()); !freed.ok()) {
+    return freed.status();
+  }
+  return report;
+}
+
+}  // namespace sightline

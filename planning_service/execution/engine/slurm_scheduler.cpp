@@ -1,0 +1,163 @@
+#include <algorithm>
+#include <cmath>
+#include <set>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "planning_service/execution/engine/batch_scheduler.h"
+#include "planning_service/execution/engine/subprocess.h"
+
+namespace sightline {
+namespace {
+
+using State = ElementStatus::State;
+
+constexpr absl::Duration kTimeout = absl::Seconds(30);
+
+// Answers that say nothing about the job: later ones may differ. Slurm's tools end with 1 for
+// everything, so their words must tell.
+bool IsPassing(const std::string& errors) {
+  const std::string lower = absl::AsciiStrToLower(errors);
+  for (const char* words :
+       {"contact slurm controller", "timed out", "zero bytes", "standby", "connection refused",
+        "onnection failure", "temporarily unavailable", "submit limit", "authentication",
+        "unexpected message", "slurm_persist_conn", "still initializing"}) {
+    if (absl::StrContains(lower, words)) return true;
+  }
+  return false;
+}
+
+// States of squeue(1). One that is not known here is one in which the element still may run.
+State StateOf(const std::string& name, const std::string& reason) {
+  static const std::set<std::string> waiting = {"PENDING",      "CONFIGURING", "REQUEUED",
+                                                "REQUEUE_HOLD", "REQUEUE_FED", "RESV_DEL_HOLD",
+                                                "SPECIAL_EXIT"};
+  static const std::set<std::string> lost = {"NODE_FAIL", "BOOT_FAIL", "PREEMPTED", "REVOKED",
+                                             "LAUNCH_FAILED"};
+  if (waiting.contains(name)) return State::kWaiting;
+  if (lost.contains(name)) return State::kLost;
+  if (name == "COMPLETED" || name == "FAILED") return State::kEnded;
+  if (name == "OUT_OF_MEMORY") return State::kOutOfMemory;
+  if (name == "TIMEOUT" || name == "DEADLINE") return State::kOutOfTime;
+  if (name == "CANCELLED") {
+    // An element that it waits for ended badly after its command had ended well.
+    return absl::StartsWith(reason, "Dependency") ? State::kLost : State::kCancelled;
+  }
+  return State::kRunning;
+}
+
+class SlurmScheduler final : public BatchScheduler {
+ public:
+  explicit SlurmScheduler(SlurmOptions options) : options_(std::move(options)) {}
+
+  std::string kind() const override { return "slurm"; }
+
+  absl::Status Check() override { return Run("sbatch", {"--version"}).status(); }
+
+  absl::StatusOr<std::string> Submit(const TaskArray& array) override {
+    std::vector<std::string> arguments = {
+        "--parsable", "--no-requeue", "--export=PATH", "--nodes=1", "--ntasks=1",
+        "--output=/dev/null", "--error=/dev/null",
+        // Slurm's own requeue would start a command that the service counts as lost.
+        absl::StrCat("--job-name=", NameOf(array.job)), absl::StrCat("--array=1-", array.size),
+        absl::StrCat("--chdir=", array.folder)};
+    if (!options_.partition.empty()) {
+      arguments.push_back(absl::StrCat("--partition=", options_.partition));
+    }
+    if (!options_.account.empty())
+      arguments.push_back(absl::StrCat("--account=", options_.account));
+    if (options_.cpus > 0) arguments.push_back(absl::StrCat("--cpus-per-task=", options_.cpus));
+    if (array.max_memory_bytes > 0) {
+      arguments.push_back(absl::StrCat("--mem=", ((array.max_memory_bytes - 1) >> 20) + 1, "M"));
+    }
+    if (array.max_time != absl::InfiniteDuration()) {
+      const auto minutes = static_cast<int64_t>(std::ceil(absl::ToDoubleMinutes(array.max_time)));
+      arguments.push_back(absl::StrCat("--time=", std::max<int64_t>(minutes, 1)));
+    }
+    if (!array.after.empty()) {
+      arguments.push_back(absl::StrCat("--dependency=afterok:", array.after));
+      arguments.push_back("--kill-on-invalid-dep=yes");
+    }
+    arguments.push_back(
+        absl::StrCat("--wrap=exec /bin/sh \"", array.script, "-$SLURM_ARRAY_TASK_ID.sh\""));
+    auto answer = Run("sbatch", arguments);
+    if (!answer.ok()) return answer.status();
+    // "123" or "123;cluster".
+    const std::string id = std::vector<std::string>(absl::StrSplit(*answer, ';'))[0];
+    int64_t number = 0;
+    if (absl::SimpleAtoi(id, &number) && number > 0) return absl::StrCat(number);
+    return absl::InternalError(absl::StrCat("sbatch answered \"", *answer, "\""));
+  }
+
+  absl::Status Release(const std::string&) override { return absl::OkStatus(); }
+
+  absl::StatusOr<std::vector<std::optional<ElementStatus>>> Look(const std::string& id,
+                                                                 int size) override {
+    std::vector<std::optional<ElementStatus>> statuses(static_cast<size_t>(size));
+    auto answer = Run(
+        "squeue", {"--jobs=" + id, "--states=all", "--array", "--noheader", "--format=%K|%T|%r"});
+    if (!answer.ok()) {
+      // Slurm forgets what ended some time ago (MinJobAge).
+      if (absl::StrContains(answer.status().message(), "Invalid job id")) return statuses;
+      return answer.status();
+    }
+    for (const absl::string_view line : absl::StrSplit(*answer, '\n')) {
+      const std::vector<std::string> fields = absl::StrSplit(line, absl::MaxSplits('|', 2));
+      int number = 0;
+      if (fields.size() != 3 || !absl::SimpleAtoi(fields[0], &number) || number < 1 ||
+          number > size) {
+        continue;
+      }
+      const std::string reason = fields[2] == "None" ? "" : fields[2];
+      statuses[static_cast<size_t>(number - 1)] =
+          ElementStatus{StateOf(fields[1], fields[2]), reason.empty() ? fields[1] : reason};
+    }
+    return statuses;
+  }
+
+  absl::Status Cancel(const std::string& id) override { return RunCancel(id); }
+
+  absl::Status CancelJob(const std::string& job) override {
+    return RunCancel(absl::StrCat("--name=", NameOf(job)));
+  }
+
+ private:
+  static std::string NameOf(const std::string& job) { return absl::StrCat("sightline-", job); }
+
+  absl::Status RunCancel(const std::string& argument) const {
+    const absl::Status status = Run("scancel", {"--quiet", argument}).status();
+    if (absl::StrContains(status.message(), "Invalid job id")) return absl::OkStatus();
+    return status;
+  }
+
+  // Its stdout without white space at the end.
+  absl::StatusOr<std::string> Run(const std::string& program,
+                                  const std::vector<std::string>& arguments) const {
+    std::vector<std::string> words = {options_.command_folder.empty()
+                                          ? program
+                                          : absl::StrCat(options_.command_folder, "/", program)};
+    words.insert(words.end(), arguments.begin(), arguments.end());
+    auto result = RunSubprocess(words, kTimeout);
+    if (!result.ok()) return result.status();
+    absl::StripTrailingAsciiWhitespace(&result->output);
+    if (result->exit_code == 0) return result->output;
+    absl::StripTrailingAsciiWhitespace(&result->errors);
+    const std::string message = absl::StrCat(program, ": ", result->errors);
+    return IsPassing(message) ? absl::UnavailableError(message)
+                              : absl::FailedPreconditionError(message);
+  }
+
+  const SlurmOptions options_;
+};
+
+}  // namespace
+
+std::unique_ptr<BatchScheduler> MakeSlurmScheduler(SlurmOptions options) {
+  return std::make_unique<SlurmScheduler>(std::move(options));
+}
+
+}  // namespace sightline

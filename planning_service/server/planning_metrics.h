@@ -1,0 +1,49 @@
+// Prometheus metrics of the planning service: what waits, what runs, how jobs ended.
+#pragma once
+
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <set>
+#include <string>
+
+#include "planning_service/job_store/planning_job_store.h"
+#include "rpc_server/server_metrics.h"
+
+namespace sightline {
+
+// Jobs are read from the store on every scrape, so that they are right whoever runs them; how they
+// ended is counted from the store's events since this process began. Services that share a database
+// all show the same jobs. Thread-safe.
+class PlanningMetrics final : public ServerMetrics {
+ public:
+  PlanningMetrics();
+
+  // What scrapes ask; must outlive them. Before it is set they show calls alone.
+  void SetStore(PlanningJobStore* store);
+
+  std::shared_ptr<prometheus::Collectable> collectable() override { return collectable_; }
+
+  // Brings all values up to date; `sightline_job_store_up` tells whether the store answered.
+  void Refresh();
+
+ private:
+  class OnScrape;
+
+  absl::Status ReadStore();
+  absl::Status CountEnded();
+
+  prometheus::Gauge& store_up_;
+  prometheus::Gauge& queued_;
+  prometheus::Gauge& running_;
+  prometheus::Gauge& stored_bytes_;
+  prometheus::Family<prometheus::Counter>& ended_;
+  prometheus::Family<prometheus::Counter>& attempts_;
+  prometheus::Family<prometheus::Histogram>& seconds_;
+  std::shared_ptr<prometheus::Collectable> collectable_;
+  std::mutex mutex_;
+  PlanningJobStore* store_ = nullptr;
+  std::optional<int64_t> last_event_;  // the last one counted
+};
+
+}  // namespace sightline

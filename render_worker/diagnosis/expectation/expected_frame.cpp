@@ -1,0 +1,373 @@
+#include "render_worker/diagnosis/expectation/expected_frame.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <string_view>
+#include <utility>
+
+#include "render_worker/diagnosis/expectation/charge_spread.h"
+#include "render_worker/diagnosis/expectation/charge_trail.h"
+#include "render_worker/diagnosis/expectation/mean_numbers.h"
+#include "render_worker/diagnosis/expectation/rounded_normal.h"
+#include "render_worker/diagnosis/expectation/texture_law.h"
+#include "render_worker/image_chain/form_image.h"
+#include "render_worker/sensor/expose.h"
+#include "render_worker/speckle/integrated_speckle.h"
+
+namespace sightline {
+
+namespace {
+
+// Relative variance of the light along a block about its mean, over all phases of the fringes.
+double FringeVariance(const std::vector<double>& parameters, int block_columns_px) {
+  const double x = std::numbers::pi * block_columns_px / parameters[1] *
+                   std::cos(parameters[2] * std::numbers::pi / 180);
+  const double of_mean = std::abs(x) < 1e-6 ? 1 : std::sin(x) / x;
+  return 0.5 * parameters[0] * parameters[0] * (1 - of_mean * of_mean);
+}
+
+// Numbers that drawn effects tell of how patterns scatter.
+void AddScatter(const FrameSetup& nominal, std::span<const ActiveEffect> effects,
+                int block_columns_px, ExpectedFrame& expected) {
+  const double gain = nominal.sensor.gain_dn_per_electron;
+  for (const ActiveEffect& active : effects) {
+    const std::string_view id = active.effect->description().id;
+    if (id == "sensor.row_noise") expected.row_scatter_dn = gain * active.parameters[0];
+    if (id == "sensor.dsnu_column_pattern") {
+      expected.column_scatter_dn = gain * active.parameters[0];
+    }
+    if (id == "unknown.line_noise") {
+      expected.row_scatter_dn = gain * std::sqrt(active.parameters[0]);
+      expected.column_scatter_dn = gain * std::sqrt(active.parameters[1]);
+    }
+    if (IsTexture(id) && block_columns_px > 0) {
+      expected.drawn_variance_along_line +=
+          TextureLaw(id, nominal, active.parameters)
+              .VarianceAlong(LengthOnPlate(nominal, block_columns_px));
+    }
+    if (id == kCoverGlassEtalon && block_columns_px > 0) {
+      expected.drawn_variance_along_line += FringeVariance(active.parameters, block_columns_px);
+    }
+  }
+}
+
+// What scatters between recordings does not change what is expected of each.
+std::vector<ActiveEffect> OfEveryFrame(std::span<const ActiveEffect> effects) {
+  std::vector<ActiveEffect> kept(effects.begin(), effects.end());
+  std::erase_if(kept, [](const ActiveEffect& active) {
+    const std::string_view id = active.effect->description().id;
+    return id == "illumination.power_noise" || id == "time.exposure_jitter";
+  });
+  return kept;
+}
+
+// Equally likely levels of speckle, over the mean, of every pixel of a strip.
+class LevelFactors {
+ public:
+  // `speckle`: of the four pixels of a cell of the colour filter, all the same one where they do
+  // not differ; of one pattern, whose contrast squared is `pattern_share` of all.
+  LevelFactors(const std::array<std::shared_ptr<const LineSpeckle>, 4>& speckle,
+               double pattern_share, const FrameSetup& frame, int levels)
+      : cells_(speckle[0] == speckle[1] ? 1 : 4), place_of_row_(frame.roi.rows_px) {
+    for (int cell = 0; cell < cells_; ++cell) {
+      for (int place = 0; place < speckle[cell]->places(); ++place) {
+        // Strengths beyond sense would move more charge than there is.
+        const double contrast_squared = std::clamp(
+            speckle[cell]->At(place).At(0, 0) * pattern_share, kLeastContrastSquared, 1.0);
+        of_place_[cell].push_back(SpeckleLevels(contrast_squared, levels));
+      }
+    }
+    for (int row = 0; row < frame.roi.rows_px; ++row) {
+      place_of_row_[row] =
+          speckle[0]->PlaceOf((frame.roi.row_px + row) * frame.sensor.pixel_pitch_m);
+    }
+  }
+
+  int cells() const { return cells_; }  // that differ
+  double At(int cell, int row, int level) const {
+    return of_place_[cell][place_of_row_[row]][level];
+  }
+  int CellOf(int row, int column) const { return cells_ == 1 ? 0 : 2 * (row % 2) + column % 2; }
+
+ private:
+  int cells_;
+  std::array<std::vector<std::vector<double>>, 4> of_place_;
+  std::vector<int> place_of_row_;
+};
+
+// Every column as the first.
+template <typename T>
+Image<T> Widened(const Image<T>& column, int columns_px) {
+  Image<T> wide(columns_px, column.rows_px);
+  for (int row = 0; row < wide.rows_px; ++row) {
+    std::fill_n(&wide.At(row, 0), columns_px, column.At(row, 0));
+  }
+  return wide;
+}
+// Noise that all pixels of a frame have alike, besides that of their light.
+struct ReadNoise {
+  double dark_electrons = 0;  // mean, besides light
+  double variance_electrons2 = 0, rounding_variance_dn2 = 0;
+
+  // Temporal variance of the number of a pixel with this mean of photo-electrons [DN^2].
+  double VarianceAt(double photo_electrons, double gain_dn_per_electron) const {
+    return gain_dn_per_electron * gain_dn_per_electron *
+               (std::max(0.0, photo_electrons) + variance_electrons2) +
+           rounding_variance_dn2;
+  }
+};
+
+// Mean photo-electrons of a strip at one level of speckle, after the effects on them. Charge comes
+// from neighbours whose light is as far from its mean: what it scatters in all is in the level
+// already.
+Image<double> PhotoElectronsAt(int level, const ExpectedLight& light, const LevelFactors* factors,
+                               const SmearTrail& smear, const FrameSetup& frame,
+                               std::span<const ActiveEffect> effects,
+                               const Image<double>* previous) {
+  const Image<double>&total = light.total_electrons, &steady = light.steady_electrons;
+  const auto factor_at = [&](int cell, int row) {
+    return factors == nullptr ? 1.0 : factors->At(cell, row, level);
+  };
+  const auto of_cell = [&](int cell) {
+    Image<double> scaled = total;
+    // The frame before in a burst shows the same speckle.
+    std::optional<Image<double>> before;
+    const bool follows = previous != nullptr && previous->values.size() == total.values.size();
+    if (factors != nullptr && follows) before = *previous;
+    for (int row = 0; row < scaled.rows_px; ++row) {
+      const double factor = factor_at(cell, row);
+      for (int column = 0; column < scaled.columns_px; ++column) {
+        const double other = steady.At(row, column);
+        const double all = scaled.At(row, column);
+        scaled.At(row, column) = other + factor * (all - other);
+        if (before && all > 0) before->At(row, column) *= scaled.At(row, column) / all;
+      }
+    }
+    for (const ActiveEffect& active : effects) {
+      if (IsSmear(active)) continue;
+      active.effect->OnMeanElectrons(scaled, before ? &*before : previous, frame,
+                                     active.parameters);
+    }
+    if (smear.laser.empty()) return scaled;
+    const double factor = 1 + smear.contrast_kept * (factor_at(cell, smear.crest_row) - 1);
+    for (size_t i = 0; i < scaled.values.size(); ++i) {
+      scaled.values[i] += smear.steady.values[i] + factor * smear.laser.values[i];
+    }
+    return scaled;
+  };
+  if (factors == nullptr || factors->cells() == 1) return of_cell(0);
+  Image<double> electrons(total.columns_px, total.rows_px);
+  for (int cell = 0; cell < factors->cells(); ++cell) {
+    const Image<double> scaled = of_cell(cell);
+    for (int row = cell / 2; row < scaled.rows_px; row += 2) {
+      for (int column = cell % 2; column < scaled.columns_px; column += 2) {
+        electrons.At(row, column) = scaled.At(row, column);
+      }
+    }
+  }
+  return electrons;
+}
+
+// Mean and variance over the levels, noise and patterns at the mean level.
+void AddMoments(const Image<double>& photo_electrons, const ReadNoise& noise,
+                ExpectedFrame& expected) {
+  const Sensor& sensor = expected.frame.sensor;
+  const double gain = sensor.gain_dn_per_electron;
+  const auto level_count = static_cast<double>(expected.level_dn.size());
+  const int columns_px = photo_electrons.columns_px, rows_px = photo_electrons.rows_px;
+  expected.mean_dn = Image<double>(columns_px, rows_px, 0.0);
+  expected.level_variance_dn2 = expected.mean_dn;
+  for (const Image<float>& level : expected.level_dn) {
+    for (size_t i = 0; i < level.values.size(); ++i) expected.mean_dn.values[i] += level.values[i];
+  }
+  for (double& mean : expected.mean_dn.values) mean /= level_count;
+  for (const Image<float>& level : expected.level_dn) {
+    for (size_t i = 0; i < level.values.size(); ++i) {
+      const double deviation = level.values[i] - expected.mean_dn.values[i];
+      expected.level_variance_dn2.values[i] += deviation * deviation / level_count;
+    }
+  }
+  expected.noise_variance_dn2 = Image<float>(columns_px, rows_px);
+  expected.pattern_variance_dn2 = expected.noise_variance_dn2;
+  for (size_t i = 0; i < photo_electrons.values.size(); ++i) {
+    const double mean = std::max(0.0, photo_electrons.values[i]);
+    expected.noise_variance_dn2.values[i] = static_cast<float>(noise.VarianceAt(mean, gain));
+    const double before_rounding = noise.VarianceAt(mean, gain) - noise.rounding_variance_dn2;
+    if (before_rounding > 0 && IsCoarselyRounded(std::sqrt(before_rounding))) {
+      const RoundedMoments rounded = MomentsAfterRounding(
+          gain * (mean + noise.dark_electrons) + sensor.black_level_dn, std::sqrt(before_rounding));
+      expected.noise_variance_dn2.values[i] = static_cast<float>(rounded.variance);
+      if (expected.noise_excess_kurtosis.empty()) {
+        expected.noise_excess_kurtosis = Image<float>(columns_px, rows_px);
+      }
+      expected.noise_excess_kurtosis.values[i] = static_cast<float>(rounded.excess_kurtosis);
+    }
+    expected.pattern_variance_dn2.values[i] = static_cast<float>(
+        gain * gain *
+        (std::pow(sensor.prnu_relative * mean, 2) + std::pow(sensor.dsnu_electrons, 2)));
+  }
+}
+
+ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEffect> all_effects,
+                            const Image<double>* previous,
+                            std::shared_ptr<const LineImaging> known_imaging, int speckle_levels,
+                            int block_columns_px) {
+  ExpectedFrame expected;
+  // Numbers of the sensor may tell how a pattern scatters.
+  expected.frame = ApplyFrameEffects(nominal, OfEveryFrame(all_effects));
+  AddScatter(nominal, all_effects, block_columns_px, expected);
+  std::vector<ActiveEffect> effects(all_effects.begin(), all_effects.end());
+  std::erase_if(effects, [](const ActiveEffect& active) { return IsDrawn(*active.effect); });
+  const FrameSetup& frame = expected.frame;
+  const ExpectedLight light =
+      ExpectLight(frame, effects, std::move(known_imaging), block_columns_px);
+  const Image<double>&total = light.total_electrons, &steady = light.steady_electrons;
+  expected.imaging = light.imaging;
+  expected.level_along_line = light.level_along_line;
+
+  const Sensor& sensor = frame.sensor;
+  MeanNumbers numbers(frame, effects);
+  ReadNoise read_noise;
+  read_noise.dark_electrons = sensor.dark_mean_electrons + DarkCurrentElectrons(frame);
+  read_noise.variance_electrons2 = sensor.dark_noise_electrons * sensor.dark_noise_electrons +
+                                   read_noise.dark_electrons - sensor.dark_mean_electrons;
+  read_noise.rounding_variance_dn2 = numbers.rounding_variance_dn2();
+  // Beyond it nothing changes.
+  const double overfull_electrons =
+      sensor.saturation_capacity_electrons + 6 * std::sqrt(sensor.saturation_capacity_electrons);
+
+  std::optional<LevelFactors> factors;
+  std::optional<NeighboursOfLevel> neighbours;
+  if (frame.laser_on && frame.shutter_open) {
+    const std::shared_ptr<const LineSpeckle>& optical = light.imaging->speckle;
+    expected.speckle_of_cell = AfterChargeSpread(*optical, total, frame, effects);
+    const bool spreads = expected.speckle_of_cell[0] != nullptr;
+    expected.speckle = spreads ? expected.speckle_of_cell[BrightestCell(total)] : optical;
+    // Levels of what spreads by charge follow from the flow at each of them.
+    std::vector<ActiveEffect> but_by_charge = effects;
+    std::erase_if(but_by_charge,
+                  [](const auto& active) { return SpreadsByCharge(*active.effect); });
+    const bool by_charge = but_by_charge.size() < effects.size();
+    auto speckle_of_levels = by_charge ? AfterChargeSpread(*optical, total, frame, but_by_charge)
+                                       : expected.speckle_of_cell;
+    if (speckle_of_levels[0] == nullptr) speckle_of_levels.fill(optical);
+    factors.emplace(speckle_of_levels, light.pattern_share, frame, speckle_levels);
+    if (by_charge) {
+      Image<double> laser = total, other = steady;
+      for (size_t i = 0; i < laser.values.size(); ++i) {
+        laser.values[i] -= steady.values[i];
+        other.values[i] += read_noise.dark_electrons;
+      }
+      neighbours.emplace(std::move(laser), std::move(other), *speckle_of_levels[0], frame,
+                         light.pattern_share, sensor.saturation_capacity_electrons);
+    }
+  }
+  const LevelFactors* factors_or_null = factors ? &*factors : nullptr;
+  const SmearTrail smear = TrailOfSmear(total, steady, frame, effects, expected.speckle.get());
+  const int level_count = factors ? speckle_levels : 1;
+  const auto at_levels = [&](std::span<const ActiveEffect> acting) {
+    std::vector<Image<double>> levels;
+    for (int level = 0; level < level_count; ++level) {
+      levels.push_back(
+          PhotoElectronsAt(level, light, factors_or_null, smear, frame, acting, previous));
+    }
+    return levels;
+  };
+  std::vector<Image<double>> electrons_of_level = at_levels(effects);
+  const auto blooming = std::find_if(effects.begin(), effects.end(), IsBlooming);
+  if (blooming != effects.end() && expected.speckle != nullptr) {
+    std::vector<ActiveEffect> others = effects;
+    std::erase_if(others, IsBlooming);
+    EvenOutOverflow(*blooming, frame, *expected.speckle, at_levels(others), electrons_of_level);
+  }
+  Image<double> mean_of_levels(frame.roi.columns_px, frame.roi.rows_px, 0.0);
+  for (int level = 0; level < level_count; ++level) {
+    Image<double>& electrons = electrons_of_level[level];
+    Image<float> noise_dn(electrons.columns_px, electrons.rows_px);
+    for (size_t i = 0; i < electrons.values.size(); ++i) {
+      mean_of_levels.values[i] += electrons.values[i] / level_count;
+      noise_dn.values[i] = static_cast<float>(
+          std::sqrt(read_noise.VarianceAt(electrons.values[i], sensor.gain_dn_per_electron)));
+      electrons.values[i] =
+          std::min(electrons.values[i] + read_noise.dark_electrons, overfull_electrons);
+    }
+    Image<double> factor;
+    if (neighbours) {
+      factor = Image<double>(electrons.columns_px, electrons.rows_px);
+      for (int row = 0; row < factor.rows_px; ++row) {
+        for (int column = 0; column < factor.columns_px; ++column) {
+          factor.At(row, column) = factors->At(factors->CellOf(row, column), row, level);
+        }
+      }
+    }
+    for (const ActiveEffect& active : effects) {
+      if (neighbours && SpreadsByCharge(*active.effect)) {
+        electrons = neighbours->After(active, frame, electrons, factor);
+      } else {
+        active.effect->OnElectrons(electrons, frame, active.parameters);
+      }
+    }
+    expected.level_dn.push_back(numbers.Of(electrons, noise_dn));
+  }
+  AddMoments(mean_of_levels, read_noise, expected);
+  expected.mean_photo_electrons = std::move(mean_of_levels);
+  return expected;
+}
+
+}  // namespace
+
+bool IsDrawn(const Effect& effect) {
+  static constexpr std::array<std::string_view, 10> kDrawn = {
+      "illumination.power_noise",   "time.exposure_jitter",
+      "surface.albedo_texture",     "optics.dust",
+      "sensor.row_noise",           "sensor.hot_pixels",
+      "sensor.dsnu_column_pattern", "sensor.prnu",
+      "unknown.line_noise",         "unknown.pixel_tail"};
+  return std::find(kDrawn.begin(), kDrawn.end(), effect.description().id) != kDrawn.end();
+}
+
+const SpecklePixelCovariance& ExpectedFrame::SpeckleAt(int row, int column) const {
+  const LineSpeckle* of_cell = speckle_of_cell[2 * (row % 2) + column % 2].get();
+  if (of_cell == nullptr) of_cell = speckle.get();
+  return of_cell->At(of_cell->PlaceOf((frame.roi.row_px + row) * frame.sensor.pixel_pitch_m));
+}
+
+ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect> effects,
+                          const Image<double>* previous, std::shared_ptr<const LineImaging> imaging,
+                          int speckle_levels, int block_columns_px) {
+  const int columns_px = frame.roi.columns_px;
+  if (frame.sensor.colour_filter != ColourFilter::kMono || columns_px < 2) {
+    return ExpectColumns(frame, effects, previous, std::move(imaging), speckle_levels,
+                         block_columns_px);
+  }
+  // Without colours all columns are alike: one will do.
+  FrameSetup narrow = frame;
+  narrow.roi.column_px += columns_px / 2;
+  narrow.roi.columns_px = 1;
+  Image<double> previous_column;
+  if (previous != nullptr && !previous->empty()) {
+    previous_column = Image<double>(1, previous->rows_px);
+    for (int row = 0; row < previous->rows_px; ++row) {
+      previous_column.At(row, 0) = previous->At(row, 0);
+    }
+  }
+  ExpectedFrame expected =
+      ExpectColumns(narrow, effects, previous == nullptr ? nullptr : &previous_column,
+                    std::move(imaging), speckle_levels, block_columns_px);
+  expected.frame.roi.column_px -= columns_px / 2;
+  expected.frame.roi.columns_px = columns_px;
+  for (Image<float>& level : expected.level_dn) level = Widened(level, columns_px);
+  expected.mean_dn = Widened(expected.mean_dn, columns_px);
+  expected.level_variance_dn2 = Widened(expected.level_variance_dn2, columns_px);
+  expected.noise_variance_dn2 = Widened(expected.noise_variance_dn2, columns_px);
+  if (!expected.noise_excess_kurtosis.empty()) {
+    expected.noise_excess_kurtosis = Widened(expected.noise_excess_kurtosis, columns_px);
+  }
+  expected.pattern_variance_dn2 = Widened(expected.pattern_variance_dn2, columns_px);
+  expected.mean_photo_electrons = Widened(expected.mean_photo_electrons, columns_px);
+  return expected;
+}
+
+}  // namespace sightline

@@ -1,0 +1,302 @@
+#include "render_worker/diagnosis/expectation/expected_light.h"
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <utility>
+
+#include "render_worker/diagnosis/expectation/blurred_speckle.h"
+#include "render_worker/diagnosis/expectation/line_spread.h"
+#include "render_worker/image_chain/form_image.h"
+#include "render_worker/plate/plate_scene.h"
+#include "render_worker/sensor/expose.h"
+
+namespace sightline {
+
+namespace {
+
+constexpr int kSamplesPerPx = 4;
+constexpr int kPlacesAlongBlock = 16;
+constexpr double kLitAlongLine = 1e-3;  // of the brightest, across the line
+constexpr double kNoLight = 1e-9;       // of the brightest place's: all such places count as dark
+
+// Place on the plate that is seen at (u, v), and its distance.
+struct PlatePoint {
+  double x_m = 0, s_m = 0, distance_m = 0;
+};
+
+PlatePoint SeenAt(const PlateScene& scene, const FrameSetup& frame, double u_m, double v_m) {
+  const double b = frame.ImageDistance();
+  SensorPoint seen{u_m, v_m};
+  if (scene.image_mapping) seen = scene.image_mapping(seen);
+  double distance_m = frame.plate.camera_distance_m;
+  double x = seen.u_m * distance_m / b, s = seen.v_m * distance_m / b;
+  if (scene.height_m) {
+    // One step suffices: heights are small against the distance.
+    distance_m = frame.plate.camera_distance_m - scene.height_m(x, s);
+    x = seen.u_m * distance_m / b;
+    s = seen.v_m * distance_m / b;
+  }
+  return {x, s, distance_m};
+}
+
+// Irradiance of the sensor by a perfect lens at (u, v) over that of the plate by the laser
+// (recordings format, section 3).
+double Throughput(const PlateScene& scene, const FrameSetup& frame, const PlatePoint& point,
+                  double u_m, double v_m) {
+  const double b = frame.ImageDistance();
+  const double cos2 = b * b / (b * b + u_m * u_m + v_m * v_m);
+  const double aperture = frame.PupilDiameter() / b;
+  return std::numbers::pi / 4 * frame.lens.transmission * aperture * aperture * cos2 * cos2 *
+         scene.brdf_per_sr(point.x_m, point.s_m);
+}
+
+// Laser light on the plate summed across the line, in the column at u.
+double LightAcrossLine(const PlateScene& scene, const FrameSetup& frame, double u_m,
+                       double first_v_m, double last_v_m) {
+  double light = 0;
+  for (double v_m = first_v_m; v_m <= last_v_m; v_m += frame.sensor.pixel_pitch_m / kSamplesPerPx) {
+    const PlatePoint point = SeenAt(scene, frame, u_m, v_m);
+    light += scene.laser_irradiance_w_m2(point.x_m, point.s_m);
+  }
+  return light;
+}
+
+// Mean irradiance of every pixel, alike in all columns; fills in what `imaging` has not. With
+// `block_columns_px` that of the block in the mean, and `level_along_line`.
+Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const OpticsModel& optics,
+                       int block_columns_px, std::shared_ptr<const LineImaging>& imaging,
+                       std::vector<double>& level_along_line) {
+  const RegionOfInterest& roi = frame.roi;
+  const double pitch_m = frame.sensor.pixel_pitch_m;
+  const int length =
+      static_cast<int>(std::bit_ceil(static_cast<unsigned>((roi.rows_px + 256) * kSamplesPerPx)));
+  const int margin_px = (length / kSamplesPerPx - roi.rows_px) / 2;
+  const double step_per_m = kSamplesPerPx / (length * pitch_m);
+  const double u_m = (roi.column_px + 0.5 * (roi.columns_px - 1)) * pitch_m;
+  const auto v_of = [&](int i) {
+    return (roi.row_px - margin_px + (i + 0.5) / kSamplesPerPx - 0.5) * pitch_m;
+  };
+  std::vector<double> ideal(length);
+  std::vector<PlatePoint> points(length);
+  double brightest = 0;
+  const bool alike = scene.constant_along_line && !scene.height_m && !scene.image_mapping;
+  const bool known =
+      alike && imaging != nullptr && imaging->irradiance_w_m2.size() == static_cast<size_t>(length);
+  for (int i = 0; i < length; ++i) {
+    points[i] = SeenAt(scene, frame, u_m, v_of(i));
+    ideal[i] = known ? imaging->irradiance_w_m2[i]
+                     : scene.laser_irradiance_w_m2(points[i].x_m, points[i].s_m);
+    brightest = std::max(brightest, ideal[i]);
+  }
+  const std::vector<double> irradiance = alike ? ideal : std::vector<double>();
+  if (!scene.constant_along_line && block_columns_px > 0 && brightest > 0) {
+    const auto lit = [&](double value) { return value > kLitAlongLine * brightest; };
+    const auto first = std::find_if(ideal.begin(), ideal.end(), lit) - ideal.begin();
+    const auto last = std::find_if(ideal.rbegin(), ideal.rend(), lit).base() - ideal.begin() - 1;
+    // Room for a line that is not straight along the rows: up to 11 degrees.
+    const double room_m = 0.1 * block_columns_px * pitch_m;
+    const double first_v_m = v_of(static_cast<int>(first)) - room_m;
+    const double last_v_m = v_of(static_cast<int>(last)) + room_m;
+    double mean = 0;
+    for (int i = 0; i < kPlacesAlongBlock; ++i) {
+      const double place = (i + 0.5) / kPlacesAlongBlock - 0.5;
+      level_along_line.push_back(LightAcrossLine(
+          scene, frame, u_m + place * block_columns_px * pitch_m, first_v_m, last_v_m));
+      mean += level_along_line.back() / kPlacesAlongBlock;
+    }
+    const double middle = LightAcrossLine(scene, frame, u_m, first_v_m, last_v_m);
+    if (mean > 0 && middle > 0) {
+      for (double& light : level_along_line) light /= mean;
+      for (double& value : ideal) value *= mean / middle;
+    } else {
+      level_along_line.clear();
+    }
+  }
+  double weighted_depth_m = 0, weighted_v_m = 0, sum = 0;
+  for (int i = 0; i < length; ++i) {
+    if (ideal[i] <= kNoLight * brightest) {
+      ideal[i] = 0;
+      continue;
+    }
+    const double v_m = v_of(i);
+    ideal[i] *= Throughput(scene, frame, points[i], u_m, v_m);
+    weighted_depth_m += ideal[i] * points[i].distance_m;
+    weighted_v_m += ideal[i] * v_m;
+    sum += ideal[i];
+  }
+  const double depth_m = sum > 0 ? weighted_depth_m / sum : frame.plate.camera_distance_m;
+  const double v_m = sum > 0 ? weighted_v_m / sum : 0;
+  const double curvature = optics.curvature(depth_m, u_m, v_m);
+  const bool same = imaging != nullptr && !optics.field_dependent && imaging->length == length &&
+                    std::abs(imaging->curvature_per_m - curvature) <= 1e-9 * std::abs(curvature);
+  if (!same) {
+    auto line = std::make_shared<LineImaging>();
+    line->irradiance_w_m2 = irradiance;
+    line->curvature_per_m = curvature;
+    line->length = length;
+    const Pupil pupil = optics.pupil(u_m, v_m);
+    line->transfer = LineTransfer(pupil, optics.wavelength_m, optics.image_distance_m, curvature,
+                                  step_per_m, length / 2 + 1);
+    const double clear = ClearFraction(pupil);
+    const std::vector<std::complex<double>> pixel = PixelTransfer(kSamplesPerPx, length, pitch_m);
+    for (size_t k = 0; k < line->transfer.size(); ++k) line->transfer[k] *= clear * pixel[k];
+    const auto image = [&] {
+      return BlurAcrossLine(ideal, kSamplesPerPx, margin_px, roi.rows_px, line->transfer);
+    };
+    const bool new_speckle = imaging == nullptr;
+    std::vector<double> before;
+    if (new_speckle && !optics.transfer.empty()) before = image();
+    for (size_t k = 0; k < line->transfer.size(); ++k) {
+      for (const TransferFunction& factor : optics.transfer) {
+        line->transfer[k] *= factor(0, static_cast<double>(k) * step_per_m);
+      }
+    }
+    if (new_speckle) {
+      LineSpeckle speckle(pupil, optics.wavelength_m, optics.image_distance_m,
+                          optics.image_distance_m * curvature, pitch_m, ideal,
+                          (roi.row_px - margin_px + 0.5 / kSamplesPerPx - 0.5) * pitch_m,
+                          pitch_m / kSamplesPerPx);
+      if (!before.empty()) {
+        speckle = BlurredSpeckle(speckle, optics.transfer, pitch_m, roi.row_px * pitch_m, before,
+                                 image());
+      }
+      line->speckle = std::make_shared<LineSpeckle>(std::move(speckle));
+    } else {
+      line->speckle = imaging->speckle;
+    }
+    imaging = std::move(line);
+  }
+  const std::vector<double> profile =
+      BlurAcrossLine(ideal, kSamplesPerPx, margin_px, roi.rows_px, imaging->transfer);
+  Image<float> image(roi.columns_px, roi.rows_px);
+  for (int row = 0; row < roi.rows_px; ++row) {
+    for (int column = 0; column < roi.columns_px; ++column) {
+      image.At(row, column) = static_cast<float>(std::max(0.0, profile[row]));
+    }
+  }
+  return image;
+}
+
+// Across the line, by the lens in focus (defocus is in the light already): lamps light the plate
+// evenly, which no lens changes; the line's own light of another wavelength does not.
+void BlurAcross(const OpticsModel& optics, const Pupil& pupil, double wavelength_m,
+                double pixel_pitch_m, Image<float>& flux) {
+  constexpr int kLeastMargin_px = 64;
+  constexpr float kEven = 1e-4F;
+  const auto [least, most] = std::minmax_element(flux.values.begin(), flux.values.end());
+  if (*most - *least <= kEven * *most) return;
+  const int length =
+      static_cast<int>(std::bit_ceil(static_cast<unsigned>(flux.rows_px + 2 * kLeastMargin_px)));
+  const int margin_px = (length - flux.rows_px) / 2;
+  const double step_per_m = 1 / (length * pixel_pitch_m);
+  std::vector<std::complex<double>> transfer =
+      LineTransfer(pupil, wavelength_m, optics.image_distance_m, 0, step_per_m, length / 2 + 1);
+  for (size_t k = 0; k < transfer.size(); ++k) {
+    for (const TransferFunction& factor : optics.transfer) {
+      transfer[k] *= factor(0, static_cast<double>(k) * step_per_m);
+    }
+  }
+  std::vector<double> column(length);
+  for (int c = 0; c < flux.columns_px; ++c) {
+    for (int i = 0; i < length; ++i) {
+      column[i] = flux.At(std::clamp(i - margin_px, 0, flux.rows_px - 1), c);
+    }
+    const std::vector<double> blurred =
+        BlurAcrossLine(column, 1, margin_px, flux.rows_px, transfer);
+    for (int row = 0; row < flux.rows_px; ++row) {
+      flux.At(row, c) = static_cast<float>(std::max(0.0, blurred[row]));
+    }
+  }
+}
+
+// Light of the plate that is not the laser's: without speckle.
+void AddAmbient(const PlateScene& scene, const FrameSetup& frame, const OpticsModel& optics,
+                PixelIrradiance& light) {
+  PlateScene lamps = scene;
+  lamps.laser_irradiance_w_m2 = [](double, double) { return 0.0; };
+  const double pitch_m = frame.sensor.pixel_pitch_m;
+  const IdealImage image = RenderPlate(lamps, frame, {frame.roi, 1, 0, pitch_m});
+  const int margin = image.incoherent_grid.margin_px;
+  const Pupil pupil =
+      optics.pupil((frame.roi.column_px + 0.5 * (frame.roi.columns_px - 1)) * pitch_m,
+                   (frame.roi.row_px + 0.5 * (frame.roi.rows_px - 1)) * pitch_m);
+  for (int channel = 0; channel < frame.sensor.channels(); ++channel) {
+    const Image<float>& wide = image.incoherent_electron_flux_m2_s[channel];
+    Image<float>& flux = light.incoherent_electron_flux_m2_s[channel];
+    flux = Image<float>(frame.roi.columns_px, frame.roi.rows_px);
+    for (int row = 0; row < flux.rows_px; ++row) {
+      for (int column = 0; column < flux.columns_px; ++column) {
+        flux.At(row, column) = wide.At(row + margin, column + margin);
+      }
+    }
+    BlurAcross(optics, pupil, image.incoherent_wavelength_m[channel], pitch_m, flux);
+  }
+}
+
+// Of fringes a strip takes the block's mean. Rows without laser light stay as they are.
+void MultiplyByBlockMean(const ActiveEffect& fringes, const FrameSetup& frame, int block_columns_px,
+                         Image<float>& light) {
+  const auto lit = [](float value) { return value > 0; };
+  const auto first = std::find_if(light.values.begin(), light.values.end(), lit);
+  if (first == light.values.end()) return;
+  const auto last = std::find_if(light.values.rbegin(), light.values.rend(), lit).base();
+  const auto first_row = static_cast<int>((first - light.values.begin()) / light.columns_px);
+  const auto rows =
+      static_cast<int>((last - light.values.begin() - 1) / light.columns_px) + 1 - first_row;
+  PixelIrradiance block;
+  block.roi = {frame.roi.column_px + (frame.roi.columns_px - block_columns_px) / 2,
+               frame.roi.row_px + first_row, block_columns_px, rows};
+  block.laser_irradiance_w_m2 = Image<float>(block_columns_px, rows, 1.0F);
+  fringes.effect->OnPixelIrradiance(block, frame, fringes.parameters);
+  for (int row = 0; row < rows; ++row) {
+    const float* factors = block.laser_irradiance_w_m2.Row(row);
+    const float mean = std::accumulate(factors, factors + block_columns_px, 0.0F) /
+                       static_cast<float>(block_columns_px);
+    for (int column = 0; column < light.columns_px; ++column) {
+      light.At(first_row + row, column) *= mean;
+    }
+  }
+}
+
+}  // namespace
+
+ExpectedLight ExpectLight(const FrameSetup& frame, std::span<const ActiveEffect> effects,
+                          std::shared_ptr<const LineImaging> imaging, int block_columns_px) {
+  ExpectedLight expected;
+  expected.imaging = std::move(imaging);
+  const OpticsModel optics = MakeOpticsModel(frame, effects);
+  PlateScene scene = MakePlateScene(frame);
+  SpeckleModel speckle;
+  speckle.pattern_weights = frame.speckle_pattern_weights;
+  for (const ActiveEffect& active : effects) {
+    active.effect->OnPlate(scene, frame, active.parameters);
+    active.effect->OnSpeckle(speckle, frame, active.parameters);
+  }
+  for (double weight : speckle.pattern_weights) expected.pattern_share += weight * weight;
+
+  PixelIrradiance light;
+  light.roi = frame.roi;
+  if (frame.shutter_open && scene.ambient_radiance_w_m2_sr) AddAmbient(scene, frame, optics, light);
+  light.laser_irradiance_w_m2 = Image<float>(frame.roi.columns_px, frame.roi.rows_px, 0.0F);
+  if (frame.laser_on && frame.shutter_open) {
+    light.laser_irradiance_w_m2 = ImageLine(scene, frame, optics, block_columns_px,
+                                            expected.imaging, expected.level_along_line);
+  }
+  for (const ActiveEffect& active : effects) {
+    if (active.effect->description().id == kCoverGlassEtalon && block_columns_px > 0) {
+      MultiplyByBlockMean(active, frame, block_columns_px, light.laser_irradiance_w_m2);
+    } else {
+      active.effect->OnPixelIrradiance(light, frame, active.parameters);
+    }
+  }
+  expected.total_electrons = MeanPhotoElectrons(light, frame);
+  std::fill(light.laser_irradiance_w_m2.values.begin(), light.laser_irradiance_w_m2.values.end(),
+            0.0F);
+  expected.steady_electrons = MeanPhotoElectrons(light, frame);
+  return expected;
+}
+
+}  // namespace sightline

@@ -1,0 +1,46 @@
+// Mean numbers that a sensor gives for noisy charge: rounded, cut off at both ends, converted.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/image/image.h"
+#include "render_worker/effects/effect.h"
+
+namespace sightline {
+
+class MeanNumbers {
+ public:
+  // Of the frames of a strip's size that the effects leave.
+  MeanNumbers(const FrameSetup& frame, std::span<const ActiveEffect> effects);
+
+  // Of the step between the numbers that occur (EMVA 1288 R4.0, section 2.3) [DN^2].
+  double rounding_variance_dn2() const { return rounding_variance_dn2_; }
+
+  // Mean number of every pixel whose charge has this mean, `noise_dn` its standard deviation as a
+  // number. Where it differs from that of the first call by little of the noise, it is taken as
+  // linear in the charge.
+  Image<float> Of(const Image<double>& electrons, const Image<float>& noise_dn);
+
+ private:
+  // Mean of a normal number after it is cut off, and its slope with the number's mean.
+  struct CutOff {
+    double mean = 0, slope = 1;
+  };
+  struct Reference {
+    double number = 0;
+    CutOff cut_off;
+  };
+  CutOff MeanCutOff(double mean, double deviation, double top) const;
+  float MeanConversion(float mean, float deviation) const;
+  void AddRoundingErrors(const Image<double>& electrons, const Image<float>& noise_dn,
+                         Image<float>* numbers) const;
+
+  double gain_dn_per_electron_, black_level_dn_, rounding_variance_dn2_;
+  Image<double> plateau_dn_;          // of a full pixel
+  std::vector<uint16_t> converted_;   // of every number; empty: all stay as they are
+  std::vector<Reference> reference_;  // of the first call
+};
+
+}  // namespace sightline

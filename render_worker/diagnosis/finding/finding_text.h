@@ -1,0 +1,14 @@
+// The finding in one sentence, for people.
+#pragma once
+
+#include <string>
+
+#include "render_worker/diagnosis/selection/candidate.h"
+#include "sightline/v1/diagnosis.pb.h"
+
+namespace sightline {
+
+// `best`: the candidate of `diagnosis.ranked(0)`.
+std::string FindingText(const Candidate& best, const v1::Diagnosis& diagnosis);
+
+}  // namespace sightline

@@ -1,0 +1,111 @@
+#include "render_worker/diagnosis/fit/fit_quality.h"
+
+#include <algorithm>
+#include <boost/math/special_functions/gamma.hpp>
+#include <cmath>
+#include <map>
+
+#include "core/random/counter_random.h"
+#include "render_worker/diagnosis/fit/linear_fit.h"
+
+namespace sightline {
+
+std::vector<bool> HeldOutRecordings(const RecordedSet& set, uint64_t seed, int fold) {
+  std::vector<bool> held_out(set.frames.size(), false);
+  const auto drawn = [&](const char* what, int id) {
+    return CounterRandom(DeriveSeed(seed, what), static_cast<uint64_t>(id)).Uniform();
+  };
+  // In blocks of four, so that a quarter is held out whatever is drawn.
+  std::map<int, int> order;  // of plate positions
+  for (const RecordedFrame& frame : set.frames) {
+    if (frame.plate_position_id >= 0) order.emplace(frame.plate_position_id, 0);
+  }
+  int position = 0;
+  for (auto& [id, index] : order) index = position++;
+  const auto chosen = [&](const char* what, int index) {
+    const int first = static_cast<int>(kFolds * drawn(what, index / kFolds));
+    return index % kFolds == (first + fold) % kFolds;
+  };
+  int dark = 0;
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    const int id = set.frames[f].plate_position_id;
+    held_out[f] =
+        id >= 0 ? chosen("held-out positions", order[id]) : chosen("held-out dark", dark++);
+  }
+  return held_out;
+}
+
+double ChiSquaredPValue(double chi_squared, double degrees_of_freedom) {
+  if (degrees_of_freedom <= 0) return 1;
+  return boost::math::gamma_q(0.5 * degrees_of_freedom, 0.5 * std::max(0.0, chi_squared));
+}
+
+EntrySplit SplitEntries(const SetModel& model, const std::vector<bool>& held_out_recording) {
+  EntrySplit split;
+  for (int e = 0; e < model.entries(); ++e) {
+    const std::vector<int>& frames = model.FramesOf(e);
+    const auto out = [&](int f) { return static_cast<bool>(held_out_recording[f]); };
+    split.used.push_back(std::none_of(frames.begin(), frames.end(), out));
+    split.held_out.push_back(std::all_of(frames.begin(), frames.end(), out));
+  }
+  return split;
+}
+
+Prediction::Prediction(const FitResult& fit, const std::vector<bool>& use_entry) : fit_(fit) {
+  const LinearFit used(fit, use_entry);
+  step_ = used.Step();
+  information_ = used.information();
+}
+
+void Prediction::Add(int entry, Sum* sum) const {
+  const auto e = static_cast<size_t>(entry);
+  Eigen::MatrixXd jacobian = fit_.jacobian[e];
+  for (size_t i = 0; i < fit_.held.size(); ++i) {
+    if (fit_.held[i]) jacobian.col(static_cast<Eigen::Index>(i)).setZero();
+  }
+  const Eigen::VectorXd residual = fit_.residual[e] - jacobian * step_;
+  if (sum->numbers == 0) {
+    sum->information = information_;
+    sum->gradient.setZero(step_.size());
+  }
+  sum->squares += residual.squaredNorm();
+  sum->numbers += static_cast<int>(residual.size());
+  sum->information.noalias() += jacobian.transpose() * jacobian;
+  sum->gradient.noalias() += jacobian.transpose() * residual;
+}
+
+double Prediction::ChiSquared(const Sum& sum) const {
+  if (sum.numbers == 0) return 0;
+  return sum.squares - sum.gradient.dot(sum.information.llt().solve(sum.gradient));
+}
+
+double Prediction::LogDeterminant(const Sum& sum) const {
+  if (sum.numbers == 0) return 0;
+  const auto log_determinant = [](const Eigen::MatrixXd& matrix) {
+    return 2 * matrix.llt().matrixLLT().diagonal().array().log().sum();
+  };
+  return log_determinant(sum.information) - log_determinant(information_);
+}
+
+PredictedFit PredictEntries(const FitResult& fit, const std::vector<bool>& use_entry,
+                            const std::vector<bool>& predict_entry) {
+  const Prediction prediction(fit, use_entry);
+  Prediction::Sum sum;
+  for (size_t e = 0; e < fit.residual.size(); ++e) {
+    if (predict_entry[e]) prediction.Add(static_cast<int>(e), &sum);
+  }
+  return {prediction.ChiSquared(sum), sum.numbers};
+}
+
+PredictedFit CrossValidate(const SetModel& model, const FitResult& fit, uint64_t seed) {
+  PredictedFit all;
+  for (int fold = 0; fold < kFolds; ++fold) {
+    const EntrySplit split = SplitEntries(model, HeldOutRecordings(model.set(), seed, fold));
+    const PredictedFit predicted = PredictEntries(fit, split.used, split.held_out);
+    all.chi_squared += predicted.chi_squared;
+    all.degrees_of_freedom += predicted.degrees_of_freedom;
+  }
+  return all;
+}
+
+}  // namespace sightline

@@ -1,0 +1,67 @@
+#include "render_worker/diagnosis/fit/linear_fit.h"
+
+#include <utility>
+
+namespace sightline {
+
+LinearFit::LinearFit(const FitResult& fit, std::vector<bool> use_entry, Held held)
+    : fit_(fit), use_entry_(std::move(use_entry)) {
+  if (held == Held::kStays) held_ = fit.held;
+  Eigen::Index size = 0;
+  for (const Eigen::VectorXd& residual : fit.residual) size += residual.size();
+  residual_.setZero(size);
+  jacobian_.setZero(size, fit.standardised.size());
+  Eigen::Index at = 0;
+  for (size_t e = 0; e < fit.residual.size(); ++e) {
+    const Eigen::Index n = fit.residual[e].size();
+    if (use_entry_.empty() || use_entry_[e]) {
+      residual_.segment(at, n) = fit.residual[e];
+      jacobian_.middleRows(at, n) = fit.jacobian[e];
+    }
+    at += n;
+  }
+  for (size_t i = 0; i < held_.size(); ++i) {
+    if (held_[i]) jacobian_.col(static_cast<Eigen::Index>(i)).setZero();
+  }
+  Eigen::MatrixXd information = fit.prior_weight.asDiagonal();
+  information.noalias() += jacobian_.transpose() * jacobian_;
+  information_.compute(information);
+}
+
+Eigen::VectorXd LinearFit::Change(const Entries& mean) const {
+  Eigen::VectorXd change = Eigen::VectorXd::Zero(residual_.size());
+  Eigen::Index at = 0;
+  for (size_t e = 0; e < mean.size(); ++e) {
+    const Eigen::Index n = mean[e].size();
+    if (use_entry_.empty() || use_entry_[e]) {
+      change.segment(at, n) = (*fit_.whitening)(static_cast<int>(e), mean[e] - fit_.mean[e]);
+    }
+    at += n;
+  }
+  return change;
+}
+
+Eigen::VectorXd LinearFit::Absorb(const Eigen::VectorXd& change) const {
+  return information_.solve(jacobian_.transpose() * change);
+}
+
+Eigen::VectorXd LinearFit::Step() const {
+  Eigen::VectorXd gradient =
+      jacobian_.transpose() * residual_ - fit_.prior_weight.cwiseProduct(fit_.standardised);
+  for (size_t i = 0; i < held_.size(); ++i) {
+    if (held_[i]) gradient[static_cast<Eigen::Index>(i)] = 0;
+  }
+  return information_.solve(gradient);
+}
+
+Eigen::VectorXd LinearFit::Project(const Eigen::VectorXd& change) const {
+  return change - jacobian_ * Absorb(change);
+}
+
+double LinearFit::Inner(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const {
+  const Eigen::VectorXd ja = jacobian_.transpose() * a;
+  const Eigen::VectorXd jb = jacobian_.transpose() * b;
+  return a.dot(b) - ja.dot(information_.solve(jb));
+}
+
+}  // namespace sightline

@@ -1,0 +1,108 @@
+#include "render_worker/diagnosis/fit/predictive_check.h"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <map>
+#include <numbers>
+#include <string_view>
+
+#include "absl/strings/str_format.h"
+#include "render_worker/diagnosis/fit/fit_quality.h"
+#include "render_worker/diagnosis/fit/model_error.h"
+#include "render_worker/frame/frame_setup.h"
+
+namespace sightline {
+
+namespace {
+
+// An entry belongs to its kind of statistic, and to the dark frames or to the values of the set-up
+// that all its recordings share.
+std::vector<std::string> GroupsOf(const SetModel& model, int entry) {
+  std::vector<std::string> names = {std::string(model.StatisticOf(entry).name())};
+  const RecordedSet& set = model.set();
+  const std::vector<int>& frames = model.FramesOf(entry);
+  const auto dark = [&](int f) { return set.frames[f].plate_position_id < 0; };
+  if (std::all_of(frames.begin(), frames.end(), dark)) {
+    names.emplace_back("dark frames");
+    return names;
+  }
+  struct Quantity {
+    const char* name;
+    double (*of)(const FrameSetup& frame);
+  };
+  static constexpr Quantity kQuantities[] = {
+      {"exposure_time_s", [](const FrameSetup& frame) { return frame.exposure_time_s; }},
+      {"f_number", [](const FrameSetup& frame) { return frame.lens.f_number; }},
+      {"camera_distance_m", [](const FrameSetup& frame) { return frame.plate.camera_distance_m; }},
+      {"focus_distance_m",
+       [](const FrameSetup& frame) { return frame.lens.focus_distance_m.value_or(0); }},
+      {"laser_distance_m", [](const FrameSetup& frame) { return frame.plate.laser_distance_m; }},
+  };
+  for (const auto& [name, of] : kQuantities) {
+    const double value = of(set.frames[frames.front()].nominal);
+    const auto same = [&, of = of](int f) { return of(set.frames[f].nominal) == value; };
+    if (std::all_of(frames.begin(), frames.end(), same)) {
+      names.push_back(absl::StrFormat("%s %.4g", name, value));
+    }
+  }
+  return names;
+}
+
+}  // namespace
+
+PredictiveCheck CheckPredictions(const SetModel& model, const FitResult& fit, const FitResult& null,
+                                 uint64_t seed) {
+  std::map<std::string, PredictedGroup, std::less<>> groups;
+  std::vector<std::vector<std::string>> groups_of;
+  for (int e = 0; e < model.entries(); ++e) groups_of.push_back(GroupsOf(model, e));
+  PredictiveCheck check;
+  for (int fold = 0; fold < kFolds; ++fold) {
+    const EntrySplit split = SplitEntries(model, HeldOutRecordings(model.set(), seed, fold));
+    const Prediction prediction(fit, split.used);
+    std::map<std::string, Prediction::Sum, std::less<>> sums;
+    Prediction::Sum all;
+    for (int e = 0; e < model.entries(); ++e) {
+      if (!split.held_out[e]) continue;
+      prediction.Add(e, &all);
+      check.log_score -= 0.5 * fit.whitening->LogDeterminant(e);
+      const Eigen::VectorXd change = (*fit.whitening)(e, fit.mean[e] - null.mean[e]);
+      for (const std::string& name : groups_of[e]) {
+        prediction.Add(e, &sums[name]);
+        groups[name].model_error += kEffectError * kEffectError * change.squaredNorm();
+      }
+    }
+    check.log_score -= 0.5 * (prediction.ChiSquared(all) + prediction.LogDeterminant(all));
+    for (const auto& [name, sum] : sums) {
+      PredictedGroup& group = groups[name];
+      group.name = name;
+      group.chi_squared += prediction.ChiSquared(sum);
+      group.degrees_of_freedom += sum.numbers;
+    }
+  }
+  for (auto& [name, group] : groups) {
+    // Patnaik: c times a chi squared of h degrees of freedom has the first two moments.
+    const double n = group.degrees_of_freedom, lambda = group.model_error;
+    const double c = (n + 2 * lambda) / (n + lambda);
+    const double h = (n + lambda) * (n + lambda) / (n + 2 * lambda);
+    group.p_value = ChiSquaredPValue(kEvidenceWeight * group.chi_squared / c, h);
+    check.p_value = std::min(check.p_value, group.p_value);
+    check.groups.push_back(group);
+  }
+  check.p_value = std::min(1.0, check.p_value * static_cast<double>(check.groups.size()));
+  return check;
+}
+
+void AddTest(const PredictedGroup& test, PredictiveCheck* check) {
+  check->p_value = std::min(1.0, 2 * std::min(check->p_value, test.p_value));
+  check->groups.push_back(test);
+}
+
+double BayesFactorBound(double p_value) {
+  if (p_value >= 1 / std::numbers::e) return 1;
+  constexpr double kLeast = 1e-300;
+  const double p = std::max(p_value, kLeast);
+  return -1 / (std::numbers::e * p * std::log(p));
+}
+
+}  // namespace sightline

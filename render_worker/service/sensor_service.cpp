@@ -1,0 +1,87 @@
+#include "render_worker/service/sensor_service.h"
+
+#include <memory>
+#include <string_view>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "core/recordings/load_images.h"
+#include "core/sensor/emva1288_data.h"
+#include "proto/status/rpc_status.h"
+#include "render_worker/image_file/image_file.h"
+#include "render_worker/sensor_diagnosis/diagnose_sensor.h"
+#include "render_worker/service/asset_folder.h"
+
+namespace sightline {
+namespace {
+
+constexpr char kJobKind[] = "sensor";
+
+// What one job holds on to.
+struct SensorWork {
+  explicit SensorWork(std::string folder) : assets(std::move(folder)) {}
+  AssetFolder assets;
+  v1::SensorSet set;
+};
+
+}  // namespace
+
+absl::Status SensorServiceImpl::Create(const v1::CreateSensorDiagnosisRequest& request,
+                                       v1::CreateSensorDiagnosisResponse* response) {
+  if (absl::Status status = CheckSensorSet(request.set(), "set"); !status.ok()) return status;
+  auto work =
+      std::make_shared<SensorWork>(absl::StrCat(p_.spool_folder, "/sensor-input-", next_folder_++));
+  work->set = request.set();
+  absl::Status status = work->assets.Add(request.images(), "images", p_.assets);
+  if (!status.ok()) return status;
+  for (int i = 0; i < work->set.steps_size(); ++i) {
+    for (const std::string& file : work->set.steps(i).files()) {
+      if (work->assets.Has(file)) continue;
+      return InvalidFields(
+          {{"images", absl::StrCat("has no entry for ", file, ", set.steps[", i, "]")}});
+    }
+  }
+  v1::CreateSensorDiagnosisRequest asked = request;
+  asked.clear_request_id();
+  auto job = answers_.Create(
+      kJobKind, request.request_id(), MessageDigest(asked),
+      [work](const AnswerJobs::Progress& progress,
+             JobContext& context) -> absl::StatusOr<std::string> {
+        SensorDiagnosisHooks hooks;
+        hooks.read_image = [&](const std::string& file) -> absl::StatusOr<Image<uint16_t>> {
+          const auto path = work->assets.Resolve(file);
+          if (!path.ok()) return path.status();
+          return LoadRawImage(*path, work->set.bit_depth_bit(), ReadRawImage);
+        };
+        hooks.on_progress = [&](double fraction, std::string_view what) {
+          progress(fraction, std::string(what));
+        };
+        hooks.cancelled = &context.cancelled();
+        const auto answer = DiagnoseSensor(work->set, hooks);
+        if (!answer.ok()) return work->assets.WithoutFolder(answer.status());
+        return answer->SerializeAsString();
+      });
+  if (!job.ok()) return job.status();
+  *response->mutable_job() = *std::move(job);
+  return absl::OkStatus();
+}
+
+grpc::Status SensorServiceImpl::CreateSensorDiagnosis(
+    grpc::ServerContext* context, const v1::CreateSensorDiagnosisRequest* request,
+    v1::CreateSensorDiagnosisResponse* response) {
+  return p_.calls->Run("CreateSensorDiagnosis", context,
+                       [&] { return Create(*request, response); });
+}
+
+grpc::Status SensorServiceImpl::GetSensorDiagnosis(grpc::ServerContext* context,
+                                                   const v1::GetSensorDiagnosisRequest* request,
+                                                   v1::GetSensorDiagnosisResponse* response) {
+  return p_.calls->Run("GetSensorDiagnosis", context, [&]() -> absl::Status {
+    const auto result = answers_.Result(request->job_id(), kJobKind);
+    if (!result.ok()) return result.status();
+    response->mutable_diagnosis()->ParseFromString(**result);
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace sightline

@@ -1,0 +1,814 @@
+#include "core/part/load_part.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <filesystem>
+#include <fstream>
+#include <random>
+#include <sstream>
+
+#include "absl/strings/str_cat.h"
+#include "core/part/part_health.h"
+#include "tests/core/part/test_meshes.h"
+
+namespace sightline {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+template <typename T>
+std::string Bytes(const std::vector<T>& values) {
+  std::string bytes(values.size() * sizeof(T), '\0');
+  if (!values.empty()) std::memcpy(bytes.data(), values.data(), bytes.size());
+  return bytes;
+}
+
+double Volume(const TriangleMesh& mesh) {
+  double volume = 0;
+  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
+    volume += mesh.Corner(t, 0).dot(mesh.Corner(t, 1).cross(mesh.Corner(t, 2))) / 6;
+  }
+  return volume;
+}
+
+double Area(const TriangleMesh& mesh) {
+  double area = 0;
+  for (size_t t = 0; t < mesh.triangles.size(); ++t) area += mesh.Area(t);
+  return area;
+}
+
+std::string ErrorOf(const std::string& bytes, const std::string& format,
+                    const std::string& unit = "m") {
+  const absl::StatusOr<TriangleMesh> mesh = LoadPartFromMemory(bytes, format, unit, "part.x");
+  EXPECT_EQ(mesh.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(mesh.status().message()), HasSubstr("part.x: "));
+  return std::string(mesh.status().message());
+}
+
+TriangleMesh Load(const std::string& bytes, const std::string& format,
+                  const std::string& unit = "m") {
+  const absl::StatusOr<TriangleMesh> mesh = LoadPartFromMemory(bytes, format, unit, "part.x");
+  EXPECT_TRUE(mesh.ok()) << mesh.status();
+  return mesh.ok() ? *mesh : TriangleMesh();
+}
+
+// --- writers of test files ----------------------------------------------------------------------
+
+std::string BinaryStl(const TriangleMesh& mesh, const std::string& header = "made for a test") {
+  std::string bytes = header;
+  bytes.resize(80, ' ');
+  bytes += Bytes<uint32_t>({static_cast<uint32_t>(mesh.triangles.size())});
+  for (const auto& triangle : mesh.triangles) {
+    bytes += Bytes<float>({0, 0, 0});
+    for (uint32_t index : triangle) {
+      const Eigen::Vector3f& p = mesh.positions_m[index];
+      bytes += Bytes<float>({p.x(), p.y(), p.z()});
+    }
+    bytes += std::string(2, '\0');
+  }
+  return bytes;
+}
+
+std::string AsciiStl(const TriangleMesh& mesh) {
+  std::ostringstream text;
+  text << "solid box made by hand\n";
+  for (const auto& triangle : mesh.triangles) {
+    text << " facet normal 0 0 0\n  outer loop\n";
+    for (uint32_t index : triangle) {
+      text << "   vertex " << mesh.positions_m[index].transpose() << "\n";
+    }
+    text << "  endloop\n endfacet\n";
+  }
+  text << "endsolid box made by hand\n";
+  return text.str();
+}
+
+std::string Obj(const TriangleMesh& mesh) {
+  std::ostringstream text;
+  text << "# comment\no box\n";
+  for (const Eigen::Vector3f& p : mesh.positions_m) text << "v " << p.transpose() << "\n";
+  text << "vn 0 0 1\nusemtl steel\n";
+  for (const auto& t : mesh.triangles) {
+    text << "f " << t[0] + 1 << "/1/1 " << t[1] + 1 << "//1 " << t[2] + 1 << "\n";
+  }
+  return text.str();
+}
+
+std::string Ply(const TriangleMesh& mesh, const std::string& format) {
+  std::string bytes = "ply\nformat " + format + " 1.0\ncomment test\nelement vertex " +
+                      std::to_string(mesh.positions_m.size()) +
+                      "\nproperty uchar red\nproperty float x\nproperty float y\nproperty double "
+                      "z\nelement face " +
+                      std::to_string(mesh.triangles.size()) +
+                      "\nproperty list uchar int vertex_indices\nproperty short flag\nend_header\n";
+  if (format == "ascii") {
+    std::ostringstream text;
+    for (const Eigen::Vector3f& p : mesh.positions_m) text << "7 " << p.transpose() << "\n";
+    for (const auto& t : mesh.triangles) {
+      text << "3 " << t[0] << " " << t[1] << " " << t[2] << " -1\n";
+    }
+    return bytes + text.str();
+  }
+  const auto number = [&](auto value) {
+    std::string raw(sizeof(value), '\0');
+    std::memcpy(raw.data(), &value, sizeof(value));
+    if (format == "binary_big_endian") std::reverse(raw.begin(), raw.end());
+    bytes += raw;
+  };
+  for (const Eigen::Vector3f& p : mesh.positions_m) {
+    number(uint8_t{7});
+    number(p.x());
+    number(p.y());
+    number(static_cast<double>(p.z()));
+  }
+  for (const auto& t : mesh.triangles) {
+    number(uint8_t{3});
+    for (uint32_t index : t) number(static_cast<int32_t>(index));
+    number(int16_t{-1});
+  }
+  return bytes;
+}
+
+std::string Glb(std::string json, std::string binary) {
+  json.resize((json.size() + 3) / 4 * 4, ' ');
+  binary.resize((binary.size() + 3) / 4 * 4, '\0');
+  std::string body = Bytes<uint32_t>({static_cast<uint32_t>(json.size())}) + "JSON" + json;
+  if (!binary.empty()) {
+    body +=
+        Bytes<uint32_t>({static_cast<uint32_t>(binary.size())}) + std::string("BIN\0", 4) + binary;
+  }
+  return absl::StrCat("glTF", Bytes<uint32_t>({2, static_cast<uint32_t>(12 + body.size())}), body);
+}
+
+// One mesh in one primitive; the parts of its JSON can be exchanged.
+struct GlbParts {
+  std::string positions;  // bytes
+  size_t vertex_count = 0;
+  std::string indices;  // bytes; empty: not indexed
+  size_t index_count = 0;
+  int component_type = 5125;  // of the indices
+  std::string primitive_extra;
+  std::string nodes = R"([{"mesh": 0}])";
+  std::string scene_nodes = "[0]";
+  std::string root_extra;
+  std::string position_accessor_extra;
+
+  std::string ToBytes() const {
+    std::string binary = positions;
+    binary.resize((binary.size() + 3) / 4 * 4, '\0');
+    const size_t index_offset = binary.size();
+    binary += indices;
+    std::string json = R"({"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": )" +
+                       scene_nodes + R"(}], "nodes": )" + nodes +
+                       R"(, "buffers": [{"byteLength": )" + std::to_string(binary.size()) +
+                       R"(}], "bufferViews": [{"buffer": 0, "byteOffset": 0, "byteLength": )" +
+                       std::to_string(positions.size()) + "}";
+    if (!indices.empty()) {
+      json += R"(, {"buffer": 0, "byteOffset": )" + std::to_string(index_offset) +
+              R"(, "byteLength": )" + std::to_string(indices.size()) + "}";
+    }
+    json +=
+        R"(], "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": )" +
+        std::to_string(vertex_count) + position_accessor_extra + "}";
+    if (!indices.empty()) {
+      json += R"(, {"bufferView": 1, "componentType": )" + std::to_string(component_type) +
+              R"(, "type": "SCALAR", "count": )" + std::to_string(index_count) + "}";
+    }
+    json += R"(], "meshes": [{"primitives": [{"attributes": {"POSITION": 0})" +
+            std::string(indices.empty() ? "" : R"(, "indices": 1)") + primitive_extra + "}]}]" +
+            root_extra + "}";
+    return Glb(json, binary);
+  }
+};
+
+template <typename Index = uint32_t>
+GlbParts GlbOf(const TriangleMesh& mesh, int component_type = 5125) {
+  GlbParts parts;
+  std::vector<float> positions;
+  for (const Eigen::Vector3f& p : mesh.positions_m) {
+    positions.insert(positions.end(), {p.x(), p.y(), p.z()});
+  }
+  std::vector<Index> indices;
+  for (const auto& t : mesh.triangles) {
+    for (uint32_t index : t) indices.push_back(static_cast<Index>(index));
+  }
+  parts.positions = Bytes(positions);
+  parts.vertex_count = mesh.positions_m.size();
+  parts.indices = Bytes(indices);
+  parts.index_count = indices.size();
+  parts.component_type = component_type;
+  return parts;
+}
+
+const TriangleMesh& Box() {
+  static const TriangleMesh box = BoxMesh({-0.1f, 0.05f, 0.2f}, {0.3f, 0.25f, 0.5f});
+  return box;  // 0.4 x 0.2 x 0.3 m
+}
+
+void ExpectIsBox(const TriangleMesh& mesh) {
+  EXPECT_EQ(mesh.positions_m.size(), 8u);
+  EXPECT_EQ(mesh.triangles.size(), 12u);
+  EXPECT_NEAR(Volume(mesh), 0.4 * 0.2 * 0.3, 1e-8);
+  EXPECT_NEAR(Area(mesh), 2 * (0.08 + 0.12 + 0.06), 1e-7);
+  EXPECT_NEAR((mesh.BoundingBox().min() - Eigen::Vector3d(-0.1, 0.05, 0.2)).norm(), 0, 1e-7);
+  EXPECT_NEAR((mesh.BoundingBox().max() - Eigen::Vector3d(0.3, 0.25, 0.5)).norm(), 0, 1e-7);
+  EXPECT_TRUE(CheckPartHealth(mesh).findings.empty());
+}
+
+// --- every format gives the same part -----------------------------------------------------------
+
+TEST(LoadPart, ReadsEveryFormat) {
+  ExpectIsBox(Load(BinaryStl(Box()), "stl"));
+  ExpectIsBox(Load(AsciiStl(Box()), "stl"));
+  ExpectIsBox(Load(Ply(Box(), "ascii"), "ply"));
+  ExpectIsBox(Load(Ply(Box(), "binary_little_endian"), "ply"));
+  ExpectIsBox(Load(Ply(Box(), "binary_big_endian"), "ply"));
+  ExpectIsBox(Load(Obj(Box()), "obj"));
+  ExpectIsBox(Load(GlbOf(Box()).ToBytes(), "glb"));
+}
+
+TEST(LoadPart, SameGeometryHasTheSameDigestInEveryFormat) {
+  const std::string digest = PartDigest(Load(BinaryStl(Box()), "stl"));
+  EXPECT_EQ(digest.size(), 64u);
+  EXPECT_EQ(PartDigest(Load(AsciiStl(Box()), "stl")), digest);
+  EXPECT_EQ(PartDigest(Load(Ply(Box(), "binary_big_endian"), "ply")), digest);
+  EXPECT_EQ(PartDigest(Load(Obj(Box()), "obj")), digest);
+  EXPECT_EQ(PartDigest(Load(GlbOf(Box()).ToBytes(), "glb")), digest);
+}
+
+TEST(PartDigest, IsSha256OfTheCanonicalBytes) {
+  TriangleMesh mesh;
+  mesh.positions_m = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  mesh.triangles = {{0, 1, 2}};
+  // sha256 of 03 00.. (8 bytes), 9 floats, 3 uint32, computed with Python's hashlib.
+  EXPECT_EQ(PartDigest(mesh), "03eb40a74ceda1686377f2e3277882024503eccb4490d0b8d56ed1eecdae71d7");
+  TriangleMesh other = mesh;
+  other.positions_m[1].x() = std::nextafter(1.0f, 2.0f);
+  EXPECT_NE(PartDigest(other), PartDigest(mesh));
+  other = mesh;
+  std::swap(other.triangles[0][1], other.triangles[0][2]);
+  EXPECT_NE(PartDigest(other), PartDigest(mesh));
+}
+
+TEST(LoadPart, UnitsScale) {
+  for (const auto& [unit, metres] : std::vector<std::pair<std::string, double>>{
+           {"m", 1}, {"cm", 1e-2}, {"mm", 1e-3}, {"um", 1e-6}, {"inch", 0.0254}}) {
+    const float size = static_cast<float>(0.05 / metres);
+    const TriangleMesh mesh = Load(BinaryStl(BoxMesh({0, 0, 0}, {size, size, size})), "stl", unit);
+    EXPECT_NEAR(mesh.BoundingBox().sizes().x(), 0.05, 1e-8) << unit;
+  }
+  EXPECT_THAT(ErrorOf(BinaryStl(Box()), "stl", "yard"), AllOf(HasSubstr("yard"), HasSubstr("mm")));
+  EXPECT_THAT(ErrorOf(BinaryStl(Box()), "stl", ""), HasSubstr("carries no unit"));
+  ExpectIsBox(Load(GlbOf(Box()).ToBytes(), "glb", ""));  // glTF is in metres
+}
+
+TEST(LoadPart, ImplausibleSizeIsRefused) {
+  EXPECT_THAT(ErrorOf(BinaryStl(BoxMesh({0, 0, 0}, {450, 280, 100})), "stl", "m"),
+              AllOf(HasSubstr("450"), HasSubstr("looks like millimetres read as metres")));
+  EXPECT_THAT(ErrorOf(BinaryStl(BoxMesh({0, 0, 0}, {0.45f, 0.28f, 0.1f})), "stl", "mm"),
+              HasSubstr("looks like metres read as millimetres"));
+  // The limits themselves are allowed.
+  Load(BinaryStl(BoxMesh({0, 0, 0}, {10, 1, 1})), "stl", "m");
+  Load(BinaryStl(BoxMesh({0, 0, 0}, {1, 1, 1})), "stl", "mm");
+}
+
+TEST(LoadPart, UnknownFormatsAreNamed) {
+  EXPECT_THAT(ErrorOf("x", "fbx"), HasSubstr("fbx"));
+  EXPECT_THAT(ErrorOf("ISO-10303-21;", "step"), HasSubstr("step_import"));
+}
+
+TEST(LoadPart, WeldsCoincidentVerticesIncludingSignedZeros) {
+  TriangleMesh mesh;
+  mesh.positions_m = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {-0.0f, 0, 0}, {0, 1, 0}, {-1, 0, 0}};
+  mesh.triangles = {{0, 1, 2}, {3, 4, 5}};
+  const TriangleMesh welded = Load(BinaryStl(mesh), "stl");
+  EXPECT_EQ(welded.positions_m.size(), 4u);
+  EXPECT_EQ(CheckPartHealth(welded).component_count, 1);
+}
+
+// As real exporters write the same corner twice.
+TEST(LoadPart, WeldsAcrossRoundingButNotAcrossGaps) {
+  TriangleMesh mesh;
+  mesh.positions_m = {{0, 0, 0},
+                      {0.1f, 0, 0},
+                      {0, 0.1f, 0},
+                      {1e-9f, -1e-9f, 0},
+                      {-1e-10f, std::nextafter(0.1f, 1.0f), 0},
+                      {-0.1f, 0, 0}};
+  mesh.triangles = {{0, 1, 2}, {3, 4, 5}};
+  EXPECT_EQ(Load(BinaryStl(mesh), "stl").positions_m.size(), 4u);
+  mesh.positions_m[3].x() = 1e-6f;  // a real gap of one micrometre
+  EXPECT_EQ(Load(BinaryStl(mesh), "stl").positions_m.size(), 5u);
+}
+
+TEST(LoadPart, DegenerateTrianglesStayForTheHealthReport) {
+  TriangleMesh mesh = Box();
+  mesh.triangles.push_back({0, 0, 1});
+  const TriangleMesh loaded = Load(BinaryStl(mesh), "stl");
+  EXPECT_EQ(loaded.triangles.size(), 13u);
+  EXPECT_EQ(CheckPartHealth(loaded).degenerate_triangle_count, 1);
+}
+
+TEST(LoadPart, NotFiniteVerticesAreRefused) {
+  for (float bad : {std::nanf(""), INFINITY, -INFINITY}) {
+    TriangleMesh mesh = Box();
+    mesh.positions_m[3].y() = bad;
+    for (const std::string& message :
+         {ErrorOf(BinaryStl(mesh), "stl"), ErrorOf(AsciiStl(mesh), "stl"),
+          ErrorOf(Ply(mesh, "ascii"), "ply"), ErrorOf(Ply(mesh, "binary_big_endian"), "ply"),
+          ErrorOf(Obj(mesh), "obj"), ErrorOf(GlbOf(mesh).ToBytes(), "glb")}) {
+      EXPECT_THAT(message, HasSubstr("not finite"));
+    }
+  }
+  // Finite as double, not as float.
+  EXPECT_THAT(ErrorOf("v 1e200 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "obj"), HasSubstr("not finite"));
+}
+
+TEST(LoadPart, NoTrianglesIsAnError) {
+  EXPECT_THAT(ErrorOf(BinaryStl(TriangleMesh()), "stl"), HasSubstr("no triangles"));
+  EXPECT_THAT(ErrorOf("solid empty\nendsolid\n", "stl"), HasSubstr("no triangles"));
+  EXPECT_THAT(ErrorOf("v 0 0 0\n", "obj"), HasSubstr("no triangles"));
+  EXPECT_THAT(ErrorOf("", "obj"), HasSubstr("no triangles"));
+  EXPECT_THAT(ErrorOf(Ply(TriangleMesh(), "ascii"), "ply"), HasSubstr(""));
+}
+
+// No prefix of a file may crash, hang, be read beyond its end or pass as the whole part.
+TEST(LoadPart, TruncationIsNoticedEverywhere) {
+  struct File {
+    std::string format, bytes;
+    size_t complete_from;  // from this length on the file is whole
+  };
+  const std::string ascii_stl = AsciiStl(Box()), ascii_ply = Ply(Box(), "ascii");
+  const std::vector<File> files = {
+      {"stl", BinaryStl(Box()), BinaryStl(Box()).size()},
+      {"stl", ascii_stl, ascii_stl.find("endsolid") + 8},
+      {"ply", ascii_ply, ascii_ply.size() - 2},  // "-1\n": "-" is no number, "-1" is whole
+      {"ply", Ply(Box(), "binary_little_endian"), Ply(Box(), "binary_little_endian").size()},
+      {"ply", Ply(Box(), "binary_big_endian"), Ply(Box(), "binary_big_endian").size()},
+      {"glb", GlbOf(Box()).ToBytes(), GlbOf(Box()).ToBytes().size()},
+  };
+  for (const File& file : files) {
+    for (size_t length = 0; length < file.complete_from; ++length) {
+      const absl::StatusOr<TriangleMesh> mesh =
+          LoadPartFromMemory(file.bytes.substr(0, length), file.format, "m", "part.x");
+      ASSERT_FALSE(mesh.ok()) << file.format << " cut at " << length;
+    }
+  }
+}
+
+// Damaged files end in an error or in a sound mesh, never in a crash (run under sanitizers).
+TEST(LoadPart, DamagedBytesNeverCrash) {
+  std::mt19937_64 random(5);
+  const std::vector<std::pair<std::string, std::string>> files = {
+      {"stl", BinaryStl(Box())},    {"stl", AsciiStl(Box())},
+      {"ply", Ply(Box(), "ascii")}, {"ply", Ply(Box(), "binary_little_endian")},
+      {"obj", Obj(Box())},          {"glb", GlbOf(Box()).ToBytes()}};
+  int refused = 0;
+  for (const auto& [format, bytes] : files) {
+    for (int trial = 0; trial < 1500; ++trial) {
+      std::string damaged = bytes;
+      for (int change = 0; change < 1 + trial % 3; ++change) {
+        damaged[random() % damaged.size()] = static_cast<char>(random());
+      }
+      const absl::StatusOr<TriangleMesh> mesh = LoadPartFromMemory(damaged, format, "m", "part.x");
+      if (!mesh.ok()) {
+        ++refused;
+        continue;
+      }
+      for (const auto& triangle : mesh->triangles) {
+        for (uint32_t index : triangle) ASSERT_LT(index, mesh->positions_m.size());
+      }
+      for (const Eigen::Vector3f& p : mesh->positions_m) ASSERT_TRUE(p.allFinite());
+    }
+  }
+  EXPECT_GT(refused, 1000);
+}
+
+// --- STL ----------------------------------------------------------------------------------------
+
+TEST(Stl, BinaryThatStartsWithSolidIsBinary) {
+  ExpectIsBox(Load(BinaryStl(Box(), "solid exported by a CAD program"), "stl"));
+}
+
+TEST(Stl, HugeCountInASmallFileIsRefused) {
+  std::string bytes = BinaryStl(Box());
+  const std::string count = Bytes<uint32_t>({0xffffffffu});
+  bytes.replace(80, 4, count);
+  EXPECT_THAT(ErrorOf(bytes, "stl"), AllOf(HasSubstr("truncated"), HasSubstr("4294967295")));
+}
+
+TEST(Stl, TrailingPaddingIsAllowedTrailingDataIsNot) {
+  ExpectIsBox(Load(BinaryStl(Box()) + std::string(5, '\0'), "stl"));
+  EXPECT_THAT(ErrorOf(BinaryStl(Box()) + "more", "stl"), HasSubstr("too long"));
+}
+
+TEST(Stl, SeveralSolidsAreOnePart) {
+  const std::string two = AsciiStl(Box()) + AsciiStl(BoxMesh({1, 1, 1}, {2, 2, 2}));
+  EXPECT_EQ(Load(two, "stl").triangles.size(), 24u);
+}
+
+TEST(Stl, AsciiErrorsNameTheLine) {
+  std::string text = AsciiStl(Box());
+  text.replace(text.find("vertex"), 8, "vertex x");
+  EXPECT_THAT(ErrorOf(text, "stl"), AllOf(HasSubstr("line 4"), HasSubstr("coordinate")));
+}
+
+// --- PLY ----------------------------------------------------------------------------------------
+
+std::string PlyHeader(const std::string& elements) {
+  return "ply\nformat ascii 1.0\n" + elements + "end_header\n";
+}
+constexpr char kVertex4[] =
+    "element vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+constexpr char kFace1[] = "element face 1\nproperty list uchar int vertex_indices\n";
+constexpr char kSquare[] = "0 0 0\n1 0 0\n1 1 0\n0 1 0\n";
+
+TEST(PlyFile, PolygonsAreTriangulated) {
+  const TriangleMesh mesh =
+      Load(PlyHeader(std::string(kVertex4) + kFace1) + kSquare + "4 0 1 2 3\n", "ply");
+  EXPECT_EQ(mesh.triangles.size(), 2u);
+  EXPECT_NEAR(Area(mesh), 1, 1e-7);
+}
+
+TEST(PlyFile, OtherElementsAndListsAreSteppedOver) {
+  const TriangleMesh mesh = Load(
+      PlyHeader(std::string("element material 2\nproperty list int float ks\nproperty int id\n") +
+                kVertex4 + "property list uchar uchar tags\n" + kFace1) +
+          "2 0.5 0.5 7\n0 8\n0 0 0 1 5\n1 0 0 0\n1 1 0 0\n0 1 0 2 1 1\n4 0 1 2 3\n",
+      "ply");
+  EXPECT_EQ(mesh.triangles.size(), 2u);
+}
+
+TEST(PlyFile, BadContentIsNamed) {
+  const std::string header = PlyHeader(std::string(kVertex4) + kFace1) + kSquare;
+  EXPECT_THAT(ErrorOf(header + "3 0 1 4\n", "ply"), AllOf(HasSubstr("index 4"), HasSubstr("4 v")));
+  EXPECT_THAT(ErrorOf(header + "3 0 1 -1\n", "ply"), HasSubstr("index -1"));
+  EXPECT_THAT(ErrorOf(header + "3 0 1 1.5\n", "ply"), HasSubstr("index 1.5"));
+  EXPECT_THAT(ErrorOf(header + "2 0 1\n", "ply"), HasSubstr("at least 3"));
+  EXPECT_THAT(ErrorOf(header + "999999999 0 1\n", "ply"), HasSubstr("truncated"));
+  EXPECT_THAT(ErrorOf(PlyHeader("element vertex 99999999999\nproperty float x\nproperty float "
+                                "y\nproperty float z\n"),
+                      "ply"),
+              HasSubstr("truncated"));
+  EXPECT_THAT(ErrorOf(PlyHeader("element nothing 99999999999\n"), "ply"), HasSubstr("properties"));
+  EXPECT_THAT(ErrorOf(PlyHeader("element vertex 1\nproperty float x\n") + "1\n", "ply"),
+              HasSubstr("x, y and z"));
+}
+
+// --- OBJ ----------------------------------------------------------------------------------------
+
+TEST(ObjFile, NegativeIndicesCountFromTheEnd) {
+  const TriangleMesh mesh =
+      Load("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1\nv 2 0 0\nf -4 -1 -3\n", "obj");
+  EXPECT_EQ(mesh.triangles.size(), 3u);
+  EXPECT_NEAR(Area(mesh), 1.5, 1e-7);
+}
+
+TEST(ObjFile, LinesContinueAfterABackslashAndEndWithCrLf) {
+  EXPECT_NEAR(Area(Load("v 0 0 0\r\nv 1 0 0\r\nv 1 1 0\r\nv 0 1 0\r\nf 1 2 \\\r\n3 4\r\n", "obj")),
+              1, 1e-7);
+}
+
+// An L: a fan from its first corner would leave the shape.
+TEST(ObjFile, ConcavePolygonsKeepTheirShape) {
+  const std::string corners[] = {"0 0 0", "2 0 0", "2 1 0", "1 1 0", "1 2 0", "0 2 0"};
+  for (int first = 0; first < 6; ++first) {
+    std::string text;
+    for (const std::string& corner : corners) absl::StrAppend(&text, "v ", corner, "\n");
+    text += "f";
+    for (int i = 0; i < 6; ++i) absl::StrAppend(&text, " ", (first + i) % 6 + 1);
+    const TriangleMesh mesh = Load(text + "\n", "obj");
+    EXPECT_EQ(mesh.triangles.size(), 4u);
+    EXPECT_NEAR(Area(mesh), 3, 1e-6) << first;
+    for (size_t t = 0; t < mesh.triangles.size(); ++t) EXPECT_GT(mesh.Normal(t).z(), 0.99);
+  }
+}
+
+TEST(ObjFile, BadContentNamesTheLine) {
+  const std::string square = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n";
+  EXPECT_THAT(ErrorOf(square + "f 1 2 5\n", "obj"), AllOf(HasSubstr("line 5"), HasSubstr("5")));
+  EXPECT_THAT(ErrorOf(square + "f 1 2 0\n", "obj"), HasSubstr("line 5"));
+  EXPECT_THAT(ErrorOf(square + "f 1 2 -5\n", "obj"), HasSubstr("out of range"));
+  EXPECT_THAT(ErrorOf(square + "f 1 2\n", "obj"), HasSubstr("at least 3"));
+  EXPECT_THAT(ErrorOf(square + "f 1 2 99999999999999999999\n", "obj"), HasSubstr("line 5"));
+  EXPECT_THAT(ErrorOf("v 0 0\n", "obj"), HasSubstr("3 coordinates"));
+  EXPECT_THAT(ErrorOf("v 0 0 zero\n", "obj"), HasSubstr("\"zero\""));
+  EXPECT_THAT(ErrorOf("cstype bspline\n", "obj"), HasSubstr("free-form"));
+  EXPECT_THAT(ErrorOf("<html>\n", "obj"), HasSubstr("unknown keyword"));
+}
+
+// --- glTF ---------------------------------------------------------------------------------------
+
+TEST(ObjFile, FacesKeepTheNamesOfTheirMaterials) {
+  const auto mesh = LoadPartFromMemory(
+      "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl cast\nf 1 3 2\nusemtl milled\nf 1 2 4\nf 1 4 "
+      "3\nusemtl cast\nf 2 3 4\n",
+      "obj", "m", "test");
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  EXPECT_THAT(mesh->material_names, testing::ElementsAre("cast", "milled"));
+  EXPECT_THAT(mesh->triangle_material, testing::ElementsAre(0, 1, 1, 0));
+}
+
+TEST(Glb, TheExampleHeadHasThreeSurfaces) {
+  const auto mesh = LoadPart(std::string(std::getenv("SIGHTLINE_SOURCE_DIR")) +
+                                 "/examples/cylinder_head/cylinder_head.glb",
+                             "");
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  EXPECT_THAT(mesh->material_names, testing::ElementsAre("machined", "cast_outer", "sand_cast"));
+  ASSERT_EQ(mesh->triangle_material.size(), mesh->triangles.size());
+  const double top_m = mesh->BoundingBox().max().z();
+  for (size_t t = 0; t < mesh->triangles.size(); ++t) {
+    if (mesh->Normal(t).z() < 0.999) continue;
+    const bool on_top = std::abs(mesh->Corner(t, 0).z() - top_m) < 1e-6;
+    EXPECT_EQ(mesh->triangle_material[t] == 0, on_top) << "triangle " << t;
+  }
+}
+
+TEST(Glb, EveryIndexType) {
+  ExpectIsBox(Load(GlbOf<uint8_t>(Box(), 5121).ToBytes(), "glb"));
+  ExpectIsBox(Load(GlbOf<uint16_t>(Box(), 5123).ToBytes(), "glb"));
+  ExpectIsBox(Load(GlbOf<uint32_t>(Box(), 5125).ToBytes(), "glb"));
+  EXPECT_THAT(ErrorOf(GlbOf<uint32_t>(Box(), 5126).ToBytes(), "glb"), HasSubstr("5126"));
+}
+
+TEST(Glb, WithoutIndices) {
+  TriangleMesh soup;
+  for (const auto& t : Box().triangles) {
+    for (uint32_t index : t) soup.positions_m.push_back(Box().positions_m[index]);
+  }
+  GlbParts parts = GlbOf(soup);
+  parts.indices.clear();
+  ExpectIsBox(Load(parts.ToBytes(), "glb"));
+}
+
+TEST(Glb, StripsAndFansKeepTheirOrientation) {
+  // A unit square as strip and as fan, normal +z both times.
+  TriangleMesh square;
+  square.positions_m = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {1, 1, 0}};
+  square.triangles = {{0, 1, 2}};
+  for (const auto& [mode, order] :
+       std::vector<std::pair<int, std::vector<uint32_t>>>{{5, {0, 1, 2, 3}}, {6, {0, 1, 3, 2}}}) {
+    GlbParts parts = GlbOf(square);
+    parts.indices = Bytes(order);
+    parts.index_count = 4;
+    parts.primitive_extra = absl::StrCat(", \"mode\": ", mode);
+    const TriangleMesh mesh = Load(parts.ToBytes(), "glb");
+    ASSERT_EQ(mesh.triangles.size(), 2u);
+    EXPECT_NEAR(Area(mesh), 1, 1e-7);
+    for (size_t t = 0; t < 2; ++t) EXPECT_NEAR(mesh.Normal(t).z(), 1, 1e-7) << mode;
+  }
+}
+
+TEST(Glb, NodeTransformsAreAppliedThroughTheTree) {
+  GlbParts parts = GlbOf(BoxMesh({0, 0, 0}, {0.1f, 0.2f, 0.3f}));
+  // Parent: shift by 1 m along x. Child: scale by 2, turn by 90 degrees about z, shift along y.
+  // p -> R S p + (0, 5, 0), then + (1, 0, 0); x -> y, y -> -x.
+  parts.nodes =
+      R"([{"children": [1], "translation": [1, 0, 0]},
+          {"mesh": 0, "scale": [2, 2, 2], "rotation": [0, 0, 0.70710678118654752, 0.70710678118654752],
+           "translation": [0, 5, 0]}])";
+  const TriangleMesh mesh = Load(parts.ToBytes(), "glb");
+  const Eigen::AlignedBox3d box = mesh.BoundingBox();
+  EXPECT_NEAR((box.min() - Eigen::Vector3d(0.6, 5, 0)).norm(), 0, 1e-6);
+  EXPECT_NEAR((box.max() - Eigen::Vector3d(1, 5.2, 0.6)).norm(), 0, 1e-6);
+  EXPECT_NEAR(Volume(mesh), 8 * 0.006, 1e-6);
+}
+
+TEST(Glb, MatrixIsColumnMajor) {
+  GlbParts parts = GlbOf(Box());
+  parts.nodes = R"([{"mesh": 0, "matrix": [1,0,0,0, 0,1,0,0, 0,0,1,0, 3,4,5,1]}])";
+  const Eigen::Vector3d shift =
+      Load(parts.ToBytes(), "glb").BoundingBox().center() - Box().BoundingBox().center();
+  EXPECT_NEAR((shift - Eigen::Vector3d(3, 4, 5)).norm(), 0, 1e-6);
+}
+
+TEST(Glb, MirroringTurnsTrianglesSoThatOutsideStaysOutside) {
+  GlbParts parts = GlbOf(Box());
+  parts.nodes = R"([{"mesh": 0, "scale": [-1, 1, 1]}])";
+  EXPECT_NEAR(Volume(Load(parts.ToBytes(), "glb")), 0.4 * 0.2 * 0.3, 1e-7);
+  parts.nodes = R"([{"mesh": 0, "matrix": [0,1,0,0, 1,0,0,0, 0,0,1,0, 0,0,0,1]}])";  // x <-> y
+  EXPECT_NEAR(Volume(Load(parts.ToBytes(), "glb")), 0.4 * 0.2 * 0.3, 1e-7);
+}
+
+TEST(Glb, OneMeshMayStandInSeveralPlaces) {
+  GlbParts parts = GlbOf(Box());
+  parts.nodes = R"([{"mesh": 0}, {"mesh": 0, "translation": [1, 0, 0]}, {"mesh": 0}])";
+  parts.scene_nodes = "[0, 1]";  // the third is in no scene
+  const TriangleMesh mesh = Load(parts.ToBytes(), "glb");
+  EXPECT_EQ(mesh.triangles.size(), 24u);
+  EXPECT_NEAR(Volume(mesh), 2 * 0.4 * 0.2 * 0.3, 1e-7);
+}
+
+TEST(Glb, UnsupportedFeaturesAreRefusedByName) {
+  const auto error_with = [](auto change) {
+    GlbParts parts = GlbOf(Box());
+    change(parts);
+    return ErrorOf(parts.ToBytes(), "glb");
+  };
+  EXPECT_THAT(error_with([](GlbParts& p) {
+                p.root_extra = R"(, "extensionsUsed": ["KHR_draco_mesh_compression"],
+                                    "extensionsRequired": ["KHR_draco_mesh_compression"])";
+              }),
+              HasSubstr("KHR_draco_mesh_compression"));
+  EXPECT_THAT(error_with([](GlbParts& p) {
+                p.root_extra = R"(, "extensionsUsed": ["EXT_meshopt_compression"])";
+              }),
+              HasSubstr("EXT_meshopt_compression"));
+  EXPECT_THAT(error_with([](GlbParts& p) {
+                p.root_extra = R"(, "extensionsRequired": ["KHR_mesh_quantization"])";
+              }),
+              HasSubstr("KHR_mesh_quantization"));
+  EXPECT_THAT(
+      error_with([](GlbParts& p) { p.primitive_extra = R"(, "targets": [{"POSITION": 0}])"; }),
+      HasSubstr("morph"));
+  EXPECT_THAT(error_with([](GlbParts& p) {
+                p.nodes = R"([{"mesh": 0, "skin": 0}])";
+                p.root_extra = R"(, "skins": [{"joints": [0]}])";
+              }),
+              HasSubstr("skin"));
+  EXPECT_THAT(error_with([](GlbParts& p) {
+                p.position_accessor_extra =
+                    R"(, "sparse": {"count": 1, "indices": {"bufferView": 1, "componentType": 5125},
+                        "values": {"bufferView": 0}})";
+              }),
+              HasSubstr("sparse"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.primitive_extra = R"(, "mode": 1)"; }),
+              HasSubstr("only points and lines"));
+  // What concerns only the looks is no obstacle.
+  GlbParts parts = GlbOf(Box());
+  parts.root_extra = R"(, "extensionsRequired": ["KHR_materials_unlit", "KHR_texture_transform"])";
+  ExpectIsBox(Load(parts.ToBytes(), "glb"));
+}
+
+TEST(Glb, InconsistentReferencesAreRefused) {
+  const auto error_with = [](auto change) {
+    GlbParts parts = GlbOf(Box());
+    change(parts);
+    return ErrorOf(parts.ToBytes(), "glb");
+  };
+  EXPECT_THAT(error_with([](GlbParts& p) { p.vertex_count = 9; }), HasSubstr("beyond its buffer"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.vertex_count = 4000000000; }),
+              HasSubstr("beyond its buffer"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.vertex_count = 7; }), HasSubstr("index 7"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.index_count = 35; }), HasSubstr("multiple of 3"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.position_accessor_extra = R"(, "byteOffset": 8)"; }),
+              HasSubstr("beyond its buffer"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.nodes = R"([{"mesh": 3}])"; }),
+              HasSubstr("meshes[3]"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.scene_nodes = "[7]"; }), HasSubstr("nodes[7]"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.nodes = R"([{"mesh": 0, "children": [0]}])"; }),
+              HasSubstr("several parents"));
+  EXPECT_THAT(error_with([](GlbParts& p) {
+                p.nodes = R"([{"children": [1, 1]}, {"children": [2, 2]}, {"mesh": 0}])";
+              }),
+              HasSubstr("several parents"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.nodes = R"([{"mesh": 0, "matrix": [1, 2]}])"; }),
+              HasSubstr("matrix"));
+  EXPECT_THAT(
+      error_with([](GlbParts& p) { p.nodes = R"([{"mesh": 0, "rotation": [0, 0, 0, 0]}])"; }),
+      HasSubstr("quaternion"));
+  EXPECT_THAT(error_with([](GlbParts& p) { p.nodes = R"([{"mesh": 0, "scale": [1, 1]}])"; }),
+              HasSubstr("scale"));
+  std::string deep;
+  for (int i = 0; i < 100000; ++i) deep += "[";
+  for (int i = 0; i < 100000; ++i) deep += "]";
+  EXPECT_THAT(error_with([&](GlbParts& p) { p.root_extra = ", \"extras\": " + deep; }),
+              HasSubstr("nested"));
+}
+
+TEST(Glb, NothingOutsideTheFileIsRead) {
+  const std::string json =
+      R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 10, "uri": "/etc/hostname"}]})";
+  EXPECT_THAT(ErrorOf(Glb(json, ""), "glb"), HasSubstr("cannot be parsed"));
+  // Nor may one small file claim its own bytes many times over.
+  EXPECT_THAT(
+      ErrorOf(
+          Glb(R"({"asset": {"version": "2.0"}, "buffers": [{"byteLength": 4}, {"byteLength": 4}]})",
+              "1234"),
+          "glb"),
+      HasSubstr("buffers[1]"));
+}
+
+// --- files --------------------------------------------------------------------------------------
+
+class LoadPartFileTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    folder_ = std::filesystem::path(::testing::TempDir()) /
+              ("load_part_" + std::to_string(std::random_device()()));
+    std::filesystem::create_directories(folder_);
+  }
+  void TearDown() override { std::filesystem::remove_all(folder_); }
+  std::string Write(const std::string& name, const std::string& bytes) {
+    std::ofstream(folder_ / name, std::ios::binary) << bytes;
+    return (folder_ / name).string();
+  }
+  std::filesystem::path folder_;
+};
+
+TEST_F(LoadPartFileTest, TheExtensionSaysTheFormatInAnyCase) {
+  for (const std::string& path : {Write("a.STL", BinaryStl(Box())), Write("a.Obj", Obj(Box())),
+                                  Write("a.glb", GlbOf(Box()).ToBytes())}) {
+    const absl::StatusOr<TriangleMesh> mesh = LoadPart(path, "m");
+    ASSERT_TRUE(mesh.ok()) << mesh.status();
+    ExpectIsBox(*mesh);
+  }
+  EXPECT_EQ(LoadPart((folder_ / "none.stl").string(), "m").status().code(),
+            absl::StatusCode::kNotFound);
+  EXPECT_EQ(LoadPart(folder_.string(), "m").status().code(), absl::StatusCode::kInvalidArgument);
+}
+
+TEST_F(LoadPartFileTest, GltfReadsItsBufferFromBesideIt) {
+  std::vector<float> positions = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+  Write("triangle.bin", Bytes(positions));
+  const std::string json =
+      R"({"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}], "scenes": [{"nodes": [0]}],
+          "buffers": [{"byteLength": 36, "uri": "triangle.bin"}],
+          "bufferViews": [{"buffer": 0, "byteLength": 36}],
+          "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+          "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]})";
+  const std::string path = Write("triangle.gltf", json);
+  const absl::StatusOr<TriangleMesh> mesh = LoadPart(path, "");
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  EXPECT_NEAR(Area(*mesh), 0.5, 1e-7);
+  std::filesystem::remove(folder_ / "triangle.bin");
+  EXPECT_THAT(std::string(LoadPart(path, "").status().message()),
+              AllOf(HasSubstr(path), HasSubstr("triangle.bin")));
+}
+
+TEST_F(LoadPartFileTest, PointCloudsAreBinaryPly) {
+  const std::string path = (folder_ / "points.ply").string();
+  const std::vector<Eigen::Vector3f> points = {{1, 2, 3}, {-4, 5.5f, 6}};
+  const std::vector<Eigen::Vector3f> normals = {{0, 0, 1}, {1, 0, 0}};
+  ASSERT_TRUE(WritePlyPoints(path, points, normals).ok());
+  std::ifstream stream(path, std::ios::binary);
+  const std::string bytes((std::istreambuf_iterator<char>(stream)), {});
+  EXPECT_THAT(bytes, HasSubstr("element vertex 2\n"));
+  EXPECT_EQ(bytes.substr(bytes.size() - 48),
+            Bytes<float>({1, 2, 3, 0, 0, 1, -4, 5.5f, 6, 1, 0, 0}));
+  EXPECT_FALSE(WritePlyPoints(path, points, {}).ok());
+}
+
+// --- real parts ---------------------------------------------------------------------------------
+
+class RealPartTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    const auto shared = SharedData();
+    if (!shared || !std::filesystem::is_directory(*shared / "data" / "cad")) {
+      GTEST_SKIP() << "skipped: no shared data";
+    }
+    cad_ = *shared / "data" / "cad";
+  }
+  std::filesystem::path cad_;
+};
+
+TEST_F(RealPartTest, BracketsAreClosed) {
+  for (const char* name : {"262.obj", "320.obj"}) {
+    const absl::StatusOr<TriangleMesh> mesh = LoadPart((cad_ / "brackets" / name).string(), "mm");
+    ASSERT_TRUE(mesh.ok()) << mesh.status();
+    const PartHealth health = CheckPartHealth(*mesh);
+    EXPECT_GT(health.triangle_count, 60000) << name;
+    EXPECT_EQ(health.open_edge_count, 0) << name;
+    EXPECT_EQ(health.flipped_component_count, 0) << name;
+    const double size = health.bounding_box_m.sizes().maxCoeff();
+    EXPECT_GT(size, 0.05);
+    EXPECT_LT(size, 0.5);
+  }
+}
+
+TEST_F(RealPartTest, EngineIsClosed) {
+  for (const char* name : {"Cylinder Head.STL", "Engine Block.STL", "Crankshaft.STL"}) {
+    const absl::StatusOr<TriangleMesh> mesh =
+        LoadPart((cad_ / "inline4_engine" / name).string(), "mm");
+    ASSERT_TRUE(mesh.ok()) << mesh.status();
+    const PartHealth health = CheckPartHealth(*mesh);
+    EXPECT_EQ(health.open_edge_count, 0) << name;
+    EXPECT_EQ(health.non_manifold_edge_count, 0) << name;
+    EXPECT_GT(Volume(*mesh), 0) << name;
+  }
+}
+
+TEST_F(RealPartTest, WrongUnitIsNoticed) {
+  EXPECT_THAT(std::string(LoadPart((cad_ / "inline4_engine" / "Cylinder Head.STL").string(), "m")
+                              .status()
+                              .message()),
+              HasSubstr("looks like millimetres read as metres"));
+}
+
+TEST_F(RealPartTest, EveryTrimeshPartLoads) {
+  const absl::StatusOr<TriangleMesh> sensor =
+      LoadPart((cad_ / "trimesh" / "ADIS16480.STL").string(), "m");
+  ASSERT_TRUE(sensor.ok()) << sensor.status();
+  EXPECT_NEAR(sensor->BoundingBox().sizes().maxCoeff(), 0.047, 0.01);
+  EXPECT_TRUE(LoadPart((cad_ / "trimesh" / "angle_block.STL").string(), "inch").ok());
+  EXPECT_TRUE(LoadPart((cad_ / "trimesh" / "busted.STL").string(), "inch").ok());
+}
+
+}  // namespace
+}  // namespace sightline

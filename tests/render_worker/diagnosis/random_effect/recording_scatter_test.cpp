@@ -1,0 +1,431 @@
+// What recordings draw anew is told from what all have in common, by how they scatter.
+#include "render_worker/diagnosis/random_effect/recording_scatter.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <string_view>
+#include <vector>
+
+#include "render_worker/diagnosis/finding/pictures.h"
+#include "render_worker/diagnosis/fit/fit_quality.h"
+#include "render_worker/diagnosis/free_form/free_form.h"
+#include "render_worker/diagnosis/random_effect/realisation.h"
+#include "render_worker/diagnosis/random_effect/scatter_law.h"
+#include "render_worker/diagnosis/selection/competition.h"
+#include "render_worker/effects/described_effect.h"
+#include "render_worker/image_chain/form_image.h"
+#include "render_worker/recordings/plate_frames.h"
+#include "tests/render_worker/diagnosis/rendered_set.h"
+
+namespace sightline {
+namespace {
+
+constexpr std::string_view kPowerNoise = "illumination.power_noise";
+constexpr std::string_view kExposureJitter = "time.exposure_jitter";
+constexpr std::string_view kAlbedoTexture = "surface.albedo_texture";
+constexpr std::string_view kVibration = "time.vibration_blur";
+
+// The small set, with repeats of one speckle and more plate positions at short exposures.
+RecordingSet Description() {
+  RecordingSet set = SmallSetDescription();
+  const auto add = [&](double exposure_s, double f_number, int position, int repeat_group) {
+    RecordedImage image = set.recordings.front();
+    image.timestamp_s = 20.0 * static_cast<double>(set.recordings.size());
+    image.exposure_time_s = exposure_s;
+    image.f_number = f_number;
+    image.same_speckle = position == set.recordings.back().plate_position_id;
+    image.plate_position_id = position;
+    image.repeat_group = repeat_group;
+    set.recordings.push_back(image);
+  };
+  for (int i = 0; i < 3; ++i) add(1.2e-3, 5.6, 50, 50);
+  for (int i = 0; i < 4; ++i) add(3.1e-4, 2.8, 60 + i, 60);
+  for (int i = 0; i < 3; ++i) add(2.5e-3, 8, 70 + i, 70);
+  return set;
+}
+
+RecordedSet Render(const std::vector<ActiveEffect>& effects, uint64_t seed,
+                   RecordingSet set = Description()) {
+  SetupDeviation deviation;
+  deviation.focus_distance_relative = 0.01;
+  deviation.power_relative = -0.04;
+  deviation.line_position_common_px = 0.8;
+  deviation.line_position_each_px = 0.3;
+  std::vector<Image<uint16_t>> raw_dn;
+  for (size_t i = 0; i < set.recordings.size(); ++i) {
+    const FrameSetup frame = PlateFrame(set, static_cast<int>(i), {deviation, seed});
+    raw_dn.push_back(RenderPlateFrame(frame, effects, nullptr, 1)->raw_dn);
+  }
+  return MakeRecordedSet(std::move(set), std::move(raw_dn));
+}
+
+struct Compared {
+  FitResult null;
+  std::vector<ScatterCandidate> candidates;
+  const ScatterCandidate* best = nullptr;
+};
+
+Compared Compare(const SetModel& model) {
+  const std::vector<const Effect*> effects = {FindEffect(kPowerNoise), FindEffect(kExposureJitter),
+                                              FindEffect(kAlbedoTexture), FindEffect(kVibration)};
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  Compared compared;
+  compared.null = FitSet(model, start, {}, {}, nullptr);
+  compared.candidates = CompareRecordingScatter(model, compared.null, effects);
+  for (const ScatterCandidate& candidate : compared.candidates) {
+    if (compared.best == nullptr || candidate.log_evidence > compared.best->log_evidence) {
+      compared.best = &candidate;
+    }
+  }
+  return compared;
+}
+
+// The effect is named among the four and its strength found; what it has drawn is taken off.
+void ExpectFound(std::string_view id, std::vector<double> parameters, uint64_t seed) {
+  SCOPED_TRACE(id);
+  const RecordedSet set = Render({ActiveEffect{FindEffect(id), parameters}}, seed);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  ASSERT_EQ(compared.candidates.size(), 4u);
+  const ScatterCandidate& best = *compared.best;
+  EXPECT_EQ(best.effect->description().id, id);
+  EXPECT_GT(best.log_evidence, 5);
+  EXPECT_NEAR(best.parameters[0], parameters[0], 3 * best.standard_errors[0]);
+  EXPECT_LT(best.fit.chi_squared, compared.null.chi_squared);
+  // A recording's own realisation is not known before it is looked at: those not fitted scatter by
+  // it.
+  const EntrySplit split = SplitEntries(model, HeldOutRecordings(set, 1));
+  const PredictedFit before = PredictEntries(compared.null, split.used, split.held_out);
+  const PredictedFit after = PredictEntries(best.fit, split.used, split.held_out);
+  EXPECT_EQ(before.degrees_of_freedom, after.degrees_of_freedom);
+  EXPECT_LT(after.chi_squared, before.chi_squared);
+}
+
+// A bug found: where the black level is off by more than its uncertainty allows, power noise was
+// said to explain it, since the black level besides it was not held.
+TEST(CompareRecordingScatter, KeepsKnownParametersWithinTheirBounds) {
+  const RecordedSet set = Render({{FindEffect("sensor.black_level_error"), {4}}}, 9);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  const double allowed = 3.001 * set.description.uncertainty.dark_mean_electrons;
+  ASSERT_GT(compared.null.parameters.deviations.dark_mean_electrons, 0.99 * allowed);
+  for (const ScatterCandidate& candidate : compared.candidates) {
+    EXPECT_LE(candidate.fit.parameters.deviations.dark_mean_electrons, allowed)
+        << candidate.effect->description().id;
+    EXPECT_GT(candidate.fit.chi_squared, 0.8 * compared.null.chi_squared)
+        << candidate.effect->description().id;
+  }
+}
+
+// A bug found: far from the axis, where another distance moves the line by more than its width, its
+// light was taken to be missing, and strong jitter was not found at all.
+TEST(LightExcesses, AreThoseOfTheLineWhereverItIs) {
+  SetupDeviation deviation;
+  deviation.line_position_each_px = 12;
+  const RecordedSet set = RenderSmallSet(deviation, {}, 6);
+  const SetModel model(set, {});
+  for (const double excess : LightExcesses(model, {})) EXPECT_NEAR(excess, 0, 0.12);
+}
+
+TEST(CompareRecordingScatter, FindsNothingWhereNothingScatters) {
+  for (uint64_t seed = 1; seed <= 3; ++seed) {
+    SCOPED_TRACE(seed);
+    const RecordedSet set = Render({}, seed);
+    const SetModel model(set, {});
+    EXPECT_LT(Compare(model).best->log_evidence, 2);
+  }
+}
+
+TEST(CompareRecordingScatter, NamesPowerNoise) { ExpectFound(kPowerNoise, {0.06}, 21); }
+
+// Exposures of one speckle tell their ratios so well that the null model is led astray by power
+// noise: known parameters and what was drawn are found in turn.
+TEST(CompareRecordingScatter, NamesPowerNoiseThatLeadsTheNullModelAstray) {
+  RecordingSet description = Description();
+  for (const double exposure_s : {1e-3, 4e-2, 1.3e-2, 4.2e-3, 1.3e-3, 0.12, 1.3e-3, 0.12}) {
+    RecordedImage image = description.recordings.front();
+    image.timestamp_s = 20.0 * static_cast<double>(description.recordings.size());
+    image.exposure_time_s = exposure_s;
+    image.f_number = 8;
+    image.plate_position_id = 90;
+    image.same_speckle = exposure_s != 1e-3;
+    image.repeat_group = static_cast<int>(description.recordings.size()) + 100;
+    description.recordings.push_back(image);
+  }
+  constexpr double kNoise = 0.1;
+  const RecordedSet set =
+      Render({ActiveEffect{FindEffect(kPowerNoise), {kNoise}}}, 31, description);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  EXPECT_GT(compared.null.chi_squared, 2 * compared.null.data_count);
+  EXPECT_EQ(compared.best->effect->description().id, kPowerNoise);
+  EXPECT_NEAR(compared.best->parameters[0], kNoise, 0.3 * kNoise);
+  EXPECT_LT(compared.best->fit.chi_squared, 1.1 * compared.best->fit.data_count);
+}
+
+TEST(CompareRecordingScatter, NamesExposureJitter) { ExpectFound(kExposureJitter, {5e-5}, 22); }
+
+TEST(CompareRecordingScatter, NamesAlbedoTexture) { ExpectFound(kAlbedoTexture, {0.15, 3e-3}, 23); }
+
+TEST(CompareRecordingScatter, NamesVibration) { ExpectFound(kVibration, {1.0, 60}, 24); }
+
+// Exposures that hold parts of a period have skew and flat displacements, by a phase each; speckle
+// of two of them is that of two places of the line.
+TEST(CompareRecordingScatter, FollowsThePhasesOfAStrongVibration) {
+  constexpr double kAmplitude_px = 3, kFrequency_hz = 230;
+  const RecordedSet set =
+      Render({ActiveEffect{FindEffect(kVibration), {kAmplitude_px, kFrequency_hz}}}, 32);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  ASSERT_EQ(compared.best->effect->description().id, kVibration);
+  EXPECT_NEAR(compared.best->parameters[0], kAmplitude_px, 0.02 * kAmplitude_px);
+  EXPECT_NEAR(compared.best->parameters[1], kFrequency_hz, 0.03 * kFrequency_hz);
+  EXPECT_LT(compared.best->standard_errors[0], 0.02 * kAmplitude_px);
+  EXPECT_LT(compared.best->fit.chi_squared, 1.1 * compared.best->fit.data_count);
+}
+
+// Blocks that are half as bright as others, or twice.
+TEST(CompareRecordingScatter, FindsAStrongTexturesLength) {
+  constexpr double kRms = 0.35, kLength_m = 4e-3;
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kAlbedoTexture), {kRms, kLength_m}}}, 27);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  ASSERT_EQ(compared.best->effect->description().id, kAlbedoTexture);
+  EXPECT_NEAR(compared.best->parameters[0], kRms, 0.3 * kRms);
+  EXPECT_NEAR(compared.best->parameters[1], kLength_m, 3 * compared.best->standard_errors[1]);
+  EXPECT_LT(compared.best->standard_errors[1], 0.4 * kLength_m);
+  EXPECT_LT(compared.best->fit.chi_squared, 1.1 * compared.best->fit.data_count);
+}
+
+TEST(CompareRecordingScatter, PicturesShowTheLightThatPlacesHaveDrawn) {
+  const RecordedSet set = Render({{FindEffect(kAlbedoTexture), {0.3, 4e-3}}}, 29);
+  const SetModel model(set, {});
+  const Compared compared = Compare(model);
+  double before = 0, after = 0;
+  for (const int f : TellingRecordings(model, compared.null, compared.best->fit, 4)) {
+    const v1::ProfileComparison profile =
+        CompareProfiles(model, compared.null, compared.best->fit, f);
+    for (int row = 0; row < profile.row_px_size(); ++row) {
+      const double deviation = profile.standard_deviation_dn(row);
+      before += std::pow((profile.observed_dn(row) - profile.null_dn(row)) / deviation, 2);
+      after += std::pow((profile.observed_dn(row) - profile.model_dn(row)) / deviation, 2);
+    }
+  }
+  EXPECT_LT(after, 0.5 * before);
+}
+
+TEST(RealisedReflectance, MakesBlocksOfAPlacesRecordingsBrighter) {
+  const RecordedSet set = Render({}, 28);
+  const SetModel model(set, {});
+  const int blocks = model.blocks_along_line();
+  Eigen::VectorXd reflectance =
+      Eigen::VectorXd::Zero(blocks * static_cast<Eigen::Index>(model.position_ids().size()));
+  reflectance[blocks + 1] = 0.2;
+  reflectance[blocks + 2] = -0.3;
+  const RealisedEffect realised(RealisedReflectance(model, reflectance));
+  const ExpectedSet before = model.ExpectStrips({}, false);
+  SetParameters with;
+  with.effects.push_back({&realised, {}});
+  const ExpectedSet after = model.ExpectStrips(with, false);
+  const auto light = [](const ExpectedFrame& strip) {
+    double sum = 0;
+    for (const double electrons : strip.mean_photo_electrons.values) sum += electrons;
+    return sum;
+  };
+  for (size_t f = 0; f < set.frames.size(); ++f) {
+    const bool there = set.frames[f].plate_position_id == model.position_ids()[1];
+    for (int block = 0; block < blocks; ++block) {
+      const double none = light(before.strips[block][f]);
+      EXPECT_NEAR(light(after.strips[block][f]),
+                  none * (1 + (there ? reflectance[blocks + block] : 0)), 0.02 * none)
+          << f << " " << block;
+    }
+  }
+}
+
+TEST(CompareRecordingScatter, WithoutItsEffectTextureIsScatterOfTheReflectance) {
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kAlbedoTexture), {0.15, 3e-3}}}, 23);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const std::vector<const Effect*> effects = {FindEffect(kAlbedoTexture), FindEffect(kPowerNoise),
+                                              FindEffect(kExposureJitter), FindEffect(kVibration),
+                                              FindFreeFormTerm("unknown.reflectance_scatter")};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  EXPECT_NEAR(candidates.back().log_evidence, candidates.front().log_evidence, 4);
+  for (size_t i = 1; i + 1 < candidates.size(); ++i) {
+    EXPECT_GT(candidates.back().log_evidence, candidates[i].log_evidence + 3)
+        << effects[i]->description().id;
+  }
+}
+
+TEST(ScatterLaw, WhatWandersMovesRecordingsOrBlursThem) {
+  const RecordedSet set = Render({}, 23);
+  const SetModel model(set, {});
+  const ScatterLaw law = ScatterLawOf("unknown.movement", model);
+  for (const double correlation_time_s : {1e-5, 1e-3, 1e-1}) {
+    const std::vector<double> parameters = {1.5, correlation_time_s};
+    const Eigen::MatrixXd factor = law.factor(parameters);
+    const Eigen::VectorXd blur_px2 = law.within(parameters, {});
+    ASSERT_EQ(blur_px2.size(), factor.rows());
+    Eigen::Index at = 0;
+    for (const RecordedFrame& frame : set.frames) {
+      if (frame.plate_position_id < 0) continue;
+      // Mean of the correlation over all pairs of moments of an exposure.
+      constexpr int kMoments = 20000;
+      double mean = 0;
+      for (int k = 0; k < kMoments; ++k) {
+        const double apart = (k + 0.5) / kMoments;
+        mean += 2 * (1 - apart) / kMoments *
+                std::exp(-apart * frame.nominal.exposure_time_s / correlation_time_s);
+      }
+      const double shift_px2 = factor.row(at).squaredNorm();
+      EXPECT_NEAR(shift_px2, 2.25 * mean, 2e-3 * 2.25 * mean);
+      EXPECT_NEAR(shift_px2 + blur_px2[at], 2.25, 1e-6);
+      ++at;
+    }
+  }
+}
+
+TEST(CompareRecordingScatter, WithoutItsEffectVibrationIsMovement) {
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kVibration), {1.0, 60}}}, 24);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const std::vector<const Effect*> effects = {FindEffect(kVibration),
+                                              FindEffect(kPowerNoise),
+                                              FindEffect(kExposureJitter),
+                                              FindEffect(kAlbedoTexture),
+                                              FindFreeFormTerm("unknown.power_scatter"),
+                                              FindFreeFormTerm("unknown.movement")};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  const ScatterCandidate &vibration = candidates.front(), &movement = candidates.back();
+  for (size_t i = 1; i + 1 < candidates.size(); ++i) {
+    EXPECT_GT(movement.log_evidence, candidates[i].log_evidence + 10)
+        << effects[i]->description().id;
+  }
+  // The root mean square of a sinusoid.
+  const double root_mean_square = std::sqrt(0.5) * vibration.parameters[0];
+  EXPECT_NEAR(movement.parameters[0], root_mean_square, 0.2 * root_mean_square);
+}
+
+// Power that swings slowly: no effect of the vocabulary does.
+class SwingingPower final : public DescribedEffect {
+ public:
+  SwingingPower()
+      : DescribedEffect({.id = "test.swinging_power",
+                         .stage = Stage::kIllumination,
+                         .summary = "power swings with the time",
+                         .reference = "none",
+                         .parameters = {{"relative", 0, 0, 1, 0.1}, {"period_s", 1, 1, 1e4, 1}}}) {}
+  void OnFrame(FrameSetup& frame, Parameters p) const override {
+    frame.laser.power_w *= 1 + p[0] * std::sin(2 * std::numbers::pi * frame.timestamp_s / p[1]);
+  }
+};
+
+TEST(CompareRecordingScatter, APowerThatSwingsIsNoNoiseOfAVocabularyButRemembers) {
+  const SwingingPower swinging;
+  const RecordedSet set = Render({{&swinging, {0.15, 300}}}, 26);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const Effect* const term = FindFreeFormTerm("unknown.power_scatter");
+  const std::vector<const Effect*> effects = {FindEffect(kPowerNoise), FindEffect(kExposureJitter),
+                                              FindEffect(kAlbedoTexture), FindEffect(kVibration),
+                                              term};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  ASSERT_EQ(candidates.size(), 5u);
+  for (size_t i = 0; i + 1 < candidates.size(); ++i) {
+    EXPECT_GT(candidates.back().log_evidence, candidates[i].log_evidence + 3)
+        << effects[i]->description().id;
+  }
+  // A quarter of a period or so.
+  EXPECT_GT(candidates.back().parameters[1], 30);
+  EXPECT_LT(candidates.back().parameters[1], 3000);
+}
+
+TEST(CompareRecordingScatter, NoiseOfThePowerForgetsAtOnce) {
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kPowerNoise), {0.06}}}, 21);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const std::vector<const Effect*> effects = {FindEffect(kPowerNoise),
+                                              FindFreeFormTerm("unknown.power_scatter")};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  // It contains the law and pays for the time that it leaves open.
+  EXPECT_NEAR(candidates[1].largest_gain, candidates[0].largest_gain, 1.5);
+  EXPECT_LT(candidates[1].log_evidence, candidates[0].log_evidence);
+  EXPECT_GT(candidates[1].log_evidence, candidates[0].log_evidence - 4);
+}
+
+TEST(CompareRecordingScatter, JitterOfTheExposureScattersShortOnesMost) {
+  const RecordedSet set = Render({ActiveEffect{FindEffect(kExposureJitter), {5e-5}}}, 22);
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  const FitResult null = FitSet(model, start, {}, {}, nullptr);
+  const std::vector<const Effect*> effects = {
+      FindEffect(kExposureJitter), FindFreeFormTerm("unknown.exposure_scatter"),
+      FindEffect(kPowerNoise), FindFreeFormTerm("unknown.power_scatter")};
+  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  // It contains the law and pays for the exponent that it leaves open.
+  EXPECT_NEAR(candidates[1].parameters[1], 1, 0.3);
+  EXPECT_GT(candidates[1].log_evidence, candidates[0].log_evidence - 4);
+  EXPECT_LT(candidates[1].log_evidence, candidates[0].log_evidence);
+  // Without the effect itself, the term of its stage is left.
+  EXPECT_GT(candidates[1].log_evidence, candidates[2].log_evidence + 2);
+  EXPECT_GT(candidates[1].log_evidence, candidates[3].log_evidence + 2);
+}
+
+Candidate BestOf(const RecordedSet& set, const std::vector<const Effect*>& effects) {
+  const SetModel model(set, {});
+  SetParameters start;
+  start.line_shift_px = model.EstimateLineShifts(start);
+  CompetitionSettings settings;
+  settings.effects = effects;
+  return Compete(model, FitSet(model, start, {}, {}, nullptr), settings,
+                 [](double) { return true; })
+      .ranked.front();
+}
+
+// Both are named, with their strengths, where one of them is dark current.
+void ExpectBoth(std::string_view scatter, const std::vector<double>& parameters, uint64_t seed) {
+  const Effect* dark_current = FindEffect("sensor.dark_current");
+  const RecordedSet set = Render({{dark_current, {25}}, {FindEffect(scatter), parameters}}, seed);
+  const Candidate best =
+      BestOf(set, {dark_current, FindEffect("illumination.ambient_light"), FindEffect(kPowerNoise),
+                   FindEffect(kExposureJitter), FindEffect(kVibration)});
+  ASSERT_EQ(best.effects.size(), 2u);
+  EXPECT_EQ(best.effects[0].effect, dark_current);
+  EXPECT_EQ(best.effects[1].effect->description().id, scatter);
+  ASSERT_EQ(best.fit.effect_standard_errors.size(), 1 + parameters.size());
+  EXPECT_NEAR(best.effects[0].parameters[0], 25, 4 * best.fit.effect_standard_errors[0]);
+  EXPECT_NEAR(best.effects[1].parameters[0], parameters[0], 4 * best.fit.effect_standard_errors[1]);
+}
+
+TEST(Compete, NamesWhatScattersBesidesAnotherEffect) { ExpectBoth(kPowerNoise, {0.06}, 25); }
+
+// A bug found: the vibration was compared under a covariance of its own, the others under that of
+// the null model, which expects nothing where scattered light is.
+TEST(Compete, CallsScatteredLightAndNoisyRowsNoVibration) {
+  const Effect* scattering = FindEffect("surface.subsurface_scattering");
+  const Effect* row_noise = FindEffect("sensor.row_noise");
+  const RecordedSet set = Render({{scattering, {0.9, 7e-4}}, {row_noise, {20}}}, 34);
+  const Candidate best = BestOf(set, {scattering, row_noise, FindEffect(kVibration)});
+  ASSERT_EQ(best.effects.size(), 2u);
+  EXPECT_TRUE(best.effects[0].effect == scattering || best.effects[1].effect == scattering);
+  EXPECT_TRUE(best.effects[0].effect == row_noise || best.effects[1].effect == row_noise);
+}
+
+// What the null model leaves, or anything but the vibration, tells nothing of the dark current.
+TEST(Compete, NamesAnotherEffectBesidesAStrongVibration) { ExpectBoth(kVibration, {3, 230}, 33); }
+
+}  // namespace
+}  // namespace sightline
