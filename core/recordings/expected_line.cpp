@@ -4,13 +4,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/physics/constants.h"
+
 namespace sightline {
 namespace {
 
 using std::numbers::pi;
-
-constexpr double kPlanck = 6.62607015e-34;
-constexpr double kLightSpeed = 299792458;
 
 double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(pi * x) / (pi * x); }
 
@@ -72,7 +71,7 @@ ExpectedLine ExpectLine(const RecordingSet& set, const RecordedImage& image) {
       set.laser.power_w / length * Brdf(set.surface, set.incidence_angle_rad) * pi / 4 *
       set.transmission * (pupil / b) * (pupil / b) * cos_squared * cos_squared * magnification;
   const double photons =
-      irradiance_m * pitch * image.exposure_time_s * lambda / (kPlanck * kLightSpeed);
+      irradiance_m * pitch * image.exposure_time_s * lambda / (kPlanck_j_s * kSpeedOfLight_m_per_s);
   for (int channel = 0; channel < sensor.channels(); ++channel) {
     line.electrons_per_column[channel] = photons * sensor.quantum_efficiency[channel].At(lambda);
   }

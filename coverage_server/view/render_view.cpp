@@ -6,6 +6,9 @@
 #include <array>
 #include <cmath>
 #include <functional>
+#include <glm/ext/matrix_clip_space.hpp>
+#include <glm/ext/matrix_transform.hpp>
+#include <glm/gtc/type_ptr.hpp>
 #include <nanoflann.hpp>
 #include <numbers>
 #include <vector>
@@ -225,22 +228,21 @@ void AddBodies(const std::vector<Body>& bodies, const SensorPose& pose, const Co
   }
 }
 
-// Clip matrix of a pinhole at `pose` with image half sizes given as tangents.
-Eigen::Matrix4f ClipMatrix(const SensorPose& pose, double tan_x, double tan_y, double near_m,
-                           double far_m) {
-  Eigen::Matrix4d to_sensor = pose.Matrix().inverse();
-  Eigen::Matrix4d project = Eigen::Matrix4d::Zero();
-  project(0, 0) = 1 / tan_x;
-  project(1, 1) = -1 / tan_y;  // image rows grow downwards
-  project(2, 2) = (far_m + near_m) / (far_m - near_m);
-  project(2, 3) = -2 * far_m * near_m / (far_m - near_m);
-  project(3, 2) = 1;
-  return (project * to_sensor).cast<float>();
+// From the frame that `pose` is given in to the clip cube of a pinhole there, whose image reaches
+// to the stated tangents. A sensor looks along +z with rows growing along +y, an OpenGL eye along
+// -z with +y up.
+glm::mat4 ToClip(const SensorPose& pose, double tan_x, double tan_y, double near_m, double far_m) {
+  const Eigen::Matrix4d from_sensor = pose.Matrix();
+  const glm::dmat4 to_sensor = glm::inverse(glm::make_mat4(from_sensor.data()));
+  const glm::dmat4 to_eye = glm::scale(glm::dmat4(1), glm::dvec3(1, -1, -1)) * to_sensor;
+  return glm::frustum(-tan_x * near_m, tan_x * near_m, -tan_y * near_m, tan_y * near_m, near_m,
+                      far_m) *
+         to_eye;
 }
 
 absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& translucent,
-                                      const Eigen::Matrix4f& to_clip,
-                                      const Eigen::Vector3f& to_viewer, int columns, int rows) {
+                                      const glm::mat4& to_clip, const Eigen::Vector3f& to_viewer,
+                                      int columns, int rows) {
   auto context = MakeOffscreenContext();
   if (!context.ok()) return context.status();
   const GlFunctions& gl = (*context)->gl();
@@ -257,7 +259,8 @@ absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& tr
   gl.Enable(GL_DEPTH_TEST);
   gl.DepthFunc(GL_LESS);
   gl.UseProgram(*program);
-  gl.UniformMatrix4fv(gl.GetUniformLocation(*program, "to_clip"), 1, GL_FALSE, to_clip.data());
+  gl.UniformMatrix4fv(gl.GetUniformLocation(*program, "to_clip"), 1, GL_FALSE,
+                      glm::value_ptr(to_clip));
   gl.Uniform3f(gl.GetUniformLocation(*program, "to_viewer"), to_viewer.x(), to_viewer.y(),
                to_viewer.z());
   GLuint array, buffer;
@@ -460,7 +463,7 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
     near_m = std::max(0.01 * distance, distance - 3 * radius);
     far_m = distance + 3 * radius;
   }
-  return Rasterize(opaque, translucent, ClipMatrix(eye, tan_x, tan_y, near_m, far_m),
+  return Rasterize(opaque, translucent, ToClip(eye, tan_x, tan_y, near_m, far_m),
                    (-eye.z_axis).cast<float>(), request.columns_px, request.rows_px);
 }
 

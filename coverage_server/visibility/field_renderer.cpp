@@ -4,6 +4,8 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <glm/ext/matrix_transform.hpp>
+#include <glm/gtc/type_ptr.hpp>
 #include <vector>
 
 #include "core/part/surface_geometry.h"
@@ -54,6 +56,17 @@ struct OrthographicView {
     view.columns = static_cast<int>((high.x() - low.x()) / pixel) + 3;
     view.rows = static_cast<int>((high.y() - low.y()) / pixel) + 3;
     return view;
+  }
+
+  // From part coordinates to OpenGL's clip cube.
+  glm::mat4 ToClip() const {
+    const glm::mat4 axes = glm::transpose(glm::mat4(
+        glm::mat3(glm::make_vec3(u.data()), glm::make_vec3(v.data()), -glm::make_vec3(w.data()))));
+    const glm::vec3 scale(2 * inverse_pixel / static_cast<float>(columns),
+                          2 * inverse_pixel / static_cast<float>(rows), 2 / depth_range);
+    const glm::mat4 identity(1);
+    return glm::translate(identity, glm::vec3(-1)) * glm::scale(identity, scale) *
+           glm::translate(identity, glm::vec3(-u0, -v0, near_w)) * axes;
   }
 };
 
@@ -155,15 +168,8 @@ class TileRenderer {
   absl::Status RenderDirection(int cell, const Eigen::Vector3f& direction) {
     const GlFunctions& gl = context_->gl();
     const OrthographicView view = OrthographicView::Make(job_, direction);
-    const float sx = 2 * view.inverse_pixel / static_cast<float>(view.columns);
-    const float sy = 2 * view.inverse_pixel / static_cast<float>(view.rows);
-    const float sz = 2 / view.depth_range;
-    const float matrix[16] = {view.u.x() * sx,   view.v.x() * sy,   -view.w.x() * sz,     0,
-                              view.u.y() * sx,   view.v.y() * sy,   -view.w.y() * sz,     0,
-                              view.u.z() * sx,   view.v.z() * sy,   -view.w.z() * sz,     0,
-                              -view.u0 * sx - 1, -view.v0 * sy - 1, view.near_w * sz - 1, 1};
     gl.Viewport(0, 0, view.columns, view.rows);
-    gl.UniformMatrix4fv(to_clip_, 1, GL_FALSE, matrix);
+    gl.UniformMatrix4fv(to_clip_, 1, GL_FALSE, glm::value_ptr(view.ToClip()));
     gl.Enable(GL_SCISSOR_TEST);
     gl.Scissor(0, 0, view.columns, view.rows);
     gl.Clear(GL_DEPTH_BUFFER_BIT);

@@ -1,82 +1,84 @@
-// One effect each; its physics stands in the file named after it.
+// The effects, one function each; its physics stands in the file named after it.
 #pragma once
 
 #include "render_worker/effects/effect.h"
 
+// In the order of the recordings format; effects that wrap each other's functions of the plate give
+// the intended composition in this order (profile of the beam first, then its place on the plate).
+#define SIGHTLINE_EFFECTS(X) \
+  X(AmbientLight)            \
+  X(PowerError)              \
+  X(PowerDrift)              \
+  X(PowerNoise)              \
+  X(BeamQuality)             \
+  X(BeamFocus)               \
+  X(BeamShape)               \
+  X(LineNonuniformity)       \
+  X(LineBow)                 \
+  X(GhostLine)               \
+  X(PartialCoherence)        \
+  X(WavelengthError)         \
+  X(AlbedoError)             \
+  X(BrdfError)               \
+  X(SubsurfaceScattering)    \
+  X(Depolarisation)          \
+  X(AlbedoTexture)           \
+  X(TiltedPlate)             \
+  X(CurvedPlate)             \
+  X(Fluorescence)            \
+  X(FNumberError)            \
+  X(TransmissionError)       \
+  X(FocusError)              \
+  X(SphericalAberration)     \
+  X(Coma)                    \
+  X(Astigmatism)             \
+  X(FieldCurvature)          \
+  X(VeilingGlare)            \
+  X(LensReflection)          \
+  X(RadialDistortion)        \
+  X(TangentialDistortion)    \
+  X(MechanicalVignetting)    \
+  X(NaturalVignetting)       \
+  X(PolygonAperture)         \
+  X(CoverGlassEtalon)        \
+  X(Dust)                    \
+  X(CameraDistanceError)     \
+  X(LaserDistanceError)      \
+  X(IncidenceAngleError)     \
+  X(CameraRoll)              \
+  X(LaserRoll)               \
+  X(SensorTilt)              \
+  X(ResponseNonlinearity)    \
+  X(DarkCurrent)             \
+  X(BlackLevelError)         \
+  X(Prnu)                    \
+  X(DsnuColumnPattern)       \
+  X(HotPixels)               \
+  X(Crosstalk)               \
+  X(BrighterFatter)          \
+  X(Blooming)                \
+  X(Smear)                   \
+  X(LowerFullWell)           \
+  X(GainError)               \
+  X(QeError)                 \
+  X(ColourResponseError)     \
+  X(ReadNoiseExcess)         \
+  X(RowNoise)                \
+  X(AdcMissingBits)          \
+  X(AdcInl)                  \
+  X(ImageLag)                \
+  X(RollingShutter)          \
+  X(VibrationBlur)           \
+  X(PlateMotion)             \
+  X(ExposureOffset)          \
+  X(ExposureJitter)          \
+  X(AmbientFlicker)          \
+  X(TemperatureDrift)
+
 namespace sightline {
 
-const Effect& AmbientLight();
-const Effect& PowerError();
-const Effect& PowerDrift();
-const Effect& PowerNoise();
-const Effect& BeamQuality();
-const Effect& BeamFocus();
-const Effect& BeamShape();
-const Effect& LineNonuniformity();
-const Effect& LineBow();
-const Effect& GhostLine();
-const Effect& PartialCoherence();
-const Effect& WavelengthError();
-
-const Effect& AlbedoError();
-const Effect& BrdfError();
-const Effect& SubsurfaceScattering();
-const Effect& Depolarisation();
-const Effect& AlbedoTexture();
-const Effect& TiltedPlate();
-const Effect& CurvedPlate();
-const Effect& Fluorescence();
-
-const Effect& FNumberError();
-const Effect& TransmissionError();
-const Effect& FocusError();
-const Effect& SphericalAberration();
-const Effect& Coma();
-const Effect& Astigmatism();
-const Effect& FieldCurvature();
-const Effect& VeilingGlare();
-const Effect& LensReflection();
-const Effect& RadialDistortion();
-const Effect& TangentialDistortion();
-const Effect& MechanicalVignetting();
-const Effect& NaturalVignetting();
-const Effect& PolygonAperture();
-const Effect& CoverGlassEtalon();
-const Effect& Dust();
-
-const Effect& CameraDistanceError();
-const Effect& LaserDistanceError();
-const Effect& IncidenceAngleError();
-const Effect& CameraRoll();
-const Effect& LaserRoll();
-const Effect& SensorTilt();
-
-const Effect& ResponseNonlinearity();
-const Effect& DarkCurrent();
-const Effect& BlackLevelError();
-const Effect& Prnu();
-const Effect& DsnuColumnPattern();
-const Effect& HotPixels();
-const Effect& Crosstalk();
-const Effect& BrighterFatter();
-const Effect& Blooming();
-const Effect& Smear();
-const Effect& LowerFullWell();
-const Effect& GainError();
-const Effect& QeError();
-const Effect& ColourResponseError();
-const Effect& ReadNoiseExcess();
-const Effect& RowNoise();
-const Effect& AdcMissingBits();
-const Effect& AdcInl();
-const Effect& ImageLag();
-const Effect& RollingShutter();
-
-const Effect& VibrationBlur();
-const Effect& PlateMotion();
-const Effect& ExposureOffset();
-const Effect& ExposureJitter();
-const Effect& AmbientFlicker();
-const Effect& TemperatureDrift();
+#define X(effect) const Effect& effect();
+SIGHTLINE_EFFECTS(X)
+#undef X
 
 }  // namespace sightline

@@ -6,6 +6,7 @@
 #include <numbers>
 #include <vector>
 
+#include "core/physics/constants.h"
 #include "render_worker/optics/parallel_rows.h"
 
 namespace sightline {
@@ -15,9 +16,7 @@ using std::numbers::pi;
 
 // Photons per joule, lambda / (h c).
 double PhotonsPerJoule(double wavelength_m) {
-  constexpr double kPlanck = 6.62607015e-34;
-  constexpr double kLightSpeed = 299792458;
-  return wavelength_m / (kPlanck * kLightSpeed);
+  return wavelength_m / (kPlanck_j_s * kSpeedOfLight_m_per_s);
 }
 
 // Where on the plate a point of the sensor looks.

@@ -4,12 +4,11 @@
 #include <cmath>
 #include <vector>
 
+#include "core/physics/constants.h"
 #include "render_worker/sensor/expose.h"
 
 namespace sightline {
 namespace {
-
-constexpr double kPlanckTimesSpeed_j_m = 6.62607015e-34 * 299792458;
 
 // A camera that looks into an integrating sphere; every image has noise of its own.
 class SimulatedCamera {
@@ -30,7 +29,7 @@ class SimulatedCamera {
     light.roi = frame_.roi;
     light.laser_irradiance_w_m2 = Image<float>(
         frame_.roi.columns_px, frame_.roi.rows_px,
-        static_cast<float>(photons * kPlanckTimesSpeed_j_m /
+        static_cast<float>(photons * (kPlanck_j_s * kSpeedOfLight_m_per_s) /
                            (setup_.wavelength_m * pitch_m * pitch_m * exposure_time_s)));
     const Image<uint16_t> raw =
         Digitise(CollectElectrons(MeanPhotoElectrons(light, frame_), frame_), frame_.sensor);

@@ -5,14 +5,13 @@
 #include <cassert>
 #include <cmath>
 
+#include "core/physics/constants.h"
 #include "core/random/counter_random.h"
 #include "render_worker/sensor/poisson.h"
 
 namespace sightline {
 namespace {
 
-constexpr double kPlanck_j_s = 6.62607015e-34;
-constexpr double kSpeedOfLight_m_s = 299792458;
 constexpr double kLargestMean = 4e8;
 
 // A pixel's stream: its place relative to the principal point.
@@ -36,7 +35,7 @@ Image<double> MeanPhotoElectrons(const PixelIrradiance& light, const FrameSetup&
   std::array<double, 3> laser_factor{};
   for (int channel = 0; channel < sensor.channels(); ++channel) {
     laser_factor[channel] = sensor.quantum_efficiency[channel].At(wavelength_m) * area_time *
-                            wavelength_m / (kPlanck_j_s * kSpeedOfLight_m_s);
+                            wavelength_m / (kPlanck_j_s * kSpeedOfLight_m_per_s);
   }
   for (int i = pixels.first_row; i < rows; i += pixels.step) {
     for (int j = pixels.first_column; j < columns; j += pixels.step) {

@@ -3,12 +3,10 @@
 #include <array>
 #include <cmath>
 
+#include "core/physics/constants.h"
+
 namespace sightline {
 namespace {
-
-constexpr double kPlanck_j_s = 6.62607015e-34;
-constexpr double kLightSpeed_m_per_s = 299792458;
-constexpr double kBoltzmann_j_per_k = 1.380649e-23;
 
 // 360 to 830 nm.
 constexpr std::array<double, 48> kD65 = {
@@ -38,8 +36,8 @@ double Band(double wavelength_nm, double peak_nm, double sigma_below_nm, double 
 
 double PlanckRadiance(double wavelength_m, double temperature_k) {
   const double exponent =
-      kPlanck_j_s * kLightSpeed_m_per_s / (wavelength_m * kBoltzmann_j_per_k * temperature_k);
-  return 2 * kPlanck_j_s * kLightSpeed_m_per_s * kLightSpeed_m_per_s /
+      kPlanck_j_s * kSpeedOfLight_m_per_s / (wavelength_m * kBoltzmann_j_per_k * temperature_k);
+  return 2 * kPlanck_j_s * kSpeedOfLight_m_per_s * kSpeedOfLight_m_per_s /
          (std::pow(wavelength_m, 5) * std::expm1(exponent));
 }
 

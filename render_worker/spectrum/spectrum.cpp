@@ -6,13 +6,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/physics/constants.h"
 #include "render_worker/spectrum/illuminants.h"
 
 namespace sightline {
 namespace {
 
 constexpr double kSpectrumEnd_m = kSpectrumStart_m + kSpectralBins * kBinWidth_m;
-constexpr double kPlanckTimesLightSpeed_j_m = 6.62607015e-34 * 299792458;
 
 struct Table {
   std::vector<double> wavelength_m;
@@ -194,7 +194,7 @@ Spectrum ElectronsPerJoule(const QuantumEfficiencyCurve& curve) {
     double sum = 0;
     for (int j = 0; j < kSteps; ++j) {
       const double wavelength = kSpectrumStart_m + (i + (j + 0.5) / kSteps) * kBinWidth_m;
-      sum += curve.At(wavelength) * wavelength / kPlanckTimesLightSpeed_j_m;
+      sum += curve.At(wavelength) * wavelength / (kPlanck_j_s * kSpeedOfLight_m_per_s);
     }
     spectrum[i] = static_cast<float>(sum / kSteps);
   }

@@ -3,6 +3,11 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <glm/ext/matrix_clip_space.hpp>
+#include <glm/ext/matrix_transform.hpp>
+#include <glm/gtc/type_ptr.hpp>
+#define GLM_ENABLE_EXPERIMENTAL
+#include <glm/gtx/euler_angles.hpp>
 #include <optional>
 
 #include "coverage_server/gl/gl_context.h"
@@ -12,12 +17,8 @@ namespace {
 
 constexpr char kVertexShader[] = R"(#version 330 core
 layout(location = 0) in vec3 position;  // sensor coordinates
-uniform vec4 pinhole;  // 1/tan x, 1/tan y, near, far
-void main() {
-  float a = (pinhole.w + pinhole.z) / (pinhole.w - pinhole.z);
-  float b = -2.0 * pinhole.w * pinhole.z / (pinhole.w - pinhole.z);
-  gl_Position = vec4(pinhole.x * position.x, pinhole.y * position.y, a * position.z + b, position.z);
-}
+uniform mat4 to_clip;
+void main() { gl_Position = to_clip * vec4(position, 1); }
 )";
 // The triangle's number as a colour; 0 is the background.
 constexpr char kFragmentShader[] = R"(#version 330 core
@@ -65,14 +66,8 @@ class LiteralScannerImpl final : public LiteralScanner {
                              m.camera_polar_rad - m.triangulation_angle_rad, m.camera_azimuth_rad);
     // The sheet holds the source, the origin and the direction along the rows.
     sheet_normal_ = laser_.origin.cross(camera_.x).normalized();
-    const auto turn = [](double a, int axis) {
-      const double c = std::cos(a), s = std::sin(a);
-      Eigen::Matrix3d r = Eigen::Matrix3d::Identity();
-      const int i = (axis + 1) % 3, j = (axis + 2) % 3;
-      r(i, i) = c, r(i, j) = -s, r(j, i) = s, r(j, j) = c;
-      return r;
-    };
-    rotation_ = turn(m.part_gamma_rad, 2) * turn(m.part_beta_rad, 1) * turn(m.part_alpha_rad, 0);
+    const glm::dmat4 turn = glm::eulerAngleZYX(m.part_gamma_rad, m.part_beta_rad, m.part_alpha_rad);
+    rotation_ = Eigen::Map<const Eigen::Matrix4d>(glm::value_ptr(turn)).topLeftCorner<3, 3>();
     offset_ = Eigen::Vector3d(0, m.offset_y_m, m.offset_z_m);
     centre_ = part.BoundingBox().center();
     radius_ = 0.5 * part.BoundingBox().sizes().norm();
@@ -94,7 +89,7 @@ class LiteralScannerImpl final : public LiteralScanner {
     auto program = MakeProgram(gl, kVertexShader, kFragmentShader);
     if (!program.ok()) return program.status();
     gl.UseProgram(*program);
-    pinhole_ = gl.GetUniformLocation(*program, "pinhole");
+    to_clip_ = gl.GetUniformLocation(*program, "to_clip");
     GLuint array;
     gl.GenVertexArrays(1, &array);
     gl.BindVertexArray(array);
@@ -192,8 +187,11 @@ class LiteralScannerImpl final : public LiteralScanner {
     const double near_m = std::max(0.9 * nearest, 1e-3), far_m = std::max(1.1 * farthest, 2e-3);
     gl.Viewport(0, 0, columns, rows);
     gl.Clear(GL_COLOR_BUFFER_BIT | GL_DEPTH_BUFFER_BIT);
-    gl.Uniform4f(pinhole_, static_cast<float>(1 / tan_x), static_cast<float>(1 / tan_y),
-                 static_cast<float>(near_m), static_cast<float>(far_m));
+    // The sensor looks along +z, an OpenGL eye along -z; the first row is at the lower border.
+    const glm::mat4 to_clip = glm::frustum(-tan_x * near_m, tan_x * near_m, -tan_y * near_m,
+                                           tan_y * near_m, near_m, far_m) *
+                              glm::scale(glm::dmat4(1), glm::dvec3(1, 1, -1));
+    gl.UniformMatrix4fv(to_clip_, 1, GL_FALSE, glm::value_ptr(to_clip));
     gl.BufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices_.size() * 12), vertices_.data(),
                   GL_STREAM_DRAW);
     gl.DrawElements(GL_TRIANGLES, static_cast<GLsizei>(3 * part_.triangles.size()), GL_UNSIGNED_INT,
@@ -296,7 +294,7 @@ class LiteralScannerImpl final : public LiteralScanner {
   double radius_, focal_px_, stage_m_ = 0;
   std::unique_ptr<GlContext> context_;
   std::unique_ptr<Framebuffer> camera_buffer_, laser_buffer_;
-  GLint pinhole_ = -1;
+  GLint to_clip_ = -1;
   std::vector<Eigen::Vector3f> vertices_;
   Picture seen_, lit_;
 };

@@ -316,7 +316,7 @@ class Viewer {
         (state === COVERED || state === NEW ? colours[this.first[i]] : this.scene.palette[state]));
     }
     const total = counts.reduce((a, b) => a + b, 0) - counts[UNMEASURABLE];
-    this.showLegend(counts, perScan, total);
+    this.showLegend(counts, perScan);
     this.scene.setShown(this.shown);
     // Of the unmeasured ones, only those of the region being looked at.
     const drawn = this.region ?
@@ -330,7 +330,7 @@ class Viewer {
       `${grouped(done)} targets measured, ${percent(done)}; scan ${this.scan} adds ${grouped(counts[NEW])}, ${percent(counts[NEW])}.`;
   }
 
-  showLegend(counts, perScan, total) {
+  showLegend(counts, perScan) {
     const legend = $('#legend');
     legend.replaceChildren();
     const swatch = (colour) => {
@@ -339,7 +339,7 @@ class Viewer {
       element.style.background = colour;
       return element;
     };
-    for (const [state, name, text] of STATES) {
+    for (const [state, , text] of STATES) {
       if (this.colour === 'first' && state === NEW) continue;
       if (this.colour === 'alone' && state === NEVER) continue;
       if (counts[state] === 0 && state !== NEVER) continue;

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/physics/constants.h"
 #include "render_worker/diagnosis/free_form/free_form_effect.h"
 #include "render_worker/effects/illumination/ambient_radiance.h"
 
@@ -273,11 +274,10 @@ class OtherLightTerm final : public FreeFormEffect {
   void OnPixelIrradiance(PixelIrradiance& light, const FrameSetup& frame,
                          Parameters p) const override {
     if (frame.sensor.channels() < 3 || !frame.shutter_open) return;
-    constexpr double kPlanckLight_j_m = 6.62607015e-34 * 299792458;
     const double ratio = frame.PupilDiameter() / frame.ImageDistance();
     const double per_radiance = std::numbers::pi / 4 * frame.lens.transmission * ratio * ratio *
                                 frame.sensor.quantum_efficiency[kRed].At(frame.laser.wavelength_m) *
-                                frame.laser.wavelength_m / kPlanckLight_j_m;
+                                frame.laser.wavelength_m / (kPlanck_j_s * kSpeedOfLight_m_per_s);
     for (const int channel : {kGreen, kBlue}) {
       const double radiance = p[channel == kGreen ? 4 : 5];
       if (radiance == 0) continue;

@@ -21,7 +21,7 @@ namespace sightline {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 // Of the variance that speckle and noise leave to a recording's amplitude, which the model's
 // approximations make uncertain.
 constexpr double kScatterError = 0.3;
@@ -429,15 +429,15 @@ RecordingScatter::Peak RecordingScatter::Search(const Linearisation& linear, con
       if (shaped) {
         const double z = shape_low + j * shape_step;
         shape = ParameterFromStandardised(description[1], z);
-        log_shape = std::log(shape_step / (kPi * (1 + z * z)));
+        log_shape = std::log(shape_step / (pi * (1 + z * z)));
       }
       for (int i = 0; i < strengths; ++i) {
         const double u = low + i * step, z = std::exp(u);
         std::vector<double> parameters = {std::min(strength.upper, strength.prior_scale * z)};
         if (shaped) parameters.push_back(shape);
         const double gain = Gain(linear, law, parameters);
-        points.push_back({std::move(parameters), gain,
-                          log_shape + std::log(step * z * 2 / (kPi * (1 + z * z)))});
+        points.push_back(
+            {std::move(parameters), gain, log_shape + std::log(step * z * 2 / (pi * (1 + z * z)))});
       }
     }
     return points;
@@ -526,8 +526,8 @@ RecordingScatter::Peak RecordingScatter::Search(const Linearisation& linear, con
     const double curvature = (2 * gain - gain_at(less) - gain_at(more)) / (kStep * kStep);
     const double slope = std::abs(parameters_at(more)[k] - parameters_at(less)[k]) / (2 * kStep);
     const double z = k == 0 ? std::exp(best[0]) : best[1];
-    laplace += std::log((k == 0 ? 2 * z : 1) / (kPi * (1 + z * z)) *
-                        std::sqrt(2 * kPi / std::max(1.0, curvature)));
+    laplace += std::log((k == 0 ? 2 * z : 1) / (pi * (1 + z * z)) *
+                        std::sqrt(2 * pi / std::max(1.0, curvature)));
     if (curvature > 1) {
       fine.standard_errors[k] = std::max(fine.standard_errors[k], slope / std::sqrt(curvature));
     }

@@ -12,11 +12,11 @@ namespace sightline {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 
 // Squared mean of a sinusoid of unit amplitude over an exposure, averaged over its phase.
 double ShiftVariance(double frequency_hz, double exposure_s) {
-  return 0.5 * std::pow(Sinc(kPi * frequency_hz * exposure_s), 2);
+  return 0.5 * std::pow(Sinc(pi * frequency_hz * exposure_s), 2);
 }
 
 // Mean square of the mean over an exposure of what wanders with unit variance.

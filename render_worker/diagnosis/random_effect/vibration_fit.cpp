@@ -10,7 +10,7 @@ namespace sightline {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 constexpr double kNoLaw = 1e-3;
 // Moments say nothing of a profile's skew, and are taken off a clipped and noisy one.
 constexpr double kShiftError_px = 0.05, kBlurError_px2 = 0.03, kBlurErrorRelative = 0.05;
@@ -23,7 +23,7 @@ struct Phases {
   std::array<double, kCount> sine, square;
   Phases() {
     for (int k = 0; k < kCount; ++k) {
-      sine[k] = std::sin(kPi * ((k + 0.5) / kCount - 0.5));
+      sine[k] = std::sin(pi * ((k + 0.5) / kCount - 0.5));
       square[k] = Square(sine[k]);
     }
   }
@@ -45,7 +45,7 @@ double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(x) / x; }
 
 double BlurByVibration(double amplitude_px, double frequency_hz, double exposure_time_s,
                        double mean_px) {
-  const double half_turn = kPi * frequency_hz * exposure_time_s;
+  const double half_turn = pi * frequency_hz * exposure_time_s;
   const double farthest = Square(amplitude_px * Sinc(half_turn));
   const double square = farthest > 0 ? std::min(1.0, mean_px * mean_px / farthest) : 0;
   return 0.5 * amplitude_px * amplitude_px * (1 - Sinc(2 * half_turn) * (1 - 2 * square)) -
@@ -56,7 +56,7 @@ double VibrationLogLikelihood(std::span<const RecordedMovement> movements, doubl
                               double frequency_hz) {
   static const Phases phases;
   const auto farthest_of = [&](const RecordedMovement& seen) {
-    return amplitude_px * std::abs(Sinc(kPi * frequency_hz * seen.exposure_time_s));
+    return amplitude_px * std::abs(Sinc(pi * frequency_hz * seen.exposure_time_s));
   };
   const auto shift_error_of = [](const RecordedMovement& seen) {
     return std::hypot(seen.shift_error_px, kShiftError_px);
@@ -71,7 +71,7 @@ double VibrationLogLikelihood(std::span<const RecordedMovement> movements, doubl
   place_px /= weights;
   double sum = 0;
   for (const RecordedMovement& seen : movements) {
-    const double half_turn = kPi * frequency_hz * seen.exposure_time_s;
+    const double half_turn = pi * frequency_hz * seen.exposure_time_s;
     const double farthest_px = farthest_of(seen);
     const double half_square = 0.5 * amplitude_px * amplitude_px;
     const double swing = Sinc(2 * half_turn);

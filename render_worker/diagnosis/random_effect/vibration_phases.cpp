@@ -15,9 +15,9 @@ namespace sightline {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 // Standard deviation of a phase that is uniform over the half turn in which its sine differs.
-const double kPhaseScale = kPi / std::sqrt(12.0);
+const double kPhaseScale = pi / std::sqrt(12.0);
 
 // The phases are those in the middle of the exposures: then amplitude and frequency change them
 // least, and a phase and half a turn minus it look the same.
@@ -30,7 +30,7 @@ class PhasedVibration final : public DescribedEffect {
     const double periods = p[1] * frame.exposure_time_s;
     optics.transfer.push_back(
         SinusoidalMotionTransfer(p[0] * frame.sensor.pixel_pitch_m, periods,
-                                 phases_rad_[frame.recording_index] - kPi * periods));
+                                 phases_rad_[frame.recording_index] - pi * periods));
   }
 
  private:
@@ -43,7 +43,7 @@ std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
                                 std::span<const RecordedMovement> movements) {
   constexpr int kPhases = 61;
   constexpr double kBlurErrorRelative = 0.1;  // moments of a clipped and noisy profile
-  const auto phase = [](int k) { return kPi * (k / (kPhases - 1.0) - 0.5); };
+  const auto phase = [](int k) { return pi * (k / (kPhases - 1.0) - 0.5); };
   const auto distance = [](double difference, double error) {
     return std::log1p(difference * difference / (2 * error * error));
   };
@@ -54,7 +54,7 @@ std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
     double sum = 0;
     std::vector<double> phases_rad;
     for (const RecordedMovement& seen : movements) {
-      const double farthest_px = amplitude_px * Sinc(kPi * frequency_hz * seen.exposure_time_s);
+      const double farthest_px = amplitude_px * Sinc(pi * frequency_hz * seen.exposure_time_s);
       const double blur_error =
           std::hypot(seen.blur_error_px2, kBlurErrorRelative * amplitude_px * amplitude_px);
       double nearest = 1e300, at = 0;
@@ -126,7 +126,7 @@ class Phases {
         if (moved[e] >= 0) least[moved[e]] += fit.residual[e].squaredNorm();
       }
       for (int k = 0; k < kPhases; ++k) {
-        const double phase_rad = kPi * ((k + 0.5) / kPhases - 0.5);
+        const double phase_rad = pi * ((k + 0.5) / kPhases - 0.5);
         std::vector<double> tried_rad = phases_rad;
         for (int i = 0; i < lit_.count(); ++i) {
           if (lit_.SlotOf(i) == slot) tried_rad[lit()[i]] = phase_rad;

@@ -11,7 +11,7 @@ namespace sightline {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 constexpr double kLowest_hz = 20, kHighest_hz = 300;  // of lamps on the mains, and beyond
 constexpr int kPeaks = 3;
 constexpr int kStepsOfTurn = 4;           // over the time between the first and the last recording
@@ -98,8 +98,8 @@ Flicker Refined(const OtherLight& light, const Eigen::VectorXd& of_all, const Fl
   for (int i = -kFiner; i <= kFiner; ++i) {
     const double frequency_hz = peak.frequency_hz + i * step_hz / kFiner;
     for (Eigen::Index r = 0; r < wave.size(); ++r) {
-      wave[r] = Sinc(kPi * frequency_hz * light.exposure_s[r]) *
-                std::cos(2 * kPi * frequency_hz * light.time_s[r]);
+      wave[r] = Sinc(pi * frequency_hz * light.exposure_s[r]) *
+                std::cos(2 * pi * frequency_hz * light.time_s[r]);
     }
     Flicker here = Fitted(light, of_all, wave);
     here.frequency_hz = frequency_hz;
@@ -128,9 +128,9 @@ std::vector<ActiveEffect> FlickerSeen(const SetModel& model, const FitResult& nu
     const double frequency_hz = kLowest_hz + step * step_hz;
     for (Eigen::Index i = 0; i < recordings; ++i) {
       if (step % kStepsTogether == 0) {
-        const double smoothing = Sinc(kPi * frequency_hz * light.exposure_s[i]);
-        phase[i] = smoothing * std::polar(1.0, 2 * kPi * frequency_hz * light.time_s[i]);
-        turn[i] = std::polar(1.0, 2 * kPi * step_hz * light.time_s[i]);
+        const double smoothing = Sinc(pi * frequency_hz * light.exposure_s[i]);
+        phase[i] = smoothing * std::polar(1.0, 2 * pi * frequency_hz * light.time_s[i]);
+        turn[i] = std::polar(1.0, 2 * pi * step_hz * light.time_s[i]);
       } else {
         phase[i] *= turn[i];
       }

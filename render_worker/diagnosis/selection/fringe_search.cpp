@@ -16,7 +16,7 @@ namespace sightline {
 
 namespace {
 
-constexpr double kPi = std::numbers::pi;
+using std::numbers::pi;
 constexpr int kPeaks = 4;
 constexpr int kOversampling = 2;         // of the periodogram
 constexpr int kFrequenciesAcross = 256;  // of a turn a row, both directions
@@ -68,7 +68,7 @@ bool IsDark(const double* values, int columns_px) {
   return std::all_of(values, values + columns_px, [](double x) { return x == 0; });
 }
 
-std::complex<double> Wave(double turns) { return std::polar(1.0, 2 * kPi * turns); }
+std::complex<double> Wave(double turns) { return std::polar(1.0, 2 * pi * turns); }
 
 // Phase [turns] of the fringes that the effect draws for a camera, at the principal point.
 double DrawnPhase(ActiveEffect fringes, const FrameSetup& frame) {
@@ -81,7 +81,7 @@ double DrawnPhase(ActiveEffect fringes, const FrameSetup& frame) {
     fringes.effect->OnPixelIrradiance(light, frame, fringes.parameters);
     return (light.laser_irradiance_w_m2.At(0, 0) - 1) / 0.5;
   };
-  return std::atan2(-cosine(90), cosine(0)) / (2 * kPi);
+  return std::atan2(-cosine(90), cosine(0)) / (2 * pi);
 }
 
 // Turns a pixel of a wave along a row and from row to row, and its amplitude.
@@ -169,10 +169,10 @@ std::vector<ActiveEffect> FringesSeen(const RecordedSet& set) {
         power.At(row, c) = 0;
       }
     }
-    const double turns = std::arg(peak.amplitude) / (2 * kPi) - drawn_turns;
+    const double turns = std::arg(peak.amplitude) / (2 * pi) - drawn_turns;
     fringes.parameters = {
         2 * std::abs(peak.amplitude) / information, 1 / std::hypot(peak.along_u, peak.along_v),
-        std::atan2(peak.along_v, peak.along_u) * 180 / kPi, 360 * (turns - std::round(turns))};
+        std::atan2(peak.along_v, peak.along_u) * 180 / pi, 360 * (turns - std::round(turns))};
     for (size_t p = 0; p < bounds.size(); ++p) {
       fringes.parameters[p] = std::clamp(fringes.parameters[p], bounds[p].lower, bounds[p].upper);
     }

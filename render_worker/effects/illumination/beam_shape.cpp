@@ -1,5 +1,6 @@
 // Profile across the line that is not Gaussian: exp(-2 |x/w|^n) of the same power.
 #include <cmath>
+#include <numbers>
 
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"
@@ -25,7 +26,7 @@ class BeamShapeEffect final : public DescribedEffect {
                           std::cos(frame.plate.incidence_angle_rad);
     const double centre = frame.plate.line_offset_m;
     // Integral of exp(-2 |t|^n) is 2^(1 - 1/n) Gamma(1 + 1/n).
-    const double power = std::sqrt(std::acos(-1.0) / 2) /
+    const double power = std::sqrt(std::numbers::pi / 2) /
                          (std::exp2(1 - 1 / exponent) * std::tgamma(1 + 1 / exponent));
     // The Gaussian is looked up where it has the wanted value, (x'/w)^2 = |x/w|^n.
     scene.laser_irradiance_w_m2 = [=, before = std::move(scene.laser_irradiance_w_m2)](double x_m,

@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <numbers>
 #include <vector>
 
 #include "render_worker/effects/described_effect.h"
@@ -20,7 +21,7 @@ namespace {
 std::vector<double> DiscAndBox(double disc_m, double box_m, double step_m) {
   const auto below = [&](double s) {  // share of the disc left of s
     const double t = std::clamp(s / disc_m, -1.0, 1.0);
-    return 0.5 + (t * std::sqrt(1 - t * t) + std::asin(t)) / std::acos(-1.0);
+    return 0.5 + (t * std::sqrt(1 - t * t) + std::asin(t)) / std::numbers::pi;
   };
   const auto reach = static_cast<size_t>((disc_m + 0.5 * box_m) / step_m) + 2;
   std::vector<double> weights(reach);

@@ -2,6 +2,7 @@
 // camera is nearer to camera and laser, and the sheet, which comes from the side of positive s,
 // meets it h tan(theta) farther on that side: that is what triangulation measures.
 #include <cmath>
+#include <numbers>
 
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"
@@ -48,7 +49,7 @@ class TiltedPlateEffect final : public DescribedEffect {
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     if (p[0] == 0) return;  // a plate without height is flat
-    const double slope = std::tan(p[0] * 3.14159265358979323846 / 180);
+    const double slope = std::tan(p[0] * std::numbers::pi / 180);
     RaisePlate(scene, frame, [slope](double x_m, double) { return slope * x_m; });
   }
 };

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <numbers>
+
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 
@@ -41,7 +43,7 @@ TEST(UncertaintyModel, TablesAreInterpolatedBetweenTheirEnds) {
       "exposure_times_s": [0.002, 0.004],
       "standard_deviations_px": [0.1, 0.2, 0.3, 0.4, 0.3, 0.4, 0.5, 0.6]}}})");
   ASSERT_TRUE(model.ok()) << model.status();
-  const double degree = 3.14159265358979 / 180;
+  const double degree = std::numbers::pi / 180;
   EXPECT_NEAR(model->detection.At(0.1, 0), 0.2, 1e-12);  // halfway between the exposures
   EXPECT_NEAR(model->detection.At(0.2, 30 * degree), 0.35, 1e-12);
   EXPECT_NEAR(model->detection.At(0.01, -1), 0.2, 1e-12);
@@ -59,7 +61,7 @@ TEST(UncertaintyModel, CalibrationByDeviationsOrByCovariance) {
   EXPECT_DOUBLE_EQ(model->calibration(kCameraY, kCameraY), 0.25e-6);
   EXPECT_DOUBLE_EQ(model->calibration(kFocalLengthError, kFocalLengthError), 4);
   // The thesis's cone of this half angle as two tilts.
-  const double angle = 0.01 * 3.14159265358979 / 180;
+  const double angle = 0.01 * std::numbers::pi / 180;
   EXPECT_NEAR(model->calibration(kSheetTiltX, kSheetTiltX), 0.5 * angle * angle, 1e-15);
   EXPECT_EQ(model->calibration(kImageX, kImageX), 0);
   const auto again = ParseUncertainty(UncertaintyToProto(*model), "again");

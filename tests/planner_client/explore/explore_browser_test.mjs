@@ -126,7 +126,7 @@ test('a slider changes gain, view and picture', async () => {
   await exact();
   await page.getByRole('heading', {name: 'stepped block'}).waitFor();
   await picture();
-  const before = {gain: await gain(), picture: await page.locator('#picture').getAttribute('src')};
+  const first = {gain: await gain(), picture: await page.locator('#picture').getAttribute('src')};
   const slider = page.getByLabel('Part offset y, slider');
   const pictured = page.waitForResponse((response) => response.url().endsWith('api/picture'));
   await untilExact('slider by mouse', async () => {
@@ -134,11 +134,11 @@ test('a slider changes gain, view and picture', async () => {
     await page.mouse.click(box.x + 0.56 * box.width, box.y + box.height / 2);
   });
   assert.notEqual(await page.getByLabel('Part offset y', {exact: true}).inputValue(), '0');
-  assert.notEqual(await gain(), before.gain);
+  assert.notEqual(await gain(), first.gain);
   assert.equal((await pictured).status(), 200);
   await picture();
   console.log(`picture after ${await page.locator('#picture-box').getAttribute('data-milliseconds')} ms`);
-  assert.notEqual(await page.locator('#picture').getAttribute('src'), before.picture);
+  assert.notEqual(await page.locator('#picture').getAttribute('src'), first.picture);
   assert.match(await page.locator('#picture-note').textContent(), /Draft: .*pixels joined/);
   await slider.focus();
   await untilExact('slider by key', () => page.keyboard.press('ArrowLeft'));

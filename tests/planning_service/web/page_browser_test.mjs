@@ -123,9 +123,9 @@ test('a part is uploaded, planned and reported', async () => {
     // Streams that begin at the first event were cut after two; the last one asked for what came
     // after those that the page had read.
     const requests = mock.eventRequests.filter(({job}) => job === mock.jobs[0].shown.job_id);
-    const after = requests.map(({after: id}) => id);
-    assert.deepEqual(after.slice(0, -1), after.slice(0, -1).fill(0));
-    assert.ok(after.length >= 2 && [1, 2].includes(after.at(-1)), `asked for events after ${after}`);
+    const ids = requests.map(({after: id}) => id);
+    assert.deepEqual(ids.slice(0, -1), ids.slice(0, -1).fill(0));
+    assert.ok(ids.length >= 2 && [1, 2].includes(ids.at(-1)), `asked for events after ${ids}`);
   }
   const opened = context.waitForEvent('page');
   await page.getByRole('link', {name: 'Open the report'}).click();

@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <numbers>
 
 #include "tests/render_worker/effects/test_frame.h"
 
@@ -68,7 +69,7 @@ TEST(FrameEffects, FactorsAndShifts) {
       0.45);
   EXPECT_DOUBLE_EQ(After("geometry.incidence_angle_error", {{"incidence_shift_deg", 3}})
                        .plate.incidence_angle_rad,
-                   frame.plate.incidence_angle_rad + 3 * std::acos(-1.0) / 180);
+                   frame.plate.incidence_angle_rad + 3 * std::numbers::pi / 180);
   EXPECT_DOUBLE_EQ(After("geometry.camera_distance_error", {{"camera_distance_shift_m", 0.01}})
                        .plate.camera_distance_m,
                    0.353);

@@ -14,6 +14,7 @@
 #include <XCAFDoc_GeomTolerance.hxx>
 #include <XCAFDoc_ShapeTool.hxx>
 #include <cmath>
+#include <numbers>
 #include <optional>
 
 namespace sightline {
@@ -133,7 +134,7 @@ std::string Number(double value) {
 }
 
 double WidthMm(const Tolerance& tolerance) {
-  return IsAngular(tolerance.kind) ? tolerance.zone_width_rad * 180 / M_PI
+  return IsAngular(tolerance.kind) ? tolerance.zone_width_rad * 180 / std::numbers::pi
                                    : tolerance.zone_width_m * 1e3;
 }
 
