@@ -172,7 +172,7 @@ absl::StatusOr<std::string> KeepUnsaved(const ExploreSession& session, const std
 int RunExplore(ExploreOptions& options) {
   const std::atomic<bool>& interrupted = InterruptFlag();
   // Errors in the inspection, the plan and the address are found before the scene is built.
-  const auto inspection = ReadInspection(options.session.inspection_file);
+  const auto inspection = ReadInspection(options.session.inspection_file, NamedFiles::kMustExist);
   if (!inspection.ok()) return ReportError(inspection.status());
   auto scans = ReadFirstScans(options.plan);
   if (!scans.ok()) return ReportError(scans.status());
