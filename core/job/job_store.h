@@ -21,6 +21,7 @@ struct JobRecord {
   JobState state = JobState::kQueued;
   double progress = 0;  // [0, 1]
   std::string message;
+  // Of a cancelled job: what it had found by then, if that is worth having; mostly empty.
   std::string result_key;
   absl::Status error;
   int64_t revision = 0;  // grows with every change
@@ -37,7 +38,7 @@ class JobContext {
   virtual const std::atomic<bool>& cancelled() const = 0;
 };
 
-// Returns the result key.
+// Returns the result key. Work that is cancelled may return that of what it has so far.
 using JobWork = std::function<absl::StatusOr<std::string>(JobContext&)>;
 
 class JobStore {

@@ -11,7 +11,8 @@ namespace sightline {
 
 // `images`: one for every recording, `file` as it stands there; `assets`: of parts, the files of
 // the inspection. Uploads what the worker does not know and waits for the job. UNAVAILABLE: the
-// worker ended; the message says how. CANCELLED: interrupted. Other errors are the worker's.
+// worker ended; the message says how. CANCELLED: interrupted; with `on_waiting_for_rest` a diagnosis
+// whose verdict is "interrupted", if the worker had something by then. Other errors are the worker's.
 // `request` has everything else but the request_id.
 absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(const WorkerClientOptions& options,
                                                  v1::CreateDiagnosisRequest request,
