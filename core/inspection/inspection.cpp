@@ -12,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "core/inspection/field_checks.h"
 #include "core/inspection/imaging.h"
+#include "core/inspection/read_with_files.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
@@ -665,12 +666,17 @@ absl::Status CheckMeshFilesExist(const v1::Inspection& message, const std::strin
 
 }  // namespace
 
-absl::StatusOr<Inspection> ReadInspection(const std::string& path, NamedFiles files) {
+absl::StatusOr<Inspection> ReadInspection(const std::string& path) {
+  v1::Inspection message;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(path, &message));
+  return ParseInspection(message, path, std::filesystem::path(path).parent_path().string());
+}
+
+absl::StatusOr<Inspection> ReadInspectionWithFiles(const std::string& path) {
   v1::Inspection message;
   SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(path, &message));
   const std::filesystem::path folder = std::filesystem::path(path).parent_path();
   absl::StatusOr<Inspection> inspection = ParseInspection(message, path, folder.string());
-  if (files == NamedFiles::kNotLookedFor) return inspection;
   ErrorList errors;
   errors.Add(inspection.status());
   errors.Add(CheckMeshFilesExist(message, path, folder));

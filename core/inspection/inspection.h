@@ -157,14 +157,10 @@ struct Inspection {
   std::optional<OpticsPlanning> optics;
 };
 
-enum class NamedFiles { kNotLookedFor, kMustExist };
-
 // Reads and validates an inspection file. INVALID_ARGUMENT names file, field path, value and
-// allowed range; unknown fields are errors that name the nearest known one. One error a line, all
-// that is wrong up to the number that ErrorList takes. NOT_FOUND: no such file; with kMustExist
-// also for files of part, obstacles and tolerances that are not there.
-absl::StatusOr<Inspection> ReadInspection(const std::string& path,
-                                          NamedFiles files = NamedFiles::kNotLookedFor);
+// allowed range; unknown fields are errors that name the nearest known one. NOT_FOUND: no such
+// file.
+absl::StatusOr<Inspection> ReadInspection(const std::string& path);
 
 // The same inspection without camera and material files: their contents are in the message, all
 // other file names resolved against `base_folder` (those in a material file: against its folder).
@@ -175,8 +171,8 @@ absl::StatusOr<v1::Inspection> InlineInspectionFiles(const v1::Inspection& messa
 // File names inside a material: tables and height field. Those that are empty are left out.
 std::vector<std::string*> MutableMaterialFiles(v1::Material* material);
 
-// Validates a message; `context` (e.g. the file name) starts every error message, one a line. File
-// paths are resolved against `base_folder`.
+// Validates a message; `context` (e.g. the file name) starts every error message. File paths are
+// resolved against `base_folder`.
 absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& message,
                                            const std::string& context,
                                            const std::string& base_folder);

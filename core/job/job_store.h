@@ -21,8 +21,7 @@ struct JobRecord {
   JobState state = JobState::kQueued;
   double progress = 0;  // [0, 1]
   std::string message;
-  // Of a cancelled job: what it had found by then, if that is worth having; mostly empty.
-  std::string result_key;
+  std::string result_key;  // of a cancelled job, if any: of what it had by then
   absl::Status error;
   int64_t revision = 0;  // grows with every change
 
@@ -38,7 +37,7 @@ class JobContext {
   virtual const std::atomic<bool>& cancelled() const = 0;
 };
 
-// Returns the result key. Work that is cancelled may return that of what it has so far.
+// Returns the result key; if cancelled, CANCELLED or that of what it has so far.
 using JobWork = std::function<absl::StatusOr<std::string>(JobContext&)>;
 
 class JobStore {

@@ -9,8 +9,6 @@ namespace sightline {
 
 using Command = std::function<int()>;
 
-Command AddNewCommand(CLI::App& app);
-Command AddEffectsCommand(CLI::App& app);
 Command AddPlanCommand(CLI::App& app);
 Command AddEvaluateCommand(CLI::App& app);
 Command AddCompareCommand(CLI::App& app);

@@ -14,6 +14,7 @@
 #include "planner_client/commands/help/wrong_arguments.h"
 #include "planner_client/commands/parent_watch.h"
 #include "planner_client/commands/progress_line.h"
+#include "planner_client/commands/start/start_commands.h"
 
 namespace {
 

@@ -103,11 +103,7 @@ std::jthread WorkerCall::CancelWhenInterrupted(const std::string& job_id,
     while (!stop.stop_requested()) {
       if (Interrupted()) {
         Cancel(job_id);
-        if (options_.on_waiting_for_rest) {
-          options_.on_waiting_for_rest();
-        } else {
-          context->TryCancel();
-        }
+        context->TryCancel();
         return;
       }
       absl::SleepFor(absl::Milliseconds(20));

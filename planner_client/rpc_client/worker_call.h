@@ -28,9 +28,6 @@ struct WorkerClientOptions : ServerAccess {
   std::function<void(double progress, const std::string& message)> on_progress;
   // Cancels the job when it becomes true. May be null.
   const std::atomic<bool>* interrupted = nullptr;
-  // Set: a job that is cancelled by an interrupt is waited for, since it may leave what it has so
-  // far; called once, from another thread, when the waiting begins.
-  std::function<void()> on_waiting_for_rest;
 };
 
 // A file that goes with a request.

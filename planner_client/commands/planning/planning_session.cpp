@@ -6,6 +6,7 @@
 #include <filesystem>
 
 #include "absl/strings/str_cat.h"
+#include "core/inspection/read_with_files.h"
 #include "planner_client/commands/interrupt.h"
 #include "planner_client/commands/progress_line.h"
 #include "planner_client/optimise/random.h"
@@ -77,7 +78,7 @@ absl::Status MakeOracle(PlanningSession& session) {
 absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   PlanningSession session;
-  auto inspection = ReadInspection(options.inspection_file, NamedFiles::kMustExist);
+  auto inspection = ReadInspectionWithFiles(options.inspection_file);
   if (!inspection.ok()) return inspection.status();
   session.inspection = std::move(*inspection);
   if (options.line_detection && session.inspection.uncertainty) {

@@ -312,12 +312,14 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   auto worker = StartWorkerSession(options.worker, &progress, &client);
   if (!worker.ok()) return worker.status();
   progress.ShowTimeLeft();
-  client.on_waiting_for_rest = [] {
+  const auto on_waiting_for_rest = [&progress] {
+    progress.Finish();
     std::fprintf(stderr,
-                 "\ninterrupted: what is known is written once the fit at hand has ended; Ctrl-C "
+                 "interrupted: what is known is written once the fit at hand has ended; Ctrl-C "
                  "again ends at once\n");
   };
-  auto diagnosis = DiagnoseRecordings(client, std::move(request), set->images, assets);
+  auto diagnosis =
+      DiagnoseRecordings(client, std::move(request), set->images, assets, on_waiting_for_rest);
   progress.Finish();
   if (!diagnosis.ok()) return AboutInput(diagnosis.status(), set->description_file);
 
