@@ -6,6 +6,7 @@
 #include <set>
 
 #include "core/inspection/field_checks.h"
+#include "core/json/error_list.h"
 #include "core/json/strict_json.h"
 
 namespace sightline {
@@ -155,53 +156,75 @@ std::vector<std::string*> MutableMaterialFiles(v1::Material* material) {
   return files;
 }
 
+namespace {
+
+// A material file's contents in place of its name. A file that cannot be read is left out.
+absl::Status InlineMaterial(const Checker& check, const std::string& path,
+                            const std::string& base_folder, v1::MaterialAssignment* assignment) {
+  if (assignment->file().empty()) {
+    if (!assignment->has_material()) return check.Error(path, "has neither file nor material");
+    ResolveMaterialFiles(base_folder, assignment->mutable_material());
+    return absl::OkStatus();
+  }
+  if (assignment->has_material()) {
+    return check.Error(path + ".material",
+                       absl::StrCat("cannot be given together with ", path, ".file"));
+  }
+  const std::string file = Resolve(base_folder, assignment->file());
+  assignment->clear_file();
+  v1::Material* material = assignment->mutable_material();
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(file, material));
+  ResolveMaterialFiles(std::filesystem::path(file).parent_path().string(), material);
+  if (material->name().empty()) {
+    material->set_name(std::filesystem::path(file).filename().string());
+  }
+  return absl::OkStatus();
+}
+
+absl::Status InlineSensor(const Checker& check, const std::string& base_folder,
+                          v1::Camera* camera) {
+  if (camera->sensor_file().empty()) return absl::OkStatus();
+  const std::string file = Resolve(base_folder, camera->sensor_file());
+  camera->clear_sensor_file();
+  if (camera->has_sensor()) {
+    return check.Error("camera.sensor", "cannot be given together with camera.sensor_file");
+  }
+  v1::Sensor sensor;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(file, &sensor));
+  // Here the message names the camera file.
+  SIGHTLINE_RETURN_IF_ERROR(ParseSensor(sensor, file).status());
+  *camera->mutable_sensor() = std::move(sensor);
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+absl::Status InlineFiles(const v1::Inspection& message, const std::string& context,
+                         const std::string& base_folder, v1::Inspection* result) {
+  const Checker check(context);
+  ErrorList errors;
+  *result = message;
+  errors.Add(InlineSensor(check, base_folder, result->mutable_camera()));
+  if (!message.has_camera()) result->clear_camera();
+  result->mutable_part()->set_file(Resolve(base_folder, message.part().file()));
+  if (message.has_tolerances()) {
+    result->mutable_tolerances()->set_file(Resolve(base_folder, message.tolerances().file()));
+  }
+  for (v1::Obstacle& obstacle : *result->mutable_obstacles()) {
+    obstacle.set_file(Resolve(base_folder, obstacle.file()));
+  }
+  for (int i = 0; i < result->materials_size() && !errors.full(); ++i) {
+    errors.Add(InlineMaterial(check, absl::StrCat("materials[", i, "]"), base_folder,
+                              result->mutable_materials(i)));
+  }
+  return errors.Status();
+}
+
 absl::StatusOr<v1::Inspection> InlineInspectionFiles(const v1::Inspection& message,
                                                      const std::string& context,
                                                      const std::string& base_folder) {
-  const Checker check(context);
-  v1::Inspection result = message;
-  v1::Camera* camera = result.mutable_camera();
-  if (!camera->sensor_file().empty()) {
-    if (camera->has_sensor()) {
-      return check.Error("camera.sensor", "cannot be given together with camera.sensor_file");
-    }
-    const std::string file = Resolve(base_folder, camera->sensor_file());
-    SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(file, camera->mutable_sensor()));
-    // Here the message names the camera file.
-    SIGHTLINE_RETURN_IF_ERROR(ParseSensor(camera->sensor(), file).status());
-    camera->clear_sensor_file();
-  }
-  if (!message.has_camera()) result.clear_camera();
-  result.mutable_part()->set_file(Resolve(base_folder, message.part().file()));
-  if (message.has_tolerances()) {
-    result.mutable_tolerances()->set_file(Resolve(base_folder, message.tolerances().file()));
-  }
-  for (v1::Obstacle& obstacle : *result.mutable_obstacles()) {
-    obstacle.set_file(Resolve(base_folder, obstacle.file()));
-  }
-  for (int i = 0; i < result.materials_size(); ++i) {
-    v1::MaterialAssignment* assignment = result.mutable_materials(i);
-    const std::string path = absl::StrCat("materials[", i, "]");
-    if (assignment->file().empty()) {
-      if (!assignment->has_material()) {
-        return check.Error(path, "has neither file nor material");
-      }
-      ResolveMaterialFiles(base_folder, assignment->mutable_material());
-      continue;
-    }
-    if (assignment->has_material()) {
-      return check.Error(path + ".material",
-                         absl::StrCat("cannot be given together with ", path, ".file"));
-    }
-    const std::string file = Resolve(base_folder, assignment->file());
-    v1::Material* material = assignment->mutable_material();
-    SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(file, material));
-    ResolveMaterialFiles(std::filesystem::path(file).parent_path().string(), material);
-    if (material->name().empty()) {
-      material->set_name(std::filesystem::path(file).filename().string());
-    }
-    assignment->clear_file();
-  }
+  v1::Inspection result;
+  SIGHTLINE_RETURN_IF_ERROR(InlineFiles(message, context, base_folder, &result));
   return result;
 }
 
@@ -238,8 +261,12 @@ absl::StatusOr<Lens> ParseLensRange(const v1::Lens& message, const Checker& chec
 
 absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& context) {
   const Checker check(context);
-  if (!message.has_focal_length_m()) return check.Error("lens.focal_length_m", "is missing");
-  if (!message.has_f_number()) return check.Error("lens.f_number", "is missing");
+  ErrorList missing;
+  if (!message.has_focal_length_m()) {
+    missing.Add(check.Error("lens.focal_length_m", "is missing"));
+  }
+  if (!message.has_f_number()) missing.Add(check.Error("lens.f_number", "is missing"));
+  if (!missing.empty()) return missing.Status();
   Lens lens;
   lens.focal_length_m = message.focal_length_m();
   SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.focal_length_m", lens.focal_length_m, kFocalLength));

@@ -12,6 +12,8 @@
 #include "absl/strings/str_join.h"
 #include "core/inspection/field_checks.h"
 #include "core/inspection/imaging.h"
+#include "core/inspection/read_with_files.h"
+#include "core/json/error_list.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 
@@ -198,6 +200,7 @@ absl::StatusOr<MeasurementDomain> ParseMeasurementDomain(const v1::MeasurementDo
   const auto& table = Table21();
   const auto* descriptor = v1::MeasurementDomain::descriptor();
   const auto* reflection = message.GetReflection();
+  ErrorList errors;
   for (int i = 0; i < kMeasurementParameters; ++i) {
     const auto* field = descriptor->FindFieldByName(table[i].name);
     if (!reflection->HasField(message, field)) continue;
@@ -205,28 +208,26 @@ absl::StatusOr<MeasurementDomain> ParseMeasurementDomain(const v1::MeasurementDo
         static_cast<const v1::ParameterDomain&>(reflection->GetMessage(message, field));
     absl::StatusOr<ParameterDomain> parsed =
         ParseParameterDomain(user, table[i], absl::StrCat("measurement.", table[i].name), check);
-    if (!parsed.ok()) return parsed.status();
-    domain.parameters[i] = *std::move(parsed);
+    if (errors.Add(parsed.status())) domain.parameters[i] = *std::move(parsed);
   }
   if (message.resting_orientations_size() > 0) {
     for (const auto& [given, name] : {std::pair(message.has_part_alpha_deg(), "part_alpha_deg"),
                                       std::pair(message.has_part_beta_deg(), "part_beta_deg")}) {
       if (given) {
-        return check.Error(absl::StrCat("measurement.", name),
-                           "cannot be given together with measurement.resting_orientations");
+        errors.Add(check.Error(absl::StrCat("measurement.", name),
+                               "cannot be given together with measurement.resting_orientations"));
       }
     }
   }
   for (int i = 0; i < message.resting_orientations_size(); ++i) {
     const v1::RestingOrientation& o = message.resting_orientations(i);
     const std::string path = absl::StrCat("measurement.resting_orientations[", i, "]");
-    SIGHTLINE_RETURN_IF_ERROR(
-        CheckParameterValue(check, path + ".part_alpha_deg", o.part_alpha_deg(), table[4]));
-    SIGHTLINE_RETURN_IF_ERROR(
-        CheckParameterValue(check, path + ".part_beta_deg", o.part_beta_deg(), table[5]));
+    errors.Add(CheckParameterValue(check, path + ".part_alpha_deg", o.part_alpha_deg(), table[4]));
+    errors.Add(CheckParameterValue(check, path + ".part_beta_deg", o.part_beta_deg(), table[5]));
     domain.resting_orientations.push_back(
         {Radians(o.part_alpha_deg()), Radians(o.part_beta_deg())});
   }
+  if (!errors.empty()) return errors.Status();
   return domain;
 }
 
@@ -258,67 +259,65 @@ absl::StatusOr<GainWeights> ParseGainWeights(const v1::GainWeights& message, con
 
 absl::StatusOr<PlanningGoal> ParseGoal(const v1::PlanningGoal& message, const Checker& check) {
   PlanningGoal goal;
+  ErrorList errors;
   if (message.has_admissible()) {
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("goal.admissible", message.admissible(), {0, 1, "", true}));
+    errors.Add(check.Range("goal.admissible", message.admissible(), {0, 1, "", true}));
     if (message.has_coverage()) {
-      return check.Error("goal.coverage",
-                         "cannot be given together with goal.admissible: give coverage a weight "
-                         "in goal.gain instead");
+      errors.Add(check.Error("goal.coverage",
+                             "cannot be given together with goal.admissible: give coverage a "
+                             "weight in goal.gain instead"));
     }
     goal.admissible = message.admissible();
     goal.coverage = 0;
   }
   if (message.has_coverage()) goal.coverage = message.coverage();
   if (!goal.admissible) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("goal.coverage", goal.coverage, {0, 1, "", true}));
+    errors.Add(check.Range("goal.coverage", goal.coverage, {0, 1, "", true}));
   }
   if (message.has_gain()) {
-    if (!goal.admissible) return check.Error("goal.gain", "needs goal.admissible");
+    if (!goal.admissible) errors.Add(check.Error("goal.gain", "needs goal.admissible"));
     absl::StatusOr<GainWeights> gain = ParseGainWeights(message.gain(), check);
-    if (!gain.ok()) return gain.status();
-    goal.gain = *gain;
+    if (errors.Add(gain.status())) goal.gain = *gain;
   }
   if (message.has_max_scans()) goal.max_scans = message.max_scans();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("goal.max_scans", goal.max_scans, {1, 1000, ""}));
+  errors.Add(check.Range("goal.max_scans", goal.max_scans, {1, 1000, ""}));
   if (message.has_max_time_s()) {
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("goal.max_time_s", message.max_time_s(), {0, kLargest, " s", true}));
+    errors.Add(check.Range("goal.max_time_s", message.max_time_s(), {0, kLargest, " s", true}));
     goal.max_time_s = message.max_time_s();
   }
   if (message.has_min_gain()) goal.min_gain = message.min_gain();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("goal.min_gain", goal.min_gain, {0, 1, "", false, true}));
+  errors.Add(check.Range("goal.min_gain", goal.min_gain, {0, 1, "", false, true}));
+  if (!errors.empty()) return errors.Status();
   return goal;
 }
 
 absl::StatusOr<CostModel> ParseCosts(const v1::CostModel& message, const Checker& check) {
   CostModel costs;
+  ErrorList errors;
   if (message.has_stage_speed_m_per_s()) {
     costs.stage_speed_m_per_s = message.stage_speed_m_per_s();
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("costs.stage_speed_m_per_s", *costs.stage_speed_m_per_s,
-                                          {0, 100, " m/s", true}));
+    errors.Add(check.Range("costs.stage_speed_m_per_s", *costs.stage_speed_m_per_s,
+                           {0, 100, " m/s", true}));
   }
   if (message.has_frame_rate_hz()) {
     costs.frame_rate_hz = message.frame_rate_hz();
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("costs.frame_rate_hz", *costs.frame_rate_hz, {0, 1e6, " Hz", true}));
+    errors.Add(check.Range("costs.frame_rate_hz", *costs.frame_rate_hz, {0, 1e6, " Hz", true}));
   }
   if (message.has_reposition_time_s()) {
     costs.reposition_time_s = message.reposition_time_s();
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("costs.reposition_time_s", *costs.reposition_time_s, {0, 1e6, " s"}));
+    errors.Add(check.Range("costs.reposition_time_s", *costs.reposition_time_s, {0, 1e6, " s"}));
   }
   if (message.has_reposition_speed_deg_per_s()) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("costs.reposition_speed_deg_per_s",
-                                          message.reposition_speed_deg_per_s(),
-                                          {0, 1e6, " deg/s", true}));
+    errors.Add(check.Range("costs.reposition_speed_deg_per_s", message.reposition_speed_deg_per_s(),
+                           {0, 1e6, " deg/s", true}));
     costs.reposition_speed_rad_per_s = Radians(message.reposition_speed_deg_per_s());
   }
   if (message.has_reposition_speed_m_per_s()) {
     costs.reposition_speed_m_per_s = message.reposition_speed_m_per_s();
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("costs.reposition_speed_m_per_s",
-                                          *costs.reposition_speed_m_per_s, {0, 100, " m/s", true}));
+    errors.Add(check.Range("costs.reposition_speed_m_per_s", *costs.reposition_speed_m_per_s,
+                           {0, 100, " m/s", true}));
   }
+  if (!errors.empty()) return errors.Status();
   return costs;
 }
 
@@ -355,41 +354,71 @@ absl::StatusOr<Rig> ParseRig(const v1::Rig& message, const v1::Camera& camera, c
                              const v1::Laser& laser, const std::string& context) {
   const Checker check(context);
   Rig rig;
+  ErrorList errors;
   if (lens != nullptr) {
     absl::StatusOr<Lens> parsed = ParseLens(*lens, context);
-    if (!parsed.ok()) return parsed.status();
-    rig.lens = *std::move(parsed);
+    if (errors.Add(parsed.status())) rig.lens = *std::move(parsed);
   }
   absl::StatusOr<Camera> parsed_camera = ParseCamera(camera, rig.lens, context);
-  if (!parsed_camera.ok()) return parsed_camera.status();
-  rig.camera = *parsed_camera;
+  if (errors.Add(parsed_camera.status())) rig.camera = *parsed_camera;
   absl::StatusOr<Laser> parsed_laser = ParseLaser(laser, context);
-  if (!parsed_laser.ok()) return parsed_laser.status();
-  rig.laser = *parsed_laser;
+  if (errors.Add(parsed_laser.status())) rig.laser = *parsed_laser;
   if (message.has_scan_step_m()) rig.scan_step_m = message.scan_step_m();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("rig.scan_step_m", rig.scan_step_m, kScanStep));
+  errors.Add(check.Range("rig.scan_step_m", rig.scan_step_m, kScanStep));
   if (message.has_stage_travel_m()) rig.stage_travel_m = message.stage_travel_m();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("rig.stage_travel_m", rig.stage_travel_m, kStageTravel));
+  errors.Add(check.Range("rig.stage_travel_m", rig.stage_travel_m, kStageTravel));
   if (message.has_max_range_m()) rig.max_range_m = message.max_range_m();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("rig.max_range_m", rig.max_range_m, kMaxRange));
-  SIGHTLINE_RETURN_IF_ERROR(
-      ParseBodies(message.camera_bodies(), "rig.camera_bodies", check, &rig.camera_bodies));
-  SIGHTLINE_RETURN_IF_ERROR(
-      ParseBodies(message.laser_bodies(), "rig.laser_bodies", check, &rig.laser_bodies));
+  errors.Add(check.Range("rig.max_range_m", rig.max_range_m, kMaxRange));
+  errors.Add(ParseBodies(message.camera_bodies(), "rig.camera_bodies", check, &rig.camera_bodies));
+  errors.Add(ParseBodies(message.laser_bodies(), "rig.laser_bodies", check, &rig.laser_bodies));
+  if (!errors.empty()) return errors.Status();
   return rig;
 }
+
+namespace {
+
+absl::StatusOr<TargetRegion> ParseTargetRegion(const v1::TargetRegion& region,
+                                               const std::string& path, const Checker& check) {
+  ErrorList errors;
+  for (const auto& [given, name] :
+       {std::pair(!region.name().empty(), ".name"), std::pair(region.has_min_m(), ".min_m"),
+        std::pair(region.has_max_m(), ".max_m"), std::pair(region.has_spacing_m(), ".spacing_m")}) {
+    if (!given) errors.Add(check.Error(path + name, "is missing"));
+  }
+  if (!errors.empty()) return errors.Status();
+  errors.Add(CheckVector(check, path + ".min_m", region.min_m(), kPosition));
+  errors.Add(CheckVector(check, path + ".max_m", region.max_m(), kPosition));
+  const Eigen::Vector3d min = ToVector(region.min_m()), max = ToVector(region.max_m());
+  for (int axis = 0; axis < 3; ++axis) {
+    if (min[axis] < max[axis]) continue;
+    const std::string letter(1, "xyz"[axis]);
+    errors.Add(check.Error(absl::StrCat(path, ".max_m.", letter),
+                           absl::StrCat("is ", NumberText(max[axis]), ", must be above min_m.",
+                                        letter, " = ", NumberText(min[axis]))));
+  }
+  errors.Add(check.Range(path + ".spacing_m", region.spacing_m(), kSpacing));
+  TargetRegion parsed{region.name(), min, max, region.spacing_m()};
+  if (region.has_resolution_m()) {
+    errors.Add(check.Range(path + ".resolution_m", region.resolution_m(), kResolution));
+    parsed.resolution_m = region.resolution_m();
+  }
+  if (!errors.empty()) return errors.Status();
+  return parsed;
+}
+
+}  // namespace
 
 absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& message,
                                                    const std::string& context) {
   const Checker check(context);
   TargetSampling sampling;
+  ErrorList errors;
   if (message.has_spacing_m()) sampling.spacing_m = message.spacing_m();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("targets.spacing_m", sampling.spacing_m, kSpacing));
+  errors.Add(check.Range("targets.spacing_m", sampling.spacing_m, kSpacing));
   if (message.has_coverage_radius_m()) sampling.coverage_radius_m = message.coverage_radius_m();
-  SIGHTLINE_RETURN_IF_ERROR(
-      check.Range("targets.coverage_radius_m", sampling.coverage_radius_m, kCoverageRadius));
+  errors.Add(check.Range("targets.coverage_radius_m", sampling.coverage_radius_m, kCoverageRadius));
   if (message.has_max_normal_angle_deg()) {
-    SIGHTLINE_RETURN_IF_ERROR(
+    errors.Add(
         check.Range("targets.max_normal_angle_deg", message.max_normal_angle_deg(), kNormalAngle));
     sampling.max_normal_angle_rad = Radians(message.max_normal_angle_deg());
   }
@@ -398,42 +427,25 @@ absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& mes
   for (int i = 0; i < message.regions_size(); ++i) {
     const v1::TargetRegion& region = message.regions(i);
     const std::string path = absl::StrCat("targets.regions[", i, "]");
-    if (region.name().empty()) return check.Error(path + ".name", "is missing");
-    if (!names.insert(region.name()).second) {
-      return check.Error(path + ".name",
-                         absl::StrCat("is \"", region.name(), "\" like that of another region"));
+    if (!region.name().empty() && !names.insert(region.name()).second) {
+      errors.Add(check.Error(
+          path + ".name", absl::StrCat("is \"", region.name(), "\" like that of another region")));
     }
-    if (!region.has_min_m()) return check.Error(path + ".min_m", "is missing");
-    if (!region.has_max_m()) return check.Error(path + ".max_m", "is missing");
-    SIGHTLINE_RETURN_IF_ERROR(CheckVector(check, path + ".min_m", region.min_m(), kPosition));
-    SIGHTLINE_RETURN_IF_ERROR(CheckVector(check, path + ".max_m", region.max_m(), kPosition));
-    const Eigen::Vector3d min = ToVector(region.min_m()), max = ToVector(region.max_m());
-    for (int axis = 0; axis < 3; ++axis) {
-      if (min[axis] >= max[axis]) {
-        return check.Error(absl::StrCat(path, ".max_m.", std::string(1, "xyz"[axis])),
-                           absl::StrCat("is ", NumberText(max[axis]), ", must be above min_m.",
-                                        std::string(1, "xyz"[axis]), " = ", NumberText(min[axis])));
-      }
-    }
-    if (!region.has_spacing_m()) return check.Error(path + ".spacing_m", "is missing");
-    SIGHTLINE_RETURN_IF_ERROR(check.Range(path + ".spacing_m", region.spacing_m(), kSpacing));
-    sampling.regions.push_back({region.name(), min, max, region.spacing_m()});
-    if (region.has_resolution_m()) {
-      SIGHTLINE_RETURN_IF_ERROR(
-          check.Range(path + ".resolution_m", region.resolution_m(), kResolution));
-      sampling.regions.back().resolution_m = region.resolution_m();
-    }
+    absl::StatusOr<TargetRegion> parsed = ParseTargetRegion(region, path, check);
+    if (errors.Add(parsed.status())) sampling.regions.push_back(*std::move(parsed));
+    if (errors.full()) break;
   }
   if (message.has_max_pixel_footprint_m()) {
-    SIGHTLINE_RETURN_IF_ERROR(
+    errors.Add(
         check.Range("targets.max_pixel_footprint_m", message.max_pixel_footprint_m(), kFootprint));
     sampling.max_pixel_footprint_m = message.max_pixel_footprint_m();
   }
   if (message.has_max_circle_of_confusion_px()) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("targets.max_circle_of_confusion_px",
-                                          message.max_circle_of_confusion_px(), kConfusion));
+    errors.Add(check.Range("targets.max_circle_of_confusion_px",
+                           message.max_circle_of_confusion_px(), kConfusion));
     sampling.max_circle_of_confusion_px = message.max_circle_of_confusion_px();
   }
+  if (!errors.empty()) return errors.Status();
   return sampling;
 }
 
@@ -532,103 +544,144 @@ absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& 
       return check.Error("tolerances.regions", absl::StrCat("has ", given.regions_size(),
                                                             " entries, at most ", kMaxRegions));
     }
-    for (int i = 0; i < given.regions_size(); ++i) {
+    ErrorList errors;
+    for (int i = 0; i < given.regions_size() && !errors.full(); ++i) {
       absl::StatusOr<TolerancedRegion> region =
           ParseTolerancedRegion(given.regions(i), absl::StrCat("tolerances.regions[", i, "]"),
                                 !given.file().empty(), check);
-      if (!region.ok()) return region.status();
-      requirements.regions.push_back(*std::move(region));
+      if (errors.Add(region.status())) requirements.regions.push_back(*std::move(region));
     }
+    if (!errors.empty()) return errors.Status();
     if (!requirements.zone_width_m && requirements.file.empty() && requirements.regions.empty()) {
       return check.Error("tolerances", "has none of zone_width_m, file, regions");
     }
     inspection->tolerances = std::move(requirements);
   }
+  ErrorList missing;
   if (inspection->goal.admissible) {
     if (!inspection->uncertainty) {
-      return check.Error("uncertainty", "is missing: goal.admissible needs it");
+      missing.Add(check.Error("uncertainty", "is missing: goal.admissible needs it"));
     }
     if (!inspection->tolerances) {
-      return check.Error("tolerances", "is missing: goal.admissible needs it");
+      missing.Add(check.Error("tolerances", "is missing: goal.admissible needs it"));
     }
   }
-  return absl::OkStatus();
+  return missing.Status();
+}
+
+}  // namespace
+
+namespace {
+
+absl::StatusOr<ObstacleSource> ParseObstacle(const v1::Obstacle& obstacle, const std::string& path,
+                                             const Checker& check) {
+  ErrorList errors;
+  errors.Add(CheckMeshFile(check, path, obstacle.file(), obstacle.unit()));
+  ObstacleSource source{obstacle.name(), obstacle.file(), obstacle.unit(), ObstacleFrame::kPart};
+  switch (obstacle.frame()) {
+    case v1::Obstacle::FRAME_PART:
+      source.frame = ObstacleFrame::kPart;
+      break;
+    case v1::Obstacle::FRAME_STAGE:
+      source.frame = ObstacleFrame::kStage;
+      break;
+    case v1::Obstacle::FRAME_WORLD:
+      source.frame = ObstacleFrame::kWorld;
+      break;
+    default:
+      errors.Add(check.Error(path + ".frame",
+                             "is missing, must be FRAME_PART, FRAME_STAGE or FRAME_WORLD"));
+  }
+  if (!errors.empty()) return errors.Status();
+  return source;
 }
 
 }  // namespace
 
 absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const std::string& context,
                                            const std::string& base_folder) {
-  absl::StatusOr<v1::Inspection> inlined = InlineInspectionFiles(given, context, base_folder);
-  if (!inlined.ok()) return inlined.status();
-  const v1::Inspection& message = *inlined;
+  ErrorList errors;
+  v1::Inspection message;
+  const bool inlined = errors.Add(InlineFiles(given, context, base_folder, &message));
+  const auto take = [&errors](auto parsed, auto* value) {
+    const bool ok = errors.Add(parsed.status());
+    if (ok) *value = *std::move(parsed);
+    return ok;
+  };
   const Checker check(context);
   Inspection inspection;
   inspection.name = message.name();
-  SIGHTLINE_RETURN_IF_ERROR(
-      CheckMeshFile(check, "part", message.part().file(), message.part().unit()));
+  errors.Add(CheckMeshFile(check, "part", message.part().file(), message.part().unit()));
   inspection.part_file = message.part().file();
   inspection.part_unit = message.part().unit();
 
-  absl::StatusOr<Rig> rig =
-      ParseRig(message.rig(), message.camera(), message.has_lens() ? &message.lens() : nullptr,
-               message.laser(), context);
-  if (!rig.ok()) return rig.status();
-  inspection.rig = *std::move(rig);
-
-  absl::StatusOr<TargetSampling> targets = ParseTargetSampling(message.targets(), context);
-  if (!targets.ok()) return targets.status();
-  inspection.targets = *std::move(targets);
-  SIGHTLINE_RETURN_IF_ERROR(CheckLimitInputs(inspection.rig, inspection.targets, context));
-
-  absl::StatusOr<MeasurementDomain> domain = ParseMeasurementDomain(message.measurement(), check);
-  if (!domain.ok()) return domain.status();
-  inspection.domain = *std::move(domain);
-
-  for (int i = 0; i < message.obstacles_size(); ++i) {
-    const v1::Obstacle& obstacle = message.obstacles(i);
-    const std::string path = absl::StrCat("obstacles[", i, "]");
-    SIGHTLINE_RETURN_IF_ERROR(CheckMeshFile(check, path, obstacle.file(), obstacle.unit()));
-    ObstacleSource source{obstacle.name(), obstacle.file(), obstacle.unit(), ObstacleFrame::kPart};
-    switch (obstacle.frame()) {
-      case v1::Obstacle::FRAME_PART:
-        source.frame = ObstacleFrame::kPart;
-        break;
-      case v1::Obstacle::FRAME_STAGE:
-        source.frame = ObstacleFrame::kStage;
-        break;
-      case v1::Obstacle::FRAME_WORLD:
-        source.frame = ObstacleFrame::kWorld;
-        break;
-      default:
-        return check.Error(path + ".frame",
-                           "is missing, must be FRAME_PART, FRAME_STAGE or FRAME_WORLD");
-    }
-    inspection.obstacles.push_back(std::move(source));
+  const bool rig_ok =
+      take(ParseRig(message.rig(), message.camera(), message.has_lens() ? &message.lens() : nullptr,
+                    message.laser(), context),
+           &inspection.rig);
+  const bool targets_ok =
+      take(ParseTargetSampling(message.targets(), context), &inspection.targets);
+  // What a file that could not be read would have given is not missing.
+  if (inlined && rig_ok && targets_ok) {
+    errors.Add(CheckLimitInputs(inspection.rig, inspection.targets, context));
   }
-
-  absl::StatusOr<PlanningGoal> goal = ParseGoal(message.goal(), check);
-  if (!goal.ok()) return goal.status();
-  inspection.goal = *goal;
-  SIGHTLINE_RETURN_IF_ERROR(ParseUncertaintyGoal(message, check, context, &inspection));
-  absl::StatusOr<CostModel> costs = ParseCosts(message.costs(), check);
-  if (!costs.ok()) return costs.status();
-  inspection.costs = *costs;
-  SIGHTLINE_RETURN_IF_ERROR(ParseImaging(message, context, &inspection));
+  take(ParseMeasurementDomain(message.measurement(), check), &inspection.domain);
+  for (int i = 0; i < message.obstacles_size() && !errors.full(); ++i) {
+    auto obstacle = ParseObstacle(message.obstacles(i), absl::StrCat("obstacles[", i, "]"), check);
+    if (errors.Add(obstacle.status())) inspection.obstacles.push_back(*std::move(obstacle));
+  }
+  if (take(ParseGoal(message.goal(), check), &inspection.goal)) {
+    errors.Add(ParseUncertaintyGoal(message, check, context, &inspection));
+  }
+  take(ParseCosts(message.costs(), check), &inspection.costs);
+  errors.Add(ParseImaging(message, context, &inspection));
   if (inspection.rig.lens) {
-    auto optics = ParseOpticsPlanning(message.optics(), *inspection.rig.lens, context);
-    if (!optics.ok()) return optics.status();
-    inspection.optics = *std::move(optics);
-  } else if (message.has_optics()) {
-    return check.Error("optics", "is given without a lens");
+    take(ParseOpticsPlanning(message.optics(), *inspection.rig.lens, context), &inspection.optics);
+  } else if (message.has_optics() && !message.has_lens()) {
+    errors.Add(check.Error("optics", "is given without a lens"));
   }
+  if (!errors.empty()) return errors.Status();
   return inspection;
 }
+
+namespace {
+
+// Camera and material files are read, so that their absence shows anyway.
+absl::Status CheckMeshFilesExist(const v1::Inspection& message, const std::string& context,
+                                 const std::filesystem::path& base_folder) {
+  ErrorList errors;
+  const auto check = [&](const std::string& field, const std::string& file) {
+    std::error_code error;
+    if (file.empty() || errors.full() || std::filesystem::exists(base_folder / file, error)) return;
+    errors.Add(absl::NotFoundError(absl::StrCat(context, ": ", field, ": no file ",
+                                                (base_folder / file).lexically_normal().string())));
+  };
+  check("part.file", message.part().file());
+  for (int i = 0; i < message.obstacles_size(); ++i) {
+    check(absl::StrCat("obstacles[", i, "].file"), message.obstacles(i).file());
+  }
+  check("tolerances.file", message.tolerances().file());
+  return errors.Status();
+}
+
+}  // namespace
 
 absl::StatusOr<Inspection> ReadInspection(const std::string& path) {
   v1::Inspection message;
   SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(path, &message));
   return ParseInspection(message, path, std::filesystem::path(path).parent_path().string());
+}
+
+absl::StatusOr<Inspection> ReadInspectionWithFiles(const std::string& path) {
+  v1::Inspection message;
+  SIGHTLINE_RETURN_IF_ERROR(ReadStrictJsonFile(path, &message));
+  const std::filesystem::path folder = std::filesystem::path(path).parent_path();
+  absl::StatusOr<Inspection> inspection = ParseInspection(message, path, folder.string());
+  ErrorList errors;
+  errors.Add(inspection.status());
+  errors.Add(CheckMeshFilesExist(message, path, folder));
+  if (!errors.empty()) return errors.Status();
+  return inspection;
 }
 
 Measurement MeasurementFromProto(const v1::Measurement& m) {

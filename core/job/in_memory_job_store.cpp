@@ -182,6 +182,7 @@ class InMemoryJobStore : public JobStore {
     if (job.cancelled) {
       job.record.state = JobState::kCancelled;
       job.record.error = absl::CancelledError("cancelled");
+      if (result.ok()) job.record.result_key = *result;
     } else if (result.ok()) {
       job.record.state = JobState::kSucceeded;
       job.record.result_key = *result;

@@ -21,7 +21,7 @@ struct JobRecord {
   JobState state = JobState::kQueued;
   double progress = 0;  // [0, 1]
   std::string message;
-  std::string result_key;
+  std::string result_key;  // of a cancelled job, if any: of what it had by then
   absl::Status error;
   int64_t revision = 0;  // grows with every change
 
@@ -37,7 +37,7 @@ class JobContext {
   virtual const std::atomic<bool>& cancelled() const = 0;
 };
 
-// Returns the result key.
+// Returns the result key; if cancelled, CANCELLED or that of what it has so far.
 using JobWork = std::function<absl::StatusOr<std::string>(JobContext&)>;
 
 class JobStore {

@@ -17,12 +17,16 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/json/error_list.h"
+#include "core/json/line_comments.h"
+#include "core/spelling/nearest_name.h"
 
 namespace sightline {
 namespace {
@@ -171,35 +175,6 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   std::string key_;
 };
 
-size_t EditDistance(const std::string& a, const std::string& b) {
-  std::vector<size_t> row(b.size() + 1);
-  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (size_t i = 1; i <= a.size(); ++i) {
-    size_t diagonal = row[0];
-    row[0] = i;
-    for (size_t j = 1; j <= b.size(); ++j) {
-      const size_t substitute = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substitute});
-    }
-  }
-  return row[b.size()];
-}
-
-std::string Nearest(const std::string& name, const std::vector<std::string>& known) {
-  std::string best;
-  size_t best_distance = std::numeric_limits<size_t>::max();
-  const std::string head = name.substr(0, 100);  // bounds the work on absurd names
-  for (const std::string& candidate : known) {
-    const size_t distance = EditDistance(head, candidate);
-    if (distance < best_distance) {
-      best_distance = distance;
-      best = candidate;
-    }
-  }
-  return best;
-}
-
 std::string Shown(const std::string& text) {
   return absl::StrCat("\"", absl::CEscape(text.substr(0, 60)), text.size() > 60 ? "..." : "", "\"");
 }
@@ -222,42 +197,14 @@ std::string Describe(const JsonNode& node) {
   return "";
 }
 
-// Checks a parsed tree against a message type.
+// Checks a parsed tree against a message type; collects what is wrong.
 class Walker {
  public:
   explicit Walker(std::string file) : file_(std::move(file)) {}
 
-  absl::Status CheckMessage(const JsonNode& node, const Descriptor& type, const std::string& path) {
-    if (node.type != JsonNode::Type::kObject) return Expected(path, "an object", node);
-    std::vector<std::string> seen;
-    std::vector<std::pair<const google::protobuf::OneofDescriptor*, std::string>> oneofs;
-    for (const auto& [key, value] : node.members) {
-      const std::string field_path = path.empty() ? key : absl::StrCat(path, ".", key);
-      const FieldDescriptor* field = type.FindFieldByName(key);
-      if (field == nullptr) {
-        std::vector<std::string> known;
-        for (int i = 0; i < type.field_count(); ++i) known.push_back(type.field(i)->name());
-        return Error(Shorten(field_path),
-                     absl::StrCat("unknown field",
-                                  known.empty() ? ""
-                                                : absl::StrCat("; the nearest known name is \"",
-                                                               Nearest(key, known), "\"")));
-      }
-      if (std::find(seen.begin(), seen.end(), key) != seen.end()) {
-        return Error(field_path, "given twice");
-      }
-      seen.push_back(key);
-      if (const auto* oneof = field->real_containing_oneof()) {
-        for (const auto& [other, name] : oneofs) {
-          if (other == oneof) {
-            return Error(field_path, absl::StrCat("cannot be given together with ", name));
-          }
-        }
-        oneofs.emplace_back(oneof, key);
-      }
-      if (absl::Status status = CheckField(value, *field, field_path); !status.ok()) return status;
-    }
-    return absl::OkStatus();
+  absl::Status Check(const JsonNode& root, const Descriptor& type) {
+    CheckMessage(root, type, "");
+    return errors_.Status();
   }
 
  private:
@@ -265,74 +212,119 @@ class Walker {
     return path.size() <= 200 ? path : path.substr(0, 200) + "...";
   }
 
-  absl::Status Error(const std::string& path, const std::string& reason) const {
-    return absl::InvalidArgumentError(
-        absl::StrCat(file_, ": ", path.empty() ? "" : absl::StrCat(path, ": "), reason));
+  void Error(const std::string& path, const std::string& reason) {
+    errors_.Add(absl::InvalidArgumentError(
+        absl::StrCat(file_, ": ", path.empty() ? "" : absl::StrCat(path, ": "), reason)));
   }
-  absl::Status Expected(const std::string& path, const std::string& what,
-                        const JsonNode& node) const {
+  void Expected(const std::string& path, const std::string& what, const JsonNode& node) {
     if (node.type == JsonNode::Type::kNull) {
-      return Error(path, absl::StrCat("is null, must be ", what,
-                                      "; leave the field out to get its default"));
+      Error(path,
+            absl::StrCat("is null, must be ", what, "; leave the field out to get its default"));
+      return;
     }
-    return Error(path, absl::StrCat("is ", Describe(node), ", must be ", what));
+    Error(path, absl::StrCat("is ", Describe(node), ", must be ", what));
   }
 
-  absl::Status CheckField(const JsonNode& node, const FieldDescriptor& field,
-                          const std::string& path) {
+  void CheckMessage(const JsonNode& node, const Descriptor& type, const std::string& path) {
+    if (node.type != JsonNode::Type::kObject) {
+      Expected(path, absl::StrCat("an object", ObjectInstead(node, type)), node);
+      return;
+    }
+    std::set<std::string> seen;
+    std::vector<std::pair<const google::protobuf::OneofDescriptor*, std::string>> oneofs;
+    for (const auto& [key, value] : node.members) {
+      if (errors_.full()) return;
+      const std::string field_path = Shorten(path.empty() ? key : absl::StrCat(path, ".", key));
+      const FieldDescriptor* field = type.FindFieldByName(key);
+      if (field == nullptr) {
+        UnknownField(key, type, field_path);
+        continue;
+      }
+      if (!seen.insert(key).second) {
+        Error(field_path, "given twice");
+        continue;
+      }
+      if (const auto* oneof = field->real_containing_oneof()) {
+        for (const auto& [other, name] : oneofs) {
+          if (other == oneof) {
+            Error(field_path, absl::StrCat("cannot be given together with ", name));
+          }
+        }
+        oneofs.emplace_back(oneof, key);
+      }
+      CheckField(value, *field, field_path);
+    }
+  }
+
+  void UnknownField(const std::string& key, const Descriptor& type, const std::string& path) {
+    std::vector<std::string> known;
+    for (int i = 0; i < type.field_count(); ++i) known.push_back(type.field(i)->name());
+    Error(path, absl::StrCat("unknown field", known.empty()
+                                                  ? ""
+                                                  : absl::StrCat("; the nearest known name is \"",
+                                                                 NearestName(key, known), "\"")));
+  }
+
+  // Messages that say what a number may be have `fixed` for a single one and `values` for several.
+  static std::string ObjectInstead(const JsonNode& node, const Descriptor& type) {
+    const auto is_number = [](const JsonNode& n) {
+      return n.type == JsonNode::Type::kInteger || n.type == JsonNode::Type::kNumber;
+    };
+    const FieldDescriptor* fixed = type.FindFieldByName("fixed");
+    if (fixed == nullptr || fixed->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE) return "";
+    if (is_number(node)) return absl::StrCat(": write {\"fixed\": ", node.text, "}");
+    if (node.type == JsonNode::Type::kArray && type.FindFieldByName("values") != nullptr) {
+      return ": write {\"values\": [...]}, or {\"ranges\": [{\"min\": ..., \"max\": ...}]}";
+    }
+    return "";
+  }
+
+  void CheckField(const JsonNode& node, const FieldDescriptor& field, const std::string& path) {
     if (!field.is_repeated()) return CheckValue(node, field, path);
     if (field.is_map()) return CheckMap(node, field, path);
     if (node.type != JsonNode::Type::kArray) return Expected(path, "an array", node);
-    for (size_t i = 0; i < node.elements.size(); ++i) {
-      if (absl::Status status =
-              CheckValue(node.elements[i], field, absl::StrCat(path, "[", i, "]"));
-          !status.ok()) {
-        return status;
-      }
+    for (size_t i = 0; i < node.elements.size() && !errors_.full(); ++i) {
+      CheckValue(node.elements[i], field, absl::StrCat(path, "[", i, "]"));
     }
-    return absl::OkStatus();
   }
 
   // Keys are strings; that is all our messages need.
-  absl::Status CheckMap(const JsonNode& node, const FieldDescriptor& field,
-                        const std::string& path) {
+  void CheckMap(const JsonNode& node, const FieldDescriptor& field, const std::string& path) {
     if (node.type != JsonNode::Type::kObject) return Expected(path, "an object", node);
-    std::vector<std::string> seen;
+    std::set<std::string> seen;
     for (const auto& [key, value] : node.members) {
-      const std::string entry = absl::StrCat(path, ".", key);
-      if (std::find(seen.begin(), seen.end(), key) != seen.end()) {
-        return Error(Shorten(entry), "given twice");
+      if (errors_.full()) return;
+      const std::string entry = Shorten(absl::StrCat(path, ".", key));
+      if (!seen.insert(key).second) {
+        Error(entry, "given twice");
+        continue;
       }
-      seen.push_back(key);
-      absl::Status status = CheckValue(value, *field.message_type()->map_value(), Shorten(entry));
-      if (!status.ok()) return status;
+      CheckValue(value, *field.message_type()->map_value(), entry);
     }
-    return absl::OkStatus();
   }
 
-  absl::Status CheckValue(const JsonNode& node, const FieldDescriptor& field,
-                          const std::string& path) {
+  void CheckValue(const JsonNode& node, const FieldDescriptor& field, const std::string& path) {
     switch (field.cpp_type()) {
       case FieldDescriptor::CPPTYPE_MESSAGE:
         return CheckMessage(node, *field.message_type(), path);
       case FieldDescriptor::CPPTYPE_ENUM:
         return CheckEnum(node, *field.enum_type(), path);
       case FieldDescriptor::CPPTYPE_STRING:
-        return node.type == JsonNode::Type::kString ? absl::OkStatus()
-                                                    : Expected(path, "a string", node);
+        if (node.type != JsonNode::Type::kString) Expected(path, "a string", node);
+        return;
       case FieldDescriptor::CPPTYPE_BOOL:
-        return node.type == JsonNode::Type::kBool ? absl::OkStatus()
-                                                  : Expected(path, "true or false", node);
+        if (node.type != JsonNode::Type::kBool) Expected(path, "true or false", node);
+        return;
       case FieldDescriptor::CPPTYPE_FLOAT:
       case FieldDescriptor::CPPTYPE_DOUBLE: {
         // proto3 JSON would also take "NaN", "Infinity" and numbers in quotes.
-        if (node.type != JsonNode::Type::kInteger && node.type != JsonNode::Type::kNumber) {
-          return Expected(path, "a finite number", node);
-        }
+        const bool number =
+            node.type == JsonNode::Type::kInteger || node.type == JsonNode::Type::kNumber;
         const bool fits = field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE
                               ? std::isfinite(node.number)
                               : std::abs(node.number) <= std::numeric_limits<float>::max();
-        return fits ? absl::OkStatus() : Expected(path, "a finite number", node);
+        if (!number || !fits) Expected(path, "a finite number", node);
+        return;
       }
       case FieldDescriptor::CPPTYPE_INT32:
         return CheckInteger(node, path, uint64_t{1} << 31, (uint64_t{1} << 31) - 1);
@@ -343,11 +335,10 @@ class Walker {
       case FieldDescriptor::CPPTYPE_UINT64:
         return CheckInteger(node, path, 0, std::numeric_limits<uint64_t>::max());
     }
-    return absl::OkStatus();
   }
 
-  absl::Status CheckInteger(const JsonNode& node, const std::string& path, uint64_t max_negative,
-                            uint64_t max_positive) {
+  void CheckInteger(const JsonNode& node, const std::string& path, uint64_t max_negative,
+                    uint64_t max_positive) {
     const std::string range = absl::StrCat("an integer in [", max_negative > 0 ? "-" : "",
                                            max_negative, ", ", max_positive, "]");
     if (node.type == JsonNode::Type::kNumber) {
@@ -356,31 +347,30 @@ class Walker {
           std::trunc(node.number) == node.number && std::abs(node.number) <= 9007199254740992.0;
       if (!integral || (node.number < 0 && -node.number > static_cast<double>(max_negative)) ||
           (node.number > 0 && node.number > static_cast<double>(max_positive))) {
-        return Expected(path, range, node);
+        Expected(path, range, node);
       }
-      return absl::OkStatus();
+      return;
     }
     if (node.type != JsonNode::Type::kInteger ||
         node.magnitude > (node.negative ? max_negative : max_positive)) {
-      return Expected(path, range, node);
+      Expected(path, range, node);
     }
-    return absl::OkStatus();
   }
 
-  absl::Status CheckEnum(const JsonNode& node, const EnumDescriptor& type,
-                         const std::string& path) {
+  void CheckEnum(const JsonNode& node, const EnumDescriptor& type, const std::string& path) {
     std::vector<std::string> known;
     for (int i = 0; i < type.value_count(); ++i) known.push_back(type.value(i)->name());
     if (node.type != JsonNode::Type::kString) {
       return Expected(path, absl::StrCat("one of ", absl::StrJoin(known, ", ")), node);
     }
-    if (type.FindValueByName(node.text) != nullptr) return absl::OkStatus();
-    return Error(path, absl::StrCat("unknown value ", Describe(node),
-                                    "; the nearest known name is \"", Nearest(node.text, known),
-                                    "\" (known: ", absl::StrJoin(known, ", "), ")"));
+    if (type.FindValueByName(node.text) != nullptr) return;
+    Error(path, absl::StrCat("unknown value ", Describe(node), "; the nearest known name is \"",
+                             NearestName(node.text, known),
+                             "\" (known: ", absl::StrJoin(known, ", "), ")"));
   }
 
   std::string file_;
+  ErrorList errors_;
 };
 
 template <typename Number>
@@ -529,7 +519,8 @@ void AppendMessage(const Message& message, int indent, std::string* out) {
 
 }  // namespace
 
-absl::Status ParseStrictJson(const std::string& json, const std::string& file, Message* message) {
+absl::Status ParseStrictJson(const std::string& given, const std::string& file, Message* message) {
+  const std::string json = BlankLineComments(given);
   TreeBuilder builder;
   if (!nlohmann::json::sax_parse(json, &builder)) {
     if (builder.error_byte == std::numeric_limits<size_t>::max()) {
@@ -539,7 +530,7 @@ absl::Status ParseStrictJson(const std::string& json, const std::string& file, M
     return absl::InvalidArgumentError(absl::StrCat(file, ": line ", position.line, ", column ",
                                                    position.column, ": ", builder.error));
   }
-  if (absl::Status status = Walker(file).CheckMessage(builder.root, *message->GetDescriptor(), "");
+  if (absl::Status status = Walker(file).Check(builder.root, *message->GetDescriptor());
       !status.ok()) {
     return status;
   }

@@ -10,9 +10,9 @@
 
 namespace sightline {
 
-// Parses `json` into `message` (original snake_case field names). INVALID_ARGUMENT names `file`,
-// the path of the field (e.g. "rig.scan_step_m", "obstacles[2].frame") and the reason; for an
-// unknown field or enum value also the nearest known name.
+// Parses `json` (snake_case names, // comments). INVALID_ARGUMENT names `file`, path of the field
+// ("rig.scan_step_m", "obstacles[2].frame") and reason; for an unknown field or enum value also the
+// nearest known name; an error a line, all there are up to ErrorList::kMostErrors.
 absl::Status ParseStrictJson(const std::string& json, const std::string& file,
                              google::protobuf::Message* message);
 

@@ -38,13 +38,23 @@ std::string FormatOf(const std::string& file_name) {
   return format;
 }
 
-bool CarriesUnit(const std::string& format) { return format == "glb" || format == "gltf"; }
+bool IsStep(const std::string& format) {
+  return format == "step" || format == "stp" || format == "p21";
+}
+
+bool CarriesUnit(const std::string& format) {
+  return format == "glb" || format == "gltf" || IsStep(format);
+}
 
 absl::Status CheckUnit(const std::string& format, const std::string& unit) {
   if (unit.empty()) {
     if (CarriesUnit(format) || format.empty()) return absl::OkStatus();
     return absl::InvalidArgumentError(absl::StrCat(
         "is missing: a .", format, " file carries no unit, must be m, cm, mm, um or inch"));
+  }
+  if (IsStep(format)) {
+    return absl::InvalidArgumentError(
+        "is given, must be left out: a STEP file says its unit itself");
   }
   if (MetresPer(unit)) return absl::OkStatus();
   return absl::InvalidArgumentError(
@@ -218,8 +228,10 @@ absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& f
   if (format == "stl") raw = ReadStl(bytes);
   if (format == "ply") raw = ReadPly(bytes);
   if (format == "obj") raw = ReadObj(bytes);
-  if (format == "step" || format == "stp") {
-    raw = absl::InvalidArgumentError("is a STEP file: convert it with sightline_step_import first");
+  if (IsStep(format)) {
+    raw = absl::InvalidArgumentError(
+        "is a STEP file, which is meshed before it comes here: convert it with "
+        "sightline_step_import");
   }
   if (!raw.ok()) return named(raw.status());
   absl::StatusOr<TriangleMesh> mesh = Finish(*raw, MetresPer(unit).value_or(1));

@@ -141,9 +141,8 @@ int RunCompare(CompareOptions& options) {
         request.matrix_samples = options.matrix_samples;
         request.interrupted = &interrupted;
         request.on_progress = [&](const PlanProgress& p) {
-          progress.Show(p.coverage / p.goal,
-                        absl::StrFormat("%s, seed %d: %d scans, %.1f %%", variant.label, seed,
-                                        p.scans, 100 * p.coverage));
+          progress.Show(p.done, absl::StrFormat("%s, seed %d: %d scans, %.1f %%", variant.label,
+                                                seed, p.scans, 100 * p.coverage));
         };
         const auto start = std::chrono::steady_clock::now();
         auto result = MakePlan(*session->oracle, request);

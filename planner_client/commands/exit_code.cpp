@@ -4,6 +4,8 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "planner_client/commands/progress_line.h"
 #include "proto/status/rpc_status.h"
 
@@ -19,7 +21,12 @@ int ReportError(const absl::Status& status) {
     std::fprintf(stderr, "%s\n",
                  line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   } else {
-    std::fprintf(stderr, "sightline: %s\n", message.c_str());
+    // Where there are several errors, each has a line of its own (core/json/error_list.h).
+    const bool several = message.find('\n') != std::string::npos;
+    const std::string shown = several ? absl::StrCat("several errors:\n  ",
+                                                     absl::StrReplaceAll(message, {{"\n", "\n  "}}))
+                                      : message;
+    std::fprintf(stderr, "sightline: %s\n", shown.c_str());
   }
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
@@ -172,7 +173,7 @@ absl::StatusOr<std::string> KeepUnsaved(const ExploreSession& session, const std
 int RunExplore(ExploreOptions& options) {
   const std::atomic<bool>& interrupted = InterruptFlag();
   // Errors in the inspection, the plan and the address are found before the scene is built.
-  const auto inspection = ReadInspection(options.session.inspection_file);
+  const auto inspection = ReadInspectionWithFiles(options.session.inspection_file);
   if (!inspection.ok()) return ReportError(inspection.status());
   auto scans = ReadFirstScans(options.plan);
   if (!scans.ok()) return ReportError(scans.status());

@@ -1,5 +1,7 @@
 // sightline: plans machine-vision inspection by simulation.
 #include <CLI/CLI.hpp>
+#include <cstdio>
+#include <memory>
 #include <string>
 #include <utility>
 #include <vector>
@@ -8,11 +10,30 @@
 #include "core/version/version.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/help/help_format.h"
+#include "planner_client/commands/help/wrong_arguments.h"
 #include "planner_client/commands/parent_watch.h"
 #include "planner_client/commands/progress_line.h"
+#include "planner_client/commands/start/start_commands.h"
+
+namespace {
+
+constexpr char kAbout[] = "Sightline plans machine-vision inspection by simulation.";
+constexpr char kExamples[] =
+    "Examples:\n"
+    "  sightline new bracket.step               writes inspection.json for the part\n"
+    "  sightline plan inspection.json --out plan\n"
+    "                                           which scans measure it; see\n"
+    "                                           plan/report.html\n"
+    "  sightline part bracket.stl --unit mm     is the mesh sound?\n"
+    "  sightline effects                        what images can be made to show";
+
+}  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"Sightline plans machine-vision inspection by simulation."};
+  CLI::App app{kAbout, "sightline"};
+  app.formatter(std::make_shared<sightline::HelpFormat>());
+  app.option_defaults()->always_capture_default();
   app.set_version_flag("--version", sightline::VersionText("sightline"));
   app.require_subcommand(1);
   std::string progress = "text";
@@ -33,11 +54,14 @@ int main(int argc, char** argv) {
     CLI::App* subcommand = app.add_subcommand(name, description);
     commands.emplace_back(subcommand, add_command(*subcommand));
   };
+  add("new", "an inspection.json for a part, with values that suit it", sightline::AddNewCommand);
   add("plan", "find the few scans that measure the part's surface", sightline::AddPlanCommand);
   add("evaluate", "exact coverage of a given plan", sightline::AddEvaluateCommand);
   add("compare", "planning strategies side by side", sightline::AddCompareCommand);
   add("part", "health report of a part file", sightline::AddPartCommand);
   add("render", "what the camera would record", sightline::AddRenderCommand);
+  add("effects", "physical effects that images can show, with their parameters",
+      sightline::AddEffectsCommand);
   add("optics", "f-number, exposure and focus with which the line is found best",
       sightline::AddOpticsCommand);
   add("recordings", "shot list for recordings, and their check", sightline::AddRecordingsCommand);
@@ -49,10 +73,20 @@ int main(int argc, char** argv) {
       sightline::AddServeCommand);
   add("backup", "copy of the planning service's data folder, while it runs",
       sightline::AddBackupCommand);
+  app.footer(kExamples);  // of this help only: commands take the footer that is there before them
+  if (argc < 2) {
+    std::fprintf(stderr, "%s\n\n%s\n\n`sightline --help` lists all commands.\n", kAbout, kExamples);
+    return sightline::kExitWrongInput;
+  }
   try {
     app.parse(argc, argv);
+  } catch (const CLI::Success& asked) {
+    return app.exit(asked);  // --help, --version
   } catch (const CLI::ParseError& error) {
-    return app.exit(error) == 0 ? sightline::kExitDone : sightline::kExitWrongInput;
+    const std::string explained =
+        sightline::ExplainWrongArguments(app, {argv + 1, argv + argc}, error);
+    std::fputs(explained.c_str(), stderr);
+    return sightline::kExitWrongInput;
   }
   if (progress == "json") sightline::UseJsonProgress();
   // One that is not valid counts as none, as the specification has it.

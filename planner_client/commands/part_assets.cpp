@@ -10,6 +10,7 @@
 #include "core/inspection/inspection.h"
 #include "core/part/load_part.h"
 #include "planner_client/coverage_client/part_upload.h"
+#include "planner_client/part_files/part_file.h"
 
 namespace sightline {
 namespace {
@@ -28,14 +29,16 @@ absl::Status AddAsset(const std::string& path, const std::string& name,
   return absl::OkStatus();
 }
 
-// A mesh file. A glTF file with its buffers elsewhere goes as PLY.
+// A mesh file. A STEP file goes as its mesh, a glTF file with its buffers elsewhere as PLY.
 absl::Status AddMesh(const std::string& prefix, std::string* file, std::string* unit,
                      std::vector<AssetFile>* assets) {
   const std::string path = *file;
-  const std::string extension = fs::path(path).extension();
+  const absl::StatusOr<std::string> mesh_file = MeshFileOf(path);
+  if (!mesh_file.ok()) return mesh_file.status();
+  const std::string extension = fs::path(*mesh_file).extension();
   if (!absl::EqualsIgnoreCase(extension, ".gltf")) {
-    *file = prefix + FileName(path);
-    return AddAsset(path, *file, assets);
+    *file = absl::StrCat(prefix, fs::path(path).stem().string(), extension);
+    return AddAsset(*mesh_file, *file, assets);
   }
   absl::StatusOr<TriangleMesh> mesh = LoadPart(path, *unit);
   if (!mesh.ok()) return mesh.status();

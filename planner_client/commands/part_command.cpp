@@ -8,12 +8,12 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/json/strict_json.h"
-#include "core/part/load_part.h"
 #include "core/part/part_health.h"
 #include "core/part/part_health_proto.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/part_files/part_file.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
 
 namespace sightline {
@@ -98,9 +98,11 @@ Command AddPartCommand(CLI::App& app) {
   };
   auto options = std::make_shared<Options>();
   app.add_option("file", options->file,
-                 "part file (.glb, .gltf, .stl, .ply, .obj); for --tolerances .stp, .step, .qif")
+                 "part file (.step, .stp, .glb, .gltf, .stl, .ply, .obj); for --tolerances .step, "
+                 ".stp, .qif")
       ->required();
-  app.add_option("--unit", options->unit, "length unit of the file: m, cm, mm, um, inch");
+  app.add_option("--unit", options->unit,
+                 "length unit of an STL, PLY or OBJ file: m, cm, mm, um, inch");
   CLI::Option* tolerances = app.add_flag(
       "--tolerances", options->tolerances,
       "list the tolerances of a STEP (AP242) or QIF 3.0 file, and what of them cannot be read");
@@ -112,7 +114,7 @@ Command AddPartCommand(CLI::App& app) {
     if (options->tolerances) {
       return ReportTolerances(options->file, options->qif_schema, options->json);
     }
-    const auto mesh = LoadPart(options->file, options->unit);
+    const auto mesh = LoadPartFile(options->file, options->unit);
     if (!mesh.ok()) return ReportError(mesh.status());
     const PartHealth health = CheckPartHealth(*mesh);
     if (options->json) {

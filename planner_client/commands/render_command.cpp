@@ -139,6 +139,20 @@ absl::StatusOr<v1::RenderSpec> PlateSpec(const RenderOptions& options) {
   return spec;
 }
 
+// Which file the worker speaks about: that of --effects where it names one of its effects.
+absl::Status AboutFiles(const absl::Status& status, const RenderOptions& options) {
+  const auto given = ReadEffects(options.effects_file);
+  if (!given.ok()) return AboutInput(status, options.choice.input);
+  for (const v1::Effect& effect : given->effects()) {
+    if (!absl::StrContains(status.message(), effect.effect())) continue;
+    const absl::Status about = AboutInput(status, options.effects_file);
+    if (!absl::IsInvalidArgument(about)) return about;
+    return absl::InvalidArgumentError(
+        absl::StrCat(about.message(), " (`sightline effects` lists all with their parameters)"));
+  }
+  return AboutInput(status, options.choice.input);
+}
+
 // "2/8": from 1.
 absl::Status ParsePart(const RenderOptions& options, int* part, int* count) {
   if (options.part.empty()) return absl::OkStatus();
@@ -188,7 +202,7 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   for (const std::string& warning : warnings) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
-  if (!files.ok()) return AboutInput(files.status(), options.choice.input);
+  if (!files.ok()) return AboutFiles(files.status(), options);
   if (part_count > 1) {
     std::printf("part %d of %d is done\n", part, part_count);
     return kExitDone;

@@ -11,7 +11,8 @@ namespace sightline {
 absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(const WorkerClientOptions& options,
                                                  v1::CreateDiagnosisRequest request,
                                                  const std::vector<AssetFile>& images,
-                                                 const std::vector<AssetFile>& assets) {
+                                                 const std::vector<AssetFile>& assets,
+                                                 const std::function<void()>& on_waiting_for_rest) {
   std::vector<AssetFile> files = images;
   files.insert(files.end(), assets.begin(), assets.end());
   WorkerCall call(options, files);
@@ -30,7 +31,8 @@ absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(const WorkerClientOptions& opti
         v1::GetDiagnosisRequest get;
         get.set_job_id(created.job().job_id());
         return service->GetDiagnosis(context, get, &answer);
-      });
+      },
+      on_waiting_for_rest);
   if (!status.ok()) return status;
   return std::move(*answer.mutable_diagnosis());
 }

@@ -1,6 +1,7 @@
 // Client of a render worker's DiagnosisService: images go up, the answer comes back.
 #pragma once
 
+#include <functional>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -12,11 +13,13 @@ namespace sightline {
 // `images`: one for every recording, `file` as it stands there; `assets`: of parts, the files of
 // the inspection. Uploads what the worker does not know and waits for the job. UNAVAILABLE: the
 // worker ended; the message says how. CANCELLED: interrupted. Other errors are the worker's.
-// `request` has everything else but the request_id.
-absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(const WorkerClientOptions& options,
-                                                 v1::CreateDiagnosisRequest request,
-                                                 const std::vector<AssetFile>& images,
-                                                 const std::vector<AssetFile>& assets = {});
+// `request` has everything else but the request_id. With `on_waiting_for_rest` an interrupted
+// diagnosis that has got somewhere is no error but has the verdict "interrupted"; it is called when
+// what is left to end is waited for.
+absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(
+    const WorkerClientOptions& options, v1::CreateDiagnosisRequest request,
+    const std::vector<AssetFile>& images, const std::vector<AssetFile>& assets = {},
+    const std::function<void()>& on_waiting_for_rest = nullptr);
 absl::StatusOr<v1::Verification> VerifyRecordings(const WorkerClientOptions& options,
                                                   v1::CreateVerificationRequest request,
                                                   const std::vector<AssetFile>& images);

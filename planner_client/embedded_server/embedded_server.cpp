@@ -41,8 +41,11 @@ absl::StatusOr<std::string> FindBinary(const EmbeddedServerOptions& options) {
     path = self.parent_path() / options.program;
   }
   if (access(path.c_str(), X_OK) != 0) {
-    return absl::NotFoundError(absl::StrCat(options.description, ": no executable ", path.string(),
-                                            "; build it or give the address of a running one"));
+    return absl::NotFoundError(absl::StrCat(
+        options.description, ": no executable ", path.string(), "; install the package sightline-",
+        absl::StrReplaceAll(options.program, {{"_", "-"}}),
+        ", or in a build folder build the target ", options.program,
+        ", or give the address of a running one"));
   }
   return path.string();
 }

@@ -85,7 +85,7 @@ class FrontMaker {
     plan.with_curves = false;
     if (const auto left_s = TimeLeftS()) plan.goal.max_time_s = std::max(1e-9, *left_s);
     plan.on_progress = [this, from, to, what](const PlanProgress& p) {
-      Progress(from + (to - from) * std::clamp(p.coverage / p.goal, 0.0, 1.0),
+      Progress(from + (to - from) * std::clamp(p.done, 0.0, 1.0),
                absl::StrCat(what, p.scans, " scans, ", absl::StrFormat("%.1f %%", 100 * p.coverage),
                             ": ", p.phase));
     };

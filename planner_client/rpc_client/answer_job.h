@@ -23,13 +23,25 @@ inline void AddAssetDigests(const WorkerCall& call, const std::vector<AssetFile>
   }
 }
 
-// Creates a job, waits for its end and fetches its answer. `create` sets `created`.
+// A cancelled job ends with the step at hand.
+constexpr absl::Duration kLongestStep = absl::Minutes(10);
+
+// Creates a job, waits for its end and fetches its answer. `create` sets `created`. With
+// `on_waiting_for_rest` a job that an interrupt has cancelled is waited for, since it may leave
+// what it has by then; it is called when the waiting begins.
 template <typename Created>
 absl::Status RunAnswerJob(WorkerCall* call, const Created& created,
                           const std::function<grpc::Status(grpc::ClientContext*)>& create,
-                          const std::function<grpc::Status(grpc::ClientContext*)>& get) {
+                          const std::function<grpc::Status(grpc::ClientContext*)>& get,
+                          const std::function<void()>& on_waiting_for_rest = nullptr) {
   absl::Status status = call->Create(create);
   if (status.ok()) status = call->WaitForJob(created.job().job_id());
+  if (!created.job().job_id().empty() && call->Interrupted() && on_waiting_for_rest) {
+    on_waiting_for_rest();
+    grpc::ClientContext context;
+    SetTimeout(&context, kLongestStep);
+    status = call->Watch(created.job().job_id(), &context);
+  }
   if (status.ok()) {
     grpc::ClientContext context;
     SetTimeout(&context, absl::Seconds(60));

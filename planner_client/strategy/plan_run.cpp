@@ -43,8 +43,10 @@ void PlanRun::Report(const std::string& phase, int64_t scans, int64_t settled_ta
   if (!always && now - last_report_ < std::chrono::milliseconds(100)) return;
   last_report_ = now;
   const double total = static_cast<double>(std::max<int64_t>(1, measurable_));
-  request_.on_progress({static_cast<int>(scans), static_cast<double>(settled_targets) / total,
-                        GoalFraction(request_.goal), evaluations(), phase});
+  const double coverage = static_cast<double>(settled_targets) / total;
+  const double goal = GoalFraction(request_.goal);
+  const double done = prepared_ + (1 - prepared_) * std::min(1.0, coverage / goal);
+  request_.on_progress({static_cast<int>(scans), coverage, goal, done, evaluations(), phase});
 }
 
 absl::StatusOr<std::vector<const ScanCoverage*>> PlanRun::Exact(

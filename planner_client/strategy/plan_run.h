@@ -63,6 +63,9 @@ class PlanRun {
   void Report(const std::string& phase, int64_t scans, int64_t settled_targets,
               bool always = false);
 
+  // From now on this fraction of the work counts as done before the first scan is chosen.
+  void SetPrepared(double fraction) { prepared_ = fraction; }
+
   // Exact coverage, remembered per measurement. Pointers stay valid as long as the run.
   absl::StatusOr<std::vector<const ScanCoverage*>> Exact(std::span<const Measurement> scans);
   // Shares that a scan tells, as well as is known of a single scan: exact for coverage, fast where
@@ -94,6 +97,7 @@ class PlanRun {
   int64_t evaluations_before_;
   std::chrono::steady_clock::time_point start_;
   std::chrono::steady_clock::time_point last_report_;
+  double prepared_ = 0;
   std::map<std::array<double, kMeasurementParameters>, ScanCoverage> exact_;
 };
 

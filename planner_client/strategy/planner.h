@@ -28,6 +28,7 @@ struct PlanProgress {
   double coverage;  // settled targets, fraction of those to be settled
   double goal;
   int64_t evaluations;
+  double done;        // fraction of the work: as the coverage, except where that says little
   std::string phase;  // "searching scan 4", "polishing", "dropping a scan", ...
 };
 

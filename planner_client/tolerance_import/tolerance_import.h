@@ -14,7 +14,8 @@ namespace sightline {
 struct ToleranceImportOptions {
   // Folder of the QIF 3.0 schema to validate QIF files against. Empty: not validated.
   std::string qif_schema_folder;
-  // The program that reads STEP. Empty: sightline_step_import beside the running program.
+  // The program that reads STEP. Empty: sightline_step_import beside the running program, or in
+  // PATH.
   std::string step_import_program;
   // How long that may take.
   absl::Duration time_limit = absl::Minutes(10);

@@ -4,11 +4,13 @@
 #include <optional>
 #include <set>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
@@ -34,20 +36,23 @@ absl::Status UnsupportedMediaType(const std::string& wanted) {
                        "MEDIA_TYPE_NOT_SUPPORTED");
 }
 
-// "DOCUMENT: path.of.field: reason" of the strict reader as a field violation.
+// Lines of "DOCUMENT: path.of.field: reason" of the strict reader as field violations.
 absl::Status WithField(const absl::Status& status, const std::string& document,
                        const std::string& field_prefix) {
-  absl::string_view text = status.message();
-  if (!absl::IsInvalidArgument(status) || !absl::ConsumePrefix(&text, document + ": ")) {
-    return status;
+  if (!absl::IsInvalidArgument(status)) return status;
+  std::vector<FieldViolation> violations;
+  for (absl::string_view text : absl::StrSplit(status.message(), '\n')) {
+    if (!absl::ConsumePrefix(&text, document + ": ")) continue;
+    const size_t colon = text.find(": ");
+    // Syntax errors name a line instead of a field.
+    if (colon == absl::string_view::npos || absl::StartsWith(text, "line ")) {
+      violations.push_back({document, std::string(text)});
+    } else {
+      violations.push_back(
+          {absl::StrCat(field_prefix, text.substr(0, colon)), std::string(text.substr(colon + 2))});
+    }
   }
-  const size_t colon = text.find(": ");
-  // Syntax errors name a line instead of a field.
-  if (colon == absl::string_view::npos || absl::StartsWith(text, "line ")) {
-    return InvalidFields({{document, std::string(text)}});
-  }
-  return InvalidFields(
-      {{absl::StrCat(field_prefix, text.substr(0, colon)), std::string(text.substr(colon + 2))}});
+  return violations.empty() ? status : InvalidFields(violations);
 }
 
 absl::Status ParseTask(const std::string& json, v1::PlanningTask* task) {

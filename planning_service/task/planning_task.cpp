@@ -20,6 +20,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/assumed_values.h"
@@ -274,16 +275,20 @@ absl::Status CheckOptions(const v1::PlanningTask& task) {
 
 // --- inspection ---------------------------------------------------------------------------------
 
-// "inspection.json: camera.rows_px is 0, ..." as a violation of a field of the task.
+// Lines of "inspection.json: camera.rows_px is 0, ..." as violations of fields of the task.
 absl::Status AsViolation(const std::string& context, const std::string& prefix,
                          const absl::Status& status) {
   if (!absl::IsInvalidArgument(status)) return status;
-  std::string text(status.message());
-  if (!absl::StartsWith(text, context + ": ")) return status;
-  text.erase(0, context.size() + 2);
-  const size_t end = text.find_first_of(" :");
-  if (end == std::string::npos) return status;
-  return Invalid(prefix + text.substr(0, end), text.substr(text[end] == ':' ? end + 2 : end + 1));
+  std::vector<FieldViolation> violations;
+  for (absl::string_view line : absl::StrSplit(status.message(), '\n')) {
+    if (!absl::ConsumePrefix(&line, context + ": ")) continue;
+    const size_t end = line.find_first_of(" :");
+    if (end == absl::string_view::npos) continue;
+    violations.push_back({prefix + std::string(line.substr(0, end)),
+                          std::string(line.substr(line[end] == ':' ? end + 2 : end + 1))});
+  }
+  if (violations.empty()) return status;
+  return WithErrorInfo(InvalidFields(violations), "INVALID_FIELD");
 }
 
 // Camera and material files beside the inspection, in a folder of their own.

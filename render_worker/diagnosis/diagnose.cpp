@@ -54,6 +54,32 @@ std::vector<const Effect*> EffectsToConsider(const std::vector<std::string>& exc
   return effects;
 }
 
+// What is known of a competition that was stopped at the fraction `done`. No calibrated set: nobody
+// should render or plan with values that may still change.
+v1::Diagnosis DescribeUnfinished(const SetModel& model, const Competition& competition,
+                                 size_t effects, double done, uint64_t seed) {
+  v1::Diagnosis diagnosis;
+  diagnosis.set_set(model.set().description.name);
+  diagnosis.set_seed(static_cast<int64_t>(seed));
+  diagnosis.set_verdict("interrupted");
+  AddUnfinished(model, competition, &diagnosis);
+  *diagnosis.mutable_null_fit() = DescribeFit(model, competition.null);
+  const Candidate& best = competition.ranked.front();
+  if (!best.effects.empty()) *diagnosis.mutable_model_fit() = DescribeFit(model, best.fit);
+  std::string so_far = "nothing was fitted yet";
+  if (!best.effects.empty()) {
+    so_far = absl::StrFormat("so far %s explains most, %.3g nats better than no effect",
+                             diagnosis.ranked(0).effect(), best.log_evidence);
+  } else if (competition.ranked.size() > 1) {
+    so_far = "so far no effect explains the recordings better than none";
+  }
+  diagnosis.set_finding(absl::StrFormat(
+      "Interrupted after %.0f %% of the comparison of %d effects: %s. This is no finding: nothing "
+      "has been held to recordings that were not fitted.",
+      100 * done, effects, so_far));
+  return diagnosis;
+}
+
 }  // namespace
 
 absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSettings& settings,
@@ -85,12 +111,15 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   competition_settings.free_forms = FreeFormTerms();
   competition_settings.max_effects = settings.max_effects;
   competition_settings.seed = settings.seed;
-  bool stopped = false;
+  double done = 0;
   const Competition competition = Compete(model, null, competition_settings, [&](double fraction) {
-    stopped = !report(0.1 + 0.8 * fraction, "comparing explanations");
-    return !stopped;
+    done = fraction;
+    return report(0.1 + 0.8 * fraction, "comparing explanations");
   });
-  if (stopped || !report(0.92, "describing")) return cancelled;
+  if (!competition.finished) {
+    return DescribeUnfinished(model, competition, effects.size(), done, settings.seed);
+  }
+  report(0.92, "describing");
 
   const Candidate& best = competition.ranked.front();
   v1::Diagnosis diagnosis;

@@ -23,9 +23,10 @@ struct DiagnosisSettings {
 // Fraction done and what is being done; false cancels.
 using DiagnosisProgress = std::function<bool(double, std::string_view)>;
 
-// The same set and seed give the same answer, for any number of threads. CANCELLED;
-// FAILED_PRECONDITION: the recordings are too few to say anything, naming what is missing;
-// INVALID_ARGUMENT: an unknown effect is excluded.
+// The same set and seed give the same answer, for any number of threads. Cancelled while
+// explanations are compared: what is known until then, with the verdict "interrupted"; earlier:
+// CANCELLED. FAILED_PRECONDITION: the recordings are too few to say anything, naming what is
+// missing; INVALID_ARGUMENT: an unknown effect is excluded.
 absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSettings& settings,
                                        const DiagnosisProgress& progress);
 

@@ -64,7 +64,8 @@ absl::StatusOr<std::shared_ptr<const std::string>> AnswerJobs::Result(const std:
         absl::FailedPreconditionError(absl::StrCat(name, " has not finished: watch it first")),
         "JOB_NOT_FINISHED");
   }
-  if (!job->error.ok()) return job->error;
+  const bool unfinished_answer = absl::IsCancelled(job->error) && !job->result_key.empty();
+  if (!job->error.ok() && !unfinished_answer) return job->error;
   auto result = results_.Get(job->result_key);
   if (result == nullptr) {
     return WithErrorInfo(

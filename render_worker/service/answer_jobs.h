@@ -30,7 +30,8 @@ class AnswerJobs {
                                  const std::string& request_digest, Work work);
 
   // The serialised answer of a finished job of the kind. NOT_FOUND, reason JOB_UNKNOWN or
-  // RESULT_DROPPED; FAILED_PRECONDITION, reason JOB_NOT_FINISHED; the job's error.
+  // RESULT_DROPPED; FAILED_PRECONDITION, reason JOB_NOT_FINISHED; the job's error, unless it was
+  // cancelled and its work returned what it had by then.
   absl::StatusOr<std::shared_ptr<const std::string>> Result(const std::string& job_id,
                                                             const std::string& kind);
 

@@ -1,9 +1,10 @@
-// Writes the catalogue of effects, docs/effects.md with a picture of each, from the registry: what
-// the renderer can switch on and the diagnosis can name.
+// Writes the catalogue of effects from the registry: docs/effects.md with a picture of each, and
+// docs/effects.json for programs. What the renderer can switch on and the diagnosis can name.
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
+#include <nlohmann/json.hpp>
 #include <numbers>
 #include <string>
 #include <vector>
@@ -149,6 +150,47 @@ std::string Section(const Effect& effect) {
   return text + "\n";
 }
 
+// Names of parameters end with their unit.
+std::string UnitOf(std::string_view name) {
+  constexpr std::pair<std::string_view, std::string_view> kUnits[] = {
+      {"_w_m2_sr", "W/(m^2 sr)"},
+      {"_electrons_per_s", "electrons/s"},
+      {"_per_electron", "1/electron"},
+      {"_per_tangent_m", "m"},
+      {"_per_m", "1/m"},
+      {"_m_s", "m/s"},
+      {"_hz", "Hz"},
+      {"_deg", "deg"},
+      {"_px", "px"},
+      {"_dn", "DN"},
+      {"_electrons", "electrons"},
+      {"_waves", "wavelengths"},
+      {"_m", "m"},
+      {"_s", "s"}};
+  for (const auto& [suffix, unit] : kUnits) {
+    if (name.ends_with(suffix)) return std::string(unit);
+  }
+  return "1";
+}
+
+nlohmann::ordered_json Entry(const EffectDescription& d) {
+  nlohmann::ordered_json parameters = nlohmann::ordered_json::array();
+  for (const EffectParameter& parameter : d.parameters) {
+    parameters.push_back({{"name", parameter.name},
+                          {"unit", UnitOf(parameter.name)},
+                          {"without", parameter.null_value},
+                          {"lower", parameter.lower},
+                          {"upper", parameter.upper},
+                          {"usual", parameter.prior_scale},
+                          {"decades", parameter.decades}});
+  }
+  return {{"effect", d.id},
+          {"stage", NameOf(d.stage)},
+          {"summary", d.summary},
+          {"source", d.reference},
+          {"parameters", parameters}};
+}
+
 int Write(const fs::path& docs) {
   std::error_code error;
   fs::create_directories(docs / "effects", error);
@@ -166,12 +208,14 @@ int Write(const fs::path& docs) {
       "with the effect are believed to deviate from the value without it by less. Angles are in "
       "degrees where the name ends in `_deg`, everything else in SI units with the unit in the "
       "name.\n");
+  nlohmann::ordered_json entries = nlohmann::ordered_json::array();
   for (const Stage stage : {Stage::kIllumination, Stage::kSurface, Stage::kOptics, Stage::kGeometry,
                             Stage::kSensor, Stage::kTime}) {
     absl::StrAppend(&text, "\n## Stage: ", NameOf(stage), "\n\n");
     for (const Effect* effect : AllEffects()) {
       if (effect->description().stage != stage) continue;
       text += Section(*effect);
+      entries.push_back(Entry(effect->description()));
       const std::string id(effect->description().id);
       const auto picture = Picture(*effect);
       const absl::Status status =
@@ -182,8 +226,12 @@ int Write(const fs::path& docs) {
       return 1;
     }
   }
-  const auto written = WriteFileAtomically((docs / "effects.md").string(), text);
-  return written.ok() ? 0 : 1;
+  const nlohmann::ordered_json list = {{"effects", entries}};
+  for (const auto& [name, contents] :
+       {std::pair("effects.md", text), std::pair("effects.json", list.dump(1) + "\n")}) {
+    if (!WriteFileAtomically((docs / name).string(), contents).ok()) return 1;
+  }
+  return 0;
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/help/terminal.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/planning_session.h"
 
@@ -74,7 +75,8 @@ Command AddEvaluateCommand(CLI::App& app) {
     const PlanDocument& document = *made;
     if (absl::Status status = WritePlanOutputs(*session, document, options->output); !status.ok())
       return ReportError(status);
-    std::printf("%splan:   %s\nreport: %s\n", SummarisePlan(document.plan).c_str(),
+    PrintWrapped(SummarisePlan(document.plan));
+    std::printf("plan:   %s\nreport: %s\n",
                 std::filesystem::absolute(options->output.folder + "/plan.json").c_str(),
                 std::filesystem::absolute(options->output.folder + "/report.html").c_str());
     return kExitDone;

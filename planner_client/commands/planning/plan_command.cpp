@@ -11,6 +11,7 @@
 #include "core/json/strict_json.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/help/terminal.h"
 #include "planner_client/commands/interrupt.h"
 #include "planner_client/commands/optics/optics_outputs.h"
 #include "planner_client/commands/part_assets.h"
@@ -182,11 +183,10 @@ class Planning {
     request_.goal = session_.inspection.goal;
     SetOptions(options_, request_);
     request_.on_progress = [this](const PlanProgress& p) {
-      progress_.Show(
-          p.coverage / p.goal,
-          absl::StrFormat("%d scans, %.1f %% %s, %dk evaluations: %s", p.scans, 100 * p.coverage,
-                          session_.ForUncertainty() ? "admissible" : "covered",
-                          p.evaluations / 1000, p.phase));
+      progress_.Show(p.done, absl::StrFormat("%d scans, %.1f %% %s, %dk evaluations: %s", p.scans,
+                                             100 * p.coverage,
+                                             session_.ForUncertainty() ? "admissible" : "covered",
+                                             p.evaluations / 1000, p.phase));
     };
   }
 
@@ -215,8 +215,9 @@ class Planning {
   }
 
   void Print() const {
-    std::printf("%s%s%.1f s from cold start to plan.\n", SummarisePlan(document_.plan).c_str(),
-                SummariseAsMeasured(document_.plan).c_str(), time_to_plan_s_);
+    PrintWrapped(absl::StrFormat("%s%s%.1f s from cold start to plan.\n",
+                                 SummarisePlan(document_.plan), SummariseAsMeasured(document_.plan),
+                                 time_to_plan_s_));
     if (options_.output.pareto) {
       std::printf("%s", SummarisePareto(*options_.output.pareto).c_str());
     }

@@ -6,10 +6,11 @@
 #include <filesystem>
 
 #include "absl/strings/str_cat.h"
-#include "core/part/load_part.h"
+#include "core/inspection/read_with_files.h"
 #include "planner_client/commands/interrupt.h"
 #include "planner_client/commands/progress_line.h"
 #include "planner_client/optimise/random.h"
+#include "planner_client/part_files/part_file.h"
 #include "planner_client/plan_oracle/coverage_oracle.h"
 #include "planner_client/requirements/reach.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
@@ -77,14 +78,14 @@ absl::Status MakeOracle(PlanningSession& session) {
 absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   const auto start = std::chrono::steady_clock::now();
   PlanningSession session;
-  auto inspection = ReadInspection(options.inspection_file);
+  auto inspection = ReadInspectionWithFiles(options.inspection_file);
   if (!inspection.ok()) return inspection.status();
   session.inspection = std::move(*inspection);
   if (options.line_detection && session.inspection.uncertainty) {
     session.inspection.uncertainty->detection = *options.line_detection;
   }
 
-  auto part = LoadPart(session.inspection.part_file, session.inspection.part_unit);
+  auto part = LoadPartFile(session.inspection.part_file, session.inspection.part_unit);
   if (!part.ok()) return part.status();
   session.health = CheckPartHealth(*part);
   session.part = std::make_shared<const TriangleMesh>(std::move(*part));
@@ -108,7 +109,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   task.field_directions = options.field_directions;
   task.uncertainty = session.inspection.uncertainty;
   for (const ObstacleSource& source : session.inspection.obstacles) {
-    auto mesh = LoadPart(source.file, source.unit);
+    auto mesh = LoadPartFile(source.file, source.unit);
     if (!mesh.ok()) return mesh.status();
     task.obstacles.push_back(
         {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, source.name});

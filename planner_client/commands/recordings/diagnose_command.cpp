@@ -27,6 +27,7 @@
 #include "planner_client/diagnosis_client/calibrated_part.h"
 #include "planner_client/diagnosis_client/diagnosis_client.h"
 #include "planner_client/diagnosis_client/plate_inspection.h"
+#include "planner_client/diagnosis_client/quick_set.h"
 #include "planner_client/diagnosis_client/recorded_folder.h"
 #include "planner_client/diagnosis_client/sensor_set_folder.h"
 #include "planner_client/report/recordings/diagnosis_report.h"
@@ -43,6 +44,7 @@ struct DiagnoseOptions {
   std::optional<int64_t> seed;
   std::vector<std::string> excluded;
   std::optional<int> max_effects;
+  bool quick = false;
   WorkerSessionOptions worker;
 };
 
@@ -102,6 +104,8 @@ void Print(const v1::Diagnosis& diagnosis) {
   }
   std::printf("\n");
 }
+
+bool IsInterrupted(const v1::Diagnosis& diagnosis) { return diagnosis.verdict() == "interrupted"; }
 
 bool ShowsPart(const RecordedFolder& set) { return set.recordings.format_version() == 2; }
 
@@ -165,6 +169,41 @@ absl::StatusOr<CalibratedInspection> Calibrated(
   return result;
 }
 
+// The files and the report; returns their paths, the report first.
+absl::StatusOr<std::vector<std::string>> WriteFiles(
+    const std::vector<std::pair<fs::path, std::string>>& files, const v1::Diagnosis& diagnosis,
+    const std::string& set_folder, const fs::path& out) {
+  std::vector<std::string> paths = {(out / "report.html").string()};
+  for (const auto& [path, text] : files) {
+    absl::Status status = WriteFileAtomically(path.string(), text);
+    if (!status.ok()) return status;
+    paths.push_back(path.string());
+  }
+  absl::Status status = WriteDiagnosisReport(diagnosis, set_folder, paths.front());
+  if (!status.ok()) return status;
+  return paths;
+}
+
+// A smaller battery: fewer recordings, one effect at a time. A sentence on what was left out.
+std::string MakeQuick(RecordedFolder* set, v1::CreateDiagnosisRequest* request) {
+  const std::vector<int> chosen = QuickChoice(set->recordings);
+  const int all = set->recordings.recordings_size();
+  v1::Recordings some = set->recordings;
+  some.clear_recordings();
+  std::vector<AssetFile> images;
+  for (const int i : chosen) {
+    *some.add_recordings() = set->recordings.recordings(i);
+    images.push_back(std::move(set->images[static_cast<size_t>(i)]));
+  }
+  set->recordings = std::move(some);
+  set->images = std::move(images);
+  if (!request->has_max_effects()) request->set_max_effects(1);
+  return absl::StrFormat(
+      "--quick: from %d of %d recordings, with at most %d effect%s at once. Weak effects, and "
+      "several together, may be missed; without it all recordings count.",
+      chosen.size(), all, request->max_effects(), request->max_effects() == 1 ? "" : "s");
+}
+
 // Writes every file of the answer; returns their paths, the report first. `nominal_part`: of
 // recordings of a part.
 absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& options,
@@ -182,6 +221,19 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
   }
   files.emplace_back(out / "diagnosis.json", answer);
   files.emplace_back(out / "diagnosis_full.json", ToJson(diagnosis) + "\n");
+  const fs::path inspection = calibrated / "inspection.json";
+  // Those of an earlier run would not be of this diagnosis.
+  std::error_code error;
+  for (const char* file : {"inspection.json", "recordings.json", "effects.json", "plate.obj"}) {
+    fs::remove(calibrated / file, error);
+  }
+  if (IsInterrupted(diagnosis)) {
+    warnings->push_back(
+        "nothing is written into calibrated/: the values may still change; run the command again "
+        "for a finding");
+    fs::remove(calibrated, error);  // empty
+    return WriteFiles(files, diagnosis, set.folder, out);
+  }
   // The renderer takes these of a plate; of a part it takes the inspection.
   if (!ShowsPart(set)) {
     if (diagnosis.has_calibrated()) {
@@ -190,10 +242,6 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
     }
     files.emplace_back(calibrated / "effects.json", EffectsJson(diagnosis));
   }
-  const fs::path inspection = calibrated / "inspection.json";
-  // One of an earlier run would not be that of this diagnosis.
-  std::error_code error;
-  fs::remove(inspection, error);
   auto result = Calibrated(options, set, nominal_part, diagnosis, calibrated, &files);
   if (result.ok()) {
     files.emplace_back(inspection, ToJson(result->inspection) + "\n");
@@ -204,26 +252,17 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
     warnings->push_back(
         absl::StrCat("calibrated/inspection.json is not written: ", result.status().message()));
   }
-  std::vector<std::string> paths;
-  for (const auto& [path, text] : files) {
-    absl::Status status = WriteFileAtomically(path.string(), text);
-    if (!status.ok()) return status;
-    paths.push_back(path.string());
-  }
-  const std::string report = (out / "report.html").string();
-  absl::Status status = WriteDiagnosisReport(diagnosis, set.folder, report);
-  if (!status.ok()) return status;
-  paths.insert(paths.begin(), report);
-  return paths;
+  return WriteFiles(files, diagnosis, set.folder, out);
 }
 
 // Flat-field and dark frames have neither plate nor part.
 absl::StatusOr<int> DiagnoseCamera(const DiagnoseOptions& options) {
-  for (const auto& [given, name] : {std::pair(!options.inspection.empty(), "--inspection"),
-                                    std::pair(!options.part.empty(), "--part"),
-                                    std::pair(!options.part_unit.empty(), "--part-unit"),
-                                    std::pair(!options.excluded.empty(), "--exclude"),
-                                    std::pair(options.max_effects.has_value(), "--max-effects")}) {
+  for (const auto& [given, name] :
+       {std::pair(!options.inspection.empty(), "--inspection"),
+        std::pair(!options.part.empty(), "--part"),
+        std::pair(!options.part_unit.empty(), "--part-unit"),
+        std::pair(!options.excluded.empty(), "--exclude"), std::pair(options.quick, "--quick"),
+        std::pair(options.max_effects.has_value(), "--max-effects")}) {
     if (!given) continue;
     return absl::InvalidArgumentError(
         absl::StrCat(name, " is for recordings of a plate or a part; ", options.input,
@@ -234,7 +273,7 @@ absl::StatusOr<int> DiagnoseCamera(const DiagnoseOptions& options) {
 
 absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   if (IsSensorSet(options.input)) return DiagnoseCamera(options);
-  const auto set = ReadRecordedFolder(options.input, Shown::kPlateOrPart, MissingValues::kAssume);
+  auto set = ReadRecordedFolder(options.input, Shown::kPlateOrPart, MissingValues::kAssume);
   if (!set.ok()) return set.status();
   if (options.out.empty()) options.out = (fs::path(set->folder) / "diagnosis").string();
   // Mistakes show before the long work, not after it.
@@ -262,16 +301,25 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
     }
   }
   if (absl::Status made = MakeOutputFolder(options.out); !made.ok()) return made;
+  if (options.max_effects) request.set_max_effects(*options.max_effects);
+  if (options.quick) set->assumptions.push_back(MakeQuick(&*set, &request));
   *request.mutable_source()->mutable_recordings() = set->recordings;
   if (options.seed) request.set_seed(*options.seed);
-  if (options.max_effects) request.set_max_effects(*options.max_effects);
   for (const std::string& effect : options.excluded) request.add_excluded_effects(effect);
 
   ProgressLine progress;
   WorkerClientOptions client;
   auto worker = StartWorkerSession(options.worker, &progress, &client);
   if (!worker.ok()) return worker.status();
-  auto diagnosis = DiagnoseRecordings(client, std::move(request), set->images, assets);
+  progress.ShowTimeLeft();
+  const auto on_waiting_for_rest = [&progress] {
+    progress.Finish();
+    std::fprintf(stderr,
+                 "interrupted: what is known is written once the fit at hand has ended; Ctrl-C "
+                 "again ends at once\n");
+  };
+  auto diagnosis =
+      DiagnoseRecordings(client, std::move(request), set->images, assets, on_waiting_for_rest);
   progress.Finish();
   if (!diagnosis.ok()) return AboutInput(diagnosis.status(), set->description_file);
 
@@ -284,7 +332,7 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   }
   if (!files.ok()) return files.status();
   for (const std::string& file : *files) std::printf("%s\n", fs::absolute(file).c_str());
-  return kExitDone;
+  return IsInterrupted(*diagnosis) ? kExitInterrupted : kExitDone;
 }
 
 }  // namespace
@@ -308,6 +356,8 @@ Command AddDiagnoseCommand(CLI::App& app) {
   app.add_option("--max-effects", options->max_effects,
                  "at once; default 2, which is the most for a part")
       ->check(CLI::Range(1, 3));
+  app.add_flag("--quick", options->quick,
+               "a first answer: from at most 16 of the recordings, one effect at a time");
   app.add_option("--seed", options->seed, "of everything drawn at random; default 1");
   AddWorkerOptions(app, &options->worker);
   return [options]() -> int {

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -5,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
@@ -52,6 +54,16 @@ absl::StatusOr<int> New(const NewOptions& options) {
   return kExitDone;
 }
 
+// Which images are not there yet: named, if there are few, else how many.
+std::string MissingText(const std::vector<std::string>& missing) {
+  constexpr size_t kNamed = 5;
+  const size_t named = std::min(missing.size(), kNamed);
+  std::string text =
+      absl::StrJoin(missing.begin(), missing.begin() + static_cast<int64_t>(named), ", ");
+  if (missing.size() > named) absl::StrAppend(&text, ", ... (", missing.size(), ")");
+  return text;
+}
+
 absl::StatusOr<int> Check(const std::string& input) {
   fs::path folder = input;
   fs::path description = folder / "recordings.json";
@@ -61,9 +73,16 @@ absl::StatusOr<int> Check(const std::string& input) {
   }
   auto set = ReadRecordings(description.string());
   if (!set.ok()) return set.status();
-  std::vector<std::string> paths, notes;
+  std::vector<std::string> paths, notes, missing;
   for (const RecordedImage& image : set->recordings) {
     paths.push_back((folder / image.file).string());
+    std::error_code error;
+    if (!fs::exists(paths.back(), error)) missing.push_back(image.file);
+  }
+  if (missing.size() == paths.size()) {
+    return absl::NotFoundError(absl::StrCat(
+        description.string(), ": none of its ", paths.size(), " images is there yet: ",
+        MissingText(missing), "; record them as the README.md beside it says, and check again"));
   }
   LoadedImages loaded = LoadRecordedImages(*set, paths, {});
   std::vector<Image<uint16_t>>& images = loaded.raw_dn;
@@ -86,6 +105,7 @@ absl::StatusOr<int> Check(const std::string& input) {
     const char* kind = recording.kind == RecordingKind::kLaser  ? "laser"
                        : recording.kind == RecordingKind::kDark ? "dark"
                                                                 : "ambient";
+    if (std::find(missing.begin(), missing.end(), recording.file) != missing.end()) continue;
     if (images[i].empty()) {
       std::printf("%-20s %-7s %8s %8s %10s  %-4s  not usable\n", recording.file.c_str(), kind, "-",
                   "-", "-", "-");
@@ -100,6 +120,17 @@ absl::StatusOr<int> Check(const std::string& input) {
   }
   std::printf("\n");
   for (const std::string& warning : check.warnings) std::printf("warning: %s\n", warning.c_str());
+  // One line for all that are not there.
+  std::erase_if(errors, [&](const std::string& error) {
+    return std::any_of(missing.begin(), missing.end(), [&](const std::string& file) {
+      return absl::StartsWith(error, file + ": recordings[") &&
+             absl::StrContains(error, "].file is missing");
+    });
+  });
+  if (!missing.empty()) {
+    errors.push_back(absl::StrCat(missing.size(), " of ", paths.size(),
+                                  " images are not there: ", MissingText(missing)));
+  }
   for (const std::string& error : errors) std::printf("error: %s\n", error.c_str());
   if (!errors.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(

@@ -133,6 +133,13 @@ class Report {
     page.finding_html = VerdictSentence();
     page.figures = Figures();
     page.warnings.assign(d_.warnings().begin(), d_.warnings().end());
+    if (Interrupted()) {
+      page.warnings.insert(
+          page.warnings.begin(),
+          "The diagnosis was interrupted: probabilities and values are of what was "
+          "compared until then, and nothing was held to recordings that were not "
+          "fitted.");
+    }
     const char* picture = has_model_ ? "The picture that shows it" : "Recorded and expected";
     page.sections_html =
         PageSection("profiles", picture, Profiles()) +
@@ -151,6 +158,8 @@ class Report {
   }
 
  private:
+  bool Interrupted() const { return d_.verdict() == "interrupted"; }
+
   const v1::Recording* RecordingAt(int index) const {
     return index >= 0 && index < d_.calibrated().recordings_size()
                ? &d_.calibrated().recordings(index)
@@ -210,6 +219,10 @@ class Report {
   }
 
   std::string VerdictSentence() const {
+    if (Interrupted()) {
+      return "<strong>Interrupted: this is no finding.</strong> What follows is of what was fitted "
+             "until then.";
+    }
     if (d_.ranked().empty()) return "";
     const v1::Explanation& first = d_.ranked(0);
     std::string html = absl::StrCat("<strong>", EscapeHtml(ExplanationTitle(first)),
@@ -234,7 +247,7 @@ class Report {
     if (!d_.verdict().empty()) {
       std::string value = d_.verdict() == "none" ? "none" : EscapeHtml(d_.verdict());
       for (const v1::Explanation& explanation : d_.ranked()) {
-        if (explanation.effect() != "none") continue;
+        if (explanation.effect() != "none" || Interrupted()) continue;
         const double probability =
             d_.verdict() == "none" ? explanation.probability() : 1 - explanation.probability();
         absl::StrAppend(&value, " <small>", EscapeHtml(ProbabilityText(probability)), "</small>");

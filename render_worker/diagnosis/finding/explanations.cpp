@@ -164,6 +164,53 @@ void AddExplanations(const SetModel& model, const Competition& competition, uint
   }
 }
 
+void AddUnfinished(const SetModel& model, const Competition& competition,
+                   v1::Diagnosis* diagnosis) {
+  constexpr size_t kScreenedOnly = 10;
+  constexpr double kLeastGain = 1.5;  // [nats] as worth a fit
+  for (const Candidate& candidate : competition.ranked) {
+    v1::Explanation* explanation = diagnosis->add_ranked();
+    explanation->set_effect(NameOf(candidate, competition));
+    explanation->set_stage("none");
+    if (!candidate.effects.empty()) {
+      const ActiveEffect& first = candidate.effects[Leading(candidate, competition).front()];
+      explanation->set_stage(Text(StageName(first.effect->description().stage)));
+    }
+    explanation->set_probability(candidate.probability);
+    explanation->set_log_evidence_gain(candidate.log_evidence);
+    explanation->set_reason("fitted, not yet held to recordings that were not fitted");
+    if (IsFreeForm(candidate)) continue;
+    for (size_t i : Leading(candidate, competition)) {
+      *explanation->add_effects() = DescribeEffect(model, candidate, i);
+    }
+  }
+  const auto fitted = [&](const Effect* effect) {
+    return std::any_of(competition.ranked.begin(), competition.ranked.end(), [&](const auto& c) {
+      return std::any_of(c.effects.begin(), c.effects.end(),
+                         [&](const ActiveEffect& active) { return active.effect == effect; });
+    });
+  };
+  const auto gain = [](const ScreenedEffect* s) { return std::max(s->gain, s->linear_gain); };
+  std::vector<const ScreenedEffect*> only_screened;
+  for (const ScreenedEffect& screened : competition.screened) {
+    const Effect* effect = screened.strongest.effect;
+    if (!IsFreeForm(*effect) && gain(&screened) > kLeastGain && !fitted(effect)) {
+      only_screened.push_back(&screened);
+    }
+  }
+  std::stable_sort(only_screened.begin(), only_screened.end(),
+                   [&](const auto* a, const auto* b) { return gain(a) > gain(b); });
+  if (only_screened.size() > kScreenedOnly) only_screened.resize(kScreenedOnly);
+  for (const ScreenedEffect* screened : only_screened) {
+    const EffectDescription& description = screened->strongest.effect->description();
+    v1::Explanation* explanation = diagnosis->add_ranked();
+    explanation->set_effect(Text(description.id));
+    explanation->set_stage(Text(StageName(description.stage)));
+    explanation->set_log_evidence_gain(gain(screened));
+    explanation->set_reason("looked at by itself, not fitted together with the known parameters");
+  }
+}
+
 void AddStages(const Competition& competition, v1::Diagnosis* diagnosis) {
   std::map<std::string, std::pair<double, double>> stages;  // gain, probability
   for (const ScreenedEffect& screened : competition.screened) {

@@ -20,6 +20,10 @@ Eigen::MatrixXd CoefficientCovariance(const Candidate& candidate);
 void AddExplanations(const SetModel& model, const Competition& competition, uint64_t seed,
                      v1::Diagnosis* diagnosis);
 
+// Of a competition that was stopped: candidates by their evidence so far, and below them the most
+// promising effects that were looked at but not fitted. `ranked` has no word on predictions.
+void AddUnfinished(const SetModel& model, const Competition& competition, v1::Diagnosis* diagnosis);
+
 // What a free term or effect at every stage of the chain absorbs.
 void AddStages(const Competition& competition, v1::Diagnosis* diagnosis);
 

@@ -64,11 +64,13 @@ class Competing {
   Competition Run() {
     Screen();
     FitSingles();
+    if (stopped_) return Unfinished();
     if (!FollowsVibration()) {
       FitPairs();
       RenewBest();
       AddRecordingScatter();
     }
+    if (stopped_) return Unfinished();
     // If scatter explains most, the covariance of the null model is the one it has been compared
     // under; that of another effect may have room for it by chance.
     if (!ScatterLeads()) {
@@ -79,18 +81,30 @@ class Competing {
     AddScatterToBest();
     AddTermsToBest();
     SelectTerms();
-    std::erase_if(candidates_, [](const auto& candidate) { return !EffectsAreThere(candidate); });
-    Candidate none;
-    none.fit = competition_.null;
-    candidates_.push_back(std::move(none));
-    RankCandidates(counts_, &candidates_);
-    competition_.ranked = std::move(candidates_);
+    if (stopped_) return Unfinished();
+    Rank();
     JudgeByPredictions();
     FindClass();
     return std::move(competition_);
   }
 
  private:
+  void Rank() {
+    std::erase_if(candidates_, [](const auto& candidate) { return !EffectsAreThere(candidate); });
+    Candidate none;
+    none.fit = competition_.null;
+    candidates_.push_back(std::move(none));
+    RankCandidates(counts_, &candidates_);
+    competition_.ranked = std::move(candidates_);
+  }
+
+  Competition Unfinished() {
+    SortByEvidence();
+    Rank();
+    competition_.finished = false;
+    return std::move(competition_);
+  }
+
   bool Report(double fraction) {
     if (!stopped_ && !progress_(fraction)) stopped_ = true;
     return !stopped_;
@@ -728,7 +742,6 @@ class Competing {
     none.fit = competition_.null;
     competition_.null_check = Check(none);
     competition_.named_check = competition_.null_check;
-    if (stopped_) return;
     EraseWhatDoesNotPredict();
     const auto leading = std::find_if(ranked.begin(), ranked.end(),
                                       [](const auto& candidate) { return !IsFreeForm(candidate); });

@@ -13,6 +13,9 @@
 namespace sightline {
 
 struct Competition {
+  // False: stopped by `progress`. Then there are `null`, `screened` and `ranked` so far, by
+  // evidence alone: nothing has been held to predictions.
+  bool finished = true;
   FitResult null;                 // under the covariance of all candidates
   std::vector<Candidate> ranked;  // most probable first; the null model among them
   std::vector<ScreenedEffect> screened;
@@ -37,7 +40,7 @@ struct CompetitionSettings {
 // named must predict recordings that were not fitted: effects that do not predict them clearly
 // better than the model without them are no candidates, and the less the best of the vocabulary
 // predicts them (BayesFactorBound), the more probable is unknown physics. False from `progress`
-// (fraction done): stops, with what there is.
+// (fraction done): stops, with what there is (Competition::finished).
 Competition Compete(const SetModel& model, const FitResult& null,
                     const CompetitionSettings& settings,
                     const std::function<bool(double)>& progress);

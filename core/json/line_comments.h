@@ -1,0 +1,12 @@
+// Comments in JSON files that people write.
+#pragma once
+
+#include <string>
+
+namespace sightline {
+
+// The text with every comment, from `//` outside of a string to the end of its line, turned into
+// spaces: what is left has its old line and column. There are no other comments.
+std::string BlankLineComments(std::string json);
+
+}  // namespace sightline

@@ -1,0 +1,17 @@
+// Which known name somebody may have meant.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace sightline {
+
+// The name of `known` with the fewest letters inserted, left out or replaced (Levenshtein), the
+// first of equal ones; empty if there is none. Only the first 100 bytes of `name` are looked at.
+std::string NearestName(const std::string& name, const std::vector<std::string>& known);
+
+// The same, but empty where `name` is not like any: more than a third of its letters, and more than
+// two, would have to change.
+std::string LikelyName(const std::string& name, const std::vector<std::string>& known);
+
+}  // namespace sightline

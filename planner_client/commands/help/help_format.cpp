@@ -1,0 +1,45 @@
+#include "planner_client/commands/help/help_format.h"
+
+#include "absl/strings/str_replace.h"
+#include "planner_client/commands/help/terminal.h"
+
+namespace sightline {
+namespace {
+
+// deploy/command_line reads help of this form, so it does not follow the terminal.
+constexpr size_t kColumns = 80;
+
+}  // namespace
+
+std::string HelpFormat::make_description(const CLI::App* app) const {
+  return WrapText(Formatter::make_description(app), kColumns);
+}
+
+std::string HelpFormat::make_option_name(const CLI::Option* option, bool is_positional) const {
+  std::string name = Formatter::make_option_name(option, is_positional);
+  // "--no-pictures{false}": what a flag stands for is nothing to be typed.
+  for (size_t open = name.find('{'); open != std::string::npos; open = name.find('{', open)) {
+    const size_t close = name.find('}', open);
+    name.erase(open, close == std::string::npos ? close : close - open + 1);
+  }
+  return name;
+}
+
+std::string HelpFormat::make_option_opts(const CLI::Option* option) const {
+  // Lists that are empty have no default to speak of.
+  return absl::StrReplaceAll(Formatter::make_option_opts(option), {{"=[]", ""}, {"={}", ""}});
+}
+
+std::string HelpFormat::make_option_desc(const CLI::Option* option) const {
+  return WrapText(Formatter::make_option_desc(option), kColumns - get_column_width());
+}
+
+std::string HelpFormat::make_subcommand(const CLI::App* command) const {
+  std::ostringstream out;
+  CLI::detail::format_help(out, command->get_display_name(true),
+                           WrapText(command->get_description(), kColumns - get_column_width()),
+                           get_column_width());
+  return out.str();
+}
+
+}  // namespace sightline

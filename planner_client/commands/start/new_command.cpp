@@ -1,0 +1,413 @@
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <functional>
+#include <iostream>
+#include <memory>
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "core/catalogue/catalogue.h"
+#include "core/inspection/inspection.h"
+#include "core/json/error_list.h"
+#include "core/json/strict_json.h"
+#include "core/part/load_part.h"
+#include "core/part/part_health.h"
+#include "core/spelling/nearest_name.h"
+#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/start/start_commands.h"
+#include "planner_client/inspection_draft/inspection_draft.h"
+#include "planner_client/part_files/part_file.h"
+#include "planner_client/part_files/step_program.h"
+#include "planner_client/tolerance_import/tolerance_import.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr int kMostAttempts = 5;
+
+struct NewInspectionOptions {
+  std::string part, out = "inspection.json", unit, name, holding = "resting";
+  std::string catalogue, camera, lens, laser, tolerances;
+  std::optional<int> columns_px, rows_px;
+  std::optional<double> pixel_pitch_um, fov_deg, focal_length_mm, f_number;
+  std::optional<double> goal, spacing_mm, tolerance_mm;
+  bool force = false, no_questions = false;
+  bool holding_given = false;
+};
+
+// --- what a file without a unit may measure ------------------------------------------------------
+
+struct SizeInUnit {
+  std::string unit, size;
+};
+
+// Units in which the part has a size that is worth inspecting.
+std::vector<SizeInUnit> PlausibleUnits(const std::string& file) {
+  std::vector<SizeInUnit> sizes;
+  for (const char* unit : {"mm", "cm", "m", "inch", "um"}) {
+    const auto mesh = LoadPart(file, unit);
+    if (!mesh.ok()) continue;
+    const Eigen::Vector3d mm = 1e3 * mesh->BoundingBox().sizes().cast<double>();
+    sizes.push_back({unit, absl::StrFormat("%.4g x %.4g x %.4g mm", mm.x(), mm.y(), mm.z())});
+  }
+  return sizes;
+}
+
+std::string UnitsText(const std::vector<SizeInUnit>& sizes) {
+  std::vector<std::string> texts;
+  for (const SizeInUnit& size : sizes) texts.push_back(absl::StrCat(size.unit, ": ", size.size));
+  return absl::StrJoin(texts, "; ");
+}
+
+bool NeedsUnit(const NewInspectionOptions& options) {
+  return options.unit.empty() && !CheckPartUnit(options.part, "").ok();
+}
+
+// --- questions -----------------------------------------------------------------------------------
+
+// Asks on stderr until `take` accepts the answer, an empty one standing for `usual`. CANCELLED when
+// the input ends; INVALID_ARGUMENT after too many wrong answers.
+absl::Status Ask(const std::string& question, const std::string& usual,
+                 const std::function<absl::Status(const std::string&)>& take) {
+  for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
+    std::fprintf(stderr, "%s%s: ", question.c_str(),
+                 usual.empty() ? "" : absl::StrCat(" [", usual, "]").c_str());
+    std::string answer;
+    if (!std::getline(std::cin, answer)) return absl::CancelledError("no answer; nothing written");
+    absl::StripAsciiWhitespace(&answer);
+    const absl::Status taken = take(answer.empty() ? usual : answer);
+    if (taken.ok()) return taken;
+    std::fprintf(stderr, "  %s\n", std::string(taken.message()).c_str());
+  }
+  return absl::InvalidArgumentError(absl::StrCat("no usable answer to: ", question));
+}
+
+absl::Status TakeOneOf(const std::string& answer, const std::vector<std::string>& known,
+                       std::string* value) {
+  if (std::find(known.begin(), known.end(), answer) != known.end()) {
+    *value = answer;
+    return absl::OkStatus();
+  }
+  return absl::InvalidArgumentError(absl::StrCat("must be one of ", absl::StrJoin(known, ", ")));
+}
+
+// An empty answer leaves it unset.
+absl::Status TakeNumber(const std::string& answer, double above, double most,
+                        std::optional<double>* value) {
+  if (answer.empty() || answer == "none") return absl::OkStatus();
+  double number = 0;
+  if (!absl::SimpleAtod(answer, &number) || !(number > above && number <= most)) {
+    return absl::InvalidArgumentError(absl::StrCat("must be a number above ", NumberText(above),
+                                                   " and at most ", NumberText(most)));
+  }
+  *value = number;
+  return absl::OkStatus();
+}
+
+absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
+  if (NeedsUnit(*options)) {
+    const std::vector<SizeInUnit> sizes = PlausibleUnits(options->part);
+    if (!sizes.empty()) {
+      absl::Status asked = Ask(absl::StrCat("Length unit of the file (", UnitsText(sizes), ")"),
+                               sizes.front().unit, [&](const std::string& answer) {
+                                 std::vector<std::string> units;
+                                 for (const SizeInUnit& size : sizes) units.push_back(size.unit);
+                                 return TakeOneOf(answer, units, &options->unit);
+                               });
+      if (!asked.ok()) return asked;
+    }
+  }
+  if (!options->holding_given) {
+    absl::Status asked =
+        Ask("How is the part held: resting (on the table), fixture (clamped as in the CAD file), "
+            "free (in any orientation)?",
+            options->holding, [&](const std::string& answer) {
+              return TakeOneOf(answer, {"resting", "fixture", "free"}, &options->holding);
+            });
+    if (!asked.ok()) return asked;
+  }
+  if (options->camera.empty() && !options->fov_deg && !options->focal_length_mm) {
+    absl::Status asked = Ask(
+        "Vertical field of view of the camera in degrees", "45",
+        [&](const std::string& answer) { return TakeNumber(answer, 0, 169, &options->fov_deg); });
+    if (!asked.ok()) return asked;
+  }
+  if (!options->tolerance_mm && options->tolerances.empty()) {
+    absl::Status asked =
+        Ask("Full width of the surface's tolerance in mm, to plan until it can be proven; none: "
+            "plan until the surface is covered",
+            "none", [&](const std::string& answer) {
+              return TakeNumber(answer, 0, 100, &options->tolerance_mm);
+            });
+    if (!asked.ok()) return asked;
+  }
+  return absl::OkStatus();
+}
+
+// --- devices -------------------------------------------------------------------------------------
+
+// The device of this name: of the data sheet or of the file, in any case, or a part of it that only
+// one has.
+template <typename Device, typename NameOf>
+absl::StatusOr<Device> FindDevice(const std::vector<Device>& devices, const char* kind,
+                                  const std::string& name, const std::string& folder,
+                                  NameOf name_of) {
+  std::vector<std::string> names;
+  std::vector<const Device*> like;
+  for (const Device& device : devices) {
+    const std::string stem = fs::path(device.file).stem().string();
+    if (absl::EqualsIgnoreCase(name_of(device), name) || absl::EqualsIgnoreCase(stem, name)) {
+      return device;
+    }
+    if (absl::StrContainsIgnoreCase(name_of(device), name) ||
+        absl::StrContainsIgnoreCase(stem, name)) {
+      like.push_back(&device);
+    }
+    names.push_back(stem);
+  }
+  if (like.size() == 1) return *like.front();
+  if (like.size() > 1) {
+    names.clear();
+    for (const Device* device : like) names.push_back(fs::path(device->file).stem().string());
+    return absl::InvalidArgumentError(
+        absl::StrCat("--", kind, " ", name, ": may be any of ", absl::StrJoin(names, ", ")));
+  }
+  return absl::InvalidArgumentError(absl::StrCat(
+      "--", kind, " ", name, ": no ", kind, " of that name in ", folder, "; the nearest is ",
+      NearestName(name, names), " (there are ", absl::StrJoin(names, ", "), ")"));
+}
+
+// As it is to stand in the inspection: from its folder.
+std::string FromFolderOf(const std::string& out, const std::string& file) {
+  const fs::path folder = fs::absolute(out).lexically_normal().parent_path();
+  return fs::absolute(file).lexically_normal().lexically_proximate(folder).string();
+}
+
+absl::Status TakeDevices(const NewInspectionOptions& options, DraftRequest* request) {
+  const bool named = !options.camera.empty() || !options.lens.empty() || !options.laser.empty();
+  if (!named) return absl::OkStatus();
+  std::string folder = options.catalogue;
+  if (folder.empty()) {
+    // As it is installed.
+    std::error_code error;
+    const fs::path program = fs::read_symlink("/proc/self/exe", error);
+    folder = (program.parent_path().parent_path() / "share/sightline/examples/catalogue").string();
+    if (!fs::is_directory(folder, error)) {
+      return absl::InvalidArgumentError(
+          "--catalogue is missing: the folder in which cameras, lenses and lasers are found by "
+          "name, such as examples/catalogue");
+    }
+  }
+  const auto catalogue = ReadCatalogue(folder);
+  if (!catalogue.ok()) return catalogue.status();
+  ErrorList errors;
+  if (!options.camera.empty()) {
+    auto camera = FindDevice(catalogue->cameras, "camera", options.camera, folder,
+                             [](const DeviceCamera& device) { return device.sensor.name; });
+    if (errors.Add(camera.status())) {
+      request->camera_file = FromFolderOf(options.out, camera->file);
+      request->camera = *std::move(camera);
+      request->lenses = catalogue->lenses;
+    }
+  }
+  const auto name_of = [](const auto& device) { return device.name; };
+  if (!options.lens.empty()) {
+    auto lens = FindDevice(catalogue->lenses, "lens", options.lens, folder, name_of);
+    if (errors.Add(lens.status())) request->lens = *std::move(lens);
+  }
+  if (!options.laser.empty()) {
+    auto laser = FindDevice(catalogue->lasers, "laser", options.laser, folder, name_of);
+    if (errors.Add(laser.status())) request->laser = *std::move(laser);
+  }
+  return errors.Status();
+}
+
+// --- all of it -----------------------------------------------------------------------------------
+
+absl::Status CheckOptions(const NewInspectionOptions& options) {
+  ErrorList errors;
+  std::error_code error;
+  if (!fs::is_regular_file(options.part, error)) {
+    errors.Add(absl::NotFoundError(absl::StrCat(options.part, ": no such file")));
+  } else if (NeedsUnit(options)) {
+    const std::vector<SizeInUnit> sizes = PlausibleUnits(options.part);
+    // Of a file that cannot be read in any unit loading tells why.
+    if (!sizes.empty()) {
+      errors.Add(absl::InvalidArgumentError(absl::StrCat(
+          options.part, ": --unit is missing, the file carries none: ", UnitsText(sizes))));
+    }
+  }
+  if (fs::exists(options.out, error) && !options.force) {
+    errors.Add(absl::InvalidArgumentError(
+        absl::StrCat(options.out, ": is there already; give another --out, or --force")));
+  }
+  if (!options.tolerances.empty() && options.tolerances != "part" &&
+      !fs::is_regular_file(options.tolerances, error)) {
+    errors.Add(absl::NotFoundError(absl::StrCat("--tolerances ", options.tolerances,
+                                                ": no such file; or `part`: the part's own")));
+  }
+  return errors.Status();
+}
+
+absl::Status TakeTolerances(const NewInspectionOptions& options, DraftRequest* request) {
+  const bool own = options.tolerances == "part";
+  const std::string file = own || options.tolerances.empty() ? options.part : options.tolerances;
+  if (options.tolerances.empty() && !IsStepFile(file)) return absl::OkStatus();
+  const auto imported = ImportTolerances(file);
+  // Nobody has asked for those of the part.
+  if (options.tolerances.empty() && !imported.ok()) return absl::OkStatus();
+  if (!imported.ok()) return imported.status();
+  const int count = static_cast<int>(imported->report.read.size());
+  if (options.tolerances.empty()) {
+    request->tolerances_in_part = count;
+    return absl::OkStatus();
+  }
+  if (count == 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(file, ": has no tolerance that can be read (`sightline part ", file,
+                     " --tolerances` says more); give one for all of the surface by "
+                     "--tolerance-mm"));
+  }
+  request->tolerance_file = FromFolderOf(options.out, file);
+  return absl::OkStatus();
+}
+
+v1::Rig::PartHolding HoldingOf(const std::string& word) {
+  return word == "fixture" ? v1::Rig::PART_HOLDING_FIXTURE
+         : word == "free"  ? v1::Rig::PART_HOLDING_FREE
+                           : v1::Rig::PART_HOLDING_RESTING;
+}
+
+absl::StatusOr<DraftRequest> MakeRequest(const NewInspectionOptions& options) {
+  DraftRequest request;
+  const auto part = LoadPartFile(options.part, options.unit);
+  if (!part.ok()) return part.status();
+  request.health = CheckPartHealth(*part);
+  request.name = options.name.empty() ? fs::path(options.part).stem().string() : options.name;
+  request.part_file = FromFolderOf(options.out, options.part);
+  request.part_unit = options.unit;
+  request.holding = HoldingOf(options.holding);
+  request.columns_px = options.columns_px;
+  request.rows_px = options.rows_px;
+  request.vertical_fov_deg = options.fov_deg;
+  request.f_number = options.f_number;
+  const auto scaled = [](const std::optional<double>& value, double unit) {
+    return value ? std::optional(*value * unit) : std::nullopt;
+  };
+  request.pixel_pitch_m = scaled(options.pixel_pitch_um, 1e-6);
+  request.focal_length_m = scaled(options.focal_length_mm, 1e-3);
+  request.spacing_m = scaled(options.spacing_mm, 1e-3);
+  request.tolerance_m = scaled(options.tolerance_mm, 1e-3);
+  if (options.goal) request.goal = *options.goal;
+  if (absl::Status s = TakeDevices(options, &request); !s.ok()) return s;
+  if (absl::Status s = TakeTolerances(options, &request); !s.ok()) return s;
+  return request;
+}
+
+absl::Status New(NewInspectionOptions options) {
+  if (!options.no_questions && isatty(STDIN_FILENO) != 0 && fs::exists(options.part)) {
+    if (absl::Status asked = AskWhatIsMissing(&options); !asked.ok()) return asked;
+  }
+  if (absl::Status checked = CheckOptions(options); !checked.ok()) return checked;
+  const auto request = MakeRequest(options);
+  if (!request.ok()) return request.status();
+  const auto draft = DraftInspection(*request);
+  if (!draft.ok()) return draft.status();
+  const std::string text = CommentedJson(draft->inspection, draft->comments);
+  const fs::path folder = fs::path(options.out).parent_path();
+  v1::Inspection read_back;
+  absl::Status status = ParseStrictJson(text, options.out, &read_back);
+  if (status.ok()) status = ParseInspection(read_back, options.out, folder.string()).status();
+  if (!status.ok()) return status;
+  if (!folder.empty()) {
+    if (status = MakeOutputFolder(folder.string()); !status.ok()) return status;
+  }
+  if (status = WriteFileAtomically(options.out, text); !status.ok()) return status;
+
+  const Eigen::Vector3d mm = 1e3 * request->health.bounding_box_m.sizes();
+  std::printf("%s: %.4g x %.4g x %.4g mm, about %.2g targets %.4g mm apart\n",
+              fs::path(options.part).filename().c_str(), mm.x(), mm.y(), mm.z(),
+              static_cast<double>(draft->expected_targets),
+              1e3 * draft->inspection.targets().spacing_m());
+  if (!draft->lens.empty()) std::printf("lens chosen: %s\n", draft->lens.c_str());
+  for (const std::string& finding : request->health.findings) {
+    std::printf("part: %s\n", finding.c_str());
+  }
+  std::printf("written: %s\nnext:    sightline plan %s --out plan\n",
+              fs::absolute(options.out).lexically_normal().c_str(), options.out.c_str());
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+Command AddNewCommand(CLI::App& app) {
+  auto options = std::make_shared<NewInspectionOptions>();
+  app.add_option("part", options->part, "part file (.step, .stp, .glb, .gltf, .stl, .ply, .obj)")
+      ->required();
+  app.add_option("--out", options->out, "inspection file to write")->capture_default_str();
+  app.add_option("--unit", options->unit, "length unit of an STL, PLY or OBJ file")
+      ->check(CLI::IsMember({"m", "cm", "mm", "um", "inch"}));
+  app.add_option("--name", options->name, "of the inspection; default: that of the part's file");
+  CLI::Option* holding =
+      app.add_option("--holding", options->holding,
+                     "resting: on the table, on a face on which it is stable; fixture: clamped as "
+                     "in the CAD file; free: in any orientation")
+          ->check(CLI::IsMember({"resting", "fixture", "free"}))
+          ->capture_default_str();
+  app.add_option("--catalogue", options->catalogue,
+                 "folder with cameras/, lenses/ and lasers/, for the names below");
+  app.add_option("--camera", options->camera,
+                 "camera of the catalogue; without --lens with the lens that suits the part best");
+  app.add_option("--lens", options->lens, "lens of the catalogue");
+  app.add_option("--laser", options->laser, "laser of the catalogue");
+  app.add_option("--columns", options->columns_px, "of the camera's image")
+      ->check(CLI::Range(16, 16384));
+  app.add_option("--rows", options->rows_px, "of the camera's image")->check(CLI::Range(16, 16384));
+  app.add_option("--pixel-pitch-um", options->pixel_pitch_um, "of the camera")
+      ->check(CLI::Range(0.1, 1000.0));
+  app.add_option("--fov-deg", options->fov_deg,
+                 "vertical field of view; default: by --focal-length-mm, --pixel-pitch-um and "
+                 "--rows, else 45")
+      ->check(CLI::Range(0.1, 169.0));
+  app.add_option("--focal-length-mm", options->focal_length_mm, "of the lens")
+      ->check(CLI::Range(0.5, 99.0));
+  app.add_option("--f-number", options->f_number, "of the lens; default 8")
+      ->check(CLI::Range(0.5, 128.0));
+  app.add_option("--goal", options->goal,
+                 "fraction of the surface to be covered, or known well enough for its tolerance; "
+                 "default 0.95")
+      ->check(CLI::Range(1e-6, 1.0));
+  app.add_option("--tolerance-mm", options->tolerance_mm,
+                 "full width of the surface's tolerance: plan until it can be proven")
+      ->check(CLI::Range(1e-6, 100.0));
+  app.add_option("--tolerances", options->tolerances,
+                 "STEP (AP242) or QIF file with tolerances of the drawing; part: those of the "
+                 "part's own STEP file");
+  app.add_option("--spacing-mm", options->spacing_mm,
+                 "between targets; default: so that there are about 8000")
+      ->check(CLI::Range(0.1, 1000.0));
+  app.add_flag("--force", options->force, "write over a file that is there");
+  app.add_flag("--no-questions", options->no_questions,
+               "ask nothing, even on a terminal: what is not given has its default");
+  return [options, holding]() -> int {
+    options->holding_given = holding->count() > 0;
+    const absl::Status status = New(*options);
+    return status.ok() ? kExitDone : ReportError(status);
+  };
+}
+
+}  // namespace sightline

@@ -1,0 +1,61 @@
+// A first inspection.json for a part: what the engineer says, and for the rest values that follow
+// from the part's size.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/catalogue/catalogue.h"
+#include "core/part/part_health.h"
+#include "planner_client/inspection_draft/commented_json.h"
+#include "sightline/v1/inspection.pb.h"
+
+namespace sightline {
+
+// What is known and wished. Files are as they are to stand in the inspection.
+struct DraftRequest {
+  std::string name;
+  std::string part_file, part_unit;
+  PartHealth health;
+  v1::Rig::PartHolding holding = v1::Rig::PART_HOLDING_RESTING;
+
+  // Of a catalogue; `camera_file` is the camera's file. A camera without a lens gets the one that
+  // suits the part best.
+  std::optional<DeviceCamera> camera;
+  std::string camera_file;
+  std::optional<DeviceLens> lens;
+  std::optional<DeviceLaser> laser;
+  std::vector<DeviceLens> lenses;  // to choose from
+
+  // Instead of these, single numbers.
+  std::optional<int> columns_px, rows_px;
+  std::optional<double> pixel_pitch_m, vertical_fov_deg, focal_length_m, f_number;
+
+  std::optional<double> spacing_m;
+  double goal = 0.95;
+  // Full width of the tolerance of the whole surface; set: a plan for uncertainty.
+  std::optional<double> tolerance_m;
+  // STEP or QIF file with the tolerances of the drawing; set: a plan for uncertainty.
+  std::string tolerance_file;
+  // Tolerances that the part's STEP file has, for a word on them; 0: none, or not looked for.
+  int tolerances_in_part = 0;
+};
+
+struct InspectionDraft {
+  v1::Inspection inspection;
+  FieldComments comments;
+  int64_t expected_targets = 0;
+  std::string lens;  // name of the one that was chosen from `lenses`
+};
+
+// INVALID_ARGUMENT: of the lenses none suits the camera, or numbers are given beside a catalogue's
+// device.
+absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request);
+
+// Distance between targets that gives a part of this area about 8000 of them, rounded to 1, 1.5, 2,
+// 3, 5 or 7 times a power of ten; in [0.0001, 0.1] m.
+double SpacingFor(double area_m2);
+
+}  // namespace sightline

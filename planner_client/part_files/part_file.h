@@ -1,0 +1,17 @@
+// Part files as people have them: what core/part reads, and STEP.
+#pragma once
+
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "core/part/mesh.h"
+
+namespace sightline {
+
+// The file itself, or of a STEP file its mesh (step_mesh.h), whose unit is the metre.
+absl::StatusOr<std::string> MeshFileOf(const std::string& path);
+
+// As LoadPart, also of STEP files, which say their unit themselves. Messages name `path`.
+absl::StatusOr<TriangleMesh> LoadPartFile(const std::string& path, const std::string& unit);
+
+}  // namespace sightline

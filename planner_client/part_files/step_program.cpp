@@ -1,0 +1,90 @@
+#include "planner_client/part_files/step_program.h"
+
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <cstdlib>
+#include <filesystem>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
+#include "planner_client/part_files/run_program.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+bool IsExecutable(const fs::path& path) {
+  std::error_code error;
+  return fs::is_regular_file(path, error) && access(path.c_str(), X_OK) == 0;
+}
+
+}  // namespace
+
+bool IsStepFile(const std::string& file) {
+  const std::string suffix = absl::AsciiStrToLower(fs::path(file).extension().string());
+  return suffix == ".stp" || suffix == ".step" || suffix == ".p21";
+}
+
+absl::StatusOr<std::string> FindStepProgram(const std::string& file,
+                                            const StepProgramOptions& options) {
+  std::error_code error;
+  const fs::path beside =
+      options.program.empty()
+          ? fs::read_symlink("/proc/self/exe", error).parent_path() / kStepProgram
+          : fs::path(options.program);
+  if (IsExecutable(beside)) return beside.string();
+  const char* path = std::getenv("PATH");
+  if (options.program.empty() && path != nullptr) {
+    for (const absl::string_view folder : absl::StrSplit(path, ':', absl::SkipEmpty())) {
+      const fs::path there = fs::path(std::string(folder)) / kStepProgram;
+      if (there.is_absolute() && IsExecutable(there)) return there.string();
+    }
+  }
+  return absl::NotFoundError(absl::StrCat(
+      file, ": STEP is read by the program ", kStepProgram, ", and there is no executable ",
+      beside.string(), options.program.empty() ? ", nor one in PATH" : "",
+      "; install the package sightline-step-import, or in a build folder build the target ",
+      kStepProgram, " (CMake option SIGHTLINE_BUILD_STEP_IMPORT)"));
+}
+
+absl::StatusOr<std::string> RunStepImport(const std::string& file,
+                                          const std::vector<std::string>& arguments,
+                                          const StepProgramOptions& options) {
+  const auto program = FindStepProgram(file, options);
+  if (!program.ok()) return program.status();
+  // Absolute, so that no name is taken for an option.
+  std::vector<std::string> all = {fs::absolute(file).string()};
+  all.insert(all.end(), arguments.begin(), arguments.end());
+  auto finished = RunProgram(*program, std::move(all), options.time_limit);
+  if (!finished.ok()) {
+    return absl::Status(finished.status().code(),
+                        absl::StrCat(file, ": ", std::string(finished.status().message())));
+  }
+  absl::StripAsciiWhitespace(&finished->errors);
+  const int status = finished->wait_status;
+  if (WIFSIGNALED(status)) {
+    const int number = WTERMSIG(status);
+    // Ctrl-C goes to both programs.
+    if (number == SIGINT) return absl::CancelledError(absl::StrCat(file, ": interrupted"));
+    return absl::InternalError(absl::StrCat(file, ": ", kStepProgram, " was killed by signal ",
+                                            number, ": ", finished->errors));
+  }
+  if (WEXITSTATUS(status) != 0) {
+    const std::string message(
+        absl::StripPrefix(finished->errors, absl::StrCat(kStepProgram, ": ")));
+    // 2: the input is wrong, and the message names it.
+    if (WEXITSTATUS(status) == 2) return absl::InvalidArgumentError(message);
+    return absl::InternalError(absl::StrCat(file, ": ", kStepProgram, " ended with exit code ",
+                                            WEXITSTATUS(status), ": ", message));
+  }
+  return std::move(finished->output);
+}
+
+}  // namespace sightline
