@@ -75,8 +75,8 @@ def inspection_for(part, folder):
     folder = pathlib.Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     if part == "head":
-        return SOURCE / "examples/cylinder_head/inspection.json"
-    if part.startswith("bracket-"):
+        source = SOURCE / "examples/cylinder_head/cylinder_head.glb"
+    elif part.startswith("bracket-"):
         source = SHARED / f"data/cad/brackets/{part.removeprefix('bracket-')}.obj"
     elif part == "inline4-head":
         source = SHARED / "data/cad/inline4_engine/Cylinder Head.STL"
@@ -97,6 +97,13 @@ def inspection_for(part, folder):
         file = (folder / "inline4_head_450mm.stl").resolve()
         write_binary_stl(file, [[scale * x for x in t] for t in triangles])
     path = folder / f"{part}.json"
-    inspection = {"name": part, "part": {"file": str(file), "unit": "mm"}, "goal": {"coverage": 0.95}}
+    # The thesis's task: the part floats in any orientation, and every point counts.
+    inspection = {
+        "name": part,
+        "part": {"file": str(file)} if part == "head" else {"file": str(file), "unit": "mm"},
+        "rig": {"part_holding": "PART_HOLDING_FREE"},
+        "targets": {"required_resolution_m": 0},
+        "goal": {"coverage": 0.95},
+    }
     path.write_text(json.dumps(inspection, indent=1) + "\n", encoding="utf-8")
     return path

@@ -29,6 +29,7 @@ def task(folder, scans):
         material["file"] = str((source.parent / material["file"]).resolve())
     # Free to move; what scans are like is the planner's business.
     del inspection["measurement"]
+    inspection["rig"] = {**inspection.get("rig", {}), "part_holding": "PART_HOLDING_FREE"}
     inspection["render"] = {"seed": 1}
     inspection["goal"] = {"coverage": 0.99, "max_scans": scans}
     inspection["lens"].pop("focus_distance_m")

@@ -15,6 +15,7 @@ find_package(prometheus-cpp CONFIG REQUIRED)
 find_package(Pagmo CONFIG REQUIRED)
 find_package(meshoptimizer CONFIG REQUIRED)
 find_package(nanoflann CONFIG REQUIRED)
+find_package(Qhull CONFIG REQUIRED)
 find_package(XercesC REQUIRED)
 find_package(embree 3 CONFIG REQUIRED)
 # Its CMake config asks for the headers of OpenCV and for programs of packages that nothing here uses.

@@ -39,7 +39,7 @@ namespace {
 constexpr double kDegree = std::numbers::pi / 180;
 
 struct Options {
-  std::string inspection = "examples/cylinder_head/inspection.json";
+  std::string inspection = "bench/replanning/inspection.json";
   std::string folder = "build/replanning";
   double shift_mm = 2, turn_deg = 1, bump_mm = 1, bump_width_mm = 8, noise_px = 0.2;
   int64_t seed = 1;

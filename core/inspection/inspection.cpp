@@ -12,6 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "core/inspection/field_checks.h"
 #include "core/inspection/imaging.h"
+#include "core/inspection/part_holding.h"
 #include "core/inspection/read_with_files.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
@@ -89,147 +90,6 @@ constexpr Limits kConfusion{0, 1e4, " px", true};
 constexpr Limits kPosition{-1000, 1000, " m"};
 constexpr Limits kResolution{1e-5, 1, " m"};
 constexpr Limits kZoneWidth{0, 1, " m", true};
-
-// --- measurement domain -------------------------------------------------------------------------
-
-struct ParameterTable {
-  const char* name;
-  bool angle;     // degrees in the file
-  bool periodic;  // [0, 360)
-  // Table 2.1 in the unit of the file.
-  std::vector<ParameterDomain::Range> bounds;
-};
-
-const std::vector<ParameterTable>& Table21() {
-  static const std::vector<ParameterTable> table = {
-      {"camera_distance_m", false, false, {{0.1, 0.8}}},
-      {"triangulation_angle_deg", true, false, {{-80, -10}, {10, 80}}},
-      {"camera_azimuth_deg", true, true, {{0, 360}}},
-      {"camera_polar_deg", true, false, {{0, 90}}},
-      {"part_alpha_deg", true, true, {{0, 360}}},
-      {"part_beta_deg", true, true, {{0, 360}}},
-      {"part_gamma_deg", true, true, {{0, 360}}},
-      {"offset_y_m", false, false, {{-0.5, 0.5}}},
-      {"offset_z_m", false, false, {{-0.4, 0.4}}},
-  };
-  return table;
-}
-
-// A single value of a periodic parameter is below 360; a range may end there.
-std::string BoundsText(const ParameterTable& parameter, bool single_value) {
-  return absl::StrCat(absl::StrJoin(parameter.bounds, " or ",
-                                    [&](std::string* out, const ParameterDomain::Range& range) {
-                                      const bool open = parameter.periodic && single_value;
-                                      absl::StrAppend(out, "[", NumberText(range.min), ", ",
-                                                      NumberText(range.max), open ? ")" : "]");
-                                    }),
-                      parameter.angle ? " deg" : " m");
-}
-
-absl::Status CheckParameterValue(const Checker& check, const std::string& path, double value,
-                                 const ParameterTable& parameter) {
-  for (const ParameterDomain::Range& bound : parameter.bounds) {
-    if (value >= bound.min && (parameter.periodic ? value < bound.max : value <= bound.max)) {
-      return absl::OkStatus();
-    }
-  }
-  return check.Error(
-      path, absl::StrCat("is ", NumberText(value), ", must be in ", BoundsText(parameter, true)));
-}
-
-absl::StatusOr<ParameterDomain> ParseParameterDomain(const v1::ParameterDomain& message,
-                                                     const ParameterTable& parameter,
-                                                     const std::string& path,
-                                                     const Checker& check) {
-  const auto internal = [&](double value) { return parameter.angle ? Radians(value) : value; };
-  const int given = message.has_fixed() + !message.values().empty() + !message.ranges().empty();
-  if (given != 1) {
-    return check.Error(path, absl::StrCat("has ", given == 0 ? "none" : "several",
-                                          " of fixed, values, ranges, must have exactly one"));
-  }
-  ParameterDomain domain;
-  domain.periodic = parameter.periodic;
-  if (message.has_fixed()) {
-    SIGHTLINE_RETURN_IF_ERROR(
-        CheckParameterValue(check, path + ".fixed", message.fixed(), parameter));
-    domain.values = {internal(message.fixed())};
-    return domain;
-  }
-  for (int i = 0; i < message.values_size(); ++i) {
-    SIGHTLINE_RETURN_IF_ERROR(CheckParameterValue(check, absl::StrCat(path, ".values[", i, "]"),
-                                                  message.values(i), parameter));
-    domain.values.push_back(internal(message.values(i)));
-  }
-  std::sort(domain.values.begin(), domain.values.end());
-  domain.values.erase(std::unique(domain.values.begin(), domain.values.end()), domain.values.end());
-
-  std::vector<ParameterDomain::Range> ranges;
-  for (int i = 0; i < message.ranges_size(); ++i) {
-    const std::string field = absl::StrCat(path, ".ranges[", i, "]");
-    const double min = message.ranges(i).min(), max = message.ranges(i).max();
-    if (min > max) {
-      return check.Error(
-          field, absl::StrCat("has min ", NumberText(min), " above max ", NumberText(max),
-                              parameter.periodic ? "; give a range across 0 as two ranges" : ""));
-    }
-    const bool inside =
-        std::any_of(parameter.bounds.begin(), parameter.bounds.end(),
-                    [&](const ParameterDomain::Range& b) { return min >= b.min && max <= b.max; });
-    if (!inside) {
-      return check.Error(field, absl::StrCat("is [", NumberText(min), ", ", NumberText(max),
-                                             "], must lie inside ", BoundsText(parameter, false)));
-    }
-    ranges.push_back({internal(min), internal(max)});
-  }
-  std::sort(ranges.begin(), ranges.end(), [](const auto& a, const auto& b) {
-    return std::pair(a.min, a.max) < std::pair(b.min, b.max);
-  });
-  for (const ParameterDomain::Range& range : ranges) {
-    if (!domain.ranges.empty() && range.min <= domain.ranges.back().max) {
-      domain.ranges.back().max = std::max(domain.ranges.back().max, range.max);
-    } else {
-      domain.ranges.push_back(range);
-    }
-  }
-  return domain;
-}
-
-absl::StatusOr<MeasurementDomain> ParseMeasurementDomain(const v1::MeasurementDomain& message,
-                                                         const Checker& check) {
-  MeasurementDomain domain = ThesisDomain();
-  const auto& table = Table21();
-  const auto* descriptor = v1::MeasurementDomain::descriptor();
-  const auto* reflection = message.GetReflection();
-  ErrorList errors;
-  for (int i = 0; i < kMeasurementParameters; ++i) {
-    const auto* field = descriptor->FindFieldByName(table[i].name);
-    if (!reflection->HasField(message, field)) continue;
-    const auto& user =
-        static_cast<const v1::ParameterDomain&>(reflection->GetMessage(message, field));
-    absl::StatusOr<ParameterDomain> parsed =
-        ParseParameterDomain(user, table[i], absl::StrCat("measurement.", table[i].name), check);
-    if (errors.Add(parsed.status())) domain.parameters[i] = *std::move(parsed);
-  }
-  if (message.resting_orientations_size() > 0) {
-    for (const auto& [given, name] : {std::pair(message.has_part_alpha_deg(), "part_alpha_deg"),
-                                      std::pair(message.has_part_beta_deg(), "part_beta_deg")}) {
-      if (given) {
-        errors.Add(check.Error(absl::StrCat("measurement.", name),
-                               "cannot be given together with measurement.resting_orientations"));
-      }
-    }
-  }
-  for (int i = 0; i < message.resting_orientations_size(); ++i) {
-    const v1::RestingOrientation& o = message.resting_orientations(i);
-    const std::string path = absl::StrCat("measurement.resting_orientations[", i, "]");
-    errors.Add(CheckParameterValue(check, path + ".part_alpha_deg", o.part_alpha_deg(), table[4]));
-    errors.Add(CheckParameterValue(check, path + ".part_beta_deg", o.part_beta_deg(), table[5]));
-    domain.resting_orientations.push_back(
-        {Radians(o.part_alpha_deg()), Radians(o.part_beta_deg())});
-  }
-  if (!errors.empty()) return errors.Status();
-  return domain;
-}
 
 // --- files, goal, costs -------------------------------------------------------------------------
 
@@ -445,6 +305,15 @@ absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& mes
                            message.max_circle_of_confusion_px(), kConfusion));
     sampling.max_circle_of_confusion_px = message.max_circle_of_confusion_px();
   }
+  if (message.has_max_depth_per_pixel_m()) {
+    errors.Add(
+        check.Range("targets.max_depth_per_pixel_m", message.max_depth_per_pixel_m(), kFootprint));
+    sampling.max_depth_per_pixel_m = message.max_depth_per_pixel_m();
+  }
+  if (message.has_required_resolution_m()) {
+    errors.Add(check.Range("targets.required_resolution_m", message.required_resolution_m(),
+                           {0, 1, " m"}));
+  }
   if (!errors.empty()) return errors.Status();
   return sampling;
 }
@@ -577,23 +446,13 @@ absl::StatusOr<ObstacleSource> ParseObstacle(const v1::Obstacle& obstacle, const
                                              const Checker& check) {
   ErrorList errors;
   errors.Add(CheckMeshFile(check, path, obstacle.file(), obstacle.unit()));
-  ObstacleSource source{obstacle.name(), obstacle.file(), obstacle.unit(), ObstacleFrame::kPart};
-  switch (obstacle.frame()) {
-    case v1::Obstacle::FRAME_PART:
-      source.frame = ObstacleFrame::kPart;
-      break;
-    case v1::Obstacle::FRAME_STAGE:
-      source.frame = ObstacleFrame::kStage;
-      break;
-    case v1::Obstacle::FRAME_WORLD:
-      source.frame = ObstacleFrame::kWorld;
-      break;
-    default:
-      errors.Add(check.Error(path + ".frame",
-                             "is missing, must be FRAME_PART, FRAME_STAGE or FRAME_WORLD"));
+  const std::optional<ObstacleFrame> frame = ObstacleFrameFromProto(obstacle.frame());
+  if (!frame) {
+    errors.Add(
+        check.Error(path + ".frame", absl::StrCat("is missing, must be ", kObstacleFrameNames)));
   }
   if (!errors.empty()) return errors.Status();
-  return source;
+  return ObstacleSource{obstacle.name(), obstacle.file(), obstacle.unit(), *frame};
 }
 
 }  // namespace
@@ -621,11 +480,16 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
            &inspection.rig);
   const bool targets_ok =
       take(ParseTargetSampling(message.targets(), context), &inspection.targets);
+  if (message.targets().has_required_resolution_m()) {
+    inspection.required_resolution_m = message.targets().required_resolution_m();
+  }
   // What a file that could not be read would have given is not missing.
   if (inlined && rig_ok && targets_ok) {
     errors.Add(CheckLimitInputs(inspection.rig, inspection.targets, context));
   }
-  take(ParseMeasurementDomain(message.measurement(), check), &inspection.domain);
+  if (take(ParseMeasurementDomain(message.measurement(), context), &inspection.domain)) {
+    errors.Add(ParsePartHolding(message, context, &inspection));
+  }
   for (int i = 0; i < message.obstacles_size() && !errors.full(); ++i) {
     auto obstacle = ParseObstacle(message.obstacles(i), absl::StrCat("obstacles[", i, "]"), check);
     if (errors.Add(obstacle.status())) inspection.obstacles.push_back(*std::move(obstacle));
@@ -682,6 +546,15 @@ absl::StatusOr<Inspection> ReadInspectionWithFiles(const std::string& path) {
   errors.Add(CheckMeshFilesExist(message, path, folder));
   if (!errors.empty()) return errors.Status();
   return inspection;
+}
+
+void DeriveLimits(Inspection* inspection) {
+  const double resolution_m =
+      inspection->required_resolution_m.value_or(inspection->targets.coverage_radius_m);
+  if (resolution_m == 0 || inspection->goal.admissible) return;
+  TargetSampling& targets = inspection->targets;
+  if (!targets.max_pixel_footprint_m) targets.max_pixel_footprint_m = resolution_m / 2;
+  if (!targets.max_depth_per_pixel_m) targets.max_depth_per_pixel_m = resolution_m;
 }
 
 Measurement MeasurementFromProto(const v1::Measurement& m) {
@@ -755,6 +628,9 @@ v1::TargetSampling TargetSamplingToProto(const TargetSampling& sampling) {
   }
   if (sampling.max_circle_of_confusion_px) {
     message.set_max_circle_of_confusion_px(*sampling.max_circle_of_confusion_px);
+  }
+  if (sampling.max_depth_per_pixel_m) {
+    message.set_max_depth_per_pixel_m(*sampling.max_depth_per_pixel_m);
   }
   return message;
 }

@@ -37,6 +37,7 @@ struct ParameterDomain {
 struct RestingOrientation {
   double part_alpha_rad;
   double part_beta_rad;
+  std::string name = "";  // for people: what the part lies on
 };
 
 // Same order as Measurement; angles in radians.
@@ -50,7 +51,16 @@ struct MeasurementDomain {
 // Bounds of Table 2.1.
 MeasurementDomain ThesisDomain();
 
-enum class ObstacleFrame { kPart, kStage, kWorld };
+enum class ObstacleFrame { kPart, kStage, kWorld, kTable };
+
+// What holds the part (v1::Rig::PartHolding).
+enum class PartHolding { kResting, kFixture, kFree };
+
+// Box on which a resting part lies; unset sizes follow from the part.
+struct TableSize {
+  std::optional<double> size_x_m, size_y_m;
+  double thickness_m = 0.02;
+};
 
 struct ObstacleSource {
   std::string name;
@@ -140,7 +150,11 @@ struct Inspection {
   std::string part_file;  // resolved against the inspection file's folder
   std::string part_unit;
   Rig rig;
+  // Of a part that rests, until HoldPart (part_holding.h) has found its faces: free.
+  PartHolding part_holding = PartHolding::kFree;
+  TableSize table;
   TargetSampling targets;
+  std::optional<double> required_resolution_m;  // DeriveLimits
   MeasurementDomain domain;
   std::vector<ObstacleSource> obstacles;
   PlanningGoal goal;
@@ -183,10 +197,20 @@ absl::StatusOr<Rig> ParseRig(const v1::Rig& rig, const v1::Camera& camera, const
                              const v1::Laser& laser, const std::string& context);
 absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& message,
                                                    const std::string& context);
+// Parameters that are not given: Table 2.1.
+absl::StatusOr<MeasurementDomain> ParseMeasurementDomain(const v1::MeasurementDomain& message,
+                                                         const std::string& context);
 // Limits on targets need what they are computed from (a circle of confusion: lens and pixel pitch).
 // ParseInspection calls it; who parses rig and targets alone calls it too.
 absl::Status CheckLimitInputs(const Rig& rig, const TargetSampling& sampling,
                               const std::string& context);
+
+// Limits that planning sets on scans where the inspection gives none. To resolve a detail it takes
+// two pixels across it, so the footprint is at most half the required resolution (by default the
+// coverage radius). A line is found to a fraction of a pixel, so one whole pixel may stand for as
+// much depth as is to be resolved. None where the goal is uncertainty, which tells itself what a
+// coarse pixel costs, and none for a required resolution of 0.
+void DeriveLimits(Inspection* inspection);
 
 // Conversions at the edge: degrees outside, radians inside. Finite values are not checked here.
 Measurement MeasurementFromProto(const v1::Measurement& message);
@@ -197,5 +221,11 @@ v1::Camera CameraToProto(const Camera& camera);
 v1::Laser LaserToProto(const Laser& laser);
 v1::Rig RigToProto(const Rig& rig);
 v1::TargetSampling TargetSamplingToProto(const TargetSampling& sampling);
+v1::MeasurementDomain MeasurementDomainToProto(const MeasurementDomain& domain);
+
+// Unset for a frame that is not named.
+std::optional<ObstacleFrame> ObstacleFrameFromProto(v1::Obstacle::Frame frame);
+v1::Obstacle::Frame ObstacleFrameToProto(ObstacleFrame frame);
+inline constexpr char kObstacleFrameNames[] = "FRAME_PART, FRAME_STAGE, FRAME_TABLE or FRAME_WORLD";
 
 }  // namespace sightline

@@ -3,6 +3,7 @@
 
 #include <Eigen/Core>
 #include <limits>
+#include <memory>
 #include <optional>
 #include <variant>
 #include <vector>
@@ -101,6 +102,9 @@ struct Rig {
   std::vector<Body> laser_bodies = {BoxBody{{0, 0, -0.06}, {0.04, 0.04, 0.12}}};
   // Unset: not turned, about the centre of its bounding box.
   std::optional<PartPlacement> part_placement;
+  // Corners of the part's convex hull, from the centre that offsets refer to: what can touch a
+  // table. Null where nothing asks for the table's height.
+  std::shared_ptr<const std::vector<Eigen::Vector3d>> part_hull_m;
 };
 
 }  // namespace sightline

@@ -58,6 +58,13 @@ ScanGeometry MakeScanGeometry(const Rig& rig, const Measurement& m) {
                         .toRotationMatrix();
   if (rig.part_placement) g.part_rotation = g.part_rotation * rig.part_placement->rotation;
   g.part_offset_m = Eigen::Vector3d(0, m.offset_y_m, m.offset_z_m);
+  if (rig.part_hull_m != nullptr && !rig.part_hull_m->empty()) {
+    const Eigen::Vector3d up = g.part_rotation.row(2);
+    g.table_height_m = std::numeric_limits<double>::infinity();
+    for (const Eigen::Vector3d& corner : *rig.part_hull_m) {
+      g.table_height_m = std::min(g.table_height_m, up.dot(corner));
+    }
+  }
   return g;
 }
 
@@ -96,6 +103,12 @@ DepthInterval AdmissibleDepth(const Rig& rig, double camera_distance_m,
     if (focus > limit) depth.max_m = std::min(depth.max_m, 1 / (focus - limit));
   }
   return depth;
+}
+
+double MaxDepthTimesDistance(const Camera& camera, const Measurement& m,
+                             double max_depth_per_pixel_m) {
+  return max_depth_per_pixel_m * camera.FocalLengthPx() * m.camera_distance_m *
+         std::abs(std::sin(m.triangulation_angle_rad));
 }
 
 }  // namespace sightline

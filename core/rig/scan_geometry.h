@@ -35,6 +35,9 @@ struct ScanGeometry {
   // X_world = part_rotation * (X_part - part_centre) + part_offset_m + s e_x.
   Eigen::Matrix3d part_rotation;
   Eigen::Vector3d part_offset_m;
+  // Of the part's lowest point over the centre that part_offset_m moves: upper face of a table
+  // under the part. 0 without Rig::part_hull_m.
+  double table_height_m = 0;
 
   // Stage position at which the sheet passes through a part point that is at x_world with the
   // stage at 0: s = -(n . x_world) / n_x. Infinite or NaN when the sheet contains the scan
@@ -62,9 +65,17 @@ SensorPose WorldToPart(const ScanGeometry& geometry, const Eigen::Vector3d& part
 struct DepthInterval {
   double min_m = 0;
   double max_m = std::numeric_limits<double>::infinity();
+  // Largest product of depth and distance from the camera (MaxDepthTimesDistance).
+  double max_depth_times_distance_m2 = std::numeric_limits<double>::infinity();
 };
 DepthInterval AdmissibleDepth(const Rig& rig, double camera_distance_m,
                               std::optional<double> max_pixel_footprint_m,
                               std::optional<double> max_circle_of_confusion_px);
+
+// A limit on depth per pixel, (z / f_px) / sin(angle between line of sight and laser plane), as one
+// on depth z times distance r [m^2]: lit points lie in the plane, so the sine is b / r with b the
+// distance of the camera from the plane, camera distance times sin(triangulation angle).
+double MaxDepthTimesDistance(const Camera& camera, const Measurement& measurement,
+                             double max_depth_per_pixel_m);
 
 }  // namespace sightline

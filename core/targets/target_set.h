@@ -32,6 +32,7 @@ struct TargetSampling {
   std::vector<TargetRegion> regions;
   std::optional<double> max_pixel_footprint_m;
   std::optional<double> max_circle_of_confusion_px;
+  std::optional<double> max_depth_per_pixel_m;
 };
 
 // Structure of arrays, all of one length; part coordinates.

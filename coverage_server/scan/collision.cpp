@@ -31,6 +31,20 @@ Zonotope BodyInWorld(const Body& body, const SensorPose& pose) {
   return solid;
 }
 
+// Whether what travels with the part, in the axes of the world, cuts into it.
+bool CutsIntoPart(const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
+                  const TriangleBvh& part, const Occluder& carrier) {
+  // Nothing of the part is below what it lies on.
+  const bool on_table = carrier.frame == ObstacleFrame::kTable;
+  if (on_table && carrier.bvh.bounds().max().z() <= 0) return false;
+  // The part is taken this much smaller about its centre, so that contact is none.
+  constexpr double kContact = 0.002;
+  const Eigen::Matrix3d to_part = geometry.part_rotation.transpose() / (1 - kContact);
+  const Eigen::Vector3d lift(0, 0, on_table ? geometry.table_height_m : 0);
+  return part.Touches(carrier.bvh, to_part, part_centre_m + to_part * lift,
+                      Eigen::Vector3d::Zero());
+}
+
 // The solid as seen from something that moves with the stage.
 Zonotope Swept(Zonotope solid, double stage_start_m, double stage_end_m) {
   solid.centre_m.x() -= 0.5 * (stage_start_m + stage_end_m);
@@ -50,6 +64,7 @@ bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3
         solid = Swept(std::move(solid), stage_start_m, stage_end_m);
         solid.centre_m -= geometry.part_offset_m;
       }
+      if (occluder.frame == ObstacleFrame::kTable) solid.centre_m.z() -= geometry.table_height_m;
       if (occluder.frame == ObstacleFrame::kPart) {
         solid.centre_m = geometry.part_rotation.transpose() * solid.centre_m + part_centre_m;
         for (auto& g : solid.generators_m) g = geometry.part_rotation.transpose() * g;
@@ -63,6 +78,10 @@ bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3
   }
   for (const Body& body : rig.laser_bodies) {
     if (body_hits(body, geometry.laser)) return true;
+  }
+  for (const Occluder& carrier : occluders) {
+    if (carrier.frame != ObstacleFrame::kStage && carrier.frame != ObstacleFrame::kTable) continue;
+    if (CutsIntoPart(geometry, part_centre_m, occluders[0].bvh, carrier)) return true;
   }
   // Obstacles that stand still, seen from the moving part.
   const Eigen::Matrix3d to_part = geometry.part_rotation.transpose();

@@ -31,6 +31,7 @@ FrameChange FromPart(ObstacleFrame frame, const ScanGeometry& geometry,
   Eigen::Vector3d shift = -(geometry.part_rotation * part_centre_m);
   if (frame == ObstacleFrame::kWorld)
     shift += geometry.part_offset_m + Eigen::Vector3d(stage_m, 0, 0);
+  if (frame == ObstacleFrame::kTable) shift.z() -= geometry.table_height_m;
   return {geometry.part_rotation.cast<float>(), shift.cast<float>()};
 }
 
@@ -201,6 +202,7 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
           continue;
         if (std::abs(q.dot(camera.y_axis)) > reach_y * depth_m) continue;
         if (q.squaredNorm() > max_range_squared) continue;
+        if (depth_m * q.norm() > scan.depth.max_depth_times_distance_m2) continue;
         const Eigen::Vector3d l = point - laser_at;
         const double laser_depth = l.dot(scan.laser.z_axis);
         if (laser_depth <= 0 || std::abs(l.dot(scan.laser.x_axis)) > scan.fan_tangent * laser_depth)

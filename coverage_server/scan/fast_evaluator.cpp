@@ -18,7 +18,7 @@ struct FloatScan {
   float gx, gy, gz, lit_offset;  // lit stage position
   float hx, hy, hz, normal_x;    // sheet normal, |n . e_x|
   float focal_px, half_columns, half_rows, tan_x, tan_y, fan_tangent;
-  float max_range, min_depth, max_depth;
+  float max_range, min_depth, max_depth, max_depth_times_distance;
   float inverse_step, step, radius_squared;
   // How far a probe may be from its target: as such, and across the planes that bound the image and
   // the fan. The lit moments of the two differ too, which moves the sensors.
@@ -63,6 +63,7 @@ FloatScan ToFloat(const ScanInPart& scan, float radius) {
   f.max_range = static_cast<float>(scan.max_range_m);
   f.min_depth = static_cast<float>(std::max(scan.depth.min_m, 1e-4));
   f.max_depth = static_cast<float>(scan.depth.max_m);
+  f.max_depth_times_distance = static_cast<float>(scan.depth.max_depth_times_distance_m2);
   f.step = static_cast<float>(scan.scan_step_m);
   f.inverse_step = 1 / f.step;
   f.radius_squared = radius * radius;
@@ -99,7 +100,9 @@ ProbesInView(const FloatScan& f, const FastEvaluator::TargetProbes& p) {
                 (depth <= f.max_depth) &
                 (std::abs(vx * f.ex + vy * f.ey + vz * f.ez) <= depth * f.tan_x) &
                 (std::abs(vx * f.yx + vy * f.yy + vz * f.yz) <= depth * f.tan_y) &
-                (vx * vx + vy * vy + vz * vz <= f.max_range * f.max_range) & (laser_depth > 0) &
+                (vx * vx + vy * vy + vz * vz <= f.max_range * f.max_range) &
+                (depth * std::sqrt(vx * vx + vy * vy + vz * vz) <= f.max_depth_times_distance) &
+                (laser_depth > 0) &
                 (std::abs(lx * f.ex + ly * f.ey + lz * f.ez) <= laser_depth * f.fan_tangent);
   }
   uint8_t in_view = 0;
@@ -173,6 +176,40 @@ bool GridCovers(const FloatScan& f, const FastEvaluator::TargetProbes& probes, b
         }
         return false;
       });
+}
+
+// Whether the box is met on the way from `place` to `sensor`, both in its axes; what is as near to
+// the place as a surface to itself does not count.
+bool Meets(const TravellingBox& box, const Eigen::Vector3f& place, const Eigen::Vector3f& sensor) {
+  constexpr float kSurfaceGapM = 2e-5f;
+  const Eigen::Vector3f way = sensor - place;
+  float enters = kSurfaceGapM / way.norm(), leaves = 1;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (way[axis] == 0) {
+      if (place[axis] < box.low[axis] || place[axis] > box.high[axis]) return false;
+      continue;
+    }
+    const float a = (box.low[axis] - place[axis]) / way[axis];
+    const float b = (box.high[axis] - place[axis]) / way[axis];
+    enters = std::max(enters, std::min(a, b));
+    leaves = std::min(leaves, std::max(a, b));
+  }
+  return enters < leaves;
+}
+
+// Whether a box that travels along hides the target from camera or laser when it is lit.
+bool HiddenByBox(const ScanInPart& scan, const FloatScan& f, const Eigen::Vector3f& target,
+                 float stage_m) {
+  const Eigen::Vector3f moved = stage_m * Eigen::Vector3f(f.sx, f.sy, f.sz);
+  for (const TravellingBox& box : scan.boxes) {
+    const Eigen::Vector3f place = box.rotation * target + box.shift;
+    const auto hides = [&](const Eigen::Vector3f& sensor) {
+      return Meets(box, place, box.rotation * (sensor - moved) + box.shift);
+    };
+    if (box.hides_camera && hides({f.cx, f.cy, f.cz})) return true;
+    if (box.hides_laser && hides({f.lx, f.ly, f.lz})) return true;
+  }
+  return false;
 }
 
 inline int32_t OctahedralCell(float x, float y, float z, int side) {
@@ -261,14 +298,16 @@ void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_si
     const float out_x = std::abs(image_x) - depth * f.tan_x,
                 out_y = std::abs(image_y) - depth * f.tan_y;
     const float out_fan = std::abs(laser_x) - laser_depth * f.fan_tangent;
-    const float far = std::sqrt(range) - f.max_range;
+    const float distance = std::sqrt(range), far = distance - f.max_range;
     const int32_t loose = (facing > -camera_margin) & (lit > -laser_margin) &
                           (depth >= f.min_depth - f.reach) & (depth <= f.max_depth + f.reach) &
                           (out_x <= f.reach_x) & (out_y <= f.reach_y) & (far <= f.reach) &
+                          ((depth - f.reach) * (distance - f.reach) <= f.max_depth_times_distance) &
                           (laser_depth > 0) & (out_fan <= f.reach_fan);
     const int32_t tight = (facing > camera_margin) & (lit > laser_margin) &
                           (depth >= f.min_depth + f.reach) & (depth <= f.max_depth - f.reach) &
                           (out_x <= -f.reach_x) & (out_y <= -f.reach_y) & (far <= -f.reach) &
+                          ((depth + f.reach) * (distance + f.reach) <= f.max_depth_times_distance) &
                           (out_fan <= -f.reach_fan);
     // Across the lit line frames are step |n_x| / |n_t| apart on the surface, along it columns are
     // one pixel's footprint apart. Where half of both fits into the coverage radius, some point of
@@ -324,6 +363,12 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
       const TargetProbes& probes = probes_[b * kTargetsPerBlock + i];
       if (lanes.border[i]) seen &= ProbesInView(floats[pending.query], probes);
       if (seen == 0) continue;
+      const Block& block = blocks_[b];
+      if (!scans[pending.query].boxes.empty() &&
+          HiddenByBox(scans[pending.query], floats[pending.query],
+                      {block.x[i], block.y[i], block.z[i]}, lanes.stage[i])) {
+        continue;
+      }
       const size_t target = b * kTargetsPerBlock + static_cast<size_t>(i);
       if (with_seen && target < target_count_) {
         results[pending.query].seen.push_back({static_cast<uint32_t>(target), seen});
@@ -331,7 +376,7 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
         high = std::max(high, lanes.stage[i]);
       }
       if (lanes.sparse[i] &&
-          !GridCovers(floats[pending.query], probes, blocks_[b].horizon[i] == 0, seen)) {
+          !GridCovers(floats[pending.query], probes, block.horizon[i] == 0, seen)) {
         continue;
       }
       bits |= uint64_t{1} << i;

@@ -3,10 +3,21 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "core/rig/scan_geometry.h"
 
 namespace sightline {
+
+// A box that travels with the stage, as part coordinates see it: rotation p + shift is in the box's
+// axes.
+struct TravellingBox {
+  Eigen::Matrix3f rotation;
+  Eigen::Vector3f shift;
+  Eigen::Vector3f low, high;
+  // Whether it reaches as high as these: what is above all of a box is not hidden by it.
+  bool hides_camera, hides_laser;
+};
 
 struct ScanInPart {
   // Camera and laser with the stage at 0.
@@ -24,6 +35,8 @@ struct ScanInPart {
   double half_columns_px, half_rows_px;
   double scan_step_m;
   DepthInterval depth;  // admissible by resolution and defocus
+  // Of the boxes among the obstacles those that can hide a sensor from the part.
+  std::vector<TravellingBox> boxes;
   // False when the sheet holds the scan direction: nothing is ever swept.
   bool sweeps;
 };

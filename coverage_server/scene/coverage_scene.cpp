@@ -5,6 +5,7 @@
 #include <numbers>
 #include <thread>
 
+#include "core/resting/convex_hull.h"
 #include "core/targets/poisson_disk.h"
 #include "coverage_server/scan/collision.h"
 #include "coverage_server/scan/exact_evaluator.h"
@@ -15,6 +16,7 @@
 #include "coverage_server/uncertainty/scan_points_cache.h"
 #include "coverage_server/uncertainty/target_priors.h"
 #include "coverage_server/uncertainty/uncertainty_gain.h"
+#include "coverage_server/visibility/domain_measurability.h"
 #include "coverage_server/visibility/measurability.h"
 #include "coverage_server/visibility/surface_probes.h"
 #include "coverage_server/visibility/visibility_field.h"
@@ -59,6 +61,7 @@ class CoverageSceneImpl final : public CoverageScene {
       occluders_.push_back({obstacle.frame, TriangleBvh(obstacle.mesh)});
       if (obstacle.frame == ObstacleFrame::kPart) fixtures.push_back(&obstacle.mesh);
     }
+    if (absl::Status status = FindTable(); !status.ok()) return status;
     TargetSampling probed = definition_.sampling;
     if (definition_.uncertainty) {
       priors_ = MakeTargetPriors(targets_, definition_.sampling, *definition_.uncertainty);
@@ -96,10 +99,9 @@ class CoverageSceneImpl final : public CoverageScene {
     start = std::chrono::steady_clock::now();
     report(0.95, "deciding measurability");
     measurable_ = TargetBits(targets_.size());
-    ForTargetShares(options.threads, [this](size_t begin, size_t end) {
-      MarkMeasurable(targets_, *field_, occluders_, kMinTriangulationRad, kMaxTriangulationRad,
-                     begin, end, measurable_);
-    });
+    MarkMeasurableTargets(options);
+    if (options.cancelled != nullptr && options.cancelled->load())
+      return absl::CancelledError("scene");
     timings_.measurability_s = SecondsSince(start);
     report(1, "ready");
     return absl::OkStatus();
@@ -110,6 +112,7 @@ class CoverageSceneImpl final : public CoverageScene {
   const std::vector<SceneObstacle>& obstacles() const override { return definition_.obstacles; }
   const TargetSet& targets() const override { return targets_; }
   const TargetBits& measurable() const override { return measurable_; }
+  const TargetBits& measurable_in_free_space() const override { return measurable_in_free_space_; }
   Eigen::Vector3d part_centre_m() const override { return part_centre_m_; }
   int64_t field_bytes() const override { return static_cast<int64_t>(field_->bytes()); }
   const SceneTimings& timings() const override { return timings_; }
@@ -256,6 +259,100 @@ class CoverageSceneImpl final : public CoverageScene {
   }
 
  private:
+  // What obstacles on the table and boxes that travel along need to be known of the part.
+  absl::Status FindTable() {
+    bool on_table = false;
+    for (const SceneObstacle& obstacle : definition_.obstacles) {
+      on_table = on_table || obstacle.frame == ObstacleFrame::kTable;
+      if (obstacle.frame != ObstacleFrame::kTable && obstacle.frame != ObstacleFrame::kStage) {
+        continue;
+      }
+      if (IsBox(obstacle.mesh)) {
+        const Eigen::AlignedBox3d box = obstacle.mesh.BoundingBox();
+        boxes_.push_back({obstacle.frame, box.min().cast<float>(), box.max().cast<float>()});
+      }
+    }
+    definition_.rig.part_hull_m.reset();
+    if (!on_table) return absl::OkStatus();
+    auto hull = MakeConvexHull(definition_.part.positions_m);
+    if (!hull.ok()) return hull.status();
+    for (Eigen::Vector3d& corner : hull->corners_m) corner -= part_centre_m_;
+    definition_.rig.part_hull_m =
+        std::make_shared<const std::vector<Eigen::Vector3d>>(std::move(hull->corners_m));
+    return absl::OkStatus();
+  }
+
+  // Whether it is its own bounding box.
+  static bool IsBox(const TriangleMesh& mesh) {
+    const Eigen::AlignedBox3d box = mesh.BoundingBox();
+    for (const Eigen::Vector3f& p : mesh.positions_m) {
+      for (int axis = 0; axis < 3; ++axis) {
+        if (p[axis] != static_cast<float>(box.min()[axis]) &&
+            p[axis] != static_cast<float>(box.max()[axis])) {
+          return false;
+        }
+      }
+    }
+    double area_m2 = 0;
+    for (size_t t = 0; t < mesh.triangles.size(); ++t) area_m2 += mesh.Area(t);
+    const Eigen::Vector3d size = box.sizes();
+    const double surface_m2 = 2 * (size.x() * size.y() + size.y() * size.z() + size.z() * size.x());
+    return std::abs(area_m2 - surface_m2) <= 1e-6 * surface_m2;
+  }
+
+  // Those of the boxes that reach as high as a sensor, in part coordinates.
+  std::vector<TravellingBox> BoxesOf(const Measurement& m) const {
+    std::vector<TravellingBox> boxes;
+    if (boxes_.empty()) return boxes;
+    const ScanGeometry g = MakeScanGeometry(definition_.rig, m);
+    for (const Box& box : boxes_) {
+      const double base_m = box.frame == ObstacleFrame::kTable ? g.table_height_m : 0;
+      const double top_m = g.part_offset_m.z() + base_m + box.high.z();
+      // What lies on the table may stand beside the part: it hides what is lower than its top.
+      const bool below_part = box.frame == ObstacleFrame::kTable && box.high.z() <= 0;
+      TravellingBox& travelling = boxes.emplace_back();
+      travelling.low = box.low;
+      travelling.high = box.high;
+      travelling.hides_camera = !below_part || g.camera.origin_m.z() <= top_m;
+      travelling.hides_laser = !below_part || g.laser.origin_m.z() <= top_m;
+      if (!travelling.hides_camera && !travelling.hides_laser) {
+        boxes.pop_back();
+        continue;
+      }
+      travelling.rotation = g.part_rotation.cast<float>();
+      travelling.shift =
+          (-(g.part_rotation * part_centre_m_) - Eigen::Vector3d(0, 0, base_m)).cast<float>();
+    }
+    return boxes;
+  }
+
+  void MarkMeasurableTargets(const SceneBuildOptions& options) {
+    ForTargetShares(options.threads, [this](size_t begin, size_t end) {
+      MarkMeasurable(targets_, *field_, occluders_, kMinTriangulationRad, kMaxTriangulationRad,
+                     begin, end, measurable_);
+    });
+    measurable_in_free_space_ = measurable_;
+    if (!definition_.domain) return;
+    const DomainMeasurability by_domain(definition_.rig, definition_.sampling, *definition_.domain,
+                                        part_centre_m_, *field_, occluders_);
+    if (!by_domain.any_orientation()) {
+      ForTargetShares(options.threads, [&](size_t begin, size_t end) {
+        by_domain.Keep(targets_, begin, end, options.cancelled, measurable_);
+      });
+      return;
+    }
+    const double least = std::max(kMinTriangulationRad, by_domain.min_angle_rad());
+    const double most = std::min(kMaxTriangulationRad, by_domain.max_angle_rad());
+    if (least <= kMinTriangulationRad && most >= kMaxTriangulationRad) return;
+    TargetBits narrowed(targets_.size());
+    if (least <= most) {
+      ForTargetShares(options.threads, [&](size_t begin, size_t end) {
+        MarkMeasurable(targets_, *field_, occluders_, least, most, begin, end, narrowed);
+      });
+    }
+    measurable_ &= narrowed;
+  }
+
   // Calls work(begin, end) for shares of the targets, each in a thread of its own (0: as many as
   // there are cores). Shares are whole blocks: no two threads write one word of a bit set.
   template <typename Work>
@@ -285,6 +382,7 @@ class CoverageSceneImpl final : public CoverageScene {
       for (size_t i = 0; i < count; ++i) {
         const Measurement& m = measurements[begin + i];
         scans.push_back(MakeScanInPart(definition_.rig, part_centre_m_, m, Depth(m)));
+        scans.back().boxes = BoxesOf(m);
       }
       std::vector<FastScan> results(count);
       fast_->Evaluate(scans, results, with_seen, cancelled);
@@ -298,9 +396,15 @@ class CoverageSceneImpl final : public CoverageScene {
   }
 
   DepthInterval Depth(const Measurement& m) const {
-    return AdmissibleDepth(definition_.rig, m.camera_distance_m,
-                           definition_.sampling.max_pixel_footprint_m,
-                           definition_.sampling.max_circle_of_confusion_px);
+    const TargetSampling& sampling = definition_.sampling;
+    DepthInterval depth =
+        AdmissibleDepth(definition_.rig, m.camera_distance_m, sampling.max_pixel_footprint_m,
+                        sampling.max_circle_of_confusion_px);
+    if (sampling.max_depth_per_pixel_m) {
+      depth.max_depth_times_distance_m2 =
+          MaxDepthTimesDistance(definition_.rig.camera, m, *sampling.max_depth_per_pixel_m);
+    }
+    return depth;
   }
 
   // A scan without points uses no travel and touches nothing.
@@ -320,7 +424,13 @@ class CoverageSceneImpl final : public CoverageScene {
   Eigen::Vector3d part_centre_m_;
   MeasurementDomain domain_;
   TargetSet targets_;
-  TargetBits measurable_;
+  TargetBits measurable_, measurable_in_free_space_;
+  // Obstacles that travel with the stage and are boxes: those the fast estimate knows.
+  struct Box {
+    ObstacleFrame frame;
+    Eigen::Vector3f low, high;
+  };
+  std::vector<Box> boxes_;
   std::vector<Occluder> occluders_;
   std::unique_ptr<VisibilityField> field_;
   std::unique_ptr<FastEvaluator> fast_;

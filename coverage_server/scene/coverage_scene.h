@@ -36,6 +36,8 @@ struct SceneDefinition {
   std::vector<SceneObstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;
+  // What scans may be; unset: camera and laser anywhere in free space.
+  std::optional<MeasurementDomain> domain;
 };
 
 struct SceneBuildOptions {
@@ -138,8 +140,11 @@ class CoverageScene {
   virtual const Rig& rig() const = 0;
   virtual const std::vector<SceneObstacle>& obstacles() const = 0;
   virtual const TargetSet& targets() const = 0;
-  // Thesis section 6.1: some pair of unoccluded directions 10 to 80 degrees apart.
+  // Of the targets that are measurable in free space those that the domain leaves so
+  // (visibility/domain_measurability.h).
   virtual const TargetBits& measurable() const = 0;
+  // Thesis section 6.1: some pair of unoccluded directions 10 to 80 degrees apart.
+  virtual const TargetBits& measurable_in_free_space() const { return measurable(); }
   virtual Eigen::Vector3d part_centre_m() const = 0;
   virtual int64_t field_bytes() const = 0;
   virtual const SceneTimings& timings() const = 0;

@@ -189,6 +189,7 @@ grpc::Status CoverageServiceImpl::GetScene(grpc::ServerContext* context,
     *response->mutable_spec() = (*stored)->spec;
     response->set_target_count(static_cast<int64_t>(scene.targets().size()));
     response->set_measurable_count(scene.measurable().Count());
+    response->set_measurable_in_free_space_count(scene.measurable_in_free_space().Count());
     *response->mutable_part_centre_m() = VectorToProto(scene.part_centre_m());
     *response->mutable_part_size_m() = VectorToProto(scene.part().BoundingBox().sizes());
     response->set_field_bytes(scene.field_bytes());
@@ -207,6 +208,7 @@ grpc::Status CoverageServiceImpl::StreamTargets(
     if (!stored.ok()) return stored.status();
     const TargetSet& targets = (*stored)->scene->targets();
     const TargetBits& measurable = (*stored)->scene->measurable();
+    const TargetBits& in_free_space = (*stored)->scene->measurable_in_free_space();
     for (size_t begin = 0; begin < targets.size(); begin += kPointsPerMessage) {
       if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
       v1::StreamTargetsResponse response;
@@ -214,6 +216,7 @@ grpc::Status CoverageServiceImpl::StreamTargets(
         AddVector(targets.positions_m[i], response.mutable_positions_m());
         AddVector(targets.normals[i], response.mutable_normals());
         response.add_measurable(measurable.Test(i));
+        response.add_measurable_in_free_space(in_free_space.Test(i));
         response.add_regions(targets.regions[i]);
       }
       if (!writer->Write(response)) return absl::CancelledError("the client went away");

@@ -164,6 +164,7 @@ absl::StatusOr<std::string> SceneRegistry::BuildScene(const ParsedSceneSpec& spe
   definition.sampling = spec.sampling;
   definition.field_directions = spec.field_directions;
   definition.uncertainty = spec.uncertainty;
+  definition.domain = spec.domain;
   SceneBuildOptions options;
   options.on_progress = [&context](double progress, const std::string& message) {
     context.ReportProgress(progress, message);

@@ -86,6 +86,13 @@ absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
     if (!placement.ok()) return placement.status();
     parsed->rig.part_placement = *std::move(placement);
   }
+  if (spec.has_measurement()) {
+    absl::StatusOr<MeasurementDomain> domain = ParseMeasurementDomain(spec.measurement(), "spec");
+    if (!domain.ok()) {
+      return InvalidFields({{"spec.measurement", std::string(domain.status().message())}});
+    }
+    parsed->domain = *std::move(domain);
+  }
   if (!spec.has_uncertainty()) return absl::OkStatus();
   absl::StatusOr<UncertaintyModel> uncertainty = ParseUncertainty(spec.uncertainty(), "spec");
   if (!uncertainty.ok()) {
@@ -112,21 +119,18 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
     if (!IsDigest(obstacle.part_digest())) {
       violations.push_back({path + ".part_digest", "must be 64 lower-case hexadecimal digits"});
     }
-    ObstacleFrame frame = ObstacleFrame::kPart;
-    switch (obstacle.frame()) {
-      case v1::Obstacle::FRAME_PART:
-        frame = ObstacleFrame::kPart;
-        break;
-      case v1::Obstacle::FRAME_STAGE:
-        frame = ObstacleFrame::kStage;
-        break;
-      case v1::Obstacle::FRAME_WORLD:
-        frame = ObstacleFrame::kWorld;
-        break;
-      default:
-        violations.push_back({path + ".frame", "must be FRAME_PART, FRAME_STAGE or FRAME_WORLD"});
+    const std::optional<ObstacleFrame> frame = ObstacleFrameFromProto(obstacle.frame());
+    if (!frame) {
+      violations.push_back({path + ".frame", absl::StrCat("must be ", kObstacleFrameNames)});
     }
-    parsed.obstacles.push_back({obstacle.part_digest(), frame});
+    parsed.obstacles.push_back({obstacle.part_digest(), frame.value_or(ObstacleFrame::kPart)});
+  }
+  // Resting faces and the table's size follow from the part; a scene has what follows.
+  if (spec.rig().part_holding() == v1::Rig::PART_HOLDING_RESTING ||
+      spec.rig().part_holding() == v1::Rig::PART_HOLDING_FIXTURE || spec.rig().has_table()) {
+    violations.push_back({spec.rig().has_table() ? "spec.rig.table" : "spec.rig.part_holding",
+                          "is of inspections: give measurement.resting_orientations (or alpha and "
+                          "beta) and the table as an obstacle in FRAME_TABLE"});
   }
   parsed.field_directions =
       spec.has_field_directions() ? spec.field_directions() : kDefaultFieldDirections;
@@ -162,6 +166,12 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
       RoundDegrees(normalised.targets().max_normal_angle_deg()));
   *normalised.mutable_obstacles() = spec.obstacles();
   normalised.set_field_directions(parsed.field_directions);
+  if (parsed.domain) {
+    *normalised.mutable_measurement() = MeasurementDomainToProto(*parsed.domain);
+    for (auto& orientation : *normalised.mutable_measurement()->mutable_resting_orientations()) {
+      orientation.clear_name();
+    }
+  }
   if (parsed.uncertainty) {
     *normalised.mutable_uncertainty() = UncertaintyToProto(*parsed.uncertainty);
     if (!parsed.uncertainty->detection.IsConstant()) {

@@ -19,6 +19,7 @@ struct ParsedSceneSpec {
   TargetSampling sampling;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;
+  std::optional<MeasurementDomain> domain;
   struct ObstacleRef {
     std::string part_digest;
     ObstacleFrame frame;

@@ -384,7 +384,9 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
     const auto place_obstacle = [&](const Eigen::Vector3f& p) -> Eigen::Vector3f {
       if (obstacle.frame == ObstacleFrame::kPart) return place(p);
       if (obstacle.frame == ObstacleFrame::kWorld) return p;
-      return p + (geometry.part_offset_m + Eigen::Vector3d(request.stage_m, 0, 0)).cast<float>();
+      const double lift_m = obstacle.frame == ObstacleFrame::kTable ? geometry.table_height_m : 0.0;
+      return p +
+             (geometry.part_offset_m + Eigen::Vector3d(request.stage_m, 0, lift_m)).cast<float>();
     };
     AddPart(
         obstacle.mesh, 1e9f, [](const auto&, const auto&) { return kObstacleColour; },

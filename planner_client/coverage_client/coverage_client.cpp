@@ -41,18 +41,6 @@ absl::StatusOr<ScanFeasibility> FeasibilityFromProto(v1::Feasibility feasibility
   }
 }
 
-v1::Obstacle::Frame FrameToProto(ObstacleFrame frame) {
-  switch (frame) {
-    case ObstacleFrame::kPart:
-      return v1::Obstacle::FRAME_PART;
-    case ObstacleFrame::kStage:
-      return v1::Obstacle::FRAME_STAGE;
-    case ObstacleFrame::kWorld:
-      return v1::Obstacle::FRAME_WORLD;
-  }
-  return v1::Obstacle::FRAME_UNSPECIFIED;
-}
-
 Eigen::Vector3d VectorFromProto(const v1::Vector3& vector) {
   return {vector.x(), vector.y(), vector.z()};
 }
@@ -113,10 +101,11 @@ class CoverageClientImpl final : public CoverageClient {
       meshes_.try_emplace(digest, NamedMesh{obstacle.mesh.get(), obstacle.name});
       v1::SceneObstacle* message = spec_.add_obstacles();
       message->set_part_digest(digest);
-      message->set_frame(FrameToProto(obstacle.frame));
+      message->set_frame(ObstacleFrameToProto(obstacle.frame));
     }
     spec_.set_field_directions(task_.field_directions);
     if (task_.uncertainty) *spec_.mutable_uncertainty() = UncertaintyToProto(*task_.uncertainty);
+    if (task_.domain) *spec_.mutable_measurement() = MeasurementDomainToProto(*task_.domain);
     if (task_.rig.part_placement) {
       const Eigen::AngleAxisd turn(task_.rig.part_placement->rotation);
       v1::PartPlacement& placement = *spec_.mutable_part_placement();
@@ -534,6 +523,7 @@ class CoverageClientImpl final : public CoverageClient {
     info_.spec = response.spec();
     info_.target_count = response.target_count();
     info_.measurable_count = response.measurable_count();
+    info_.measurable_in_free_space_count = response.measurable_in_free_space_count();
     info_.part_centre_m = VectorFromProto(response.part_centre_m());
     info_.part_size_m = VectorFromProto(response.part_size_m());
     info_.field_bytes = response.field_bytes();

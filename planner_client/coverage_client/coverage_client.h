@@ -33,6 +33,8 @@ struct CoverageTask {
   std::vector<Obstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;  // unset: coverage only
+  // What scans may be: what counts as measurable. Unset: camera and laser anywhere in free space.
+  std::optional<MeasurementDomain> domain;
 };
 
 // An embedded server is restarted once if it ends.
@@ -59,6 +61,7 @@ struct SceneInfo {
   v1::SceneSpec spec;  // normalised by the server
   int64_t target_count = 0;
   int64_t measurable_count = 0;
+  int64_t measurable_in_free_space_count = 0;
   Eigen::Vector3d part_centre_m;
   Eigen::Vector3d part_size_m;
   int64_t field_bytes = 0;

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/resting/convex_hull.h"
 
 namespace sightline {
 namespace {
@@ -64,6 +65,14 @@ absl::Status PartScene::Prepare() {
   const Inspection& inspection = input_.inspection;
   part_box_ = input_.part.BoundingBox();
   part_centre_m_ = part_box_.center();
+  if (std::any_of(inspection.obstacles.begin(), inspection.obstacles.end(),
+                  [](const auto& o) { return o.frame == ObstacleFrame::kTable; })) {
+    auto hull = MakeConvexHull(input_.part.positions_m);
+    if (!hull.ok()) return hull.status();
+    for (Eigen::Vector3d& corner : hull->corners_m) corner -= part_centre_m_;
+    input_.inspection.rig.part_hull_m =
+        std::make_shared<const std::vector<Eigen::Vector3d>>(std::move(hull->corners_m));
+  }
 
   // Surfaces of the part: one name for all if the file names none.
   const std::vector<std::string> surfaces = input_.part.material_names.empty()
@@ -173,7 +182,8 @@ absl::StatusOr<std::shared_ptr<const LightTransport>> PartScene::TransportAt(
   std::vector<double> key;
   bool turns = false, travels = inspection.lighting.area_lights_size() > 0;
   for (const ObstacleSource& obstacle : inspection.obstacles) {
-    turns = turns || obstacle.frame == ObstacleFrame::kStage;
+    turns =
+        turns || obstacle.frame == ObstacleFrame::kStage || obstacle.frame == ObstacleFrame::kTable;
     travels = travels || obstacle.frame == ObstacleFrame::kWorld;
   }
   if (turns || travels) {
@@ -190,6 +200,8 @@ absl::StatusOr<std::shared_ptr<const LightTransport>> PartScene::TransportAt(
   ToPart from_stage;
   from_stage.rotation = geometry.part_rotation.transpose();
   from_stage.shift_m = part_centre_m_;
+  ToPart from_table = from_stage;
+  from_table.shift_m += from_stage.rotation * Eigen::Vector3d(0, 0, geometry.table_height_m);
 
   SceneDescription scene;
   scene.materials = materials_;
@@ -199,6 +211,7 @@ absl::StatusOr<std::shared_ptr<const LightTransport>> PartScene::TransportAt(
     const ObstacleFrame frame = inspection.obstacles[i].frame;
     const ToPart map = frame == ObstacleFrame::kPart    ? ToPart()
                        : frame == ObstacleFrame::kStage ? from_stage
+                       : frame == ObstacleFrame::kTable ? from_table
                                                         : from_world;
     TriangleMesh mesh = Moved(input_.obstacles[i], map);
     std::vector<uint16_t> material(mesh.triangles.size(), obstacle_material);

@@ -17,6 +17,7 @@ using ::testing::HasSubstr;
 
 constexpr char kInspection[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"}, "goal": {"coverage": 0.9},
+  "rig": {"part_holding": "PART_HOLDING_FREE"}, "targets": {"required_resolution_m": 0},
   "costs": {"stage_speed_m_per_s": 0.02, "frame_rate_hz": 50, "reposition_time_s": 2,
             "reposition_speed_deg_per_s": 30, "reposition_speed_m_per_s": 0.1}
 })";

@@ -18,6 +18,7 @@ using ::testing::HasSubstr;
 // Its top is toleranced, by hand.
 constexpr char kInspection[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"},
+  "rig": {"part_holding": "PART_HOLDING_FREE"},
   "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}},
   "tolerances": {"regions": [{"name": "top", "zone_width_m": 0.0002,
     "min_m": {"x": -1, "y": -1, "z": 0.0199}, "max_m": {"x": 1, "y": 1, "z": 1}}]},

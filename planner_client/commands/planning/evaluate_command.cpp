@@ -10,24 +10,6 @@
 #include "planner_client/commands/planning/planning_session.h"
 
 namespace sightline {
-namespace {
-
-const char* Words(ScanFeasibility feasibility) {
-  switch (feasibility) {
-    case ScanFeasibility::kFeasible:
-      return "feasible";
-    case ScanFeasibility::kCollision:
-      return "camera or laser would collide; it counts for nothing";
-    case ScanFeasibility::kTravel:
-      return "needs more stage travel than there is; it counts for nothing";
-    case ScanFeasibility::kOutOfBounds:
-      return "is out of bounds; it counts for nothing";
-  }
-  return "";
-}
-
-}  // namespace
-
 Command AddEvaluateCommand(CLI::App& app) {
   struct Options {
     SessionOptions session;
@@ -60,9 +42,6 @@ Command AddEvaluateCommand(CLI::App& app) {
     if (!fast.ok()) return ReportError(fast.status());
     std::vector<ChosenScan> scans;
     for (size_t i = 0; i < given->all.size(); ++i) {
-      if ((*exact)[i].feasibility != ScanFeasibility::kFeasible) {
-        std::printf("scan %zu %s\n", i + 1, Words((*exact)[i].feasibility));
-      }
       scans.push_back({.measurement = given->all[i],
                        .locked = given->locked[i],
                        .exact = std::move((*exact)[i]),

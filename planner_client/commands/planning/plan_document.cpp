@@ -8,12 +8,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/planning/scan_setups.h"
 #include "planner_client/commands/planning/uncertainty_outputs.h"
 #include "planner_client/report/plan/plan_csv.h"
 #include "planner_client/requirements/feature_verdicts.h"
@@ -252,8 +254,14 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
     locked += scan.locked ? 1 : 0;
   }
   PlanDocument document;
-  for (const int index : OrderScans(costs, measurements, locked))
-    document.scans.push_back(std::move(scans[index]));
+  // Scans that were given to be evaluated stay in their order.
+  const bool given = source.stop_reason == v1::Plan::STOP_REASON_EVALUATED;
+  if (given) {
+    document.scans = std::move(scans);
+  } else {
+    for (const int index : OrderScans(costs, measurements, locked))
+      document.scans.push_back(std::move(scans[index]));
+  }
 
   v1::Plan& plan = document.plan;
   plan.set_inspection_name(session.inspection.name);
@@ -302,6 +310,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
   v1::PlanCoverage& coverage = *plan.mutable_coverage();
   coverage.set_targets(scene.target_count);
   coverage.set_measurable_targets(scene.measurable_count);
+  coverage.set_measurable_in_free_space_targets(scene.measurable_in_free_space_count);
   coverage.set_covered_targets(covered.Count());
   coverage.set_coverage(static_cast<double>(covered.Count()) /
                         static_cast<double>(scene.measurable_count));
@@ -317,6 +326,8 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
     coverage.set_fresh_coverage(static_cast<double>(fresh_covered.Count()) /
                                 static_cast<double>(std::max<int64_t>(1, fresh)));
   }
+  AddSetups(session, &plan);
+  AddRemarks(session, document.scans, given, &plan);
   if (session.ForUncertainty()) {
     if (absl::Status status = AddUncertainty(session, document); !status.ok()) return status;
   }
@@ -476,6 +487,51 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
   return WriteFileAtomically(options.folder + "/report.html", *html);
 }
 
+namespace {
+
+// What the rig cannot measure at all, and why planning ended short of the goal.
+std::string SummariseReach(const v1::Plan& plan) {
+  const v1::PlanCoverage& c = plan.coverage();
+  std::string text;
+  const auto share = [&](int64_t targets) {
+    return 100 * static_cast<double>(targets) /
+           static_cast<double>(std::max<int64_t>(1, c.targets()));
+  };
+  if (c.measurable_in_free_space_targets() > c.measurable_targets()) {
+    absl::StrAppendFormat(&text,
+                          "of all %d targets %.1f %% cannot be measured with this rig (rests, "
+                          "domain, table, limits), "
+                          "%.1f %% by no camera and laser at all.\n",
+                          c.targets(),
+                          share(c.measurable_in_free_space_targets() - c.measurable_targets()),
+                          share(c.targets() - c.measurable_in_free_space_targets()));
+  }
+  if (plan.stop_reason() == v1::Plan::STOP_REASON_STALLED && !plan.has_uncertainty()) {
+    absl::StrAppendFormat(&text,
+                          "the goal was not reached: further scans would have added too little "
+                          "(goal.min_gain), although this rig can measure the remaining %d targets "
+                          "as far as sight and table go.\n",
+                          c.measurable_targets() - c.covered_targets());
+  }
+  if (plan.resting_faces_size() > 0) {
+    absl::StrAppend(&text, "the part is laid on ",
+                    plan.resting_faces_size() == 1 ? "face " : "faces ",
+                    absl::StrJoin(plan.resting_faces(), ", ",
+                                  [](std::string* out, const v1::RestingFace& face) {
+                                    absl::StrAppend(out, face.name());
+                                  }),
+                    ".\n");
+  }
+  for (const v1::PlannedScan& scan : plan.scans()) {
+    for (const std::string& remark : scan.remarks()) {
+      absl::StrAppendFormat(&text, "scan %d: %s.\n", scan.index(), remark);
+    }
+  }
+  return text;
+}
+
+}  // namespace
+
 std::string SummarisePlan(const v1::Plan& plan) {
   const v1::PlanCoverage& c = plan.coverage();
   std::string text = absl::StrFormat(
@@ -488,6 +544,7 @@ std::string SummarisePlan(const v1::Plan& plan) {
       100.0 * static_cast<double>(c.covered_targets_without_normal_gate()) /
           static_cast<double>(std::max<int64_t>(1, c.measurable_targets())),
       100 * c.fast_mean_absolute_error(), 100 * c.fast_max_absolute_error());
+  text += SummariseReach(plan);
   if (plan.coverage().has_fresh_coverage()) {
     absl::StrAppendFormat(&text, "of %d targets sampled anew: %.2f %%.\n",
                           c.fresh_measurable_targets(), 100 * c.fresh_coverage());

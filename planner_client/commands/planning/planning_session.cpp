@@ -4,9 +4,12 @@
 #include <chrono>
 #include <cstdio>
 #include <filesystem>
+#include <numbers>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "core/inspection/read_with_files.h"
+#include "core/json/strict_json.h"
 #include "planner_client/commands/interrupt.h"
 #include "planner_client/commands/progress_line.h"
 #include "planner_client/optimise/random.h"
@@ -49,6 +52,37 @@ absl::Status ReadRequirements(PlanningSession& session) {
                  tolerance.reason.c_str());
   }
   return absl::OkStatus();
+}
+
+// Faces that the part rests on, and limits that follow from the required resolution.
+absl::Status HoldPartOf(PlanningSession& session) {
+  DeriveLimits(&session.inspection);
+  auto held = HoldPart(*session.part, &session.inspection);
+  if (!held.ok()) return held.status();
+  session.held = *std::move(held);
+  if (session.held.faces.empty()) return absl::OkStatus();
+  std::string faces;
+  for (const RestingFace& face : session.held.faces) {
+    absl::StrAppend(&faces, faces.empty() ? "" : ", ", face.name);
+    if (face.stability_rad > 0) {
+      absl::StrAppendFormat(&faces, " (topples at %.0f deg)",
+                            face.stability_rad * 180 / std::numbers::pi);
+    }
+  }
+  std::fprintf(stderr, "part: rests on faces %s\n", faces.c_str());
+  return absl::OkStatus();
+}
+
+std::string LimitsText(const TargetSampling& targets) {
+  std::string text;
+  const auto add = [&](const char* name, const std::optional<double>& limit, const char* format) {
+    if (!limit) return;
+    absl::StrAppend(&text, text.empty() ? "" : ", ", name, " ", NumberText(*limit), format);
+  };
+  add("max_pixel_footprint_m", targets.max_pixel_footprint_m, " m");
+  add("max_depth_per_pixel_m", targets.max_depth_per_pixel_m, " m");
+  add("max_circle_of_confusion_px", targets.max_circle_of_confusion_px, " px");
+  return text.empty() ? "none" : text;
 }
 
 absl::Status MakeOracle(PlanningSession& session) {
@@ -99,6 +133,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
     std::fprintf(stderr, "part: %s\n", finding.c_str());
   }
 
+  if (absl::Status status = HoldPartOf(session); !status.ok()) return status;
   if (absl::Status status = ReadRequirements(session); !status.ok()) return status;
 
   CoverageTask task;
@@ -108,11 +143,23 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   task.sampling = session.inspection.targets;
   task.field_directions = options.field_directions;
   task.uncertainty = session.inspection.uncertainty;
+  task.domain = session.inspection.domain;
+  std::vector<PlacedObstacle> placed;
   for (const ObstacleSource& source : session.inspection.obstacles) {
     auto mesh = LoadPartFile(source.file, source.unit);
     if (!mesh.ok()) return mesh.status();
     task.obstacles.push_back(
         {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, source.name});
+    placed.push_back({task.obstacles.back().mesh.get(), source.frame, source.name});
+  }
+  if (absl::Status clear =
+          CheckObstaclesClear(*session.part, session.inspection, session.held, placed);
+      !clear.ok()) {
+    return absl::Status(clear.code(), absl::StrCat(options.inspection_file, ": ", clear.message()));
+  }
+  if (session.held.table) {
+    task.obstacles.push_back({std::make_shared<const TriangleMesh>(*session.held.table),
+                              ObstacleFrame::kTable, "table"});
   }
   if (options.before_upload) {
     if (absl::Status status = options.before_upload(session, task); !status.ok()) return status;
@@ -150,16 +197,27 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   const SceneInfo& scene = session.client->scene();
   session.open_time_s =
       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  std::fprintf(
-      stderr, "targets: %lld, of which %lld (%.1f %%) can be measured; ready after %.1f s\n",
-      static_cast<long long>(scene.target_count), static_cast<long long>(scene.measurable_count),
-      100.0 * static_cast<double>(scene.measurable_count) / static_cast<double>(scene.target_count),
-      session.open_time_s);
+  const auto percent = [&](int64_t count) {
+    return 100.0 * static_cast<double>(count) / static_cast<double>(scene.target_count);
+  };
+  std::fprintf(stderr,
+               "targets: %lld, of which %lld (%.1f %%) can be measured with this rig (%.1f %% by "
+               "sensors anywhere); ready after %.1f s\n",
+               static_cast<long long>(scene.target_count),
+               static_cast<long long>(scene.measurable_count), percent(scene.measurable_count),
+               percent(scene.measurable_in_free_space_count), session.open_time_s);
   if (scene.measurable_count == 0) {
     return absl::InvalidArgumentError(
-        absl::StrCat(session.inspection.part_file,
-                     ": no target on this part can be measured: every one is hidden "
-                     "from all pairs of directions 10 to 80 degrees apart"));
+        scene.measurable_in_free_space_count == 0
+            ? absl::StrCat(session.inspection.part_file,
+                           ": no target on this part can be measured: every one is hidden "
+                           "from all pairs of directions 10 to 80 degrees apart")
+            : absl::StrCat(
+                  options.inspection_file,
+                  ": no target on this part can be measured in this domain: no scan that rig, "
+                  "`measurement` and the limits of `targets` allow reaches one; the limits in "
+                  "force: ",
+                  LimitsText(session.inspection.targets)));
   }
   if (absl::Status status = MakeOracle(session); !status.ok()) return status;
   return session;

@@ -9,6 +9,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/inspection/inspection.h"
+#include "core/inspection/part_holding.h"
 #include "core/part/mesh.h"
 #include "core/part/part_health.h"
 #include "planner_client/commands/progress_line.h"
@@ -39,6 +40,8 @@ struct SessionOptions {
 struct PlanningSession {
   Inspection inspection;
   std::shared_ptr<const TriangleMesh> part;
+  // What the part lies on; the domain of `inspection` has its orientations.
+  HeldPart held;
   PartHealth health;
   // Centre of the CAD model's bounding box, which the rig's offsets refer to.
   Eigen::Vector3d model_centre_m = Eigen::Vector3d::Zero();

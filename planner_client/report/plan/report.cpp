@@ -16,6 +16,7 @@
 #include "planner_client/report/plan/as_measured_html.h"
 #include "planner_client/report/plan/display_mesh.h"
 #include "planner_client/report/plan/pareto_section.h"
+#include "planner_client/report/plan/setups_section.h"
 #include "planner_client/report/plan/uncovered_regions.h"
 #include "planner_client/report/plan/viewer_data.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
@@ -92,7 +93,7 @@ std::string StopWords(v1::Plan::StopReason reason) {
     case v1::Plan::STOP_REASON_MAX_TIME:
       return "the time was up";
     case v1::Plan::STOP_REASON_STALLED:
-      return "further scans would have added too little";
+      return "further scans would have added too little, although the rig can measure more";
     case v1::Plan::STOP_REASON_INTERRUPTED:
       return "it was interrupted";
     case v1::Plan::STOP_REASON_EVALUATED:
@@ -108,7 +109,16 @@ std::string MeasurableShare(const v1::PlanCoverage& coverage) {
                       Percent(static_cast<double>(coverage.measurable_targets()) /
                                   static_cast<double>(coverage.targets()),
                               0),
-                      " of the whole surface is measurable.");
+                      " of the whole surface is measurable with this rig",
+                      coverage.measurable_in_free_space_targets() > coverage.measurable_targets()
+                          ? absl::StrCat(" (table, rests, domain and limits leave that of the ",
+                                         Percent(static_cast<double>(
+                                                     coverage.measurable_in_free_space_targets()) /
+                                                     static_cast<double>(coverage.targets()),
+                                                 0),
+                                         " that sensors anywhere would measure)")
+                          : "",
+                      ".");
 }
 
 // The answer in a sentence or two.
@@ -219,11 +229,12 @@ std::string CurveSection(const v1::Plan& plan) {
 
 // `judged`: targets that a tolerance binds; 0: the plan is not for uncertainty.
 std::string ScanRow(const v1::PlannedScan& scan, const ReportScan& extra, int number,
-                    double measurable, double judged) {
+                    double measurable, double judged, const std::string& setup) {
   const v1::Measurement& m = scan.measurement();
   std::string row = absl::StrCat("<tr class=\"selectable\" data-scan=\"", number,
                                  "\"><td class=\"strong\">", scan.index());
   if (scan.locked()) row += "<span class=\"badge\">locked</span>";
+  if (!setup.empty()) absl::StrAppend(&row, "<br><small>", EscapeHtml(setup), "</small>");
   row += "</td><td>";
   if (!extra.rendered_view_png.empty()) {
     absl::StrAppend(&row, "<img class=\"thumb\" alt=\"Scan ", scan.index(),
@@ -290,10 +301,18 @@ std::string ScansSection(const ReportData& data) {
       std::max<double>(1, static_cast<double>(data.plan.coverage().measurable_targets()));
   for (size_t i = 0; i < data.scans.size(); ++i) {
     body += ScanRow(data.plan.scans(static_cast<int>(i)), data.scans[i], static_cast<int>(i) + 1,
-                    measurable, judged);
+                    measurable, judged,
+                    SetupText(data.plan, data.plan.scans(static_cast<int>(i))));
   }
   body += "</tbody></table></div>\n";
   return Section("scans", "Scans", body, "long");
+}
+
+std::string SetupsSection(const ReportData& data) {
+  std::vector<std::string> pictures;
+  for (const ReportScan& scan : data.scans) pictures.push_back(scan.rendered_view_png);
+  const std::string body = SetupsHtml(data.plan, pictures);
+  return body.empty() ? "" : Section("setups", "How the part lies", body, "long");
 }
 
 std::string RegionsSection(const ReportData& data, const std::vector<UncoveredRegion>& regions,
@@ -613,7 +632,7 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
                                        data.plan.has_uncertainty(), data.deviations));
   }
   if (data.pareto.has_value()) sections += ParetoSection(*data.pareto);
-  sections += CurveSection(data.plan) + ScansSection(data) +
+  sections += CurveSection(data.plan) + SetupsSection(data) + ScansSection(data) +
               RegionsSection(data, regions, region_count, uncovered_count) +
               MeasurabilitySection(data);
   if (data.comparison.has_value()) sections += ComparisonSection(*data.comparison);

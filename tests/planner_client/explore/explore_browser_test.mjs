@@ -41,8 +41,8 @@ const imaging = {
 function writeInspection(name, more) {
   const file = join(folder, name);
   writeFileSync(file, JSON.stringify({
-    name: 'stepped block', part: {file: 'block.stl', unit: 'mm'}, rig: {stage_travel_m: 0.6},
-    targets: {spacing_m: 0.008, coverage_radius_m: 0.005},
+    name: 'stepped block', part: {file: 'block.stl', unit: 'mm'}, rig: {stage_travel_m: 0.6, part_holding: 'PART_HOLDING_FREE'},
+    targets: {spacing_m: 0.008, coverage_radius_m: 0.005, required_resolution_m: 0},
     // From so near that two scans are not enough.
     measurement: {
       camera_distance_m: {ranges: [{min: 0.12, max: 0.16}]}, camera_polar_deg: {ranges: [{min: 0, max: 40}]},

@@ -1,0 +1,27 @@
+// How far two bodies reach into one another.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <algorithm>
+
+#include "core/part/mesh.h"
+
+namespace sightline {
+
+struct MeshOverlap {
+  // Of the space that both fill.
+  double volume_m3 = 0;
+  // Longest way through it along x, y and z; the least of the three tells how deep one body is in
+  // the other.
+  double extent_m[3] = {0, 0, 0};
+
+  double depth_m() const { return std::min({extent_m[0], extent_m[1], extent_m[2]}); }
+};
+
+// Overlap of `a`, moved by `to_b`, with `b`: along 192 x 192 lines in each of the three directions
+// the stretches inside both are compared, exactly along the lines. So what is thinner than 1/192 of
+// the space shared by both bounding boxes may be missed across them. Lines that cross a surface an
+// odd number of times (it is not closed there) are left out.
+MeshOverlap OverlapOf(const TriangleMesh& a, const Eigen::Isometry3d& to_b, const TriangleMesh& b);
+
+}  // namespace sightline

@@ -1,0 +1,150 @@
+#include "planner_client/commands/planning/scan_setups.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <string>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/rig/scan_geometry.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+// Part of the measurable targets that a scan which is worth its set-up adds.
+constexpr double kLittle = 0.005;
+
+constexpr int kAlpha = 4, kBeta = 5;
+constexpr const char* kParameterNames[] = {
+    "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
+    "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
+    "offset_z_m"};
+
+v1::Vector3 ToProto(const Eigen::Vector3d& v) {
+  v1::Vector3 message;
+  message.set_x(v.x());
+  message.set_y(v.y());
+  message.set_z(v.z());
+  return message;
+}
+
+// The scan's geometry with the part where it should lie.
+ScanGeometry GeometryOf(const PlanningSession& session, const Measurement& measurement) {
+  Rig rig = session.inspection.rig;
+  rig.part_placement.reset();
+  return MakeScanGeometry(rig, measurement);
+}
+
+// Index into the domain's resting orientations; -1: none of them.
+int RestOf(const MeasurementDomain& domain, const Measurement& m) {
+  constexpr double kSame_rad = 1e-6;
+  for (size_t i = 0; i < domain.resting_orientations.size(); ++i) {
+    const RestingOrientation& rest = domain.resting_orientations[i];
+    const double off =
+        std::max(std::abs(std::remainder(m.part_alpha_rad - rest.part_alpha_rad, 360 * kDegree)),
+                 std::abs(std::remainder(m.part_beta_rad - rest.part_beta_rad, 360 * kDegree)));
+    if (off <= kSame_rad) return static_cast<int>(i);
+  }
+  return -1;
+}
+
+v1::RestingFace FaceToProto(const RestingFace& face, double centre_height_m) {
+  v1::RestingFace message;
+  message.set_name(face.name);
+  const auto degrees = [](double angle_rad) { return std::round(angle_rad / kDegree * 1e9) / 1e9; };
+  message.set_part_alpha_deg(degrees(face.part_alpha_rad));
+  message.set_part_beta_deg(degrees(face.part_beta_rad));
+  *message.mutable_normal() = ToProto(face.normal);
+  *message.mutable_centre_m() = ToProto(face.centre_m);
+  message.set_area_m2(face.area_m2);
+  message.set_stability_deg(degrees(face.stability_rad));
+  message.set_centre_height_m(centre_height_m);
+  return message;
+}
+
+// Parameters outside what the inspection allows, in words; empty: none.
+std::string OutsideDomain(const MeasurementDomain& domain, const Measurement& measurement) {
+  const auto values = ToArray(measurement);
+  std::string outside;
+  for (int p = 0; p < kMeasurementParameters; ++p) {
+    if (!domain.resting_orientations.empty() && (p == kAlpha || p == kBeta)) continue;
+    if (domain.parameters[p].Contains(values[p])) continue;
+    const bool angle = p >= 1 && p <= 6;
+    absl::StrAppendFormat(&outside, "%s%s is %.6g", outside.empty() ? "" : ", ", kParameterNames[p],
+                          angle ? values[p] / kDegree : values[p]);
+  }
+  return outside;
+}
+
+}  // namespace
+
+void AddSetups(const PlanningSession& session, v1::Plan* plan) {
+  const std::vector<RestingFace>& faces = session.held.faces;
+  if (faces.empty()) return;
+  std::vector<int> listed(faces.size(), -1);
+  std::vector<int> rest_of;
+  for (const v1::PlannedScan& scan : plan->scans()) {
+    rest_of.push_back(RestOf(session.inspection.domain, MeasurementFromProto(scan.measurement())));
+    if (rest_of.back() >= 0) listed[static_cast<size_t>(rest_of.back())] = 0;
+  }
+  for (size_t f = 0; f < faces.size(); ++f) {
+    if (listed[f] < 0) continue;
+    listed[f] = plan->resting_faces_size();
+    Measurement m;
+    m.part_alpha_rad = faces[f].part_alpha_rad;
+    m.part_beta_rad = faces[f].part_beta_rad;
+    *plan->add_resting_faces() = FaceToProto(faces[f], -GeometryOf(session, m).table_height_m);
+  }
+  for (int i = 0; i < plan->scans_size(); ++i) {
+    v1::PlannedScan& scan = *plan->mutable_scans(i);
+    const ScanGeometry geometry = GeometryOf(session, MeasurementFromProto(scan.measurement()));
+    scan.set_table_height_m(geometry.part_offset_m.z() + geometry.table_height_m);
+    if (rest_of[i] >= 0) scan.set_resting_face(listed[static_cast<size_t>(rest_of[i])]);
+  }
+}
+
+void AddRemarks(const PlanningSession& session, const std::vector<ChosenScan>& scans, bool given,
+                v1::Plan* plan) {
+  const MeasurementDomain& domain = session.inspection.domain;
+  const auto measurable = static_cast<double>(plan->coverage().measurable_targets());
+  for (int i = 0; i < plan->scans_size(); ++i) {
+    v1::PlannedScan& scan = *plan->mutable_scans(i);
+    const ChosenScan& chosen = scans[static_cast<size_t>(i)];
+    if (!domain.resting_orientations.empty() && RestOf(domain, chosen.measurement) < 0) {
+      scan.add_remarks(absl::StrFormat(
+          "the part lies on none of its resting faces (alpha %.6g deg, beta %.6g deg)",
+          chosen.measurement.part_alpha_rad / kDegree, chosen.measurement.part_beta_rad / kDegree));
+    }
+    if (const std::string outside = OutsideDomain(domain, chosen.measurement); !outside.empty()) {
+      scan.add_remarks(
+          absl::StrCat("outside what the inspection's `measurement` allows: ", outside));
+    }
+    switch (chosen.exact.feasibility) {
+      case ScanFeasibility::kFeasible:
+        break;
+      case ScanFeasibility::kCollision:
+        scan.add_remarks("camera, laser or part would collide: it counts for nothing");
+        continue;
+      case ScanFeasibility::kTravel:
+        scan.add_remarks("needs more stage travel than there is: it counts for nothing");
+        continue;
+      case ScanFeasibility::kOutOfBounds:
+        scan.add_remarks("is out of bounds: it counts for nothing");
+        continue;
+    }
+    if (!given && !chosen.locked) continue;
+    if (session.ForUncertainty()) continue;
+    if (scan.covered_targets() == 0) {
+      scan.add_remarks("measures nothing that counts");
+    } else if (static_cast<double>(scan.new_targets()) < kLittle * measurable) {
+      scan.add_remarks(
+          absl::StrFormat("adds little: %d of its %d targets are measured by no scan before it",
+                          scan.new_targets(), scan.covered_targets()));
+    }
+  }
+}
+
+}  // namespace sightline
