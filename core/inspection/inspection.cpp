@@ -379,6 +379,11 @@ absl::StatusOr<Rig> ParseRig(const v1::Rig& message, const v1::Camera& camera, c
   return rig;
 }
 
+absl::StatusOr<MeasurementDomain> ParseMeasurementDomain(const v1::MeasurementDomain& message,
+                                                         const std::string& context) {
+  return ParseMeasurementDomain(message, Checker(context));
+}
+
 absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& message,
                                                    const std::string& context) {
   const Checker check(context);

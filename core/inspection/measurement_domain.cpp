@@ -2,6 +2,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/inspection/field_checks.h"
 #include "core/inspection/inspection.h"
 
 namespace sightline {
@@ -9,8 +10,6 @@ namespace {
 
 constexpr double kTolerance = 1e-9;
 constexpr double kTurn = 2 * std::numbers::pi;
-
-double Radians(double degrees) { return degrees * std::numbers::pi / 180; }
 
 // Distance of two angles along the shorter way round.
 double TurnDistance(double a, double b) { return std::abs(std::remainder(a - b, kTurn)); }
@@ -68,6 +67,36 @@ MeasurementDomain ThesisDomain() {
                        linear({{-0.5, 0.5}}),
                        linear({{-0.4, 0.4}})};
   return domain;
+}
+
+v1::MeasurementDomain MeasurementDomainToProto(const MeasurementDomain& domain) {
+  v1::MeasurementDomain message;
+  // The message's first fields are the parameters, in their order.
+  const auto* descriptor = v1::MeasurementDomain::descriptor();
+  const bool resting = !domain.resting_orientations.empty();
+  for (int i = 0; i < kMeasurementParameters; ++i) {
+    const auto* field = descriptor->FindFieldByNumber(i + 1);
+    // Neither angle may have a domain of its own beside the orientations.
+    if (resting && (field->name() == "part_alpha_deg" || field->name() == "part_beta_deg")) {
+      continue;
+    }
+    const bool angle = field->name().ends_with("_deg");
+    const auto outside = [angle](double value) { return angle ? Degrees(value) : value; };
+    auto& parameter = static_cast<v1::ParameterDomain&>(
+        *message.GetReflection()->MutableMessage(&message, field));
+    for (const double value : domain.parameters[i].values) parameter.add_values(outside(value));
+    for (const ParameterDomain::Range& range : domain.parameters[i].ranges) {
+      v1::ParameterDomain::Range& out = *parameter.add_ranges();
+      out.set_min(outside(range.min));
+      out.set_max(outside(range.max));
+    }
+  }
+  for (const RestingOrientation& orientation : domain.resting_orientations) {
+    v1::RestingOrientation& out = *message.add_resting_orientations();
+    out.set_part_alpha_deg(Degrees(orientation.part_alpha_rad));
+    out.set_part_beta_deg(Degrees(orientation.part_beta_rad));
+  }
+  return message;
 }
 
 }  // namespace sightline

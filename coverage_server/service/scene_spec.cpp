@@ -86,6 +86,12 @@ absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
     if (!placement.ok()) return placement.status();
     parsed->rig.part_placement = *std::move(placement);
   }
+  if (spec.has_measurement()) {
+    const auto domain = ParseMeasurementDomain(spec.measurement(), "spec");
+    if (!domain.ok()) {
+      return InvalidFields({{"spec.measurement", std::string(domain.status().message())}});
+    }
+  }
   if (!spec.has_uncertainty()) return absl::OkStatus();
   absl::StatusOr<UncertaintyModel> uncertainty = ParseUncertainty(spec.uncertainty(), "spec");
   if (!uncertainty.ok()) {
@@ -172,6 +178,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
     }
   }
   if (spec.has_part_placement()) *normalised.mutable_part_placement() = spec.part_placement();
+  if (spec.has_measurement()) *normalised.mutable_measurement() = spec.measurement();
   parsed.digest = Sha256Hex(DeterministicBytes(normalised));
   // What is built depends on the normal form alone: same digest, same scene, bit by bit.
   if (absl::Status status = ParseSettings(normalised, &parsed); !status.ok()) return status;

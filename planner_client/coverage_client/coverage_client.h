@@ -33,6 +33,8 @@ struct CoverageTask {
   std::vector<Obstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;  // unset: coverage only
+  // What scans may be; unset: the scene explains no targets.
+  std::optional<MeasurementDomain> domain;
 };
 
 // An embedded server is restarted once if it ends.
@@ -97,6 +99,12 @@ struct PosteriorUncertainties {
   std::vector<float> after_each_scan_m;  // [target][scan]; empty if not asked for
 };
 
+// Why a target is not covered.
+struct TargetReason {
+  v1::UncoveredReason reason = v1::UNCOVERED_REASON_UNSPECIFIED;
+  int obstacle = -1;  // index into CoverageTask::obstacles where one is the reason
+};
+
 // Every call has a deadline. A server that was restarted and has forgotten the scene gets it again
 // without the caller noticing. Thread-safe. Errors of the server are passed on with its message;
 // UNAVAILABLE says when an embedded server died and why.
@@ -124,6 +132,9 @@ class CoverageClient : public GainOracle {
                                                                std::span<const uint32_t> targets,
                                                                bool after_each_scan,
                                                                std::span<const float> enough_m) = 0;
+  // Why targets are not covered, one reason each. FAILED_PRECONDITION: the task has no domain.
+  virtual absl::StatusOr<std::vector<TargetReason>> ExplainTargets(
+      std::span<const uint32_t> targets) = 0;
   // PNG bytes. `request.scene_digest` is filled in.
   virtual absl::StatusOr<std::string> RenderView(v1::RenderViewRequest request) = 0;
   // How often the scene was made again because the server had lost it.

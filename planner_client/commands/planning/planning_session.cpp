@@ -107,6 +107,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   task.sampling = session.inspection.targets;
   task.field_directions = options.field_directions;
   task.uncertainty = session.inspection.uncertainty;
+  task.domain = session.inspection.domain;
   for (const ObstacleSource& source : session.inspection.obstacles) {
     auto mesh = LoadPart(source.file, source.unit);
     if (!mesh.ok()) return mesh.status();
