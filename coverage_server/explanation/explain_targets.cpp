@@ -133,9 +133,7 @@ class Explainer {
     return cancelled != nullptr && cancelled->load(std::memory_order_relaxed);
   }
 
-  TargetExplanation Found() const {
-    return {UncoveredReason::kNotChosen, -1, tried_, 0};
-  }
+  TargetExplanation Found() const { return {UncoveredReason::kNotChosen, -1, tried_, 0, found_}; }
 
   bool TryNearBest(const std::atomic<bool>* cancelled) {
     const std::array<bool, kAimDimensions> turns = WholeTurns(*task_.domain);
@@ -171,6 +169,7 @@ class Explainer {
       ++carried_out_;
       switch (task_.feasibility(scan.measurement, scan.stage_m)) {
         case Feasibility::kFeasible:
+          found_ = scan.measurement;
           return true;
         case Feasibility::kTravel:
           failures.conditions |= kTravel;
@@ -262,6 +261,7 @@ class Explainer {
   std::vector<Aim> best_;
   int tried_ = 0;
   int carried_out_ = 0;
+  Measurement found_;
 };
 
 }  // namespace

@@ -145,6 +145,7 @@ struct TargetExplanation {
   int obstacle = -1;  // index into CoverageScene::obstacles() if one is the reason
   int tried_scans = 0;
   int scans_with_reason = 0;
+  Measurement scan;  // of targets that were not chosen: one that measures it
 };
 
 // Immutable once built; all queries may run in parallel from any number of threads.
@@ -180,8 +181,8 @@ class CoverageScene {
                                       std::vector<MeasurementPoint>* points,
                                       const std::atomic<bool>* cancelled) const = 0;
 
-  // What stands in the way of the scans of `domain` that come nearest to measuring each of `targets`
-  // (explanation/explain_targets.h). Stops early (results unspecified) when *cancelled.
+  // What stands in the way of the scans of `domain` that come nearest to measuring each of
+  // `targets` (explanation/explain_targets.h). Stops early (results unspecified) when *cancelled.
   virtual void Explain(const MeasurementDomain& /*domain*/, std::span<const uint32_t> /*targets*/,
                        std::span<TargetExplanation> /*results*/,
                        const std::atomic<bool>* /*cancelled*/) const {}

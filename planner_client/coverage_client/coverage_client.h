@@ -13,6 +13,7 @@
 #include "core/part/mesh.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
+#include "core/targets/uncovered_reason.h"
 #include "planner_client/rpc_client/channel.h"
 #include "planner_client/strategy/gain_oracle.h"
 #include "sightline/v1/coverage_service.pb.h"
@@ -99,12 +100,6 @@ struct PosteriorUncertainties {
   std::vector<float> after_each_scan_m;  // [target][scan]; empty if not asked for
 };
 
-// Why a target is not covered.
-struct TargetReason {
-  v1::UncoveredReason reason = v1::UNCOVERED_REASON_UNSPECIFIED;
-  int obstacle = -1;  // index into CoverageTask::obstacles where one is the reason
-};
-
 // Every call has a deadline. A server that was restarted and has forgotten the scene gets it again
 // without the caller noticing. Thread-safe. Errors of the server are passed on with its message;
 // UNAVAILABLE says when an embedded server died and why.
@@ -132,7 +127,8 @@ class CoverageClient : public GainOracle {
                                                                std::span<const uint32_t> targets,
                                                                bool after_each_scan,
                                                                std::span<const float> enough_m) = 0;
-  // Why targets are not covered, one reason each. FAILED_PRECONDITION: the task has no domain.
+  // Why targets are not covered, one reason each; obstacles by their place in the task.
+  // FAILED_PRECONDITION: the task has no domain.
   virtual absl::StatusOr<std::vector<TargetReason>> ExplainTargets(
       std::span<const uint32_t> targets) = 0;
   // PNG bytes. `request.scene_digest` is filled in.

@@ -82,7 +82,10 @@ class FakeScene final : public CoverageScene {
       if (!Query(cancelled)) return;
       results[i] = {measurable_.Test(targets[i]) ? UncoveredReason::kNotChosen
                                                  : UncoveredReason::kOwnOcclusion,
-                    -1, 10, 5};
+                    -1,
+                    10,
+                    5,
+                    {}};
     }
   }
 

@@ -119,10 +119,12 @@ TEST(RenderReport, FindingNamesBoundOnlyWhenConverged) {
   EXPECT_THAT(Visible(Render(data)), Not(HasSubstr("lower bound")));
   data.plan.mutable_bound()->set_converged(true);
   EXPECT_THAT(Visible(Render(data)),
-              HasSubstr("No plan for 70\u202f% can do with fewer (lower bound 2.2)"));
+              HasSubstr("the lower bound (2.2) found, a plan for 70\u202f% needs at least 3 scans: "
+                        "no fewer than this one."));
   data.plan.mutable_bound()->set_scans(1.2);
   EXPECT_THAT(Visible(Render(data)),
-              HasSubstr("A plan for 70\u202f% needs at least 2 (lower bound 1.2)"));
+              HasSubstr("the lower bound (1.2) found, a plan for 70\u202f% needs at least 2 "
+                        "scans."));
 }
 
 TEST(RenderReport, SaysWhyTheGoalWasMissed) {

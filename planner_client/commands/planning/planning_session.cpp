@@ -111,12 +111,15 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   for (const ObstacleSource& source : session.inspection.obstacles) {
     auto mesh = LoadPart(source.file, source.unit);
     if (!mesh.ok()) return mesh.status();
-    task.obstacles.push_back(
-        {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, source.name});
+    task.obstacles.push_back({std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame,
+                              source.name.empty()
+                                  ? std::filesystem::path(source.file).filename().string()
+                                  : source.name});
   }
   if (options.before_upload) {
     if (absl::Status status = options.before_upload(session, task); !status.ok()) return status;
   }
+  session.obstacles = task.obstacles;
 
   CoverageClientOptions client;
   client.address = options.coverage_server;
