@@ -68,7 +68,7 @@ void ExpectReason(const SceneDefinition& definition, const MeasurementDomain& do
     EXPECT_EQ(explanation.obstacle, obstacle);
     EXPECT_GE(explanation.tried_scans, 1);
     EXPECT_LE(explanation.scans_with_reason, explanation.tried_scans);
-    if (reason != UncoveredReason::kNotChosen) EXPECT_GE(explanation.scans_with_reason, 1);
+    EXPECT_EQ(explanation.scans_with_reason > 0, reason != UncoveredReason::kNotChosen);
   }
 }
 
@@ -118,7 +118,7 @@ TEST(Explanation, ObstacleIsNamedInEveryFrame) {
 
 TEST(Explanation, CoarsePixels) {
   SceneDefinition definition = Cube();
-  // 0.81 um per pixel and millimetre of depth: at the nearest distance of 100 mm it is 162 um.
+  // At the nearest distance, 100 mm, a pixel covers 162 um.
   definition.sampling.max_pixel_footprint_m = 50e-6;
   ExpectReason(definition, FromAbove(), kUp, UncoveredReason::kFootprint);
 }
@@ -126,7 +126,9 @@ TEST(Explanation, CoarsePixels) {
 TEST(Explanation, OutOfFocus) {
   SceneDefinition definition = Cube();
   definition.rig.camera.pixel_pitch_m = 5e-6;
-  definition.rig.lens = Lens{.focal_length_m = 0.016, .f_number = 2, .focus_distance_m = 0.8};
+  definition.rig.lens.emplace();
+  definition.rig.lens->f_number = 2;
+  definition.rig.lens->focus_distance_m = 0.8;
   definition.sampling.max_circle_of_confusion_px = 1;
   MeasurementDomain domain = FromAbove();
   domain.parameters[0] = Fixed(0.3);

@@ -66,7 +66,7 @@ Json Matrix(const v1::Pose& pose) {
 // Poses x_part = M x_frame with the stage at its start, for what does not lie in part coordinates;
 // null: as the part. The frame of the stage has its origin where the part's centre is, that of the
 // table below it.
-Json FramePose(v1::Obstacle::Frame frame, const ReportData& data, const v1::PlannedScan& scan) {
+Json FramePose(v1::Obstacle::Frame frame, const v1::PlannedScan& scan) {
   if (frame == v1::Obstacle::FRAME_PART) return Json();
   Eigen::Matrix4d world_from_part;
   for (int i = 0; i < 16; ++i) world_from_part(i / 4, i % 4) = scan.part_pose().matrix(i);
@@ -103,7 +103,7 @@ Json Obstacles(const ReportData& data) {
     }
     Json poses = Json::array();
     for (const v1::PlannedScan& scan : data.plan.scans()) {
-      poses.push_back(FramePose(obstacle.frame, data, scan));
+      poses.push_back(FramePose(obstacle.frame, scan));
     }
     list.push_back({{"name", obstacle.name},
                     {"turns", obstacle.frame == v1::Obstacle::FRAME_PART},
