@@ -3,13 +3,10 @@
 #include <algorithm>
 #include <cmath>
 
+#include "coverage_server/scan/place_conditions.h"
+
 namespace sightline {
 namespace {
-
-// Length left out at a segment's end so that a point is not hidden by its own surface.
-constexpr float kSurfaceGapM = 2e-5f;
-// Parts of the line nearer to the camera than this are not imaged.
-constexpr double kNearPlaneM = 1e-3;
 
 struct Candidate {
   Eigen::Vector3f point;
@@ -17,23 +14,6 @@ struct Candidate {
   uint32_t triangle;
   int32_t column;
 };
-
-// Moves a point from part coordinates (stage position s) into an occluder's frame.
-struct FrameChange {
-  Eigen::Matrix3f rotation;
-  Eigen::Vector3f shift;
-  Eigen::Vector3f operator()(const Eigen::Vector3f& x) const { return rotation * x + shift; }
-};
-
-FrameChange FromPart(ObstacleFrame frame, const ScanGeometry& geometry,
-                     const Eigen::Vector3d& part_centre_m, double stage_m) {
-  if (frame == ObstacleFrame::kPart) return {Eigen::Matrix3f::Identity(), Eigen::Vector3f::Zero()};
-  Eigen::Vector3d shift = -(geometry.part_rotation * part_centre_m);
-  if (frame == ObstacleFrame::kWorld)
-    shift += geometry.part_offset_m + Eigen::Vector3d(stage_m, 0, 0);
-  if (frame == ObstacleFrame::kTable) shift.z() -= geometry.table_height_m;
-  return {geometry.part_rotation.cast<float>(), shift.cast<float>()};
-}
 
 // Clears candidates that something hides from `from` (part coordinates).
 void RemoveOccluded(const std::vector<Occluder>& occluders, const ScanGeometry& geometry,
@@ -137,7 +117,6 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
   }
   std::vector<uint32_t> active;
   std::vector<Candidate> candidates;
-  const double max_range_squared = scan.max_range_m * scan.max_range_m;
   const double half_columns = scan.half_columns_px, focal = scan.focal_length_px;
 
   for (int32_t frame = first_frame; frame <= last_frame; ++frame) {
@@ -197,16 +176,11 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
         const double u = std::clamp((offset * z[0] - focal * x[0]) / denominator, 0.0, 1.0);
         const Eigen::Vector3d point = ends[0] + u * (ends[1] - ends[0]);
         const Eigen::Vector3d q = point - camera_at;
-        const double depth_m = q.dot(camera.z_axis);
-        if (depth_m < std::max(kNearPlaneM, scan.depth.min_m) || depth_m > scan.depth.max_m)
-          continue;
-        if (std::abs(q.dot(camera.y_axis)) > reach_y * depth_m) continue;
-        if (q.squaredNorm() > max_range_squared) continue;
-        if (depth_m * q.norm() > scan.depth.max_depth_times_distance_m2) continue;
-        const Eigen::Vector3d l = point - laser_at;
-        const double laser_depth = l.dot(scan.laser.z_axis);
-        if (laser_depth <= 0 || std::abs(l.dot(scan.laser.x_axis)) > scan.fan_tangent * laser_depth)
-          continue;
+        const double depth_m = DepthOf(scan, q);
+        if (depth_m < kNearPlaneM || !WithinDepth(scan.depth, depth_m)) continue;
+        if (!InRows(scan, q, depth_m) || !InRange(scan, q)) continue;
+        if (!FineInDepth(scan.depth, q, depth_m)) continue;
+        if (!InFan(scan, point - laser_at)) continue;
         candidates.push_back({point.cast<float>(), static_cast<float>(depth_m), t, column});
       }
     }

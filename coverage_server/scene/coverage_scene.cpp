@@ -5,8 +5,10 @@
 #include <numbers>
 #include <thread>
 
+#include "absl/strings/str_format.h"
 #include "core/resting/convex_hull.h"
 #include "core/targets/poisson_disk.h"
+#include "coverage_server/explanation/explain_targets.h"
 #include "coverage_server/scan/collision.h"
 #include "coverage_server/scan/exact_evaluator.h"
 #include "coverage_server/scan/fast_evaluator.h"
@@ -32,6 +34,21 @@ double SecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
 }
 
+// A region of interest without a target would count as fully covered.
+absl::Status CheckRegionsHoldTargets(const TargetSet& targets, const TargetSampling& sampling) {
+  for (size_t r = 0; r < sampling.regions.size(); ++r) {
+    const TargetRegion& region = sampling.regions[r];
+    bool holds = false;
+    for (size_t t = 0; t < targets.size() && !holds; ++t) holds = LiesInRegion(targets, t, region);
+    if (holds) continue;
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "targets.regions[%d] (\"%s\") holds no target: its box does not meet the part's surface, or "
+        "is too small for its spacing_m of %.6g",
+        r, region.name, region.spacing_m));
+  }
+  return absl::OkStatus();
+}
+
 class CoverageSceneImpl final : public CoverageScene {
  public:
   explicit CoverageSceneImpl(SceneDefinition definition)
@@ -49,6 +66,8 @@ class CoverageSceneImpl final : public CoverageScene {
     auto targets = SampleTargets(definition_.part, definition_.sampling);
     if (!targets.ok()) return targets.status();
     targets_ = std::move(*targets);
+    absl::Status regions = CheckRegionsHoldTargets(targets_, definition_.sampling);
+    if (!regions.ok()) return regions;
     timings_.targets_s = SecondsSince(start);
     if (options.cancelled != nullptr && options.cancelled->load())
       return absl::CancelledError("scene");
@@ -256,6 +275,31 @@ class CoverageSceneImpl final : public CoverageScene {
     }
     if (points != nullptr) *points = std::move(measured);
     return coverage;
+  }
+
+  void Explain(const MeasurementDomain& domain, std::span<const uint32_t> targets,
+               std::span<TargetExplanation> results,
+               const std::atomic<bool>* cancelled) const override {
+    ExplanationTask task;
+    task.rig = &definition_.rig;
+    task.domain = &domain;
+    task.targets = &targets_;
+    task.sampling = &definition_.sampling;
+    task.occluders = &occluders_;
+    task.part_centre_m = part_centre_m_;
+    task.feasibility = [&](const Measurement& measurement, double stage_m) {
+      Feasibility feasibility = Feasibility::kFeasible;
+      EvaluateFast({&measurement, 1}, false, cancelled,
+                   [&](size_t, const ScanInPart&, const FastScan& scan, Feasibility) {
+                     // The estimate may cover nothing, not even what the scan is asked for.
+                     const bool none = scan.stage_start_m > scan.stage_end_m;
+                     feasibility = CheckFeasibility(
+                         measurement, none ? stage_m : std::min(stage_m, scan.stage_start_m),
+                         none ? stage_m : std::max(stage_m, scan.stage_end_m));
+                   });
+      return feasibility;
+    };
+    ExplainTargets(task, targets, results, cancelled);
   }
 
  private:

@@ -128,6 +128,28 @@ struct MeasuredScan {
   std::shared_ptr<const ScanPoints> points;  // null if not feasible
 };
 
+// Why a target is not covered (v1::UncoveredReason); in the order of the conditions that scans are
+// asked about.
+enum class UncoveredReason {
+  kNotChosen,
+  kAngle,
+  kFootprint,
+  kDefocus,
+  kRange,
+  kOwnOcclusion,
+  kObstacle,
+  kCollision,
+  kTravel,
+};
+
+struct TargetExplanation {
+  UncoveredReason reason = UncoveredReason::kNotChosen;
+  int obstacle = -1;  // index into CoverageScene::obstacles() if one is the reason
+  int tried_scans = 0;
+  int scans_with_reason = 0;
+  Measurement scan;  // of targets that were not chosen: one that measures it
+};
+
 // Immutable once built; all queries may run in parallel from any number of threads.
 class CoverageScene {
  public:
@@ -163,6 +185,12 @@ class CoverageScene {
   virtual ExactCoverage EvaluateExact(const Measurement& measurement,
                                       std::vector<MeasurementPoint>* points,
                                       const std::atomic<bool>* cancelled) const = 0;
+
+  // What stands in the way of the scans of `domain` that come nearest to measuring each of
+  // `targets` (explanation/explain_targets.h). Stops early (results unspecified) when *cancelled.
+  virtual void Explain(const MeasurementDomain& /*domain*/, std::span<const uint32_t> /*targets*/,
+                       std::span<TargetExplanation> /*results*/,
+                       const std::atomic<bool>* /*cancelled*/) const {}
 
   // How well scans make the surface known. Scenes that were built without an uncertainty model have
   // no priors and must not be asked.

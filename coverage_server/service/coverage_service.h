@@ -49,6 +49,9 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
   grpc::Status StreamMeasurementPoints(
       grpc::ServerContext* context, const v1::StreamMeasurementPointsRequest* request,
       grpc::ServerWriter<v1::StreamMeasurementPointsResponse>* writer) override;
+  grpc::Status ExplainTargets(grpc::ServerContext* context,
+                              const v1::ExplainTargetsRequest* request,
+                              v1::ExplainTargetsResponse* response) override;
   grpc::Status RenderView(grpc::ServerContext* context, const v1::RenderViewRequest* request,
                           v1::RenderViewResponse* response) override;
 
@@ -68,6 +71,8 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
                            grpc::ServerWriter<v1::EvaluateUncertaintyResponse>* writer);
   absl::Status Coverage(grpc::ServerContext* context, const v1::EvaluateCoverageRequest& request,
                         v1::EvaluateCoverageResponse* response);
+  absl::Status Explain(grpc::ServerContext* context, const v1::ExplainTargetsRequest& request,
+                       v1::ExplainTargetsResponse* response);
   // Runs `body` on the pool; stops when the call does.
   absl::Status Evaluate(grpc::ServerContext* context, size_t items, size_t chunk,
                         const EvaluationPool::Body& body);

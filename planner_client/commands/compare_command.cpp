@@ -220,10 +220,9 @@ int RunCompare(CompareOptions& options) {
     (goal.admissible ? *goal.admissible : goal.coverage) = options.goals.back();
     PlanSource source{best_strategy, best_seed, best.evaluations,
                       StopReasonToProto(best.stop_reason)};
-    const auto made = MakePlanDocument(*session, std::move(best.scans), source);
+    auto made = MakePlanDocument(*session, std::move(best.scans), source);
     if (!made.ok()) return ReportError(made.status());
-    const PlanDocument& document = *made;
-    if (absl::Status status = WritePlanOutputs(*session, document, options.output); !status.ok())
+    if (absl::Status status = WritePlanOutputs(*session, *made, options.output); !status.ok())
       return ReportError(status);
     std::printf("best plan and table: %s\n",
                 std::filesystem::absolute(options.output.folder + "/report.html").c_str());

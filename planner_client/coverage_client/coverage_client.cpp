@@ -20,6 +20,8 @@ namespace sightline {
 namespace {
 
 constexpr int64_t kMaxCoverageBytesPerRequest = 8 << 20;
+// Some seconds' work, so that every request stays far below its deadline.
+constexpr size_t kExplanationsPerRequest = 2048;
 constexpr absl::Duration kShortTimeout = absl::Seconds(20);
 // How often a scene is created again in one call before the server is called broken (e.g. its
 // memory limit is so small that it drops the scene at once).
@@ -284,6 +286,39 @@ class CoverageClientImpl final : public CoverageClient {
     });
     if (!status.ok()) return status;
     return points;
+  }
+
+  absl::StatusOr<std::vector<TargetReason>> ExplainTargets(
+      std::span<const uint32_t> targets) override {
+    const std::vector<Slice> slices = Cut(targets.size(), kExplanationsPerRequest);
+    std::vector<v1::ExplainTargetsResponse> responses;
+    absl::Status status = Pipeline<v1::ExplainTargetsRequest, v1::ExplainTargetsResponse>(
+        slices,
+        [&](const Slice& slice, v1::ExplainTargetsRequest* request) {
+          request->set_scene_digest(info_.scene_digest);
+          request->mutable_targets()->Add(targets.begin() + slice.begin,
+                                          targets.begin() + slice.end);
+        },
+        &v1::CoverageService::Stub::AsyncExplainTargets, &responses);
+    if (!status.ok()) return status;
+    std::vector<TargetReason> reasons;
+    reasons.reserve(targets.size());
+    for (size_t s = 0; s < slices.size(); ++s) {
+      if (static_cast<size_t>(responses[s].explanations_size()) != slices[s].end - slices[s].begin) {
+        return absl::InternalError("server answered another number of explanations than asked");
+      }
+      for (const auto& explanation : responses[s].explanations()) {
+        const bool named = explanation.reason() == v1::UNCOVERED_REASON_OBSTACLE;
+        if (!v1::UncoveredReason_IsValid(explanation.reason()) ||
+            explanation.reason() == v1::UNCOVERED_REASON_UNSPECIFIED ||
+            (named && (explanation.obstacle() < 0 ||
+                       explanation.obstacle() >= spec_.obstacles_size()))) {
+          return absl::InternalError("server answered an unknown reason or obstacle");
+        }
+        reasons.push_back({explanation.reason(), named ? explanation.obstacle() : -1});
+      }
+    }
+    return reasons;
   }
 
   absl::StatusOr<std::string> RenderView(v1::RenderViewRequest request) override {

@@ -13,6 +13,7 @@
 #include "core/part/mesh.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
+#include "core/targets/uncovered_reason.h"
 #include "planner_client/rpc_client/channel.h"
 #include "planner_client/strategy/gain_oracle.h"
 #include "sightline/v1/coverage_service.pb.h"
@@ -33,7 +34,8 @@ struct CoverageTask {
   std::vector<Obstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;  // unset: coverage only
-  // What scans may be: what counts as measurable. Unset: camera and laser anywhere in free space.
+  // What scans may be: what counts as measurable. Unset: camera and laser anywhere in free space, and
+  // the scene explains no targets.
   std::optional<MeasurementDomain> domain;
 };
 
@@ -127,6 +129,10 @@ class CoverageClient : public GainOracle {
                                                                std::span<const uint32_t> targets,
                                                                bool after_each_scan,
                                                                std::span<const float> enough_m) = 0;
+  // Why targets are not covered, one reason each; obstacles by their place in the task.
+  // FAILED_PRECONDITION: the task has no domain.
+  virtual absl::StatusOr<std::vector<TargetReason>> ExplainTargets(
+      std::span<const uint32_t> targets) = 0;
   // PNG bytes. `request.scene_digest` is filled in.
   virtual absl::StatusOr<std::string> RenderView(v1::RenderViewRequest request) = 0;
   // How often the scene was made again because the server had lost it.

@@ -417,6 +417,64 @@ TEST_F(CoverageServiceTest, RefusesMalformedQueries) {
   EXPECT_EQ(response.gains_size(), 0);
 }
 
+TEST_F(CoverageServiceTest, ExplainsTargetsOfScenesWithADomain) {
+  Start();
+  v1::ExplainTargetsRequest request;
+  v1::ExplainTargetsResponse response;
+  const auto explain = [&] {
+    grpc::ClientContext context;
+    Connection::SetTimeout(&context);
+    return FromGrpcStatus(connection_->coverage->ExplainTargets(&context, request, &response));
+  };
+  request.set_scene_digest(std::string(64, '0'));
+  EXPECT_EQ(ErrorReason(explain()), "SCENE_UNKNOWN");
+
+  const std::string without_domain = connection_->MakeScene();
+  request.set_scene_digest(without_domain);
+  request.add_targets(0);
+  const absl::Status refused = explain();
+  EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition) << refused;
+  EXPECT_EQ(ErrorReason(refused), "SCENE_WITHOUT_DOMAIN");
+
+  v1::SceneSpec spec = connection_->UploadBox();
+  spec.mutable_measurement()->mutable_camera_polar_deg()->set_fixed(30);
+  const std::string scene = connection_->MakeScene(spec);
+  EXPECT_NE(scene, without_domain);
+  request.set_scene_digest(scene);
+  request.clear_targets();
+  // Every tenth target of the stand-in cannot be measured.
+  for (const uint32_t target : {11u, 10u, 999u, 20u, 11u}) request.add_targets(target);
+  ASSERT_TRUE(explain().ok());
+  ASSERT_EQ(response.explanations_size(), 5);
+  for (const int i : {0, 2, 4}) {
+    EXPECT_EQ(response.explanations(i).reason(), v1::UNCOVERED_REASON_NOT_CHOSEN);
+  }
+  for (const int i : {1, 3}) {
+    EXPECT_EQ(response.explanations(i).reason(), v1::UNCOVERED_REASON_OWN_OCCLUSION);
+    EXPECT_EQ(response.explanations(i).obstacle(), -1);
+    EXPECT_EQ(response.explanations(i).tried_scans(), 10);
+    EXPECT_EQ(response.explanations(i).scans_with_reason(), 5);
+  }
+  request.clear_targets();
+  ASSERT_TRUE(explain().ok());
+  EXPECT_EQ(response.explanations_size(), 0);
+
+  const auto field = [&] {
+    const absl::Status status = explain();
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
+    const auto violations = FieldViolations(status);
+    return violations.empty() ? "" : violations[0].field;
+  };
+  request.add_targets(5);
+  request.add_targets(1000);
+  EXPECT_EQ(field(), "targets[1]");
+  request.mutable_targets()->Resize(100001, 0);
+  EXPECT_EQ(field(), "targets");
+
+  spec.mutable_measurement()->mutable_camera_polar_deg()->set_fixed(130);
+  EXPECT_EQ(connection_->CreateScene(spec).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
 TEST_F(CoverageServiceTest, RefusesMalformedQueriesAboutUncertainty) {
   Start();
   const std::string coverage_only = connection_->MakeScene();

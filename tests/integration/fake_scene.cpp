@@ -74,6 +74,21 @@ class FakeScene final : public CoverageScene {
     }
   }
 
+  // What cannot be measured is hidden, all else was not chosen.
+  void Explain(const MeasurementDomain&, std::span<const uint32_t> targets,
+               std::span<TargetExplanation> results,
+               const std::atomic<bool>* cancelled) const override {
+    for (size_t i = 0; i < targets.size(); ++i) {
+      if (!Query(cancelled)) return;
+      results[i] = {measurable_.Test(targets[i]) ? UncoveredReason::kNotChosen
+                                                 : UncoveredReason::kOwnOcclusion,
+                    -1,
+                    10,
+                    5,
+                    {}};
+    }
+  }
+
   const UncertaintyModel* uncertainty() const override {
     return definition_.uncertainty ? &*definition_.uncertainty : nullptr;
   }

@@ -112,6 +112,106 @@ TEST(RenderReport, ListsUncoveredTargets) {
   EXPECT_THAT(html, HasSubstr("facing z+"));
 }
 
+// The plate with reasons: 5 of the 20 uncovered targets were not chosen, a clamp hides the others;
+// the two that are not measurable are hidden by the part.
+ReportData ExplainedPlate() {
+  ReportData data = Plate();
+  auto clamp = std::make_shared<TriangleMesh>();
+  clamp->positions_m = {{0, 0, 0.1f}, {0.05f, 0, 0.1f}, {0, 0.05f, 0.1f}};
+  clamp->triangles = {{0, 1, 2}};
+  data.obstacles = {{kHostile, v1::Obstacle::FRAME_PART, clamp},
+                    {"table", v1::Obstacle::FRAME_TABLE, clamp}};
+  data.reasons.resize(100);
+  data.reasons[0] = data.reasons[1] = {v1::UNCOVERED_REASON_OWN_OCCLUSION, -1};
+  int found = 0;
+  for (size_t i = 2; i < 100; ++i) {
+    if (i % 10 < 8) continue;
+    data.reasons[i] = ++found <= 5 ? TargetReason{v1::UNCOVERED_REASON_NOT_CHOSEN, -1}
+                                   : TargetReason{v1::UNCOVERED_REASON_OBSTACLE, 0};
+  }
+  const auto add = [](v1::UncoveredReason reason, const std::string& obstacle, int64_t targets,
+                      bool measurable, auto* counts) {
+    v1::UncoveredCount& count = *counts->Add();
+    count.set_reason(reason);
+    count.set_obstacle(obstacle);
+    count.set_targets(targets);
+    count.set_measurable(measurable);
+  };
+  v1::PlanCoverage& coverage = *data.plan.mutable_coverage();
+  add(v1::UNCOVERED_REASON_OBSTACLE, kHostile, 15, true, coverage.mutable_uncovered());
+  add(v1::UNCOVERED_REASON_NOT_CHOSEN, "", 5, true, coverage.mutable_uncovered());
+  add(v1::UNCOVERED_REASON_OWN_OCCLUSION, "", 2, false, coverage.mutable_uncovered());
+  data.sampling.regions = {{"flange", {0, 0, 0}, {0.01, 0.01, 0}, 0.005}};
+  v1::RegionCoverage& region = *coverage.add_regions();
+  region.set_name("flange");
+  region.set_targets(9);
+  region.set_measurable_targets(7);
+  region.set_covered_targets(7);
+  add(v1::UNCOVERED_REASON_OWN_OCCLUSION, "", 2, false, region.mutable_uncovered());
+  return data;
+}
+
+TEST(RenderReport, SaysWhyPlacesAreNotMeasured) {
+  const std::string html = Render(ExplainedPlate());
+  const std::string visible = Visible(html);
+  EXPECT_THAT(visible, Not(HasSubstr("<script>alert")));
+  EXPECT_THAT(visible, HasSubstr("Why places are not measured"));
+  // Reason, targets, share of all 100, measurable, not measurable.
+  EXPECT_THAT(visible, HasSubstr("hidden by the part itself</td><td>2</td><td>2.0\u202f%</td><td>0"
+                                 "</td><td>2</td>"));
+  EXPECT_THAT(visible, HasSubstr("not measured</td><td>22</td><td>22.0\u202f%</td><td>20</td>"
+                                 "<td>2</td>"));
+  // The unmeasured region and what is not measurable.
+  EXPECT_THAT(visible, HasSubstr("not chosen: other scans would measure it (5)"));
+  EXPECT_THAT(visible,
+              HasSubstr("The other 2 count neither for a scan nor against it: hidden by the "
+                        "part itself (2)."));
+  EXPECT_THAT(visible, HasSubstr("flange</td><td>9</td><td>7</td><td>7</td><td>77.8\u202f%</td>"));
+
+  const nlohmann::json json = ViewerData(html);
+  ASSERT_EQ(json["reasons"]["kinds"].size(), 3u);
+  EXPECT_EQ(json["reasons"]["kinds"][0]["targets"], 15);
+  std::string kinds;
+  ASSERT_TRUE(absl::Base64Unescape(json["reasons"]["of_target"].get<std::string>(), &kinds));
+  ASSERT_EQ(kinds.size(), 100u);
+  EXPECT_EQ(kinds[0], 3);
+  EXPECT_EQ(kinds[2], 0);
+  EXPECT_EQ(kinds[8], 2);
+  EXPECT_EQ(kinds[99], 1);
+  ASSERT_EQ(json["regions_of_interest"].size(), 1u);
+  EXPECT_EQ(json["regions_of_interest"][0]["name"], "flange");
+}
+
+TEST(RenderReport, DrawsObstaclesWhereTheyAreInEveryScan) {
+  ReportData data = ExplainedPlate();
+  for (v1::PlannedScan& scan : *data.plan.mutable_scans()) {
+    scan.mutable_measurement()->set_offset_y_m(0.02);
+    scan.mutable_measurement()->set_offset_z_m(0.03);
+    scan.set_table_height_m(-0.04);
+    // The part is turned by 90 degrees about z, and moved.
+    scan.mutable_part_pose()->clear_matrix();
+    for (const double value :
+         {0., -1., 0., 0.5, 1., 0., 0., 0.25, 0., 0., 1., 0.125, 0., 0., 0., 1.}) {
+      scan.mutable_part_pose()->add_matrix(value);
+    }
+  }
+  data.obstacles.push_back({"gauge", v1::Obstacle::FRAME_STAGE, data.obstacles[0].mesh});
+  data.obstacles.push_back({"frame", v1::Obstacle::FRAME_WORLD, data.obstacles[0].mesh});
+  const nlohmann::json obstacles = ViewerData(Render(data))["obstacles"];
+  ASSERT_EQ(obstacles.size(), 4u);
+  EXPECT_TRUE(obstacles[0]["poses"][0].is_null());
+  EXPECT_EQ(obstacles[1]["name"], "table");
+  const auto origin = [&](size_t obstacle) {
+    const auto m = obstacles[obstacle]["poses"][1].get<std::vector<double>>();
+    return std::vector<double>{m[3], m[7], m[11]};
+  };
+  // World to part: x_part = y_world - 0.25, y_part = 0.5 - x_world, z_part = z_world - 0.125.
+  EXPECT_EQ(origin(1), (std::vector<double>{0.02 - 0.25, 0.5, -0.04 - 0.125}));
+  EXPECT_EQ(origin(2), (std::vector<double>{0.02 - 0.25, 0.5, 0.03 - 0.125}));
+  EXPECT_EQ(origin(3), (std::vector<double>{-0.25, 0.5 - 0.011, -0.125}));  // starts at -11 mm
+  EXPECT_TRUE(obstacles[3]["stands_still"].get<bool>());
+}
+
 TEST(RenderReport, FindingNamesBoundOnlyWhenConverged) {
   ReportData data = Plate();
   data.plan.mutable_bound()->set_scans(2.2);
@@ -119,10 +219,12 @@ TEST(RenderReport, FindingNamesBoundOnlyWhenConverged) {
   EXPECT_THAT(Visible(Render(data)), Not(HasSubstr("lower bound")));
   data.plan.mutable_bound()->set_converged(true);
   EXPECT_THAT(Visible(Render(data)),
-              HasSubstr("No plan for 70\u202f% can do with fewer (lower bound 2.2)"));
+              HasSubstr("the lower bound (2.2) found, a plan for 70\u202f% needs at least 3 scans: "
+                        "no fewer than this one."));
   data.plan.mutable_bound()->set_scans(1.2);
   EXPECT_THAT(Visible(Render(data)),
-              HasSubstr("A plan for 70\u202f% needs at least 2 (lower bound 1.2)"));
+              HasSubstr("the lower bound (1.2) found, a plan for 70\u202f% needs at least 2 "
+                        "scans."));
 }
 
 TEST(RenderReport, SaysWhyTheGoalWasMissed) {
@@ -230,6 +332,9 @@ TEST(RenderReport, RefusesDataThatDoNotFitTogether) {
   data = Plate();
   data.plan.mutable_scans(2)->mutable_laser_pose()->add_matrix(0);
   EXPECT_THAT(message(data), HasSubstr("plan.scans[2].laser_pose.matrix has size 17, must be 16"));
+  data = ExplainedPlate();
+  data.reasons.pop_back();
+  EXPECT_THAT(message(data), HasSubstr("reasons has size 99, must be 100"));
   data = Plate();
   data.mesh.triangles.clear();
   EXPECT_THAT(message(data), HasSubstr("mesh.triangles"));

@@ -49,9 +49,9 @@ Command AddEvaluateCommand(CLI::App& app) {
     }
     PlanSource source{given->plan.strategy(), given->plan.seed(), given->plan.gain_evaluations(),
                       v1::Plan::STOP_REASON_EVALUATED};
-    const auto made = MakePlanDocument(*session, std::move(scans), source);
+    auto made = MakePlanDocument(*session, std::move(scans), source);
     if (!made.ok()) return ReportError(made.status());
-    const PlanDocument& document = *made;
+    PlanDocument& document = *made;
     if (absl::Status status = WritePlanOutputs(*session, document, options->output); !status.ok())
       return ReportError(status);
     PrintWrapped(SummarisePlan(document.plan));

@@ -171,7 +171,7 @@ int RunPick(const SessionOptions& session_options, const ParetoPick& pick, Outpu
   if (!scans.ok()) return ReportError(scans.status());
   const PlanSource source{"refined", front.seed(), front.gain_evaluations(),
                           v1::Plan::STOP_REASON_EVALUATED};
-  const auto document = MakePlanDocument(*session, *std::move(scans), source);
+  auto document = MakePlanDocument(*session, *std::move(scans), source);
   if (!document.ok()) return ReportError(document.status());
   front.set_chosen(point.number());
   if (absl::Status status = WriteFront(front, output.folder); !status.ok()) {

@@ -17,6 +17,7 @@
 #include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/planning/scan_setups.h"
 #include "planner_client/commands/planning/uncertainty_outputs.h"
+#include "planner_client/commands/planning/uncovered_outputs.h"
 #include "planner_client/report/plan/plan_csv.h"
 #include "planner_client/requirements/feature_verdicts.h"
 #include "planner_client/strategy/scan_order.h"
@@ -50,6 +51,16 @@ void ShowWhereItLies(const PlanningSession& session, ReportData* data) {
     data->deviations.push_back(
         {target.position_m, target.normal, target.mean_m, target.significant});
   }
+}
+
+// What moves with the part is known to the server in coordinates of the part as it was found.
+std::shared_ptr<const TriangleMesh> MeshWhereItLies(const PlanningSession& session,
+                                                    const CoverageTask::Obstacle& obstacle) {
+  if (!session.measured || obstacle.frame != ObstacleFrame::kPart) return obstacle.mesh;
+  TriangleMesh moved = *obstacle.mesh;
+  const Eigen::Isometry3f to_stage = ToStage(session);
+  for (Eigen::Vector3f& place : moved.positions_m) place = to_stage * place;
+  return std::make_shared<const TriangleMesh>(std::move(moved));
 }
 
 v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& chosen) {
@@ -386,8 +397,11 @@ absl::Status WritePlanJson(const PlanDocument& document, const std::string& fold
   return WriteFileAtomically(folder + "/plan.csv", PlanCsv(document.plan));
 }
 
-absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& document,
+absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
                               const OutputOptions& options) {
+  if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
+  const auto explaining = std::chrono::steady_clock::now();
+  if (absl::Status status = ExplainUncovered(session, &document); !status.ok()) return status;
   const auto start = std::chrono::steady_clock::now();
   if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
   CoverageClient& client = *session.client;
@@ -401,6 +415,12 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
   ShowWhereItLies(session, &data);
   data.sampling = session.inspection.targets;
   data.measurable = client.measurable();
+  data.reasons = document.reasons;
+  for (size_t i = 0; i < session.obstacles.size(); ++i) {
+    data.obstacles.push_back({session.obstacles[i].name,
+                              client.scene().spec.obstacles(static_cast<int>(i)).frame(),
+                              MeshWhereItLies(session, session.obstacles[i])});
+  }
   data.comparison = options.comparison;
   data.pareto = options.pareto;
   if (session.ForUncertainty()) {
@@ -479,6 +499,8 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
     }
   }
   data.timings = options.timings;
+  data.timings.push_back(
+      {"reasons of uncovered targets", std::chrono::duration<double>(start - explaining).count()});
   data.timings.push_back(
       {"pictures and point clouds",
        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
@@ -570,6 +592,7 @@ std::string SummarisePlan(const v1::Plan& plan) {
     }
     if (!u.bound().statement().empty()) absl::StrAppend(&text, u.bound().statement(), "\n");
   }
+  text += SummariseUncovered(plan.coverage());
   if (!plan.bound().statement().empty()) absl::StrAppend(&text, plan.bound().statement(), "\n");
   if (!plan.cost().unit_costs()) {
     absl::StrAppendFormat(&text, "scanning takes %.1f s, repositioning %.1f s.\n",

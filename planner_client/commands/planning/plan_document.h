@@ -21,6 +21,8 @@ struct PlanDocument {
   // is admissible [m], 0 if it is not judged.
   PosteriorUncertainties uncertainties;
   std::vector<float> admissible_uncertainty_m;
+  // One per target, as far as it is not covered; empty until ExplainUncovered.
+  std::vector<TargetReason> reasons;
 };
 
 struct PlanSource {
@@ -60,10 +62,11 @@ struct OutputOptions {
   std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
 };
 
-// Writes plan.json and plan.csv; then pictures, report.html and points/scan_NN.ply. plan.json comes
-// first, so that an interruption keeps it. Prints nothing.
+// Writes plan.json and plan.csv; then, with the reasons why targets stay uncovered, plan.json
+// again, pictures, report.html and points/scan_NN.ply. plan.json comes first, so that an
+// interruption keeps it. Prints nothing.
 absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder);
-absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& document,
+absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
                               const OutputOptions& options);
 
 // One paragraph for the terminal.

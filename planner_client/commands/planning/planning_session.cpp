@@ -148,9 +148,11 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   for (const ObstacleSource& source : session.inspection.obstacles) {
     auto mesh = LoadPartFile(source.file, source.unit);
     if (!mesh.ok()) return mesh.status();
+    std::string name = source.name;
+    if (name.empty()) name = std::filesystem::path(source.file).filename().string();
     task.obstacles.push_back(
-        {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, source.name});
-    placed.push_back({task.obstacles.back().mesh.get(), source.frame, source.name});
+        {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, name});
+    placed.push_back({task.obstacles.back().mesh.get(), source.frame, name});
   }
   if (absl::Status clear =
           CheckObstaclesClear(*session.part, session.inspection, session.held, placed);
@@ -164,6 +166,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   if (options.before_upload) {
     if (absl::Status status = options.before_upload(session, task); !status.ok()) return status;
   }
+  session.obstacles = task.obstacles;
 
   CoverageClientOptions client;
   client.address = options.coverage_server;

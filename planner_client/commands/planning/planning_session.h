@@ -6,6 +6,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/inspection/inspection.h"
@@ -50,6 +51,8 @@ struct PlanningSession {
   // `oracle` owns. Null of other plans.
   std::shared_ptr<const MeasuredPart> measured;
   MeasuredOracle* measured_oracle = nullptr;
+  // As the coverage server knows them.
+  std::vector<CoverageTask::Obstacle> obstacles;
   std::unique_ptr<EmbeddedServer> server;  // null with --coverage-server
   std::unique_ptr<CoverageClient> client;
   std::unique_ptr<CoverageClient> fresh_client;  // null without fresh targets

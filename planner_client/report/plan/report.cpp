@@ -16,6 +16,7 @@
 #include "planner_client/report/plan/as_measured_html.h"
 #include "planner_client/report/plan/display_mesh.h"
 #include "planner_client/report/plan/pareto_section.h"
+#include "planner_client/report/plan/reasons_html.h"
 #include "planner_client/report/plan/setups_section.h"
 #include "planner_client/report/plan/uncovered_regions.h"
 #include "planner_client/report/plan/viewer_data.h"
@@ -148,12 +149,10 @@ std::string Finding(const v1::Plan& plan) {
   if (bound.scans() > 0 && bound.converged()) {
     // Tolerance of the LP solver: 9.0000000001 still means 9.
     const int fewest = static_cast<int>(std::ceil(bound.scans() - 1e-6));
-    if (GoalReached(coverage) && scans <= fewest) {
-      absl::StrAppend(&html, " No plan for ", Goal(coverage.goal()), " can do with fewer");
-    } else {
-      absl::StrAppend(&html, " A plan for ", Goal(coverage.goal()), " needs at least ", fewest);
-    }
-    absl::StrAppend(&html, " (lower bound ", Fixed(bound.scans(), 1), ").");
+    absl::StrAppend(&html, " As far as the search for the lower bound (", Fixed(bound.scans(), 1),
+                    ") found, a plan for ", Goal(coverage.goal()), " needs at least ",
+                    Count(fewest, "scan"),
+                    GoalReached(coverage) && scans <= fewest ? ": no fewer than this one." : ".");
   } else if (bound.scans() > 0) {
     absl::StrAppend(&html, " The relaxation stands at ", Fixed(bound.scans(), 1),
                     " scans; it is not proven to be a bound.");
@@ -332,7 +331,8 @@ std::string RegionsSection(const ReportData& data, const std::vector<UncoveredRe
       "id=\"region-table\">\n<thead><tr><th>region</th><th>targets</th>"
       "<th>of the surface</th><th>area<br>mm\u00b2</th><th>extent<br>mm</th><th>centre x, y, "
       "z<br>mm</th>"
-      "<th class=\"words\">where</th></tr></thead>\n<tbody>\n");
+      "<th class=\"words\">where</th>",
+      data.reasons.empty() ? "" : "<th class=\"words\">why</th>", "</tr></thead>\n<tbody>\n");
   for (size_t i = 0; i < regions.size(); ++i) {
     const UncoveredRegion& region = regions[i];
     const Eigen::Vector3d size = region.bounds_m.sizes();
@@ -344,10 +344,24 @@ std::string RegionsSection(const ReportData& data, const std::vector<UncoveredRe
         Millimetres(size.x(), 0), " \u00d7 ", Millimetres(size.y(), 0), " \u00d7 ",
         Millimetres(size.z(), 0), "</td><td>", Millimetres(region.centroid_m.x(), 0), ", ",
         Millimetres(region.centroid_m.y(), 0), ", ", Millimetres(region.centroid_m.z(), 0),
-        "</td><td class=\"words\">", DescribePlace(region, bounds), "</td></tr>\n");
+        "</td><td class=\"words\">", DescribePlace(region, bounds),
+        data.reasons.empty()
+            ? ""
+            : absl::StrCat("</td><td class=\"words\">", ReasonsOf(data, region.targets)),
+        "</td></tr>\n");
   }
   body += "</tbody></table></div>\n";
   return Section("uncovered", "What stays unmeasured", body, "long");
+}
+
+// What the targets that are not measurable are, if there are any.
+std::string UnmeasurableWords(const ReportData& data) {
+  const int64_t others = data.plan.coverage().targets() - data.plan.coverage().measurable_targets();
+  if (others == 0) return "";
+  const std::string reasons = ReasonsOfUnmeasurable(data);
+  return absl::StrCat(" The other ", GroupedInteger(others), others == 1 ? " counts" : " count",
+                      " neither for a scan nor against it",
+                      reasons.empty() ? "." : absl::StrCat(": ", reasons, "."));
 }
 
 std::string MeasurabilitySection(const ReportData& data) {
@@ -356,9 +370,8 @@ std::string MeasurabilitySection(const ReportData& data) {
   std::string body = absl::StrCat(
       "<p>", GroupedInteger(measurable), " of ", Count(targets, "target"), " (",
       Percent(targets > 0 ? static_cast<double>(measurable) / static_cast<double>(targets) : 0),
-      ") can be seen and lit from some pair of directions 10\u00b0 to 80\u00b0 apart. The others "
-      "lie in closed or "
-      "deep passages; no scan counts for them or against them.</p>\n<div class=\"pictures\">",
+      ") can be seen and lit from some pair of directions 10\u00b0 to 80\u00b0 apart.",
+      UnmeasurableWords(data), "</p>\n<div class=\"pictures\">",
       Figure(data.measurability_png, "Measurable surface"), "</div>\n");
   return Section("measurability", "What can be measured at all", body);
 }
@@ -555,6 +568,9 @@ absl::Status Check(const ReportData& data) {
   if (data.measurable.size() != targets) {
     return mismatch("measurable", data.measurable.size(), targets, "number of targets");
   }
+  if (!data.reasons.empty() && data.reasons.size() != targets) {
+    return mismatch("reasons", data.reasons.size(), targets, "number of targets");
+  }
   const auto scans = static_cast<size_t>(data.plan.scans_size());
   if (data.scans.size() != scans)
     return mismatch("scans", data.scans.size(), scans, "number of scans of the plan");
@@ -633,8 +649,11 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
   }
   if (data.pareto.has_value()) sections += ParetoSection(*data.pareto);
   sections += CurveSection(data.plan) + SetupsSection(data) + ScansSection(data) +
-              RegionsSection(data, regions, region_count, uncovered_count) +
-              MeasurabilitySection(data);
+              RegionsSection(data, regions, region_count, uncovered_count);
+  if (const std::string reasons = ReasonsHtml(data); !reasons.empty()) {
+    sections += Section("reasons", "Why places are not measured", reasons);
+  }
+  sections += MeasurabilitySection(data);
   if (data.comparison.has_value()) sections += ComparisonSection(*data.comparison);
   absl::StrAppend(&sections, "<div class=\"columns\">", CostSection(data.plan), TimingSection(data),
                   AccuracySection(data), PartSection(data), "</div>\n");

@@ -1,6 +1,7 @@
 // The report of a plan: one HTML file that needs nothing else, not even a network.
 #pragma once
 
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -9,10 +10,12 @@
 #include "core/part/mesh.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
+#include "core/targets/uncovered_reason.h"
 #include "planner_client/report/uncertainty/target_uncertainty.h"
 #include "sightline/v1/pareto.pb.h"
 #include "sightline/v1/part.pb.h"
 #include "sightline/v1/plan.pb.h"
+#include "sightline/v1/rig.pb.h"
 
 namespace sightline {
 
@@ -53,6 +56,13 @@ struct ReportDeviation {
   bool significant = false;
 };
 
+// Drawn around the part.
+struct ReportObstacle {
+  std::string name;
+  v1::Obstacle::Frame frame = v1::Obstacle::FRAME_PART;
+  std::shared_ptr<const TriangleMesh> mesh;  // in coordinates of its frame
+};
+
 // The plan's index, poses and numbers are taken as they are.
 struct ReportData {
   v1::Plan plan;
@@ -66,6 +76,10 @@ struct ReportData {
   std::vector<ReportScan> scans;  // in the order of plan.scans
   std::string measurability_png;  // empty: none
   std::string coverage_png;       // after the last scan; empty: none
+  // Why targets are not covered, one per target; empty: not known.
+  std::vector<TargetReason> reasons;
+  // In the order that `reasons` counts them.
+  std::vector<ReportObstacle> obstacles;
   std::vector<NamedTiming> timings;
   std::optional<ComparisonTable> comparison;
   std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
@@ -78,8 +92,8 @@ struct ReportData {
 
 // The page as UTF-8 HTML; the same data give the same bytes. All texts are escaped. Needs at least
 // one target and one triangle; scans may be none. INVALID_ARGUMENT names the field whose size does
-// not fit: scans against plan.scans, bit sets and uncertainties against targets, poses of other
-// than 16 numbers; and uncertainties that are negative or not finite.
+// not fit: scans against plan.scans, bit sets, reasons and uncertainties against targets, poses of
+// other than 16 numbers; and uncertainties that are negative or not finite.
 absl::StatusOr<std::string> RenderReport(const ReportData& data);
 
 }  // namespace sightline

@@ -3,11 +3,15 @@
 #include <algorithm>
 #include <bit>
 #include <cmath>
+#include <map>
 #include <nlohmann/json.hpp>
+#include <numeric>
+#include <utility>
 #include <variant>
 
 #include "absl/strings/escaping.h"
 #include "core/part/point_index.h"
+#include "planner_client/report/plan/uncovered_reasons.h"
 
 namespace sightline {
 namespace {
@@ -57,6 +61,83 @@ Json Matrix(const v1::Pose& pose) {
   Json values = Json::array();
   for (const double value : pose.matrix()) values.push_back(value);
   return values;
+}
+
+// Poses x_part = M x_frame with the stage at its start, for what does not lie in part coordinates;
+// null: as the part. The frame of the stage has its origin where the part's centre is, that of the
+// table below it.
+Json FramePose(v1::Obstacle::Frame frame, const v1::PlannedScan& scan) {
+  if (frame == v1::Obstacle::FRAME_PART) return Json();
+  Eigen::Matrix4d world_from_part;
+  for (int i = 0; i < 16; ++i) world_from_part(i / 4, i % 4) = scan.part_pose().matrix(i);
+  Eigen::Matrix4d world_from_frame = Eigen::Matrix4d::Identity();
+  if (frame == v1::Obstacle::FRAME_WORLD) {
+    world_from_frame(0, 3) = -scan.stage_start_m();
+  } else {
+    world_from_frame(1, 3) = scan.measurement().offset_y_m();
+    world_from_frame(2, 3) = frame == v1::Obstacle::FRAME_TABLE ? scan.table_height_m()
+                                                                : scan.measurement().offset_z_m();
+  }
+  const Eigen::Matrix4d pose = world_from_part.inverse() * world_from_frame;
+  Json values = Json::array();
+  for (int i = 0; i < 16; ++i) values.push_back(pose(i / 4, i % 4));
+  return values;
+}
+
+// Larger meshes are left out: the page is to open quickly.
+constexpr size_t kMaxObstacleTriangles = 200000;
+
+Json Obstacles(const ReportData& data) {
+  Json list = Json::array();
+  size_t triangles = 0;
+  for (const ReportObstacle& obstacle : data.obstacles) {
+    triangles += obstacle.mesh->triangles.size();
+    if (triangles > kMaxObstacleTriangles) break;
+    std::vector<float> positions;
+    for (const Eigen::Vector3f& p : obstacle.mesh->positions_m) {
+      positions.insert(positions.end(), {p.x(), p.y(), p.z()});
+    }
+    std::vector<uint32_t> corners;
+    for (const auto& triangle : obstacle.mesh->triangles) {
+      corners.insert(corners.end(), triangle.begin(), triangle.end());
+    }
+    Json poses = Json::array();
+    for (const v1::PlannedScan& scan : data.plan.scans()) {
+      poses.push_back(FramePose(obstacle.frame, scan));
+    }
+    list.push_back({{"name", obstacle.name},
+                    {"turns", obstacle.frame == v1::Obstacle::FRAME_PART},
+                    {"stands_still", obstacle.frame == v1::Obstacle::FRAME_WORLD},
+                    {"poses", std::move(poses)},
+                    {"positions", Base64(positions)},
+                    {"triangles", Base64(corners)}});
+  }
+  return list;
+}
+
+// Kinds of reasons, and for every target the number of its kind from 1; 0: covered.
+Json Reasons(const ReportData& data) {
+  std::vector<std::string> names;
+  for (const ReportObstacle& obstacle : data.obstacles) names.push_back(obstacle.name);
+  std::vector<uint32_t> all(data.targets.size());
+  std::iota(all.begin(), all.end(), 0u);
+  std::map<std::pair<int, std::string>, uint8_t> number_of;
+  Json kinds = Json::array();
+  for (const v1::UncoveredCount& kind :
+       JoinMeasurable(CountReasons(data.reasons, data.measurable, names, all))) {
+    number_of[{kind.reason(), kind.obstacle()}] = static_cast<uint8_t>(kinds.size() + 1);
+    kinds.push_back({{"reason", static_cast<int>(kind.reason())},
+                     {"words", ReasonWords(kind.reason(), kind.obstacle())},
+                     {"targets", kind.targets()}});
+  }
+  std::vector<uint8_t> of_target;
+  for (const TargetReason& reason : data.reasons) {
+    const bool named = reason.obstacle >= 0 && static_cast<size_t>(reason.obstacle) < names.size();
+    const auto kind = number_of.find(
+        {reason.reason, named ? names[static_cast<size_t>(reason.obstacle)] : std::string()});
+    of_target.push_back(kind == number_of.end() ? 0 : kind->second);
+  }
+  return {{"kinds", std::move(kinds)}, {"of_target", Base64(of_target)}};
 }
 
 // Uncertainties as 16-bit steps of equal ratio from 1 nm to 1 m (0.03 % each); 0: none, or zero.
@@ -205,6 +286,13 @@ std::string ViewerDataJson(const ReportData& data, const DisplayMesh& mesh,
                                {"targets", Base64(region.targets)}});
   }
   if (data.uncertainty.has_value()) json["uncertainty"] = Uncertainty(data);
+  if (!data.reasons.empty()) json["reasons"] = Reasons(data);
+  json["obstacles"] = Obstacles(data);
+  json["regions_of_interest"] = Json::array();
+  for (const TargetRegion& region : data.sampling.regions) {
+    json["regions_of_interest"].push_back(
+        {{"name", region.name}, {"min_m", Vector(region.min_m)}, {"max_m", Vector(region.max_m)}});
+  }
   // Texts are checked to be UTF-8 where they are read; anything else would be an exception here.
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);
 }

@@ -148,12 +148,10 @@ std::string UncertaintyFinding(const v1::Plan& plan, const std::string& why_stop
     // Tolerance of the LP solver: 9.0000000001 still means 9.
     const int fewest = static_cast<int>(std::ceil(bound.scans() - 1e-6));
     absl::StrAppend(
-        &html,
-        GoalReached(uncertainty) && scans <= fewest
-            ? absl::StrCat(" No plan for ", Goal(uncertainty.goal()), " can do with fewer scans")
-            : absl::StrCat(" A plan for ", Goal(uncertainty.goal()), " needs at least ", fewest,
-                           fewest == 1 ? " scan" : " scans"),
-        " (lower bound ", FixedNumber(bound.scans(), 1), ").");
+        &html, " As far as the search for the lower bound (", FixedNumber(bound.scans(), 1),
+        ") found, a plan for ", Goal(uncertainty.goal()), " needs at least ", fewest,
+        fewest == 1 ? " scan" : " scans",
+        GoalReached(uncertainty) && scans <= fewest ? ": no fewer than this one." : ".");
   } else if (bound.scans() > 0) {
     absl::StrAppend(&html, " The relaxation stands at ", FixedNumber(bound.scans(), 1),
                     " scans; it is not proven to be a bound.");

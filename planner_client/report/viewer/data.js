@@ -42,6 +42,13 @@ export function readViewerData(json) {
     scans: raw.scans.map((scan) => ({...scan, covered: bytes(scan.covered)})),
     regions: raw.regions.map(withTargets),
     uncertainty: raw.uncertainty ? readUncertainty(raw.uncertainty) : null,
+    reasons: raw.reasons ? {kinds: raw.reasons.kinds, ofTarget: bytes(raw.reasons.of_target)} : null,
+    obstacles: raw.obstacles.map((obstacle) => ({
+      ...obstacle,
+      positions: array(Float32Array, obstacle.positions),
+      triangles: array(Uint32Array, obstacle.triangles),
+    })),
+    regionsOfInterest: raw.regions_of_interest,
   };
 }
 

@@ -6,6 +6,7 @@ import {
   PerspectiveCamera, Points, Raycaster, RedFormat, Scene, ShaderMaterial, Vector2, Vector3, WebGLRenderer,
 } from 'three';
 import {OrbitControls} from 'three/examples/jsm/controls/OrbitControls.js';
+import {Obstacle, regionBox} from './surroundings.js';
 
 // States of a target. Weights of the first four go to the GPU; the rest is unmeasurable.
 export const COVERED = 0, NEW = 1, LATER = 2, NEVER = 3, UNMEASURABLE = 4;
@@ -180,6 +181,7 @@ export class PartScene {
     this.box = new Box3Helper(new Box3(), 0xe2572b);
     this.box.visible = false;
     this.scene.add(this.rig, this.box);
+    this.addSurroundings();
     this.reportClicks();
     new ResizeObserver(() => this.resize()).observe(canvas.parentElement);
     this.resize();
@@ -268,6 +270,22 @@ void main() {
     }));
     this.points.visible = false;
     this.scene.add(this.points);
+  }
+
+  addSurroundings() {
+    this.obstacles = this.data.obstacles.map((obstacle) => new Obstacle(obstacle, this.radius));
+    this.regionBoxes = this.data.regionsOfInterest.map((region) => regionBox(region, this.radius));
+    for (const {group} of this.obstacles) this.scene.add(group);
+    for (const box of this.regionBoxes) {
+      box.visible = false;
+      this.scene.add(box);
+    }
+    this.placeObstacles(new Vector3());
+  }
+
+  placeObstacles(travelled) {
+    const scan = this.scan ? this.data.scans.indexOf(this.scan) : null;
+    for (const obstacle of this.obstacles) obstacle.place(scan, travelled);
   }
 
   /** Colours as CSS strings: one per state, of edges, of edges when parts are hidden. */
@@ -389,6 +407,7 @@ void main() {
     const travel = fraction * (this.scan.stage_end_m - this.scan.stage_start_m);
     const {camera_pose, laser_pose, sensor_direction} = this.scan;
     this.cameraBody.matrix.copy(sensorMatrix(camera_pose, sensor_direction, travel));
+    this.placeObstacles(new Vector3(...sensor_direction).multiplyScalar(travel));
     this.laserBody.matrix.copy(sensorMatrix(laser_pose, sensor_direction, travel));
     const u = this.uniforms;
     this.laserBody.matrix.extractBasis(u.laserX.value, u.laserY.value, u.laserZ.value);

@@ -50,6 +50,8 @@ class Viewer {
     this.scan = this.count;
     this.colour = 'state';
     this.connect();
+    if (data.reasons) this.connectReasons();
+    this.connectSurroundings();
     if (data.uncertainty) this.connectUncertainty();
     this.applyPalette();
     this.selectScan(this.count);
@@ -175,6 +177,34 @@ class Viewer {
     return `u ${lengthText(u.total[i])}${admissible}: noise ${lengthText(u.noise[i])}, sampling ${lengthText(u.sampling[i])}, calibration ${lengthText(u.calibration[i])}`;
   }
 
+  /** Colours by why targets are not measured. */
+  connectReasons() {
+    $('#reason-colours').hidden = false;
+    this.shownReasons = this.data.reasons.kinds.map(() => true);
+  }
+
+  /** Boxes that show and hide obstacles and regions of interest. */
+  connectSurroundings() {
+    const list = $('#surroundings');
+    const add = (name, object, shown) => {
+      const label = document.createElement('label');
+      const box = document.createElement('input');
+      box.type = 'checkbox';
+      box.checked = object.visible = shown;
+      box.addEventListener('change', () => {
+        object.visible = box.checked;
+        this.scene.draw();
+      });
+      label.append(box, document.createTextNode(name));
+      list.append(label);
+    };
+    this.scene.obstacles.forEach((obstacle) => {
+      if (obstacle.drawable) add(obstacle.data.name, obstacle.group, true);
+      else obstacle.group.visible = false;
+    });
+    this.data.regionsOfInterest.forEach((region, i) => add(`region ${region.name}`, this.scene.regionBoxes[i], false));
+  }
+
   setColour(colour) {
     this.colour = colour;
     $(`input[name=colour][value=${colour}]`).checked = true;
@@ -203,7 +233,8 @@ class Viewer {
 
   /** What is drawn per target, and the numbers beside it. */
   recolour() {
-    if (STATES_OF[this.colour]) this.recolourUncertainty();
+    if (this.colour === 'reason') this.recolourReasons();
+    else if (STATES_OF[this.colour]) this.recolourUncertainty();
     else this.recolourCoverage();
   }
 
@@ -267,14 +298,20 @@ class Viewer {
     }
   }
 
-  /** A line of the legend, whose box shows and hides the surface. */
+  /** A line of the legend, whose box shows and hides the surface in a state. */
   legendEntry(state, colour, text, count) {
+    return this.legendLine(colour, text, count, this.shown[state], (shown) => {
+      this.shown[state] = shown;
+    });
+  }
+
+  legendLine(colour, text, count, shown, show) {
     const label = document.createElement('label');
     const box = document.createElement('input');
     box.type = 'checkbox';
-    box.checked = this.shown[state];
+    box.checked = shown;
     box.addEventListener('change', () => {
-      this.shown[state] = box.checked;
+      show(box.checked);
       this.recolour();
     });
     const swatch = document.createElement('span');
@@ -287,6 +324,31 @@ class Viewer {
     number.textContent = grouped(count);
     label.append(box, swatch, words, number);
     return label;
+  }
+
+  recolourReasons() {
+    const {kinds, ofTarget} = this.data.reasons;
+    const colours = kinds.map(({reason}) => new Color().setStyle(css(`--reason-${reason}`), ''));
+    const plain = new Color().setStyle(css('--plain'), '');
+    // What is hidden takes a state of its own.
+    const states = Uint8Array.from(ofTarget, (kind) =>
+      (kind === 0 ? COVERED : this.shownReasons[kind - 1] ? NEVER : LATER));
+    const tints = Array.from(ofTarget, (kind) => (kind === 0 ? plain : colours[kind - 1]));
+    const legend = $('#legend');
+    legend.replaceChildren();
+    let uncovered = 0;
+    kinds.forEach(({reason, words, targets}, i) => {
+      uncovered += targets;
+      legend.append(this.legendLine(`var(--reason-${reason})`, words, targets, this.shownReasons[i], (shown) => {
+        this.shownReasons[i] = shown;
+      }));
+    });
+    legend.append(this.legendEntry(COVERED, 'var(--plain)', 'measured', ofTarget.length - uncovered));
+    this.scene.setShown(STATES.map(([state]) => state !== LATER && this.shown[state]));
+    this.scene.setStates(states, tints);
+    $('#scan-output').textContent = this.scan;
+    $('#scan-hint').textContent = this.count === 0 ? '' :
+      `Colours show why places are not measured by any of the ${this.count} scans.`;
   }
 
   recolourCoverage() {

@@ -121,10 +121,11 @@ TEST(UncertaintyReport, FindingNamesBoundOnlyWhenConverged) {
   uncertainty.mutable_bound()->set_scans(2.2);
   EXPECT_THAT(Visible(data), HasSubstr("not proven to be a bound"));
   uncertainty.mutable_bound()->set_converged(true);
-  EXPECT_THAT(Visible(data), HasSubstr("A plan for 80\u202f% needs at least 3 scans"));
+  EXPECT_THAT(Visible(data), HasSubstr("a plan for 80\u202f% needs at least 3 scans"));
   uncertainty.mutable_bound()->set_scans(1.5);
   uncertainty.set_goal(0.2);
-  EXPECT_THAT(Visible(data), HasSubstr("No plan for 20\u202f% can do with fewer scans"));
+  EXPECT_THAT(Visible(data),
+              HasSubstr("a plan for 20\u202f% needs at least 2 scans: no fewer than"));
 }
 
 TEST(UncertaintyReport, FeaturesThatCannotBeProvenComeFirst) {

@@ -1,0 +1,15 @@
+// Why a target is not covered, as the coverage server says it.
+#pragma once
+
+#include "sightline/v1/targets.pb.h"
+
+namespace sightline {
+
+struct TargetReason {
+  v1::UncoveredReason reason = v1::UNCOVERED_REASON_UNSPECIFIED;  // of covered targets
+  int obstacle = -1;  // index into the scene's obstacles where one is the reason
+
+  friend bool operator==(const TargetReason&, const TargetReason&) = default;
+};
+
+}  // namespace sightline

@@ -1,0 +1,46 @@
+// Scans of a domain that aim at a place of the surface.
+#pragma once
+
+#include <Eigen/Core>
+#include <array>
+
+#include "core/inspection/inspection.h"
+#include "core/rig/measurement.h"
+#include "core/rig/rig.h"
+#include "core/rig/scan_geometry.h"
+
+namespace sightline {
+
+// A scan that aims at some place, as a point of the unit cube: camera distance, triangulation angle,
+// azimuth, polar angle, the part's three angles (resting orientations take alpha's), and where in
+// the image the place is to appear: along the laser line and along the sheet.
+inline constexpr int kAimDimensions = 9;
+using Aim = std::array<double, kAimDimensions>;
+
+// The `index`-th of a sequence that fills the cube evenly: additive recurrence with the powers of
+// the generalised golden ratio (Roberts 2018), which needs no number of points in advance.
+Aim SpreadAim(int index);
+
+// What an aim says without the place. Offsets are 0.
+struct AimedScan {
+  Measurement measurement;
+  ScanGeometry geometry;
+  // Where the place is to be in the world when it is lit, on the laser sheet.
+  Eigen::Vector3d wanted_m;
+};
+
+AimedScan MakeAimedScan(const Rig& rig, const MeasurementDomain& domain, const Aim& aim);
+
+// The same with the offsets that bring the place (part coordinates) where it is wanted, as near as
+// the domain allows. `stage_m`: where the place is lit; not finite if it never is.
+struct ScanOfPlace {
+  Measurement measurement;
+  double stage_m = 0;
+  // From the place to camera and laser, world axes, when it is lit.
+  Eigen::Vector3d to_camera_m, to_laser_m;
+};
+
+ScanOfPlace AimAt(const AimedScan& scan, const MeasurementDomain& domain,
+                  const Eigen::Vector3d& part_centre_m, const Eigen::Vector3d& place_m);
+
+}  // namespace sightline

@@ -1,0 +1,55 @@
+// Why targets are not covered: what stands in the way of the scans that come nearest to measuring
+// them.
+//
+// For every target scans of the domain are tried that aim at it: first kSpreadScans that fill the
+// domain evenly, then, if the best of them fails at one condition only, some near the best ones. A
+// scan is asked, in this order, whether the target
+//   - faces camera and laser (angle; what faces away is hidden by its own part as well),
+//   - is imaged finely enough (footprint) and sharply enough (defocus),
+//   - lies in the image, the laser's fan and range (range),
+//   - is hidden by the part or by an obstacle, from the camera and from the laser,
+// and whether camera or laser touch anything then (collision). Each counts, the two sensors apart.
+// A scan that passes all of it is asked whether it can be carried out as a whole: without a
+// collision, and without more travel than there is. If one can, the target was not chosen. If none
+// can, the reason is the condition that most of the scans with the fewest failed conditions fail at,
+// at equal numbers the first in the order above.
+#pragma once
+
+#include <Eigen/Core>
+#include <atomic>
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "core/inspection/inspection.h"
+#include "core/rig/rig.h"
+#include "core/targets/target_set.h"
+#include "coverage_server/scan/collision.h"
+#include "coverage_server/scene/coverage_scene.h"
+
+namespace sightline {
+
+// Enough to meet a cone of 10 degrees half angle about twice among the scans that the surface faces.
+inline constexpr int kSpreadScans = 768;
+// Scans that pass at the place and are asked whether they can be carried out.
+inline constexpr int kMostCarriedOut = 24;
+
+struct ExplanationTask {
+  const Rig* rig = nullptr;
+  const MeasurementDomain* domain = nullptr;
+  const TargetSet* targets = nullptr;
+  const TargetSampling* sampling = nullptr;
+  // The part first, then the obstacles (at most 64).
+  const std::vector<Occluder>* occluders = nullptr;
+  Eigen::Vector3d part_centre_m = Eigen::Vector3d::Zero();
+  // Whether a whole scan, which lights the target at `stage_m`, can be carried out.
+  std::function<Feasibility(const Measurement&, double stage_m)> feasibility;
+};
+
+// One result for each of `targets` (indices into the task's). The same for any split of the targets
+// among calls. Stops early (results unspecified) when *cancelled, which may be null.
+void ExplainTargets(const ExplanationTask& task, std::span<const uint32_t> targets,
+                    std::span<TargetExplanation> results, const std::atomic<bool>* cancelled);
+
+}  // namespace sightline

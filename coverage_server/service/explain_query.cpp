@@ -1,0 +1,96 @@
+// Queries about what stands in the way of targets.
+#include <span>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/inspection/inspection.h"
+#include "coverage_server/service/coverage_service.h"
+#include "proto/status/rpc_status.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kMaxTargets = 100'000;
+// An explanation takes about a millisecond.
+constexpr size_t kTargetChunk = 64;
+
+v1::UncoveredReason ReasonToProto(UncoveredReason reason) {
+  switch (reason) {
+    case UncoveredReason::kNotChosen:
+      return v1::UNCOVERED_REASON_NOT_CHOSEN;
+    case UncoveredReason::kAngle:
+      return v1::UNCOVERED_REASON_ANGLE;
+    case UncoveredReason::kFootprint:
+      return v1::UNCOVERED_REASON_FOOTPRINT;
+    case UncoveredReason::kDefocus:
+      return v1::UNCOVERED_REASON_DEFOCUS;
+    case UncoveredReason::kRange:
+      return v1::UNCOVERED_REASON_RANGE;
+    case UncoveredReason::kOwnOcclusion:
+      return v1::UNCOVERED_REASON_OWN_OCCLUSION;
+    case UncoveredReason::kObstacle:
+      return v1::UNCOVERED_REASON_OBSTACLE;
+    case UncoveredReason::kCollision:
+      return v1::UNCOVERED_REASON_COLLISION;
+    case UncoveredReason::kTravel:
+      return v1::UNCOVERED_REASON_TRAVEL;
+  }
+  return v1::UNCOVERED_REASON_UNSPECIFIED;
+}
+
+}  // namespace
+
+grpc::Status CoverageServiceImpl::ExplainTargets(grpc::ServerContext* context,
+                                                 const v1::ExplainTargetsRequest* request,
+                                                 v1::ExplainTargetsResponse* response) {
+  return p_.calls->Run("ExplainTargets", context,
+                       [&] { return Explain(context, *request, response); });
+}
+
+absl::Status CoverageServiceImpl::Explain(grpc::ServerContext* context,
+                                          const v1::ExplainTargetsRequest& request,
+                                          v1::ExplainTargetsResponse* response) {
+  auto stored = p_.registry->FindScene(request.scene_digest());
+  if (!stored.ok()) return stored.status();
+  const CoverageScene& scene = *(*stored)->scene;
+  if (request.targets_size() > kMaxTargets) {
+    return InvalidFields(
+        {{"targets", absl::StrCat(request.targets_size(), ": at most ", kMaxTargets)}});
+  }
+  const std::vector<uint32_t> targets(request.targets().begin(), request.targets().end());
+  for (size_t i = 0; i < targets.size(); ++i) {
+    if (targets[i] < scene.targets().size()) continue;
+    return InvalidFields({{absl::StrCat("targets[", i, "]"),
+                           absl::StrCat(targets[i], ": there are ", scene.targets().size(),
+                                        " targets")}});
+  }
+  if (!(*stored)->spec.has_measurement()) {
+    return WithErrorInfo(
+        absl::FailedPreconditionError("the scene was created without spec.measurement: what scans "
+                                      "may be is not known"),
+        "SCENE_WITHOUT_DOMAIN");
+  }
+  const auto domain = ParseMeasurementDomain((*stored)->spec.measurement(), "spec");
+  if (!domain.ok()) return domain.status();
+  std::vector<TargetExplanation> explanations(targets.size());
+  absl::Status status = Evaluate(context, targets.size(), kTargetChunk,
+                                 [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
+                                   scene.Explain(
+                                       *domain, std::span(targets).subspan(begin, end - begin),
+                                       std::span(explanations).subspan(begin, end - begin),
+                                       &cancelled);
+                                 });
+  if (!status.ok()) return status;
+  p_.metrics->CountQueries("explanation", static_cast<int64_t>(targets.size()));
+  response->mutable_explanations()->Reserve(static_cast<int>(targets.size()));
+  for (const TargetExplanation& explanation : explanations) {
+    v1::ExplainTargetsResponse::Explanation& message = *response->add_explanations();
+    message.set_reason(ReasonToProto(explanation.reason));
+    message.set_obstacle(explanation.obstacle);
+    message.set_tried_scans(explanation.tried_scans);
+    message.set_scans_with_reason(explanation.scans_with_reason);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace sightline

@@ -1,0 +1,30 @@
+// Reasons why targets are not covered, counted and in words.
+#pragma once
+
+#include <span>
+#include <string>
+#include <vector>
+
+#include "core/targets/target_set.h"
+#include "core/targets/uncovered_reason.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+// Counts the reasons of `targets`; covered ones (reason unspecified) are left out. Measurable
+// targets first, then the most frequent reason; equal ones in the order of the enumeration.
+std::vector<v1::UncoveredCount> CountReasons(std::span<const TargetReason> reasons,
+                                             const TargetBits& measurable,
+                                             std::span<const std::string> obstacle_names,
+                                             std::span<const uint32_t> targets);
+
+// The same counts without regard to measurability; most frequent first.
+std::vector<v1::UncoveredCount> JoinMeasurable(std::span<const v1::UncoveredCount> counts);
+
+// "hidden by the part itself", "hidden by clamp".
+std::string ReasonWords(v1::UncoveredReason reason, const std::string& obstacle);
+
+// "hidden by the part itself (120), not chosen (7)"; at most `most` reasons, then "others".
+std::string ReasonList(std::span<const v1::UncoveredCount> counts, size_t most);
+
+}  // namespace sightline
