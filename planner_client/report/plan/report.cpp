@@ -16,6 +16,7 @@
 #include "planner_client/report/plan/as_measured_html.h"
 #include "planner_client/report/plan/display_mesh.h"
 #include "planner_client/report/plan/pareto_section.h"
+#include "planner_client/report/plan/quality_section.h"
 #include "planner_client/report/plan/uncovered_regions.h"
 #include "planner_client/report/plan/viewer_data.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
@@ -293,6 +294,10 @@ std::string ScansSection(const ReportData& data) {
                     measurable, judged);
   }
   body += "</tbody></table></div>\n";
+  if (!data.set_up_sheet.empty()) {
+    absl::StrAppend(&body, "<p>To set them up: <a href=\"", EscapeHtml(data.set_up_sheet),
+                    "\">set-up sheet</a>, a page to print for every scan.</p>\n");
+  }
   return Section("scans", "Scans", body, "long");
 }
 
@@ -556,6 +561,10 @@ absl::Status Check(const ReportData& data) {
       }
     }
   }
+  if (!data.depth_per_pixel_m.empty() && data.depth_per_pixel_m.size() != targets) {
+    return mismatch("depth_per_pixel_m", data.depth_per_pixel_m.size(), targets,
+                    "number of targets");
+  }
   if (data.uncertainty.has_value()) {
     return CheckTargetUncertainties(*data.uncertainty, targets, scans,
                                     static_cast<size_t>(data.plan.uncertainty().features_size()),
@@ -613,7 +622,7 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
                                        data.plan.has_uncertainty(), data.deviations));
   }
   if (data.pareto.has_value()) sections += ParetoSection(*data.pareto);
-  sections += CurveSection(data.plan) + ScansSection(data) +
+  sections += CurveSection(data.plan) + ScansSection(data) + QualitySection(data.plan) +
               RegionsSection(data, regions, region_count, uncovered_count) +
               MeasurabilitySection(data);
   if (data.comparison.has_value()) sections += ComparisonSection(*data.comparison);
