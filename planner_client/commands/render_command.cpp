@@ -15,12 +15,16 @@
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
+#include "core/sensor/sensor.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/frame_choice.h"
 #include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/worker_session.h"
+#include "planner_client/explore/draft_picture.h"
+#include "planner_client/raw_image/preview_picture.h"
+#include "planner_client/raw_image/raw_png.h"
 #include "planner_client/render_client/render_client.h"
 
 namespace sightline {
@@ -33,7 +37,11 @@ struct RenderOptions {
   std::string effects_file;
   std::optional<double> exposure_s, f_number;
   std::optional<int64_t> seed;
-  bool layers = false, demosaic = false, no_speckle = false;
+  bool layers = false, demosaic = false, no_speckle = false, previews = true;
+  // A draft: fewer, larger pixels with more noise.
+  bool draft = false;
+  DraftSettings draft_settings{.max_pixels = 400'000, .noise_relative = 0.1};
+  std::string crop;
   std::string format = "png";
   std::string checkpoint;
   std::string part;
@@ -54,6 +62,25 @@ absl::StatusOr<v1::PlateRender> ReadEffects(const std::string& path) {
     }
   }
   return message;
+}
+
+// "640x480": the middle of the sensor. What is seen of each pixel stays as it is.
+absl::Status CropCamera(const std::string& crop, const std::string& input, v1::Camera* camera) {
+  const v1::Sensor& sensor = camera->sensor();
+  const std::vector<std::string> sides = absl::StrSplit(crop, 'x');
+  int columns = 0, rows = 0;
+  const bool numbers = sides.size() == 2 && absl::SimpleAtoi(sides[0], &columns) &&
+                       absl::SimpleAtoi(sides[1], &rows);
+  if (!numbers || columns < 16 || rows < 16 || columns > sensor.sensor_columns_px() ||
+      rows > sensor.sensor_rows_px() || columns % 2 != 0 || rows % 2 != 0) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--crop ", crop, ": must be COLUMNSxROWS, even numbers from 16x16 to the ",
+        sensor.sensor_columns_px(), "x", sensor.sensor_rows_px(), " of the sensor of ", input));
+  }
+  camera->set_columns_px(columns);
+  camera->set_rows_px(rows);
+  camera->clear_vertical_fov_deg();  // that of all rows; now by sensor and lens
+  return absl::OkStatus();
 }
 
 absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
@@ -98,6 +125,20 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
   *sent = std::move(checked->message);
   if (absl::Status status = TakeAssets(options.choice.input, sent, assets); !status.ok())
     return status;
+  if (!options.crop.empty()) {
+    absl::Status status = CropCamera(options.crop, options.choice.input, sent->mutable_camera());
+    if (!status.ok()) return status;
+  }
+  if (options.draft) {
+    int reduction = 1;
+    spec = DraftOf(std::move(spec), options.draft_settings, &reduction);
+    v1::Inspection& draft = *spec.mutable_part()->mutable_inspection();
+    draft.set_name(absl::StrCat(draft.name(), " (draft)"));
+    std::fprintf(stderr,
+                 "draft: %d x %d pixels of the camera are one of the image; no speckle, one "
+                 "reflection, more noise\n",
+                 reduction, reduction);
+  }
   return spec;
 }
 
@@ -115,6 +156,8 @@ absl::StatusOr<v1::RenderSpec> PlateSpec(const RenderOptions& options) {
   if (options.exposure_s) return refuse("--exposure");
   if (options.f_number) return refuse("--f-number");
   if (options.layers) return refuse("--layers");
+  if (options.draft) return refuse("--draft");
+  if (!options.crop.empty()) return refuse("--crop");
   v1::RenderSpec spec;
   v1::PlateRender* plate = spec.mutable_plate();
   auto given = ReadEffects(options.effects_file);
@@ -167,6 +210,29 @@ absl::Status ParsePart(const RenderOptions& options, int* part, int* count) {
       "--part needs --checkpoint: by it the run after all parts knows what they made");
 }
 
+// Of every raw image among `files` of the folder, a picture beside it.
+absl::Status WritePreviews(const std::string& folder, const std::vector<std::string>& files,
+                           bool bayer) {
+  // Larger ones take too much memory for a picture that no screen shows whole.
+  constexpr uint64_t kMostPixels = uint64_t{1} << 25;
+  for (const std::string& file : files) {
+    if (!absl::EndsWith(file, ".png") || absl::EndsWith(file, "_rgb.png")) continue;
+    const auto raw = ReadRawPng(folder + "/" + file, kMostPixels);
+    if (!raw.ok()) {
+      std::fprintf(stderr, "warning: no preview: %s (up to %llu pixels)\n",
+                   std::string(raw.status().message()).c_str(),
+                   static_cast<unsigned long long>(kMostPixels));
+      continue;
+    }
+    const auto png = PreviewPng(*raw, bayer);
+    if (!png.ok()) return png.status();
+    absl::Status written = WriteFileAtomically(
+        absl::StrCat(folder, "/", file.substr(0, file.size() - 4), "_preview.png"), *png);
+    if (!written.ok()) return written;
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<int> Render(const RenderOptions& options) {
   int part = 1;
   int part_count = 1;
@@ -184,6 +250,12 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   output->set_layers(options.layers);
   output->set_demosaic(options.demosaic);
   if (absl::Status made = MakeOutputFolder(options.choice.out); !made.ok()) return made;
+
+  const v1::Sensor& sensor = spec->has_part() ? spec->part().inspection().camera().sensor()
+                                              : spec->plate().recordings().camera();
+  const auto checked_sensor = ParseSensor(sensor, "camera");
+  if (!checked_sensor.ok()) return checked_sensor.status();
+  const bool bayer = checked_sensor->colour_filter == ColourFilter::kBayerRggb;
 
   ProgressLine progress;
   RenderClientOptions client;
@@ -203,6 +275,10 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
   if (!files.ok()) return AboutFiles(files.status(), options);
+  if (options.previews) {
+    absl::Status written = WritePreviews(options.choice.out, *files, bayer);
+    if (!written.ok()) return written;
+  }
   if (part_count > 1) {
     std::printf("part %d of %d is done\n", part, part_count);
     return kExitDone;
@@ -233,6 +309,20 @@ Command AddRenderCommand(CLI::App& app) {
       ->check(CLI::IsMember({"png", "tiff"}))
       ->capture_default_str();
   app.add_flag("--demosaic", options->demosaic, "also images/NNN_rgb of colour sensors");
+  app.add_flag("!--no-previews", options->previews,
+               "leave out images/NNN_preview.png, brightened for people");
+  app.add_flag("--draft", options->draft,
+               "a quick picture (parts): fewer, larger pixels of the same light, no speckle, one "
+               "reflection, more noise");
+  app.add_option("--draft-pixels", options->draft_settings.max_pixels, "most pixels of a draft")
+      ->check(CLI::Range(int64_t{256}, int64_t{100'000'000}))
+      ->capture_default_str();
+  app.add_option("--draft-noise", options->draft_settings.noise_relative,
+                 "noise of a draft's incoherent light, relative to the signal")
+      ->check(CLI::Range(0.001, 1.0))
+      ->capture_default_str();
+  app.add_option("--crop", options->crop,
+                 "COLUMNSxROWS: only so many pixels in the middle of the sensor (parts)");
   app.add_flag("--no-speckle", options->no_speckle, "image laser light without speckle");
   app.add_option("--checkpoint", options->checkpoint,
                  "folder that lists which images are finished; the same command with the same "

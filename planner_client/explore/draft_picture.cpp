@@ -1,7 +1,5 @@
 #include "planner_client/explore/draft_picture.h"
 
-#include <png.h>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/sensor/sensor.h"
+#include "planner_client/raw_image/raw_png.h"
 #include "planner_client/render_client/render_client.h"
 
 namespace sightline {
@@ -47,39 +46,17 @@ class TemporaryFolder {
 // of a colour mosaic, as in the camera, and the picture begins with a whole cell.
 int Divided(int pixels, int reduction) { return std::max(16, (pixels / reduction) & ~3); }
 
-absl::StatusOr<std::string> EncodePng(const std::vector<uint8_t>& values, int columns, int rows,
-                                      bool colour) {
-  png_image picture = {};
-  picture.version = PNG_IMAGE_VERSION;
-  picture.width = static_cast<png_uint_32>(columns);
-  picture.height = static_cast<png_uint_32>(rows);
-  picture.format = colour ? PNG_FORMAT_RGB : PNG_FORMAT_GRAY;
-  png_alloc_size_t size = 0;
-  if (png_image_write_to_memory(&picture, nullptr, &size, 0, values.data(), 0, nullptr)) {
-    std::string png(size, '\0');
-    if (png_image_write_to_memory(&picture, png.data(), &size, 0, values.data(), 0, nullptr)) {
-      png.resize(size);
-      return png;
-    }
-  }
-  return absl::InternalError("the picture cannot be written");
-}
-
 }  // namespace
 
-v1::RenderSpec DraftSpec(const v1::Inspection& inspection, const v1::PartFrame& frame,
-                         int64_t max_pixels, int* reduction) {
-  v1::RenderSpec spec;
+v1::RenderSpec DraftOf(v1::RenderSpec spec, const DraftSettings& settings, int* reduction) {
   v1::PartRender& part = *spec.mutable_part();
-  *part.mutable_inspection() = inspection;
-  *part.add_frames() = frame;
   v1::Inspection& draft = *part.mutable_inspection();
   v1::Camera& camera = *draft.mutable_camera();
   v1::Sensor& sensor = *camera.mutable_sensor();
   const int columns = camera.has_columns_px() ? camera.columns_px() : sensor.sensor_columns_px();
   const int rows = camera.has_rows_px() ? camera.rows_px() : sensor.sensor_rows_px();
   int n = 1;
-  while (n < kMostReduction && int64_t{columns / n} * (rows / n) > max_pixels) ++n;
+  while (n < kMostReduction && int64_t{columns / n} * (rows / n) > settings.max_pixels) ++n;
   *reduction = n;
   // The field of view stays: rows times pitch.
   sensor.set_sensor_columns_px(Divided(sensor.sensor_columns_px(), n));
@@ -102,45 +79,44 @@ v1::RenderSpec DraftSpec(const v1::Inspection& inspection, const v1::PartFrame& 
   }
   render.clear_sub_pixels();
   render.set_speckle(false);
-  render.set_noise_target_relative(0.2);
+  render.set_noise_target_relative(settings.noise_relative);
   render.set_max_samples_per_px(16);
   render.set_max_bounces(1);
   render.set_laser_interreflection(false);
-  spec.mutable_output()->set_image_format(v1::RenderOutput::IMAGE_FORMAT_PNG);
   return spec;
+}
+
+v1::RenderSpec DraftSpec(const v1::Inspection& inspection, const v1::PartFrame& frame,
+                         int64_t max_pixels, int* reduction) {
+  v1::RenderSpec spec;
+  *spec.mutable_part()->mutable_inspection() = inspection;
+  *spec.mutable_part()->add_frames() = frame;
+  spec.mutable_output()->set_image_format(v1::RenderOutput::IMAGE_FORMAT_PNG);
+  return DraftOf(std::move(spec), {.max_pixels = max_pixels}, reduction);
 }
 
 absl::StatusOr<DraftPicture> PictureOfRaw(const std::string& file, int bit_depth_bit,
                                           double black_dn, bool bayer) {
-  png_image image = {};
-  image.version = PNG_IMAGE_VERSION;
-  const auto unreadable = [&] {
-    png_image_free(&image);
+  const auto read = ReadRawPng(file, kMostPixels);
+  if (!read.ok()) return read.status();
+  const RawPng& raw = *read;
+  const int columns = raw.columns_px, rows = raw.rows_px;
+  if (columns < 2 || rows < 2) {
     return absl::InternalError(
-        absl::StrCat(fs::path(file).filename().string(), ": the rendered image cannot be read"));
-  };
-  if (!png_image_begin_read_from_file(&image, file.c_str())) return unreadable();
-  const auto columns = static_cast<int>(image.width), rows = static_cast<int>(image.height);
-  if (columns < 2 || rows < 2 || uint64_t{image.width} * image.height > kMostPixels) {
-    return unreadable();
+        absl::StrCat(fs::path(file).filename().string(), ": the rendered image is too small"));
   }
-  image.format = PNG_FORMAT_LINEAR_Y;
-  std::vector<png_uint_16> raw(static_cast<size_t>(columns) * rows);
-  if (!png_image_finish_read(&image, nullptr, raw.data(), 0, nullptr)) return unreadable();
 
   const double white_dn = static_cast<double>((1 << bit_depth_bit) - 1);
   const auto shown = [&](double dn) {
     const double signal = std::clamp((dn - black_dn) / (white_dn - black_dn), 0.0, 1.0);
     return static_cast<uint8_t>(std::lround(255 * std::pow(signal, 1 / 2.2)));
   };
-  const auto at = [&](int row, int column) {
-    return static_cast<double>(raw[static_cast<size_t>(row) * columns + column]);
-  };
+  const auto at = [&](int row, int column) { return static_cast<double>(raw.At(row, column)); };
   DraftPicture picture;
   picture.columns_px = columns;
   picture.rows_px = rows;
   std::vector<uint8_t> values;
-  values.reserve(raw.size() * (bayer ? 3 : 1));
+  values.reserve(raw.values_dn.size() * (bayer ? 3 : 1));
   int64_t clipped = 0;
   for (int row = 0; row < rows; ++row) {
     for (int column = 0; column < columns; ++column) {
@@ -156,7 +132,8 @@ absl::StatusOr<DraftPicture> PictureOfRaw(const std::string& file, int bit_depth
       values.push_back(shown(at(top + 1, left + 1)));
     }
   }
-  picture.clipped_fraction = static_cast<double>(clipped) / static_cast<double>(raw.size());
+  picture.clipped_fraction =
+      static_cast<double>(clipped) / static_cast<double>(raw.values_dn.size());
   auto png = EncodePng(values, columns, rows, bayer);
   if (!png.ok()) return png.status();
   picture.png = *std::move(png);

@@ -28,11 +28,21 @@ using DrawDraft = std::function<absl::StatusOr<DraftPicture>(const v1::PartFrame
 // Most pixels of a draft.
 inline constexpr int64_t kDraftPixels = 60'000;
 
-// The request for a draft of one frame. `inspection`: self-contained (see v1::PartRender). Pixels
-// are joined to squares until at most `max_pixels` are left, up to three at the edges left out; the
-// exposure (and with it the motion blur, by a faster stage) is shortened so that each collects as
-// much light as the camera's own do. No speckle, one reflection, few samples. `reduction`: pixels
-// of the camera per pixel and axis.
+struct DraftSettings {
+  int64_t max_pixels = kDraftPixels;
+  // Standard error of the incoherent image relative to the local signal; few samples keep it from
+  // being met where the light is difficult.
+  double noise_relative = 0.2;
+};
+
+// A draft of a request for images of a part, whose inspection is self-contained (see
+// v1::PartRender). Pixels are joined to squares until at most `max_pixels` are left, up to three at
+// the edges left out; the exposure (and with it the motion blur, by a faster stage) is shortened so
+// that each collects as much light as the camera's own do. No speckle, one reflection, few samples.
+// `reduction`: pixels of the camera per pixel and axis.
+v1::RenderSpec DraftOf(v1::RenderSpec spec, const DraftSettings& settings, int* reduction);
+
+// The same for one frame, as PNG.
 v1::RenderSpec DraftSpec(const v1::Inspection& inspection, const v1::PartFrame& frame,
                          int64_t max_pixels, int* reduction);
 

@@ -65,9 +65,9 @@ TEST(PlanCsv, OneRowPerScanAllAsWideAsTheHeader) {
 TEST(PlanCsv, EveryColumnNamesItsUnit) {
   const auto rows = Cells(PlanCsv(v1::Plan()));
   for (const std::string& name : rows[0]) {
-    const bool has_unit = absl::EndsWith(name, "_m") || absl::EndsWith(name, "_deg") ||
-                          absl::EndsWith(name, "_s") || absl::EndsWith(name, "_count") ||
-                          absl::EndsWith(name, "_percent");
+    const bool has_unit = absl::EndsWith(name, "_m") || absl::EndsWith(name, "_mm") ||
+                          absl::EndsWith(name, "_deg") || absl::EndsWith(name, "_s") ||
+                          absl::EndsWith(name, "_count") || absl::EndsWith(name, "_percent");
     EXPECT_TRUE(has_unit || name == "scan" || name == "locked") << name;
   }
 }

@@ -16,6 +16,7 @@
 #include "core/triangulation/triangulation.h"
 #include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/planning/scan_setups.h"
+#include "planner_client/commands/planning/set_up_outputs.h"
 #include "planner_client/commands/planning/uncertainty_outputs.h"
 #include "planner_client/commands/planning/uncovered_outputs.h"
 #include "planner_client/report/plan/plan_csv.h"
@@ -31,13 +32,6 @@ v1::Pose ToPose(const Eigen::Matrix4d& matrix) {
     for (int column = 0; column < 4; ++column) pose.add_matrix(matrix(row, column));
   }
   return pose;
-}
-
-// From coordinates of the CAD model to those of the plan's poses, where the part lies as measured
-// points found it.
-Eigen::Isometry3f ToStage(const PlanningSession& session) {
-  return session.measured ? session.measured->registration.pose.Matrix().cast<float>()
-                          : Eigen::Isometry3f::Identity();
 }
 
 // Moves part and targets of a report to where the part was found, among the plan's poses.
@@ -339,6 +333,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
   }
   AddSetups(session, &plan);
   AddRemarks(session, document.scans, given, &plan);
+  if (absl::Status status = AddScanQuality(session, document); !status.ok()) return status;
   if (session.ForUncertainty()) {
     if (absl::Status status = AddUncertainty(session, document); !status.ok()) return status;
   }
@@ -498,6 +493,11 @@ absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
       (measurability ? data.measurability_png : data.coverage_png) = std::move(*png);
     }
   }
+  if (absl::Status status = WriteSetUpFiles(data, options.folder); !status.ok()) {
+    return status;
+  }
+  data.set_up_sheet = kSetUpSheetFile;
+  data.depth_per_pixel_m = DepthPerPixel(session, document, data.targets);
   data.timings = options.timings;
   data.timings.push_back(
       {"reasons of uncovered targets", std::chrono::duration<double>(start - explaining).count()});

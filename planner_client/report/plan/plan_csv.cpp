@@ -25,12 +25,20 @@ std::string PlanCsv(const v1::Plan& plan) {
       "scan,locked,camera_distance_m,triangulation_angle_deg,camera_azimuth_deg,camera_polar_deg,"
       "part_alpha_deg,part_beta_deg,part_gamma_deg,offset_y_m,offset_z_m,stage_start_m,stage_end_m,"
       "frames_count,covered_targets_count,new_targets_count,cumulative_targets_count,"
-      "cumulative_coverage_percent,measurement_points_count,scan_time_s,reposition_time_s\n";
+      "cumulative_coverage_percent,measurement_points_count,scan_time_s,reposition_time_s,"
+      "pixel_footprint_median_mm,depth_per_pixel_median_mm,depth_per_pixel_high_mm,"
+      "triangulation_angle_median_deg,camera_incidence_median_deg,laser_incidence_median_deg,"
+      "overlap_percent\n";
   const double measurable = static_cast<double>(plan.coverage().measurable_targets());
   for (const v1::PlannedScan& scan : plan.scans()) {
     const v1::Measurement& m = scan.measurement();
     const auto integer = [](int64_t value) { return absl::StrCat(value); };
-    const std::array<std::string, 21> row = {
+    const v1::ScanQuality& quality = scan.quality();
+    // Empty cells for scans that measure nothing.
+    const auto of_quality = [&](double value) {
+      return scan.has_quality() ? Shortest(value) : std::string();
+    };
+    const std::array<std::string, 28> row = {
         integer(scan.index()),
         scan.locked() ? "1" : "0",
         Shortest(m.camera_distance_m()),
@@ -53,7 +61,14 @@ std::string PlanCsv(const v1::Plan& plan) {
             : "",
         integer(scan.measurement_points()),
         Shortest(scan.scan_time_s()),
-        Shortest(scan.reposition_time_s())};
+        Shortest(scan.reposition_time_s()),
+        of_quality(1e3 * quality.pixel_footprint_m().median()),
+        of_quality(1e3 * quality.depth_per_pixel_m().median()),
+        of_quality(1e3 * quality.depth_per_pixel_m().high()),
+        of_quality(quality.triangulation_angle_deg().median()),
+        of_quality(quality.camera_incidence_deg().median()),
+        of_quality(quality.laser_incidence_deg().median()),
+        of_quality(100 * quality.overlap())};
     absl::StrAppend(&csv, absl::StrJoin(row, ","), "\n");
   }
   return csv;

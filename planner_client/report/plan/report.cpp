@@ -16,6 +16,7 @@
 #include "planner_client/report/plan/as_measured_html.h"
 #include "planner_client/report/plan/display_mesh.h"
 #include "planner_client/report/plan/pareto_section.h"
+#include "planner_client/report/plan/quality_section.h"
 #include "planner_client/report/plan/reasons_html.h"
 #include "planner_client/report/plan/setups_section.h"
 #include "planner_client/report/plan/uncovered_regions.h"
@@ -106,20 +107,20 @@ std::string StopWords(v1::Plan::StopReason reason) {
 
 std::string MeasurableShare(const v1::PlanCoverage& coverage) {
   if (coverage.targets() <= 0) return "";
-  return absl::StrCat(" ",
-                      Percent(static_cast<double>(coverage.measurable_targets()) /
-                                  static_cast<double>(coverage.targets()),
-                              0),
-                      " of the whole surface is measurable with this rig",
-                      coverage.measurable_in_free_space_targets() > coverage.measurable_targets()
-                          ? absl::StrCat(" (table, rests, domain and limits leave that of the ",
-                                         Percent(static_cast<double>(
-                                                     coverage.measurable_in_free_space_targets()) /
-                                                     static_cast<double>(coverage.targets()),
-                                                 0),
-                                         " that sensors anywhere would measure)")
-                          : "",
-                      ".");
+  return absl::StrCat(
+      " ",
+      Percent(static_cast<double>(coverage.measurable_targets()) /
+                  static_cast<double>(coverage.targets()),
+              0),
+      " of the whole surface is measurable with this rig",
+      coverage.measurable_in_free_space_targets() > coverage.measurable_targets()
+          ? absl::StrCat(" (table, rests, domain and limits leave that of the ",
+                         Percent(static_cast<double>(coverage.measurable_in_free_space_targets()) /
+                                     static_cast<double>(coverage.targets()),
+                                 0),
+                         " that sensors anywhere would measure)")
+          : "",
+      ".");
 }
 
 // The answer in a sentence or two.
@@ -300,10 +301,13 @@ std::string ScansSection(const ReportData& data) {
       std::max<double>(1, static_cast<double>(data.plan.coverage().measurable_targets()));
   for (size_t i = 0; i < data.scans.size(); ++i) {
     body += ScanRow(data.plan.scans(static_cast<int>(i)), data.scans[i], static_cast<int>(i) + 1,
-                    measurable, judged,
-                    SetupText(data.plan, data.plan.scans(static_cast<int>(i))));
+                    measurable, judged, SetupText(data.plan, data.plan.scans(static_cast<int>(i))));
   }
   body += "</tbody></table></div>\n";
+  if (!data.set_up_sheet.empty()) {
+    absl::StrAppend(&body, "<p>To set them up: <a href=\"", EscapeHtml(data.set_up_sheet),
+                    "\">set-up sheet</a>, a page to print for every scan.</p>\n");
+  }
   return Section("scans", "Scans", body, "long");
 }
 
@@ -591,6 +595,10 @@ absl::Status Check(const ReportData& data) {
       }
     }
   }
+  if (!data.depth_per_pixel_m.empty() && data.depth_per_pixel_m.size() != targets) {
+    return mismatch("depth_per_pixel_m", data.depth_per_pixel_m.size(), targets,
+                    "number of targets");
+  }
   if (data.uncertainty.has_value()) {
     return CheckTargetUncertainties(*data.uncertainty, targets, scans,
                                     static_cast<size_t>(data.plan.uncertainty().features_size()),
@@ -649,6 +657,7 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
   }
   if (data.pareto.has_value()) sections += ParetoSection(*data.pareto);
   sections += CurveSection(data.plan) + SetupsSection(data) + ScansSection(data) +
+              QualitySection(data.plan) +
               RegionsSection(data, regions, region_count, uncovered_count);
   if (const std::string reasons = ReasonsHtml(data); !reasons.empty()) {
     sections += Section("reasons", "Why places are not measured", reasons);

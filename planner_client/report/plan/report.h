@@ -88,12 +88,15 @@ struct ReportData {
   // Of plans with plan.as_measured.
   std::vector<ReportDeviation> deviations;
   std::vector<std::string> notes;
+  // Of every target by the scan that covers it best [m], 0 where none does; empty: not shown.
+  std::vector<float> depth_per_pixel_m;
+  std::string set_up_sheet;  // file beside the report; empty: none
 };
 
 // The page as UTF-8 HTML; the same data give the same bytes. All texts are escaped. Needs at least
 // one target and one triangle; scans may be none. INVALID_ARGUMENT names the field whose size does
-// not fit: scans against plan.scans, bit sets, reasons and uncertainties against targets, poses of
-// other than 16 numbers; and uncertainties that are negative or not finite.
+// not fit: scans against plan.scans, bit sets, depths, reasons and uncertainties against targets,
+// poses of other than 16 numbers; and uncertainties that are negative or not finite.
 absl::StatusOr<std::string> RenderReport(const ReportData& data);
 
 }  // namespace sightline

@@ -140,7 +140,7 @@ Json Reasons(const ReportData& data) {
   return {{"kinds", std::move(kinds)}, {"of_target", Base64(of_target)}};
 }
 
-// Uncertainties as 16-bit steps of equal ratio from 1 nm to 1 m (0.03 % each); 0: none, or zero.
+// Lengths as 16-bit steps of equal ratio from 1 nm to 1 m (0.03 % each); 0: none, or zero.
 constexpr double kLowestM = 1e-9, kHighestM = 1;
 
 uint16_t LengthCode(double length_m) {
@@ -292,6 +292,11 @@ std::string ViewerDataJson(const ReportData& data, const DisplayMesh& mesh,
   for (const TargetRegion& region : data.sampling.regions) {
     json["regions_of_interest"].push_back(
         {{"name", region.name}, {"min_m", Vector(region.min_m)}, {"max_m", Vector(region.max_m)}});
+  }
+  if (!data.depth_per_pixel_m.empty()) {
+    json["depth_per_pixel"] = {{"codes", LengthCodes(data.depth_per_pixel_m)},
+                               {"lowest_m", kLowestM},
+                               {"highest_m", kHighestM}};
   }
   // Texts are checked to be UTF-8 where they are read; anything else would be an exception here.
   return json.dump(-1, ' ', false, Json::error_handler_t::replace);

@@ -1,12 +1,12 @@
 #include "planner_client/report/recordings/raw_picture.h"
 
-#include <png.h>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <filesystem>
 #include <vector>
+
+#include "planner_client/raw_image/raw_png.h"
 
 namespace sightline {
 namespace {
@@ -30,22 +30,10 @@ bool StaysInside(const std::string& file) {
 
 std::string RawPicturePng(const std::string& folder, const std::string& file) {
   if (folder.empty() || !StaysInside(file)) return "";
-  png_image image = {};
-  image.version = PNG_IMAGE_VERSION;
-  if (!png_image_begin_read_from_file(&image, (std::filesystem::path(folder) / file).c_str())) {
-    return "";
-  }
-  const uint32_t columns = image.width, rows = image.height;
-  if (columns == 0 || rows == 0 || uint64_t{columns} * rows > kMaxPixels) {
-    png_image_free(&image);
-    return "";
-  }
-  image.format = PNG_FORMAT_LINEAR_Y;
-  std::vector<png_uint_16> raw(static_cast<size_t>(columns) * rows);
-  if (!png_image_finish_read(&image, nullptr, raw.data(), 0, nullptr)) {
-    png_image_free(&image);
-    return "";
-  }
+  const auto raw = ReadRawPng((std::filesystem::path(folder) / file).string(), kMaxPixels);
+  if (!raw.ok()) return "";
+  const auto columns = static_cast<uint32_t>(raw->columns_px);
+  const auto rows = static_cast<uint32_t>(raw->rows_px);
   // Means of square blocks, so that a thin line does not vanish.
   const uint32_t block = (columns + kMaxColumns - 1) / kMaxColumns;
   const uint32_t shown_columns = columns / block, shown_rows = std::max(1u, rows / block);
@@ -56,7 +44,7 @@ std::string RawPicturePng(const std::string& folder, const std::string& file) {
       uint32_t count = 0;
       for (uint32_t i = row * block; i < std::min(rows, (row + 1) * block); ++i) {
         for (uint32_t j = column * block; j < (column + 1) * block; ++j) {
-          sum += raw[static_cast<size_t>(i) * columns + j];
+          sum += raw->values_dn[static_cast<size_t>(i) * columns + j];
           ++count;
         }
       }
@@ -70,19 +58,9 @@ std::string RawPicturePng(const std::string& folder, const std::string& file) {
     const double signal = std::clamp((means[i] - black) / (white - black), 0.0, 1.0);
     grey[i] = static_cast<uint8_t>(std::lround(255 * std::sqrt(signal)));
   }
-  png_image picture = {};
-  picture.version = PNG_IMAGE_VERSION;
-  picture.width = shown_columns;
-  picture.height = shown_rows;
-  picture.format = PNG_FORMAT_GRAY;
-  png_alloc_size_t size = 0;
-  if (!png_image_write_to_memory(&picture, nullptr, &size, 0, grey.data(), 0, nullptr)) return "";
-  std::string png(size, '\0');
-  if (!png_image_write_to_memory(&picture, png.data(), &size, 0, grey.data(), 0, nullptr)) {
-    return "";
-  }
-  png.resize(size);
-  return png;
+  const auto png =
+      EncodePng(grey, static_cast<int>(shown_columns), static_cast<int>(shown_rows), false);
+  return png.ok() ? *png : "";
 }
 
 }  // namespace sightline

@@ -49,27 +49,32 @@ export function readViewerData(json) {
       triangles: array(Uint32Array, obstacle.triangles),
     })),
     regionsOfInterest: raw.regions_of_interest,
+    depthPerPixel: raw.depth_per_pixel ? lengths(raw.depth_per_pixel, raw.depth_per_pixel.codes) : null,
   };
 }
 
 const withTargets = (region) => (region && {...region, targets: new Set(array(Uint32Array, region.targets))});
 
+/** Lengths in metres from their codes: steps of equal ratio; 0 stays 0. */
+function lengths({lowest_m: lowest, highest_m: highest}, text) {
+  const ratio = Math.log(highest / lowest) / 65534;
+  return Float64Array.from(array(Uint16Array, text),
+      (code) => (code === 0 ? 0 : lowest * Math.exp(ratio * (code - 1))));
+}
+
 function readUncertainty(raw) {
-  // Steps of equal ratio; 0 stays 0.
-  const ratio = Math.log(raw.highest_m / raw.lowest_m) / 65534;
-  const lengths = (text) => Float64Array.from(array(Uint16Array, text),
-      (code) => (code === 0 ? 0 : raw.lowest_m * Math.exp(ratio * (code - 1))));
+  const metres = (text) => lengths(raw, text);
   return {
-    total: lengths(raw.total),
-    noise: lengths(raw.noise),
-    sampling: lengths(raw.sampling),
-    calibration: lengths(raw.calibration),
-    admissible: lengths(raw.admissible),
+    total: metres(raw.total),
+    noise: metres(raw.noise),
+    sampling: metres(raw.sampling),
+    calibration: metres(raw.calibration),
+    admissible: metres(raw.admissible),
     relaxed: raw.relaxed_m,
     classes: bytes(raw.classes),
     sensitivities: raw.sensitivities.map((map) => map && {
-      detection: lengths(map.detection),
-      calibration: map.calibration ? lengths(map.calibration) : null,
+      detection: metres(map.detection),
+      calibration: map.calibration ? metres(map.calibration) : null,
     }),
     features: raw.features.map(withTargets),
   };

@@ -34,7 +34,8 @@ const STATES = [
 ];
 
 // States of targets by what is coloured; all others colour by what is measured.
-const STATES_OF = {class: CLASS_STATES, dominant: PART_STATES, u: SCALE_STATES, sensitivity: SCALE_STATES};
+const DEPTH_STATES = [[0, null, 'measured'], [3, '--not-measured', 'not measured'], [UNMEASURABLE, '--not-measurable', 'not measurable']];
+const STATES_OF = {class: CLASS_STATES, dominant: PART_STATES, u: SCALE_STATES, sensitivity: SCALE_STATES, depth: DEPTH_STATES};
 
 // Well apart for neighbours in number: the hue turns by the golden angle.
 const scanColour = (number) => new Color().setStyle(
@@ -53,6 +54,10 @@ class Viewer {
     if (data.reasons) this.connectReasons();
     this.connectSurroundings();
     if (data.uncertainty) this.connectUncertainty();
+    if (data.depthPerPixel?.some((depth) => depth > 0)) {
+      $('#depth-colour').hidden = false;
+      this.depthScale = new LogScale([...data.depthPerPixel]);
+    }
     this.applyPalette();
     this.selectScan(this.count);
     scene.onViewChange = (aspect) => {
@@ -234,8 +239,31 @@ class Viewer {
   /** What is drawn per target, and the numbers beside it. */
   recolour() {
     if (this.colour === 'reason') this.recolourReasons();
+    else if (this.colour === 'depth') this.recolourDepth();
     else if (STATES_OF[this.colour]) this.recolourUncertainty();
     else this.recolourCoverage();
+  }
+
+  /** Depth per pixel by the best scan of the whole plan. */
+  recolourDepth() {
+    const {depthPerPixel, targets: {measurable}} = this.data;
+    const counts = STATES.map(() => 0);
+    const states = Uint8Array.from(depthPerPixel, (depth, i) => {
+      const state = depth > 0 ? 0 : hasBit(measurable, i) ? 3 : UNMEASURABLE;
+      ++counts[state];
+      return state;
+    });
+    const tints = Array.from(states, (state, i) =>
+      (state === 0 ? this.depthScale.colour(depthPerPixel[i]) : this.scene.palette[state]));
+    const legend = $('#legend');
+    legend.replaceChildren(this.depthScale.legend([]));
+    for (const [state, name, text] of DEPTH_STATES) {
+      if (counts[state] > 0 && state !== 0) legend.append(this.legendEntry(state, `var(${name})`, text, counts[state]));
+    }
+    this.scene.setShown(this.shown);
+    this.scene.setStates(states, tints);
+    $('#scan-output').textContent = this.scan;
+    $('#scan-hint').textContent = `What one pixel is worth in depth, by the best of all ${this.count} scans.`;
   }
 
   recolourUncertainty() {
@@ -503,7 +531,7 @@ class Viewer {
       row.classList.toggle('selected', Number(row.dataset.feature ?? -1) === index);
     }
     $('#show-rig').checked = false;
-    if (!STATES_OF[this.colour]) this.setColour('class');
+    if (!STATES_OF[this.colour] || this.colour === 'depth') this.setColour('class');
     this.selectScan(this.count);
     this.frameRegion(feature, feature.name);
   }

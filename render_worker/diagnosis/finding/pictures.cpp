@@ -49,9 +49,7 @@ v1::ProfileComparison CompareProfiles(const SetModel& model, const FitResult& nu
   const Sensor& sensor = frame.nominal.sensor;
   const std::vector<PixelPlane> planes = PixelPlanes(sensor);
   const ExpectedSet before = model.ExpectStrips(null.parameters, false);
-  SetParameters drawn = best.parameters;
-  if (best.drawn_light) drawn.effects.push_back({best.drawn_light.get(), {}});
-  const ExpectedSet after = model.ExpectStrips(drawn, false);
+  const ExpectedSet after = model.ExpectStrips(ParametersAsDrawn(best), false);
   const int blocks = model.blocks_along_line();
   v1::ProfileComparison chosen;
   double most = -1;

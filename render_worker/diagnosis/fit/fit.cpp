@@ -543,6 +543,17 @@ Whitening::Whitening(const std::vector<Eigen::MatrixXd>& covariance, const Entri
   }
 }
 
+SetParameters ParametersAsDrawn(const FitResult& fit) {
+  SetParameters parameters = fit.parameters;
+  if (!fit.drawn) return parameters;
+  const ActiveEffect law = parameters.effects.back();
+  if (!fit.drawn_besides_law) parameters.effects.pop_back();
+  // A realisation that is one of the law itself goes by the law's parameters.
+  const bool by_law = !fit.drawn->description().parameters.empty();
+  parameters.effects.push_back({fit.drawn.get(), by_law ? law.parameters : std::vector<double>()});
+  return parameters;
+}
+
 double TwiceCost(const FitResult& fit) {
   return fit.chi_squared + fit.prior + fit.data_log_determinant + fit.log_determinant;
 }

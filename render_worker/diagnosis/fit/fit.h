@@ -90,10 +90,17 @@ struct FitResult {
   double data_log_determinant = 0;        // of the covariances of the data that was used
   double log_determinant = 0;             // of the information matrix with the priors
   std::vector<double> entry_chi_squared;  // also of entries not used
-  // Light that places have drawn (texture, recording_scatter), in `mean` but not in
-  // `parameters`: an effect without parameters, or null.
-  std::shared_ptr<const Effect> drawn_light;
+  // What recordings or places have drawn (random_effect), in `mean` but not in `parameters`, whose
+  // last effect is the law it is drawn by: an effect that takes that one's place, or stands besides
+  // it where the law says more of a recording than what was drawn (texture within blocks). Null:
+  // nothing.
+  std::shared_ptr<const Effect> drawn;
+  bool drawn_besides_law = false;
 };
+
+// The parameters of what a fit expects of these very recordings: with what they have drawn. Valid
+// as long as `fit`.
+SetParameters ParametersAsDrawn(const FitResult& fit);
 
 // Twice the negative logarithm of the evidence, but for constants: compares fits of the same data,
 // each under a covariance of its own.

@@ -656,9 +656,8 @@ FitResult RecordingScatter::Describe(const Linearisation& linear, const ScatterL
   }
   const RealisedEffect realised(realisation);
   fit.mean = model_.Expect(WithRealisation(fit.parameters, realised), false).mean;
-  if (law.amplitude == Amplitude::kReflectance) {
-    fit.drawn_light = std::make_shared<const RealisedEffect>(realisation);
-  }
+  fit.drawn = std::make_shared<const RealisedEffect>(realisation);
+  fit.drawn_besides_law = law.amplitude == Amplitude::kReflectance;
   const int first = static_cast<int>(fit.parameters.effects.size());
   fit.parameters.effects.push_back({candidate.effect, candidate.parameters});
   for (size_t k = 0; k < candidate.parameters.size(); ++k) {

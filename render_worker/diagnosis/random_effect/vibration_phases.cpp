@@ -292,6 +292,7 @@ FollowedVibration FollowVibration(const SetModel& model, const SetParameters& st
   settings.use_entry.assign(model.entries(), true);
   FollowedVibration followed;
   followed.fit = fit_at(phases_rad, nullptr);
+  followed.fit.drawn = VibrationAtPhases(vibration, phases_rad);
   followed.phases_rad = std::move(phases_rad);
   return followed;
 }

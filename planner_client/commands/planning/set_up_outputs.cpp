@@ -1,0 +1,109 @@
+#include "planner_client/commands/planning/set_up_outputs.h"
+
+#include <numbers>
+#include <optional>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "core/json/strict_json.h"
+#include "planner_client/commands/output_folder.h"
+#include "planner_client/exports/export_files.h"
+#include "planner_client/scan_quality/scan_quality.h"
+#include "planner_client/setup_sheet/setup_sheet.h"
+
+namespace sightline {
+namespace {
+
+// The rig of the plan's poses: as if the part lay where it should.
+Rig RigOfPoses(const PlanningSession& session) {
+  Rig rig = session.inspection.rig;
+  rig.part_placement.reset();
+  return rig;
+}
+
+v1::ScanQuality::Spread ToProto(const Spread& spread, double factor = 1) {
+  v1::ScanQuality::Spread message;
+  message.set_low(factor * spread.low);
+  message.set_median(factor * spread.median);
+  message.set_high(factor * spread.high);
+  return message;
+}
+
+v1::ScanQuality ToProto(const ScanQuality& quality) {
+  constexpr double kDegPerRad = 180 / std::numbers::pi;
+  v1::ScanQuality message;
+  *message.mutable_pixel_footprint_m() = ToProto(quality.pixel_footprint_m);
+  *message.mutable_depth_per_pixel_m() = ToProto(quality.depth_per_pixel_m);
+  *message.mutable_triangulation_angle_deg() = ToProto(quality.triangulation_angle_rad, kDegPerRad);
+  *message.mutable_camera_incidence_deg() = ToProto(quality.camera_incidence_rad, kDegPerRad);
+  *message.mutable_laser_incidence_deg() = ToProto(quality.laser_incidence_rad, kDegPerRad);
+  return message;
+}
+
+std::vector<TargetBits> CoveredBy(const PlanDocument& document) {
+  std::vector<TargetBits> covered;
+  for (const ChosenScan& scan : document.scans) covered.push_back(scan.exact.covered);
+  return covered;
+}
+
+}  // namespace
+
+Eigen::Isometry3f ToStage(const PlanningSession& session) {
+  return session.measured ? session.measured->registration.pose.Matrix().cast<float>()
+                          : Eigen::Isometry3f::Identity();
+}
+
+absl::Status AddScanQuality(const PlanningSession& session, PlanDocument& document) {
+  const Rig rig = RigOfPoses(session);
+  const Eigen::Isometry3f to_stage = ToStage(session);
+  const std::vector<double> overlaps = Overlaps(CoveredBy(document));
+  for (size_t i = 0; i < document.scans.size(); ++i) {
+    const ChosenScan& scan = document.scans[i];
+    if (scan.exact.feasibility != ScanFeasibility::kFeasible) continue;
+    auto given = session.client->MeasurementPoints(scan.measurement);
+    if (!given.ok()) return given.status();
+    std::vector<MeasuredPoint> points;
+    points.reserve(given->size());
+    for (const ScanPoint& point : *given) {
+      points.push_back(
+          {to_stage * point.position_m, to_stage.linear() * point.normal, point.frame});
+    }
+    const std::optional<ScanQuality> quality =
+        QualityOfScan(rig, scan.measurement, session.model_centre_m, points);
+    if (!quality) continue;
+    v1::ScanQuality message = ToProto(*quality);
+    message.set_overlap(overlaps[i]);
+    *document.plan.mutable_scans(static_cast<int>(i))->mutable_quality() = std::move(message);
+  }
+  return absl::OkStatus();
+}
+
+std::vector<float> DepthPerPixel(const PlanningSession& session, const PlanDocument& document,
+                                 const TargetSet& targets) {
+  std::vector<Measurement> measurements;
+  for (const ChosenScan& scan : document.scans) measurements.push_back(scan.measurement);
+  return BestDepthPerPixel(RigOfPoses(session), measurements, CoveredBy(document),
+                           session.model_centre_m, targets);
+}
+
+absl::Status WriteSetUpFiles(const ReportData& data, const std::string& folder) {
+  SetUpSheet sheet{
+      .plan = data.plan, .part_name = data.part_name, .mesh = data.mesh, .pictures_png = {}};
+  for (const ReportScan& scan : data.scans) sheet.pictures_png.push_back(scan.rendered_view_png);
+  const auto html = SetUpSheetHtml(sheet);
+  if (!html.ok()) return html.status();
+  absl::Status written = WriteFileAtomically(absl::StrCat(folder, "/", kSetUpSheetFile), *html);
+  if (!written.ok()) return written;
+  const auto exports = ExportPlan(data.plan);
+  if (!exports.ok()) return exports.status();
+  const std::string export_folder = folder + "/exports";
+  if (absl::Status made = MakeOutputFolder(export_folder); !made.ok()) return made;
+  for (const ExportFile& file : *exports) {
+    written = WriteFileAtomically(absl::StrCat(export_folder, "/", file.name), file.contents);
+    if (!written.ok()) return written;
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace sightline

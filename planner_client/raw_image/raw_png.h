@@ -1,0 +1,32 @@
+// PNG files: raw numbers of sensors in, pictures for screens out.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+
+namespace sightline {
+
+struct RawPng {
+  int columns_px = 0, rows_px = 0;
+  std::vector<uint16_t> values_dn;  // row by row
+
+  uint16_t At(int row, int column) const {
+    return values_dn[static_cast<size_t>(row) * static_cast<size_t>(columns_px) +
+                     static_cast<size_t>(column)];
+  }
+};
+
+// A 16-bit greyscale PNG. INTERNAL names the file without its folder: it is none, is damaged, or
+// has more than `max_pixels`.
+absl::StatusOr<RawPng> ReadRawPng(const std::string& file, uint64_t max_pixels);
+
+// 8-bit PNG of grey or red, green, blue values, row by row; `description` (may be empty) becomes
+// its text "Description". INTERNAL: it cannot be made.
+absl::StatusOr<std::string> EncodePng(const std::vector<uint8_t>& values, int columns_px,
+                                      int rows_px, bool colour,
+                                      const std::string& description = "");
+
+}  // namespace sightline

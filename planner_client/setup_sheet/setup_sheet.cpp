@@ -1,0 +1,493 @@
+#include "planner_client/setup_sheet/setup_sheet.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
+#include "planner_client/exports/scan_frames.h"
+#include "planner_client/report/page/html.h"
+#include "planner_client/report/page/number_text.h"
+#include "planner_client/setup_sheet/direction_words.h"
+#include "planner_client/setup_sheet/scene_drawing.h"
+#include "planner_client/setup_sheet/sheet_style.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kDegPerRad = 180 / std::numbers::pi;
+
+std::string Mm(double length_m, int decimals = 1) { return FixedNumber(1e3 * length_m, decimals); }
+
+// Of multiples of the scan step: as many decimals as they have, at most three.
+std::string StageMm(double length_m) {
+  std::string text = Mm(length_m, 3);
+  while (text.back() == '0') text.pop_back();
+  if (text.back() == '.') text.pop_back();
+  return text;
+}
+
+std::string Deg(double angle_deg, int decimals = 1) {
+  return absl::StrCat(FixedNumber(angle_deg, decimals), "\u00b0");
+}
+
+std::string PlaceMm(const Eigen::Vector3d& place_m) {
+  return absl::StrCat(Mm(place_m.x()), " / ", Mm(place_m.y()), " / ", Mm(place_m.z()));
+}
+
+std::string UnitVector(const Eigen::Vector3d& v) {
+  return absl::StrCat(FixedNumber(v.x(), 4), " / ", FixedNumber(v.y(), 4), " / ",
+                      FixedNumber(v.z(), 4));
+}
+
+std::string Seconds(double seconds) {
+  if (seconds < 120) return absl::StrCat(FixedNumber(seconds, 1), " s");
+  const auto whole = static_cast<int64_t>(std::llround(seconds));
+  return absl::StrFormat("%d min %02d s", whole / 60, whole % 60);
+}
+
+using FactList = std::vector<std::pair<std::string, std::string>>;
+
+// Two columns: what it is, its value; both HTML.
+std::string Facts(const std::string& title, const FactList& facts) {
+  if (facts.empty()) return "";
+  std::string html = title.empty() ? "" : absl::StrCat("<h3>", title, "</h3>\n");
+  html += "<table class=\"facts\"><tbody>\n";
+  for (const auto& [name, value] : facts) {
+    absl::StrAppend(&html, "<tr><th scope=\"row\">", name, "</th><td>", value, "</td></tr>\n");
+  }
+  return html + "</tbody></table>\n";
+}
+
+// Whether an angle is worth a step of a person.
+bool Turns(double angle_deg) { return std::abs(std::remainder(angle_deg, 360)) > 0.005; }
+
+std::string TurnText(double angle_deg, const char* about) {
+  return absl::StrCat("<strong>", Deg(std::remainder(angle_deg, 360), 2), "</strong> about ",
+                      about);
+}
+
+class Sheet {
+ public:
+  Sheet(const SetUpSheet& data, std::vector<ScanFrames> frames)
+      : data_(data), plan_(data.plan), frames_(std::move(frames)), box_(data.mesh.BoundingBox()) {}
+
+  std::string Html() const {
+    const std::string name =
+        plan_.inspection_name().empty() ? data_.part_name : plan_.inspection_name();
+    std::string html = absl::StrCat(
+        "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
+        "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
+        "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
+        "style-src 'unsafe-inline'\">\n<title>",
+        EscapeHtml(name), " \u2013 set-up sheet</title>\n<link rel=\"icon\" href=\"data:,\">\n",
+        "<style>\n", SheetStyle(), "</style>\n</head>\n<body>\n", Overview(name));
+    for (int i = 0; i < plan_.scans_size(); ++i) html += ScanPage(i);
+    return html + "</body>\n</html>\n";
+  }
+
+ private:
+  const v1::RestingFace* FaceOf(const v1::PlannedScan& scan) const {
+    return scan.has_resting_face() ? &plan_.resting_faces(scan.resting_face()) : nullptr;
+  }
+
+  static std::string FaceName(const v1::RestingFace& face) {
+    return absl::StrCat("face ", EscapeHtml(face.name()));
+  }
+
+  std::string Overview(const std::string& name) const {
+    std::string html = absl::StrCat(
+        "<h1>Set-up sheet: ", EscapeHtml(name), "</h1>\n<p class=\"soft\">Part ",
+        EscapeHtml(data_.part_name), ", ", Mm(box_.sizes().x()), " \u00d7 ", Mm(box_.sizes().y()),
+        " \u00d7 ", Mm(box_.sizes().z()), " mm. Sightline ", EscapeHtml(plan_.sightline_version()),
+        ", plan of scene ", EscapeHtml(plan_.scene_digest().substr(0, 12)),
+        ".</p>\n<p class=\"screen\"><a href=\"report.html\">Report</a> \u00b7 print this page for "
+        "the machine: one sheet per scan.</p>\n");
+    if (plan_.scans().empty()) return html + "<p>The plan has no scans.</p>\n";
+    const double total_s = plan_.cost().scan_time_s() + plan_.cost().reposition_time_s();
+    absl::StrAppend(
+        &html, "<p><strong>", plan_.scans_size(), plan_.scans_size() == 1 ? " scan" : " scans",
+        "</strong>, in this order",
+        total_s > 0 ? absl::StrCat("; ", Seconds(plan_.cost().scan_time_s()), " of scanning and ",
+                                   Seconds(plan_.cost().reposition_time_s()), " of set-up")
+                    : "",
+        ". Together they measure ", FixedNumber(100 * plan_.coverage().coverage(), 1),
+        "\u202f% of the measurable surface.</p>\n");
+    html += RestingFaces() + OverviewTable();
+    html +=
+        "<div class=\"conventions\"><strong>Machine axes.</strong> The origin is the point where "
+        "the camera\u2019s optical axis meets the laser plane. x is the direction in which the "
+        "stage carries the part, z is up, y completes a right-handed system. Camera and laser "
+        "stand still during a scan. Angles are counter-clockwise when the axis points at you. "
+        "Azimuth is counted from +x towards +y, elevation from the horizontal upwards. Stage "
+        "positions are those of the part\u2019s centre from the origin along x.</div>\n";
+    return html;
+  }
+
+  std::string RestingFaces() const {
+    if (plan_.resting_faces().empty()) return "";
+    std::string html =
+        "<h3>Faces that the part rests on</h3>\n<table><thead><tr><th class=\"words\">face</th>"
+        "<th class=\"words\">down: outward normal in the CAD file</th><th>its centre in the CAD "
+        "file<br>mm</th><th>area<br>mm\u00b2</th><th>topples after</th><th class=\"words\">scans"
+        "</th></tr></thead>\n<tbody>\n";
+    for (int f = 0; f < plan_.resting_faces_size(); ++f) {
+      const v1::RestingFace& face = plan_.resting_faces(f);
+      std::vector<std::string> scans;
+      for (const v1::PlannedScan& scan : plan_.scans()) {
+        if (scan.has_resting_face() && scan.resting_face() == f) {
+          scans.push_back(absl::StrCat(scan.index()));
+        }
+      }
+      const Eigen::Vector3d normal(face.normal().x(), face.normal().y(), face.normal().z());
+      const Eigen::Vector3d centre_m(face.centre_m().x(), face.centre_m().y(), face.centre_m().z());
+      absl::StrAppend(&html, "<tr><td class=\"words\"><strong>", EscapeHtml(face.name()),
+                      "</strong></td><td class=\"words\">",
+                      face.has_normal() ? UnitVector(normal) : "\u2013", "</td><td>",
+                      face.has_centre_m() ? PlaceMm(centre_m) : "\u2013", "</td><td>",
+                      face.area_m2() > 0
+                          ? GroupedInteger(static_cast<int64_t>(std::llround(1e6 * face.area_m2())))
+                          : "\u2013",
+                      "</td><td>", face.stability_deg() > 0 ? Deg(face.stability_deg()) : "\u2013",
+                      "</td><td class=\"words\">",
+                      scans.empty() ? "\u2013" : absl::StrJoin(scans, ", "), "</td></tr>\n");
+    }
+    return html + "</tbody></table>\n";
+  }
+
+  std::string OverviewTable() const {
+    const bool faces = !plan_.resting_faces().empty();
+    const bool timed = plan_.cost().scan_time_s() > 0;
+    std::string html =
+        "<h3>Scans in order</h3>\n<table class=\"overview\"><thead><tr><th>scan</th>";
+    absl::StrAppend(&html, faces ? "<th class=\"words\">part lies on</th>" : "",
+                    "<th>part turned<br>\u03b1 / \u03b2 / \u03b3</th><th class=\"words\">camera"
+                    "</th><th>triang.<br>angle</th><th>distance<br>mm</th><th>stage<br>mm</th>"
+                    "<th>frames</th>",
+                    timed ? "<th>time<br>s</th>" : "", "<th>covered<br>so far</th>",
+                    "<th class=\"box\">done</th></tr></thead>\n<tbody>\n");
+    const double measurable =
+        std::max<double>(1, static_cast<double>(plan_.coverage().measurable_targets()));
+    for (int i = 0; i < plan_.scans_size(); ++i) {
+      const v1::PlannedScan& scan = plan_.scans(i);
+      const v1::Measurement& m = scan.measurement();
+      const v1::RestingFace* face = FaceOf(scan);
+      absl::StrAppend(&html, "<tr><td><strong>", scan.index(), "</strong></td>");
+      if (faces) {
+        absl::StrAppend(&html, "<td class=\"words\">", face ? FaceName(*face) : "\u2013", "</td>");
+      }
+      absl::StrAppend(&html, "<td>", Deg(m.part_alpha_deg()), " / ", Deg(m.part_beta_deg()), " / ",
+                      Deg(m.part_gamma_deg()), "</td><td class=\"words\">",
+                      PlaceInWords(frames_[static_cast<size_t>(i)].camera.translation()),
+                      "</td><td>", Deg(m.triangulation_angle_deg()), "</td><td>",
+                      Mm(m.camera_distance_m()), "</td><td>", StageMm(scan.stage_start_m()),
+                      " \u2026 ", StageMm(scan.stage_end_m()), "</td><td>",
+                      GroupedInteger(scan.trigger_positions_m_size()), "</td>");
+      if (timed) absl::StrAppend(&html, "<td>", FixedNumber(scan.scan_time_s(), 1), "</td>");
+      absl::StrAppend(
+          &html, "<td>",
+          FixedNumber(100 * static_cast<double>(scan.cumulative_targets()) / measurable, 1),
+          "\u202f%</td><td class=\"box\">\u2610</td></tr>\n");
+    }
+    return html + "</tbody></table>\n";
+  }
+
+  std::string ScanPage(int i) const {
+    const v1::PlannedScan& scan = plan_.scans(i);
+    const v1::RestingFace* face = FaceOf(scan);
+    std::string html = absl::StrCat(
+        "<section class=\"page\" id=\"scan-", scan.index(), "\">\n<header><h2>Scan ", scan.index(),
+        " of ", plan_.scans_size(),
+        scan.locked() ? " <span class=\"badge\">kept as given</span>" : "", "</h2><p>",
+        face != nullptr ? absl::StrCat("part lies on ", FaceName(*face), ", turned ",
+                                       Deg(scan.measurement().part_gamma_deg()))
+                        : absl::StrCat("part turned ", Deg(scan.measurement().part_alpha_deg()),
+                                       " / ", Deg(scan.measurement().part_beta_deg()), " / ",
+                                       Deg(scan.measurement().part_gamma_deg())),
+        "</p></header>\n");
+    for (const std::string& remark : scan.remarks()) {
+      absl::StrAppend(&html, "<p class=\"remark\">", EscapeHtml(remark), "</p>\n");
+    }
+    html += Pictures(i);
+    html += "<div class=\"columns\">\n<div>\n";
+    html += PartPlace(i) + Stage(scan) + Optics(scan) + RobotFacts(scan);
+    html += "</div>\n<div>\n";
+    html += Sensors(i) + PartAxes(i) + Quality(scan);
+    html += "</div>\n</div>\n";
+    html += Corners(i);
+    return html + "</section>\n";
+  }
+
+  DrawnScene SceneOf(int i) const {
+    const v1::PlannedScan& scan = plan_.scans(i);
+    DrawnScene scene{.frames = frames_[static_cast<size_t>(i)], .part_points_m = {}};
+    const Eigen::Isometry3d middle =
+        scene.frames.PartAt(0.5 * (scan.stage_start_m() + scan.stage_end_m()));
+    scene.part_points_m.reserve(data_.mesh.positions_m.size());
+    for (const Eigen::Vector3f& place_m : data_.mesh.positions_m) {
+      scene.part_points_m.push_back(middle * place_m.cast<double>());
+    }
+    scene.centre_at_start_m = scene.frames.PartAt(scan.stage_start_m()) * box_.center();
+    scene.centre_at_end_m = scene.frames.PartAt(scan.stage_end_m()) * box_.center();
+    return scene;
+  }
+
+  std::string Pictures(int i) const {
+    const DrawnScene scene = SceneOf(i);
+    const std::string& png = data_.pictures_png[static_cast<size_t>(i)];
+    std::string html = absl::StrCat("<div class=\"pictures", png.empty() ? " two" : "", "\">\n");
+    if (!png.empty()) {
+      absl::StrAppend(&html, "<figure><img alt=\"Part, camera and laser of scan ",
+                      plan_.scans(i).index(), "\" src=\"", PngDataUri(png),
+                      "\"><figcaption>Middle of the scan; what is measured by then is coloured"
+                      "</figcaption></figure>\n");
+    }
+    absl::StrAppend(&html, "<figure>", SideViewSvg(scene),
+                    "<figcaption>Along the laser line: polar angle of the camera, triangulation "
+                    "angle, distances to the origin</figcaption></figure>\n<figure>",
+                    TopViewSvg(scene),
+                    "<figcaption>From above; the way of the part\u2019s centre</figcaption>"
+                    "</figure>\n</div>\n");
+    return html;
+  }
+
+  // How the part gets where it belongs, step by step.
+  std::string PartPlace(int i) const {
+    const v1::PlannedScan& scan = plan_.scans(i);
+    const v1::Measurement& m = scan.measurement();
+    const v1::RestingFace* face = FaceOf(scan);
+    std::vector<std::string> steps;
+    if (face != nullptr) {
+      steps.push_back(absl::StrCat("Lay the part on <strong>", FaceName(*face),
+                                   "</strong> (on the first page), as if it were set up with no "
+                                   "turn: the CAD axes of this sheet show how."));
+      if (Turns(m.part_gamma_deg())) {
+        steps.push_back(absl::StrCat("Turn it by ", TurnText(m.part_gamma_deg(), "the vertical"),
+                                     ", counter-clockwise seen from above."));
+      }
+    } else {
+      steps.push_back("Begin with the CAD axes along the machine\u2019s: x with the stage, z up.");
+      if (Turns(m.part_alpha_deg())) {
+        steps.push_back(absl::StrCat("Turn by ",
+                                     TurnText(m.part_alpha_deg(),
+                                              "the machine\u2019s "
+                                              "x axis"),
+                                     "."));
+      }
+      if (Turns(m.part_beta_deg())) {
+        steps.push_back(absl::StrCat("Turn by ",
+                                     TurnText(m.part_beta_deg(),
+                                              "the machine\u2019s "
+                                              "y axis"),
+                                     "."));
+      }
+      if (Turns(m.part_gamma_deg())) {
+        steps.push_back(absl::StrCat("Turn by ", TurnText(m.part_gamma_deg(), "the vertical"),
+                                     ", counter-clockwise seen from above."));
+      }
+    }
+    const ScanFrames& frames = frames_[static_cast<size_t>(i)];
+    const Eigen::Vector3d centre_m = frames.part * box_.center();
+    steps.push_back(
+        absl::StrCat("With the stage at 0, the centre of its bounding box is at <strong>",
+                     PlaceMm(centre_m), "</strong> mm."));
+    std::string html = "<h3>Part</h3>\n<ol>";
+    for (const std::string& step : steps) absl::StrAppend(&html, "<li>", step, "</li>\n");
+    html += "</ol>\n";
+    Eigen::AlignedBox3d extent;
+    for (const Eigen::Vector3f& place_m : data_.mesh.positions_m) {
+      extent.extend(frames.part * place_m.cast<double>());
+    }
+    FactList facts;
+    if (face != nullptr) {
+      facts.push_back({"Upper face of the table, z", Mm(scan.table_height_m()) + " mm"});
+    }
+    facts.push_back({"Lowest / highest point, z",
+                     absl::StrCat(Mm(extent.min().z()), " / ", Mm(extent.max().z()), " mm")});
+    facts.push_back({"From y to y",
+                     absl::StrCat(Mm(extent.min().y()), " \u2026 ", Mm(extent.max().y()), " mm")});
+    facts.push_back({"From x to x, stage at 0",
+                     absl::StrCat(Mm(extent.min().x()), " \u2026 ", Mm(extent.max().x()), " mm")});
+    return html + Facts("", facts);
+  }
+
+  static std::string Stage(const v1::PlannedScan& scan) {
+    const int count = scan.trigger_positions_m_size();
+    FactList facts = {{"Start", StageMm(scan.stage_start_m()) + " mm"},
+                      {"Stop", StageMm(scan.stage_end_m()) + " mm"},
+                      {"Travel", StageMm(scan.stage_end_m() - scan.stage_start_m()) + " mm"},
+                      {"Triggers", GroupedInteger(count)}};
+    if (count > 1) {
+      facts.push_back(
+          {"Pitch", StageMm((scan.stage_end_m() - scan.stage_start_m()) / (count - 1)) + " mm"});
+    }
+    if (scan.scan_time_s() > 0) facts.push_back({"Time of the scan", Seconds(scan.scan_time_s())});
+    if (scan.reposition_time_s() > 0) {
+      facts.push_back({"Set-up before it", Seconds(scan.reposition_time_s())});
+    }
+    return Facts("Stage", facts);
+  }
+
+  static std::string Optics(const v1::PlannedScan& scan) {
+    if (!scan.has_setting()) return "";
+    const v1::OpticalSetting& setting = scan.setting();
+    const auto milliseconds = [](double seconds) {
+      return absl::StrCat(Number(1e3 * seconds), " ms");
+    };
+    FactList facts = {{"f-number", Number(setting.f_number(), 2)},
+                      {"Exposure", milliseconds(setting.exposure_time_s())}};
+    if (setting.second_exposure_time_s() > 0) {
+      facts.push_back({"Second exposure", milliseconds(setting.second_exposure_time_s())});
+    }
+    facts.push_back({"Focus distance", Mm(setting.focus_distance_m()) + " mm"});
+    facts.push_back({"Laser power", absl::StrCat(Number(1e3 * setting.laser_power_w()), " mW")});
+    if (setting.sensor_tilt_x_deg() != 0 || setting.sensor_tilt_y_deg() != 0) {
+      facts.push_back({"Sensor tilt, about rows / columns",
+                       absl::StrCat(Deg(setting.sensor_tilt_x_deg(), 2), " / ",
+                                    Deg(setting.sensor_tilt_y_deg(), 2))});
+    }
+    return Facts("Camera and laser settings", facts);
+  }
+
+  static std::string RobotFacts(const v1::PlannedScan& scan) {
+    if (!scan.has_robot()) return "";
+    const v1::RobotScan& robot = scan.robot();
+    if (!robot.reachable()) {
+      return absl::StrCat(
+          "<h3>Robot</h3>\n<p class=\"remark\">The robot does not reach this scan: ",
+          EscapeHtml(robot.because()), "</p>\n");
+    }
+    const auto joints = [](const auto& positions) {
+      std::vector<std::string> texts;
+      for (const double position : positions) texts.push_back(FixedNumber(position, 4));
+      return absl::StrJoin(texts, " / ");
+    };
+    FactList facts = {{"Joints at the start, rad or m", joints(robot.start_position())}};
+    if (robot.end_position_size() > 0) {
+      facts.push_back({"Joints at the stop", joints(robot.end_position())});
+    }
+    if (robot.move_time_s() > 0) facts.push_back({"Move before it", Seconds(robot.move_time_s())});
+    return Facts("Robot", facts);
+  }
+
+  std::string Sensors(int i) const {
+    const ScanFrames& frames = frames_[static_cast<size_t>(i)];
+    std::string html;
+    for (const auto& [name, pose] : {std::pair{"Camera (entrance pupil)", &frames.camera},
+                                     {"Laser (source)", &frames.laser}}) {
+      const Eigen::Vector3d place_m = pose->translation();
+      const Eigen::Vector3d looks = pose->linear().col(2);
+      const double aside_m = std::hypot(place_m.x(), place_m.y());
+      // Straight above has no azimuth.
+      const std::string azimuth = aside_m < 1e-6 * place_m.norm()
+                                      ? "\u2013"
+                                      : Deg(std::atan2(place_m.y(), place_m.x()) * kDegPerRad, 2);
+      const double elevation_deg = std::atan2(place_m.z(), aside_m) * kDegPerRad;
+      html += Facts(name, {{"Where it is", PlaceInWords(place_m)},
+                           {"Position x / y / z", PlaceMm(place_m) + " mm"},
+                           {"Distance to the origin", Mm(place_m.norm()) + " mm"},
+                           {"Looks along", UnitVector(looks)},
+                           {"Azimuth", azimuth},
+                           {"Elevation", Deg(elevation_deg, 2)}});
+    }
+    const v1::Measurement& m = plan_.scans(i).measurement();
+    html += Facts("Between them",
+                  {{"Triangulation angle", Deg(m.triangulation_angle_deg(), 2)},
+                   {"Laser line runs along", UnitVector(frames.laser.linear().col(0))}});
+    return html;
+  }
+
+  // To check that the part is turned as meant.
+  std::string PartAxes(int i) const {
+    const Eigen::Matrix3d turn = frames_[static_cast<size_t>(i)].part.linear();
+    FactList facts;
+    for (int axis = 0; axis < 3; ++axis) {
+      facts.push_back(
+          {absl::StrCat("CAD ", std::string(1, static_cast<char>('x' + axis)), " points"),
+           PointsInWords(turn.col(axis))});
+    }
+    return Facts("Check: the part\u2019s axes", facts);
+  }
+
+  static std::string Quality(const v1::PlannedScan& scan) {
+    FactList facts;
+    if (scan.has_quality()) {
+      const v1::ScanQuality& q = scan.quality();
+      const auto spread = [](const v1::ScanQuality::Spread& s, double factor, int decimals,
+                             const char* unit) {
+        return absl::StrCat(FixedNumber(factor * s.median(), decimals), " (",
+                            FixedNumber(factor * s.low(), decimals), " \u2026 ",
+                            FixedNumber(factor * s.high(), decimals), ")", unit);
+      };
+      facts = {
+          {"Pixel on the part", spread(q.pixel_footprint_m(), 1e3, 3, " mm")},
+          {"Depth per pixel", spread(q.depth_per_pixel_m(), 1e3, 3, " mm")},
+          {"Camera off the normal", spread(q.camera_incidence_deg(), 1, 0, "\u00b0")},
+          {"Laser off the normal", spread(q.laser_incidence_deg(), 1, 0, "\u00b0")},
+          {"Also seen by other scans", absl::StrCat(FixedNumber(100 * q.overlap(), 0), "\u202f%")}};
+    }
+    facts.push_back({"Points", GroupedInteger(scan.measurement_points())});
+    facts.push_back(
+        {"Targets, of these new", absl::StrCat(GroupedInteger(scan.covered_targets()), ", ",
+                                               GroupedInteger(scan.new_targets()))});
+    return Facts("What to expect: median (95 of 100)", facts);
+  }
+
+  // Of the CAD bounding box, in the machine.
+  std::string Corners(int i) const {
+    const ScanFrames& frames = frames_[static_cast<size_t>(i)];
+    std::string html =
+        "<h3>Corners of the CAD bounding box, from the machine\u2019s origin, stage at 0</h3>\n"
+        "<table><thead><tr><th class=\"words\">corner</th><th>CAD x / y / z [mm]</th><th>machine "
+        "x / y / z [mm]</th><th class=\"words\">corner</th><th>CAD x / y / z [mm]</th><th>machine "
+        "x "
+        "/ y / z [mm]</th></tr></thead>\n<tbody>\n";
+    const auto cells = [&](int corner) {
+      const Eigen::Vector3d place_m =
+          box_.corner(static_cast<Eigen::AlignedBox3d::CornerType>(corner));
+      return absl::StrCat("<td class=\"words\">", corner + 1, "</td><td>", PlaceMm(place_m),
+                          "</td><td>", PlaceMm(frames.part * place_m), "</td>");
+    };
+    for (int row = 0; row < 4; ++row) {
+      absl::StrAppend(&html, "<tr>", cells(row), cells(row + 4), "</tr>\n");
+    }
+    return html + "</tbody></table>\n";
+  }
+
+  const SetUpSheet& data_;
+  const v1::Plan& plan_;
+  std::vector<ScanFrames> frames_;
+  Eigen::AlignedBox3d box_;  // part coordinates
+};
+
+}  // namespace
+
+absl::StatusOr<std::string> SetUpSheetHtml(const SetUpSheet& sheet) {
+  if (sheet.mesh.positions_m.empty()) {
+    return absl::InvalidArgumentError("set-up sheet: the mesh has no vertices");
+  }
+  if (static_cast<int>(sheet.pictures_png.size()) != sheet.plan.scans_size()) {
+    return absl::InvalidArgumentError(
+        absl::StrFormat("set-up sheet: there are %d pictures for %d scans",
+                        sheet.pictures_png.size(), sheet.plan.scans_size()));
+  }
+  std::vector<ScanFrames> frames;
+  for (const v1::PlannedScan& scan : sheet.plan.scans()) {
+    auto of_scan = FramesOfScan(scan);
+    if (!of_scan.ok()) return of_scan.status();
+    frames.push_back(*std::move(of_scan));
+    const int face = scan.resting_face();
+    if (scan.has_resting_face() && (face < 0 || face >= sheet.plan.resting_faces_size())) {
+      return absl::InvalidArgumentError(
+          absl::StrFormat("set-up sheet: scan %d: resting_face is %d, the plan has %d faces",
+                          scan.index(), face, sheet.plan.resting_faces_size()));
+    }
+  }
+  return Sheet(sheet, std::move(frames)).Html();
+}
+
+}  // namespace sightline

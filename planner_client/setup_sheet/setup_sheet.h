@@ -1,0 +1,29 @@
+// The set-up sheet: pages to print and take to the machine, a first one over all scans and one for
+// each.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/part/mesh.h"
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+struct SetUpSheet {
+  v1::Plan plan;
+  std::string part_name;  // as the engineer knows it, e.g. the file name
+  TriangleMesh mesh;      // part coordinates of the plan's poses
+  // Of every scan, part, camera and laser; PNG, empty: none.
+  std::vector<std::string> pictures_png;
+};
+
+// One HTML file in UTF-8 that needs nothing else; the same data give the same bytes. Says of what
+// is in the plan only: resting faces, settings and robot moves appear where the plan has them.
+// INVALID_ARGUMENT: poses as FramesOfScan, resting faces that the plan does not have, a mesh
+// without vertices, and pictures whose number is not that of the scans.
+absl::StatusOr<std::string> SetUpSheetHtml(const SetUpSheet& sheet);
+
+}  // namespace sightline

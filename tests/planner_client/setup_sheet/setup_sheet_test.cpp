@@ -1,0 +1,155 @@
+#include "planner_client/setup_sheet/setup_sheet.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+#include "planner_client/setup_sheet/direction_words.h"
+#include "planner_client/setup_sheet/scene_drawing.h"
+#include "tests/planner_client/exports/sample_plan.h"
+#include "tests/planner_client_report/well_formed.h"
+
+namespace sightline {
+namespace {
+
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+Eigen::Vector3d Direction(double polar_deg, double azimuth_deg) {
+  const double polar = polar_deg * std::numbers::pi / 180;
+  const double azimuth = azimuth_deg * std::numbers::pi / 180;
+  return 0.4 * Eigen::Vector3d(std::sin(polar) * std::cos(azimuth),
+                               std::sin(polar) * std::sin(azimuth), std::cos(polar));
+}
+
+TEST(PlaceInWords, NamesAxesAndTheAngleFromTheNearerOne) {
+  EXPECT_EQ(PlaceInWords(Direction(0, 77)), "straight above");
+  EXPECT_EQ(PlaceInWords(Direction(180, 0)), "straight below");
+  EXPECT_EQ(PlaceInWords(Direction(38, 90)), "38\u00b0 from vertical, towards +y");
+  EXPECT_EQ(PlaceInWords(Direction(38, 180)), "38\u00b0 from vertical, towards \u2212x");
+  EXPECT_EQ(PlaceInWords(Direction(20, 25)), "20\u00b0 from vertical, 25\u00b0 from +x towards +y");
+  EXPECT_EQ(PlaceInWords(Direction(20, 250)),
+            "20\u00b0 from vertical, 20\u00b0 from \u2212y towards \u2212x");
+  EXPECT_EQ(PlaceInWords(Direction(90, -90)), "level, towards \u2212y");
+  EXPECT_EQ(PlaceInWords(Direction(105, 0)), "15\u00b0 below the horizontal, towards +x");
+  EXPECT_EQ(PointsInWords(Direction(0, 0)), "up");
+  EXPECT_EQ(PointsInWords(Direction(180, 0)), "down");
+  EXPECT_EQ(PointsInWords(Direction(90, 0)), "towards +x");
+  EXPECT_EQ(PointsInWords(Direction(70, 90)), "20\u00b0 above the horizontal, towards +y");
+}
+
+TEST(ConvexHull, IsTheOutermostPoints) {
+  std::vector<Eigen::Vector2d> points;
+  for (int x = 0; x <= 4; ++x) {
+    for (int y = 0; y <= 3; ++y) points.emplace_back(x, y);
+  }
+  const std::vector<Eigen::Vector2d> hull = ConvexHull(points);
+  ASSERT_EQ(hull.size(), 4u);
+  double area = 0;
+  for (size_t i = 0; i < 4; ++i) {
+    const Eigen::Vector2d &a = hull[i], &b = hull[(i + 1) % 4];
+    area += 0.5 * (a.x() * b.y() - a.y() * b.x());
+  }
+  EXPECT_DOUBLE_EQ(area, 12);  // counter-clockwise
+  EXPECT_EQ(ConvexHull({{1, 2}}).size(), 1u);
+  EXPECT_EQ(ConvexHull({{1, 2}, {1, 2}, {1, 2}}).size(), 1u);
+}
+
+// A box about the sample's centre.
+SetUpSheet Sample() {
+  SetUpSheet sheet;
+  sheet.plan = SamplePlan();
+  sheet.part_name = "bracket & co.stl";
+  for (int corner = 0; corner < 8; ++corner) {
+    const Eigen::Vector3d half(corner & 1 ? 0.05 : -0.05, corner & 2 ? 0.03 : -0.03,
+                               corner & 4 ? 0.02 : -0.02);
+    sheet.mesh.positions_m.push_back((kSampleCentre_m + half).cast<float>());
+  }
+  sheet.pictures_png.resize(3);
+  return sheet;
+}
+
+std::string HtmlOf(const SetUpSheet& sheet) {
+  const auto html = SetUpSheetHtml(sheet);
+  EXPECT_TRUE(html.ok()) << html.status();
+  return html.ok() ? *html : "";
+}
+
+TEST(SetUpSheet, HasAPageForEveryScan) {
+  SetUpSheet sheet = Sample();
+  sheet.pictures_png[0] = "\x89PNG";
+  const std::string html = HtmlOf(sheet);
+  EXPECT_EQ(MarkupFault(html), "");
+  EXPECT_THAT(html, AllOf(HasSubstr("Scan 1 of 3"), HasSubstr("Scan 3 of 3"),
+                          HasSubstr("bracket &amp; co.stl"), HasSubstr("&lt;station&gt;"),
+                          HasSubstr("data:image/png;base64,"), Not(HasSubstr("<station>"))));
+  EXPECT_EQ(html, HtmlOf(sheet));
+}
+
+// The first scan: camera straight above at 400 mm; the part is not turned, its centre at offset z.
+TEST(SetUpSheet, SaysWhereThingsStand) {
+  SetUpSheet sheet = Sample();
+  sheet.plan.mutable_scans()->DeleteSubrange(1, 2);
+  sheet.pictures_png.resize(1);
+  const std::string html = HtmlOf(sheet);
+  EXPECT_THAT(html, AllOf(HasSubstr("straight above"), HasSubstr("0.0 / 0.0 / 400.0 mm"),
+                          HasSubstr("0.0000 / 0.0000 / \u22121.0000"),
+                          HasSubstr("<strong>0.0 / 0.0 / 20.0</strong> mm")));
+  // The laser 0.5 rad beside it, 550 mm away, towards -x.
+  EXPECT_THAT(html, HasSubstr("29\u00b0 from vertical, towards \u2212x"));
+  EXPECT_THAT(html, HasSubstr("\u2212263.7 / 0.0 / 482.7 mm"));
+  EXPECT_THAT(html, AllOf(HasSubstr("\u221255.5 mm"), HasSubstr("47.5 mm"), HasSubstr(">207<"),
+                          HasSubstr("0.5 mm")));
+  // Lowest and highest point of the box.
+  EXPECT_THAT(html, HasSubstr("0.0 / 40.0 mm"));
+  EXPECT_THAT(html, AllOf(Not(HasSubstr("f-number")), Not(HasSubstr("Upper face of the table"))));
+}
+
+TEST(SetUpSheet, ShowsFacesSettingsQualityAndRemarksWhereThePlanHasThem) {
+  SetUpSheet sheet = Sample();
+  v1::RestingFace* face = sheet.plan.add_resting_faces();
+  face->set_name("A");
+  face->mutable_normal()->set_z(-1);
+  face->set_stability_deg(31.4);
+  v1::PlannedScan& scan = *sheet.plan.mutable_scans(1);
+  scan.set_resting_face(0);
+  scan.set_table_height_m(-0.0123);
+  scan.set_locked(true);
+  scan.add_remarks("the angle 85 \u00b0 > 80 \u00b0 is unusual");
+  scan.mutable_setting()->set_f_number(5.6);
+  scan.mutable_setting()->set_exposure_time_s(0.0021);
+  scan.mutable_quality()->mutable_depth_per_pixel_m()->set_median(0.000345);
+  scan.mutable_robot()->set_because("joint 3 would be at 4.1 rad");
+  const std::string html = HtmlOf(sheet);
+  EXPECT_EQ(MarkupFault(html), "");
+  EXPECT_THAT(
+      html,
+      AllOf(HasSubstr("part lies on face A"), HasSubstr("31.4\u00b0"), HasSubstr("\u221212.3 mm"),
+            HasSubstr("kept as given"), HasSubstr("85 \u00b0 &gt; 80 \u00b0"), HasSubstr("5.6"),
+            HasSubstr("2.10 ms"), HasSubstr("0.345 ("), HasSubstr("joint 3 would be at 4.1 rad")));
+}
+
+TEST(SetUpSheet, RefusesWhatDoesNotFit) {
+  SetUpSheet sheet = Sample();
+  sheet.pictures_png.pop_back();
+  EXPECT_THAT(std::string(SetUpSheetHtml(sheet).status().message()),
+              HasSubstr("2 pictures for 3 scans"));
+  sheet = Sample();
+  sheet.plan.mutable_scans(0)->set_resting_face(2);
+  EXPECT_THAT(std::string(SetUpSheetHtml(sheet).status().message()),
+              HasSubstr("scan 1: resting_face is 2, the plan has 0 faces"));
+  sheet = Sample();
+  sheet.mesh.positions_m.clear();
+  EXPECT_FALSE(SetUpSheetHtml(sheet).ok());
+  // No scans is a sheet of one page.
+  sheet = Sample();
+  sheet.plan.clear_scans();
+  sheet.pictures_png.clear();
+  EXPECT_THAT(HtmlOf(sheet), HasSubstr("The plan has no scans"));
+}
+
+}  // namespace
+}  // namespace sightline
