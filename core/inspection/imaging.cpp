@@ -179,6 +179,10 @@ absl::StatusOr<v1::Inspection> InlineInspectionFiles(const v1::Inspection& messa
   for (v1::Obstacle& obstacle : *result.mutable_obstacles()) {
     obstacle.set_file(Resolve(base_folder, obstacle.file()));
   }
+  if (result.rig().has_robot()) {
+    v1::Robot* robot = result.mutable_rig()->mutable_robot();
+    robot->set_urdf(Resolve(base_folder, robot->urdf()));
+  }
   for (int i = 0; i < result.materials_size(); ++i) {
     v1::MaterialAssignment* assignment = result.mutable_materials(i);
     const std::string path = absl::StrCat("materials[", i, "]");

@@ -606,6 +606,11 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
     }
     inspection.obstacles.push_back(std::move(source));
   }
+  if (message.rig().has_robot()) {
+    absl::StatusOr<RobotMount> robot = ParseRobotMount(message, inspection.domain, context);
+    if (!robot.ok()) return robot.status();
+    inspection.robot = *std::move(robot);
+  }
 
   absl::StatusOr<PlanningGoal> goal = ParseGoal(message.goal(), check);
   if (!goal.ok()) return goal.status();

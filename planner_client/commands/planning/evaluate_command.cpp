@@ -21,6 +21,8 @@ const char* Words(ScanFeasibility feasibility) {
       return "needs more stage travel than there is; it counts for nothing";
     case ScanFeasibility::kOutOfBounds:
       return "is out of bounds; it counts for nothing";
+    case ScanFeasibility::kUnreachable:
+      return "cannot be made by the robot";
   }
   return "";
 }

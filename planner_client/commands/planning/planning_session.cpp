@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
 #include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/commands/progress_line.h"
 #include "planner_client/optimise/random.h"
 #include "planner_client/plan_oracle/coverage_oracle.h"
@@ -117,6 +118,11 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
     if (absl::Status status = options.before_upload(session, task); !status.ok()) return status;
   }
 
+  if (absl::Status status = OpenRobotCell(task, &session); !status.ok()) {
+    return absl::Status(status.code(),
+                        absl::StrCat(options.inspection_file, ": ", status.message()));
+  }
+
   CoverageClientOptions client;
   client.address = options.coverage_server;
   client.interrupted = &InterruptFlag();
@@ -161,6 +167,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
                      "from all pairs of directions 10 to 80 degrees apart"));
   }
   if (absl::Status status = MakeOracle(session); !status.ok()) return status;
+  AskRobotFirst(options.kept_scans, &session);
   return session;
 }
 

@@ -17,6 +17,7 @@
 #include "planner_client/replanning/measured_oracle.h"
 #include "planner_client/replanning/measured_part.h"
 #include "planner_client/requirements/requirements.h"
+#include "planner_client/robot/robot_cell.h"
 
 namespace sightline {
 
@@ -31,6 +32,8 @@ struct SessionOptions {
   bool fresh_targets = true;
   // Instead of the inspection's, which must have an uncertainty.
   std::optional<LineDetectionNoise> line_detection;
+  // Scans that are in the plan whether or not the inspection's robot reaches them.
+  std::vector<Measurement> kept_scans;
   // Called with the inspection, its part and its obstacles as they were read, before anything is
   // uploaded; what it changes is what will be planned for. May be null.
   std::function<absl::Status(PlanningSession&, CoverageTask&)> before_upload;
@@ -47,6 +50,7 @@ struct PlanningSession {
   // `oracle` owns. Null of other plans.
   std::shared_ptr<const MeasuredPart> measured;
   MeasuredOracle* measured_oracle = nullptr;
+  std::shared_ptr<const RobotCell> robot;  // null without rig.robot
   std::unique_ptr<EmbeddedServer> server;  // null with --coverage-server
   std::unique_ptr<CoverageClient> client;
   std::unique_ptr<CoverageClient> fresh_client;  // null without fresh targets
