@@ -403,6 +403,7 @@ absl::Status WritePlanOutputs(PlanningSession& session, const PlanDocument& docu
   ShowWhereItLies(session, &data);
   data.sampling = session.inspection.targets;
   data.measurable = client.measurable();
+  if (session.robot) data.robot = RobotForReport(session, document.plan);
   data.comparison = options.comparison;
   data.pareto = options.pareto;
   if (session.ForUncertainty()) {

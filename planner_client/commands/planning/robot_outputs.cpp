@@ -62,6 +62,28 @@ void PrintReach(const PlanningSession& session) {
                count == 0 ? "" : absl::StrCat("; most others: ", most).c_str());
 }
 
+ReportSolid SolidForReport(const Shape& shape) {
+  // What a page can hold; of finer meshes some triangles are left out.
+  constexpr size_t kMostTriangles = 20000;
+  ReportSolid solid;
+  if (const auto* box = std::get_if<BoxShape>(&shape.solid)) {
+    solid.box_m = box->size_m;
+  } else if (const auto* cylinder = std::get_if<CylinderShape>(&shape.solid)) {
+    solid.radius_m = cylinder->radius_m;
+    solid.length_m = cylinder->length_m;
+  } else if (const auto* sphere = std::get_if<SphereShape>(&shape.solid)) {
+    solid.radius_m = sphere->radius_m;
+  } else {
+    const TriangleMesh& mesh = *std::get<MeshShape>(shape.solid);
+    const size_t stride = mesh.triangles.size() / kMostTriangles + 1;
+    for (size_t t = 0; t < mesh.triangles.size(); t += stride) {
+      const auto& [a, b, c] = mesh.triangles[t];
+      solid.triangles_m.push_back({mesh.positions_m[a], mesh.positions_m[b], mesh.positions_m[c]});
+    }
+  }
+  return solid;
+}
+
 }  // namespace
 
 absl::Status OpenRobotCell(const CoverageTask& task, PlanningSession* session) {
@@ -141,6 +163,35 @@ void DescribeMove(const PlanningSession& session, const RobotMove& move, v1::Pla
                    nearest ? absl::StrCat("the nearest that it can make and that was found has ",
                                           DifferenceText(*nearest, measurement))
                            : "no scan near it that it can make was found"));
+}
+
+ReportRobot RobotForReport(const PlanningSession& session, const v1::Plan& plan) {
+  const RobotModel& model = session.robot->model();
+  ReportRobot report;
+  report.name = model.name;
+  for (const RobotJoint& joint : model.joints) report.joints.push_back({joint.name, joint.rotary});
+  std::vector<std::pair<size_t, Eigen::Isometry3d>> place;  // link of every solid, pose there
+  for (size_t link = 0; link < model.links.size(); ++link) {
+    for (const Shape& shape : model.links[link].shapes) {
+      place.emplace_back(link, shape.pose);
+      report.solids.push_back(SolidForReport(shape));
+    }
+  }
+  const auto poses_at = [&](const v1::PlannedScan& scan, double stage_m, const auto& position) {
+    const JointPositions q(position.begin(), position.end());
+    const auto links =
+        session.robot->LinksInPart(MeasurementFromProto(scan.measurement()), stage_m, q);
+    std::vector<Eigen::Isometry3d> poses;
+    for (const auto& [link, pose] : place) poses.push_back(links[link] * pose);
+    return poses;
+  };
+  for (const v1::PlannedScan& scan : plan.scans()) {
+    ReportRobot::ScanPoses& poses = report.scans.emplace_back();
+    if (!scan.robot().reachable()) continue;
+    poses.start = poses_at(scan, scan.stage_start_m(), scan.robot().start_position());
+    poses.end = poses_at(scan, scan.stage_end_m(), scan.robot().end_position());
+  }
+  return report;
 }
 
 }  // namespace sightline

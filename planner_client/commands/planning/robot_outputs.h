@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/report/plan/robot_section.h"
 #include "planner_client/robot/robot_moves.h"
 #include "planner_client/strategy/planner.h"
 #include "sightline/v1/plan.pb.h"
@@ -26,5 +27,8 @@ std::vector<RobotMove> OrderForRobot(const PlanningSession& session,
 
 // How the robot makes a scan, or why not and which scan near it can be made.
 void DescribeMove(const PlanningSession& session, const RobotMove& move, v1::PlannedScan* scan);
+
+// The robot as the report shows it. Only with a robot.
+ReportRobot RobotForReport(const PlanningSession& session, const v1::Plan& plan);
 
 }  // namespace sightline

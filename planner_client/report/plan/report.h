@@ -9,6 +9,7 @@
 #include "core/part/mesh.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
+#include "planner_client/report/plan/robot_section.h"
 #include "planner_client/report/uncertainty/target_uncertainty.h"
 #include "sightline/v1/pareto.pb.h"
 #include "sightline/v1/part.pb.h"
@@ -73,12 +74,13 @@ struct ReportData {
   std::optional<TargetUncertainties> uncertainty;
   // Of plans with plan.as_measured.
   std::vector<ReportDeviation> deviations;
+  std::optional<ReportRobot> robot;
   std::vector<std::string> notes;
 };
 
 // The page as UTF-8 HTML; the same data give the same bytes. All texts are escaped. Needs at least
 // one target and one triangle; scans may be none. INVALID_ARGUMENT names the field whose size does
-// not fit: scans against plan.scans, bit sets and uncertainties against targets, poses of other
+// not fit: scans (also of the robot) against plan.scans, bit sets and uncertainties against targets, poses of other
 // than 16 numbers; and uncertainties that are negative or not finite.
 absl::StatusOr<std::string> RenderReport(const ReportData& data);
 
