@@ -213,6 +213,10 @@ absl::Status InlineFiles(const v1::Inspection& message, const std::string& conte
   for (v1::Obstacle& obstacle : *result->mutable_obstacles()) {
     obstacle.set_file(Resolve(base_folder, obstacle.file()));
   }
+  if (result->rig().has_robot()) {
+    v1::Robot* robot = result->mutable_rig()->mutable_robot();
+    robot->set_urdf(Resolve(base_folder, robot->urdf()));
+  }
   for (int i = 0; i < result->materials_size() && !errors.full(); ++i) {
     errors.Add(InlineMaterial(check, absl::StrCat("materials[", i, "]"), base_folder,
                               result->mutable_materials(i)));

@@ -489,6 +489,10 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   }
   if (take(ParseMeasurementDomain(message.measurement(), context), &inspection.domain)) {
     errors.Add(ParsePartHolding(message, context, &inspection));
+    if (message.rig().has_robot()) {
+      absl::StatusOr<RobotMount> robot = ParseRobotMount(message, inspection.domain, context);
+      if (errors.Add(robot.status())) inspection.robot = *std::move(robot);
+    }
   }
   for (int i = 0; i < message.obstacles_size() && !errors.full(); ++i) {
     auto obstacle = ParseObstacle(message.obstacles(i), absl::StrCat("obstacles[", i, "]"), check);

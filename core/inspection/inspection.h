@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/inspection/optics_planning.h"
+#include "core/inspection/robot_mount.h"
 #include "core/rig/measurement.h"
 #include "core/rig/rig.h"
 #include "core/sensor/sensor.h"
@@ -157,6 +158,7 @@ struct Inspection {
   std::optional<double> required_resolution_m;  // DeriveLimits
   MeasurementDomain domain;
   std::vector<ObstacleSource> obstacles;
+  std::optional<RobotMount> robot;  // unset: scans are set up by hand
   PlanningGoal goal;
   CostModel costs;
   std::optional<UncertaintyModel> uncertainty;

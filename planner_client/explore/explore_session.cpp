@@ -37,6 +37,8 @@ const char* FeasibilityWord(ScanFeasibility feasibility) {
       return "travel";
     case ScanFeasibility::kOutOfBounds:
       return "out_of_bounds";
+    case ScanFeasibility::kUnreachable:
+      return "unreachable";
   }
   return "";
 }
@@ -294,6 +296,8 @@ std::string ExploreSession::Obstacle(const Measurement& measurement,
     }
     case ScanFeasibility::kOutOfBounds:
       return "a parameter is out of the bounds of the rig (docs/plan-a-part.md, measurement)";
+    case ScanFeasibility::kUnreachable:
+      return "the robot cannot make this scan (docs/robots.md)";
   }
   return "";
 }

@@ -15,7 +15,7 @@
 
 namespace sightline {
 
-enum class ScanFeasibility { kFeasible, kCollision, kTravel, kOutOfBounds };
+enum class ScanFeasibility { kFeasible, kCollision, kTravel, kOutOfBounds, kUnreachable };
 
 struct ScanGain {
   ScanFeasibility feasibility = ScanFeasibility::kFeasible;

@@ -230,6 +230,8 @@ const char* FeasibilityName(ScanFeasibility feasibility) {
       return "travel longer than the stage";
     case ScanFeasibility::kOutOfBounds:
       return "out of bounds";
+    case ScanFeasibility::kUnreachable:
+      return "out of the robot's reach";
   }
   return "unknown";
 }

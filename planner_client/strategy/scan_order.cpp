@@ -184,8 +184,21 @@ std::vector<int> OrderScans(const CostModel& costs, std::span<const Measurement>
       times[i][j] = RepositionTimeS(costs, scans[i], scans[j]);
     }
   }
+  return OrderByMoveTimes(std::move(times), {}, locked);
+}
+
+std::vector<int> OrderByMoveTimes(Times times, std::span<const double> first, int locked) {
+  assert(locked >= 0 && locked <= static_cast<int>(times.size()));
+  assert(first.empty() || first.size() == times.size());
+  std::vector<int> order(times.size());
+  std::iota(order.begin(), order.end(), 0);
+  if (locked == static_cast<int>(times.size())) return order;
   const std::vector<int> free(order.begin() + locked, order.end());
-  const int start = locked - 1;
+  int start = locked - 1;
+  if (start < 0 && !first.empty()) {
+    start = static_cast<int>(times.size());
+    times.emplace_back(first.begin(), first.end());
+  }
   const std::vector<int> best = static_cast<int>(free.size()) <= kMaxExact
                                     ? BestOrderExactly(times, free, start)
                                     : GoodOrder(times, free, start);

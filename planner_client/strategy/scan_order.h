@@ -32,4 +32,9 @@ double TotalRepositionTimeS(const CostModel& costs, std::span<const Measurement>
 std::vector<int> OrderScans(const CostModel& costs, std::span<const Measurement> scans,
                             int locked = 0);
 
+// The same by times of the machine: times[i][j] is that of its move from scan i to scan j, first[i]
+// that to scan i from where it stands before all scans (empty: free).
+std::vector<int> OrderByMoveTimes(std::vector<std::vector<double>> times,
+                                  std::span<const double> first, int locked);
+
 }  // namespace sightline

@@ -72,10 +72,11 @@ struct NamedFile {
   std::string file;
 };
 
-// Fields named `file` or `..._file` name files, in every message of sightline.v1.
+// Fields named `file`, `urdf` or `..._file` name files, in every message of sightline.v1.
 bool NamesFile(const google::protobuf::FieldDescriptor& field) {
   return field.type() == google::protobuf::FieldDescriptor::TYPE_STRING &&
-         (field.name() == "file" || absl::EndsWith(field.name(), "_file"));
+         (field.name() == "file" || field.name() == "urdf" ||
+          absl::EndsWith(field.name(), "_file"));
 }
 
 void CollectFiles(const google::protobuf::Message& message, const std::string& path, int depth,

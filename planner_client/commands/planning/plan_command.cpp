@@ -87,6 +87,7 @@ absl::Status KeepAnswers(const std::string& folder, PlanningSession* session,
   if (error) return absl::InternalError(absl::StrCat(folder, ": ", error.message()));
   const auto inspection = ReadFile(inspection_file);
   if (!inspection.ok()) return inspection.status();
+  if (session->robot) fingerprint.Add(session->robot->model().digest);
   // Another build may answer otherwise.
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
   const auto built = std::filesystem::last_write_time(program, error).time_since_epoch().count();
@@ -330,6 +331,7 @@ absl::Status PlanParsed(PlanOptions& options) {
   const bool measured = !earlier->files.empty();
   if (measured) options.session.before_upload = PutMeasuredPart(options.measured, *earlier);
   if (auto status = CheckOptics(options); !status.ok()) return status;
+  options.session.kept_scans = request.locked;
   const auto start = std::chrono::steady_clock::now();
   auto session = OpenSession(options.session);
   if (!session.ok()) return session.status();

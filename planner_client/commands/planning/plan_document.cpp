@@ -15,6 +15,7 @@
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/commands/planning/scan_setups.h"
 #include "planner_client/commands/planning/set_up_outputs.h"
 #include "planner_client/commands/planning/uncertainty_outputs.h"
@@ -261,12 +262,16 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
   PlanDocument document;
   // Scans that were given to be evaluated stay in their order.
   const bool given = source.stop_reason == v1::Plan::STOP_REASON_EVALUATED;
-  if (given) {
-    document.scans = std::move(scans);
+  const int fixed = given ? static_cast<int>(scans.size()) : locked;
+  std::vector<RobotMove> moves;
+  std::vector<int> order;
+  if (session.robot) {
+    moves = OrderForRobot(session, scans, fixed);
+    for (const RobotMove& move : moves) order.push_back(move.scan);
   } else {
-    for (const int index : OrderScans(costs, measurements, locked))
-      document.scans.push_back(std::move(scans[index]));
+    order = OrderScans(costs, measurements, fixed);
   }
+  for (const int index : order) document.scans.push_back(std::move(scans[index]));
 
   v1::Plan& plan = document.plan;
   plan.set_inspection_name(session.inspection.name);
@@ -301,6 +306,10 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
           RepositionTimeS(costs, document.scans[i - 1].measurement, chosen.measurement));
     cost.set_scan_time_s(cost.scan_time_s() + scan.scan_time_s());
     cost.set_reposition_time_s(cost.reposition_time_s() + scan.reposition_time_s());
+    if (session.robot) {
+      DescribeMove(session, moves[i], &scan);
+      plan.set_robot_move_time_s(plan.robot_move_time_s() + moves[i].move_time_s);
+    }
     const double error =
         std::abs(static_cast<double>(chosen.fast_covered - scan.covered_targets())) /
         static_cast<double>(scene.target_count);
@@ -309,8 +318,9 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
     *plan.add_scans() = std::move(scan);
   }
   cost.set_unit_costs(costs.IsUnit());
-  cost.set_total(costs.IsUnit() ? static_cast<double>(document.scans.size())
-                                : cost.scan_time_s() + cost.reposition_time_s());
+  cost.set_total(costs.IsUnit()
+                     ? static_cast<double>(document.scans.size())
+                     : cost.scan_time_s() + cost.reposition_time_s() + plan.robot_move_time_s());
 
   v1::PlanCoverage& coverage = *plan.mutable_coverage();
   coverage.set_targets(scene.target_count);
@@ -416,6 +426,7 @@ absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
                               client.scene().spec.obstacles(static_cast<int>(i)).frame(),
                               MeshWhereItLies(session, session.obstacles[i])});
   }
+  if (session.robot) data.robot = RobotForReport(session, document.plan);
   data.comparison = options.comparison;
   data.pareto = options.pareto;
   if (session.ForUncertainty()) {
@@ -597,6 +608,18 @@ std::string SummarisePlan(const v1::Plan& plan) {
   if (!plan.cost().unit_costs()) {
     absl::StrAppendFormat(&text, "scanning takes %.1f s, repositioning %.1f s.\n",
                           plan.cost().scan_time_s(), plan.cost().reposition_time_s());
+  }
+  int robot_scans = 0, unreached = 0;
+  for (const v1::PlannedScan& scan : plan.scans()) {
+    robot_scans += scan.has_robot();
+    unreached += scan.has_robot() && !scan.robot().reachable();
+  }
+  if (robot_scans > 0) {
+    absl::StrAppendFormat(
+        &text, "the robot moves %.1f s between scans%s.\n", plan.robot_move_time_s(),
+        unreached == 0
+            ? ""
+            : absl::StrFormat("; it cannot make %d of %d scans", unreached, robot_scans));
   }
   return text;
 }

@@ -11,6 +11,7 @@
 #include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
 #include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/commands/progress_line.h"
 #include "planner_client/optimise/random.h"
 #include "planner_client/part_files/part_file.h"
@@ -168,6 +169,11 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   }
   session.obstacles = task.obstacles;
 
+  if (absl::Status status = OpenRobotCell(task, &session); !status.ok()) {
+    return absl::Status(status.code(),
+                        absl::StrCat(options.inspection_file, ": ", status.message()));
+  }
+
   CoverageClientOptions client;
   client.address = options.coverage_server;
   client.interrupted = &InterruptFlag();
@@ -223,6 +229,7 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
                   LimitsText(session.inspection.targets)));
   }
   if (absl::Status status = MakeOracle(session); !status.ok()) return status;
+  AskRobotFirst(options.kept_scans, &session);
   return session;
 }
 

@@ -19,6 +19,7 @@
 #include "planner_client/replanning/measured_oracle.h"
 #include "planner_client/replanning/measured_part.h"
 #include "planner_client/requirements/requirements.h"
+#include "planner_client/robot/robot_cell.h"
 
 namespace sightline {
 
@@ -33,6 +34,8 @@ struct SessionOptions {
   bool fresh_targets = true;
   // Instead of the inspection's, which must have an uncertainty.
   std::optional<LineDetectionNoise> line_detection;
+  // Scans that are in the plan whether or not the inspection's robot reaches them.
+  std::vector<Measurement> kept_scans;
   // Called with the inspection, its part and its obstacles as they were read, before anything is
   // uploaded; what it changes is what will be planned for. May be null.
   std::function<absl::Status(PlanningSession&, CoverageTask&)> before_upload;
@@ -53,6 +56,7 @@ struct PlanningSession {
   MeasuredOracle* measured_oracle = nullptr;
   // As the coverage server knows them.
   std::vector<CoverageTask::Obstacle> obstacles;
+  std::shared_ptr<const RobotCell> robot;  // null without rig.robot
   std::unique_ptr<EmbeddedServer> server;  // null with --coverage-server
   std::unique_ptr<CoverageClient> client;
   std::unique_ptr<CoverageClient> fresh_client;  // null without fresh targets

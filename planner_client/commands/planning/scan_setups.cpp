@@ -134,6 +134,8 @@ void AddRemarks(const PlanningSession& session, const std::vector<ChosenScan>& s
       case ScanFeasibility::kOutOfBounds:
         scan.add_remarks("is out of bounds: it counts for nothing");
         continue;
+      case ScanFeasibility::kUnreachable:
+        continue;  // what the robot's move says
     }
     if (!given && !chosen.locked) continue;
     if (session.ForUncertainty()) continue;

@@ -18,6 +18,7 @@
 #include "planner_client/report/plan/pareto_section.h"
 #include "planner_client/report/plan/quality_section.h"
 #include "planner_client/report/plan/reasons_html.h"
+#include "planner_client/report/plan/robot_section.h"
 #include "planner_client/report/plan/setups_section.h"
 #include "planner_client/report/plan/uncovered_regions.h"
 #include "planner_client/report/plan/viewer_data.h"
@@ -189,7 +190,8 @@ std::string Figures(const ReportData& data) {
                                GroupedInteger(plan.coverage().targets()), " measurable</small>")});
   if (!plan.cost().unit_costs() && plan.cost().total() > 0) {
     figures.push_back(
-        {"time to execute", Seconds(plan.cost().scan_time_s() + plan.cost().reposition_time_s())});
+        {"time to execute", Seconds(plan.cost().scan_time_s() + plan.cost().reposition_time_s() +
+                                    plan.robot_move_time_s())});
   }
   double planning_s = 0;
   for (const NamedTiming& timing : data.timings) planning_s += timing.seconds;
@@ -464,6 +466,9 @@ std::string CostSection(const v1::Plan& plan) {
   } else {
     facts.push_back({"Scanning", Seconds(cost.scan_time_s())});
     facts.push_back({"Repositioning", Seconds(cost.reposition_time_s())});
+    if (plan.robot_move_time_s() > 0) {
+      facts.push_back({"Moves of the robot", Seconds(plan.robot_move_time_s())});
+    }
     facts.push_back({"Total", absl::StrCat("<strong>", Seconds(cost.total()), "</strong>")});
   }
   return Section("cost", "Cost of executing it", body + Facts(facts));
@@ -578,6 +583,9 @@ absl::Status Check(const ReportData& data) {
   const auto scans = static_cast<size_t>(data.plan.scans_size());
   if (data.scans.size() != scans)
     return mismatch("scans", data.scans.size(), scans, "number of scans of the plan");
+  if (data.robot && data.robot->scans.size() != scans) {
+    return mismatch("robot.scans", data.robot->scans.size(), scans, "number of scans of the plan");
+  }
   for (size_t i = 0; i < scans; ++i) {
     if (data.scans[i].covered.size() != targets) {
       return mismatch(absl::StrCat("scans[", i, "].covered"), data.scans[i].covered.size(), targets,
@@ -657,7 +665,7 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
   }
   if (data.pareto.has_value()) sections += ParetoSection(*data.pareto);
   sections += CurveSection(data.plan) + SetupsSection(data) + ScansSection(data) +
-              QualitySection(data.plan) +
+              QualitySection(data.plan) + (data.robot ? RobotSection(data.plan, *data.robot) : "") +
               RegionsSection(data, regions, region_count, uncovered_count);
   if (const std::string reasons = ReasonsHtml(data); !reasons.empty()) {
     sections += Section("reasons", "Why places are not measured", reasons);

@@ -11,6 +11,7 @@
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
 #include "core/targets/uncovered_reason.h"
+#include "planner_client/report/plan/robot_section.h"
 #include "planner_client/report/uncertainty/target_uncertainty.h"
 #include "sightline/v1/pareto.pb.h"
 #include "sightline/v1/part.pb.h"
@@ -87,6 +88,7 @@ struct ReportData {
   std::optional<TargetUncertainties> uncertainty;
   // Of plans with plan.as_measured.
   std::vector<ReportDeviation> deviations;
+  std::optional<ReportRobot> robot;
   std::vector<std::string> notes;
   // Of every target by the scan that covers it best [m], 0 where none does; empty: not shown.
   std::vector<float> depth_per_pixel_m;
@@ -95,8 +97,9 @@ struct ReportData {
 
 // The page as UTF-8 HTML; the same data give the same bytes. All texts are escaped. Needs at least
 // one target and one triangle; scans may be none. INVALID_ARGUMENT names the field whose size does
-// not fit: scans against plan.scans, bit sets, depths, reasons and uncertainties against targets,
-// poses of other than 16 numbers; and uncertainties that are negative or not finite.
+// not fit: scans (also of the robot) against plan.scans, bit sets, depths, reasons and
+// uncertainties against targets, poses of other than 16 numbers; and uncertainties that are
+// negative or not finite.
 absl::StatusOr<std::string> RenderReport(const ReportData& data);
 
 }  // namespace sightline

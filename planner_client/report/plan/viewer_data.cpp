@@ -263,6 +263,7 @@ std::string ViewerDataJson(const ReportData& data, const DisplayMesh& mesh,
       {"fan_angle_rad", data.rig.laser.fan_angle_rad},
       {"camera_bodies", Bodies(data.rig.camera_bodies)},
       {"laser_bodies", Bodies(data.rig.laser_bodies)}};
+  if (data.robot) json["robot"] = RobotSolidsJson(*data.robot);
   json["scans"] = Json::array();
   for (int i = 0; i < data.plan.scans_size(); ++i) {
     const v1::PlannedScan& scan = data.plan.scans(i);
@@ -277,6 +278,7 @@ std::string ViewerDataJson(const ReportData& data, const DisplayMesh& mesh,
                                                       scan.measurement().camera_distance_m())},
                              {"stage_start_m", scan.stage_start_m()},
                              {"stage_end_m", scan.stage_end_m()}});
+    if (data.robot) json["scans"].back()["robot"] = RobotPosesJson(data.robot->scans[i]);
   }
   json["regions"] = Json::array();
   for (const UncoveredRegion& region : regions) {

@@ -39,6 +39,8 @@ export function readViewerData(json) {
       measurable: bytes(raw.targets.measurable),
     },
     rig: raw.rig,
+    robot: (raw.robot ?? []).map((solid) => (
+      solid.triangles ? {triangles: array(Float32Array, solid.triangles)} : solid)),
     scans: raw.scans.map((scan) => ({...scan, covered: bytes(scan.covered)})),
     regions: raw.regions.map(withTargets),
     uncertainty: raw.uncertainty ? readUncertainty(raw.uncertainty) : null,

@@ -3,7 +3,7 @@ import {
   Box3, Box3Helper, BoxGeometry, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DataTexture, DoubleSide,
   EdgesGeometry, FloatType, Group, LineBasicMaterial, LineSegments, Matrix4, Mesh,
   MeshBasicMaterial, MeshLambertMaterial, HemisphereLight, DirectionalLight, NearestFilter,
-  PerspectiveCamera, Points, Raycaster, RedFormat, Scene, ShaderMaterial, Vector2, Vector3, WebGLRenderer,
+  PerspectiveCamera, Points, Quaternion, Raycaster, RedFormat, Scene, ShaderMaterial, SphereGeometry, Vector2, Vector3, WebGLRenderer,
 } from 'three';
 import {OrbitControls} from 'three/examples/jsm/controls/OrbitControls.js';
 import {Obstacle, regionBox} from './surroundings.js';
@@ -385,6 +385,47 @@ void main() {
     this.rig.add(lines(path(this.scan.camera_pose), new LineBasicMaterial({color: 0x3c87bd})));
     this.rig.add(lines(path(this.scan.laser_pose), new LineBasicMaterial({color: 0xe0352b})));
     this.rig.add(this.cameraBody, this.laserBody);
+    this.addRobot();
+  }
+
+  /** What carries the scanner or the part; nothing where it cannot make the scan. */
+  addRobot() {
+    this.robot = null;
+    if (!this.scan.robot) return;
+    const ends = (poses) => poses.map((rowMajor) => {
+      const end = {position: new Vector3(), turn: new Quaternion(), scale: new Vector3()};
+      new Matrix4().set(...rowMajor).decompose(end.position, end.turn, end.scale);
+      return end;
+    });
+    this.robot = this.data.robot.map((solid) => {
+      const mesh = new Mesh(this.robotGeometry(solid), new MeshLambertMaterial({color: 0x9aa3ad}));
+      mesh.add(new LineSegments(new EdgesGeometry(mesh.geometry, 30),
+          new LineBasicMaterial({color: 0x000000, transparent: true, opacity: 0.35})));
+      return mesh;
+    });
+    this.robotStart = ends(this.scan.robot.start);
+    this.robotEnd = ends(this.scan.robot.end);
+    this.rig.add(...this.robot);
+    this.moveRobot(0);
+  }
+
+  robotGeometry({size, radius, length, triangles}) {
+    if (size) return new BoxGeometry(...size);
+    if (length) return new CylinderGeometry(radius, radius, length, 40).rotateX(Math.PI / 2);
+    if (radius) return new SphereGeometry(radius, 32, 16);
+    const geometry = new BufferGeometry();
+    geometry.setAttribute('position', new BufferAttribute(triangles, 3));
+    geometry.computeVertexNormals();
+    return geometry;
+  }
+
+  /** Links between their poses at the start and at the end of the scan. */
+  moveRobot(fraction) {
+    this.robot?.forEach((mesh, i) => {
+      const a = this.robotStart[i], b = this.robotEnd[i];
+      mesh.position.lerpVectors(a.position, b.position, fraction);
+      mesh.quaternion.slerpQuaternions(a.turn, b.turn, fraction);
+    });
   }
 
   sensor(bodies, colour) {
@@ -409,6 +450,7 @@ void main() {
     this.cameraBody.matrix.copy(sensorMatrix(camera_pose, sensor_direction, travel));
     this.placeObstacles(new Vector3(...sensor_direction).multiplyScalar(travel));
     this.laserBody.matrix.copy(sensorMatrix(laser_pose, sensor_direction, travel));
+    this.moveRobot(fraction);
     const u = this.uniforms;
     this.laserBody.matrix.extractBasis(u.laserX.value, u.laserY.value, u.laserZ.value);
     u.laserOrigin.value.setFromMatrixPosition(this.laserBody.matrix);

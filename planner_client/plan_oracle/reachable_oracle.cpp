@@ -1,0 +1,141 @@
+#include "planner_client/plan_oracle/reachable_oracle.h"
+
+#include <algorithm>
+#include <array>
+#include <atomic>
+#include <functional>
+#include <thread>
+
+namespace sightline {
+namespace {
+
+// Answers that are remembered; some 10 MB.
+constexpr size_t kMostRemembered = 100000;
+
+}  // namespace
+
+void ReachableOracle::Keep(std::span<const Measurement> scans) {
+  for (const Measurement& scan : scans) kept_.insert(ToArray(scan));
+}
+
+std::vector<bool> ReachableOracle::Reached(std::span<const Measurement> measurements) {
+  std::vector<size_t> open;
+  for (size_t i = 0; i < measurements.size(); ++i) {
+    const Key key = ToArray(measurements[i]);
+    if (!kept_.contains(key) && !reached_.contains(key)) open.push_back(i);
+  }
+  std::vector<char> found(open.size());
+  std::atomic<size_t> next = 0;
+  const auto work = [&] {
+    for (size_t k = next++; k < open.size(); k = next++) {
+      const Measurement& scan = measurements[open[k]];
+      found[k] = cell_->Reachable(scan, travel_of_(scan), false).reachable();
+    }
+  };
+  const size_t threads =
+      std::min<size_t>(std::max(1u, std::thread::hardware_concurrency()), open.size());
+  std::vector<std::jthread> others;
+  for (size_t t = 1; t < threads; ++t) others.emplace_back(work);
+  work();
+  others.clear();
+  if (reached_.size() + open.size() > kMostRemembered) {
+    // What was asked before and is asked for again now must stay.
+    std::map<Key, bool> needed;
+    for (const Measurement& scan : measurements) {
+      if (const auto at = reached_.find(ToArray(scan)); at != reached_.end()) needed.insert(*at);
+    }
+    reached_ = std::move(needed);
+  }
+  for (size_t k = 0; k < open.size(); ++k) {
+    reached_[ToArray(measurements[open[k]])] = found[k] != 0;
+  }
+  std::vector<bool> result;
+  for (const Measurement& scan : measurements) {
+    const Key key = ToArray(scan);
+    result.push_back(kept_.contains(key) || reached_.at(key));
+  }
+  return result;
+}
+
+template <typename Answer, typename Ask>
+absl::StatusOr<std::vector<Answer>> ReachableOracle::OfReached(
+    std::span<const Measurement> measurements, const Ask& ask,
+    const std::function<Answer()>& unreached) {
+  const std::vector<bool> reached = Reached(measurements);
+  std::vector<Measurement> asked;
+  for (size_t i = 0; i < measurements.size(); ++i) {
+    if (reached[i]) asked.push_back(measurements[i]);
+  }
+  std::vector<Answer> answers;
+  if (!asked.empty()) {
+    absl::StatusOr<std::vector<Answer>> of_asked = ask(asked);
+    if (!of_asked.ok() || asked.size() == measurements.size()) return of_asked;
+    answers = *std::move(of_asked);
+  }
+  std::vector<Answer> result;
+  size_t next = 0;
+  for (size_t i = 0; i < measurements.size(); ++i) {
+    result.push_back(reached[i] ? std::move(answers[next++]) : unreached());
+  }
+  return result;
+}
+
+ScanCoverage ReachableOracle::Unreached() const {
+  ScanCoverage coverage;
+  coverage.feasibility = ScanFeasibility::kUnreachable;
+  coverage.covered = TargetBits(measurable().size());
+  coverage.covered_without_normal_gate = coverage.covered;
+  coverage.fresh_covered = TargetBits(fresh_measurable().size());
+  return coverage;
+}
+
+absl::StatusOr<std::vector<ScanGain>> ReachableOracle::Gains(
+    std::span<const Measurement> measurements, std::span<const float> known) {
+  return OfReached<ScanGain>(
+      measurements, [&](const auto& asked) { return oracle_->Gains(asked, known); },
+      [this] {
+        ++unreached_;
+        return ScanGain{.feasibility = ScanFeasibility::kUnreachable};
+      });
+}
+
+absl::StatusOr<std::vector<ScanGain>> ReachableOracle::WeightedGains(
+    std::span<const Measurement> measurements, std::span<const float> weights) {
+  return OfReached<ScanGain>(
+      measurements, [&](const auto& asked) { return oracle_->WeightedGains(asked, weights); },
+      [this] {
+        ++unreached_;
+        return ScanGain{.feasibility = ScanFeasibility::kUnreachable};
+      });
+}
+
+absl::StatusOr<std::vector<ScanCoverage>> ReachableOracle::FastCoverage(
+    std::span<const Measurement> measurements) {
+  return OfReached<ScanCoverage>(
+      measurements, [&](const auto& asked) { return oracle_->FastCoverage(asked); },
+      [this] {
+        ++unreached_;
+        return Unreached();
+      });
+}
+
+absl::StatusOr<std::vector<ScanCoverage>> ReachableOracle::ExactCoverage(
+    std::span<const Measurement> measurements) {
+  auto coverages = OfReached<ScanCoverage>(
+      measurements, [&](const auto& asked) { return oracle_->ExactCoverage(asked); },
+      [this] { return Unreached(); });
+  if (!coverages.ok()) return coverages;
+  for (size_t i = 0; i < measurements.size(); ++i) {
+    ScanCoverage& coverage = (*coverages)[i];
+    if (coverage.feasibility != ScanFeasibility::kFeasible ||
+        coverage.last_frame < coverage.first_frame || kept_.contains(ToArray(measurements[i]))) {
+      continue;
+    }
+    const ScanTravel travel{coverage.first_frame * scan_step_m_,
+                            coverage.last_frame * scan_step_m_};
+    if (!cell_->Reachable(measurements[i], travel, false).reachable()) coverage = Unreached();
+  }
+  return coverages;
+}
+
+}  // namespace sightline

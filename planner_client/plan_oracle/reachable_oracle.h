@@ -1,0 +1,76 @@
+// Scans that a robot cannot make are infeasible; they are found out before anything is asked of
+// them.
+#pragma once
+
+#include <array>
+#include <functional>
+#include <map>
+#include <memory>
+#include <set>
+#include <span>
+#include <vector>
+
+#include "planner_client/robot/robot_cell.h"
+#include "planner_client/strategy/gain_oracle.h"
+
+namespace sightline {
+
+class ReachableOracle final : public GainOracle {
+ public:
+  // `travel_of` says between which stage positions a scan is expected to measure; where its frames
+  // are known they count too.
+  ReachableOracle(std::unique_ptr<GainOracle> oracle, std::shared_ptr<const RobotCell> cell,
+                  std::function<ScanTravel(const Measurement&)> travel_of, double scan_step_m)
+      : oracle_(std::move(oracle)),
+        cell_(std::move(cell)),
+        travel_of_(std::move(travel_of)),
+        scan_step_m_(scan_step_m) {}
+
+  // Scans that are kept as they are, reached or not.
+  void Keep(std::span<const Measurement> scans);
+
+  const TargetBits& measurable() const override { return oracle_->measurable(); }
+  const TargetBits& fresh_measurable() const override { return oracle_->fresh_measurable(); }
+  absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
+                                              std::span<const float> known) override;
+  absl::StatusOr<std::vector<ScanGain>> WeightedGains(std::span<const Measurement> measurements,
+                                                      std::span<const float> weights) override;
+  absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
+      std::span<const Measurement> measurements) override;
+  absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
+      std::span<const Measurement> measurements) override;
+  // Those that are not reached included.
+  int64_t evaluations() const override { return oracle_->evaluations() + unreached_; }
+
+  std::vector<ShareStep> steps() const override { return oracle_->steps(); }
+  bool ScoresPlans() const override { return oracle_->ScoresPlans(); }
+  absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool thorough) override {
+    return oracle_->ScorePlan(scans, thorough);
+  }
+  absl::StatusOr<std::vector<PlanScore>> ScoreGrowingPlan(
+      std::span<const Measurement> scans) override {
+    return oracle_->ScoreGrowingPlan(scans);
+  }
+
+ private:
+  using Key = std::array<double, kMeasurementParameters>;
+
+  // Whether each scan is reached, or kept anyway.
+  std::vector<bool> Reached(std::span<const Measurement> measurements);
+  // Answers of the oracle to the scans that are reached, at their places among all.
+  template <typename Answer, typename Ask>
+  absl::StatusOr<std::vector<Answer>> OfReached(std::span<const Measurement> measurements,
+                                                const Ask& ask,
+                                                const std::function<Answer()>& unreached);
+  ScanCoverage Unreached() const;
+
+  const std::unique_ptr<GainOracle> oracle_;
+  const std::shared_ptr<const RobotCell> cell_;
+  const std::function<ScanTravel(const Measurement&)> travel_of_;
+  const double scan_step_m_;
+  std::set<Key> kept_;
+  std::map<Key, bool> reached_;
+  int64_t unreached_ = 0;
+};
+
+}  // namespace sightline

@@ -1,0 +1,46 @@
+// The robot of a plan: a section of the report, and what the viewer draws of it.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <array>
+#include <nlohmann/json_fwd.hpp>
+#include <string>
+#include <vector>
+
+#include "sightline/v1/plan.pb.h"
+
+namespace sightline {
+
+// A solid of the robot in a frame of its own; exactly one of the three is given.
+struct ReportSolid {
+  Eigen::Vector3d box_m = Eigen::Vector3d::Zero();  // full edge lengths
+  // Axis along z, origin in the middle; of no length: a sphere.
+  double radius_m = 0, length_m = 0;
+  std::vector<std::array<Eigen::Vector3f, 3>> triangles_m;
+};
+
+struct ReportRobot {
+  std::string name;
+  struct Joint {
+    std::string name;
+    bool rotary = true;
+  };
+  std::vector<Joint> joints;
+  std::vector<ReportSolid> solids;
+  // Of every scan: the solids' poses at its start and at its end, part coordinates with the stage
+  // where it is then; none if the robot cannot make it.
+  struct ScanPoses {
+    std::vector<Eigen::Isometry3d> start, end;
+  };
+  std::vector<ScanPoses> scans;
+};
+
+// Table of joint positions and times, and what cannot be reached and why. Needs one entry of
+// robot.scans and one RobotScan per scan of the plan.
+std::string RobotSection(const v1::Plan& plan, const ReportRobot& robot);
+
+// The solids, as viewer/scene.js takes them, and their poses in one scan (null: none).
+nlohmann::json RobotSolidsJson(const ReportRobot& robot);
+nlohmann::json RobotPosesJson(const ReportRobot::ScanPoses& scan);
+
+}  // namespace sightline

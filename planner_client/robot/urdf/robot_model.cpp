@@ -1,0 +1,387 @@
+#include "planner_client/robot/urdf/robot_model.h"
+
+#include <urdf_model/model.h>
+
+#include <algorithm>
+#include <cmath>
+#include <filesystem>
+#include <map>
+#include <numbers>
+
+#include "absl/strings/match.h"
+#include "absl/strings/str_cat.h"
+#include "core/json/strict_json.h"
+#include "core/part/load_part.h"
+#include "planner_client/robot/urdf/urdf_file.h"
+#include "planner_client/rpc_client/sha256.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr size_t kMostLinks = 200;
+constexpr size_t kMostJoints = 16;
+constexpr size_t kMostShapes = 2000;
+constexpr size_t kMostTriangles = 500000;
+constexpr uintmax_t kMostMeshBytes = 64 << 20;
+// Of any length in a URDF; larger ones are in other units than metres.
+constexpr double kMostMetres = 100;
+
+class Reader {
+ public:
+  explicit Reader(const RobotMount& mount) : mount_(mount) {}
+
+  absl::StatusOr<RobotModel> Read() {
+    auto file = ReadUrdfFile(mount_.urdf_file);
+    if (!file.ok()) return file.status();
+    urdf_ = file->model;
+    digest_.Add(file->digest);
+    if (urdf_->links_.size() > kMostLinks) {
+      return Bad(absl::StrCat("has ", urdf_->links_.size(), " links, at most ", kMostLinks));
+    }
+    model_.name = urdf_->getName();
+    if (auto status = AddLinks(); !status.ok()) return status;
+    if (auto status = FindChain(); !status.ok()) return status;
+    for (size_t i = 0; i < model_.links.size(); ++i) {
+      if (auto status = AddShapes(i); !status.ok()) return status;
+    }
+    if (auto status = SetHome(); !status.ok()) return status;
+    model_.digest = digest_.Hex();
+    return std::move(model_);
+  }
+
+ private:
+  absl::Status Bad(const std::string& reason) const {
+    return absl::InvalidArgumentError(absl::StrCat(mount_.urdf_file, ": ", reason));
+  }
+
+  absl::Status CheckLength(double value, const std::string& where, bool positive) const {
+    if (std::isfinite(value) && std::abs(value) <= kMostMetres && (!positive || value > 0)) {
+      return absl::OkStatus();
+    }
+    return Bad(absl::StrCat(where, " is ", NumberText(value), ", must be in ",
+                            positive ? "(0" : "[-100", ", 100] m"));
+  }
+
+  absl::StatusOr<Eigen::Isometry3d> PoseOf(const urdf::Pose& pose, const std::string& where) const {
+    for (const double value : {pose.position.x, pose.position.y, pose.position.z}) {
+      if (auto s = CheckLength(value, where + ": origin xyz", false); !s.ok()) return s;
+    }
+    const urdf::Rotation& r = pose.rotation;
+    Eigen::Quaterniond turn(r.w, r.x, r.y, r.z);
+    if (!turn.coeffs().allFinite() || !(turn.norm() > 0.5)) {
+      return Bad(where + ": origin rpy is not finite");
+    }
+    Eigen::Isometry3d result = Eigen::Isometry3d::Identity();
+    result.linear() = turn.normalized().toRotationMatrix();
+    result.translation() = Eigen::Vector3d(pose.position.x, pose.position.y, pose.position.z);
+    return result;
+  }
+
+  // From the root down; urdfdom has checked that every link has at most one parent.
+  absl::Status AddLinks() {
+    const urdf::LinkConstSharedPtr root = urdf_->getRoot();
+    if (!root) return Bad("has no root link: its joints make a loop");
+    std::vector<urdf::LinkConstSharedPtr> waiting = {root};
+    for (size_t next = 0; next < waiting.size(); ++next) {
+      const urdf::LinkConstSharedPtr link = waiting[next];
+      if (index_.contains(link->name))
+        return Bad(absl::StrCat("link ", link->name, " is in a loop"));
+      index_[link->name] = static_cast<int>(next);
+      RobotLink added;
+      added.name = link->name;
+      if (const urdf::JointSharedPtr& joint = link->parent_joint; joint) {
+        added.parent = index_.at(joint->parent_link_name);
+        auto origin =
+            PoseOf(joint->parent_to_joint_origin_transform, absl::StrCat("joint ", joint->name));
+        if (!origin.ok()) return origin.status();
+        added.origin = *origin;
+      }
+      model_.links.push_back(std::move(added));
+      source_.push_back(link);
+      waiting.insert(waiting.end(), link->child_links.begin(), link->child_links.end());
+    }
+    if (waiting.size() != urdf_->links_.size()) {
+      for (const auto& [name, link] : urdf_->links_) {
+        if (!index_.contains(name)) {
+          return Bad(absl::StrCat("link ", name, " is in a loop: it does not hang on the root ",
+                                  root->name));
+        }
+      }
+    }
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<int> LinkNamed(const std::string& name, const char* field) const {
+    const auto found = index_.find(name);
+    if (found != index_.end()) return found->second;
+    std::string names;
+    for (const RobotLink& link : model_.links) {
+      absl::StrAppend(&names, names.empty() ? "" : ", ", link.name);
+      if (names.size() > 300) break;
+    }
+    return Bad(absl::StrCat("has no link \"", name, "\" (rig.robot.", field, "); it has ", names));
+  }
+
+  absl::Status FindChain() {
+    if (!mount_.base_link.empty()) {
+      auto base = LinkNamed(mount_.base_link, "base_link");
+      if (!base.ok()) return base.status();
+      model_.base = *base;
+    }
+    auto tip = LinkNamed(mount_.tip_link, "tip_link");
+    if (!tip.ok()) return tip.status();
+    model_.tip = *tip;
+    std::vector<int> chain;
+    int link = model_.tip;
+    for (; link >= 0 && link != model_.base; link = model_.links[link].parent)
+      chain.push_back(link);
+    if (link != model_.base) {
+      return Bad(absl::StrCat("link ", mount_.tip_link, " does not hang on link ",
+                              model_.links[model_.base].name));
+    }
+    std::reverse(chain.begin(), chain.end());
+    for (const int i : chain) {
+      if (auto status = AddJoint(*source_[i]->parent_joint, i); !status.ok()) return status;
+    }
+    for (size_t i = 0; i < model_.links.size(); ++i) {
+      if (model_.links[i].joint < 0) RestLink(i);
+    }
+    if (model_.joints.empty()) {
+      return Bad(absl::StrCat("has no movable joint between ", model_.links[model_.base].name,
+                              " and ", mount_.tip_link));
+    }
+    if (model_.joints.size() > kMostJoints) {
+      return Bad(absl::StrCat("has ", model_.joints.size(), " joints from base to tip, at most ",
+                              kMostJoints));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<Eigen::Vector3d> AxisOf(const urdf::Joint& joint) const {
+    const Eigen::Vector3d axis(joint.axis.x, joint.axis.y, joint.axis.z);
+    if (!axis.allFinite() || !(axis.norm() > 1e-6)) {
+      return Bad(absl::StrCat("joint ", joint.name, ": axis is zero or not finite"));
+    }
+    return Eigen::Vector3d(axis.normalized());
+  }
+
+  absl::Status AddJoint(const urdf::Joint& joint, int link) {
+    const std::string where = absl::StrCat("joint ", joint.name);
+    if (joint.type == urdf::Joint::FIXED) return absl::OkStatus();
+    RobotJoint added;
+    added.name = joint.name;
+    switch (joint.type) {
+      case urdf::Joint::REVOLUTE:
+        break;
+      case urdf::Joint::CONTINUOUS:
+        added.continuous = true;
+        break;
+      case urdf::Joint::PRISMATIC:
+        added.rotary = false;
+        break;
+      default:
+        return Bad(where + ": is neither fixed, revolute, continuous nor prismatic");
+    }
+    if (joint.mimic) return Bad(where + ": mimics another joint, which a chain must not");
+    auto axis = AxisOf(joint);
+    if (!axis.ok()) return axis.status();
+    if (!joint.limits) return Bad(where + ": has no <limit>, whose velocity is needed");
+    added.max_speed = joint.limits->velocity;
+    if (!std::isfinite(added.max_speed) || !(added.max_speed > 0)) {
+      return Bad(absl::StrCat(where, ": limit velocity is ", NumberText(added.max_speed),
+                              ", must be above 0"));
+    }
+    if (added.continuous) {
+      added.min = -std::numbers::pi;
+      added.max = std::numbers::pi;
+    } else {
+      added.min = joint.limits->lower;
+      added.max = joint.limits->upper;
+      if (!std::isfinite(added.min) || !std::isfinite(added.max) || !(added.min < added.max) ||
+          added.max - added.min > 1000) {
+        return Bad(absl::StrCat(where, ": limits are ", NumberText(added.min), " to ",
+                                NumberText(added.max), ", lower must be below upper"));
+      }
+    }
+    model_.links[link].axis = *axis;
+    model_.links[link].joint = static_cast<int>(model_.joints.size());
+    model_.joints.push_back(std::move(added));
+    return absl::OkStatus();
+  }
+
+  // A joint beside the chain is at 0, or at the limit next to it.
+  void RestLink(size_t i) {
+    const urdf::JointSharedPtr& joint = source_[i]->parent_joint;
+    if (!joint || !joint->limits) return;
+    const bool rotary = joint->type == urdf::Joint::REVOLUTE;
+    if (!rotary && joint->type != urdf::Joint::PRISMATIC) return;
+    if (!(joint->limits->lower <= joint->limits->upper)) return;
+    const double at = std::clamp(0.0, joint->limits->lower, joint->limits->upper);
+    const Eigen::Vector3d axis(joint->axis.x, joint->axis.y, joint->axis.z);
+    if (!axis.allFinite() || !(axis.norm() > 1e-6) || !std::isfinite(at)) return;
+    if (rotary) {
+      model_.links[i].origin.rotate(Eigen::AngleAxisd(at, axis.normalized()));
+    } else {
+      model_.links[i].origin.translate(at * axis.normalized());
+    }
+  }
+
+  absl::StatusOr<MeshShape> MeshOf(const urdf::Mesh& mesh, const std::string& where) {
+    std::string name = mesh.filename;
+    if (name.starts_with("file://") || name.starts_with("package://") ||
+        name.find("://") != name.npos) {
+      return Bad(
+          absl::StrCat(where, ": mesh ", name, " is a link; give its path relative to the URDF"));
+    }
+    const fs::path relative = fs::path(name).lexically_normal();
+    if (name.empty() || relative.is_absolute() || relative.begin()->string() == "..") {
+      return Bad(
+          absl::StrCat(where, ": mesh \"", name, "\" must be a path below the folder of the URDF"));
+    }
+    const fs::path path = fs::path(mount_.urdf_file).parent_path() / relative;
+    std::error_code error;
+    if (!fs::exists(path, error)) {
+      return absl::NotFoundError(
+          absl::StrCat(mount_.urdf_file, ": ", where, ": mesh ", path.string(), ": no such file"));
+    }
+    if (!fs::is_regular_file(path, error)) {
+      return Bad(absl::StrCat(where, ": mesh ", path.string(), " is not a regular file"));
+    }
+    if (fs::file_size(path, error) > kMostMeshBytes) {
+      return Bad(absl::StrCat(where, ": mesh ", path.string(), " has more than ", kMostMeshBytes,
+                              " bytes"));
+    }
+    const Eigen::Vector3d scale(mesh.scale.x, mesh.scale.y, mesh.scale.z);
+    if (!scale.allFinite() || !(scale.cwiseAbs().minCoeff() > 0)) {
+      return Bad(where + ": mesh scale must be finite and not 0");
+    }
+    // Files in millimetres have a scale of 0.001: looked at by size only after scaling.
+    const bool millimetres = (scale - Eigen::Vector3d::Constant(1e-3)).norm() < 1e-9;
+    const bool has_unit =
+        absl::EndsWithIgnoreCase(name, ".glb") || absl::EndsWithIgnoreCase(name, ".gltf");
+    auto loaded = LoadPart(path.string(), has_unit ? "" : millimetres ? "mm" : "m");
+    if (!loaded.ok()) {
+      return absl::Status(loaded.status().code(), absl::StrCat(mount_.urdf_file, ": ", where, ": ",
+                                                               loaded.status().message()));
+    }
+    if (has_unit || !millimetres) {
+      for (Eigen::Vector3f& p : loaded->positions_m) p = p.cwiseProduct(scale.cast<float>());
+    }
+    triangles_ += loaded->triangles.size();
+    if (triangles_ > kMostTriangles) {
+      return Bad(absl::StrCat("has meshes of more than ", kMostTriangles, " triangles"));
+    }
+    digest_.Add(PartDigest(*loaded));
+    return std::make_shared<const TriangleMesh>(*std::move(loaded));
+  }
+
+  absl::Status AddShapes(size_t i) {
+    const urdf::Link& link = *source_[i];
+    const std::string where = absl::StrCat("link ", link.name);
+    std::vector<urdf::CollisionSharedPtr> collisions = link.collision_array;
+    if (collisions.empty() && link.collision) collisions.push_back(link.collision);
+    for (const urdf::CollisionSharedPtr& collision : collisions) {
+      if (++shapes_ > kMostShapes) {
+        return Bad(absl::StrCat("has more than ", kMostShapes, " solids"));
+      }
+      if (!collision || !collision->geometry) return Bad(where + ": <collision> has no <geometry>");
+      auto pose = PoseOf(collision->origin, where + ": collision");
+      if (!pose.ok()) return pose.status();
+      Shape shape;
+      shape.pose = *pose;
+      switch (collision->geometry->type) {
+        case urdf::Geometry::BOX: {
+          const auto& box = static_cast<const urdf::Box&>(*collision->geometry);
+          for (const double size : {box.dim.x, box.dim.y, box.dim.z}) {
+            if (auto s = CheckLength(size, where + ": box size", true); !s.ok()) return s;
+          }
+          shape.solid = BoxShape{{box.dim.x, box.dim.y, box.dim.z}};
+          break;
+        }
+        case urdf::Geometry::CYLINDER: {
+          const auto& cylinder = static_cast<const urdf::Cylinder&>(*collision->geometry);
+          for (const double size : {cylinder.radius, cylinder.length}) {
+            if (auto s = CheckLength(size, where + ": cylinder", true); !s.ok()) return s;
+          }
+          shape.solid = CylinderShape{cylinder.radius, cylinder.length};
+          break;
+        }
+        case urdf::Geometry::SPHERE: {
+          const auto& sphere = static_cast<const urdf::Sphere&>(*collision->geometry);
+          if (auto s = CheckLength(sphere.radius, where + ": sphere radius", true); !s.ok())
+            return s;
+          shape.solid = SphereShape{sphere.radius};
+          break;
+        }
+        case urdf::Geometry::MESH: {
+          auto mesh = MeshOf(static_cast<const urdf::Mesh&>(*collision->geometry), where);
+          if (!mesh.ok()) return mesh.status();
+          shape.solid = *std::move(mesh);
+          break;
+        }
+      }
+      model_.links[i].shapes.push_back(std::move(shape));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status SetHome() {
+    const size_t joints = model_.joints.size();
+    if (mount_.home.empty()) {
+      for (const RobotJoint& joint : model_.joints)
+        model_.home.push_back((joint.min + joint.max) / 2);
+      return absl::OkStatus();
+    }
+    if (mount_.home.size() != joints) {
+      return absl::InvalidArgumentError(absl::StrCat("rig.robot.home_position has ",
+                                                     mount_.home.size(), " entries, the chain of ",
+                                                     mount_.urdf_file, " has ", joints, " joints"));
+    }
+    for (size_t j = 0; j < joints; ++j) {
+      const RobotJoint& joint = model_.joints[j];
+      if (joint.continuous || (mount_.home[j] >= joint.min && mount_.home[j] <= joint.max))
+        continue;
+      return absl::InvalidArgumentError(absl::StrCat(
+          "rig.robot.home_position[", j, "] is ", NumberText(mount_.home[j]), ", joint ",
+          joint.name, " allows [", NumberText(joint.min), ", ", NumberText(joint.max), "]"));
+    }
+    model_.home = mount_.home;
+    return absl::OkStatus();
+  }
+
+  const RobotMount& mount_;
+  urdf::ModelInterfaceSharedPtr urdf_;
+  RobotModel model_;
+  std::map<std::string, int> index_;
+  std::vector<urdf::LinkConstSharedPtr> source_;  // of each link
+  Sha256 digest_;
+  size_t triangles_ = 0, shapes_ = 0;
+};
+
+}  // namespace
+
+std::vector<Eigen::Isometry3d> RobotModel::LinkPoses(const JointPositions& q) const {
+  std::vector<Eigen::Isometry3d> poses(links.size());
+  for (size_t i = 0; i < links.size(); ++i) {
+    const RobotLink& link = links[i];
+    Eigen::Isometry3d pose =
+        link.parent < 0 ? Eigen::Isometry3d::Identity() : poses[link.parent] * link.origin;
+    if (link.joint >= 0) {
+      if (joints[link.joint].rotary) {
+        pose.rotate(Eigen::AngleAxisd(q[link.joint], link.axis));
+      } else {
+        pose.translate(q[link.joint] * link.axis);
+      }
+    }
+    poses[i] = pose;
+  }
+  const Eigen::Isometry3d to_base = poses[base].inverse();
+  for (Eigen::Isometry3d& pose : poses) pose = to_base * pose;
+  return poses;
+}
+
+absl::StatusOr<RobotModel> ReadRobotModel(const RobotMount& mount) { return Reader(mount).Read(); }
+
+}  // namespace sightline

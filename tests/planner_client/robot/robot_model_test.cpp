@@ -1,0 +1,228 @@
+#include "planner_client/robot/urdf/robot_model.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <numbers>
+
+#include "absl/strings/str_replace.h"
+#include "tests/planner_client/robot/robot_files.h"
+
+namespace sightline {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kPi = std::numbers::pi;
+
+class RobotModelTest : public RobotFilesTest {
+ protected:
+  absl::Status Refusal(const std::string& urdf) const {
+    RobotMount mount;
+    mount.urdf_file = Write("arm.urdf", urdf);
+    mount.tip_link = "tip";
+    return ReadRobotModel(mount).status();
+  }
+  void ExpectRefused(const std::string& urdf, const std::string& why) const {
+    const absl::Status status = Refusal(urdf);
+    EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << status;
+    EXPECT_THAT(std::string(status.message()), HasSubstr("arm.urdf: "));
+    EXPECT_THAT(std::string(status.message()), HasSubstr(why));
+  }
+};
+
+// Products of the published Denavit-Hartenberg matrices, computed by another program.
+TEST_F(RobotModelTest, ExampleArmIsWhatItsMakerPublishes) {
+  const auto model = ReadRobotModel(ArmMount());
+  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_EQ(model->joints.size(), 6u);
+  EXPECT_EQ(model->joints[2].name, "elbow_joint");
+  const struct {
+    JointPositions q;
+    double rows[12];
+  } golden[] = {
+      {{0, 0, 0, 0, 0, 0}, {1, 0, 0, -1.184250000, 0, 0, -1, -0.290700000, 0, 1, 0, 0.060850000}},
+      {{-kPi / 2, -kPi / 2, kPi / 2, -kPi / 2, -kPi / 2, 0},
+       {1, 0, 0, -0.174150000, 0, -1, 0, 0.691400000, 0, 0, -1, 0.676850000}},
+      {{0.3, -1.1, 1.4, -0.7, 0.9, 0.2},
+       {0.836850684, 0.209954090, -0.505569196, -0.839187328, -0.544736061, 0.227845070,
+        -0.807062109, -0.517718584, -0.054254542, 0.950792251, 0.305041867, 0.483001645}}};
+  for (const auto& expected : golden) {
+    const Eigen::Isometry3d tip = model->LinkPoses(expected.q)[model->tip];
+    for (int row = 0; row < 3; ++row) {
+      for (int column = 0; column < 4; ++column) {
+        EXPECT_NEAR(tip(row, column), expected.rows[4 * row + column], 1e-8) << row << column;
+      }
+    }
+  }
+}
+
+TEST_F(RobotModelTest, ReadsLimitsSolidsAndWhatHangsBesideTheChain) {
+  RobotMount mount;
+  mount.urdf_file = Write("arm.urdf", PlanarArm(R"(lower="-2" upper="1")", R"(
+<joint name="finger" type="prismatic"><parent link="fore"/><child link="jaw"/><axis xyz="0 1 0"/>
+ <limit lower="0.01" upper="0.05" effort="1" velocity="1"/></joint><link name="jaw"/>)"));
+  mount.tip_link = "tip";
+  const auto model = ReadRobotModel(mount);
+  ASSERT_TRUE(model.ok()) << model.status();
+  ASSERT_EQ(model->joints.size(), 2u);
+  EXPECT_EQ(model->joints[1].min, -2);
+  EXPECT_EQ(model->joints[1].max, 1);
+  EXPECT_EQ(model->joints[1].max_speed, 2);
+  EXPECT_EQ(model->home, (JointPositions{0, -0.5}));
+  const auto links = model->LinkPoses({kPi / 2, -kPi / 2});
+  EXPECT_TRUE(links[model->tip].translation().isApprox(Eigen::Vector3d(0.4, 0.5, 0), 1e-12));
+  // The jaw is at the end of its range that is next to 0.
+  for (size_t i = 0; i < model->links.size(); ++i) {
+    if (model->links[i].name != "jaw") continue;
+    EXPECT_TRUE(links[i].translation().isApprox(Eigen::Vector3d(0, 0.51, 0), 1e-12));
+  }
+  // From a link in the middle of the tree.
+  mount.base_link = "upper";
+  const auto fore = ReadRobotModel(mount);
+  ASSERT_TRUE(fore.ok()) << fore.status();
+  ASSERT_EQ(fore->joints.size(), 1u);
+  EXPECT_NEAR(fore->LinkPoses({0})[fore->tip].translation().x(), 0.9, 1e-12);
+}
+
+TEST_F(RobotModelTest, MeshesBelongToTheDigest) {
+  const std::string cube =
+      "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+  Write("hand.obj", cube);
+  RobotMount mount;
+  mount.tip_link = "tip";
+  const auto with = [&](const std::string& mesh) {
+    mount.urdf_file =
+        Write("arm.urdf",
+              absl::StrReplaceAll(PlanarArm(), {{R"(<link name="tip"/>)",
+                                                 R"(<link name="tip"><collision><geometry><mesh )" +
+                                                     mesh + "/></geometry></collision></link>"}}));
+    return ReadRobotModel(mount);
+  };
+  const auto model = with(R"(filename="hand.obj" scale="0.001 0.001 0.001")");
+  ASSERT_TRUE(model.ok()) << model.status();
+  const Shape& shape = model->links[model->tip].shapes.at(0);
+  EXPECT_NEAR(std::get<MeshShape>(shape.solid)->BoundingBox().max().x(), 0.1, 1e-6);
+  Write("hand.obj", absl::StrReplaceAll(cube, {{"100 0 0", "90 0 0"}}));
+  const auto other = with(R"(filename="hand.obj" scale="0.001 0.001 0.001")");
+  ASSERT_TRUE(other.ok()) << other.status();
+  EXPECT_NE(other->digest, model->digest);
+
+  for (const auto& [mesh, why] : {
+           std::pair{R"(filename="missing.stl")", "no such file"},
+           std::pair{R"(filename="../hand.obj")", "must be a path below the folder"},
+           std::pair{R"(filename="/etc/passwd")", "must be a path below the folder"},
+           std::pair{R"(filename="package://arm/hand.stl")", "give its path relative to the URDF"},
+           std::pair{R"(filename="hand.obj" scale="0 1 1")", "scale must be finite and not 0"},
+           std::pair{R"(filename="hand.obj" scale="nan 1 1")", "arm.urdf: "},
+           std::pair{R"(filename="hand.obj")", "looks like millimetres"},
+           std::pair{R"(filename="arm.urdf")", "arm.urdf"},
+       }) {
+    const auto refused = with(mesh);
+    ASSERT_FALSE(refused.ok()) << mesh;
+    EXPECT_THAT(std::string(refused.status().message()), HasSubstr(why)) << mesh;
+  }
+}
+
+TEST_F(RobotModelTest, RefusesWhatAChainCannotBe) {
+  ExpectRefused("", "");
+  ExpectRefused("<robot", "");
+  ExpectRefused("not xml at all", "");
+  ExpectRefused("<robot name=\"r\"></robot>", "");
+  ExpectRefused(PlanarArm("x=\"1\""), "");  // no limits: 0 to 0
+  ExpectRefused(PlanarArm(R"(lower="1" upper="-1")"), "joint elbow: limits are 1 to -1");
+  ExpectRefused(PlanarArm(R"(lower="nan" upper="1")"), "");
+  ExpectRefused(PlanarArm(R"(lower="-inf" upper="1")"), "");
+  ExpectRefused(absl::StrReplaceAll(PlanarArm(),
+                                    {{R"(effort="1" velocity="2")", R"(effort="1" velocity="0")"}}),
+                "joint elbow: limit velocity is 0");
+  ExpectRefused(
+      absl::StrReplaceAll(PlanarArm(),
+                          {{R"(<limit lower="-2" upper="2" effort="1" velocity="2"/>)", ""}}),
+      "elbow");
+  ExpectRefused(absl::StrReplaceAll(PlanarArm(),
+                                    {{R"(<origin xyz="0.5 0 0"/>)", R"(<origin xyz="nan 0 0"/>)"}}),
+                "");
+  ExpectRefused(absl::StrReplaceAll(PlanarArm(),
+                                    {{R"(<origin xyz="0.5 0 0"/>)", R"(<origin xyz="500 0 0"/>)"}}),
+                "joint elbow: origin xyz is 500, must be in [-100, 100] m");
+  ExpectRefused(absl::StrReplaceAll(PlanarArm(), {{R"(<box size="0.4 0.02 0.02"/>)",
+                                                   R"(<box size="0.4 -1 0.02"/>)"}}),
+                "link fore: box size is -1");
+  ExpectRefused(
+      absl::StrReplaceAll(PlanarArm(), {{R"(<axis xyz="0 0 1"/>)", R"(<axis xyz="0 0 0"/>)"}}),
+      "axis is zero");
+  ExpectRefused(absl::StrReplaceAll(PlanarArm(), {{R"(name="elbow" type="revolute")",
+                                                   R"(name="elbow" type="planar")"}}),
+                "joint elbow: is neither fixed, revolute, continuous nor prismatic");
+  ExpectRefused(absl::StrReplaceAll(PlanarArm(),
+                                    {{"effort=\"1\" velocity=\"2\"/>",
+                                      "effort=\"1\" velocity=\"2\"/><mimic joint=\"shoulder\"/>"}}),
+                "joint elbow: mimics another joint");
+  ExpectRefused(absl::StrReplaceAll(PlanarArm(), {{"name=\"tip\"", "name=\"hand\""},
+                                                  {"link=\"tip\"", "link=\"hand\""}}),
+                "has no link \"tip\" (rig.robot.tip_link); it has base, upper, fore, hand");
+}
+
+TEST_F(RobotModelTest, RefusesLoops) {
+  // Beside the tree, and of the tree itself.
+  ExpectRefused(PlanarArm(R"(lower="-2" upper="2")", R"(
+<link name="a"/><link name="b"/>
+<joint name="ab" type="fixed"><parent link="a"/><child link="b"/></joint>
+<joint name="ba" type="fixed"><parent link="b"/><child link="a"/></joint>)"),
+                "is in a loop");
+  ExpectRefused(PlanarArm(R"(lower="-2" upper="2")", R"(
+<joint name="back" type="fixed"><parent link="tip"/><child link="base"/></joint>)"),
+                "");
+  ExpectRefused(PlanarArm(R"(lower="-2" upper="2")", R"(
+<joint name="second" type="fixed"><parent link="base"/><child link="tip"/></joint>)"),
+                "");
+}
+
+TEST_F(RobotModelTest, RefusesFilesThatAreMadeToHurt) {
+  ExpectRefused(R"(<?xml version="1.0"?><!DOCTYPE r [<!ENTITY a "aaaaaaaaaa">
+<!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;&a;&a;">]><robot name="&b;"/>)",
+                "document type declaration");
+  std::string deep;
+  for (int i = 0; i < 500000; ++i) deep += "<a>";
+  ExpectRefused(deep, "nested more than 64 deep");
+  ExpectRefused(std::string((4 << 20) + 1, ' '), "a URDF has at most 4194304");
+  ExpectRefused(PlanarArm() + std::string(1, '\0'), "zero bytes");
+  std::string many = "<robot name=\"many\"><link name=\"tip\"/>";
+  for (int i = 0; i < 300; ++i) {
+    const std::string n = std::to_string(i);
+    many += "<link name=\"l" + n + "\"/><joint name=\"j" + n +
+            "\" type=\"fixed\"><parent link=\"tip\"/><child link=\"l" + n + "\"/></joint>";
+  }
+  ExpectRefused(many + "</robot>", "has 301 links, at most 200");
+
+  RobotMount mount;
+  mount.tip_link = "tip";
+  mount.urdf_file = folder_ + "/missing.urdf";
+  EXPECT_EQ(ReadRobotModel(mount).status().code(), absl::StatusCode::kNotFound);
+  mount.urdf_file = folder_;
+  EXPECT_THAT(std::string(ReadRobotModel(mount).status().message()),
+              HasSubstr("is not a regular file"));
+  mount.urdf_file = folder_ + "/pipe.urdf";
+  ASSERT_EQ(mkfifo(mount.urdf_file.c_str(), 0600), 0);
+  EXPECT_THAT(std::string(ReadRobotModel(mount).status().message()),
+              HasSubstr("is not a regular file"));
+}
+
+TEST_F(RobotModelTest, HomeMustFitTheChain) {
+  RobotMount mount;
+  mount.urdf_file = Write("arm.urdf", PlanarArm());
+  mount.tip_link = "tip";
+  mount.home = {0.1};
+  EXPECT_THAT(std::string(ReadRobotModel(mount).status().message()),
+              HasSubstr("rig.robot.home_position has 1 entries"));
+  mount.home = {0.1, 2.5};
+  EXPECT_THAT(std::string(ReadRobotModel(mount).status().message()),
+              HasSubstr("rig.robot.home_position[1] is 2.5, joint elbow allows [-2, 2]"));
+  mount.home = {0.1, 1.5};
+  EXPECT_TRUE(ReadRobotModel(mount).ok());
+}
+
+}  // namespace
+}  // namespace sightline
