@@ -218,8 +218,7 @@ grpc::Status CallTracker::Run(const std::string& method, grpc::ServerContext* co
 }
 
 absl::StatusOr<bool> CallTracker::Read(grpc::ServerContext* context,
-                                       const std::function<bool()>& read,
-                                       absl::Duration patience) {
+                                       const std::function<bool()>& read, absl::Duration patience) {
   const std::string message =
       absl::StrCat("no message came within ", absl::FormatDuration(patience));
   TimeLimit limit(this, context, patience, message);

@@ -42,6 +42,8 @@ bool InstallSignalHandlers() {
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
+  // Writing beyond a limit on file sizes is an error like a full disk.
+  signal(SIGXFSZ, SIG_IGN);
   return true;
 }
 

@@ -29,7 +29,8 @@ void AddBytesOption(CLI::App& app, const char* name, int64_t* value, const char*
 
 // `NAME --listen unix:PATH | HOST:PORT [options]`. Prints one line "listening on ADDRESS" to stdout
 // when it serves; logs to stderr. SIGTERM and SIGINT drain; a second one, or
-// work that does not stop, ends the process without waiting any longer. Fills `options`. Returns the exit code: 0 ended as asked, 1 failed while running, 2 wrong arguments.
+// work that does not stop, ends the process without waiting any longer. Fills `options`. Returns
+// the exit code: 0 ended as asked, 1 failed while running, 2 wrong arguments.
 int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOptions* options);
 
 }  // namespace sightline

@@ -20,7 +20,8 @@ ServerMetrics::ServerMetrics()
                    .Register(*registry_)),
       in_flight_(AddGauge("sightline_in_flight_requests", "Calls being served")),
       streams_(AddGauge("sightline_open_streams", "Calls that may wait for their client")),
-      saturated_(AddGauge("sightline_saturated", "1 while health says NOT_SERVING for that reason")),
+      saturated_(
+          AddGauge("sightline_saturated", "1 while health says NOT_SERVING for that reason")),
       refused_(prometheus::BuildCounter()
                    .Name("sightline_refused_calls_total")
                    .Help("Calls over a limit on calls or streams, or while draining")

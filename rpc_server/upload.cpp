@@ -18,11 +18,11 @@ absl::Status UploadMemory::Share::Grow(int64_t bytes) {
   const bool peer_has_too_much = held + bytes > memory_->max_bytes_per_peer_;
   if (peer_has_too_much || memory_->bytes_ + bytes > memory_->max_bytes_) {
     return WithRetryDelay(
-        WithErrorInfo(absl::UnavailableError(absl::StrCat(
-                          "overloaded: ", peer_has_too_much ? peer_ + " is" : "clients are",
-                          " uploading ", peer_has_too_much ? held : memory_->bytes_,
-                          " bytes already")),
-                      "OVERLOADED"),
+        WithErrorInfo(
+            absl::UnavailableError(absl::StrCat(
+                "overloaded: ", peer_has_too_much ? peer_ + " is" : "clients are", " uploading ",
+                peer_has_too_much ? held : memory_->bytes_, " bytes already")),
+            "OVERLOADED"),
         absl::Seconds(1));
   }
   memory_->bytes_ += bytes;

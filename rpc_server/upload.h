@@ -77,8 +77,7 @@ absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerConte
   const auto start = std::chrono::steady_clock::now();
   Request message;
   while (true) {
-    const absl::StatusOr<bool> more =
-        calls->Read(context, [&] { return reader->Read(&message); });
+    const absl::StatusOr<bool> more = calls->Read(context, [&] { return reader->Read(&message); });
     if (!more.ok()) return more.status();
     if (!*more) break;
     if (message.content_case() != Request::kChunk) {
@@ -105,8 +104,8 @@ absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerConte
   }
   if (absl::Status stop = calls->CheckStop(context); !stop.ok()) return stop;
   if (static_cast<int64_t>(file.bytes.size()) != size) {
-    return InvalidFields({{"header.size_bytes", absl::StrCat(size, ": only ", file.bytes.size(),
-                                                             " bytes followed")}});
+    return InvalidFields({{"header.size_bytes",
+                           absl::StrCat(size, ": only ", file.bytes.size(), " bytes followed")}});
   }
   return file;
 }

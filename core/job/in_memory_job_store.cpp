@@ -64,9 +64,9 @@ class InMemoryJobStore : public JobStore {
     if (stopping_) return absl::UnavailableError("the job store is shutting down");
     const int64_t unfinished = static_cast<int64_t>(order_.size() - finished_.size());
     if (unfinished >= limits_.max_jobs) {
-      return absl::ResourceExhaustedError(
-          absl::StrCat("the queue is full: ", unfinished, " jobs wait or run, at most ",
-                       limits_.max_jobs, " may"));
+      return absl::ResourceExhaustedError(absl::StrCat("the queue is full: ", unfinished,
+                                                       " jobs wait or run, at most ",
+                                                       limits_.max_jobs, " may"));
     }
     // A job that is too large for the limit alone can be done while nothing else waits.
     if (unfinished > 0 && unfinished_bytes_ + bytes > limits_.max_bytes) {

@@ -78,7 +78,7 @@ void RemoveAbandoned(const std::string& base, const std::string& prefix) {
 }  // namespace
 
 absl::StatusOr<ProcessFolder> ProcessFolder::Make(const std::string& base,
-                                                      const std::string& name) {
+                                                  const std::string& name) {
   const std::string prefix = name + "-";
   RemoveAbandoned(base, prefix);
   for (int attempt = 0; attempt < kMostAttempts; ++attempt) {

@@ -7,10 +7,10 @@
 
 namespace sightline {
 
-// A new folder that only this user can enter. It is removed at the end, with all that is in it; what
-// a process left behind that was killed is removed by the next one that makes a folder of the same
-// name there. Such folders are known by a lock on a file in them, which the kernel gives up with the
-// process.
+// A new folder that only this user can enter. It is removed at the end, with all that is in it;
+// what a process left behind that was killed is removed by the next one that makes a folder of the
+// same name there. Such folders are known by a lock on a file in them, which the kernel gives up
+// with the process.
 class ProcessFolder {
  public:
   // BASE/NAME-XXXXXX with random letters. Removes abandoned folders of that name first.

@@ -240,7 +240,9 @@ class Sampler {
   Sampler(const TriangleMesh& mesh, const TargetSampling& sampling,
           const std::atomic<bool>* cancelled)
       : mesh_(mesh),
-        cancelled_(cancelled), regions_(sampling), random_(static_cast<uint64_t>(sampling.seed)) {
+        cancelled_(cancelled),
+        regions_(sampling),
+        random_(static_cast<uint64_t>(sampling.seed)) {
     std::vector<double> spacings = {sampling.spacing_m};
     for (const TargetRegion& region : sampling.regions) spacings.push_back(region.spacing_m);
     std::sort(spacings.begin(), spacings.end());

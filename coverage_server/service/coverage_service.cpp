@@ -119,8 +119,7 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
   if (!digest.ok()) return digest.status();
   response->set_part_digest(*digest);
   spdlog::info("event=part_uploaded part={} bytes={} triangles={} name={:?}", *digest,
-               header.size_bytes(),
-               part->health.triangle_count, name);
+               header.size_bytes(), part->health.triangle_count, name);
   return absl::OkStatus();
 }
 

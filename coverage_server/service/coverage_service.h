@@ -24,8 +24,7 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
     int64_t max_part_file_bytes;
   };
   explicit CoverageServiceImpl(Parts parts)
-      : p_(std::move(parts)),
-        upload_memory_(2 * p_.max_part_file_bytes, p_.max_part_file_bytes) {}
+      : p_(std::move(parts)), upload_memory_(2 * p_.max_part_file_bytes, p_.max_part_file_bytes) {}
 
   grpc::Status UploadPart(grpc::ServerContext* context,
                           grpc::ServerReader<v1::UploadPartRequest>* reader,

@@ -388,9 +388,8 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
       }
       GiveTilesBack(job, number);
       if (++killed > kMostReplacements) {
-        return absl::UnavailableError(
-            absl::StrCat("visibility field workers were killed ", killed,
-                         " times, at last by signal ", WTERMSIG(*state)));
+        return absl::UnavailableError(absl::StrCat("visibility field workers were killed ", killed,
+                                                   " times, at last by signal ", WTERMSIG(*state)));
       }
       start().IgnoreError();  // the others go on; if there are none, see below
     }
@@ -500,10 +499,9 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   const int processes =
       options.processes > 0 ? options.processes : std::max(1u, std::thread::hardware_concurrency());
   if (const std::string program = WorkerProgram(); !program.empty()) {
-    absl::Status rendered =
-        RenderInProcesses(program, {job_memory->fd(), layout.bytes(), field_memory->fd(),
-                                    field->bytes()},
-                          processes, options, job);
+    absl::Status rendered = RenderInProcesses(
+        program, {job_memory->fd(), layout.bytes(), field_memory->fd(), field->bytes()}, processes,
+        options, job);
     if (!rendered.ok()) return rendered;
   } else {
     absl::Status rendered = RenderFieldTiles(job, field->mutable_data(), 1);
@@ -541,8 +539,8 @@ std::optional<int> MaybeRunFieldWorker(int argc, char** argv) {
   uint64_t job_bytes = 0, field_bytes = 0;
   int32_t number = 0;
   if (!absl::SimpleAtoi(argv[2], &job_fd) || !absl::SimpleAtoi(argv[3], &job_bytes) ||
-      !absl::SimpleAtoi(argv[4], &field_fd) || !absl::SimpleAtoi(argv[5], &field_bytes) || !absl::SimpleAtoi(argv[6], &number) ||
-      number < 1) {
+      !absl::SimpleAtoi(argv[4], &field_fd) || !absl::SimpleAtoi(argv[5], &field_bytes) ||
+      !absl::SimpleAtoi(argv[6], &number) || number < 1) {
     return 2;
   }
   // OSMesa allocates and frees its buffers every frame: keep them instead of asking the kernel.

@@ -80,9 +80,7 @@ absl::Status PlanningServiceImpl::Upload(const Client& client, grpc::ServerConte
                                          grpc::ServerReader<v1::UploadFileRequest>* reader,
                                          v1::UploadFileResponse* response) {
   v1::UploadFileRequest message;
-  const auto read = [&] {
-    return calls_->Read(context, [&] { return reader->Read(&message); });
-  };
+  const auto read = [&] { return calls_->Read(context, [&] { return reader->Read(&message); }); };
   absl::StatusOr<bool> more = read();
   if (!more.ok()) return more.status();
   if (!*more || !message.has_header()) {
@@ -216,9 +214,7 @@ absl::Status PlanningServiceImpl::Stream(const Client& client, grpc::ServerConte
         {{"offset", absl::StrCat("is ", request.offset(), ", must be in [0, ", size, "]")}});
   }
   v1::StreamResultResponse response;
-  const auto send = [&] {
-    return calls_->Write(context, [&] { return writer->Write(response); });
-  };
+  const auto send = [&] { return calls_->Write(context, [&] { return writer->Write(response); }); };
   response.mutable_header()->set_name(result->file.name);
   response.mutable_header()->set_digest(result->file.digest);
   response.mutable_header()->set_size_bytes(size);
