@@ -168,6 +168,9 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
   app.add_option("--health-check", ignored,
                  "Ask the server at this address whether it serves, and end: exit code 0 if so. "
                  "With --tls-cert and --tls-key by TLS");
+  app.add_option("--health-service", ignored,
+                 "With --health-check: whether this service takes more work, e.g. "
+                 "sightline.v1.CoverageService; default: whether the server is alive");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
