@@ -1,32 +1,75 @@
-// What every call of a server has in common: draining, metrics, logs, status mapping.
+// What every call of a server has in common: admission, draining, time limits, metrics, logs,
+// status mapping.
 #pragma once
 
 #include <grpcpp/server_context.h>
 
 #include <atomic>
+#include <chrono>
 #include <condition_variable>
+#include <cstdint>
 #include <functional>
+#include <limits>
+#include <map>
 #include <mutex>
 #include <string>
+#include <thread>
 
 #include "absl/status/status.h"
+#include "absl/status/statusor.h"
 #include "absl/time/time.h"
 #include "rpc_server/server_metrics.h"
 
 namespace sightline {
 
+// A call that waits for its client holds a thread for as long as the client likes: those must not
+// take all of them.
+enum class CallKind { kUnary, kStream };
+
+struct CallLimits {
+  // Calls open at a time, of any kind; reaching seven eighths of them counts as saturated.
+  int max_calls = std::numeric_limits<int>::max();
+  int max_calls_per_peer = std::numeric_limits<int>::max();
+  int max_streams = std::numeric_limits<int>::max();
+  int max_streams_per_peer = std::numeric_limits<int>::max();
+  // How long a stream may wait for its client to send or to take a message.
+  absl::Duration idle_timeout = absl::Seconds(60);
+};
+
+// Who calls: the name in the client's certificate where it showed one, else its address without the
+// port. All clients of a unix socket are one peer.
+std::string PeerOf(const grpc::ServerContext& context);
+
 // Thread-safe.
 class CallTracker {
  public:
   explicit CallTracker(ServerMetrics* metrics) : metrics_(metrics) {}
+  ~CallTracker();
+  CallTracker(const CallTracker&) = delete;
+  CallTracker& operator=(const CallTracker&) = delete;
 
-  // Runs one call: refuses it with UNAVAILABLE (reason DRAINING) while draining, turns exceptions
-  // into errors, counts and logs it.
+  // Before the first call.
+  void SetLimits(const CallLimits& limits) { limits_ = limits; }
+  const CallLimits& limits() const { return limits_; }
+  // `notify(saturated)` is called whenever that changes; calls do not overlap. Null: nobody.
+  void OnSaturation(std::function<void(bool)> notify);
+
+  // Runs one call: refuses it with UNAVAILABLE (reason DRAINING) while draining, with
+  // RESOURCE_EXHAUSTED (PEER_QUOTA_EXCEEDED) when its peer has too many open, with UNAVAILABLE
+  // (OVERLOADED) when all have together; turns exceptions into errors, counts and logs it.
   grpc::Status Run(const std::string& method, grpc::ServerContext* context,
-                   const std::function<absl::Status()>& call);
+                   const std::function<absl::Status()>& call, CallKind kind = CallKind::kUnary);
 
-  // Waiting for the client's next message inside Run: does not hold up a drain.
-  bool WhileIdle(const std::function<bool()>& wait);
+  // Waiting for the client's next message inside Run: does not hold up a drain. Returns what `read`
+  // does; DEADLINE_EXCEEDED if no message came within `patience`: the client is told so.
+  absl::StatusOr<bool> Read(grpc::ServerContext* context, const std::function<bool()>& read,
+                            absl::Duration patience);
+  absl::StatusOr<bool> Read(grpc::ServerContext* context, const std::function<bool()>& read) {
+    return Read(context, read, limits_.idle_timeout);
+  }
+  // Sending a message inside Run. CANCELLED: the client went away; DEADLINE_EXCEEDED: it took
+  // nothing for the idle timeout.
+  absl::Status Write(grpc::ServerContext* context, const std::function<bool()>& write);
 
   // Why this call should stop now: the client went away, its deadline passed, the server ends.
   // OK: it should not.
@@ -41,14 +84,47 @@ class CallTracker {
   void CancelAll() { cancel_all_ = true; }
 
  private:
-  void AddInFlight(int change);
+  using Clock = std::chrono::steady_clock;
+  struct OpenCalls {
+    int calls = 0;
+    int streams = 0;
+  };
+  // Ends a call when its time is over, unless it goes before.
+  class TimeLimit;
+  struct Watched {
+    Clock::time_point end;
+    grpc::ServerContext* context;
+    std::string message;
+    bool* expired;
+  };
 
-  ServerMetrics* metrics_;
+  absl::Status Admit(const std::string& peer, CallKind kind);
+  void Release(const std::string& peer, CallKind kind);
+  void AddInFlight(int change);
+  void PublishSaturation();
+  void EndOverdueCalls();
+
+  ServerMetrics* const metrics_;
+  CallLimits limits_;
   std::atomic<bool> draining_ = false;
   std::atomic<bool> cancel_all_ = false;
   std::mutex mutex_;
   std::condition_variable idle_;
-  int in_flight_ = 0;
+  int in_flight_ = 0;  // those that hold up a drain
+  OpenCalls open_;
+  std::map<std::string, OpenCalls> open_of_peer_;
+  bool saturated_ = false;
+
+  std::mutex notify_mutex_;
+  std::function<void(bool)> notify_;
+  bool notified_ = false;
+
+  std::mutex watch_mutex_;
+  std::condition_variable watch_changed_;
+  std::map<int64_t, Watched> watched_;
+  int64_t next_watched_ = 0;
+  bool watch_stopping_ = false;
+  std::thread watcher_;  // started with the first limit
 };
 
 }  // namespace sightline

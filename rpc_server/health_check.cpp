@@ -23,7 +23,7 @@ namespace {
 
 constexpr char kFlag[] = "--health-check";
 // grpc.health.v1.HealthCheckResponse with status SERVING (field 1, value 1). The message has no
-// generated code in Debian's packages; the request, about the whole server, is empty.
+// generated code in Debian's packages.
 constexpr char kServing[] = "\x08\x01";
 
 absl::StatusOr<std::string> ReadFile(const std::string& option, const std::string& path) {
@@ -84,8 +84,17 @@ absl::Status CheckHealth(const HealthCheckOptions& options) {
   grpc::GenericStub stub(grpc::CreateChannel(options.address, *credentials));
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + absl::ToChronoSeconds(options.timeout));
-  const grpc::Slice nothing("");
-  const grpc::ByteBuffer request(&nothing, 1);
+  if (options.service.size() > 127) {
+    return absl::InvalidArgumentError("--health-service: at most 127 bytes");
+  }
+  // HealthCheckRequest with field 1, or nothing at all.
+  const grpc::Slice bytes(options.service.empty()
+                              ? std::string()
+                              : absl::StrCat("\x0a",
+                                             std::string(1, static_cast<char>(
+                                                                options.service.size())),
+                                             options.service));
+  const grpc::ByteBuffer request(&bytes, 1);
   grpc::CompletionQueue queue;
   const auto call =
       stub.PrepareUnaryCall(&context, "/grpc.health.v1.Health/Check", request, &queue);
@@ -115,6 +124,7 @@ std::optional<int> MaybeCheckHealth(int argc, const char* const* argv) {
   HealthCheckOptions options;
   CLI::App app("Asks a server whether it serves.");
   app.add_option(kFlag, options.address, "unix:PATH or HOST:PORT")->required();
+  app.add_option("--health-service", options.service, "Service by name; default: the server");
   app.add_option("--tls-cert", options.tls_certificate_file, "PEM certificate; turns on TLS");
   app.add_option("--tls-key", options.tls_key_file, "PEM private key");
   try {

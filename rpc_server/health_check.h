@@ -11,6 +11,9 @@ namespace sightline {
 
 struct HealthCheckOptions {
   std::string address;  // "unix:PATH" or "HOST:PORT"
+  // E.g. "sightline.v1.CoverageService": whether it takes more work now; at most 127 bytes. Empty:
+  // whether the server is alive.
+  std::string service;
   // PEM files that turn on TLS, shown to servers that want a client's certificate. The server's own
   // certificate is not checked: nothing is told to it, and its name is seldom that of the address.
   std::string tls_certificate_file;
@@ -23,7 +26,7 @@ struct HealthCheckOptions {
 absl::Status CheckHealth(const HealthCheckOptions& options);
 
 // For programs in containers, which have no other client beside them: with `--health-check ADDRESS
-// [--tls-cert FILE --tls-key FILE]` among the arguments prints SERVING, or the reason to stderr,
+// [--health-service NAME] [--tls-cert FILE --tls-key FILE]` among the arguments prints SERVING, or the reason to stderr,
 // and returns the exit code (0 serving, 1 not, 2 wrong arguments). Without it: nothing.
 std::optional<int> MaybeCheckHealth(int argc, const char* const* argv);
 

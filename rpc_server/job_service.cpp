@@ -80,7 +80,7 @@ grpc::Status JobServiceImpl::CancelJob(grpc::ServerContext* context,
 grpc::Status JobServiceImpl::WatchJob(grpc::ServerContext* context,
                                       const v1::WatchJobRequest* request,
                                       grpc::ServerWriter<v1::WatchJobResponse>* writer) {
-  return calls_->Run("WatchJob", context, [&]() -> absl::Status {
+  const auto watch = [&]() -> absl::Status {
     absl::StatusOr<JobRecord> job = Known(jobs_->Get(request->job_id()));
     int64_t sent_revision = -1;
     while (true) {
@@ -92,14 +92,20 @@ grpc::Status JobServiceImpl::WatchJob(grpc::ServerContext* context,
       if (job->revision != sent_revision) {
         v1::WatchJobResponse response;
         *response.mutable_job() = JobToProto(*job);
-        if (!writer->Write(response)) return absl::CancelledError("the client went away");
+        absl::Status sent = calls_->Write(context, [&] { return writer->Write(response); });
+        if (!sent.ok()) return sent;
         sent_revision = job->revision;
       }
       if (job->finished()) return absl::OkStatus();
       if (absl::Status stop = calls_->CheckStop(context); !stop.ok()) return stop;
       job = Known(jobs_->WaitForChange(request->job_id(), sent_revision, absl::Milliseconds(50)));
     }
-  });
+  };
+  return calls_->Run("WatchJob", context, watch, CallKind::kStream);
+}
+
+absl::Status JobNotCreated(const absl::Status& status) {
+  return absl::IsResourceExhausted(status) ? WithErrorInfo(status, "QUEUE_FULL") : status;
 }
 
 }  // namespace sightline

@@ -26,6 +26,17 @@ namespace {
 
 constexpr char kUnixPrefix[] = "unix:";
 
+// Connections that do not become HTTP/2, or TLS, within this time are closed.
+constexpr int kHandshakeTimeout_ms = 10000;
+// A peer that is gone without a word is found out within their sum.
+constexpr int kKeepaliveTime_ms = 30000;
+constexpr int kKeepaliveTimeout_ms = 20000;
+// Connections without calls; clients that come back open a new one by themselves.
+constexpr int kConnectionIdle_ms = 300000;
+// Of the messages that are being received and sent, before their calls are known: gRPC then ends
+// calls and connections.
+constexpr size_t kMaxMessageMemoryBytes = size_t{1} << 30;
+
 // INVALID_ARGUMENT if the path cannot be one of a socket, UNAVAILABLE if a server answers there.
 absl::Status CheckUnixAddress(const std::string& listen) {
   const std::string path = listen.substr(sizeof(kUnixPrefix) - 1);
@@ -84,6 +95,20 @@ absl::Status CheckMetricsAddress(const RpcServerOptions& options) {
       "127.0.0.1, or add --allow-plaintext on a network that you trust"));
 }
 
+// Streams wait for their clients: half of the threads stay for calls that do not.
+CallLimits LimitsOf(const RpcServerOptions& options) {
+  const auto share_of = [&](int all) {
+    return std::max(1, static_cast<int>(options.peer_share * all));
+  };
+  CallLimits limits;
+  limits.max_calls = options.max_call_threads;
+  limits.max_calls_per_peer = share_of(limits.max_calls);
+  limits.max_streams = options.max_call_threads / 2;
+  limits.max_streams_per_peer = share_of(limits.max_streams);
+  limits.idle_timeout = options.idle_timeout;
+  return limits;
+}
+
 }  // namespace
 
 RpcServer::RpcServer(std::string name, ServerMetrics* metrics, CallTracker* calls, JobStore* jobs)
@@ -119,17 +144,27 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
     grpc::EnableDefaultHealthCheckService(true);
     grpc::reflection::InitProtoReflectionServerBuilderPlugin();
   });
+  calls_->SetLimits(LimitsOf(options));
   grpc::ServerBuilder builder;
   int port = 0;
   builder.AddListeningPort(options.listen, *credentials, &port);
   // Otherwise a second server on the same port silently takes a share of the calls.
   builder.AddChannelArgument(GRPC_ARG_ALLOW_REUSEPORT, 0);
+  builder.AddChannelArgument(GRPC_ARG_SERVER_HANDSHAKE_TIMEOUT_MS, kHandshakeTimeout_ms);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIME_MS, kKeepaliveTime_ms);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeout_ms);
+  builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kConnectionIdle_ms);
+  // What one connection asks beyond that waits at the client.
+  builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, options.max_call_threads);
   builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
   builder.SetMaxSendMessageSize(kMaxMessageBytes);
   // How long an idle polling thread sleeps; Shutdown may have to wait for it (default: 10 s).
   builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::CQ_TIMEOUT_MSEC, 100);
   grpc::ResourceQuota quota(name_);
   quota.SetMaxThreads(options.max_call_threads);
+  quota.Resize(kMaxMessageMemoryBytes);
   builder.SetResourceQuota(quota);
   for (const NamedService& service : services) builder.RegisterService(service.service);
   if (jobs_ != nullptr) builder.RegisterService(&job_service_);
@@ -145,6 +180,12 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
   health->SetServingStatus(true);
   for (const NamedService& service : services) health->SetServingStatus(service.name, true);
   if (jobs_ != nullptr) health->SetServingStatus("sightline.v1.JobService", true);
+  // Of the services only: the server as a whole is alive, and must not be restarted for being busy.
+  std::vector<std::string> names;
+  for (const NamedService& service : services) names.push_back(service.name);
+  calls_->OnSaturation([health, names](bool saturated) {
+    for (const std::string& name : names) health->SetServingStatus(name, !saturated);
+  });
   spdlog::info("event=listening address={} metrics_port={}", address_, metrics_port_);
   return absl::OkStatus();
 }
@@ -152,8 +193,9 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
 bool RpcServer::Drain(absl::Duration grace) {
   if (server_ == nullptr) return true;
   spdlog::info("event=draining grace_s={:.1f}", absl::ToDoubleSeconds(grace));
-  server_->GetHealthCheckService()->SetServingStatus(false);
   calls_->StartDraining();
+  calls_->OnSaturation(nullptr);
+  server_->GetHealthCheckService()->SetServingStatus(false);
   // What they would make is lost with this process.
   if (jobs_ != nullptr) {
     for (const JobRecord& job : jobs_->List("")) {

@@ -30,6 +30,10 @@ struct RpcServerOptions {
   // "unix:PATH" or "HOST:PORT"; port 0: any free one.
   std::string listen;
   int max_call_threads = 256;
+  // Of all calls and streams, how many one peer may have open, in (0, 1].
+  double peer_share = 0.5;
+  // How long a stream may wait for its client before it is ended.
+  absl::Duration idle_timeout = absl::Seconds(60);
   // Prometheus: http://METRICS_HOST:METRICS_PORT/metrics; -1: off, 0: any free port.
   std::string metrics_host = "127.0.0.1";
   int metrics_port = -1;
@@ -52,6 +56,9 @@ class RunningServer {
   // Returns true if all finished in time. The server still answers health checks meanwhile and is
   // down afterwards.
   virtual bool Drain(absl::Duration grace) = 0;
+  // Removes what it keeps on disk as far as it can while it still runs: the process is about to end
+  // without waiting any longer.
+  virtual void Abandon() {}
 };
 
 // Serves a JobService over `jobs` and the services of its owner, which must outlive it or its

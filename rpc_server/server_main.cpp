@@ -6,11 +6,15 @@
 #include <spdlog/pattern_formatter.h>
 #include <spdlog/sinks/stdout_sinks.h>
 #include <spdlog/spdlog.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <cerrno>
+#include <chrono>
 #include <cstdio>
+#include <mutex>
 #include <thread>
 
 #include "core/trace/trace_context.h"
@@ -38,16 +42,26 @@ bool InstallSignalHandlers() {
   sigaction(SIGTERM, &action, nullptr);
   sigaction(SIGINT, &action, nullptr);
   signal(SIGPIPE, SIG_IGN);
+  // Writing beyond a limit on file sizes is an error like a full disk.
+  signal(SIGXFSZ, SIG_IGN);
   return true;
 }
 
-enum class StopCause { kSignal, kParentGone };
+enum class StopCause { kSignal, kParentGone, kTimeout };
 
 // Waits for a signal or for the end of the parent, which holds the other end of `parent_fd`.
-StopCause WaitForStop(int parent_fd) {
+StopCause WaitForStop(int parent_fd, absl::Duration timeout = absl::InfiniteDuration()) {
+  const auto start = std::chrono::steady_clock::now();
   while (true) {
+    int wait_ms = -1;
+    if (timeout != absl::InfiniteDuration()) {
+      const absl::Duration left =
+          timeout - absl::FromChrono(std::chrono::steady_clock::now() - start);
+      if (left <= absl::ZeroDuration()) return StopCause::kTimeout;
+      wait_ms = static_cast<int>(absl::ToInt64Milliseconds(left)) + 1;
+    }
     pollfd fds[2] = {{signal_pipe[0], POLLIN, 0}, {parent_fd, POLLIN, 0}};
-    if (poll(fds, parent_fd >= 0 ? 2 : 1, -1) < 0) continue;
+    if (poll(fds, parent_fd >= 0 ? 2 : 1, wait_ms) <= 0) continue;
     char byte;
     if ((fds[0].revents & POLLIN) != 0 && read(signal_pipe[0], &byte, 1) == 1) {
       return StopCause::kSignal;
@@ -87,6 +101,15 @@ void StartLogging(const std::string& name, const std::string& level) {
   spdlog::set_default_logger(std::move(logger));
 }
 
+// Every connection is a descriptor; the usual limit of 1024 is for programs that use select().
+void AllowManyConnections() {
+  constexpr rlim_t kDescriptors = 65536;
+  rlimit limit{};
+  if (getrlimit(RLIMIT_NOFILE, &limit) != 0) return;
+  limit.rlim_cur = std::max(limit.rlim_cur, std::min(limit.rlim_max, kDescriptors));
+  setrlimit(RLIMIT_NOFILE, &limit);
+}
+
 }  // namespace
 
 void AddBytesOption(CLI::App& app, const char* name, int64_t* value, const char* help) {
@@ -100,6 +123,7 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
   if (const std::optional<int> code = MaybeCheckHealth(argc, argv)) return *code;
   options->metrics_port = 0;
   double drain_seconds = 30;
+  double idle_timeout_s = absl::ToDoubleSeconds(options->idle_timeout);
   int parent_fd = -1;
   std::string log_level = "info";
   CLI::App app(program.description, program.name);
@@ -110,6 +134,14 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
   app.add_option("--max-call-threads", options->max_call_threads,
                  "Calls at a time, streams included; more get RESOURCE_EXHAUSTED")
       ->check(CLI::Range(8, 4096))
+      ->capture_default_str();
+  app.add_option("--peer-share", options->peer_share,
+                 "Share of the calls and streams that one peer may have open; 1 behind a proxy")
+      ->check(CLI::Range(0.01, 1.0))
+      ->capture_default_str();
+  app.add_option("--idle-timeout-seconds", idle_timeout_s,
+                 "How long a stream may wait for its client before it is ended")
+      ->check(CLI::Range(0.1, 86400.0))
       ->capture_default_str();
   app.add_option("--metrics-port", options->metrics_port, "Prometheus metrics at /metrics; 0: off")
       ->check(CLI::Range(0, 65535));
@@ -136,11 +168,15 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
   app.add_option("--health-check", ignored,
                  "Ask the server at this address whether it serves, and end: exit code 0 if so. "
                  "With --tls-cert and --tls-key by TLS");
+  app.add_option("--health-service", ignored,
+                 "With --health-check: whether this service takes more work, e.g. "
+                 "sightline.v1.CoverageService; default: whether the server is alive");
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {
     return app.exit(e) == 0 ? 0 : 2;
   }
+  options->idle_timeout = absl::Seconds(idle_timeout_s);
   if (options->metrics_port == 0) options->metrics_port = -1;
   if (parent_fd >= 0 && fcntl(parent_fd, F_SETFD, FD_CLOEXEC) != 0) {
     std::fprintf(stderr, "--parent-fd %d: not an open file descriptor\n", parent_fd);
@@ -148,6 +184,7 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
   }
 
   StartLogging(program.name, log_level);
+  AllowManyConnections();
   if (!InstallSignalHandlers()) {
     std::fprintf(stderr, "%s: cannot make a pipe\n", program.name.c_str());
     return 1;
@@ -165,12 +202,22 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
   // Nobody waits for the answers of an embedded server whose parent is gone.
   const absl::Duration grace =
       cause == StopCause::kParentGone ? absl::ZeroDuration() : absl::Seconds(drain_seconds);
-  std::thread second_signal([fd = cause == StopCause::kParentGone ? -1 : parent_fd] {
-    WaitForStop(fd);
+  // At a second signal, and when work does not stop although it was told to, the process ends as it
+  // is. The lock is kept for good once the server goes; both outlive this function, as the thread
+  // does.
+  static std::timed_mutex server_exists;
+  RunningServer* const running = server->get();
+  const absl::Duration hard_stop = grace + program.stop_within;
+  std::thread impatience([=, fd = cause == StopCause::kParentGone ? -1 : parent_fd] {
+    if (WaitForStop(fd, hard_stop) == StopCause::kTimeout) {
+      spdlog::warn("event=stopped_hard after_s={:.1f}", absl::ToDoubleSeconds(hard_stop));
+    }
+    if (server_exists.try_lock_for(std::chrono::seconds(1))) running->Abandon();
     std::_Exit(0);
   });
-  second_signal.detach();
+  impatience.detach();
   (*server)->Drain(grace);
+  server_exists.lock();
   server->reset();
   spdlog::shutdown();
   return 0;

@@ -18,7 +18,15 @@ ServerMetrics::ServerMetrics()
                    .Name("sightline_request_seconds")
                    .Help("Time from the start to the end of a call")
                    .Register(*registry_)),
-      in_flight_(AddGauge("sightline_in_flight_requests", "Calls being served")) {}
+      in_flight_(AddGauge("sightline_in_flight_requests", "Calls being served")),
+      streams_(AddGauge("sightline_open_streams", "Calls that may wait for their client")),
+      saturated_(
+          AddGauge("sightline_saturated", "1 while health says NOT_SERVING for that reason")),
+      refused_(prometheus::BuildCounter()
+                   .Name("sightline_refused_calls_total")
+                   .Help("Calls over a limit on calls or streams, or while draining")
+                   .Register(*registry_)
+                   .Add({})) {}
 
 void ServerMetrics::CountRequest(const std::string& method, const std::string& code,
                                  absl::Duration latency) {
@@ -27,6 +35,11 @@ void ServerMetrics::CountRequest(const std::string& method, const std::string& c
 }
 
 void ServerMetrics::SetInFlight(int64_t calls) { in_flight_.Set(static_cast<double>(calls)); }
+
+void ServerMetrics::SetStreams(int64_t streams, bool saturated) {
+  streams_.Set(static_cast<double>(streams));
+  saturated_.Set(saturated ? 1 : 0);
+}
 
 prometheus::Gauge& ServerMetrics::AddGauge(const std::string& name, const std::string& help) {
   return prometheus::BuildGauge().Name(name).Help(help).Register(*registry_).Add({});

@@ -22,6 +22,9 @@ class ServerMetrics {
 
   void CountRequest(const std::string& method, const std::string& code, absl::Duration latency);
   void SetInFlight(int64_t calls);
+  void SetStreams(int64_t streams, bool saturated);
+  // A call that was over a limit.
+  void CountRefused() { refused_.Increment(); }
 
   std::shared_ptr<prometheus::Registry> registry() const { return registry_; }
   // What is asked on every scrape: the registry, unless a server must look things up first.
@@ -34,6 +37,9 @@ class ServerMetrics {
   prometheus::Family<prometheus::Counter>& requests_;
   prometheus::Family<prometheus::Histogram>& latency_;
   prometheus::Gauge& in_flight_;
+  prometheus::Gauge& streams_;
+  prometheus::Gauge& saturated_;
+  prometheus::Counter& refused_;
 };
 
 }  // namespace sightline

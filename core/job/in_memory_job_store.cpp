@@ -4,7 +4,6 @@
 #include <condition_variable>
 #include <cstdint>
 #include <deque>
-#include <exception>
 #include <map>
 #include <memory>
 #include <mutex>
@@ -17,17 +16,16 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/job/job_store.h"
+#include "core/parallel/exception_status.h"
 #include "core/trace/trace_context.h"
 
 namespace sightline {
 namespace {
 
-constexpr size_t kKeptFinishedJobs = 1000;
-
 // std::mutex rather than absl::Mutex: the thread sanitizer sees into it without a rebuilt library.
 class InMemoryJobStore : public JobStore {
  public:
-  explicit InMemoryJobStore(int workers) {
+  InMemoryJobStore(int workers, const JobLimits& limits) : limits_(limits) {
     assert(workers > 0);
     for (int i = 0; i < std::max(workers, 1); ++i) threads_.emplace_back([this] { Work(); });
   }
@@ -49,7 +47,8 @@ class InMemoryJobStore : public JobStore {
   }
 
   absl::StatusOr<JobRecord> Create(const std::string& kind, const std::string& request_id,
-                                   const std::string& fingerprint, JobWork work) override {
+                                   const std::string& fingerprint, JobWork work,
+                                   int64_t bytes) override {
     std::lock_guard lock(mutex_);
     if (!request_id.empty()) {
       const auto known = requests_.find({kind, request_id});
@@ -63,10 +62,24 @@ class InMemoryJobStore : public JobStore {
       }
     }
     if (stopping_) return absl::UnavailableError("the job store is shutting down");
+    const int64_t unfinished = static_cast<int64_t>(order_.size() - finished_.size());
+    if (unfinished >= limits_.max_jobs) {
+      return absl::ResourceExhaustedError(absl::StrCat("the queue is full: ", unfinished,
+                                                       " jobs wait or run, at most ",
+                                                       limits_.max_jobs, " may"));
+    }
+    // A job that is too large for the limit alone can be done while nothing else waits.
+    if (unfinished > 0 && unfinished_bytes_ + bytes > limits_.max_bytes) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("the queue is full: the jobs that wait or run hold ", unfinished_bytes_,
+                       " bytes, this one ", bytes, " more, at most ", limits_.max_bytes, " may"));
+    }
     auto job = std::make_shared<Job>();
     job->number = next_number_++;
     job->fingerprint = fingerprint;
     job->work = std::move(work);
+    job->bytes = bytes;
+    unfinished_bytes_ += bytes;
     job->traceparent = CurrentTraceparent();
     job->record.kind = kind;
     job->record.request_id = request_id;
@@ -128,6 +141,7 @@ class InMemoryJobStore : public JobStore {
     int64_t number = 0;
     std::string fingerprint;
     JobWork work;
+    int64_t bytes = 0;
     std::string traceparent;  // of the request that made it
     JobRecord record;
     std::atomic<bool> cancelled{false};
@@ -179,6 +193,7 @@ class InMemoryJobStore : public JobStore {
 
   void Finish(Job& job, const absl::StatusOr<std::string>& result) {
     job.work = nullptr;
+    unfinished_bytes_ -= job.bytes;
     if (job.cancelled) {
       job.record.state = JobState::kCancelled;
       job.record.error = absl::CancelledError("cancelled");
@@ -193,7 +208,7 @@ class InMemoryJobStore : public JobStore {
     }
     Changed(job);
     finished_.push_back(job.number);
-    while (finished_.size() > kKeptFinishedJobs) {
+    while (finished_.size() > size_t{kKeptFinishedJobs}) {
       const auto oldest = order_.find(finished_.front());
       finished_.pop_front();
       const std::shared_ptr<Job> dropped = oldest->second;
@@ -221,10 +236,8 @@ class InMemoryJobStore : public JobStore {
         const ScopedTrace trace(job->traceparent);
         Context context(*this, *job);
         result = work(context);
-      } catch (const std::exception& e) {
-        result = absl::InternalError(absl::StrCat("exception: ", e.what()));
       } catch (...) {
-        result = absl::InternalError("exception of unknown type");
+        result = StatusOfException();
       }
       work = nullptr;  // what it captured goes without the mutex
       lock.lock();
@@ -237,6 +250,8 @@ class InMemoryJobStore : public JobStore {
   mutable std::condition_variable changed_;
   mutable int waiting_ = 0;
   bool stopping_ = false;
+  const JobLimits limits_;
+  int64_t unfinished_bytes_ = 0;
   int64_t next_number_ = 0;
   std::random_device random_;
   std::map<std::string, std::shared_ptr<Job>> jobs_;
@@ -249,8 +264,8 @@ class InMemoryJobStore : public JobStore {
 
 }  // namespace
 
-std::unique_ptr<JobStore> MakeInMemoryJobStore(int workers) {
-  return std::make_unique<InMemoryJobStore>(workers);
+std::unique_ptr<JobStore> MakeInMemoryJobStore(int workers, const JobLimits& limits) {
+  return std::make_unique<InMemoryJobStore>(workers, limits);
 }
 
 }  // namespace sightline

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <string>
 #include <vector>
@@ -45,9 +47,11 @@ class JobStore {
   virtual ~JobStore() = default;
   // Queues `work` and returns at once. A known (kind, request_id) returns that job and drops
   // `work`; ALREADY_EXISTS if it was made with another `fingerprint`. An empty request_id is
-  // always new.
+  // always new. RESOURCE_EXHAUSTED: more jobs, or more bytes of them, would be unfinished than the
+  // store may hold. `bytes`: memory that `work` holds on to until it is finished.
   virtual absl::StatusOr<JobRecord> Create(const std::string& kind, const std::string& request_id,
-                                           const std::string& fingerprint, JobWork work) = 0;
+                                           const std::string& fingerprint, JobWork work,
+                                           int64_t bytes = 0) = 0;
   virtual absl::StatusOr<JobRecord> Get(const std::string& job_id) const = 0;
   // In order of creation; empty kind: all.
   virtual std::vector<JobRecord> List(const std::string& kind) const = 0;
@@ -57,8 +61,18 @@ class JobStore {
                                                   absl::Duration timeout) const = 0;
 };
 
-// Runs at most `workers` jobs at a time. Keeps the last 1000 finished jobs. The destructor cancels
+// Finished jobs that a store remembers.
+inline constexpr int kKeptFinishedJobs = 1000;
+
+// What may be unfinished, that is queued or running, at a time.
+struct JobLimits {
+  int64_t max_jobs = std::numeric_limits<int64_t>::max();
+  int64_t max_bytes = std::numeric_limits<int64_t>::max();
+};
+
+// Runs at most `workers` jobs at a time. Keeps the last kKeptFinishedJobs finished jobs. Work that
+// throws fails: RESOURCE_EXHAUSTED for lack of memory, INTERNAL otherwise. The destructor cancels
 // what runs and waits for it.
-std::unique_ptr<JobStore> MakeInMemoryJobStore(int workers);
+std::unique_ptr<JobStore> MakeInMemoryJobStore(int workers, const JobLimits& limits = {});
 
 }  // namespace sightline

@@ -575,8 +575,18 @@ absl::Status WriteFileAtomically(const std::string& path, const std::string& con
     unlink(temporary.c_str());
     const std::string reason =
         absl::StrCat(path, ": cannot be written: ", what, ": ", std::strerror(error));
-    return error == ENOENT || error == ENOTDIR ? absl::NotFoundError(reason)
-                                               : absl::UnavailableError(reason);
+    switch (error) {
+      case ENOENT:
+      case ENOTDIR:
+        return absl::NotFoundError(reason);
+      case ENOSPC:
+      case EDQUOT:
+      case EFBIG:
+        // Trying again changes nothing until somebody makes room.
+        return absl::ResourceExhaustedError(reason);
+      default:
+        return absl::UnavailableError(reason);
+    }
   };
   const int descriptor = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
   if (descriptor < 0) return failure("open");

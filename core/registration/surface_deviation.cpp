@@ -9,6 +9,7 @@
 #include <thread>
 #include <utility>
 
+#include "core/parallel/worker_threads.h"
 #include "core/part/surface_geometry.h"
 #include "core/surface_inference/surface_estimate.h"
 
@@ -32,12 +33,12 @@ void ForShares(size_t count, int threads, const std::function<void(size_t, size_
   const size_t wanted = threads > 0 ? static_cast<size_t>(threads)
                                     : std::max<size_t>(1, std::thread::hardware_concurrency());
   const size_t used = std::clamp<size_t>(count / 256, 1, wanted);
-  std::vector<std::thread> pool;
+  WorkerThreads pool;
   for (size_t k = 0; k < used; ++k) {
     const size_t begin = count * k / used, end = count * (k + 1) / used;
-    pool.emplace_back([&work, begin, end] { work(begin, end); });
+    pool.Start([&work, begin, end] { work(begin, end); });
   }
-  for (std::thread& thread : pool) thread.join();
+  pool.Join();
 }
 
 // Calls visit(point) for the points of a scan that tell of a place, by ascending index.

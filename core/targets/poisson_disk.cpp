@@ -237,8 +237,12 @@ class Grid {
 
 class Sampler {
  public:
-  Sampler(const TriangleMesh& mesh, const TargetSampling& sampling)
-      : mesh_(mesh), regions_(sampling), random_(static_cast<uint64_t>(sampling.seed)) {
+  Sampler(const TriangleMesh& mesh, const TargetSampling& sampling,
+          const std::atomic<bool>* cancelled)
+      : mesh_(mesh),
+        cancelled_(cancelled),
+        regions_(sampling),
+        random_(static_cast<uint64_t>(sampling.seed)) {
     std::vector<double> spacings = {sampling.spacing_m};
     for (const TargetRegion& region : sampling.regions) spacings.push_back(region.spacing_m);
     std::sort(spacings.begin(), spacings.end());
@@ -259,14 +263,23 @@ class Sampler {
         " targets on this part, at most ", static_cast<int64_t>(kMaxTargets), " are possible"));
   }
 
+  static absl::Status Cancelled() { return absl::CancelledError("target sampling"); }
+
+  // Asked for every piece and candidate, looks at the flag now and then only.
+  bool ShouldStop() {
+    if (cancelled_ == nullptr || ++asked_ % 1024 != 0) return false;
+    return cancelled_->load(std::memory_order_relaxed);
+  }
+
   // Calls visit(piece, spacing) for parts of a triangle in which spacings hardly mix, `spacing`
   // being the smallest there: a large triangle that touches a dense region is not sampled densely
-  // all over.
+  // all over. False: to be stopped.
   template <typename Visit>
-  void ForEvenPieces(size_t t, Visit visit) {
+  bool ForEvenPieces(size_t t, Visit visit) {
     std::vector<Piece>& open = open_pieces_;
     open = {WholeTriangle(mesh_, t)};
     while (!open.empty()) {
+      if (ShouldStop()) return false;
       const Piece piece = open.back();
       open.pop_back();
       const Eigen::AlignedBox3d box = piece.Box();
@@ -278,6 +291,7 @@ class Sampler {
         visit(piece, smallest);
       }
     }
+    return true;
   }
 
   absl::Status ThrowDarts() {
@@ -286,8 +300,9 @@ class Sampler {
     };
     double targets = 0;
     for (size_t t = 0; t < mesh_.triangles.size(); ++t) {
-      ForEvenPieces(
+      const bool done = ForEvenPieces(
           t, [&](const Piece& piece, double spacing) { targets += targets_on(piece, spacing); });
+      if (!done) return Cancelled();
       if (targets > 2 * kMaxTargets) return TooMany(targets);  // the count itself decides later
     }
     std::vector<Point> candidates;
@@ -297,9 +312,11 @@ class Sampler {
     for (size_t t = 0; t < mesh_.triangles.size(); ++t) {
       const Eigen::Vector3d normal = mesh_.Normal(t);
       if (normal.isZero(0)) continue;
-      ForEvenPieces(t, [&](const Piece& piece, double spacing) {
+      bool stopped = false;
+      const bool done = ForEvenPieces(t, [&](const Piece& piece, double spacing) {
         offset += kCandidatesPerTarget * targets_on(piece, spacing);
-        for (; offset >= 1; offset -= 1) {
+        for (; offset >= 1 && !stopped; offset -= 1) {
+          stopped = ShouldStop();
           double u = random_.Uniform(), v = random_.Uniform();
           const double keep = random_.Uniform();
           if (u + v > 1) {
@@ -316,9 +333,11 @@ class Sampler {
               {p.cast<float>(), normal.cast<float>(), static_cast<uint32_t>(t), region});
         }
       });
+      if (stopped || !done) return Cancelled();
     }
     Shuffle(&candidates, &random_);
     for (const Point& candidate : candidates) {
+      if (ShouldStop()) return Cancelled();
       if (absl::Status status = Try(candidate); !status.ok()) return status;
     }
     return absl::OkStatus();
@@ -378,6 +397,7 @@ class Sampler {
       const Eigen::Vector3f normal_f = normal.cast<float>();
       open = {WholeTriangle(mesh_, t)};
       while (!open.empty()) {
+        if (ShouldStop()) return Cancelled();
         const Piece piece = open.back();
         open.pop_back();
         const double spacing = regions_.SmallestIn(piece.Box());
@@ -398,12 +418,15 @@ class Sampler {
     // In the order of triangles the new targets would crowd at one end of each gap.
     Shuffle(&gaps, &random_);
     for (const Point& point : gaps) {
+      if (ShouldStop()) return Cancelled();
       if (absl::Status status = Try(point); !status.ok()) return status;
     }
     return absl::OkStatus();
   }
 
   const TriangleMesh& mesh_;
+  const std::atomic<bool>* const cancelled_;
+  uint32_t asked_ = 0;
   Regions regions_;
   Random random_;
   std::vector<Grid> grids_;
@@ -436,13 +459,14 @@ uint64_t MortonKey(const Point& point, const Eigen::AlignedBox3d& box) {
 
 }  // namespace
 
-absl::StatusOr<TargetSet> SampleTargets(const TriangleMesh& mesh, const TargetSampling& sampling) {
+absl::StatusOr<TargetSet> SampleTargets(const TriangleMesh& mesh, const TargetSampling& sampling,
+                                        const std::atomic<bool>* cancelled) {
   double area_m2 = 0;
   for (size_t t = 0; t < mesh.triangles.size(); ++t) area_m2 += mesh.Area(t);
   if (!(area_m2 > 0)) {
     return absl::InvalidArgumentError("the mesh has no surface to put targets on");
   }
-  absl::StatusOr<std::vector<Point>> points = Sampler(mesh, sampling).Run();
+  absl::StatusOr<std::vector<Point>> points = Sampler(mesh, sampling, cancelled).Run();
   if (!points.ok()) return points.status();
 
   const Eigen::AlignedBox3d box = mesh.BoundingBox();

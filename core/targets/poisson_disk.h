@@ -1,6 +1,8 @@
 // Blue-noise target points on a mesh.
 #pragma once
 
+#include <atomic>
+
 #include "absl/status/statusor.h"
 #include "core/part/mesh.h"
 #include "core/targets/target_set.h"
@@ -15,7 +17,8 @@ namespace sightline {
 // counts; between places of two spacings the smaller one is kept. Same mesh, sampling and seed:
 // same targets. RESOURCE_EXHAUSTED above 2 million targets; INVALID_ARGUMENT for an empty mesh.
 // Targets are sorted along a Morton curve (position, then normal octant) so that neighbours are
-// near in memory.
-absl::StatusOr<TargetSet> SampleTargets(const TriangleMesh& mesh, const TargetSampling& sampling);
+// near in memory. CANCELLED soon after *cancelled becomes true; may be null.
+absl::StatusOr<TargetSet> SampleTargets(const TriangleMesh& mesh, const TargetSampling& sampling,
+                                        const std::atomic<bool>* cancelled = nullptr);
 
 }  // namespace sightline

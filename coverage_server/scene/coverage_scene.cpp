@@ -6,6 +6,7 @@
 #include <thread>
 
 #include "absl/strings/str_format.h"
+#include "core/parallel/worker_threads.h"
 #include "core/resting/convex_hull.h"
 #include "core/targets/poisson_disk.h"
 #include "coverage_server/explanation/explain_targets.h"
@@ -41,10 +42,11 @@ absl::Status CheckRegionsHoldTargets(const TargetSet& targets, const TargetSampl
     bool holds = false;
     for (size_t t = 0; t < targets.size() && !holds; ++t) holds = LiesInRegion(targets, t, region);
     if (holds) continue;
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "targets.regions[%d] (\"%s\") holds no target: its box does not meet the part's surface, or "
-        "is too small for its spacing_m of %.6g",
-        r, region.name, region.spacing_m));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("targets.regions[%d] (\"%s\") holds no target: its box does not meet the "
+                        "part's surface, or "
+                        "is too small for its spacing_m of %.6g",
+                        r, region.name, region.spacing_m));
   }
   return absl::OkStatus();
 }
@@ -63,20 +65,23 @@ class CoverageSceneImpl final : public CoverageScene {
     };
     auto start = std::chrono::steady_clock::now();
     report(0, "sampling targets");
-    auto targets = SampleTargets(definition_.part, definition_.sampling);
+    auto targets = SampleTargets(definition_.part, definition_.sampling, options.cancelled);
     if (!targets.ok()) return targets.status();
     targets_ = std::move(*targets);
     absl::Status regions = CheckRegionsHoldTargets(targets_, definition_.sampling);
     if (!regions.ok()) return regions;
     timings_.targets_s = SecondsSince(start);
-    if (options.cancelled != nullptr && options.cancelled->load())
-      return absl::CancelledError("scene");
+    const auto cancelled = [&] {
+      return options.cancelled != nullptr && options.cancelled->load();
+    };
+    if (cancelled()) return absl::CancelledError("scene");
 
     start = std::chrono::steady_clock::now();
     report(0.05, "rendering the visibility field");
     occluders_.push_back({ObstacleFrame::kPart, TriangleBvh(definition_.part)});
     std::vector<const TriangleMesh*> fixtures;
     for (const SceneObstacle& obstacle : definition_.obstacles) {
+      if (cancelled()) return absl::CancelledError("scene");
       occluders_.push_back({obstacle.frame, TriangleBvh(obstacle.mesh)});
       if (obstacle.frame == ObstacleFrame::kPart) fixtures.push_back(&obstacle.mesh);
     }
@@ -89,7 +94,8 @@ class CoverageSceneImpl final : public CoverageScene {
           probed.coverage_radius_m, priors_->smallest_length_scale_m() / kProbeRadiusRelative);
     }
     const SurfaceProbes probes =
-        MakeSurfaceProbes(definition_.part, occluders_[0].bvh, targets_, probed);
+        MakeSurfaceProbes(definition_.part, occluders_[0].bvh, targets_, probed, options.cancelled);
+    if (cancelled()) return absl::CancelledError("scene");
     FieldBuildOptions field_options;
     field_options.directions = definition_.field_directions;
     field_options.processes = options.threads;
@@ -114,13 +120,13 @@ class CoverageSceneImpl final : public CoverageScene {
           targets_, probes, *priors_, *definition_.uncertainty, std::move(costs));
     }
     timings_.field_s = SecondsSince(start);
+    if (cancelled()) return absl::CancelledError("scene");
 
     start = std::chrono::steady_clock::now();
     report(0.95, "deciding measurability");
     measurable_ = TargetBits(targets_.size());
     MarkMeasurableTargets(options);
-    if (options.cancelled != nullptr && options.cancelled->load())
-      return absl::CancelledError("scene");
+    if (cancelled()) return absl::CancelledError("scene");
     timings_.measurability_s = SecondsSince(start);
     report(1, "ready");
     return absl::OkStatus();
@@ -371,9 +377,9 @@ class CoverageSceneImpl final : public CoverageScene {
   }
 
   void MarkMeasurableTargets(const SceneBuildOptions& options) {
-    ForTargetShares(options.threads, [this](size_t begin, size_t end) {
+    ForTargetShares(options.threads, [&](size_t begin, size_t end) {
       MarkMeasurable(targets_, *field_, occluders_, kMinTriangulationRad, kMaxTriangulationRad,
-                     begin, end, measurable_);
+                     begin, end, measurable_, options.cancelled);
     });
     measurable_in_free_space_ = measurable_;
     if (!definition_.domain) return;
@@ -391,7 +397,8 @@ class CoverageSceneImpl final : public CoverageScene {
     TargetBits narrowed(targets_.size());
     if (least <= most) {
       ForTargetShares(options.threads, [&](size_t begin, size_t end) {
-        MarkMeasurable(targets_, *field_, occluders_, least, most, begin, end, narrowed);
+        MarkMeasurable(targets_, *field_, occluders_, least, most, begin, end, narrowed,
+                       options.cancelled);
       });
     }
     measurable_ &= narrowed;
@@ -404,13 +411,13 @@ class CoverageSceneImpl final : public CoverageScene {
     const size_t threads =
         wanted_threads > 0 ? wanted_threads : std::max(1u, std::thread::hardware_concurrency());
     const size_t share = (field_->blocks() + threads - 1) / threads * kTargetsPerBlock;
-    std::vector<std::thread> pool;
+    WorkerThreads pool;
     for (size_t i = 0; i < threads; ++i) {
       const size_t begin = std::min(targets_.size(), i * share),
                    end = std::min(targets_.size(), begin + share);
-      pool.emplace_back([&work, begin, end] { work(begin, end); });
+      pool.Start([&work, begin, end] { work(begin, end); });
     }
-    for (auto& thread : pool) thread.join();
+    pool.Join();
   }
 
   // Calls take(index, scan in part axes, fast scan, feasibility) for every measurement.

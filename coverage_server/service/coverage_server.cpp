@@ -28,11 +28,7 @@ class CoverageServerImpl final : public CoverageServer {
             {backend, &registry_, &pool_, &calls_, &metrics_, options.max_part_file_bytes}),
         server_("coverage_server", &metrics_, &calls_, jobs_.get()) {}
 
-  ~CoverageServerImpl() override {
-    server_.Drain(absl::ZeroDuration());
-    // Jobs refer to the registry.
-    jobs_.reset();
-  }
+  ~CoverageServerImpl() override { Drain(absl::ZeroDuration()); }
 
   absl::Status Listen(const CoverageServerOptions& options) {
     absl::Status status =
@@ -43,7 +39,12 @@ class CoverageServerImpl final : public CoverageServer {
 
   const std::string& address() const override { return server_.address(); }
   int metrics_port() const override { return server_.metrics_port(); }
-  bool Drain(absl::Duration grace) override { return server_.Drain(grace); }
+  bool Drain(absl::Duration grace) override {
+    const bool finished = server_.Drain(grace);
+    // Jobs refer to the registry.
+    jobs_.reset();
+    return finished;
+  }
 
  private:
   CoverageMetrics metrics_;

@@ -15,11 +15,8 @@
 namespace sightline {
 namespace {
 
-constexpr size_t kMaxChunkBytes = 1 << 20;
 // At most about 40 bytes each on the wire: below 1 MiB.
 constexpr size_t kPointsPerMessage = 16384;
-// Part files that are received at the same time, in units of the largest allowed one.
-constexpr int64_t kConcurrentUploads = 2;
 constexpr int64_t kMaxCoverageResponseBytes = kMaxMessageBytes / 2;
 
 v1::Vector3 VectorToProto(const Eigen::Vector3d& vector) {
@@ -54,23 +51,6 @@ FastGain GainOfCoverage(const CoverageScene& scene, const ExactCoverage& coverag
   return gain;
 }
 
-// Adds to a counter for as long as it lives.
-class Reservation {
- public:
-  Reservation(std::atomic<int64_t>* counter, int64_t amount) : counter_(counter), amount_(amount) {
-    total_ = counter_->fetch_add(amount_) + amount_;
-  }
-  ~Reservation() { *counter_ -= amount_; }
-  Reservation(const Reservation&) = delete;
-  Reservation& operator=(const Reservation&) = delete;
-  int64_t total() const { return total_; }
-
- private:
-  std::atomic<int64_t>* counter_;
-  int64_t amount_;
-  int64_t total_;
-};
-
 }  // namespace
 
 absl::Status CoverageServiceImpl::Evaluate(grpc::ServerContext* context, size_t items, size_t chunk,
@@ -82,8 +62,9 @@ absl::Status CoverageServiceImpl::Evaluate(grpc::ServerContext* context, size_t 
 grpc::Status CoverageServiceImpl::UploadPart(grpc::ServerContext* context,
                                              grpc::ServerReader<v1::UploadPartRequest>* reader,
                                              v1::UploadPartResponse* response) {
-  return p_.calls->Run("UploadPart", context,
-                       [&] { return ReceivePart(context, reader, response); });
+  return p_.calls->Run(
+      "UploadPart", context, [&] { return ReceivePart(context, reader, response); },
+      CallKind::kStream);
 }
 
 absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
@@ -97,7 +78,10 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
                          {{"max_part_bytes", absl::StrCat(p_.max_part_file_bytes)}});
   };
   v1::UploadPartRequest message;
-  if (!reader->Read(&message) || !message.has_header()) {
+  const absl::StatusOr<bool> begun =
+      p_.calls->Read(context, [&] { return reader->Read(&message); });
+  if (!begun.ok()) return begun.status();
+  if (!*begun || !message.has_header()) {
     return InvalidFields({{"header", "must be the first message"}});
   }
   const v1::UploadPartRequest::Header header = message.header();
@@ -114,46 +98,19 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
   }
   if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
   if (header.size_bytes() > p_.max_part_file_bytes) return too_large(header.size_bytes());
-  const Reservation reservation(&upload_bytes_, header.size_bytes());
-  if (reservation.total() > kConcurrentUploads * p_.max_part_file_bytes) {
-    return WithRetryDelay(
-        WithErrorInfo(absl::UnavailableError("overloaded: too many uploads"), "OVERLOADED"),
-        absl::Seconds(1));
-  }
-
-  std::string bytes;
-  const auto size = static_cast<size_t>(header.size_bytes());
-  while (reader->Read(&message)) {
-    if (message.content_case() != v1::UploadPartRequest::kChunk) {
-      return InvalidFields({{"chunk", "every message after the header must have one"}});
-    }
-    const std::string& chunk = message.chunk();
-    if (chunk.size() > kMaxChunkBytes) {
-      return InvalidFields(
-          {{"chunk", absl::StrCat(chunk.size(), " bytes: at most ", kMaxChunkBytes)}});
-    }
-    if (static_cast<int64_t>(bytes.size() + chunk.size()) > p_.max_part_file_bytes) {
-      return too_large(static_cast<int64_t>(bytes.size() + chunk.size()));
-    }
-    if (bytes.size() + chunk.size() > size) {
-      return InvalidFields({{"header.size_bytes", absl::StrCat(size, ": more bytes followed")}});
-    }
-    bytes += chunk;
-  }
-  if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
-  if (bytes.size() != size) {
-    return InvalidFields(
-        {{"header.size_bytes", absl::StrCat(size, ": only ", bytes.size(), " bytes followed")}});
-  }
+  absl::StatusOr<ReceivedFile> file =
+      ReceiveChunks(p_.calls, context, reader, header.size_bytes(), &upload_memory_);
+  if (!file.ok()) return file.status();
   absl::StatusOr<TriangleMesh> mesh =
-      LoadPartFromMemory(bytes, header.format(), header.unit(), name);
+      LoadPartFromMemory(file->bytes, header.format(), header.unit(), name);
   if (!mesh.ok()) {
     if (absl::IsInvalidArgument(mesh.status())) {
       return WithErrorInfo(mesh.status(), "PART_INVALID");
     }
     return mesh.status();
   }
-  bytes = std::string();
+  if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
+  file->bytes = std::string();
   auto part = std::make_shared<StoredPart>();
   part->mesh = *std::move(mesh);
   part->health = CheckPartHealth(part->mesh);
@@ -161,8 +118,8 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
   absl::StatusOr<std::string> digest = p_.registry->AddPart(part);
   if (!digest.ok()) return digest.status();
   response->set_part_digest(*digest);
-  spdlog::info("event=part_uploaded part={} bytes={} triangles={} name={:?}", *digest, size,
-               part->health.triangle_count, name);
+  spdlog::info("event=part_uploaded part={} bytes={} triangles={} name={:?}", *digest,
+               header.size_bytes(), part->health.triangle_count, name);
   return absl::OkStatus();
 }
 
@@ -203,7 +160,7 @@ grpc::Status CoverageServiceImpl::GetScene(grpc::ServerContext* context,
 grpc::Status CoverageServiceImpl::StreamTargets(
     grpc::ServerContext* context, const v1::StreamTargetsRequest* request,
     grpc::ServerWriter<v1::StreamTargetsResponse>* writer) {
-  return p_.calls->Run("StreamTargets", context, [&]() -> absl::Status {
+  const auto stream = [&]() -> absl::Status {
     auto stored = p_.registry->FindScene(request->scene_digest());
     if (!stored.ok()) return stored.status();
     const TargetSet& targets = (*stored)->scene->targets();
@@ -219,10 +176,12 @@ grpc::Status CoverageServiceImpl::StreamTargets(
         response.add_measurable_in_free_space(in_free_space.Test(i));
         response.add_regions(targets.regions[i]);
       }
-      if (!writer->Write(response)) return absl::CancelledError("the client went away");
+      absl::Status sent = p_.calls->Write(context, [&] { return writer->Write(response); });
+      if (!sent.ok()) return sent;
     }
     return absl::OkStatus();
-  });
+  };
+  return p_.calls->Run("StreamTargets", context, stream, CallKind::kStream);
 }
 
 grpc::Status CoverageServiceImpl::EvaluateGains(grpc::ServerContext* context,
@@ -235,19 +194,24 @@ grpc::Status CoverageServiceImpl::EvaluateGains(grpc::ServerContext* context,
 grpc::Status CoverageServiceImpl::StreamGains(
     grpc::ServerContext* context,
     grpc::ServerReaderWriter<v1::StreamGainsResponse, v1::StreamGainsRequest>* stream) {
-  return p_.calls->Run("StreamGains", context, [&]() -> absl::Status {
+  const auto answer_all = [&]() -> absl::Status {
     v1::StreamGainsRequest request;
-    while (p_.calls->WhileIdle([&] { return stream->Read(&request); })) {
+    while (true) {
+      const absl::StatusOr<bool> more =
+          p_.calls->Read(context, [&] { return stream->Read(&request); });
+      if (!more.ok()) return more.status();
+      if (!*more) return p_.calls->CheckStop(context);
       if (p_.calls->draining()) {
         return WithErrorInfo(absl::UnavailableError("the server is shutting down"), "DRAINING");
       }
       v1::StreamGainsResponse response;
       absl::Status status = Gains(context, request.request(), response.mutable_response());
       if (!status.ok()) return status;
-      if (!stream->Write(response)) return absl::CancelledError("the client went away");
+      status = p_.calls->Write(context, [&] { return stream->Write(response); });
+      if (!status.ok()) return status;
     }
-    return p_.calls->CheckStop(context);
-  });
+  };
+  return p_.calls->Run("StreamGains", context, answer_all, CallKind::kStream);
 }
 
 absl::Status CoverageServiceImpl::Gains(grpc::ServerContext* context,
@@ -398,7 +362,7 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
 grpc::Status CoverageServiceImpl::StreamMeasurementPoints(
     grpc::ServerContext* context, const v1::StreamMeasurementPointsRequest* request,
     grpc::ServerWriter<v1::StreamMeasurementPointsResponse>* writer) {
-  return p_.calls->Run("StreamMeasurementPoints", context, [&]() -> absl::Status {
+  const auto measure = [&]() -> absl::Status {
     auto stored = p_.registry->FindScene(request->scene_digest());
     if (!stored.ok()) return stored.status();
     const CoverageScene& scene = *(*stored)->scene;
@@ -425,10 +389,12 @@ grpc::Status CoverageServiceImpl::StreamMeasurementPoints(
         response.add_frames(points[i].frame);
         response.add_columns_px(points[i].column_px);
       }
-      if (!writer->Write(response)) return absl::CancelledError("the client went away");
+      absl::Status sent = p_.calls->Write(context, [&] { return writer->Write(response); });
+      if (!sent.ok()) return sent;
     }
     return absl::OkStatus();
-  });
+  };
+  return p_.calls->Run("StreamMeasurementPoints", context, measure, CallKind::kStream);
 }
 
 grpc::Status CoverageServiceImpl::RenderView(grpc::ServerContext* context,

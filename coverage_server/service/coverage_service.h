@@ -1,8 +1,6 @@
 // CoverageService over a SceneRegistry.
 #pragma once
 
-#include <atomic>
-
 #include "coverage_server/service/coverage_backend.h"
 #include "coverage_server/service/coverage_metrics.h"
 #include "coverage_server/service/evaluation_pool.h"
@@ -10,6 +8,7 @@
 #include "coverage_server/service/scene_registry.h"
 #include "rpc_server/call_tracker.h"
 #include "rpc_server/rpc_server.h"
+#include "rpc_server/upload.h"
 #include "sightline/v1/coverage_service.grpc.pb.h"
 
 namespace sightline {
@@ -24,7 +23,8 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
     CoverageMetrics* metrics;
     int64_t max_part_file_bytes;
   };
-  explicit CoverageServiceImpl(Parts parts) : p_(std::move(parts)) {}
+  explicit CoverageServiceImpl(Parts parts)
+      : p_(std::move(parts)), upload_memory_(2 * p_.max_part_file_bytes, p_.max_part_file_bytes) {}
 
   grpc::Status UploadPart(grpc::ServerContext* context,
                           grpc::ServerReader<v1::UploadPartRequest>* reader,
@@ -78,8 +78,7 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
                         const EvaluationPool::Body& body);
 
   const Parts p_;
-  // Bytes of parts that are being received.
-  std::atomic<int64_t> upload_bytes_ = 0;
+  UploadMemory upload_memory_;
 };
 
 }  // namespace sightline

@@ -3,10 +3,9 @@
 #include <algorithm>
 #include <cassert>
 #include <chrono>
-#include <exception>
-#include <new>
 
 #include "absl/strings/str_cat.h"
+#include "core/parallel/exception_status.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -90,10 +89,8 @@ void EvaluationPool::Work() {
     absl::Status error;
     try {
       (*batch->body)(begin, end, batch->cancelled);
-    } catch (const std::bad_alloc&) {
-      error = absl::ResourceExhaustedError("out of memory");
-    } catch (const std::exception& e) {
-      error = absl::InternalError(e.what());
+    } catch (...) {
+      error = StatusOfException();
     }
     lock.lock();
     --batch->running;

@@ -77,8 +77,9 @@ absl::Status CoverageServiceImpl::GainsByUncertainty(grpc::ServerContext* contex
 grpc::Status CoverageServiceImpl::EvaluateUncertainty(
     grpc::ServerContext* context, const v1::EvaluateUncertaintyRequest* request,
     grpc::ServerWriter<v1::EvaluateUncertaintyResponse>* writer) {
-  return p_.calls->Run("EvaluateUncertainty", context,
-                       [&] { return Uncertainty(context, *request, writer); });
+  return p_.calls->Run(
+      "EvaluateUncertainty", context, [&] { return Uncertainty(context, *request, writer); },
+      CallKind::kStream);
 }
 
 absl::Status CoverageServiceImpl::Uncertainty(
@@ -162,7 +163,8 @@ absl::Status CoverageServiceImpl::Uncertainty(
       response.mutable_after_each_scan_m()->Add(results[i].after_each_scan_m.begin(),
                                                 results[i].after_each_scan_m.end());
     }
-    if (!writer->Write(response)) return absl::CancelledError("the client went away");
+    absl::Status sent = p_.calls->Write(context, [&] { return writer->Write(response); });
+    if (!sent.ok()) return sent;
   }
   return absl::OkStatus();
 }

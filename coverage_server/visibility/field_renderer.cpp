@@ -280,14 +280,17 @@ class TileRenderer {
 
 }  // namespace
 
-absl::Status RenderFieldTiles(FieldJob& job, uint8_t* field) {
+absl::Status RenderFieldTiles(FieldJob& job, uint8_t* field, int32_t number) {
   TileRenderer renderer(job, field);
   if (absl::Status status = renderer.Init(); !status.ok()) return status;
-  const int tiles = job.map_side * job.map_side / (kTileSide * kTileSide);
-  while (!job.cancelled.load(std::memory_order_relaxed)) {
-    const int tile = job.next_tile.fetch_add(1);
-    if (tile >= tiles) break;
+  std::atomic<int32_t>* const states = TileStates(job);
+  const int tiles = TileCount(job);
+  for (int tile = 0; tile < tiles; ++tile) {
+    int32_t waiting = kTileWaiting;
+    if (!states[tile].compare_exchange_strong(waiting, number)) continue;
     if (absl::Status status = renderer.RenderTile(tile); !status.ok()) return status;
+    if (job.cancelled.load(std::memory_order_relaxed)) break;
+    states[tile].store(kTileDone);
   }
   return absl::OkStatus();
 }

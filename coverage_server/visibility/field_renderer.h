@@ -26,7 +26,10 @@ struct FieldJob {
   // Six float arrays (x, y, z, nx, ny, nz) of kProbesPerTarget * target_count each, probe-major.
   uint64_t probes;
 
-  std::atomic<int32_t> next_tile;
+  // One std::atomic<int32_t> for every tile: kTileWaiting, kTileDone or the number of the worker
+  // that has taken it.
+  uint64_t tiles;
+
   std::atomic<int32_t> directions_done;
   std::atomic<int32_t> cancelled;
 
@@ -46,9 +49,19 @@ struct FieldCluster {
 };
 
 inline constexpr int kTileSide = 8;
+inline constexpr int32_t kTileWaiting = 0;
+inline constexpr int32_t kTileDone = -1;
 
-// Takes tiles until none is left; writes bytes [block][cell][target in block] to `field`.
-// Every tile starts afresh, so the bytes do not depend on who renders it.
-absl::Status RenderFieldTiles(FieldJob& job, uint8_t* field);
+inline int TileCount(const FieldJob& job) {
+  return job.map_side * job.map_side / (kTileSide * kTileSide);
+}
+inline std::atomic<int32_t>* TileStates(FieldJob& job) {
+  return reinterpret_cast<std::atomic<int32_t>*>(reinterpret_cast<char*>(&job) + job.tiles);
+}
+
+// Takes tiles as worker `number` (>= 1) until none waits; writes bytes
+// [block][cell][target in block] to `field`. Every tile starts afresh, so the bytes do not depend
+// on who renders it, nor on whether somebody has begun it before.
+absl::Status RenderFieldTiles(FieldJob& job, uint8_t* field, int32_t number);
 
 }  // namespace sightline

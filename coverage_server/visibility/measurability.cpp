@@ -33,7 +33,8 @@ uint32_t OpenDirections(const std::vector<Occluder>& occluders, const Eigen::Vec
 
 void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
                     const std::vector<Occluder>& occluders, double min_angle_rad,
-                    double max_angle_rad, size_t begin, size_t end, TargetBits& measurable) {
+                    double max_angle_rad, size_t begin, size_t end, TargetBits& measurable,
+                    const std::atomic<bool>* cancelled) {
   const OctahedralMap& map = field.map();
   std::vector<Eigen::Vector3f> directions(map.cells());
   for (int c = 0; c < map.cells(); ++c) directions[c] = map.Direction(c);
@@ -73,6 +74,7 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
   // Lifted off its own surface.
   constexpr float kLiftM = 2e-5f;
   for (size_t t = begin; t < end; ++t) {
+    if (cancelled != nullptr && cancelled->load(std::memory_order_relaxed)) return;
     const Eigen::Vector3f normal = targets.normals[t],
                           from = targets.positions_m[t] + kLiftM * normal;
     candidates.clear();

@@ -1,6 +1,7 @@
 // Which targets can be measured at all (thesis section 6.1).
 #pragma once
 
+#include <atomic>
 #include <vector>
 
 #include "core/targets/target_set.h"
@@ -13,9 +14,10 @@ namespace sightline {
 // Directions are those of the field's map, and where they find no pair of a map twice as fine (2
 // degrees apart by default; the thesis draws 2^16 random pairs); the field says which are worth
 // asking and segments through `occluders` (those in part coordinates) decide. `begin`, `end`: range
-// of targets whose bits are written.
+// of targets whose bits are written. Stops early when *cancelled; may be null.
 void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
                     const std::vector<Occluder>& occluders, double min_angle_rad,
-                    double max_angle_rad, size_t begin, size_t end, TargetBits& measurable);
+                    double max_angle_rad, size_t begin, size_t end, TargetBits& measurable,
+                    const std::atomic<bool>* cancelled = nullptr);
 
 }  // namespace sightline

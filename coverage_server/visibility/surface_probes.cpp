@@ -8,7 +8,8 @@
 namespace sightline {
 
 SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh,
-                                const TargetSet& targets, const TargetSampling& sampling) {
+                                const TargetSet& targets, const TargetSampling& sampling,
+                                const std::atomic<bool>* cancelled) {
   const float radius = static_cast<float>(sampling.coverage_radius_m);
   const float cos_gate = static_cast<float>(std::cos(sampling.max_normal_angle_rad));
 
@@ -20,6 +21,7 @@ SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh
   };
   std::vector<Nearby> nearby;
   for (size_t i = 0; i < targets.size(); ++i) {
+    if (cancelled != nullptr && cancelled->load(std::memory_order_relaxed)) return probes;
     const Eigen::Vector3f centre = targets.positions_m[i], normal = targets.normals[i];
     nearby.clear();
     bvh.VisitBox(

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <atomic>
 #include <vector>
 
 #include "core/part/mesh.h"
@@ -23,7 +24,9 @@ struct SurfaceProbes {
   std::vector<Eigen::Vector3f> normals;
 };
 
+// Stops early, with what is of no use, when *cancelled; may be null.
 SurfaceProbes MakeSurfaceProbes(const TriangleMesh& mesh, const TriangleBvh& bvh,
-                                const TargetSet& targets, const TargetSampling& sampling);
+                                const TargetSet& targets, const TargetSampling& sampling,
+                                const std::atomic<bool>* cancelled = nullptr);
 
 }  // namespace sightline

@@ -17,14 +17,17 @@
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
+#include <iterator>
 #include <map>
 #include <new>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/parallel/worker_threads.h"
 #include "coverage_server/visibility/field_renderer.h"
 #include "coverage_server/visibility/field_worker.h"
 
@@ -76,11 +79,16 @@ struct OccluderMesh {
   bool closed = true;
 };
 
-bool IsClosed(const TriangleMesh& mesh) {
+bool IsSet(const std::atomic<bool>* flag) {
+  return flag != nullptr && flag->load(std::memory_order_relaxed);
+}
+
+bool IsClosed(const TriangleMesh& mesh, const std::atomic<bool>* cancelled) {
   // Every directed edge has its opposite exactly once: then back faces hide nothing that a front
   // face does not hide too.
   std::map<std::pair<uint32_t, uint32_t>, int> edges;
   for (const auto& t : mesh.triangles) {
+    if (IsSet(cancelled)) return false;
     for (int k = 0; k < 3; ++k) {
       const uint32_t a = t[k], b = t[(k + 1) % 3];
       if (a < b) {
@@ -124,14 +132,16 @@ void AddInnerPoints(const Eigen::Vector3f* corner, float spacing_m, const AddPoi
   }
 }
 
+// Stops early, with what is of no use, when *cancelled.
 OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles,
-                           double simplification_m, float point_spacing_m) {
+                           double simplification_m, float point_spacing_m,
+                           const std::atomic<bool>* cancelled) {
   OccluderMesh result;
   std::vector<uint32_t> indices;
   std::vector<const TriangleMesh*> meshes = {&part};
   meshes.insert(meshes.end(), obstacles.begin(), obstacles.end());
   for (const TriangleMesh* mesh : meshes) {
-    result.closed = result.closed && IsClosed(*mesh);
+    result.closed = result.closed && IsClosed(*mesh, cancelled);
     const auto base = static_cast<uint32_t>(result.vertices.size() / 3);
     for (const auto& p : mesh->positions_m) {
       result.vertices.insert(result.vertices.end(), {p.x(), p.y(), p.z()});
@@ -141,6 +151,7 @@ OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMes
     }
   }
   const size_t vertex_count = result.vertices.size() / 3;
+  if (IsSet(cancelled)) return result;
   if (simplification_m > 0 && !indices.empty()) {
     const float scale = meshopt_simplifyScale(result.vertices.data(), vertex_count, 12);
     std::vector<uint32_t> simplified(indices.size());
@@ -149,6 +160,7 @@ OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMes
                                        static_cast<float>(simplification_m) / scale, 0, nullptr));
     if (!simplified.empty()) indices = std::move(simplified);
   }
+  if (IsSet(cancelled)) return result;
   constexpr size_t kMaxVertices = 64, kMaxTriangles = 32;
   std::vector<meshopt_Meshlet> meshlets(
       meshopt_buildMeshletsBound(indices.size(), kMaxVertices, kMaxTriangles));
@@ -158,6 +170,7 @@ OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMes
       meshlets.data(), meshlet_vertices.data(), meshlet_triangles.data(), indices.data(),
       indices.size(), result.vertices.data(), vertex_count, 12, kMaxVertices, kMaxTriangles, 0.5f));
   for (const meshopt_Meshlet& m : meshlets) {
+    if (IsSet(cancelled)) return result;
     FieldCluster cluster{};
     cluster.first_triangle = static_cast<uint32_t>(result.triangles.size() / 3);
     cluster.triangle_count = m.triangle_count;
@@ -222,14 +235,14 @@ std::string WorkerProgram() {
 // Directions just below a probe's horizon: the sensor may still be above it, so the cell takes over
 // what the probe sees from the nearest cell above.
 void FillBelowHorizon(const SurfaceProbes& probes, const OctahedralMap& map, uint8_t* data,
-                      size_t begin, size_t end) {
+                      size_t begin, size_t end, const std::atomic<bool>* cancelled) {
   constexpr float kAbove = 0.05f;    // sine of the elevation from which a cell's answer is its own
   constexpr float kClampTo = 0.08f;  // elevation the direction is lifted to
   constexpr float kBelow = -0.15f;   // no direction in such a cell is above the horizon
   std::vector<Eigen::Vector3f> directions(map.cells());
   for (int c = 0; c < map.cells(); ++c) directions[c] = map.Direction(c);
   std::vector<uint8_t> own(map.cells());
-  for (size_t t = begin; t < end; ++t) {
+  for (size_t t = begin; t < end && !IsSet(cancelled); ++t) {
     uint8_t* column =
         data + t / kTargetsPerBlock * map.cells() * kTargetsPerBlock + t % kTargetsPerBlock;
     for (int c = 0; c < map.cells(); ++c)
@@ -259,6 +272,137 @@ void FillBelowHorizon(const SurfaceProbes& probes, const OctahedralMap& map, uin
   }
 }
 
+// What a worker process maps.
+struct WorkerMemory {
+  int job_fd;
+  size_t job_bytes;
+  int field_fd;
+  size_t field_bytes;
+};
+
+// One worker process, killed if it still runs when this goes.
+class Worker {
+ public:
+  // RESOURCE_EXHAUSTED: the system gives no more processes.
+  static absl::StatusOr<Worker> Start(const std::string& program, const WorkerMemory& memory,
+                                      int32_t number) {
+    posix_spawn_file_actions_t actions;
+    posix_spawn_file_actions_init(&actions);
+    // dup2 onto itself drops close-on-exec for the child only.
+    posix_spawn_file_actions_adddup2(&actions, memory.job_fd, memory.job_fd);
+    posix_spawn_file_actions_adddup2(&actions, memory.field_fd, memory.field_fd);
+    std::string arguments[] = {program,
+                               "--field-worker",
+                               absl::StrCat(memory.job_fd),
+                               absl::StrCat(memory.job_bytes),
+                               absl::StrCat(memory.field_fd),
+                               absl::StrCat(memory.field_bytes),
+                               absl::StrCat(number)};
+    char* argv[std::size(arguments) + 1] = {};
+    for (size_t i = 0; i < std::size(arguments); ++i) argv[i] = arguments[i].data();
+    pid_t pid = 0;
+    const int error = posix_spawn(&pid, program.c_str(), &actions, nullptr, argv, environ);
+    posix_spawn_file_actions_destroy(&actions);
+    if (error != 0) {
+      return absl::ResourceExhaustedError(
+          absl::StrCat("a visibility field worker cannot be started: ", std::strerror(error)));
+    }
+    return Worker(pid, number);
+  }
+  Worker(Worker&& other) noexcept : pid_(std::exchange(other.pid_, 0)), number_(other.number_) {}
+  Worker& operator=(Worker&& other) noexcept {
+    std::swap(pid_, other.pid_);
+    number_ = other.number_;
+    return *this;
+  }
+  ~Worker() {
+    if (pid_ <= 0) return;
+    kill(pid_, SIGKILL);
+    waitpid(pid_, nullptr, 0);
+  }
+
+  int32_t number() const { return number_; }
+  // How it ended, as of waitpid(); nothing while it runs.
+  std::optional<int> Ended() {
+    int state = 0;
+    if (waitpid(pid_, &state, WNOHANG) != pid_) return std::nullopt;
+    pid_ = 0;
+    return state;
+  }
+
+ private:
+  Worker(pid_t pid, int32_t number) : pid_(pid), number_(number) {}
+  pid_t pid_;
+  int32_t number_;
+};
+
+// What a worker that was killed had taken and not finished waits again.
+void GiveTilesBack(FieldJob& job, int32_t worker) {
+  for (int tile = 0; tile < TileCount(job); ++tile) {
+    int32_t taken = worker;
+    TileStates(job)[tile].compare_exchange_strong(taken, kTileWaiting);
+  }
+}
+
+// Renders all tiles in `processes` processes. One that is killed from outside is replaced, as often
+// as kMostReplacements: a tile that kills whoever renders it must not do so for ever.
+absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& memory,
+                               int processes, const FieldBuildOptions& options, FieldJob& job) {
+  constexpr int kMostReplacements = 16;
+  const int total = job.map_side * job.map_side;
+  std::vector<Worker> workers;
+  int32_t next_number = 1;
+  const auto start = [&]() -> absl::Status {
+    absl::StatusOr<Worker> worker = Worker::Start(program, memory, next_number++);
+    if (worker.ok()) workers.push_back(*std::move(worker));
+    return worker.status();
+  };
+  for (int i = 0; i < processes; ++i) {
+    // With fewer it takes longer.
+    if (absl::Status started = start(); !started.ok() && workers.empty()) return started;
+  }
+  const auto all_done = [&job] {
+    for (int tile = 0; tile < TileCount(job); ++tile) {
+      if (TileStates(job)[tile].load() != kTileDone) return false;
+    }
+    return true;
+  };
+  int killed = 0;
+  while (!workers.empty()) {
+    if (IsSet(options.cancelled)) job.cancelled.store(1);
+    if (options.on_progress) {
+      options.on_progress(std::min(1.0, static_cast<double>(job.directions_done.load()) / total));
+    }
+    for (size_t i = 0; i < workers.size();) {
+      const std::optional<int> state = workers[i].Ended();
+      if (!state) {
+        ++i;
+        continue;
+      }
+      const int32_t number = workers[i].number();
+      workers.erase(workers.begin() + static_cast<ptrdiff_t>(i));
+      if ((WIFEXITED(*state) && WEXITSTATUS(*state) == 0) || job.cancelled.load() != 0) continue;
+      if (!WIFSIGNALED(*state)) {
+        // The mistake would come back. The others end with `workers`.
+        return absl::InternalError("a visibility field worker failed");
+      }
+      GiveTilesBack(job, number);
+      if (++killed > kMostReplacements) {
+        return absl::UnavailableError(absl::StrCat("visibility field workers were killed ", killed,
+                                                   " times, at last by signal ", WTERMSIG(*state)));
+      }
+      start().IgnoreError();  // the others go on; if there are none, see below
+    }
+    if (workers.empty() && killed > 0 && job.cancelled.load() == 0 && !all_done()) {
+      if (absl::Status started = start(); !started.ok()) return started;
+    }
+    std::this_thread::sleep_for(std::chrono::milliseconds(10));
+  }
+  if (job.cancelled.load() != 0) return absl::CancelledError("visibility field");
+  if (!all_done()) return absl::InternalError("visibility field workers left a tile out");
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 VisibilityField::VisibilityField(OctahedralMap map, size_t targets)
@@ -284,7 +428,8 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
       options.pixel_size_m > 0 ? options.pixel_size_m : box.sizes().norm() / kPixelsPerDiagonal);
   constexpr float kClusterPointSpacingPx = 8;
   const OccluderMesh mesh = MakeOccluders(part, obstacles, options.simplification_m,
-                                          kClusterPointSpacingPx * pixel_size_m);
+                                          kClusterPointSpacingPx * pixel_size_m, options.cancelled);
+  if (IsSet(options.cancelled)) return absl::CancelledError("visibility field");
   JobLayout layout;
   const uint64_t vertices = layout.Add(mesh.vertices.size() * 4);
   const uint64_t triangles = layout.Add(mesh.triangles.size() * 4);
@@ -292,6 +437,8 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   const uint64_t clusters = layout.Add(mesh.clusters.size() * sizeof(FieldCluster));
   const uint64_t cluster_vertices = layout.Add(mesh.cluster_vertices.size() * 4);
   const uint64_t probe_offset = layout.Add(6 * kProbesPerTarget * padded * 4);
+  const uint64_t tiles =
+      layout.Add(static_cast<size_t>(side) * side / (kTileSide * kTileSide) * sizeof(int32_t));
 
   auto job_memory = SharedMemory::Make("sightline-field-job", layout.bytes());
   if (!job_memory.ok()) return job_memory.status();
@@ -325,6 +472,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   job.clusters = clusters;
   job.cluster_vertices = cluster_vertices;
   job.probes = probe_offset;
+  job.tiles = tiles;  // the new mapping is all zeros: kTileWaiting
   char* base = static_cast<char*>(*job_data);
   const auto copy = [&](uint64_t offset, const auto& values) {
     if (!values.empty())
@@ -337,7 +485,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   copy(cluster_vertices, mesh.cluster_vertices);
   auto* probe_data = reinterpret_cast<float*>(base + probe_offset);
   const size_t stride = kProbesPerTarget * padded;
-  for (size_t t = 0; t < targets.size(); ++t) {
+  for (size_t t = 0; t < targets.size() && !IsSet(options.cancelled); ++t) {
     for (int k = 0; k < kProbesPerTarget; ++k) {
       for (int axis = 0; axis < 3; ++axis) {
         probe_data[axis * stride + k * padded + t] =
@@ -348,82 +496,29 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
     }
   }
 
-  const int total = side * side;
   const int processes =
       options.processes > 0 ? options.processes : std::max(1u, std::thread::hardware_concurrency());
-  const std::string program = WorkerProgram();
-  std::vector<pid_t> workers;
-  for (int i = 0; i < processes && !program.empty(); ++i) {
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    // dup2 onto itself drops close-on-exec for the child only.
-    posix_spawn_file_actions_adddup2(&actions, job_memory->fd(), job_memory->fd());
-    posix_spawn_file_actions_adddup2(&actions, field_memory->fd(), field_memory->fd());
-    std::string arguments[] = {program,
-                               "--field-worker",
-                               absl::StrCat(job_memory->fd()),
-                               absl::StrCat(layout.bytes()),
-                               absl::StrCat(field_memory->fd()),
-                               absl::StrCat(field->bytes())};
-    char* argv[] = {arguments[0].data(),
-                    arguments[1].data(),
-                    arguments[2].data(),
-                    arguments[3].data(),
-                    arguments[4].data(),
-                    arguments[5].data(),
-                    nullptr};
-    pid_t pid;
-    if (posix_spawn(&pid, program.c_str(), &actions, nullptr, argv, environ) == 0)
-      workers.push_back(pid);
-    posix_spawn_file_actions_destroy(&actions);
-  }
-  bool worker_failed = false;
-  int killed_by = 0;
-  while (!workers.empty()) {
-    if (options.cancelled != nullptr && options.cancelled->load()) job.cancelled.store(1);
-    if (options.on_progress)
-      options.on_progress(static_cast<double>(job.directions_done.load()) / total);
-    for (size_t i = 0; i < workers.size();) {
-      int state = 0;
-      if (waitpid(workers[i], &state, WNOHANG) == workers[i]) {
-        worker_failed |= !WIFEXITED(state) || WEXITSTATUS(state) != 0;
-        if (WIFSIGNALED(state)) killed_by = WTERMSIG(state);
-        // What it had taken is lost: stop the others too.
-        if (worker_failed) job.cancelled.store(1);
-        workers.erase(workers.begin() + static_cast<ptrdiff_t>(i));
-      } else {
-        ++i;
-      }
-    }
-    std::this_thread::sleep_for(std::chrono::milliseconds(10));
-  }
-  if (program.empty()) {
-    if (absl::Status status = RenderFieldTiles(job, field->mutable_data()); !status.ok())
-      return status;
-  }
-  if (!worker_failed && job.cancelled.load()) return absl::CancelledError("visibility field");
-  // Whoever killed it may not do so again, while an error of its own comes back.
-  if (killed_by != 0) {
-    return absl::UnavailableError(absl::StrCat("a visibility field worker was killed by signal ",
-                                               killed_by, " after ", job.directions_done.load(),
-                                               " of ", total, " directions"));
-  }
-  if (worker_failed || job.directions_done.load() != total) {
-    return absl::InternalError(
-        absl::StrCat("a visibility field worker died: ", job.directions_done.load(), " of ", total,
-                     " directions rendered"));
+  if (const std::string program = WorkerProgram(); !program.empty()) {
+    absl::Status rendered = RenderInProcesses(
+        program, {job_memory->fd(), layout.bytes(), field_memory->fd(), field->bytes()}, processes,
+        options, job);
+    if (!rendered.ok()) return rendered;
+  } else {
+    absl::Status rendered = RenderFieldTiles(job, field->mutable_data(), 1);
+    if (!rendered.ok()) return rendered;
   }
 
-  std::vector<std::thread> threads;
+  WorkerThreads threads;
   const size_t share = (field->blocks() + processes - 1) / processes * kTargetsPerBlock;
   for (int i = 0; i < processes; ++i) {
     const size_t begin = std::min(targets.size(), i * share),
                  end = std::min(targets.size(), begin + share);
-    threads.emplace_back([&, begin, end] {
-      FillBelowHorizon(probes, field->map(), field->mutable_data(), begin, end);
+    threads.Start([&, begin, end] {
+      FillBelowHorizon(probes, field->map(), field->mutable_data(), begin, end, options.cancelled);
     });
   }
-  for (auto& thread : threads) thread.join();
+  threads.Join();
+  if (IsSet(options.cancelled)) return absl::CancelledError("visibility field");
   // Queries jump about in this memory: huge pages save most of their TLB misses, and anonymous
   // memory gets them where a shared mapping does not.
   void* huge =
@@ -438,12 +533,14 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
 }
 
 std::optional<int> MaybeRunFieldWorker(int argc, char** argv) {
-  if (argc != 6 || std::strcmp(argv[1], "--field-worker") != 0) return std::nullopt;
+  if (argc != 7 || std::strcmp(argv[1], "--field-worker") != 0) return std::nullopt;
   prctl(PR_SET_PDEATHSIG, SIGKILL);
   int job_fd = -1, field_fd = -1;
   uint64_t job_bytes = 0, field_bytes = 0;
+  int32_t number = 0;
   if (!absl::SimpleAtoi(argv[2], &job_fd) || !absl::SimpleAtoi(argv[3], &job_bytes) ||
-      !absl::SimpleAtoi(argv[4], &field_fd) || !absl::SimpleAtoi(argv[5], &field_bytes)) {
+      !absl::SimpleAtoi(argv[4], &field_fd) || !absl::SimpleAtoi(argv[5], &field_bytes) ||
+      !absl::SimpleAtoi(argv[6], &number) || number < 1) {
     return 2;
   }
   // OSMesa allocates and frees its buffers every frame: keep them instead of asking the kernel.
@@ -453,7 +550,7 @@ std::optional<int> MaybeRunFieldWorker(int argc, char** argv) {
   auto field = Map(field_fd, field_bytes);
   if (!job.ok() || !field.ok()) return 2;
   const absl::Status status =
-      RenderFieldTiles(*static_cast<FieldJob*>(*job), static_cast<uint8_t*>(*field));
+      RenderFieldTiles(*static_cast<FieldJob*>(*job), static_cast<uint8_t*>(*field), number);
   if (!status.ok()) {
     std::fprintf(stderr, "visibility field: %s\n", status.ToString().c_str());
     return 1;

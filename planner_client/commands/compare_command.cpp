@@ -259,6 +259,7 @@ Command AddCompareCommand(CLI::App& app) {
                "score plans on their own targets only");
   app.add_option("--coverage-server", options->session.coverage_server,
                  "unix:PATH or HOST:PORT; default: one of our own");
+  AddServerTlsOptions(app, &options->session.tls);
   return [options] { return RunCompare(*options); };
 }
 

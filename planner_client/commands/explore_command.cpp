@@ -252,7 +252,11 @@ Command AddExploreCommand(CLI::App& app) {
       ->check(CLI::Range(64, 65536))
       ->capture_default_str();
   AddWorkerOptions(app, &options->worker);
-  return [options] { return RunExplore(*options); };
+  return [options] {
+    GiveBothServersTls(options->session.coverage_server, &options->session.tls,
+                       options->worker.address, &options->worker.tls);
+    return RunExplore(*options);
+  };
 }
 
 }  // namespace sightline

@@ -17,15 +17,20 @@ void AddWorkerOptions(CLI::App& app, WorkerSessionOptions* options) {
                  "unix:PATH or HOST:PORT; default: one of our own");
   app.add_option("--threads", options->threads, "of our own worker; 0: one per core")
       ->check(CLI::Range(0, 1024));
+  AddServerTlsOptions(app, &options->tls);
 }
 
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
     const WorkerSessionOptions& options, ProgressLine* progress, WorkerClientOptions* client) {
   client->address = options.address;
   client->interrupted = &InterruptFlag();
-  client->on_progress = [progress](double fraction, const std::string& message) {
-    progress->Show(fraction, message);
-  };
+  if (progress != nullptr) {
+    client->on_progress = [progress](double fraction, const std::string& message) {
+      progress->Show(fraction, message);
+    };
+  }
+  absl::Status tls = UseServerTls(options.tls, !options.address.empty(), client);
+  if (!tls.ok()) return tls;
   if (!options.address.empty()) {
     if (options.threads == 0 && options.max_image_bytes.empty()) return nullptr;
     return absl::InvalidArgumentError(

@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "planner_client/commands/progress_line.h"
+#include "planner_client/commands/server_tls.h"
 #include "planner_client/embedded_server/embedded_server.h"
 #include "planner_client/rpc_client/worker_call.h"
 
@@ -17,13 +18,15 @@ struct WorkerSessionOptions {
   std::string address;  // empty: one of our own
   int threads = 0;      // of our own; 0: one per core
   std::string max_image_bytes;
+  ServerTlsOptions tls;  // of the worker at `address`
 };
 
-// --render-worker and --threads.
+// --render-worker, --threads and TLS.
 void AddWorkerOptions(CLI::App& app, WorkerSessionOptions* options);
 
 // Starts a worker if none was given; fills access, progress and interrupt of `client`, which must
-// not outlive `progress` and the returned server (null: the worker runs elsewhere).
+// not outlive `progress` (null: nothing is shown) and the returned server (null: the worker runs
+// elsewhere).
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
     const WorkerSessionOptions& options, ProgressLine* progress, WorkerClientOptions* client);
 

@@ -3,7 +3,7 @@
 #include <grpcpp/grpcpp.h>
 
 #include <algorithm>
-#include <cstdio>
+#include <chrono>
 #include <deque>
 #include <map>
 #include <mutex>
@@ -339,6 +339,10 @@ class CoverageClientImpl final : public CoverageClient {
     std::string name;
   };
 
+  void Report(double progress, const std::string& message) const {
+    if (!created_ && options_.on_progress) options_.on_progress(progress, message);
+  }
+
   void Connect() {
     const auto channel = OpenChannel(options_);
     auto connection = std::make_shared<Connection>();
@@ -355,7 +359,7 @@ class CoverageClientImpl final : public CoverageClient {
 
   // How far one call has got with trying again since it last got an answer.
   struct Attempts {
-    std::optional<absl::Time> first_unavailable;
+    std::optional<std::chrono::steady_clock::time_point> first_unavailable;
     int unavailable = 0;
     int recoveries = 0;
     int generation = 0;
@@ -381,19 +385,14 @@ class CoverageClientImpl final : public CoverageClient {
       }
       std::lock_guard lock(recovery_mutex_);
       if (absl::Status ended = options_.embedded->CheckAlive(); !ended.ok()) {
-        if (restarted_) {
-          return absl::UnavailableError(
-              absl::StrCat(ended.message(), "\n(it was restarted once before)"));
-        }
-        restarted_ = true;
-        std::fprintf(stderr, "%s\nIt is being restarted.\n", std::string(ended.message()).c_str());
         if (absl::Status status = options_.embedded->Restart(); !status.ok()) return status;
         Connect();
         return absl::OkStatus();
       }
     }
-    if (!attempts->first_unavailable) attempts->first_unavailable = absl::Now();
-    if (absl::Now() - *attempts->first_unavailable > options_.retry_for) {
+    const auto now = std::chrono::steady_clock::now();
+    if (!attempts->first_unavailable) attempts->first_unavailable = now;
+    if (absl::FromChrono(now - *attempts->first_unavailable) > options_.retry_for) {
       return absl::UnavailableError(absl::StrCat("coverage server ", options_.Address(), ": ",
                                                  error.message(), " (tried ",
                                                  attempts->unavailable + 1, " times)"));
@@ -473,7 +472,7 @@ class CoverageClientImpl final : public CoverageClient {
 
   absl::Status UploadPart(Connection& connection, const std::string& digest,
                           const NamedMesh& part) {
-    if (options_.on_progress) options_.on_progress(0, absl::StrCat("uploading ", part.name));
+    Report(0, absl::StrCat("uploading ", part.name));
     const std::string bytes = EncodePly(*part.mesh);
     v1::UploadPartResponse response;
     grpc::ClientContext context;
@@ -497,9 +496,7 @@ class CoverageClientImpl final : public CoverageClient {
   // Returns the finished job.
   absl::StatusOr<v1::Job> WaitForJob(Connection& connection, v1::Job job) {
     const auto finished = [](const v1::Job& j) { return j.state() >= v1::Job::STATE_SUCCEEDED; };
-    const auto report = [this](const v1::Job& j) {
-      if (options_.on_progress) options_.on_progress(j.progress(), j.message());
-    };
+    const auto report = [this](const v1::Job& j) { Report(j.progress(), j.message()); };
     report(job);
     if (finished(job)) return job;
     grpc::ClientContext context;
@@ -785,7 +782,6 @@ class CoverageClientImpl final : public CoverageClient {
   bool created_ = false;
 
   std::mutex recovery_mutex_;
-  bool restarted_ = false;
   std::atomic<int> generation_ = 0;
   std::atomic<int> recoveries_ = 0;
   std::atomic<int64_t> evaluations_ = 0;

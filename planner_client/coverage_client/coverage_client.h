@@ -39,7 +39,7 @@ struct CoverageTask {
   std::optional<MeasurementDomain> domain;
 };
 
-// An embedded server is restarted once if it ends.
+// An embedded server that ends is restarted, as often as it allows.
 struct CoverageClientOptions : ServerAccess {
   // Measurements per request of fast queries, [1, 4096], and requests under way at a time. Results
   // do not depend on them.
@@ -51,7 +51,8 @@ struct CoverageClientOptions : ServerAccess {
   absl::Duration build_timeout = absl::Minutes(60);
   // UNAVAILABLE only is tried again, with growing pauses, for at most this long.
   absl::Duration retry_for = absl::Seconds(10);
-  // Build progress in [0, 1].
+  // Build progress in [0, 1]. Called within Open only, on its thread: not when a scene that a
+  // server has lost is made again by some later query.
   std::function<void(double progress, const std::string& message)> on_progress;
   // Ends the build (CANCELLED) when it becomes true. May be null.
   const std::atomic<bool>* interrupted = nullptr;

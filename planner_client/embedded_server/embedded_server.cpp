@@ -9,6 +9,8 @@
 
 #include <algorithm>
 #include <cerrno>
+#include <chrono>
+#include <cstdio>
 #include <cstdlib>
 #include <cstring>
 #include <filesystem>
@@ -22,6 +24,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/strip.h"
+#include "core/process_folder/process_folder.h"
 
 extern char** environ;
 
@@ -50,17 +53,11 @@ absl::StatusOr<std::string> FindBinary(const EmbeddedServerOptions& options) {
   return path.string();
 }
 
-// mkdtemp makes it mode 0700.
-absl::StatusOr<std::string> MakePrivateFolder() {
+absl::StatusOr<ProcessFolder> MakePrivateFolder() {
   const char* given = std::getenv("TMPDIR");
   std::string base = given != nullptr && *given != '\0' ? given : "/tmp";
   if (base.size() + 40 > kMaxSocketPathBytes) base = "/tmp";
-  std::string folder = absl::StrCat(base, "/sightline-XXXXXX");
-  if (mkdtemp(folder.data()) == nullptr) {
-    return absl::InternalError(
-        absl::StrCat("cannot make a folder in ", base, ": ", std::strerror(errno)));
-  }
-  return folder;
+  return ProcessFolder::Make(base, "sightline-server");
 }
 
 std::string DescribeEnd(int wait_status) {
@@ -109,17 +106,16 @@ absl::StatusOr<Pipe> MakePipe() {
 
 class EmbeddedServerImpl final : public EmbeddedServer {
  public:
-  EmbeddedServerImpl(EmbeddedServerOptions options, std::string binary, std::string folder)
+  EmbeddedServerImpl(EmbeddedServerOptions options, std::string binary, ProcessFolder folder)
       : options_(std::move(options)),
         binary_(std::move(binary)),
-        folder_(std::move(folder)),
+        owned_folder_(std::move(folder)),
+        folder_(owned_folder_.path()),
         address_(absl::StrCat("unix:", folder_, "/server.sock")) {}
 
   ~EmbeddedServerImpl() override {
     std::lock_guard lock(mutex_);
     Stop();
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
   }
 
   const std::string& address() const override { return address_; }
@@ -138,8 +134,20 @@ class EmbeddedServerImpl final : public EmbeddedServer {
 
   absl::Status Restart() override {
     std::lock_guard lock(mutex_);
-    if (CheckAliveLocked().ok()) return absl::OkStatus();
+    absl::Status ended = CheckAliveLocked();
+    if (ended.ok()) return ended;
+    if (restarted_) {
+      return absl::UnavailableError(
+          absl::StrCat(ended.message(), "\n(it was restarted once before)"));
+    }
+    restarted_ = true;
+    std::fprintf(stderr, "%s\nIt is being restarted.\n", std::string(ended.message()).c_str());
     return Launch();
+  }
+
+  absl::Status Start() {
+    absl::Status launched = Launch();
+    return !launched.ok() && was_killed_at_start_ ? Restart() : launched;
   }
 
   absl::Status Launch() {
@@ -193,16 +201,23 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     lifeline_ = std::move(lifeline->write);
     output->write.Reset();
     absl::Status status = WaitUntilListening(output->read.get());
+    was_killed_at_start_ = !status.ok() && wait_status_ && WIFSIGNALED(*wait_status_);
     if (!status.ok()) Stop();
     return status;
   }
 
  private:
+  // By a clock that does not jump.
+  static std::chrono::steady_clock::time_point Deadline(absl::Duration timeout) {
+    return std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
+  }
+
   absl::Status WaitUntilListening(int output_fd) {
-    const absl::Time deadline = absl::Now() + options_.start_timeout;
+    const auto deadline = Deadline(options_.start_timeout);
     std::string text;
     while (!absl::StrContains(text, "listening on ")) {
-      const int64_t left_ms = absl::ToInt64Milliseconds(deadline - absl::Now());
+      const int64_t left_ms =
+          absl::ToInt64Milliseconds(absl::FromChrono(deadline - std::chrono::steady_clock::now()));
       pollfd fd = {output_fd, POLLIN, 0};
       if (left_ms <= 0) {
         return absl::DeadlineExceededError(
@@ -254,10 +269,11 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     if (!wait_status_) {
       kill(pid_, SIGTERM);
       lifeline_.Reset();
-      const absl::Time deadline = absl::Now() + options_.stop_timeout;
+      const auto deadline = Deadline(options_.stop_timeout);
       int wait_status = 0;
       pid_t ended = 0;
-      while ((ended = waitpid(pid_, &wait_status, WNOHANG)) == 0 && absl::Now() < deadline) {
+      while ((ended = waitpid(pid_, &wait_status, WNOHANG)) == 0 &&
+             std::chrono::steady_clock::now() < deadline) {
         absl::SleepFor(absl::Milliseconds(2));
       }
       if (ended == 0) {
@@ -272,11 +288,14 @@ class EmbeddedServerImpl final : public EmbeddedServer {
 
   const EmbeddedServerOptions options_;
   const std::string binary_;
+  const ProcessFolder owned_folder_;
   const std::string folder_;
   const std::string address_;
   mutable std::mutex mutex_;
   pid_t pid_ = -1;
   std::optional<int> wait_status_;
+  bool restarted_ = false;
+  bool was_killed_at_start_ = false;
   ScopedFd lifeline_;  // the server ends when this is closed
 };
 
@@ -286,10 +305,11 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::Start(
     EmbeddedServerOptions options) {
   absl::StatusOr<std::string> binary = FindBinary(options);
   if (!binary.ok()) return binary.status();
-  absl::StatusOr<std::string> folder = MakePrivateFolder();
+  absl::StatusOr<ProcessFolder> folder = MakePrivateFolder();
   if (!folder.ok()) return folder.status();
-  auto server = std::make_unique<EmbeddedServerImpl>(std::move(options), *binary, *folder);
-  if (absl::Status status = server->Launch(); !status.ok()) return status;
+  auto server =
+      std::make_unique<EmbeddedServerImpl>(std::move(options), *binary, *std::move(folder));
+  if (absl::Status status = server->Start(); !status.ok()) return status;
   return server;
 }
 

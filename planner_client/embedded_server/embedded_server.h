@@ -26,12 +26,14 @@ struct EmbeddedServerOptions {
 };
 
 // The server listens on a unix socket in a folder that only this user can enter. It runs in its own
-// process group (Ctrl-C reaches only us) and ends when this process ends, however that happens.
+// process group (Ctrl-C reaches only us) and ends when this process ends, however that happens; the
+// folder then goes with the next server that somebody starts.
 // Thread-safe.
 class EmbeddedServer {
  public:
   // NOT_FOUND: no such binary. UNAVAILABLE, DEADLINE_EXCEEDED: it ended or did not listen in time;
-  // the message ends with what it wrote to stderr.
+  // the message ends with what it wrote to stderr. One that is killed before it listens is
+  // restarted, as at any later time.
   static absl::StatusOr<std::unique_ptr<EmbeddedServer>> Start(EmbeddedServerOptions options);
   // Ends the server and removes the folder.
   virtual ~EmbeddedServer() = default;
@@ -43,7 +45,9 @@ class EmbeddedServer {
   virtual const std::string& folder() const = 0;
   // OK while it runs; UNAVAILABLE says how it ended and what it wrote last.
   virtual absl::Status CheckAlive() = 0;
-  // Starts it anew if it has ended; the new one knows nothing of what the old one was told.
+  // Starts it anew if it has ended, and says so on stderr; the new one knows nothing of what the
+  // old one was told. Once in its life: a server that ends again has a fault that its user must
+  // know of. UNAVAILABLE: it was restarted before; says how it ended.
   virtual absl::Status Restart() = 0;
 };
 

@@ -58,6 +58,9 @@ std::shared_ptr<grpc::Channel> OpenChannel(const ServerAccess& access) {
     ssl.pem_private_key = access.tls_key;
     ssl.pem_cert_chain = access.tls_certificate;
     credentials = grpc::SslCredentials(ssl);
+    if (!access.tls_server_name.empty()) {
+      arguments.SetSslTargetNameOverride(access.tls_server_name);
+    }
   }
   std::vector<std::unique_ptr<grpc::experimental::ClientInterceptorFactoryInterface>> interceptors;
   interceptors.push_back(std::make_unique<TraceInterceptorFactory>());

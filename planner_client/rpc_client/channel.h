@@ -21,6 +21,8 @@ struct ServerAccess {
   std::string tls_root_certificates;
   std::string tls_certificate;
   std::string tls_key;
+  // Name in the server's certificate where it is not the host of the address. Empty: it is.
+  std::string tls_server_name;
 
   // Of the embedded server if there is one.
   const std::string& Address() const { return embedded != nullptr ? embedded->address() : address; }

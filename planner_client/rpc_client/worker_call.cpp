@@ -1,6 +1,7 @@
 #include "planner_client/rpc_client/worker_call.h"
 
 #include <algorithm>
+#include <chrono>
 
 #include "absl/strings/str_cat.h"
 #include "planner_client/rpc_client/sha256.h"
@@ -28,7 +29,7 @@ WorkerCall::WorkerCall(const WorkerClientOptions& options, const std::vector<Ass
 }
 
 absl::Status WorkerCall::Create(const std::function<grpc::Status(grpc::ClientContext*)>& create) {
-  const absl::Time start = absl::Now();
+  const auto start = std::chrono::steady_clock::now();
   // Every asset may be missing once, plus one round for one dropped in between.
   int uploads_left = static_cast<int>(assets_.size()) + 1;
   for (int attempt = 0;;) {
@@ -44,8 +45,14 @@ absl::Status WorkerCall::Create(const std::function<grpc::Status(grpc::ClientCon
       status = Upload(digest->second);
       if (status.ok()) continue;
     }
-    const bool alive = options_.embedded == nullptr || options_.embedded->CheckAlive().ok();
-    if (!absl::IsUnavailable(status) || !alive || absl::Now() - start > options_.retry_for) {
+    if (!absl::IsUnavailable(status)) return status;
+    if (options_.embedded != nullptr && !options_.embedded->CheckAlive().ok()) {
+      // Nothing is lost yet but assets, which it asks for again.
+      if (absl::Status restarted = options_.embedded->Restart(); !restarted.ok()) return restarted;
+      uploads_left = static_cast<int>(assets_.size()) + 1;
+      continue;
+    }
+    if (absl::FromChrono(std::chrono::steady_clock::now() - start) > options_.retry_for) {
       return status;
     }
     absl::SleepFor(

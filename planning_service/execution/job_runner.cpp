@@ -6,11 +6,14 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cerrno>
 #include <chrono>
+#include <cstring>
 #include <filesystem>
 #include <functional>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/trace/trace_context.h"
 #include "planning_service/task/planning_task.h"
@@ -67,6 +70,12 @@ absl::Status EmptyFolder(const fs::path& folder) {
 bool IsPassing(absl::StatusCode code) {
   return code == absl::StatusCode::kUnavailable || code == absl::StatusCode::kCancelled ||
          code == absl::StatusCode::kAborted;
+}
+
+// A disk that was full has room again by now, since the job's own unfinished file is gone.
+bool RanOutOfDisk(const JobFailure& failure) {
+  return failure.code == absl::StatusCode::kResourceExhausted &&
+         absl::StrContains(failure.message, std::strerror(ENOSPC));
 }
 
 // What the servers of the job's commands log names the request as well.
@@ -303,8 +312,9 @@ void JobRunner::Conclude(const PlanningJob& job, const JobProcessEnd& end, bool 
   }
   // Whatever else it says: without room it could not do otherwise.
   if (!artefacts_->HasRoom()) return requeue(/*crashed=*/false);
-  if (end.kind == Kind::kWithoutWord || IsPassing(end.failure.code)) {
-    const bool from_outside = end.was_killed || IsPassing(end.failure.code);
+  const bool is_passing = IsPassing(end.failure.code) || RanOutOfDisk(end.failure);
+  if (end.kind == Kind::kWithoutWord || is_passing) {
+    const bool from_outside = end.was_killed || is_passing;
     if (advanced || job.crashes + 1 < (from_outside ? kMostKills : kMostCrashes)) {
       spdlog::warn("event=attempt_ended job={} attempt={} why=\"{}\"", job.job_id, job.attempts,
                    end.failure.message);

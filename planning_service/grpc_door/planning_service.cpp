@@ -58,26 +58,32 @@ absl::Status Answer(const absl::StatusOr<PlanningJob>& job, Response* response) 
 }  // namespace
 
 grpc::Status PlanningServiceImpl::RunAs(const char* method, grpc::ServerContext* context,
-                                        const std::function<absl::Status(const Client&)>& call) {
-  return calls_->Run(method, context, [&]() -> absl::Status {
+                                        const std::function<absl::Status(const Client&)>& call,
+                                        CallKind kind) {
+  const auto identified = [&]() -> absl::Status {
     const absl::StatusOr<Client> client = access_->Identify(CredentialsOf(*context));
     return client.ok() ? call(*client) : client.status();
-  });
+  };
+  return calls_->Run(method, context, identified, kind);
 }
 
 grpc::Status PlanningServiceImpl::UploadFile(grpc::ServerContext* context,
                                              grpc::ServerReader<v1::UploadFileRequest>* reader,
                                              v1::UploadFileResponse* response) {
-  return RunAs("UploadFile", context,
-               [&](const Client& client) { return Upload(client, reader, response); });
+  return RunAs(
+      "UploadFile", context,
+      [&](const Client& client) { return Upload(client, context, reader, response); },
+      CallKind::kStream);
 }
 
-absl::Status PlanningServiceImpl::Upload(const Client& client,
+absl::Status PlanningServiceImpl::Upload(const Client& client, grpc::ServerContext* context,
                                          grpc::ServerReader<v1::UploadFileRequest>* reader,
                                          v1::UploadFileResponse* response) {
   v1::UploadFileRequest message;
-  const auto read = [&] { return calls_->WhileIdle([&] { return reader->Read(&message); }); };
-  if (!read() || !message.has_header()) {
+  const auto read = [&] { return calls_->Read(context, [&] { return reader->Read(&message); }); };
+  absl::StatusOr<bool> more = read();
+  if (!more.ok()) return more.status();
+  if (!*more || !message.has_header()) {
     return InvalidFields({{"header", "must be the first message"}});
   }
   const v1::UploadFileRequest::Header header = message.header();
@@ -92,7 +98,10 @@ absl::Status PlanningServiceImpl::Upload(const Client& client,
   absl::StatusOr<FileUpload> upload = jobs_->Upload(client);
   if (!upload.ok()) return upload.status();
   int64_t received = 0;
-  while (received < header.size_bytes() && read()) {
+  while (received < header.size_bytes()) {
+    more = read();
+    if (!more.ok()) return more.status();
+    if (!*more) break;
     if (message.chunk().empty() || message.chunk().size() > kMaxChunkBytes) {
       return InvalidFields({{"chunk", "every message after the header must have 1 byte to 1 MiB"}});
     }
@@ -100,7 +109,10 @@ absl::Status PlanningServiceImpl::Upload(const Client& client,
     if (received > header.size_bytes()) break;
     if (absl::Status written = upload->Write(message.chunk()); !written.ok()) return written;
   }
-  if (received != header.size_bytes() || reader->Read(&message)) {
+  // The end of the stream, unless it has ended too early already.
+  if (received == header.size_bytes()) more = read();
+  if (!more.ok()) return more.status();
+  if (received != header.size_bytes() || *more) {
     return InvalidFields({{"header.size_bytes",
                            absl::StrCat(header.size_bytes(), ": other than the bytes that came")}});
   }
@@ -152,9 +164,10 @@ grpc::Status PlanningServiceImpl::CancelPlanningJob(grpc::ServerContext* context
 grpc::Status PlanningServiceImpl::WatchPlanningJob(
     grpc::ServerContext* context, const v1::WatchPlanningJobRequest* request,
     grpc::ServerWriter<v1::WatchPlanningJobResponse>* writer) {
-  return RunAs("WatchPlanningJob", context, [&](const Client& client) {
-    return Watch(client, context, request->job_id(), writer);
-  });
+  return RunAs(
+      "WatchPlanningJob", context,
+      [&](const Client& client) { return Watch(client, context, request->job_id(), writer); },
+      CallKind::kStream);
 }
 
 absl::Status PlanningServiceImpl::Watch(const Client& client, grpc::ServerContext* context,
@@ -167,7 +180,8 @@ absl::Status PlanningServiceImpl::Watch(const Client& client, grpc::ServerContex
       sent_revision = job->revision;
       v1::WatchPlanningJobResponse response;
       *response.mutable_job() = PlanningJobToProto(*job);
-      if (!writer->Write(response)) return absl::CancelledError("the client went away");
+      absl::Status sent = calls_->Write(context, [&] { return writer->Write(response); });
+      if (!sent.ok()) return sent;
     }
     if (job->IsFinished()) return absl::OkStatus();
     if (absl::Status stop = calls_->CheckStop(context); !stop.ok()) return stop;
@@ -183,8 +197,10 @@ absl::Status PlanningServiceImpl::Watch(const Client& client, grpc::ServerContex
 grpc::Status PlanningServiceImpl::StreamResult(
     grpc::ServerContext* context, const v1::StreamResultRequest* request,
     grpc::ServerWriter<v1::StreamResultResponse>* writer) {
-  return RunAs("StreamResult", context,
-               [&](const Client& client) { return Stream(client, context, *request, writer); });
+  return RunAs(
+      "StreamResult", context,
+      [&](const Client& client) { return Stream(client, context, *request, writer); },
+      CallKind::kStream);
 }
 
 absl::Status PlanningServiceImpl::Stream(const Client& client, grpc::ServerContext* context,
@@ -197,12 +213,12 @@ absl::Status PlanningServiceImpl::Stream(const Client& client, grpc::ServerConte
     return InvalidFields(
         {{"offset", absl::StrCat("is ", request.offset(), ", must be in [0, ", size, "]")}});
   }
-  const absl::Status gone = absl::CancelledError("the client went away");
   v1::StreamResultResponse response;
+  const auto send = [&] { return calls_->Write(context, [&] { return writer->Write(response); }); };
   response.mutable_header()->set_name(result->file.name);
   response.mutable_header()->set_digest(result->file.digest);
   response.mutable_header()->set_size_bytes(size);
-  if (!writer->Write(response)) return gone;
+  if (absl::Status sent = send(); !sent.ok()) return sent;
   std::ifstream file(result->path, std::ios::binary);
   file.seekg(request.offset());
   std::string chunk;
@@ -213,7 +229,7 @@ absl::Status PlanningServiceImpl::Stream(const Client& client, grpc::ServerConte
       return absl::DataLossError(absl::StrCat(result->file.name, ": cannot be read any more"));
     }
     response.set_chunk(chunk);
-    if (!writer->Write(response)) return gone;
+    if (absl::Status sent = send(); !sent.ok()) return sent;
     left -= static_cast<int64_t>(chunk.size());
   }
   return absl::OkStatus();

@@ -52,8 +52,10 @@ class PlanningServiceImpl final : public v1::PlanningService::Service {
  private:
   // Runs a call as the client that the peer has shown to be.
   grpc::Status RunAs(const char* method, grpc::ServerContext* context,
-                     const std::function<absl::Status(const Client&)>& call);
-  absl::Status Upload(const Client& client, grpc::ServerReader<v1::UploadFileRequest>* reader,
+                     const std::function<absl::Status(const Client&)>& call,
+                     CallKind kind = CallKind::kUnary);
+  absl::Status Upload(const Client& client, grpc::ServerContext* context,
+                      grpc::ServerReader<v1::UploadFileRequest>* reader,
                       v1::UploadFileResponse* response);
   absl::Status Watch(const Client& client, grpc::ServerContext* context, const std::string& job_id,
                      grpc::ServerWriter<v1::WatchPlanningJobResponse>* writer);

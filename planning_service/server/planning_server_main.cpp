@@ -127,6 +127,8 @@ int PlanningServerMain(int argc, char** argv) {
     AddRunnerOptions(app, &options, &cpus);
     AddEventOptions(app, &events);
   };
+  // Its jobs are processes, which have to be ended too.
+  program.stop_within = absl::Seconds(8);
   program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
     std::error_code error;
     options.program = std::filesystem::read_symlink("/proc/self/exe", error).string();

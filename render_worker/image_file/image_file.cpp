@@ -22,7 +22,8 @@ constexpr char kUnknownTime[] = "    :  :     :  :  ";
 
 absl::Status WriteError(const std::string& path, const std::string& reason) {
   const std::string message = absl::StrCat(path, ": cannot be written: ", reason);
-  return errno == ENOSPC ? absl::ResourceExhaustedError(message) : absl::InternalError(message);
+  const bool no_room = errno == ENOSPC || errno == EDQUOT || errno == EFBIG;
+  return no_room ? absl::ResourceExhaustedError(message) : absl::InternalError(message);
 }
 
 absl::Status Write(const std::string& path, const char* plugin, OIIO::ImageSpec spec,

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <atomic>
 #include <mutex>
-#include <thread>
-#include <vector>
+
+#include "core/parallel/worker_threads.h"
 
 namespace sightline {
 
@@ -27,9 +27,10 @@ absl::Status ForEachTile(int count, int threads, const TransportProgress& progre
     }
   };
   {
-    std::vector<std::jthread> helpers;
-    for (int t = 1; t < std::min(threads, count); ++t) helpers.emplace_back(run);
+    WorkerThreads helpers;
+    for (int t = 1; t < std::min(threads, count); ++t) helpers.Start(run);
     run();
+    helpers.Join();
   }
   return cancelled() ? absl::CancelledError("light transport was cancelled") : absl::OkStatus();
 }

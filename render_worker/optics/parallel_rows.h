@@ -3,8 +3,8 @@
 
 #include <algorithm>
 #include <cstdint>
-#include <thread>
-#include <vector>
+
+#include "core/parallel/worker_threads.h"
 
 namespace sightline {
 
@@ -16,11 +16,12 @@ void ForIndexRanges(int threads, int count, const Work& work) {
   const auto bound = [&](int part) {
     return static_cast<int>(static_cast<int64_t>(count) * part / parts);
   };
-  std::vector<std::jthread> others;
+  WorkerThreads others;
   for (int part = 1; part < parts; ++part) {
-    others.emplace_back([&work, begin = bound(part), end = bound(part + 1)] { work(begin, end); });
+    others.Start([&work, begin = bound(part), end = bound(part + 1)] { work(begin, end); });
   }
   work(0, bound(1));
+  others.Join();
 }
 
 }  // namespace sightline

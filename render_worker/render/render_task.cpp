@@ -80,7 +80,7 @@ class ImageWriter {
     std::error_code error;
     fs::create_directories(path.parent_path(), error);
     if (error) {
-      return absl::InternalError(
+      return absl::ResourceExhaustedError(
           absl::StrCat(path.parent_path().string(), ": cannot be made: ", error.message()));
     }
     absl::Status status = WriteRawImage(path.string(), raw_dn, description, FormatOf(output_));

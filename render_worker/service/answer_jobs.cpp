@@ -1,41 +1,44 @@
 #include "render_worker/service/answer_jobs.h"
 
+#include <chrono>
+#include <optional>
 #include <utility>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
-#include "absl/time/clock.h"
-#include "absl/time/time.h"
 #include "proto/status/rpc_status.h"
-#include "render_worker/service/asset_folder.h"
+#include "render_worker/service/asset_store.h"
+#include "render_worker/service/without_folders.h"
 #include "rpc_server/job_service.h"
 #include "rpc_server/rpc_server.h"
 
 namespace sightline {
 namespace {
 
-constexpr absl::Duration kProgressInterval = absl::Milliseconds(50);
+constexpr auto kProgressInterval = std::chrono::milliseconds(50);
 // Room for what goes around an answer in its message.
 constexpr size_t kMostAnswerBytes = kMaxMessageBytes - (1 << 20);
 
 }  // namespace
 
 absl::StatusOr<v1::Job> AnswerJobs::Create(const std::string& kind, const std::string& request_id,
-                                           const std::string& request_digest, Work work) {
+                                           const std::string& request_digest, int64_t request_bytes,
+                                           Work work) {
   absl::StatusOr<JobRecord> job = jobs_->Create(
       kind, request_id, request_digest,
       [this, work = std::move(work)](JobContext& context) -> absl::StatusOr<std::string> {
         // Every report wakes all who watch.
-        absl::Time reported = absl::InfinitePast();
+        std::optional<std::chrono::steady_clock::time_point> reported;
         const Progress progress = [&](double fraction, const std::string& what) {
-          if (const absl::Time now = absl::Now(); now - reported >= kProgressInterval) {
+          const auto now = std::chrono::steady_clock::now();
+          if (!reported || now - *reported >= kProgressInterval) {
             reported = now;
             context.ReportProgress(fraction, what);
           }
           return !context.cancelled();
         };
         absl::StatusOr<std::string> bytes = work(progress, context);
-        if (!bytes.ok()) return bytes.status();
+        if (!bytes.ok()) return WithoutFolders(bytes.status(), {spool_folder_});
         if (bytes->size() > kMostAnswerBytes) {
           return absl::ResourceExhaustedError(absl::StrCat("the answer has ", bytes->size(),
                                                            " bytes, at most ", kMostAnswerBytes,
@@ -47,8 +50,9 @@ absl::StatusOr<v1::Job> AnswerJobs::Create(const std::string& kind, const std::s
             results_.Put(key, std::make_shared<const std::string>(*std::move(bytes)), size);
         if (!kept.ok()) return kept;
         return key;
-      });
-  if (!job.ok()) return job.status();
+      },
+      request_bytes);
+  if (!job.ok()) return JobNotCreated(job.status());
   return JobToProto(*job);
 }
 

@@ -5,6 +5,7 @@
 #include <functional>
 #include <memory>
 #include <string>
+#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
@@ -16,8 +17,10 @@ namespace sightline {
 
 class AnswerJobs {
  public:
-  // `jobs` must outlive it. `max_result_bytes`: of all answers; the longest unused go first.
-  AnswerJobs(JobStore* jobs, int64_t max_result_bytes) : jobs_(jobs), results_(max_result_bytes) {}
+  // `jobs` must outlive it. `spool_folder`: kept out of errors. `max_result_bytes`: of all answers;
+  // the longest unused go first.
+  AnswerJobs(JobStore* jobs, std::string spool_folder, int64_t max_result_bytes)
+      : jobs_(jobs), spool_folder_(std::move(spool_folder)), results_(max_result_bytes) {}
 
   // Progress in [0, 1] with what is being done; false: the job is cancelled.
   using Progress = std::function<bool(double fraction, const std::string& what)>;
@@ -25,9 +28,11 @@ class AnswerJobs {
   using Work = std::function<absl::StatusOr<std::string>(const Progress&, JobContext&)>;
 
   // Queues the work. The same `request_id` and `request_digest` give the same job. The job's error
-  // is RESOURCE_EXHAUSTED if the answer is too large for a message.
+  // is RESOURCE_EXHAUSTED if the answer is too large for a message. `request_bytes`: memory of the
+  // request, which the job keeps. RESOURCE_EXHAUSTED (QUEUE_FULL): too much waits already.
   absl::StatusOr<v1::Job> Create(const std::string& kind, const std::string& request_id,
-                                 const std::string& request_digest, Work work);
+                                 const std::string& request_digest, int64_t request_bytes,
+                                 Work work);
 
   // The serialised answer of a finished job of the kind. NOT_FOUND, reason JOB_UNKNOWN or
   // RESULT_DROPPED; FAILED_PRECONDITION, reason JOB_NOT_FINISHED; the job's error, unless it was
@@ -37,6 +42,7 @@ class AnswerJobs {
 
  private:
   JobStore* jobs_;
+  const std::string spool_folder_;
   LruStore<std::string> results_;  // by digest
 };
 

@@ -6,8 +6,8 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_replace.h"
 #include "proto/status/rpc_status.h"
+#include "render_worker/service/without_folders.h"
 
 namespace sightline {
 namespace {
@@ -66,15 +66,11 @@ absl::StatusOr<std::string> AssetFolder::Resolve(const std::string& file) const 
 }
 
 std::string AssetFolder::WithoutFolder(const std::string& message) const {
-  return absl::StrReplaceAll(message, {{absl::StrCat(folder_, "/"), ""}});
+  return WithoutFolders(message, {folder_});
 }
 
 absl::Status AssetFolder::WithoutFolder(const absl::Status& status) const {
-  absl::Status renamed(status.code(), WithoutFolder(std::string(status.message())));
-  status.ForEachPayload([&renamed](absl::string_view type_url, const absl::Cord& payload) {
-    renamed.SetPayload(type_url, payload);
-  });
-  return renamed;
+  return WithoutFolders(status, {folder_});
 }
 
 }  // namespace sightline

@@ -10,6 +10,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "render_worker/service/without_folders.h"
 
 namespace sightline {
 
@@ -32,6 +33,10 @@ std::string MessageDigest(const google::protobuf::Message& message) {
   return Sha256Hex(bytes);
 }
 
+int64_t MemoryOf(const google::protobuf::Message& request) {
+  return 2 * static_cast<int64_t>(request.SpaceUsedLong());
+}
+
 Asset::~Asset() { std::remove(path_.c_str()); }
 
 AssetStore::AssetStore(std::string folder, int64_t max_bytes)
@@ -43,8 +48,9 @@ absl::StatusOr<std::string> AssetStore::Put(const std::string& bytes) {
   // A name of its own: an asset that is on its way out may have the same digest.
   const std::string path = absl::StrCat(folder_, "/asset-", next_file_++);
   if (absl::Status status = WriteFileAtomically(path, bytes); !status.ok()) {
-    return absl::ResourceExhaustedError(
-        absl::StrCat("the asset cannot be kept: ", status.message()));
+    return WithoutFolders(
+        absl::ResourceExhaustedError(absl::StrCat("the asset cannot be kept: ", status.message())),
+        {folder_});
   }
   absl::Status status =
       assets_.Put(digest, std::make_shared<const Asset>(path), static_cast<int64_t>(bytes.size()));

@@ -20,6 +20,9 @@ std::string Sha256Hex(const std::string& bytes);
 // Digest of a message: the same for equal messages, whatever order their maps are in.
 std::string MessageDigest(const google::protobuf::Message& message);
 
+// Memory of a request that waits: the message, and about as much for what was made of it.
+int64_t MemoryOf(const google::protobuf::Message& request);
+
 // A file that is removed when nobody holds it any more.
 class Asset {
  public:

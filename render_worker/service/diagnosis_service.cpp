@@ -252,7 +252,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(const std::string& kind,
                                                         Work work) {
   Request asked = request;
   asked.clear_request_id();
-  return answers_.Create(kind, request.request_id(), MessageDigest(asked),
+  return answers_.Create(kind, request.request_id(), MessageDigest(asked), MemoryOf(request),
                          [warnings = std::move(warnings), work = std::move(work)](
                              const AnswerJobs::Progress& progress,
                              JobContext& context) -> absl::StatusOr<std::string> {

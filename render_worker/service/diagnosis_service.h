@@ -49,7 +49,7 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
     int64_t max_result_bytes = int64_t{1} << 30;  // answers in memory; the longest unused go first
   };
   explicit DiagnosisServiceImpl(Parts parts)
-      : p_(std::move(parts)), answers_(p_.jobs, p_.max_result_bytes) {}
+      : p_(std::move(parts)), answers_(p_.jobs, p_.spool_folder, p_.max_result_bytes) {}
 
   grpc::Status CreateDiagnosis(grpc::ServerContext* context,
                                const v1::CreateDiagnosisRequest* request,

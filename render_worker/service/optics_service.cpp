@@ -59,7 +59,7 @@ absl::Status OpticsServiceImpl::Create(const v1::CreateOpticsRequest& request,
   v1::CreateOpticsRequest asked = request;
   asked.clear_request_id();
   auto job = answers_.Create(
-      kJobKind, request.request_id(), MessageDigest(asked),
+      kJobKind, request.request_id(), MessageDigest(asked), MemoryOf(request),
       [this, work](const AnswerJobs::Progress& progress,
                    JobContext& context) -> absl::StatusOr<std::string> {
         auto scene = LoadPartScene(

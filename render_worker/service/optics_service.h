@@ -28,7 +28,7 @@ class OpticsServiceImpl final : public v1::OpticsService::Service {
     int64_t max_result_bytes = int64_t{1} << 28;  // answers in memory
   };
   explicit OpticsServiceImpl(Parts parts)
-      : p_(std::move(parts)), answers_(p_.jobs, p_.max_result_bytes) {}
+      : p_(std::move(parts)), answers_(p_.jobs, p_.spool_folder, p_.max_result_bytes) {}
 
   grpc::Status CreateOptics(grpc::ServerContext* context, const v1::CreateOpticsRequest* request,
                             v1::CreateOpticsResponse* response) override;

@@ -4,11 +4,32 @@
 #include <system_error>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "core/job/job_store.h"
+
 namespace sightline {
+namespace {
+
+// As many as jobs are remembered: nobody can ask for older ones.
+constexpr size_t kMostOutputs = kKeptFinishedJobs;
+// With room for those that have not finished.
+constexpr size_t kMostKnown = 4 * kMostOutputs;
+
+}  // namespace
 
 RenderOutput::RenderOutput(std::string folder) : folder_(std::move(folder)) {}
 
-RenderOutput::~RenderOutput() {
+RenderOutput::~RenderOutput() { RemoveFolder(); }
+
+absl::Status RenderOutput::MakeFolder() const {
+  std::error_code error;
+  std::filesystem::create_directories(folder_, error);
+  if (!error) return absl::OkStatus();
+  return absl::ResourceExhaustedError(
+      absl::StrCat("no folder for the images can be made: ", error.message()));
+}
+
+void RenderOutput::RemoveFolder() const {
   std::error_code ignored;
   std::filesystem::remove_all(folder_, ignored);
 }
@@ -44,6 +65,12 @@ int64_t RenderOutput::bytes() const {
 void RenderOutputStore::Add(const std::string& job_id, std::shared_ptr<RenderOutput> output) {
   std::lock_guard lock(mutex_);
   if (!known_.insert(job_id).second) return;
+  known_order_.push_back(job_id);
+  if (known_order_.size() > kMostKnown) {
+    known_.erase(known_order_.front());
+    known_order_.pop_front();
+  }
+  if (output->discarded()) return;
   outputs_[job_id] = std::move(output);
   order_.push_back(job_id);
 }
@@ -58,8 +85,18 @@ void RenderOutputStore::Trim() {
   std::vector<std::shared_ptr<RenderOutput>> dropped;
   std::lock_guard lock(mutex_);
   int64_t bytes = 0;
-  for (const auto& [job_id, output] : outputs_) bytes += output->bytes();
-  while (bytes > max_bytes_ && order_.size() > 1) {
+  for (auto it = order_.begin(); it != order_.end();) {
+    const auto found = outputs_.find(*it);
+    if (!found->second->discarded()) {
+      bytes += found->second->bytes();
+      ++it;
+      continue;
+    }
+    dropped.push_back(std::move(found->second));
+    outputs_.erase(found);
+    it = order_.erase(it);
+  }
+  while ((bytes > max_bytes_ && order_.size() > 1) || order_.size() > kMostOutputs) {
     const auto oldest = outputs_.find(order_.front());
     bytes -= oldest->second->bytes();
     dropped.push_back(std::move(oldest->second));

@@ -1,6 +1,7 @@
 // Finished files of render jobs on disk, until they are too many.
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <deque>
 #include <map>
@@ -10,11 +11,13 @@
 #include <string>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "render_worker/render/render_task.h"
 
 namespace sightline {
 
-// Files and warnings of one job, growing while it runs. Thread-safe. Removes its folder at the end.
+// Files and warnings of one job, growing while it runs. Thread-safe. Its folder is made when the
+// job starts, and goes with this.
 class RenderOutput {
  public:
   explicit RenderOutput(std::string folder);
@@ -23,6 +26,13 @@ class RenderOutput {
   RenderOutput& operator=(const RenderOutput&) = delete;
 
   const std::string& folder() const { return folder_; }
+  // RESOURCE_EXHAUSTED: it cannot be made.
+  absl::Status MakeFolder() const;
+  // After a job that made nothing.
+  void RemoveFolder() const;
+  // Nobody wants it any more.
+  void Discard() { discarded_ = true; }
+  bool discarded() const { return discarded_; }
   void AddFile(RenderedFile file);
   void AddWarning(const std::string& warning);
   // Those from `first` on.
@@ -36,6 +46,7 @@ class RenderOutput {
   std::vector<RenderedFile> files_;
   std::vector<std::string> warnings_;
   int64_t bytes_ = 0;
+  std::atomic<bool> discarded_ = false;
 };
 
 // Thread-safe.
@@ -43,12 +54,13 @@ class RenderOutputStore {
  public:
   explicit RenderOutputStore(int64_t max_bytes) : max_bytes_(max_bytes) {}
 
-  // Nothing happens if the job had an output before, even if that was dropped since.
+  // Nothing happens if the job had an output before, even if that was dropped since, or if the
+  // output was discarded meanwhile.
   void Add(const std::string& job_id, std::shared_ptr<RenderOutput> output);
   // Null if unknown or dropped.
   std::shared_ptr<RenderOutput> Get(const std::string& job_id) const;
-  // Drops the oldest outputs beyond the limit, but not the newest one. Who streams from one keeps
-  // it alive.
+  // Drops what was discarded, and the oldest outputs beyond the limits on bytes and on number, but
+  // not the newest one. Who streams from one keeps it alive.
   void Trim();
 
  private:
@@ -56,7 +68,8 @@ class RenderOutputStore {
   mutable std::mutex mutex_;
   std::map<std::string, std::shared_ptr<RenderOutput>> outputs_;
   std::deque<std::string> order_;  // oldest first
-  std::set<std::string> known_;    // ever added
+  std::set<std::string> known_;    // added before, as far as jobs are remembered
+  std::deque<std::string> known_order_;
 };
 
 }  // namespace sightline

@@ -3,46 +3,18 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <cerrno>
 #include <cstdlib>
-#include <cstring>
-#include <filesystem>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/process_folder/process_folder.h"
 #include "render_worker/service/optics_service.h"
 #include "render_worker/service/render_service.h"
 #include "render_worker/service/sensor_service.h"
 
 namespace sightline {
 namespace {
-
-namespace fs = std::filesystem;
-
-// A new folder that only this user can enter, removed at the end.
-class SpoolFolder {
- public:
-  static absl::StatusOr<SpoolFolder> Make(const std::string& base) {
-    std::string path = absl::StrCat(base, "/render-XXXXXX");
-    if (mkdtemp(path.data()) == nullptr) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("--spool ", base, ": no folder can be made there: ", std::strerror(errno)));
-    }
-    return SpoolFolder(std::move(path));
-  }
-  SpoolFolder(SpoolFolder&& other) noexcept { std::swap(path_, other.path_); }
-  SpoolFolder& operator=(SpoolFolder&&) = delete;
-  ~SpoolFolder() {
-    std::error_code ignored;
-    if (!path_.empty()) fs::remove_all(path_, ignored);
-  }
-  const std::string& path() const { return path_; }
-
- private:
-  explicit SpoolFolder(std::string path) : path_(std::move(path)) {}
-  std::string path_;
-};
 
 int Threads(int asked) {
   return asked > 0 ? asked : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -51,12 +23,13 @@ int Threads(int asked) {
 class RenderServerImpl final : public RenderServer {
  public:
   RenderServerImpl(const RenderServerOptions& options, RecordingFunctions functions,
-                   SpoolFolder spool)
+                   ProcessFolder spool)
       : spool_(std::move(spool)),
         calls_(&metrics_),
         assets_(spool_.path(), options.max_asset_store_bytes),
         outputs_(options.max_output_bytes),
-        jobs_(MakeInMemoryJobStore(options.render_workers)),
+        jobs_(MakeInMemoryJobStore(options.render_workers,
+                                   {options.max_queued_jobs, options.max_queued_bytes})),
         service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &calls_,
                   Threads(options.threads), options.max_asset_bytes, options.max_image_bytes}),
         diagnosis_service_({spool_.path(), &assets_, jobs_.get(), &calls_, std::move(functions),
@@ -67,11 +40,7 @@ class RenderServerImpl final : public RenderServer {
         sensor_service_({spool_.path(), &assets_, jobs_.get(), &calls_}),
         server_("render_worker", &metrics_, &calls_, jobs_.get()) {}
 
-  ~RenderServerImpl() override {
-    server_.Drain(absl::ZeroDuration());
-    // Jobs refer to the stores.
-    jobs_.reset();
-  }
+  ~RenderServerImpl() override { Drain(absl::ZeroDuration()); }
 
   absl::Status Listen(const RenderServerOptions& options) {
     absl::Status status =
@@ -87,10 +56,16 @@ class RenderServerImpl final : public RenderServer {
 
   const std::string& address() const override { return server_.address(); }
   int metrics_port() const override { return server_.metrics_port(); }
-  bool Drain(absl::Duration grace) override { return server_.Drain(grace); }
+  bool Drain(absl::Duration grace) override {
+    const bool finished = server_.Drain(grace);
+    // Jobs refer to the stores.
+    jobs_.reset();
+    return finished;
+  }
+  void Abandon() override { spool_.Remove(); }
 
  private:
-  SpoolFolder spool_;
+  ProcessFolder spool_;
   ServerMetrics metrics_;
   CallTracker calls_;
   AssetStore assets_;
@@ -112,8 +87,10 @@ absl::StatusOr<std::unique_ptr<RenderServer>> RenderServer::Start(
     const char* temporary = std::getenv("TMPDIR");
     base = temporary != nullptr && *temporary != '\0' ? temporary : "/tmp";
   }
-  absl::StatusOr<SpoolFolder> spool = SpoolFolder::Make(base);
-  if (!spool.ok()) return spool.status();
+  absl::StatusOr<ProcessFolder> spool = ProcessFolder::Make(base, "render");
+  if (!spool.ok()) {
+    return absl::Status(spool.status().code(), absl::StrCat("--spool ", spool.status().message()));
+  }
   auto server =
       std::make_unique<RenderServerImpl>(options, std::move(functions), *std::move(spool));
   if (absl::Status status = server->Listen(options); !status.ok()) return status;

@@ -14,8 +14,13 @@ namespace sightline {
 struct RenderServerOptions : RpcServerOptions {
   int threads = 0;         // of one job; 0: one per core
   int render_workers = 1;  // jobs at a time
+  // Of all jobs that wait or run: how many, and memory of their requests. More get
+  // RESOURCE_EXHAUSTED.
+  int64_t max_queued_jobs = 64;
+  int64_t max_queued_bytes = int64_t{256} << 20;
   // Where assets and images are kept; empty: a new folder in the system's temporary folder. What
-  // the server puts there goes when it ends.
+  // the server puts there goes when it ends; if it is killed, when the next one starts on the same
+  // folder.
   std::string spool_folder;
   int64_t max_asset_bytes = int64_t{512} << 20;
   int64_t max_asset_store_bytes = int64_t{4} << 30;

@@ -3,8 +3,10 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <chrono>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -12,7 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/service/asset_folder.h"
-#include "render_worker/service/reservation.h"
+#include "render_worker/service/without_folders.h"
 #include "rpc_server/job_service.h"
 
 namespace sightline {
@@ -20,12 +22,9 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kMaxChunkBytes = 1 << 20;
 constexpr size_t kFileChunkBytes = 512 << 10;
-// Assets that are received at the same time, in units of the largest allowed one.
-constexpr int64_t kConcurrentUploads = 2;
 constexpr char kJobKind[] = "render";
-constexpr absl::Duration kProgressInterval = absl::Milliseconds(50);
+constexpr auto kProgressInterval = std::chrono::milliseconds(50);
 
 // What one job holds on to.
 struct RenderWork {
@@ -40,14 +39,19 @@ struct RenderWork {
 grpc::Status RenderServiceImpl::UploadAsset(grpc::ServerContext* context,
                                             grpc::ServerReader<v1::UploadAssetRequest>* reader,
                                             v1::UploadAssetResponse* response) {
-  return p_.calls->Run("UploadAsset", context, [&] { return Receive(context, reader, response); });
+  return p_.calls->Run(
+      "UploadAsset", context, [&] { return Receive(context, reader, response); },
+      CallKind::kStream);
 }
 
 absl::Status RenderServiceImpl::Receive(grpc::ServerContext* context,
                                         grpc::ServerReader<v1::UploadAssetRequest>* reader,
                                         v1::UploadAssetResponse* response) {
   v1::UploadAssetRequest message;
-  if (!reader->Read(&message) || !message.has_header()) {
+  const absl::StatusOr<bool> begun =
+      p_.calls->Read(context, [&] { return reader->Read(&message); });
+  if (!begun.ok()) return begun.status();
+  if (!*begun || !message.has_header()) {
     return InvalidFields({{"header", "must be the first message"}});
   }
   const v1::UploadAssetRequest::Header header = message.header();
@@ -63,41 +67,19 @@ absl::Status RenderServiceImpl::Receive(grpc::ServerContext* context,
                                                   p_.max_asset_bytes, " (--max-asset-bytes)")),
         "ASSET_TOO_LARGE", {{"max_asset_bytes", absl::StrCat(p_.max_asset_bytes)}});
   }
-  const Reservation reservation(&upload_bytes_, header.size_bytes());
-  if (reservation.total() > kConcurrentUploads * p_.max_asset_bytes) {
-    return WithRetryDelay(
-        WithErrorInfo(absl::UnavailableError("overloaded: too many uploads"), "OVERLOADED"),
-        absl::Seconds(1));
-  }
-  const auto size = static_cast<size_t>(header.size_bytes());
-  std::string bytes;
-  while (reader->Read(&message)) {
-    if (message.content_case() != v1::UploadAssetRequest::kChunk) {
-      return InvalidFields({{"chunk", "every message after the header must have one"}});
-    }
-    if (message.chunk().size() > kMaxChunkBytes) {
-      return InvalidFields(
-          {{"chunk", absl::StrCat(message.chunk().size(), " bytes: at most ", kMaxChunkBytes)}});
-    }
-    if (bytes.size() + message.chunk().size() > size) {
-      return InvalidFields({{"header.size_bytes", absl::StrCat(size, ": more bytes followed")}});
-    }
-    bytes += message.chunk();
-  }
-  if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
-  if (bytes.size() != size) {
-    return InvalidFields(
-        {{"header.size_bytes", absl::StrCat(size, ": only ", bytes.size(), " bytes followed")}});
-  }
-  if (const std::string digest = Sha256Hex(bytes);
+  const absl::StatusOr<ReceivedFile> file =
+      ReceiveChunks(p_.calls, context, reader, header.size_bytes(), &upload_memory_);
+  if (!file.ok()) return file.status();
+  if (const std::string digest = Sha256Hex(file->bytes);
       !header.asset_digest().empty() && digest != header.asset_digest()) {
     return InvalidFields(
         {{"header.asset_digest", absl::StrCat("is not that of the bytes, ", digest)}});
   }
-  absl::StatusOr<std::string> digest = p_.assets->Put(bytes);
+  absl::StatusOr<std::string> digest = p_.assets->Put(file->bytes);
   if (!digest.ok()) return digest.status();
   response->set_asset_digest(*digest);
-  spdlog::info("event=asset_uploaded asset={} bytes={} name={:?}", *digest, size, name);
+  spdlog::info("event=asset_uploaded asset={} bytes={} name={:?}", *digest, header.size_bytes(),
+               name);
   return absl::OkStatus();
 }
 
@@ -122,28 +104,25 @@ absl::Status RenderServiceImpl::Create(const v1::CreateRenderRequest& request,
   }
   std::lock_guard lock(create_mutex_);
   const std::string folder = absl::StrCat(p_.spool_folder, "/job-", number);
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) {
-    return absl::ResourceExhaustedError(
-        absl::StrCat(folder, ": cannot be made: ", error.message()));
-  }
   work->output = std::make_shared<RenderOutput>(folder);
   const auto output = work->output;
   absl::StatusOr<JobRecord> job = p_.jobs->Create(
       kJobKind, request.request_id(), MessageDigest(request.spec()),
       [this, work](JobContext& job_context) -> absl::StatusOr<std::string> {
+        const std::vector<std::string> folders = {work->output->folder(), p_.spool_folder};
+        absl::Status made = work->output->MakeFolder();
+        if (!made.ok()) return WithoutFolders(made, folders);
         RenderTaskHooks hooks;
         hooks.on_file = [&](RenderedFile file) { work->output->AddFile(std::move(file)); };
         hooks.on_warning = [&](const std::string& warning) {
           spdlog::warn("event=render_warning message={:?}", warning);
-          work->output->AddWarning(warning);
+          work->output->AddWarning(WithoutFolders(work->assets.WithoutFolder(warning), folders));
         };
         // Every report wakes all who watch.
-        absl::Time reported = absl::InfinitePast();
+        std::optional<std::chrono::steady_clock::time_point> reported;
         hooks.on_progress = [&](double fraction, const std::string& message) {
-          const absl::Time now = absl::Now();
-          if (now - reported < kProgressInterval) return;
+          const auto now = std::chrono::steady_clock::now();
+          if (reported && now - *reported < kProgressInterval) return;
           reported = now;
           job_context.ReportProgress(fraction, message);
         };
@@ -153,11 +132,17 @@ absl::Status RenderServiceImpl::Create(const v1::CreateRenderRequest& request,
         absl::Status status = work->task->Run(
             work->output->folder(),
             [&](const std::string& file) { return work->assets.Resolve(file); }, hooks);
+        if (job_context.cancelled()) {
+          work->output->Discard();
+        } else if (!status.ok() && work->output->FilesFrom(0).empty()) {
+          work->output->RemoveFolder();
+        }
         p_.outputs->Trim();
-        if (!status.ok()) return work->assets.WithoutFolder(status);
+        if (!status.ok()) return WithoutFolders(work->assets.WithoutFolder(status), folders);
         return std::string();
-      });
-  if (!job.ok()) return job.status();
+      },
+      MemoryOf(request));
+  if (!job.ok()) return JobNotCreated(job.status());
   // A job that was there already keeps its output.
   p_.outputs->Add(job->job_id, output);
   *response->mutable_job() = JobToProto(*job);
@@ -167,8 +152,9 @@ absl::Status RenderServiceImpl::Create(const v1::CreateRenderRequest& request,
 grpc::Status RenderServiceImpl::StreamRenderFiles(
     grpc::ServerContext* context, const v1::StreamRenderFilesRequest* request,
     grpc::ServerWriter<v1::StreamRenderFilesResponse>* writer) {
-  return p_.calls->Run("StreamRenderFiles", context,
-                       [&] { return Stream(context, *request, writer); });
+  return p_.calls->Run(
+      "StreamRenderFiles", context, [&] { return Stream(context, *request, writer); },
+      CallKind::kStream);
 }
 
 absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
@@ -180,22 +166,27 @@ absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
   }
   absl::StatusOr<JobRecord> job = p_.jobs->Get(request.job_id());
   const std::shared_ptr<RenderOutput> output = p_.outputs->Get(request.job_id());
+  if (output == nullptr && job.ok() && job->kind == kJobKind && !job->error.ok()) {
+    return job->error;
+  }
   if (!job.ok() || output == nullptr) {
     return WithErrorInfo(absl::NotFoundError(absl::StrCat(
                              "no render job \"", absl::Utf8SafeCEscape(request.job_id()), "\"")),
                          "JOB_UNKNOWN");
   }
-  const absl::Status gone = absl::CancelledError("the client went away");
+  v1::StreamRenderFilesResponse response;
+  const auto send = [&] {
+    return p_.calls->Write(context, [&] { return writer->Write(response); });
+  };
   auto sent = static_cast<size_t>(request.skip_files());
   size_t warnings = 0;
   while (true) {
     // The job's state first: what it made before it ended is sent.
     job = p_.jobs->Get(request.job_id());
     if (!job.ok()) return job.status();
-    v1::StreamRenderFilesResponse response;
     for (const std::string& warning : output->WarningsFrom(warnings)) {
       response.set_warning(warning);
-      if (!writer->Write(response)) return gone;
+      if (absl::Status status = send(); !status.ok()) return status;
       ++warnings;
     }
     for (const RenderedFile& file : output->FilesFrom(sent)) {
@@ -203,7 +194,7 @@ absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
       response.mutable_header()->set_size_bytes(file.size_bytes);
       response.mutable_header()->set_sha256(file.sha256);
       response.mutable_header()->set_image(file.image);
-      if (!writer->Write(response)) return gone;
+      if (absl::Status status = send(); !status.ok()) return status;
       std::ifstream bytes(fs::path(output->folder()) / file.file, std::ios::binary);
       std::string chunk(kFileChunkBytes, '\0');
       int64_t left = file.size_bytes;
@@ -214,7 +205,7 @@ absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
           return absl::InternalError(absl::StrCat(file.file, ": cannot be read back"));
         }
         response.set_chunk(chunk);
-        if (!writer->Write(response)) return gone;
+        if (absl::Status status = send(); !status.ok()) return status;
         left -= static_cast<int64_t>(chunk.size());
       }
       ++sent;

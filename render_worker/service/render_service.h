@@ -12,6 +12,7 @@
 #include "render_worker/service/asset_store.h"
 #include "render_worker/service/render_output_store.h"
 #include "rpc_server/call_tracker.h"
+#include "rpc_server/upload.h"
 #include "sightline/v1/render_service.grpc.pb.h"
 
 namespace sightline {
@@ -28,7 +29,8 @@ class RenderServiceImpl final : public v1::RenderService::Service {
     int64_t max_asset_bytes = 0;
     int64_t max_image_bytes = 0;
   };
-  explicit RenderServiceImpl(Parts parts) : p_(std::move(parts)) {}
+  explicit RenderServiceImpl(Parts parts)
+      : p_(std::move(parts)), upload_memory_(2 * p_.max_asset_bytes, p_.max_asset_bytes) {}
 
   grpc::Status UploadAsset(grpc::ServerContext* context,
                            grpc::ServerReader<v1::UploadAssetRequest>* reader,
@@ -48,7 +50,7 @@ class RenderServiceImpl final : public v1::RenderService::Service {
                       grpc::ServerWriter<v1::StreamRenderFilesResponse>* writer);
 
   const Parts p_;
-  std::atomic<int64_t> upload_bytes_ = 0;
+  UploadMemory upload_memory_;
   std::atomic<int64_t> next_folder_ = 0;
   // Jobs by request_id are looked up before a folder is made for a new one.
   std::mutex create_mutex_;

@@ -44,7 +44,7 @@ absl::Status SensorServiceImpl::Create(const v1::CreateSensorDiagnosisRequest& r
   v1::CreateSensorDiagnosisRequest asked = request;
   asked.clear_request_id();
   auto job = answers_.Create(
-      kJobKind, request.request_id(), MessageDigest(asked),
+      kJobKind, request.request_id(), MessageDigest(asked), MemoryOf(request),
       [work](const AnswerJobs::Progress& progress,
              JobContext& context) -> absl::StatusOr<std::string> {
         SensorDiagnosisHooks hooks;

@@ -20,6 +20,12 @@ int RenderWorkerMain(int argc, char** argv, const std::string& version) {
     app.add_option("--render-workers", options.render_workers, "Jobs at a time")
         ->check(CLI::Range(1, 64))
         ->capture_default_str();
+    app.add_option("--max-queued-jobs", options.max_queued_jobs,
+                   "Jobs that wait or run; more get RESOURCE_EXHAUSTED")
+        ->check(CLI::Range(1, 100000))
+        ->capture_default_str();
+    AddBytesOption(app, "--max-queued-bytes", &options.max_queued_bytes,
+                   "Memory for the requests of jobs that wait or run");
     app.add_option("--spool", options.spool_folder,
                    "Folder for assets and images; default: the system's temporary folder");
     AddBytesOption(app, "--max-asset-bytes", &options.max_asset_bytes, "Largest uploaded file");

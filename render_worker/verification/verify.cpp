@@ -12,6 +12,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "core/parallel/exception_status.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/image_file/grey_png.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -232,7 +233,11 @@ absl::StatusOr<v1::Verification> Verify(const RecordedSet& set,
   std::condition_variable finished;
   const auto work = [&] {
     for (int i = next++; i < count && !cancelled; i = next++) {
-      results[i] = VerifyRecording(set, lasers[i], settings.seed);
+      try {
+        results[i] = VerifyRecording(set, lasers[i], settings.seed);
+      } catch (...) {
+        results[i] = StatusOfException();
+      }
       const std::lock_guard lock(mutex);
       ++done;
       finished.notify_one();

@@ -3,11 +3,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <map>
 #include <numbers>
 #include <random>
+#include <thread>
 #include <tuple>
 
 #include "core/part/load_part.h"
@@ -357,6 +359,27 @@ TEST(PoissonDisk, NothingToSampleOrTooMuchIsAnError) {
             absl::StatusCode::kInvalidArgument);
   EXPECT_EQ(SampleTargets(BoxMesh({0, 0, 0}, {10, 10, 10}), Spacing(0.0001)).status().code(),
             absl::StatusCode::kResourceExhausted);
+}
+
+// At any moment, and without having made anything of it.
+TEST(PoissonDisk, StopsSoonWhenItIsCancelled) {
+  const TriangleMesh box = BoxMesh({0, 0, 0}, {0.3, 0.3, 0.3});
+  const auto seconds_since = [](std::chrono::steady_clock::time_point start) {
+    return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  };
+  for (const int after_ms : {0, 100, 400}) {
+    std::atomic<bool> cancelled = false;
+    std::chrono::steady_clock::time_point asked;
+    std::thread canceller([&] {
+      std::this_thread::sleep_for(std::chrono::milliseconds(after_ms));
+      asked = std::chrono::steady_clock::now();
+      cancelled = true;
+    });
+    const absl::Status status = SampleTargets(box, Spacing(0.0007), &cancelled).status();
+    canceller.join();
+    EXPECT_EQ(status.code(), absl::StatusCode::kCancelled) << status;
+    EXPECT_LT(seconds_since(asked), 0.5) << "cancelled after " << after_ms << " ms";
+  }
 }
 
 TEST(PoissonDisk, PartSmallerThanTheSpacingStillGetsTargets) {

@@ -24,6 +24,7 @@ Command AddEvaluateCommand(CLI::App& app) {
       ->required();
   app.add_option("--coverage-server", options->session.coverage_server,
                  "unix:PATH or HOST:PORT; default: one of our own");
+  AddServerTlsOptions(app, &options->session.tls);
   app.add_flag("!--no-pictures", options->output.pictures,
                "leave the rendered views out of the report");
   app.add_flag("!--no-point-clouds", options->output.point_clouds,

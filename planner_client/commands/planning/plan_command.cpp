@@ -416,7 +416,11 @@ Command AddPlanCommand(CLI::App& app) {
                "do not write points/scan_NN.ply");
   app.add_flag("--ellipsoids", options->output.ellipsoids,
                "for uncertainty: write points/scan_NN_ellipsoids.ply too");
-  return [options] { return RunPlan(*options); };
+  return [options] {
+    GiveBothServersTls(options->session.coverage_server, &options->session.tls,
+                       options->worker.address, &options->worker.tls);
+    return RunPlan(*options);
+  };
 }
 
 }  // namespace sightline

@@ -177,6 +177,8 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   CoverageClientOptions client;
   client.address = options.coverage_server;
   client.interrupted = &InterruptFlag();
+  absl::Status tls = UseServerTls(options.tls, !options.coverage_server.empty(), &client);
+  if (!tls.ok()) return tls;
   if (options.coverage_server.empty()) {
     auto server = EmbeddedServer::Start({});
     if (!server.ok()) return server.status();
@@ -187,7 +189,8 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   const double middle = (phase.begin + phase.end) / 2;
   if (options.fresh_targets) phase.end = middle;
   ProgressLine progress(phase);
-  client.on_progress = [&](double fraction, const std::string& message) {
+  // Called by Open only: the clients outlive this function.
+  client.on_progress = [&progress](double fraction, const std::string& message) {
     progress.Show(fraction, message);
   };
   CoverageTask fresh_task = task;

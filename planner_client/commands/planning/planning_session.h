@@ -14,6 +14,7 @@
 #include "core/part/mesh.h"
 #include "core/part/part_health.h"
 #include "planner_client/commands/progress_line.h"
+#include "planner_client/commands/server_tls.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/plan_oracle/uncertainty_oracle.h"
 #include "planner_client/replanning/measured_oracle.h"
@@ -29,6 +30,7 @@ struct SessionOptions {
   std::string inspection_file;
   // Empty: an embedded server is started.
   std::string coverage_server;
+  ServerTlsOptions tls;  // of that server
   int field_directions = kDefaultFieldDirections;
   // Also sample targets anew, to score plans on what their search has not seen.
   bool fresh_targets = true;

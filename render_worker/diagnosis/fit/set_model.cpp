@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <atomic>
 #include <string_view>
-#include <thread>
 
+#include "core/parallel/worker_threads.h"
 #include "render_worker/diagnosis/expectation/charge_spread.h"
 #include "render_worker/diagnosis/statistic/burst_statistic.h"
 #include "render_worker/diagnosis/statistic/fixed_pattern_statistic.h"
@@ -27,9 +27,10 @@ void ForAll(int count, int threads, const Work& work) {
   const auto run = [&] {
     for (int i = next++; i < count; i = next++) work(i);
   };
-  std::vector<std::jthread> workers;
-  for (int t = 1; t < threads; ++t) workers.emplace_back(run);
+  WorkerThreads workers;
+  for (int t = 1; t < threads; ++t) workers.Start(run);
   run();
+  workers.Join();
 }
 
 template <typename T>

@@ -1,0 +1,113 @@
+// Files that clients send piece by piece: a header, then chunks.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/sync_stream.h>
+
+#include <chrono>
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <string>
+#include <utility>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
+#include "proto/status/rpc_status.h"
+#include "rpc_server/call_tracker.h"
+
+namespace sightline {
+
+// Memory of all files that are being received. Taken as bytes come, not as they are announced: who
+// announces much and sends nothing takes nothing. Thread-safe.
+class UploadMemory {
+ public:
+  // `max_bytes_per_peer`: so that one peer cannot take all.
+  UploadMemory(int64_t max_bytes, int64_t max_bytes_per_peer)
+      : max_bytes_(max_bytes), max_bytes_per_peer_(max_bytes_per_peer) {}
+
+  // What one upload holds; given back with it.
+  class Share {
+   public:
+    Share(UploadMemory* memory, std::string peer) : memory_(memory), peer_(std::move(peer)) {}
+    Share(Share&& other) noexcept
+        : memory_(std::exchange(other.memory_, nullptr)),
+          peer_(std::move(other.peer_)),
+          bytes_(std::exchange(other.bytes_, 0)) {}
+    Share& operator=(Share&&) = delete;
+    ~Share();
+    // UNAVAILABLE (OVERLOADED): there is no room now.
+    absl::Status Grow(int64_t bytes);
+
+   private:
+    UploadMemory* memory_;
+    std::string peer_;
+    int64_t bytes_ = 0;
+  };
+
+  int64_t bytes() const;
+
+ private:
+  const int64_t max_bytes_;
+  const int64_t max_bytes_per_peer_;
+  mutable std::mutex mutex_;
+  int64_t bytes_ = 0;
+  std::map<std::string, int64_t> bytes_of_peer_;
+};
+
+struct ReceivedFile {
+  std::string bytes;
+  UploadMemory::Share memory;  // for as long as the bytes are there
+};
+
+inline constexpr size_t kMaxUploadChunkBytes = 1 << 20;
+// Slower uploads are ended, once the idle timeout has passed: many small messages must not keep
+// memory for hours. A tenth of what our own clients count on.
+inline constexpr double kSlowestUpload_bytes_per_s = 1e5;
+
+// The chunks after a header that announced `size` bytes; `reader` stands behind the header.
+// INVALID_ARGUMENT: something else came, or not so many bytes; DEADLINE_EXCEEDED: too slowly;
+// UNAVAILABLE: too much at a time.
+template <typename Request>
+absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerContext* context,
+                                           grpc::ServerReader<Request>* reader, int64_t size,
+                                           UploadMemory* memory) {
+  ReceivedFile file{"", UploadMemory::Share(memory, PeerOf(*context))};
+  const auto start = std::chrono::steady_clock::now();
+  Request message;
+  while (true) {
+    const absl::StatusOr<bool> more = calls->Read(context, [&] { return reader->Read(&message); });
+    if (!more.ok()) return more.status();
+    if (!*more) break;
+    if (message.content_case() != Request::kChunk) {
+      return InvalidFields({{"chunk", "every message after the header must have one"}});
+    }
+    const std::string& chunk = message.chunk();
+    if (chunk.size() > kMaxUploadChunkBytes) {
+      return InvalidFields(
+          {{"chunk", absl::StrCat(chunk.size(), " bytes: at most ", kMaxUploadChunkBytes)}});
+    }
+    const auto received = static_cast<int64_t>(file.bytes.size() + chunk.size());
+    if (received > size) {
+      return InvalidFields({{"header.size_bytes", absl::StrCat(size, ": more bytes followed")}});
+    }
+    const absl::Duration taken = absl::FromChrono(std::chrono::steady_clock::now() - start);
+    if (taken > calls->limits().idle_timeout +
+                    absl::Seconds(static_cast<double>(received) / kSlowestUpload_bytes_per_s)) {
+      return absl::DeadlineExceededError(
+          absl::StrCat("the upload is slower than ", kSlowestUpload_bytes_per_s, " bytes/s"));
+    }
+    absl::Status room = file.memory.Grow(static_cast<int64_t>(chunk.size()));
+    if (!room.ok()) return room;
+    file.bytes += chunk;
+  }
+  if (absl::Status stop = calls->CheckStop(context); !stop.ok()) return stop;
+  if (static_cast<int64_t>(file.bytes.size()) != size) {
+    return InvalidFields({{"header.size_bytes",
+                           absl::StrCat(size, ": only ", file.bytes.size(), " bytes followed")}});
+  }
+  return file;
+}
+
+}  // namespace sightline
