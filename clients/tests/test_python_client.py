@@ -479,7 +479,6 @@ class ClientTest(unittest.TestCase):
                 plan.points()
 
 
-@unittest.skipUnless("SIGHTLINE_ADDRESS" in os.environ, "SIGHTLINE_ADDRESS is not set")
 class CommentTest(unittest.TestCase):
     def test_inspections_may_have_comments(self):
         text = '// one\n{"name": "a // b \\" // c", // d\n "part": {"file": "p.stl"} } //'
@@ -488,6 +487,7 @@ class CommentTest(unittest.TestCase):
         self.assertEqual(message.part.file, "p.stl")
 
 
+@unittest.skipUnless("SIGHTLINE_ADDRESS" in os.environ, "SIGHTLINE_ADDRESS is not set")
 class RealServiceTest(unittest.TestCase):
     """SIGHTLINE_TOKEN, and the PEM file SIGHTLINE_ROOT_CERTIFICATES, if the service needs them."""
 
