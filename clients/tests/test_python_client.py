@@ -18,7 +18,7 @@ import numpy as np
 import sightline
 from PIL import Image
 from planning_fake import PlanningFake, Refusal, away, serve
-from sightline.task_files import file_references
+from sightline.task_files import file_references, parse_message
 from sightline.v1 import inspection_pb2
 from sightline.v1 import planning_service_pb2 as pb
 from sightline.v1 import planning_service_pb2_grpc as pb_grpc
@@ -478,6 +478,14 @@ class ClientTest(unittest.TestCase):
             plan = self.client.plan(HEAD).wait().plan()
             with self.assertRaises(sightline.IncompleteResult):
                 plan.points()
+
+
+class CommentTest(unittest.TestCase):
+    def test_inspections_may_have_comments(self):
+        text = '// one\n{"name": "a // b \\" // c", // d\n "part": {"file": "p.stl"} } //'
+        message = parse_message(text, inspection_pb2.Inspection(), "inspection.json")
+        self.assertEqual(message.name, 'a // b " // c')
+        self.assertEqual(message.part.file, "p.stl")
 
 
 @unittest.skipUnless("SIGHTLINE_ADDRESS" in os.environ, "SIGHTLINE_ADDRESS is not set")

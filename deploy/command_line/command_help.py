@@ -42,6 +42,7 @@ class Command:
     summary: str = ""  # the parent's line about it; of a program its description
     positionals: list = dataclasses.field(default_factory=list)
     options: list = dataclasses.field(default_factory=list)
+    examples: list = dataclasses.field(default_factory=list)  # lines as they are printed
     subcommands: list = dataclasses.field(default_factory=list)
 
     def walk(self):
@@ -124,6 +125,7 @@ def parse_help(text, words):
             sections.setdefault(title, []).append(line)
     command.summary = " ".join(line.strip() for line in sections.pop("description", []))
     sections.pop("usage", None)
+    command.examples = [line[2:] for line in sections.pop("Examples", [])]
     for title, lines in sections.items():
         entries = list(split_entries(lines))
         if title == "Positionals":

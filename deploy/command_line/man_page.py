@@ -85,6 +85,8 @@ def man_page(command, version, programs):
         lines.append(".SH COMMANDS")
     for below in commands:
         lines += [f".SS {roff(' '.join(below.words))}", roff(sentence(below.summary)), *arguments(below)]
+    if command.examples:
+        lines += [".SH EXAMPLES", ".nf", *(roff(line) for line in command.examples), ".fi"]
     lines.append(".SH EXIT STATUS")
     for code, meaning in EXIT_CODES + ([INTERRUPTED] if commands else []):
         lines += [".TP", f"\\fB{code}\\fR", meaning]

@@ -3,11 +3,9 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
-#include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "planner_client/commands/help/terminal.h"
 
@@ -15,21 +13,11 @@ namespace sightline {
 namespace {
 
 constexpr int kBarWidth = 20;
-// Earlier the rate says nothing.
-constexpr double kLeastTimedFraction = 0.02;
-constexpr std::chrono::seconds kLeastTimed{10};
 constexpr auto kRedraw = std::chrono::milliseconds(100);
 constexpr auto kLogInterval = std::chrono::seconds(5);
 constexpr auto kJsonInterval = std::chrono::milliseconds(200);
 
 bool json_progress = false;
-
-std::string Rounded(std::chrono::duration<double> time) {
-  const double s = time.count();
-  if (s < 90) return absl::StrFormat("%.0f s", std::ceil(s / 10) * 10);
-  if (s < 5400) return absl::StrFormat("%.0f min", std::ceil(s / 60));
-  return absl::StrFormat("%.1f h", s / 3600);
-}
 
 }  // namespace
 
@@ -41,9 +29,7 @@ ProgressLine::ProgressLine(ProgressPhase phase)
 
 ProgressLine::~ProgressLine() { Finish(); }
 
-void ProgressLine::ShowTimeLeft() { timed_since_ = std::chrono::steady_clock::now(); }
-
-void ProgressLine::Show(double fraction, const std::string& what) {
+void ProgressLine::Show(double fraction, const std::string& text) {
   const auto now = std::chrono::steady_clock::now();
   const std::chrono::milliseconds interval = json_progress ? kJsonInterval
                                              : terminal_   ? kRedraw
@@ -51,11 +37,6 @@ void ProgressLine::Show(double fraction, const std::string& what) {
   if (now - last_ < interval) return;
   last_ = now;
   fraction = std::clamp(fraction, 0.0, 1.0);
-  std::string text = what;
-  if (timed_since_ && now - *timed_since_ > kLeastTimed && fraction > kLeastTimedFraction) {
-    const std::chrono::duration<double> passed = now - *timed_since_;
-    absl::StrAppend(&text, ", about ", Rounded(passed * (1 - fraction) / fraction), " left");
-  }
   if (json_progress) {
     const nlohmann::json line = {
         {"progress", phase_.begin + fraction * (phase_.end - phase_.begin)}, {"message", text}};

@@ -3,7 +3,6 @@
 #pragma once
 
 #include <chrono>
-#include <optional>
 #include <string>
 
 namespace sightline {
@@ -29,10 +28,7 @@ class ProgressLine {
   // What follows belongs to another phase.
   void Enter(ProgressPhase phase) { phase_ = phase; }
   // `fraction` of the phase, in [0, 1].
-  void Show(double fraction, const std::string& what);
-  // From now on Show adds how long it will still take if it goes on as it has so far: for work
-  // whose fraction follows time.
-  void ShowTimeLeft();
+  void Show(double fraction, const std::string& text);
   // Leaves the last state on the screen and starts a new line.
   void Finish();
 
@@ -40,8 +36,6 @@ class ProgressLine {
   ProgressPhase phase_;
   bool terminal_;
   bool drawn_ = false;
-  // Since when the time that is left is shown.
-  std::optional<std::chrono::steady_clock::time_point> timed_since_;
   std::chrono::steady_clock::time_point last_{};
 };
 

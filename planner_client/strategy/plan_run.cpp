@@ -46,7 +46,7 @@ void PlanRun::Report(const std::string& phase, int64_t scans, int64_t settled_ta
   const double coverage = static_cast<double>(settled_targets) / total;
   const double goal = GoalFraction(request_.goal);
   const double done = prepared_ + (1 - prepared_) * std::min(1.0, coverage / goal);
-  request_.on_progress({static_cast<int>(scans), coverage, goal, done, evaluations(), phase});
+  request_.on_progress({static_cast<int>(scans), coverage, goal, evaluations(), done, phase});
 }
 
 absl::StatusOr<std::vector<const ScanCoverage*>> PlanRun::Exact(

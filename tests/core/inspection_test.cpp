@@ -9,6 +9,7 @@
 #include <random>
 
 #include "absl/strings/str_cat.h"
+#include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
 
 namespace sightline {
@@ -231,6 +232,67 @@ TEST(Inspection, ReadsAFile) {
   EXPECT_EQ(ReadInspection((folder / "none.json").string()).status().code(),
             absl::StatusCode::kNotFound);
   std::filesystem::remove_all(folder);
+}
+
+TEST(Inspection, SaysAllThatIsWrongAtOnce) {
+  v1::Inspection message;
+  const std::string json = R"({
+    "part": {"file": "a.stl"},
+    "lens": {"transmission": 2},
+    "laser": {"fan_angle_deg": 200},
+    "targets": {"spacing_m": 9, "regions": [{"name": "r"}, {"name": "r", "spacing_m": 1}]},
+    "measurement": {"part_alpha_deg": {}, "offset_y_m": {"fixed": 2}},
+    "obstacles": [{"file": "b.stl", "unit": "mm"}, {"frame": "FRAME_WORLD"}],
+    "goal": {"coverage": 2, "max_scans": 0},
+    "costs": {"frame_rate_hz": -1}
+  })";
+  ASSERT_TRUE(ParseStrictJson(json, "i.json", &message).ok());
+  const std::string error(ParseInspection(message, "i.json", "").status().message());
+  for (const char* line :
+       {"part.unit is missing", "lens.focal_length_m is missing", "lens.f_number is missing",
+        "laser.fan_angle_deg is 200", "targets.spacing_m is 9",
+        "targets.regions[0].min_m is missing", "targets.regions[0].spacing_m is missing",
+        "targets.regions[1].name is \"r\" like that", "measurement.part_alpha_deg has none",
+        "measurement.offset_y_m.fixed is 2", "obstacles[0].frame is missing",
+        "obstacles[1].file is missing", "goal.coverage is 2", "goal.max_scans is 0",
+        "costs.frame_rate_hz is -1"}) {
+    EXPECT_THAT(error, HasSubstr(absl::StrCat("i.json: ", line)));
+  }
+}
+
+TEST(Inspection, NamesAllFilesThatAreNotThere) {
+  const std::filesystem::path folder = std::filesystem::path(::testing::TempDir()) /
+                                       ("inspection_" + std::to_string(std::random_device()()));
+  std::filesystem::create_directories(folder);
+  const std::string path = (folder / "i.json").string();
+  std::ofstream(path) << R"({"part": {"file": "p.glb"}, "camera": {"sensor_file": "c.json"},
+    "materials": [{"file": "m.json"}], "tolerances": {"file": "t.stp"},
+    "obstacles": [{"file": "o.glb", "frame": "FRAME_PART"}, {"file": "p2.glb", "frame": "FRAME_PART"}],
+    "goal": {"coverage": 3}})";
+  std::ofstream(folder / "p2.glb") << "there";
+  const absl::Status status = ReadInspectionWithFiles(path).status();
+  const std::string error(status.message());
+  for (const char* file : {"p.glb", "c.json", "m.json", "t.stp", "o.glb"}) {
+    EXPECT_THAT(error, HasSubstr((folder / file).string()));
+  }
+  EXPECT_THAT(error, AllOf(HasSubstr("obstacles[0].file: no file"), HasSubstr("goal.coverage is 3"),
+                           ::testing::Not(HasSubstr("p2.glb"))));
+  // Where nothing needs them they are not looked for.
+  std::ofstream(path) << R"({"part": {"file": "p.glb"}})";
+  EXPECT_TRUE(ReadInspection(path).ok());
+  EXPECT_EQ(ReadInspectionWithFiles(path).status().code(), absl::StatusCode::kNotFound);
+  std::ofstream(folder / "p.glb") << "there";
+  EXPECT_TRUE(ReadInspectionWithFiles(path).ok());
+  std::filesystem::remove_all(folder);
+}
+
+TEST(Inspection, AStepFileSaysItsUnitItself) {
+  v1::Inspection message;
+  message.mutable_part()->set_file("a.STEP");
+  EXPECT_TRUE(ParseInspection(message, "f", "").ok());
+  message.mutable_part()->set_unit("mm");
+  EXPECT_THAT(std::string(ParseInspection(message, "f", "").status().message()),
+              HasSubstr("part.unit is given, must be left out"));
 }
 
 // --- domains ------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <condition_variable>
 #include <mutex>
 #include <set>
@@ -174,6 +175,25 @@ TEST(JobStore, CancelOfAQueuedJobKeepsItFromRunning) {
   WaitUntilFinished(*store, last.job_id);
   EXPECT_FALSE(ran);
   EXPECT_EQ(store->Get(queued.job_id)->error.code(), absl::StatusCode::kCancelled);
+}
+
+TEST(JobStore, ACancelledJobMayLeaveWhatItHas) {
+  const auto store = MakeInMemoryJobStore(1);
+  std::atomic<bool> started = false;
+  const JobRecord job = *store->Create("a", "", "", [&](JobContext& context) {
+    started = true;
+    while (!context.cancelled()) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    return absl::StatusOr<std::string>("so far");
+  });
+  while (!started) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  ASSERT_TRUE(store->Cancel(job.job_id).ok());
+  JobRecord done = *store->Get(job.job_id);
+  while (!done.finished()) {
+    done = *store->WaitForChange(job.job_id, done.revision, absl::Seconds(10));
+  }
+  EXPECT_EQ(done.state, JobState::kCancelled);
+  EXPECT_EQ(done.error.code(), absl::StatusCode::kCancelled);
+  EXPECT_EQ(done.result_key, "so far");
 }
 
 TEST(JobStore, CancelStopsARunningJobSoon) {

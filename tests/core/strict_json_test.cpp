@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
@@ -93,6 +94,51 @@ TEST(StrictJson, WrongTypesNamePathAndWhatIsExpected) {
   EXPECT_THAT(ErrorOf(R"({"rig": {"camera_bodies": [5]}})"), HasSubstr("rig.camera_bodies[0]"));
   EXPECT_THAT(ErrorOf(R"({"name": null})"), HasSubstr("leave the field out"));
   EXPECT_THAT(ErrorOf("[]"), HasSubstr("an object"));
+}
+
+TEST(StrictJson, PassesOverLineComments) {
+  v1::Inspection message;
+  ASSERT_TRUE(ParseStrictJson("// An inspection.\n"
+                              "{ // of a part\n"
+                              "  \"name\": \"a // no \\\" comment\",\n"
+                              "  // \"name\": \"b\",\n"
+                              "  \"goal\": {\"coverage\": 0.5} //}\n"
+                              "}\n//",
+                              "bracket.json", &message)
+                  .ok());
+  EXPECT_EQ(message.name(), "a // no \" comment");
+  EXPECT_EQ(message.goal().coverage(), 0.5);
+  // Lines and columns are those of the file.
+  EXPECT_THAT(ErrorOf("{ // a\n  // b\n  \"name\" 3\n}"), HasSubstr("line 3, column 10"));
+  // No other comments.
+  EXPECT_THAT(ErrorOf("{ /* a */ }"), HasSubstr("line 1"));
+  EXPECT_THAT(ErrorOf("{ # a\n }"), HasSubstr("line 1"));
+  EXPECT_THAT(ErrorOf("{ \"name\": \"a\" / }"), HasSubstr("line 1"));
+}
+
+TEST(StrictJson, SaysAllThatIsWrongAtOnce) {
+  const std::string error = ErrorOf(R"({"nam": "a", "rig": {"scan_step_m": "1", "stage_trvel_m": 1},
+                                       "obstacles": [{"frame": "FRAME_PRT"}, 7]})");
+  EXPECT_THAT(error, AllOf(HasSubstr("bracket.json: nam: unknown field"),
+                           HasSubstr("\nbracket.json: rig.scan_step_m: is \"1\""),
+                           HasSubstr("\nbracket.json: rig.stage_trvel_m: unknown field"),
+                           HasSubstr("\nbracket.json: obstacles[0].frame: unknown value"),
+                           HasSubstr("\nbracket.json: obstacles[1]: is 7")));
+  EXPECT_EQ(std::count(error.begin(), error.end(), '\n'), 4);
+  // Up to a number, so that a file that is all wrong is not read for ever.
+  std::string many = "{\"goal\": {";
+  for (int i = 0; i < 100000; ++i) many += (i ? ", \"x" : "\"x") + std::to_string(i) + "\": 1";
+  const std::string all = ErrorOf(many + "}}");
+  EXPECT_EQ(std::count(all.begin(), all.end(), '\n'), 20);
+  EXPECT_THAT(all, HasSubstr("\n... there may be more"));
+}
+
+TEST(StrictJson, ANumberInPlaceOfADomainIsToldHowToBeFixed) {
+  EXPECT_THAT(ErrorOf(R"({"measurement": {"camera_distance_m": 0.4}})"),
+              HasSubstr("measurement.camera_distance_m: is 0.4, must be an object: write "
+                        "{\"fixed\": 0.4}"));
+  EXPECT_THAT(ErrorOf(R"({"measurement": {"camera_distance_m": [0.4, 0.5]}})"),
+              HasSubstr("{\"values\": [...]}"));
 }
 
 TEST(StrictJson, IntegersAreIntegersInRange) {

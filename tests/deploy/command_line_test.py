@@ -22,6 +22,10 @@ Options:
 Subcommands:
   draw                        draws .parts
   serve                       for remote clients
+
+Examples:
+  two draw part.stl --out x   one
+                              more
 """
 DRAW = """draws .parts
 Usage: two draw [OPTIONS] input
@@ -87,6 +91,11 @@ class ParseTest(unittest.TestCase):
     def test_environment(self):
         trace = two().subcommands[1].options[2]
         self.assertEqual((trace.placeholder, trace.environment, trace.description), ("TEXT", "TRACE", "the request"))
+
+    def test_examples(self):
+        self.assertEqual([line.split() for line in two().examples],
+                         [["two", "draw", "part.stl", "--out", "x", "one"], ["more"]])
+        self.assertIn("two draw part.stl", man_page.man_page(two(), "1", ["two"]).replace("\\-", "-"))
 
     def test_what_it_does_not_know_is_an_error(self):
         for old, new in [("Options:", "Choices:"), ("--out TEXT REQUIRED", "--out TEXT <OUT>"),

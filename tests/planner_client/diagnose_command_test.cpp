@@ -4,6 +4,8 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <csignal>
+#include <cstdio>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -13,6 +15,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "absl/time/clock.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
@@ -38,10 +41,27 @@ std::string Bytes(const fs::path& path) {
 constexpr char kTable[] =
     "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nf 1 2 3\nf 1 3 4\n";
 
+// Somebody presses Ctrl-C during the next diagnosis.
+bool press_ctrl_c = false;
+// Recordings and effects at once of the last diagnosis.
+size_t diagnosed_recordings = 0;
+int diagnosed_effects = 0;
+
 // Finds a wrong f-number, whatever the images are.
 absl::StatusOr<v1::Diagnosis> FindFNumber(const RecordedSet& set, const DiagnosisSettings& settings,
-                                          const DiagnosisProgress&) {
+                                          const DiagnosisProgress& progress) {
+  diagnosed_recordings = set.frames.size();
+  diagnosed_effects = settings.max_effects;
   v1::Diagnosis answer;
+  if (press_ctrl_c) {
+    raise(SIGINT);
+    while (progress(0.5, "comparing")) absl::SleepFor(absl::Milliseconds(5));
+    answer.set_set(set.description.name);
+    answer.set_verdict("interrupted");
+    answer.set_finding("Interrupted after 50 % of the comparison.");
+    answer.add_ranked()->set_effect("optics.coma");
+    return answer;
+  }
   answer.set_set(set.description.name);
   answer.set_verdict("effect");
   answer.set_finding("The aperture is smaller than set.");
@@ -249,6 +269,51 @@ TEST_F(DiagnoseCommandTest, CalibratedInspectionIsWrittenOnRequest) {
   result = Run("diagnose", {folder_ + "/set", "--out", out, "--inspection", inspection});
   EXPECT_EQ(result.exit_code, kExitWrongInput);
   EXPECT_THAT(result.errors, HasSubstr("f_number"));
+}
+
+TEST_F(DiagnoseCommandTest, QuickTakesFewerRecordingsAndSaysSo) {
+  Result result = Run("diagnose", {folder_ + "/set", "--quick"});
+  ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
+  EXPECT_EQ(diagnosed_effects, 1);
+  EXPECT_EQ(diagnosed_recordings, 3u);
+  EXPECT_THAT(result.errors, HasSubstr("--quick: from 3 of 3 recordings, with at most 1 effect"));
+  // Of a longer set, whose later ones show the same.
+  v1::Recordings message;
+  const std::string description = folder_ + "/set/recordings.json";
+  ASSERT_TRUE(ReadRecordingsMessage(description, &message).ok());
+  const v1::Recording last = message.recordings(message.recordings_size() - 1);
+  for (int i = 0; i < 40; ++i) *message.add_recordings() = last;
+  std::ofstream(description) << RecordingsToJson(message);
+  result = Run("diagnose", {folder_ + "/set", "--quick", "--max-effects", "2"});
+  ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
+  EXPECT_LE(diagnosed_recordings, 16u);
+  EXPECT_EQ(diagnosed_effects, 2);
+  EXPECT_THAT(result.errors, HasSubstr(" of 43 recordings, with at most 2 effects at once"));
+  EXPECT_THAT(Bytes(folder_ + "/set/diagnosis/report.html"), HasSubstr("of 43 recordings"));
+}
+
+// In a process of its own: what is interrupted stays so.
+TEST_F(DiagnoseCommandTest, CtrlCKeepsWhatIsKnown) {
+  GTEST_FLAG_SET(death_test_style, "threadsafe");
+  const auto interrupted = [this] {
+    press_ctrl_c = true;
+    const fs::path out = folder_ + "/set/diagnosis";
+    fs::create_directories(out / "calibrated");
+    std::ofstream(out / "calibrated/inspection.json") << "of an earlier run";
+    const Result result = Run("diagnose", {folder_ + "/set"});
+    const auto answer = nlohmann::json::parse(Bytes(out / "diagnosis.json"));
+    const std::string report = Bytes(out / "report.html");
+    const bool kept = answer["verdict"] == "interrupted" &&
+                      answer["ranked"][0]["effect"] == "optics.coma" &&
+                      report.find("Interrupted: this is no finding") != std::string::npos &&
+                      !fs::exists(out / "calibrated") &&
+                      result.errors.find("Ctrl-C again ends at once") != std::string::npos;
+    std::fprintf(stderr, "%s\n", kept ? "all is kept" : result.errors.c_str());
+    server_.reset();
+    fs::remove_all(folder_);
+    std::_Exit(result.exit_code);
+  };
+  EXPECT_EXIT(interrupted(), ::testing::ExitedWithCode(kExitInterrupted), "all is kept");
 }
 
 TEST_F(DiagnoseCommandTest, Verify) {

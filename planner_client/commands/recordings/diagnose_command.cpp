@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <chrono>
 #include <cmath>
 #include <cstdio>
 #include <filesystem>
@@ -21,6 +22,7 @@
 #include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/recordings/diagnose_sensor_set.h"
+#include "planner_client/commands/recordings/time_left.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/diagnosis_client/answer_json.h"
 #include "planner_client/diagnosis_client/calibrated_inspection.h"
@@ -311,7 +313,11 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   WorkerClientOptions client;
   auto worker = StartWorkerSession(options.worker, &progress, &client);
   if (!worker.ok()) return worker.status();
-  progress.ShowTimeLeft();
+  client.on_progress = [&progress, start = std::chrono::steady_clock::now()](
+                           double fraction, const std::string& message) {
+    progress.Show(fraction,
+                  message + TimeLeftText(std::chrono::steady_clock::now() - start, fraction));
+  };
   const auto on_waiting_for_rest = [&progress] {
     progress.Finish();
     std::fprintf(stderr,

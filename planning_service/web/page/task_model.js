@@ -67,13 +67,19 @@ export function taskOfKind(kind, task) {
   return sent;
 }
 
-// {value} of JSON text that must be an object, or {error} with line and column where the browser
-// tells them. Whole numbers that JavaScript cannot hold are refused, not rounded.
+// Text with spaces in place of comments, which go from // to the end of the line outside of strings.
+export function withoutComments(text) {
+  return text.replace(/"(?:\\[^\n]|[^"\\\n])*"?|\/\/[^\n]*/g,
+      (found) => found.startsWith('//') ? ' '.repeat(found.length) : found);
+}
+
+// {value} of JSON text that must be an object and may have // comments, or {error} with line and
+// column where the browser tells them. Whole numbers that JavaScript cannot hold are refused, not rounded.
 export function parseJsonObject(text) {
   let value;
   let tooLarge = null;
   try {
-    value = JSON.parse(text, (key, number, context) => {
+    value = JSON.parse(withoutComments(text), (key, number, context) => {
       if (typeof number === 'number' && Number.isInteger(number) && !Number.isSafeInteger(number) &&
           /^-?\d+$/.test(context?.source ?? '')) {
         tooLarge = `${key} is ${context.source}: write whole numbers beyond 2^53 in quotes`;

@@ -347,7 +347,7 @@ class Competing {
   // model is rejected, that of the null model tells little.
   void RenewBest() {
     if (candidates_.empty() || stopped_ || !NullIsRejected()) return;
-    Report(0.84);
+    if (!Report(0.84)) return;
     best_renewed_ = FitOfBest();
   }
 
@@ -370,7 +370,7 @@ class Competing {
   // with respect to the deviations are renewed too.
   void FitUnderOneCovariance() {
     if (candidates_.empty() || stopped_) return;
-    Report(0.85);
+    if (!Report(0.85)) return;
     const FitResult reference = best_renewed_ ? *std::move(best_renewed_) : FitOfBest();
     best_renewed_.reset();
     FitSettings settings;

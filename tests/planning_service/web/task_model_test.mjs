@@ -46,6 +46,12 @@ test('JSON errors say where', () => {
   assert.match(parseJsonObject('null').error, /object/);
 });
 
+test('comments of inspection files are passed over', () => {
+  assert.deepEqual(parseJsonObject('// one\n{"a": "b // c \\" // d", // e\n "f": 1} //'),
+      {value: {a: 'b // c " // d', f: 1}});
+  assert.match(parseJsonObject('{ // a\n "b" 1}').error, /line 2/);
+});
+
 test('the angle of view follows from pixel size, rows and focal length', () => {
   const camera = {camera: {rows_px: 1024, pixel_pitch_m: 5.5e-6}};
   assert.equal(angleOfViewDeg(camera), undefined);

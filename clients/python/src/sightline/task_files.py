@@ -64,11 +64,23 @@ def make_task_file(name: str, content: Content) -> TaskFile:
     return TaskFile(name, content, digest.hexdigest(), size_bytes)
 
 
+# A string, which ends with its line at the latest, or a comment: from // to the end of the line.
+_STRING_OR_COMMENT = re.compile(r'"(?:\\[^\n]|[^"\\\n])*"?|//[^\n]*')
+
+
+def without_comments(text: str) -> str:
+    """JSON as people may write it in files for Sightline, with spaces in place of its comments."""
+    def blank(match: "re.Match[str]") -> str:
+        found = match.group()
+        return " " * len(found) if found.startswith("//") else found
+    return _STRING_OR_COMMENT.sub(blank, text)
+
+
 def parse_message(text: Union[str, Mapping[str, Any]], message: Any, name: str) -> Any:
-    """Fills `message` from JSON. TaskError names the unknown field."""
+    """Fills `message` from JSON, which may have // comments. TaskError names the unknown field."""
     try:
         if isinstance(text, str):
-            return json_format.Parse(text, message)
+            return json_format.Parse(without_comments(text), message)
         return json_format.ParseDict(dict(text), message)
     except (json_format.ParseError, TypeError, ValueError) as error:
         raise errors.TaskError(f"{name}: {error}") from None

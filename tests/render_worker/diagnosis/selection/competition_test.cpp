@@ -238,6 +238,34 @@ class OneSided final : public DescribedEffect {
 
 // A bug found: besides straight lines only three prior scales either way were looked at, which is
 // too much of it.
+// Stopped early it has what it has looked at, later what it has fitted; never a verdict.
+TEST(Compete, StoppedKeepsWhatItHas) {
+  const RecordedSet set =
+      RenderSmallSet(SomeDeviations(), {{FindEffect("optics.f_number_error"), {1.3}}}, 5);
+  const SetModel model(set, {});
+  const FitResult null = FitNull(model);
+  std::vector<const Effect*> effects;
+  for (const char* id : {"sensor.dark_current", "optics.f_number_error", "geometry.camera_roll"}) {
+    effects.push_back(FindEffect(id));
+    ASSERT_NE(effects.back(), nullptr) << id;
+  }
+  CompetitionSettings settings;
+  settings.effects = effects;
+  const Competition screening =
+      Compete(model, null, settings, [](double fraction) { return fraction < 0.3; });
+  EXPECT_FALSE(screening.finished);
+  EXPECT_EQ(screening.screened.size(), 2u);
+  ASSERT_EQ(screening.ranked.size(), 1u);
+  EXPECT_TRUE(screening.ranked.front().effects.empty());
+  const Competition fitting =
+      Compete(model, null, settings, [](double fraction) { return fraction < 0.76; });
+  EXPECT_FALSE(fitting.finished);
+  EXPECT_EQ(fitting.screened.size(), effects.size());
+  ASSERT_FALSE(fitting.ranked.front().effects.empty());
+  EXPECT_EQ(fitting.ranked.front().effects.front().effect, effects[1]);
+  EXPECT_TRUE(Compete(model, null, settings, [](double) { return true; }).finished);
+}
+
 TEST(Compete, FindsWhatNoStraightLineLeadsTo) {
   const OneSided effect;
   const std::vector<const Effect*> effects = {&effect};

@@ -1,0 +1,164 @@
+// `sightline new` and the inspections that it writes.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <stdlib.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+#include "core/inspection/read_with_files.h"
+#include "core/json/strict_json.h"
+#include "planner_client/commands/start/start_commands.h"
+#include "planner_client/inspection_draft/inspection_draft.h"
+#include "tests/planner_client/start/run_command.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+// 60 x 40 x 20.
+constexpr char kBox[] =
+    "v 0 0 0\nv 60 0 0\nv 60 40 0\nv 0 40 0\nv 0 0 20\nv 60 0 20\nv 60 40 20\nv 0 40 20\n"
+    "f 1 3 2\nf 1 4 3\nf 5 6 7\nf 5 7 8\nf 1 2 6\nf 1 6 5\nf 2 3 7\nf 2 7 6\nf 3 4 8\nf 3 8 7\n"
+    "f 4 1 5\nf 4 5 8\n";
+
+class NewCommandTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_NE(mkdtemp(folder_.data()), nullptr);
+    std::ofstream(folder_ + "/box.obj") << kBox;
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  CommandResult New(std::vector<std::string> arguments) {
+    arguments.insert(arguments.begin(), folder_ + "/box.obj");
+    arguments.insert(arguments.end(), {"--out", out_, "--no-questions"});
+    return RunCommand(AddNewCommand, arguments);
+  }
+  static std::string Text(const std::string& path) {
+    std::ifstream file(path);
+    std::ostringstream text;
+    text << file.rdbuf();
+    return text.str();
+  }
+  static std::string Catalogue() {
+    return std::string(std::getenv("SIGHTLINE_SOURCE_DIR")) + "/examples/catalogue";
+  }
+
+  std::string folder_ = "/tmp/sightline-new-XXXXXX";
+  std::string out_;
+};
+
+TEST_F(NewCommandTest, WritesAnInspectionThatCanBeRead) {
+  out_ = folder_ + "/tasks/inspection.json";
+  const CommandResult made = New({"--unit", "mm"});
+  ASSERT_EQ(made.exit_code, kExitDone) << made.errors;
+  EXPECT_THAT(made.output, AllOf(HasSubstr("60 x 40 x 20 mm"), HasSubstr("sightline plan ")));
+  const auto inspection = ReadInspectionWithFiles(out_);
+  ASSERT_TRUE(inspection.ok()) << inspection.status();
+  EXPECT_EQ(inspection->name, "box");
+  EXPECT_EQ(inspection->part_file, folder_ + "/box.obj");
+  EXPECT_EQ(inspection->goal.coverage, 0.95);
+  // 88 square centimetres with about 8000 targets.
+  EXPECT_NEAR(inspection->targets.spacing_m, 1e-3, 1e-9);
+  EXPECT_LT(inspection->targets.coverage_radius_m, inspection->targets.spacing_m);
+  EXPECT_LE(3 * inspection->rig.scan_step_m, inspection->targets.coverage_radius_m + 1e-9);
+  const std::string text = Text(out_);
+  EXPECT_THAT(text, AllOf(HasSubstr("// Written by `sightline new`"), HasSubstr("\"../box.obj\""),
+                          HasSubstr("PART_HOLDING_RESTING")));
+  // What is there is not written over.
+  const CommandResult again = New({"--unit", "mm"});
+  EXPECT_EQ(again.exit_code, kExitWrongInput);
+  EXPECT_THAT(again.errors, HasSubstr("--force"));
+  EXPECT_EQ(New({"--unit", "mm", "--force", "--holding", "free"}).exit_code, kExitDone);
+  EXPECT_THAT(Text(out_), HasSubstr("\"part_holding\": \"PART_HOLDING_FREE\""));
+}
+
+TEST_F(NewCommandTest, NamesAllThatIsMissing) {
+  out_ = folder_ + "/i.json";
+  std::ofstream(out_) << "{}";
+  const CommandResult wrong = New({"--tolerances", "none.stp"});
+  EXPECT_EQ(wrong.exit_code, kExitWrongInput);
+  EXPECT_THAT(wrong.errors,
+              AllOf(HasSubstr("--unit is missing"), HasSubstr("mm: 60 x 40 x 20 mm"),
+                    HasSubstr("inch: 1524 x 1016 x 508 mm"), Not(HasSubstr("um: ")),
+                    HasSubstr("is there already"), HasSubstr("none.stp: no such file")));
+  EXPECT_EQ(Text(out_), "{}");
+}
+
+TEST_F(NewCommandTest, TakesDevicesOfACatalogue) {
+  out_ = folder_ + "/i.json";
+  const CommandResult made =
+      New({"--unit", "mm", "--catalogue", Catalogue(), "--camera", "13e4m", "--laser", "z_laser"});
+  ASSERT_EQ(made.exit_code, kExitDone) << made.errors;
+  EXPECT_THAT(made.output, HasSubstr("lens chosen: "));
+  const auto inspection = ReadInspectionWithFiles(out_);
+  ASSERT_TRUE(inspection.ok()) << inspection.status();
+  EXPECT_EQ(inspection->sensor->columns_px, 1280);
+  ASSERT_TRUE(inspection->rig.lens);
+  EXPECT_NEAR(inspection->rig.laser.fan_angle_rad, 30 * M_PI / 180, 1e-12);
+  // At its working distance the camera sees about the part.
+  const double width_m =
+      0.2 * inspection->rig.camera.columns_px * 5.3e-6 / inspection->rig.lens->focal_length_m;
+  EXPECT_GT(width_m, 0.03);
+  EXPECT_LT(width_m, 0.15);
+  const CommandResult wrong = New({"--unit", "mm", "--force", "--catalogue", Catalogue(),
+                                   "--camera", "bfy_pge_13e4m", "--laser", "lm9"});
+  EXPECT_THAT(wrong.errors, AllOf(HasSubstr("the nearest is bfly_pge_13e4m"),
+                                  HasSubstr("--laser lm9: may be any of iadiy_lm9g520h50l60t, ")));
+  EXPECT_THAT(New({"--unit", "mm", "--force", "--catalogue", Catalogue(), "--camera", "13e4m",
+                   "--rows", "100"})
+                  .errors,
+              HasSubstr("--rows is that of the camera already"));
+}
+
+TEST_F(NewCommandTest, PlansForATolerance) {
+  out_ = folder_ + "/i.json";
+  ASSERT_EQ(New({"--unit", "mm", "--tolerance-mm", "0.2", "--goal", "0.8", "--pixel-pitch-um", "5",
+                 "--rows", "1000", "--focal-length-mm", "16"})
+                .exit_code,
+            kExitDone);
+  const auto inspection = ReadInspectionWithFiles(out_);
+  ASSERT_TRUE(inspection.ok()) << inspection.status();
+  EXPECT_EQ(inspection->goal.admissible, 0.8);
+  EXPECT_NEAR(*inspection->tolerances->zone_width_m, 2e-4, 1e-12);
+  EXPECT_NEAR(inspection->rig.camera.vertical_fov_rad, 2 * std::atan(0.5 * 5e-3 / 16e-3), 1e-5);
+}
+
+TEST(SpacingFor, GivesAboutEightThousandTargets) {
+  for (const double area_m2 : {1e-4, 1e-2, 0.3, 2.0}) {
+    const double spacing_m = SpacingFor(area_m2);
+    const double targets = 0.89 * area_m2 / (spacing_m * spacing_m);
+    EXPECT_GT(targets, 4000) << area_m2;
+    EXPECT_LT(targets, 16000) << area_m2;
+  }
+  EXPECT_EQ(SpacingFor(1e-12), 1e-4);
+  EXPECT_EQ(SpacingFor(0), 1e-4);
+}
+
+TEST(CommentedJson, PutsCommentsBeforeFields) {
+  v1::Inspection message;
+  message.set_name("a \"b\": c");
+  message.mutable_targets()->set_spacing_m(1);
+  message.mutable_goal()->set_coverage(0.5);
+  const std::string text = CommentedJson(
+      message,
+      {{"", "All."}, {"targets.spacing_m", "Far."}, {"goal", "Enough."}, {"rig", "None."}});
+  EXPECT_EQ(text,
+            "// All.\n{\n  \"name\": \"a \\\"b\\\": c\",\n  \"targets\": {\n    // Far.\n"
+            "    \"spacing_m\": 1\n  },\n  // Enough.\n  \"goal\": {\n    \"coverage\": 0.5\n  }\n"
+            "}\n");
+  v1::Inspection read;
+  ASSERT_TRUE(ParseStrictJson(text, "f", &read).ok());
+  EXPECT_EQ(read.SerializeAsString(), message.SerializeAsString());
+}
+
+}  // namespace
+}  // namespace sightline
