@@ -76,6 +76,9 @@ class CheckDocsTest(unittest.TestCase):
                                  ("deploy/quickstrat", "there is no deploy/quickstrat")):
             self.assertEqual([(2, message)],
                              self.finds(check_docs.check_commands, f"```\n{planted}\n```\n", self.programs))
+        self.assertEqual([], self.finds(check_docs.check_commands, "`sightline plan … --out x`", self.programs))
+        self.assertEqual([(1, "`sightline plan` has no option --oot")],
+                         self.finds(check_docs.check_commands, "`sightline plan … --oot x`", self.programs))
         table = "| option | does |\n|---|---|\n| `--out DIR` | |\n| `--oot` | |\n"
         self.assertEqual([(4, "no program has an option --oot")],
                          self.finds(check_docs.check_commands, table, self.programs))

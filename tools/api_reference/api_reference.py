@@ -36,8 +36,10 @@ class Page:
         for location in self.file.source_code_info.location:
             if list(location.path) in ([12], [2]):
                 texts = [*location.leading_detached_comments, location.leading_comments]
-                if any(texts):
-                    return paragraphs("\n".join(t for t in texts if t))
+                # The line that states the licence says nothing about the file.
+                text = re.sub(r"^ *SPDX-.*\n", "", "\n".join(t for t in texts if t), flags=re.MULTILINE)
+                if text.strip():
+                    return paragraphs(text)
         return ""
 
     def comment_of(self, *path):

@@ -38,9 +38,9 @@ bool IsScatter(const Candidate& candidate);
 // with none by its evidence.
 bool EffectsAreThere(const Candidate& candidate);
 
-// By Laplace's approximation: misfit, log|Sigma| of the data, log|H| of the parameters and every prior,
-// Cauchy's of the strengths among them, over the same of `null`. Each fit may have a covariance of
-// its own, of the same data.
+// By Laplace's approximation: misfit, log|Sigma| of the data, log|H| of the parameters and every
+// prior, Cauchy's of the strengths among them, over the same of `null`. Each fit may have a
+// covariance of its own, of the same data.
 double LogEvidence(const Candidate& candidate, const FitResult& null);
 // With the derivatives of `about`, under that covariance too, with respect to the known parameters:
 // those that fits find themselves differ by their steps and places, by nats that tell nothing.
