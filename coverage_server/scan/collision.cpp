@@ -81,6 +81,7 @@ bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3
   }
   for (const Occluder& carrier : occluders) {
     if (carrier.frame != ObstacleFrame::kStage && carrier.frame != ObstacleFrame::kTable) continue;
+    if (occluders[0].frame != ObstacleFrame::kPart) break;
     if (CutsIntoPart(geometry, part_centre_m, occluders[0].bvh, carrier)) return true;
   }
   // Obstacles that stand still, seen from the moving part.
