@@ -51,7 +51,7 @@ absl::StatusOr<v1::Job> AnswerJobs::Create(const std::string& kind, const std::s
         if (!kept.ok()) return kept;
         return key;
       },
-      request_bytes);
+      share);
   if (!job.ok()) return JobNotCreated(job.status());
   return JobToProto(*job);
 }
