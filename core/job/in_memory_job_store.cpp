@@ -48,7 +48,7 @@ class InMemoryJobStore : public JobStore {
 
   absl::StatusOr<JobRecord> Create(const std::string& kind, const std::string& request_id,
                                    const std::string& fingerprint, JobWork work,
-                                   int64_t bytes) override {
+                                   const JobShare& share) override {
     std::lock_guard lock(mutex_);
     if (!request_id.empty()) {
       const auto known = requests_.find({kind, request_id});
@@ -68,18 +68,26 @@ class InMemoryJobStore : public JobStore {
                                                        " jobs wait or run, at most ",
                                                        limits_.max_jobs, " may"));
     }
-    // A job that is too large for the limit alone can be done while nothing else waits.
-    if (unfinished > 0 && unfinished_bytes_ + bytes > limits_.max_bytes) {
+    const auto of_owner = unfinished_of_owner_.find(share.owner);
+    if (!share.owner.empty() && of_owner != unfinished_of_owner_.end() &&
+        of_owner->second >= limits_.max_jobs_of_owner) {
       return absl::ResourceExhaustedError(
-          absl::StrCat("the queue is full: the jobs that wait or run hold ", unfinished_bytes_,
-                       " bytes, this one ", bytes, " more, at most ", limits_.max_bytes, " may"));
+          absl::StrCat("the queue is full for ", share.owner, ": ", of_owner->second,
+                       " of its jobs wait or run, at most ", limits_.max_jobs_of_owner, " may"));
+    }
+    // A job that is too large for the limit alone can be done while nothing else waits.
+    if (unfinished > 0 && unfinished_bytes_ + share.bytes > limits_.max_bytes) {
+      return absl::ResourceExhaustedError(absl::StrCat(
+          "the queue is full: the jobs that wait or run hold ", unfinished_bytes_,
+          " bytes, this one ", share.bytes, " more, at most ", limits_.max_bytes, " may"));
     }
     auto job = std::make_shared<Job>();
     job->number = next_number_++;
     job->fingerprint = fingerprint;
     job->work = std::move(work);
-    job->bytes = bytes;
-    unfinished_bytes_ += bytes;
+    job->share = share;
+    unfinished_bytes_ += share.bytes;
+    ++unfinished_of_owner_[share.owner];
     job->traceparent = CurrentTraceparent();
     job->record.kind = kind;
     job->record.request_id = request_id;
@@ -141,7 +149,7 @@ class InMemoryJobStore : public JobStore {
     int64_t number = 0;
     std::string fingerprint;
     JobWork work;
-    int64_t bytes = 0;
+    JobShare share;
     std::string traceparent;  // of the request that made it
     JobRecord record;
     std::atomic<bool> cancelled{false};
@@ -193,7 +201,9 @@ class InMemoryJobStore : public JobStore {
 
   void Finish(Job& job, const absl::StatusOr<std::string>& result) {
     job.work = nullptr;
-    unfinished_bytes_ -= job.bytes;
+    unfinished_bytes_ -= job.share.bytes;
+    const auto of_owner = unfinished_of_owner_.find(job.share.owner);
+    if (--of_owner->second == 0) unfinished_of_owner_.erase(of_owner);
     if (job.cancelled) {
       job.record.state = JobState::kCancelled;
       job.record.error = absl::CancelledError("cancelled");
@@ -252,6 +262,7 @@ class InMemoryJobStore : public JobStore {
   bool stopping_ = false;
   const JobLimits limits_;
   int64_t unfinished_bytes_ = 0;
+  std::map<std::string, int64_t> unfinished_of_owner_;
   int64_t next_number_ = 0;
   std::random_device random_;
   std::map<std::string, std::shared_ptr<Job>> jobs_;

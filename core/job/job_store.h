@@ -42,16 +42,24 @@ class JobContext {
 // Returns the result key; if cancelled, CANCELLED or that of what it has so far.
 using JobWork = std::function<absl::StatusOr<std::string>(JobContext&)>;
 
+// What an unfinished job takes of the limits of its store.
+struct JobShare {
+  // Whoever asked for it, e.g. a peer. Empty: nobody in particular, only the common limits count.
+  std::string owner;
+  // Memory that the work holds on to until it is finished.
+  int64_t bytes = 0;
+};
+
 class JobStore {
  public:
   virtual ~JobStore() = default;
   // Queues `work` and returns at once. A known (kind, request_id) returns that job and drops
   // `work`; ALREADY_EXISTS if it was made with another `fingerprint`. An empty request_id is
   // always new. RESOURCE_EXHAUSTED: more jobs, or more bytes of them, would be unfinished than the
-  // store may hold. `bytes`: memory that `work` holds on to until it is finished.
+  // store may hold, or than one owner may have.
   virtual absl::StatusOr<JobRecord> Create(const std::string& kind, const std::string& request_id,
                                            const std::string& fingerprint, JobWork work,
-                                           int64_t bytes = 0) = 0;
+                                           const JobShare& share = {}) = 0;
   virtual absl::StatusOr<JobRecord> Get(const std::string& job_id) const = 0;
   // In order of creation; empty kind: all.
   virtual std::vector<JobRecord> List(const std::string& kind) const = 0;
@@ -67,6 +75,7 @@ inline constexpr int kKeptFinishedJobs = 1000;
 // What may be unfinished, that is queued or running, at a time.
 struct JobLimits {
   int64_t max_jobs = std::numeric_limits<int64_t>::max();
+  int64_t max_jobs_of_owner = std::numeric_limits<int64_t>::max();
   int64_t max_bytes = std::numeric_limits<int64_t>::max();
 };
 

@@ -17,7 +17,10 @@ class CoverageServerImpl final : public CoverageServer {
  public:
   CoverageServerImpl(const CoverageServerOptions& options, CoverageBackend backend)
       : calls_(&metrics_),
-        jobs_(MakeInMemoryJobStore(options.scene_workers)),
+        jobs_(MakeInMemoryJobStore(
+            options.scene_workers,
+            {.max_jobs_of_owner = std::max<int64_t>(
+                 1, static_cast<int64_t>(options.peer_share * kMaxUnfinishedScenes))})),
         registry_(backend, jobs_.get(), &metrics_, options.max_part_store_bytes,
                   options.max_scene_bytes),
         pool_(options.threads > 0

@@ -128,7 +128,7 @@ grpc::Status CoverageServiceImpl::CreateScene(grpc::ServerContext* context,
                                               v1::CreateSceneResponse* response) {
   return p_.calls->Run("CreateScene", context, [&]() -> absl::Status {
     absl::StatusOr<JobRecord> job =
-        p_.registry->CreateScene(request->request_id(), request->spec());
+        p_.registry->CreateScene(PeerOf(*context), request->request_id(), request->spec());
     if (!job.ok()) return job.status();
     *response->mutable_job() = JobToProto(*job);
     return absl::OkStatus();

@@ -12,7 +12,6 @@ namespace {
 
 constexpr size_t kMaxRequestIdBytes = 128;
 constexpr size_t kRememberedRequests = 10000;
-constexpr int kMaxUnfinishedJobs = 64;
 
 int64_t MeshBytes(const TriangleMesh& mesh) {
   return static_cast<int64_t>(mesh.positions_m.size() * sizeof(mesh.positions_m[0]) +
@@ -80,7 +79,8 @@ absl::StatusOr<std::shared_ptr<const StoredScene>> SceneRegistry::FindScene(
   return scene;
 }
 
-absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& request_id,
+absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& peer,
+                                                     const std::string& request_id,
                                                      const v1::SceneSpec& spec) {
   if (request_id.size() > kMaxRequestIdBytes) {
     return InvalidFields({{"request_id", absl::StrCat("at most ", kMaxRequestIdBytes, " bytes")}});
@@ -125,19 +125,27 @@ absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& request_
   }
   const std::vector<JobRecord> jobs = jobs_->List("scene");
   if (std::count_if(jobs.begin(), jobs.end(),
-                    [](const JobRecord& job) { return !job.finished(); }) >= kMaxUnfinishedJobs) {
+                    [](const JobRecord& job) { return !job.finished(); }) >= kMaxUnfinishedScenes) {
     return WithRetryDelay(
-        WithErrorInfo(absl::UnavailableError(absl::StrCat("overloaded: ", kMaxUnfinishedJobs,
+        WithErrorInfo(absl::UnavailableError(absl::StrCat("overloaded: ", kMaxUnfinishedScenes,
                                                           " scenes are waiting to be built")),
                       "OVERLOADED"),
         absl::Seconds(5));
   }
   // The store's own check of request_id would bind the id to one job for good, but a scene that was
   // dropped for lack of memory has to be built again by a new job.
-  absl::StatusOr<JobRecord> job = jobs_->Create(
-      "scene", "", digest, [this, spec_copy = *std::move(parsed)](JobContext& context) {
-        return BuildScene(spec_copy, context);
-      });
+  absl::StatusOr<JobRecord> job =
+      jobs_->Create("scene", "", digest,
+                    [this, spec_copy = *std::move(parsed)](JobContext& context) {
+                      return BuildScene(spec_copy, context);
+                    },
+                    {.owner = peer});
+  if (absl::IsResourceExhausted(job.status())) {
+    return WithRetryDelay(
+        WithErrorInfo(absl::UnavailableError(absl::StrCat("overloaded: ", job.status().message())),
+                      "OVERLOADED"),
+        absl::Seconds(5));
+  }
   if (!job.ok()) return job.status();
   remember(job->job_id);
   if (job_of_scene_.insert_or_assign(digest, job->job_id).second) {

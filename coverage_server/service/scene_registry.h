@@ -29,6 +29,9 @@ struct StoredScene {
   v1::SceneSpec spec;  // normalised
 };
 
+// Scenes that may wait to be built.
+inline constexpr int kMaxUnfinishedScenes = 64;
+
 // Thread-safe. `jobs` must outlive it, but run no more jobs when it ends.
 class SceneRegistry {
  public:
@@ -42,7 +45,9 @@ class SceneRegistry {
   // (ALREADY_EXISTS if it was used for another scene; empty: no such check) and by content: a scene
   // that is built or being built has one job, which all who ask for it share. NOT_FOUND (reason
   // PART_UNKNOWN, metadata part_digest) for a part that must be uploaded first.
-  absl::StatusOr<JobRecord> CreateScene(const std::string& request_id, const v1::SceneSpec& spec);
+  // UNAVAILABLE (OVERLOADED): too many scenes, or too many of `peer`, wait to be built.
+  absl::StatusOr<JobRecord> CreateScene(const std::string& peer, const std::string& request_id,
+                                        const v1::SceneSpec& spec);
 
   // NOT_FOUND (reason SCENE_UNKNOWN) if it must be created first.
   absl::StatusOr<std::shared_ptr<const StoredScene>> FindScene(const std::string& digest);

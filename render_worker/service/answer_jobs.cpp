@@ -22,7 +22,7 @@ constexpr size_t kMostAnswerBytes = kMaxMessageBytes - (1 << 20);
 }  // namespace
 
 absl::StatusOr<v1::Job> AnswerJobs::Create(const std::string& kind, const std::string& request_id,
-                                           const std::string& request_digest, int64_t request_bytes,
+                                           const std::string& request_digest, const JobShare& share,
                                            Work work) {
   absl::StatusOr<JobRecord> job = jobs_->Create(
       kind, request_id, request_digest,
@@ -51,7 +51,7 @@ absl::StatusOr<v1::Job> AnswerJobs::Create(const std::string& kind, const std::s
         if (!kept.ok()) return kept;
         return key;
       },
-      request_bytes);
+      share);
   if (!job.ok()) return JobNotCreated(job.status());
   return JobToProto(*job);
 }

@@ -28,10 +28,11 @@ class AnswerJobs {
   using Work = std::function<absl::StatusOr<std::string>(const Progress&, JobContext&)>;
 
   // Queues the work. The same `request_id` and `request_digest` give the same job. The job's error
-  // is RESOURCE_EXHAUSTED if the answer is too large for a message. `request_bytes`: memory of the
-  // request, which the job keeps. RESOURCE_EXHAUSTED (QUEUE_FULL): too much waits already.
+  // is RESOURCE_EXHAUSTED if the answer is too large for a message. `share`: the peer that
+  // asks, and the memory of its request, which the job keeps. RESOURCE_EXHAUSTED (QUEUE_FULL): too
+  // much waits already.
   absl::StatusOr<v1::Job> Create(const std::string& kind, const std::string& request_id,
-                                 const std::string& request_digest, int64_t request_bytes,
+                                 const std::string& request_digest, const JobShare& share,
                                  Work work);
 
   // The serialised answer of a finished job of the kind. NOT_FOUND, reason JOB_UNKNOWN or

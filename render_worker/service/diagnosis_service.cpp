@@ -246,30 +246,30 @@ absl::StatusOr<v1::Diagnosis> DiagnosisServiceImpl::RunScene(CheckedScene& work,
 }
 
 template <typename Request, typename Work>
-absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(const std::string& kind,
+absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(const std::string& peer,
+                                                        const std::string& kind,
                                                         const Request& request,
                                                         std::vector<std::string> warnings,
                                                         Work work) {
   Request asked = request;
   asked.clear_request_id();
-  return answers_.Create(kind, request.request_id(), MessageDigest(asked), MemoryOf(request),
-                         [warnings = std::move(warnings), work = std::move(work)](
-                             const AnswerJobs::Progress& progress,
-                             JobContext& context) -> absl::StatusOr<std::string> {
-                           auto answer = work(
-                               [&](double fraction, std::string_view what) {
-                                 return progress(fraction, std::string(what));
-                               },
-                               context.cancelled());
-                           if (!answer.ok()) return answer.status();
-                           for (const std::string& warning : warnings)
-                             answer->add_warnings(warning);
-                           return answer->SerializeAsString();
-                         });
+  return answers_.Create(
+      kind, request.request_id(), MessageDigest(asked), {peer, MemoryOf(request)},
+      [warnings = std::move(warnings), work = std::move(work)](
+          const AnswerJobs::Progress& progress,
+          JobContext& context) -> absl::StatusOr<std::string> {
+        auto answer =
+            work([&](double fraction,
+                     std::string_view what) { return progress(fraction, std::string(what)); },
+                 context.cancelled());
+        if (!answer.ok()) return answer.status();
+        for (const std::string& warning : warnings) answer->add_warnings(warning);
+        return answer->SerializeAsString();
+      });
 }
 
 absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
-    const v1::CreateDiagnosisRequest& request) {
+    const std::string& peer, const v1::CreateDiagnosisRequest& request) {
   if (!p_.functions.diagnose) return absl::UnimplementedError("this worker does not diagnose");
   for (const auto& [given, name] : {std::pair(request.has_inspection(), "inspection"),
                                     std::pair(!request.assets().empty(), "assets")}) {
@@ -281,7 +281,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
   if (!status.ok()) return status;
   auto work = CheckPlate(request.source(), Missing::kAssume);
   if (!work.ok()) return work.status();
-  return CreateJob(kDiagnose, request, (*work)->source->warnings,
+  return CreateJob(peer, kDiagnose, request, (*work)->source->warnings,
                    [this, settings = CommonSettings<DiagnosisSettings>(request, p_.threads),
                     work = *work](const DiagnosisProgress& progress, const std::atomic<bool>&) {
                      return p_.functions.diagnose(work->set, settings, progress);
@@ -289,7 +289,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
 }
 
 absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
-    const v1::CreateDiagnosisRequest& request) {
+    const std::string& peer, const v1::CreateDiagnosisRequest& request) {
   if (!p_.functions.diagnose_scene) {
     return absl::UnimplementedError("this worker does not diagnose recordings of parts");
   }
@@ -305,7 +305,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
   if (!work.ok()) return work.status();
   auto settings = CommonSettings<SceneDiagnosisSettings>(request, p_.threads);
   settings.max_image_bytes = p_.max_image_bytes;
-  return CreateJob(kDiagnose, request, (*work)->source->warnings,
+  return CreateJob(peer, kDiagnose, request, (*work)->source->warnings,
                    [this, settings, work = *work](
                        const DiagnosisProgress& progress,
                        const std::atomic<bool>& cancelled) -> absl::StatusOr<v1::Diagnosis> {
@@ -315,16 +315,19 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
                    });
 }
 
-absl::Status DiagnosisServiceImpl::Diagnosis(const v1::CreateDiagnosisRequest& request,
+absl::Status DiagnosisServiceImpl::Diagnosis(const std::string& peer,
+                                             const v1::CreateDiagnosisRequest& request,
                                              v1::CreateDiagnosisResponse* response) {
-  auto job = request.source().recordings().format_version() == 2 ? CreateSceneDiagnosis(request)
-                                                                 : CreatePlateDiagnosis(request);
+  auto job = request.source().recordings().format_version() == 2
+                 ? CreateSceneDiagnosis(peer, request)
+                 : CreatePlateDiagnosis(peer, request);
   if (!job.ok()) return job.status();
   *response->mutable_job() = *std::move(job);
   return absl::OkStatus();
 }
 
-absl::Status DiagnosisServiceImpl::Verification(const v1::CreateVerificationRequest& request,
+absl::Status DiagnosisServiceImpl::Verification(const std::string& peer,
+                                                const v1::CreateVerificationRequest& request,
                                                 v1::CreateVerificationResponse* response) {
   if (!p_.functions.verify) return absl::UnimplementedError("this worker does not verify");
   VerificationSettings settings;
@@ -333,7 +336,7 @@ absl::Status DiagnosisServiceImpl::Verification(const v1::CreateVerificationRequ
   auto work = CheckPlate(request.source(), Missing::kError);
   if (!work.ok()) return work.status();
   auto job = CreateJob(
-      kVerify, request, (*work)->source->warnings,
+      peer, kVerify, request, (*work)->source->warnings,
       [this, settings, work = *work](const DiagnosisProgress& progress, const std::atomic<bool>&) {
         return p_.functions.verify(work->set, settings, progress);
       });
@@ -345,7 +348,8 @@ absl::Status DiagnosisServiceImpl::Verification(const v1::CreateVerificationRequ
 grpc::Status DiagnosisServiceImpl::CreateDiagnosis(grpc::ServerContext* context,
                                                    const v1::CreateDiagnosisRequest* request,
                                                    v1::CreateDiagnosisResponse* response) {
-  return p_.calls->Run("CreateDiagnosis", context, [&] { return Diagnosis(*request, response); });
+  return p_.calls->Run("CreateDiagnosis", context,
+                       [&] { return Diagnosis(PeerOf(*context), *request, response); });
 }
 
 grpc::Status DiagnosisServiceImpl::GetDiagnosis(grpc::ServerContext* context,
@@ -363,7 +367,7 @@ grpc::Status DiagnosisServiceImpl::CreateVerification(grpc::ServerContext* conte
                                                       const v1::CreateVerificationRequest* request,
                                                       v1::CreateVerificationResponse* response) {
   return p_.calls->Run("CreateVerification", context,
-                       [&] { return Verification(*request, response); });
+                       [&] { return Verification(PeerOf(*context), *request, response); });
 }
 
 grpc::Status DiagnosisServiceImpl::GetVerification(grpc::ServerContext* context,

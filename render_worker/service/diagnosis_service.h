@@ -83,13 +83,16 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
   // Queues `work`, a function from DiagnosisProgress and whether it is cancelled to the answer, to
   // which the warnings are added.
   template <typename Request, typename Work>
-  absl::StatusOr<v1::Job> CreateJob(const std::string& kind, const Request& request,
-                                    std::vector<std::string> warnings, Work work);
-  absl::StatusOr<v1::Job> CreatePlateDiagnosis(const v1::CreateDiagnosisRequest& request);
-  absl::StatusOr<v1::Job> CreateSceneDiagnosis(const v1::CreateDiagnosisRequest& request);
-  absl::Status Diagnosis(const v1::CreateDiagnosisRequest& request,
+  absl::StatusOr<v1::Job> CreateJob(const std::string& peer, const std::string& kind,
+                                    const Request& request, std::vector<std::string> warnings,
+                                    Work work);
+  absl::StatusOr<v1::Job> CreatePlateDiagnosis(const std::string& peer,
+                                               const v1::CreateDiagnosisRequest& request);
+  absl::StatusOr<v1::Job> CreateSceneDiagnosis(const std::string& peer,
+                                               const v1::CreateDiagnosisRequest& request);
+  absl::Status Diagnosis(const std::string& peer, const v1::CreateDiagnosisRequest& request,
                          v1::CreateDiagnosisResponse* response);
-  absl::Status Verification(const v1::CreateVerificationRequest& request,
+  absl::Status Verification(const std::string& peer, const v1::CreateVerificationRequest& request,
                             v1::CreateVerificationResponse* response);
 
   const Parts p_;

@@ -28,10 +28,12 @@ struct OpticsWork {
 grpc::Status OpticsServiceImpl::CreateOptics(grpc::ServerContext* context,
                                              const v1::CreateOpticsRequest* request,
                                              v1::CreateOpticsResponse* response) {
-  return p_.calls->Run("CreateOptics", context, [&] { return Create(*request, response); });
+  return p_.calls->Run("CreateOptics", context,
+                       [&] { return Create(PeerOf(*context), *request, response); });
 }
 
-absl::Status OpticsServiceImpl::Create(const v1::CreateOpticsRequest& request,
+absl::Status OpticsServiceImpl::Create(const std::string& peer,
+                                       const v1::CreateOpticsRequest& request,
                                        v1::CreateOpticsResponse* response) {
   auto work =
       std::make_shared<OpticsWork>(absl::StrCat(p_.spool_folder, "/optics-input-", next_folder_++));
@@ -59,7 +61,7 @@ absl::Status OpticsServiceImpl::Create(const v1::CreateOpticsRequest& request,
   v1::CreateOpticsRequest asked = request;
   asked.clear_request_id();
   auto job = answers_.Create(
-      kJobKind, request.request_id(), MessageDigest(asked), MemoryOf(request),
+      kJobKind, request.request_id(), MessageDigest(asked), {peer, MemoryOf(request)},
       [this, work](const AnswerJobs::Progress& progress,
                    JobContext& context) -> absl::StatusOr<std::string> {
         auto scene = LoadPartScene(

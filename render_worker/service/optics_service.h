@@ -36,7 +36,8 @@ class OpticsServiceImpl final : public v1::OpticsService::Service {
                          v1::GetOpticsResponse* response) override;
 
  private:
-  absl::Status Create(const v1::CreateOpticsRequest& request, v1::CreateOpticsResponse* response);
+  absl::Status Create(const std::string& peer, const v1::CreateOpticsRequest& request,
+                      v1::CreateOpticsResponse* response);
 
   const Parts p_;
   AnswerJobs answers_;

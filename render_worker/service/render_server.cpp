@@ -20,6 +20,15 @@ int Threads(int asked) {
   return asked > 0 ? asked : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
 }
 
+JobLimits JobLimitsOf(const RenderServerOptions& options) {
+  JobLimits limits;
+  limits.max_jobs = options.max_queued_jobs;
+  limits.max_jobs_of_owner = std::max<int64_t>(
+      1, static_cast<int64_t>(options.peer_share * static_cast<double>(options.max_queued_jobs)));
+  limits.max_bytes = options.max_queued_bytes;
+  return limits;
+}
+
 class RenderServerImpl final : public RenderServer {
  public:
   RenderServerImpl(const RenderServerOptions& options, RecordingFunctions functions,
@@ -28,8 +37,7 @@ class RenderServerImpl final : public RenderServer {
         calls_(&metrics_),
         assets_(spool_.path(), options.max_asset_store_bytes),
         outputs_(options.max_output_bytes),
-        jobs_(MakeInMemoryJobStore(options.render_workers,
-                                   {options.max_queued_jobs, options.max_queued_bytes})),
+        jobs_(MakeInMemoryJobStore(options.render_workers, JobLimitsOf(options))),
         service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &calls_,
                   Threads(options.threads), options.max_asset_bytes, options.max_image_bytes}),
         diagnosis_service_({spool_.path(), &assets_, jobs_.get(), &calls_, std::move(functions),

@@ -86,10 +86,12 @@ absl::Status RenderServiceImpl::Receive(grpc::ServerContext* context,
 grpc::Status RenderServiceImpl::CreateRender(grpc::ServerContext* context,
                                              const v1::CreateRenderRequest* request,
                                              v1::CreateRenderResponse* response) {
-  return p_.calls->Run("CreateRender", context, [&] { return Create(*request, response); });
+  return p_.calls->Run("CreateRender", context,
+                       [&] { return Create(PeerOf(*context), *request, response); });
 }
 
-absl::Status RenderServiceImpl::Create(const v1::CreateRenderRequest& request,
+absl::Status RenderServiceImpl::Create(const std::string& peer,
+                                       const v1::CreateRenderRequest& request,
                                        v1::CreateRenderResponse* response) {
   auto task = RenderTask::Parse(request.spec(), p_.max_image_bytes);
   if (!task.ok()) return task.status();
@@ -141,7 +143,7 @@ absl::Status RenderServiceImpl::Create(const v1::CreateRenderRequest& request,
         if (!status.ok()) return WithoutFolders(work->assets.WithoutFolder(status), folders);
         return std::string();
       },
-      MemoryOf(request));
+      {peer, MemoryOf(request)});
   if (!job.ok()) return JobNotCreated(job.status());
   // A job that was there already keeps its output.
   p_.outputs->Add(job->job_id, output);

@@ -45,7 +45,8 @@ class RenderServiceImpl final : public v1::RenderService::Service {
   absl::Status Receive(grpc::ServerContext* context,
                        grpc::ServerReader<v1::UploadAssetRequest>* reader,
                        v1::UploadAssetResponse* response);
-  absl::Status Create(const v1::CreateRenderRequest& request, v1::CreateRenderResponse* response);
+  absl::Status Create(const std::string& peer, const v1::CreateRenderRequest& request,
+                      v1::CreateRenderResponse* response);
   absl::Status Stream(grpc::ServerContext* context, const v1::StreamRenderFilesRequest& request,
                       grpc::ServerWriter<v1::StreamRenderFilesResponse>* writer);
 

@@ -26,7 +26,8 @@ struct SensorWork {
 
 }  // namespace
 
-absl::Status SensorServiceImpl::Create(const v1::CreateSensorDiagnosisRequest& request,
+absl::Status SensorServiceImpl::Create(const std::string& peer,
+                                       const v1::CreateSensorDiagnosisRequest& request,
                                        v1::CreateSensorDiagnosisResponse* response) {
   if (absl::Status status = CheckSensorSet(request.set(), "set"); !status.ok()) return status;
   auto work =
@@ -44,7 +45,7 @@ absl::Status SensorServiceImpl::Create(const v1::CreateSensorDiagnosisRequest& r
   v1::CreateSensorDiagnosisRequest asked = request;
   asked.clear_request_id();
   auto job = answers_.Create(
-      kJobKind, request.request_id(), MessageDigest(asked), MemoryOf(request),
+      kJobKind, request.request_id(), MessageDigest(asked), {peer, MemoryOf(request)},
       [work](const AnswerJobs::Progress& progress,
              JobContext& context) -> absl::StatusOr<std::string> {
         SensorDiagnosisHooks hooks;
@@ -70,7 +71,7 @@ grpc::Status SensorServiceImpl::CreateSensorDiagnosis(
     grpc::ServerContext* context, const v1::CreateSensorDiagnosisRequest* request,
     v1::CreateSensorDiagnosisResponse* response) {
   return p_.calls->Run("CreateSensorDiagnosis", context,
-                       [&] { return Create(*request, response); });
+                       [&] { return Create(PeerOf(*context), *request, response); });
 }
 
 grpc::Status SensorServiceImpl::GetSensorDiagnosis(grpc::ServerContext* context,

@@ -33,7 +33,7 @@ class SensorServiceImpl final : public v1::SensorService::Service {
                                   v1::GetSensorDiagnosisResponse* response) override;
 
  private:
-  absl::Status Create(const v1::CreateSensorDiagnosisRequest& request,
+  absl::Status Create(const std::string& peer, const v1::CreateSensorDiagnosisRequest& request,
                       v1::CreateSensorDiagnosisResponse* response);
 
   const Parts p_;

@@ -5,9 +5,9 @@
 #include <atomic>
 #include <condition_variable>
 #include <mutex>
+#include <new>
 #include <set>
 #include <stdexcept>
-#include <new>
 #include <thread>
 
 namespace sightline {
@@ -369,23 +369,25 @@ TEST(JobStore, DestructorReleasesWhoeverWaits) {
 }
 
 TEST(JobStore, HoldsNoMoreUnfinishedJobsThanItMay) {
-  const auto store = MakeInMemoryJobStore(1, {.max_jobs = 3, .max_bytes = 100});
-  const JobRecord first = *store->Create("a", "one", "", WaitsUntilCancelled(), 40);
-  const JobRecord second = *store->Create("a", "", "", Returns(""), 40);
-  const absl::Status bytes = store->Create("a", "", "", Returns(""), 40).status();
+  const auto store = MakeInMemoryJobStore(1, {.max_jobs = 3, .max_jobs_of_owner = 2, .max_bytes = 100});
+  const JobRecord first = *store->Create("a", "one", "", WaitsUntilCancelled(), {"me", 40});
+  const JobRecord second = *store->Create("a", "", "", Returns(""), {"me", 40});
+  const absl::Status mine = store->Create("a", "", "", Returns(""), {"me", 0}).status();
+  EXPECT_EQ(mine.code(), absl::StatusCode::kResourceExhausted) << mine;
+  const absl::Status bytes = store->Create("a", "", "", Returns(""), {"you", 40}).status();
   EXPECT_EQ(bytes.code(), absl::StatusCode::kResourceExhausted) << bytes;
-  const JobRecord third = *store->Create("a", "", "", Returns(""), 20);
+  const JobRecord third = *store->Create("a", "", "", Returns(""), {"", 20});
   const absl::Status jobs = store->Create("a", "", "", Returns("")).status();
   EXPECT_EQ(jobs.code(), absl::StatusCode::kResourceExhausted) << jobs;
   // Not a new one.
-  EXPECT_EQ(store->Create("a", "one", "", Returns(""), 1000)->job_id, first.job_id);
+  EXPECT_EQ(store->Create("a", "one", "", Returns(""), {"", 1000})->job_id, first.job_id);
   ASSERT_TRUE(store->Cancel(third.job_id).ok());
-  EXPECT_TRUE(store->Create("a", "", "", Returns(""), 20).ok());
+  EXPECT_TRUE(store->Create("a", "", "", Returns(""), {"", 20}).ok());
   ASSERT_TRUE(store->Cancel(first.job_id).ok());
   WaitUntilFinished(*store, second.job_id);
   // One that is too large for the limit is taken alone.
   for (const JobRecord& job : store->List("")) WaitUntilFinished(*store, job.job_id);
-  const auto large = store->Create("a", "", "", Returns("done"), 1000);
+  const auto large = store->Create("a", "", "", Returns("done"), {"", 1000});
   ASSERT_TRUE(large.ok()) << large.status();
   EXPECT_EQ(WaitUntilFinished(*store, large->job_id).result_key, "done");
 }

@@ -22,8 +22,9 @@ int main(int argc, char** argv) {
   options.build_time = FromEnvironment("SIGHTLINE_FAKE_BUILD_MS");
   sightline::CoverageBackend backend = sightline::MakeFakeBackend(options);
   if (std::getenv("SIGHTLINE_FAKE_DEAF") != nullptr) {
-    backend.build_scene = [build = backend.build_scene](sightline::SceneDefinition definition,
-                                                        sightline::SceneBuildOptions build_options) {
+    backend.build_scene = [build = backend.build_scene](
+                              sightline::SceneDefinition definition,
+                              sightline::SceneBuildOptions build_options) {
       build_options.cancelled = nullptr;
       return build(std::move(definition), build_options);
     };

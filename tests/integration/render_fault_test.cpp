@@ -61,8 +61,8 @@ class RenderFaultTest : public ::testing::Test {
     server_ = *std::move(server);
     grpc::ChannelArguments channel;
     channel.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-    channel_ = grpc::CreateCustomChannel(server_->address(), grpc::InsecureChannelCredentials(),
-                                         channel);
+    channel_ =
+        grpc::CreateCustomChannel(server_->address(), grpc::InsecureChannelCredentials(), channel);
     render_ = v1::RenderService::NewStub(channel_);
     jobs_ = v1::JobService::NewStub(channel_);
   }

@@ -369,8 +369,7 @@ TEST_F(ServerFaultTest, AJumpOfTheClockChangesNothing) {
   for (const char* jump : {"86400", "-86400", "0"}) {
     v1::SceneSpec other = spec;
     other.mutable_targets()->set_seed(100 + std::atoi(jump));
-    auto building =
-        std::async(std::launch::async, [&] { return connection_->MakeScene(other); });
+    auto building = std::async(std::launch::async, [&] { return connection_->MakeScene(other); });
     absl::SleepFor(absl::Milliseconds(300));
     std::ofstream(jump_file) << jump << std::flush;
     const std::string scene = building.get();

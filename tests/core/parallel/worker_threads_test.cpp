@@ -54,11 +54,11 @@ TEST(ExceptionStatusTest, LackOfResourcesIsToldFromMistakes) {
   EXPECT_EQ(CodeOf([] { throw std::bad_alloc(); }), absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(CodeOf([] { std::vector<double>().reserve(~size_t{0}); }),
             absl::StatusCode::kResourceExhausted);
-  EXPECT_EQ(CodeOf([] {
-              throw std::system_error(
-                  std::make_error_code(std::errc::resource_unavailable_try_again));
-            }),
-            absl::StatusCode::kResourceExhausted);
+  EXPECT_EQ(
+      CodeOf([] {
+        throw std::system_error(std::make_error_code(std::errc::resource_unavailable_try_again));
+      }),
+      absl::StatusCode::kResourceExhausted);
   EXPECT_EQ(CodeOf([] { throw std::runtime_error("wrong"); }), absl::StatusCode::kInternal);
   EXPECT_EQ(CodeOf([] { throw 1; }), absl::StatusCode::kInternal);
 }

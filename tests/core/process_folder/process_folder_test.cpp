@@ -82,9 +82,9 @@ TEST_F(ProcessFolderTest, WhatAKilledProcessLeftIsRemovedByTheNext) {
 }
 
 TEST_F(ProcessFolderTest, TouchesNothingElse) {
-  fs::create_directories(base_ + "/work-abcdef");       // ours by name, but not locked and not empty
+  fs::create_directories(base_ + "/work-abcdef");  // ours by name, but not locked and not empty
   std::ofstream(base_ + "/work-abcdef/file") << "x";
-  fs::create_directories(base_ + "/work-longername");   // not made by us
+  fs::create_directories(base_ + "/work-longername");  // not made by us
   std::ofstream(base_ + "/work-ghijkl") << "a file";
   fs::create_directories(base_ + "/elsewhere");
   std::ofstream(base_ + "/elsewhere/.lock") << "";
