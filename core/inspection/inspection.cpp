@@ -10,6 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/inspection/domain_message.h"
 #include "core/inspection/field_checks.h"
 #include "core/inspection/imaging.h"
 #include "core/json/strict_json.h"

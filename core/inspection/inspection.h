@@ -183,9 +183,6 @@ absl::StatusOr<Rig> ParseRig(const v1::Rig& rig, const v1::Camera& camera, const
                              const v1::Laser& laser, const std::string& context);
 absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& message,
                                                    const std::string& context);
-// Every parameter inside Table 2.1; what is not given has its bounds.
-absl::StatusOr<MeasurementDomain> ParseMeasurementDomain(const v1::MeasurementDomain& message,
-                                                         const std::string& context);
 // Limits on targets need what they are computed from (a circle of confusion: lens and pixel pitch).
 // ParseInspection calls it; who parses rig and targets alone calls it too.
 absl::Status CheckLimitInputs(const Rig& rig, const TargetSampling& sampling,
@@ -200,6 +197,5 @@ v1::Camera CameraToProto(const Camera& camera);
 v1::Laser LaserToProto(const Laser& laser);
 v1::Rig RigToProto(const Rig& rig);
 v1::TargetSampling TargetSamplingToProto(const TargetSampling& sampling);
-v1::MeasurementDomain MeasurementDomainToProto(const MeasurementDomain& domain);
 
 }  // namespace sightline

@@ -2,8 +2,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/inspection/domain_message.h"
 #include "core/inspection/field_checks.h"
-#include "core/inspection/inspection.h"
 
 namespace sightline {
 namespace {

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_format.h"
 #include "core/targets/poisson_disk.h"
+#include "core/targets/target_regions.h"
 #include "coverage_server/explanation/explain_targets.h"
 #include "coverage_server/scan/collision.h"
 #include "coverage_server/scan/exact_evaluator.h"
@@ -39,10 +40,11 @@ absl::Status CheckRegionsHoldTargets(const TargetSet& targets, const TargetSampl
     bool holds = false;
     for (size_t t = 0; t < targets.size() && !holds; ++t) holds = LiesInRegion(targets, t, region);
     if (holds) continue;
-    return absl::InvalidArgumentError(absl::StrFormat(
-        "targets.regions[%d] (\"%s\") holds no target: its box does not meet the part's surface, or "
-        "is too small for its spacing_m of %.6g",
-        r, region.name, region.spacing_m));
+    return absl::InvalidArgumentError(
+        absl::StrFormat("targets.regions[%d] (\"%s\") holds no target: its box does not meet the "
+                        "part's surface, or "
+                        "is too small for its spacing_m of %.6g",
+                        r, region.name, region.spacing_m));
   }
   return absl::OkStatus();
 }

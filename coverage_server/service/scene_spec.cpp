@@ -10,6 +10,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
+#include "core/inspection/domain_message.h"
 #include "core/inspection/inspection.h"
 #include "proto/status/rpc_status.h"
 
