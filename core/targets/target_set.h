@@ -45,15 +45,6 @@ struct TargetSet {
   size_t size() const { return positions_m.size(); }
 };
 
-// Whether a target lies in a region's box, also where the spacing of another region counts. Places
-// are single precision: a micrometre beyond the box is in it.
-inline bool LiesInRegion(const TargetSet& targets, size_t target, const TargetRegion& region) {
-  const Eigen::Array3d p = targets.positions_m[target].cast<double>().array();
-  constexpr double kRoundingM = 1e-6;
-  return (p >= region.min_m.array() - kRoundingM).all() &&
-         (p <= region.max_m.array() + kRoundingM).all();
-}
-
 // Fixed-size bit set; bit i of word i/64.
 class TargetBits {
  public:

@@ -16,9 +16,11 @@
 namespace sightline {
 namespace {
 
-// Scans tried near the best ones: rounds of so many about each of so many, ever nearer.
-constexpr size_t kKeptAims = 8;
+// Scans tried near the best ones: rounds of so many about each of so many, ever nearer. Every other
+// one takes any triangulation angle: where the camera looks into a passage, the laser may fit too.
+constexpr size_t kKeptAims = 16;
 constexpr int kScansAboutEach = 12;
+constexpr int kTriangulationDimension = 1;
 constexpr std::array<double, 3> kRoundRadius = {0.12, 0.05, 0.02};
 // Steps of parameters that go all the way round, against those of the others.
 constexpr double kTurnStep = 0.25;
@@ -149,6 +151,7 @@ class Explainer {
             aim[k] = turns[k] ? aim[k] + kTurnStep * step : std::clamp(aim[k] + step, 0.0, 1.0);
             if (turns[k]) aim[k] -= std::floor(aim[k]);
           }
+          if (i % 2 == 1) aim[kTriangulationDimension] = random.Uniform();
           if (Try(MakeAimedScan(*task_.rig, *task_.domain, aim), [&aim] { return aim; })) {
             return true;
           }

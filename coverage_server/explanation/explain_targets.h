@@ -11,8 +11,8 @@
 // and whether camera or laser touch anything then (collision). Each counts, the two sensors apart.
 // A scan that passes all of it is asked whether it can be carried out as a whole: without a
 // collision, and without more travel than there is. If one can, the target was not chosen. If none
-// can, the reason is the condition that most of the scans with the fewest failed conditions fail at,
-// at equal numbers the first in the order above.
+// can, the reason is the condition that most of the scans with the fewest failed conditions fail
+// at, at equal numbers the first in the order above.
 #pragma once
 
 #include <Eigen/Core>
@@ -30,8 +30,8 @@
 
 namespace sightline {
 
-// Enough to meet a cone of 10 degrees half angle about twice among the scans that the surface faces.
-inline constexpr int kSpreadScans = 768;
+// Enough to look about three times into a cone of 10 degrees half angle.
+inline constexpr int kSpreadScans = 1024;
 // Scans that pass at the place and are asked whether they can be carried out.
 inline constexpr int kMostCarriedOut = 24;
 

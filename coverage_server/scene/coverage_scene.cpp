@@ -9,6 +9,7 @@
 #include "core/parallel/worker_threads.h"
 #include "core/resting/convex_hull.h"
 #include "core/targets/poisson_disk.h"
+#include "core/targets/target_regions.h"
 #include "coverage_server/explanation/explain_targets.h"
 #include "coverage_server/scan/collision.h"
 #include "coverage_server/scan/exact_evaluator.h"

@@ -60,9 +60,9 @@ absl::Status CoverageServiceImpl::Explain(grpc::ServerContext* context,
   const std::vector<uint32_t> targets(request.targets().begin(), request.targets().end());
   for (size_t i = 0; i < targets.size(); ++i) {
     if (targets[i] < scene.targets().size()) continue;
-    return InvalidFields({{absl::StrCat("targets[", i, "]"),
-                           absl::StrCat(targets[i], ": there are ", scene.targets().size(),
-                                        " targets")}});
+    return InvalidFields(
+        {{absl::StrCat("targets[", i, "]"),
+          absl::StrCat(targets[i], ": there are ", scene.targets().size(), " targets")}});
   }
   if (!(*stored)->spec.has_measurement()) {
     return WithErrorInfo(
@@ -73,13 +73,12 @@ absl::Status CoverageServiceImpl::Explain(grpc::ServerContext* context,
   const auto domain = ParseMeasurementDomain((*stored)->spec.measurement(), "spec");
   if (!domain.ok()) return domain.status();
   std::vector<TargetExplanation> explanations(targets.size());
-  absl::Status status = Evaluate(context, targets.size(), kTargetChunk,
-                                 [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
-                                   scene.Explain(
-                                       *domain, std::span(targets).subspan(begin, end - begin),
-                                       std::span(explanations).subspan(begin, end - begin),
-                                       &cancelled);
-                                 });
+  absl::Status status =
+      Evaluate(context, targets.size(), kTargetChunk,
+               [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
+                 scene.Explain(*domain, std::span(targets).subspan(begin, end - begin),
+                               std::span(explanations).subspan(begin, end - begin), &cancelled);
+               });
   if (!status.ok()) return status;
   p_.metrics->CountQueries("explanation", static_cast<int64_t>(targets.size()));
   response->mutable_explanations()->Reserve(static_cast<int>(targets.size()));

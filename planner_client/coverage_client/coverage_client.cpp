@@ -11,6 +11,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "core/inspection/inspection.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/coverage_service.grpc.pb.h"
@@ -304,15 +305,16 @@ class CoverageClientImpl final : public CoverageClient {
     std::vector<TargetReason> reasons;
     reasons.reserve(targets.size());
     for (size_t s = 0; s < slices.size(); ++s) {
-      if (static_cast<size_t>(responses[s].explanations_size()) != slices[s].end - slices[s].begin) {
+      if (static_cast<size_t>(responses[s].explanations_size()) !=
+          slices[s].end - slices[s].begin) {
         return absl::InternalError("server answered another number of explanations than asked");
       }
       for (const auto& explanation : responses[s].explanations()) {
         const bool named = explanation.reason() == v1::UNCOVERED_REASON_OBSTACLE;
         if (!v1::UncoveredReason_IsValid(explanation.reason()) ||
             explanation.reason() == v1::UNCOVERED_REASON_UNSPECIFIED ||
-            (named && (explanation.obstacle() < 0 ||
-                       explanation.obstacle() >= spec_.obstacles_size()))) {
+            (named &&
+             (explanation.obstacle() < 0 || explanation.obstacle() >= spec_.obstacles_size()))) {
           return absl::InternalError("server answered an unknown reason or obstacle");
         }
         reasons.push_back({explanation.reason(), named ? explanation.obstacle() : -1});

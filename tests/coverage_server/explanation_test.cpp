@@ -103,14 +103,14 @@ TEST(Explanation, ClosedCavityIsHiddenByThePart) {
 }
 
 TEST(Explanation, ObstacleIsNamedInEveryFrame) {
-  // Plates 5 mm over the cube's top, which rests in the middle of the rig; the first obstacle is
-  // out of the way.
+  // Plates 5 mm over the top of the cube, which rests in the middle of the rig, so wide that no
+  // scan along the laser line gets beside one; the first obstacle is out of the way.
   SceneDefinition definition = Cube();
   MeasurementDomain domain = FromAbove();
   domain.parameters[7] = domain.parameters[8] = Fixed(0);
   const SceneObstacle aside{BoxMesh({1, 1, 1}, {1.01f, 1.01f, 1.01f}), ObstacleFrame::kWorld};
   for (const auto frame : {ObstacleFrame::kPart, ObstacleFrame::kStage, ObstacleFrame::kWorld}) {
-    const SceneObstacle plate{BoxMesh({-0.06f, -0.06f, 0.025f}, {0.06f, 0.06f, 0.026f}), frame};
+    const SceneObstacle plate{BoxMesh({-0.5f, -0.5f, 0.025f}, {0.5f, 0.5f, 0.026f}), frame};
     definition.obstacles = {aside, plate};
     ExpectReason(definition, domain, kUp, UncoveredReason::kObstacle, 1);
   }
