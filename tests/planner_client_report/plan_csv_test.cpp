@@ -72,6 +72,19 @@ TEST(PlanCsv, EveryColumnNamesItsUnit) {
   }
 }
 
+TEST(PlanCsv, QualityIsInMillimetresAndDegreesWhereItIsKnown) {
+  v1::Plan plan = TwoScans();
+  v1::ScanQuality& quality = *plan.mutable_scans(1)->mutable_quality();
+  quality.mutable_depth_per_pixel_m()->set_median(0.00025);
+  quality.mutable_triangulation_angle_deg()->set_median(31.5);
+  quality.set_overlap(0.25);
+  const auto rows = Cells(PlanCsv(plan));
+  EXPECT_EQ(Cell(rows, 1, "depth_per_pixel_median_mm"), "");
+  EXPECT_EQ(Cell(rows, 2, "depth_per_pixel_median_mm"), "0.25");
+  EXPECT_EQ(Cell(rows, 2, "triangulation_angle_median_deg"), "31.5");
+  EXPECT_EQ(Cell(rows, 2, "overlap_percent"), "25");
+}
+
 TEST(PlanCsv, NumbersReadBackExactly) {
   const auto rows = Cells(PlanCsv(TwoScans()));
   EXPECT_EQ(std::strtod(Cell(rows, 1, "camera_distance_m").c_str(), nullptr), 0.1 + 0.2);

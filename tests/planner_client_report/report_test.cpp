@@ -12,10 +12,13 @@
 #include "planner_client/report/charts/coverage_curve.h"
 #include "planner_client/report/page/assets.h"
 #include "planner_client/report/page/html.h"
+#include "planner_client/report/plan/quality_section.h"
+#include "tests/planner_client_report/well_formed.h"
 
 namespace sightline {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -302,6 +305,25 @@ TEST(RenderReport, ViewerDataHoldsMeshAndBits) {
   ASSERT_TRUE(absl::Base64Unescape(json["mesh"]["positions"].get<std::string>(), &positions));
   EXPECT_GT(nearest.size(), 4u * 100);
   EXPECT_EQ(nearest.size() / 4, positions.size() / 6);
+}
+
+TEST(RenderReport, ShowsHowFinelyScansMeasure) {
+  ReportData data = Plate();
+  EXPECT_THAT(Render(data), Not(HasSubstr("How finely each scan measures")));
+  v1::ScanQuality& quality = *data.plan.mutable_scans(1)->mutable_quality();
+  quality.mutable_depth_per_pixel_m()->set_median(0.000345);
+  quality.mutable_depth_per_pixel_m()->set_high(0.00052);
+  quality.set_overlap(0.125);
+  data.depth_per_pixel_m.assign(data.targets.size(), 0.0004f);
+  data.set_up_sheet = "set<up>.html";
+  const std::string html = Render(data);
+  EXPECT_EQ(MarkupFault(QualitySection(data.plan)), "");
+  EXPECT_THAT(html, AllOf(HasSubstr("How finely each scan measures"), HasSubstr("0.345"),
+                          HasSubstr("0.520"), HasSubstr("measures nothing"),
+                          HasSubstr("set&lt;up&gt;.html"), HasSubstr("depth_per_pixel")));
+  data.depth_per_pixel_m.pop_back();
+  EXPECT_THAT(std::string(RenderReport(data).status().message()),
+              HasSubstr("depth_per_pixel_m has size 99, must be 100"));
 }
 
 TEST(RenderReport, SameDataSameBytes) { EXPECT_EQ(Render(Plate()), Render(Plate())); }
