@@ -17,12 +17,14 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <string_view>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/text/nearest_name.h"
 
 namespace sightline {
 namespace {
@@ -171,33 +173,8 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   std::string key_;
 };
 
-size_t EditDistance(const std::string& a, const std::string& b) {
-  std::vector<size_t> row(b.size() + 1);
-  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (size_t i = 1; i <= a.size(); ++i) {
-    size_t diagonal = row[0];
-    row[0] = i;
-    for (size_t j = 1; j <= b.size(); ++j) {
-      const size_t substitute = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, substitute});
-    }
-  }
-  return row[b.size()];
-}
-
 std::string Nearest(const std::string& name, const std::vector<std::string>& known) {
-  std::string best;
-  size_t best_distance = std::numeric_limits<size_t>::max();
-  const std::string head = name.substr(0, 100);  // bounds the work on absurd names
-  for (const std::string& candidate : known) {
-    const size_t distance = EditDistance(head, candidate);
-    if (distance < best_distance) {
-      best_distance = distance;
-      best = candidate;
-    }
-  }
-  return best;
+  return NearestName(name, std::vector<std::string_view>(known.begin(), known.end()));
 }
 
 std::string Shown(const std::string& text) {

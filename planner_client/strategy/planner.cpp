@@ -1,10 +1,11 @@
 #include "planner_client/strategy/planner.h"
 
 #include <algorithm>
-#include <limits>
+#include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/text/nearest_name.h"
 #include "planner_client/strategy/greedy_plan.h"
 #include "planner_client/strategy/matrix_plan.h"
 #include "planner_client/strategy/plan_run.h"
@@ -14,35 +15,12 @@ namespace sightline {
 
 namespace {
 
-size_t EditDistance(const std::string& a, const std::string& b) {
-  std::vector<size_t> row(b.size() + 1);
-  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (size_t i = 1; i <= a.size(); ++i) {
-    size_t diagonal = row[0];
-    row[0] = i;
-    for (size_t j = 1; j <= b.size(); ++j) {
-      const size_t replace = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({replace, row[j] + 1, row[j - 1] + 1});
-    }
-  }
-  return row[b.size()];
-}
-
 absl::Status UnknownStrategy(const std::string& name) {
-  std::string nearest;
-  size_t least = std::numeric_limits<size_t>::max();
-  std::vector<std::string> names;
-  for (const StrategyDescription& strategy : Strategies()) {
-    names.push_back(strategy.name);
-    if (const size_t distance = EditDistance(name, strategy.name); distance < least) {
-      least = distance;
-      nearest = strategy.name;
-    }
-  }
+  std::vector<std::string_view> names;
+  for (const StrategyDescription& strategy : Strategies()) names.push_back(strategy.name);
   return absl::InvalidArgumentError(absl::StrCat("strategy: unknown name \"", name,
-                                                 "\"; nearest is \"", nearest, "\"; one of ",
-                                                 absl::StrJoin(names, ", ")));
+                                                 "\"; nearest is \"", NearestName(name, names),
+                                                 "\"; one of ", absl::StrJoin(names, ", ")));
 }
 
 absl::Status CheckRequest(const PlannerRequest& request) {
