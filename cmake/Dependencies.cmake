@@ -32,6 +32,7 @@ find_package(fcl CONFIG REQUIRED)
 pkg_check_modules(SQLITE3 REQUIRED IMPORTED_TARGET sqlite3)
 pkg_check_modules(LIBPQ REQUIRED IMPORTED_TARGET libpq)
 pkg_check_modules(CURL REQUIRED IMPORTED_TARGET libcurl>=7.87)
+# Headers alone: Beast, Asio, and Boost.Math for special functions.
 find_package(Boost REQUIRED)
 find_library(PAHO_MQTT_LIBRARY paho-mqtt3as REQUIRED)
 find_path(PAHO_MQTT_INCLUDE_DIR MQTTAsync.h REQUIRED)

@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
 #include <tuple>
 
 #include "absl/strings/str_cat.h"
+#include "core/part/disjoint_sets.h"
 
 namespace sightline {
 namespace {
@@ -16,26 +16,6 @@ struct HalfEdge {
   uint32_t low, high;
   uint32_t triangle;
   bool forward;
-};
-
-class DisjointSets {
- public:
-  explicit DisjointSets(size_t count) : parent_(count) {
-    std::iota(parent_.begin(), parent_.end(), 0u);
-  }
-  uint32_t Find(uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  // The smaller index stays the root: component numbers do not depend on the order of edges.
-  void Join(uint32_t a, uint32_t b) {
-    a = Find(a);
-    b = Find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<uint32_t> parent_;
 };
 
 struct Component {
