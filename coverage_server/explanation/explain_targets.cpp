@@ -205,7 +205,9 @@ class Explainer {
     if (hopeless()) return failures;
 
     const Measurement& m = scan.measurement;
-    const ScanInPart in_part = MakeScanInPart(*task_.rig, task_.part_centre_m, m, {});
+    ScanGeometry geometry = aimed.geometry;
+    geometry.part_offset_m = Eigen::Vector3d(0, m.offset_y_m, m.offset_z_m);
+    const ScanInPart in_part = MakeScanInPart(*task_.rig, task_.part_centre_m, geometry, {});
     const Eigen::Vector3d moved = scan.stage_m * in_part.scan_direction;
     const Eigen::Vector3d camera_at = in_part.camera.origin_m - moved,
                           laser_at = in_part.laser.origin_m - moved;
@@ -232,8 +234,6 @@ class Explainer {
     }
     if (hopeless()) return failures;
 
-    ScanGeometry geometry = aimed.geometry;
-    geometry.part_offset_m = Eigen::Vector3d(0, m.offset_y_m, m.offset_z_m);
     const Eigen::Vector3f place = place_.cast<float>();
     const std::vector<Occluder>& occluders = *task_.occluders;
     for (size_t i = 0; i < occluders.size() && !hopeless(); ++i) {

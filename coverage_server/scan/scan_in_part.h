@@ -42,8 +42,7 @@ struct ScanInPart {
 };
 
 inline ScanInPart MakeScanInPart(const Rig& rig, const Eigen::Vector3d& part_centre_m,
-                                 const Measurement& measurement, const DepthInterval& depth) {
-  const ScanGeometry g = MakeScanGeometry(rig, measurement);
+                                 const ScanGeometry& g, const DepthInterval& depth) {
   ScanInPart scan;
   scan.camera = WorldToPart(g, part_centre_m, g.camera, 0);
   scan.laser = WorldToPart(g, part_centre_m, g.laser, 0);
@@ -63,6 +62,11 @@ inline ScanInPart MakeScanInPart(const Rig& rig, const Eigen::Vector3d& part_cen
   scan.scan_step_m = rig.scan_step_m;
   scan.depth = depth;
   return scan;
+}
+
+inline ScanInPart MakeScanInPart(const Rig& rig, const Eigen::Vector3d& part_centre_m,
+                                 const Measurement& measurement, const DepthInterval& depth) {
+  return MakeScanInPart(rig, part_centre_m, MakeScanGeometry(rig, measurement), depth);
 }
 
 }  // namespace sightline

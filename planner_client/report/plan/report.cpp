@@ -373,10 +373,21 @@ std::string UnmeasurableWords(const ReportData& data) {
 std::string MeasurabilitySection(const ReportData& data) {
   const int64_t targets = data.plan.coverage().targets();
   const int64_t measurable = data.plan.coverage().measurable_targets();
+  const int64_t anywhere = data.plan.coverage().measurable_in_free_space_targets();
+  const auto share = [&](int64_t part) {
+    return Percent(targets > 0 ? static_cast<double>(part) / static_cast<double>(targets) : 0);
+  };
+  const std::string directions =
+      " can be seen and lit from some pair of directions 10\u00b0 to 80\u00b0 apart";
   std::string body = absl::StrCat(
-      "<p>", GroupedInteger(measurable), " of ", Count(targets, "target"), " (",
-      Percent(targets > 0 ? static_cast<double>(measurable) / static_cast<double>(targets) : 0),
-      ") can be seen and lit from some pair of directions 10\u00b0 to 80\u00b0 apart.",
+      "<p>", GroupedInteger(measurable), " of ", Count(targets, "target"), " (", share(measurable),
+      ")",
+      anywhere > 0
+          ? absl::StrCat(" can be measured with this rig: as the part may lie, past table and "
+                         "obstacles, within domain and limits. ",
+                         GroupedInteger(anywhere), " (", share(anywhere), ")", directions,
+                         " if the sensors may stand anywhere.")
+          : absl::StrCat(directions, "."),
       UnmeasurableWords(data), "</p>\n<div class=\"pictures\">",
       Figure(data.measurability_png, "Measurable surface"), "</div>\n");
   return Section("measurability", "What can be measured at all", body);

@@ -51,7 +51,7 @@ class Viewer {
     this.scan = this.count;
     this.colour = 'state';
     this.connect();
-    if (data.reasons) this.connectReasons();
+    if (data.reasons?.kinds.length) this.connectReasons();
     this.connectSurroundings();
     if (data.uncertainty) this.connectUncertainty();
     if (data.depthPerPixel?.some((depth) => depth > 0)) {
