@@ -45,7 +45,7 @@ absl::StatusOr<ActiveEffect> MakeActiveEffect(std::string_view id,
   std::vector<std::string> names;
   for (const EffectParameter& parameter : description.parameters) {
     active.parameters.push_back(parameter.null_value);
-    names.push_back(parameter.name);
+    names.emplace_back(parameter.name);
   }
   std::vector<bool> given(names.size(), false);
   for (const NamedValue& value : parameters) {
