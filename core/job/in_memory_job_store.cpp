@@ -8,6 +8,7 @@
 #include <map>
 #include <memory>
 #include <mutex>
+#include <new>
 #include <random>
 #include <string>
 #include <thread>
@@ -220,6 +221,8 @@ class InMemoryJobStore : public JobStore {
         const ScopedTrace trace(job->traceparent);
         Context context(*this, *job);
         result = work(context);
+      } catch (const std::bad_alloc&) {
+        result = absl::ResourceExhaustedError("out of memory");
       } catch (const std::exception& e) {
         result = absl::InternalError(absl::StrCat("exception: ", e.what()));
       } catch (...) {

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/util/json_util.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -17,12 +16,17 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <string_view>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/file/read_file.h"
+#include "core/json/json_text.h"
+#include "core/json/printable.h"
 
 namespace sightline {
 namespace {
@@ -35,6 +39,10 @@ using google::protobuf::Reflection;
 
 // protobuf's own JSON parser stops at 100 levels; far more than any of our files needs.
 constexpr size_t kMaxDepth = 64;
+// Once parsed a value takes some 200 bytes for a moment, however short its text is.
+constexpr size_t kMaxValues = 2'000'000;
+// What reading a file may cost: the largest of ours, 10 000 recordings, has 10 MB.
+constexpr uint64_t kMaxFileBytes = uint64_t{64} << 20;
 
 struct JsonMember;
 
@@ -140,6 +148,11 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
 
  private:
   JsonNode* Add(JsonNode node) {
+    if (++values_ > kMaxValues) {
+      error = absl::StrCat("has more than ", kMaxValues, " values");
+      error_byte = std::numeric_limits<size_t>::max();
+      return nullptr;
+    }
     if (open_.empty()) {
       root = std::move(node);
       return &root;
@@ -159,7 +172,9 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
     }
     JsonNode node;
     node.type = type;
-    open_.push_back(Add(std::move(node)));
+    JsonNode* const added = Add(std::move(node));
+    if (added == nullptr) return false;
+    open_.push_back(added);
     return true;
   }
   bool Close() {
@@ -168,6 +183,7 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   }
 
   std::vector<JsonNode*> open_;
+  size_t values_ = 0;
   std::string key_;
 };
 
@@ -229,7 +245,7 @@ class Walker {
 
   absl::Status CheckMessage(const JsonNode& node, const Descriptor& type, const std::string& path) {
     if (node.type != JsonNode::Type::kObject) return Expected(path, "an object", node);
-    std::vector<std::string> seen;
+    std::unordered_set<std::string_view> seen;
     std::vector<std::pair<const google::protobuf::OneofDescriptor*, std::string>> oneofs;
     for (const auto& [key, value] : node.members) {
       const std::string field_path = path.empty() ? key : absl::StrCat(path, ".", key);
@@ -243,10 +259,7 @@ class Walker {
                                                 : absl::StrCat("; the nearest known name is \"",
                                                                Nearest(key, known), "\"")));
       }
-      if (std::find(seen.begin(), seen.end(), key) != seen.end()) {
-        return Error(field_path, "given twice");
-      }
-      seen.push_back(key);
+      if (!seen.insert(key).second) return Error(field_path, "given twice");
       if (const auto* oneof = field->real_containing_oneof()) {
         for (const auto& [other, name] : oneofs) {
           if (other == oneof) {
@@ -267,7 +280,7 @@ class Walker {
 
   absl::Status Error(const std::string& path, const std::string& reason) const {
     return absl::InvalidArgumentError(
-        absl::StrCat(file_, ": ", path.empty() ? "" : absl::StrCat(path, ": "), reason));
+        absl::StrCat(file_, ": ", path.empty() ? "" : absl::StrCat(Printable(path), ": "), reason));
   }
   absl::Status Expected(const std::string& path, const std::string& what,
                         const JsonNode& node) const {
@@ -297,13 +310,10 @@ class Walker {
   absl::Status CheckMap(const JsonNode& node, const FieldDescriptor& field,
                         const std::string& path) {
     if (node.type != JsonNode::Type::kObject) return Expected(path, "an object", node);
-    std::vector<std::string> seen;
+    std::unordered_set<std::string_view> seen;
     for (const auto& [key, value] : node.members) {
       const std::string entry = absl::StrCat(path, ".", key);
-      if (std::find(seen.begin(), seen.end(), key) != seen.end()) {
-        return Error(Shorten(entry), "given twice");
-      }
-      seen.push_back(key);
+      if (!seen.insert(key).second) return Error(Shorten(entry), "given twice");
       absl::Status status = CheckValue(value, *field.message_type()->map_value(), Shorten(entry));
       if (!status.ok()) return status;
     }
@@ -551,19 +561,14 @@ absl::Status ParseStrictJson(const std::string& json, const std::string& file, M
   return absl::OkStatus();
 }
 
+absl::StatusOr<std::string> ReadJsonText(const std::string& path) {
+  return ReadRegularFile(path, kMaxFileBytes);
+}
+
 absl::Status ReadStrictJsonFile(const std::string& path, Message* message) {
-  std::FILE* file = std::fopen(path.c_str(), "rb");
-  if (file == nullptr) {
-    return absl::NotFoundError(absl::StrCat(path, ": cannot be read: ", std::strerror(errno)));
-  }
-  std::string contents;
-  char buffer[1 << 16];
-  size_t count = 0;
-  while ((count = std::fread(buffer, 1, sizeof(buffer), file)) > 0) contents.append(buffer, count);
-  const bool failed = std::ferror(file) != 0;
-  std::fclose(file);
-  if (failed) return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
-  return ParseStrictJson(contents, path, message);
+  const absl::StatusOr<std::string> text = ReadJsonText(path);
+  if (!text.ok()) return text.status();
+  return ParseStrictJson(*text, path, message);
 }
 
 std::string NumberText(double value) { return ShortestText(value); }

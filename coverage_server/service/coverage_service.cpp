@@ -145,11 +145,14 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
     return InvalidFields(
         {{"header.size_bytes", absl::StrCat(size, ": only ", bytes.size(), " bytes followed")}});
   }
-  absl::StatusOr<TriangleMesh> mesh =
-      LoadPartFromMemory(bytes, header.format(), header.unit(), name);
+  absl::StatusOr<TriangleMesh> mesh = LoadPartFromMemory(
+      bytes, header.format(), header.unit(), name, [&] { return p_.calls->CheckStop(context); });
   if (!mesh.ok()) {
     if (absl::IsInvalidArgument(mesh.status())) {
       return WithErrorInfo(mesh.status(), "PART_INVALID");
+    }
+    if (absl::IsResourceExhausted(mesh.status())) {
+      return WithErrorInfo(mesh.status(), "PART_TOO_LARGE");
     }
     return mesh.status();
   }

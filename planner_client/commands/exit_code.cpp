@@ -4,6 +4,7 @@
 #include <nlohmann/json.hpp>
 #include <string>
 
+#include "core/json/printable.h"
 #include "planner_client/commands/progress_line.h"
 #include "proto/status/rpc_status.h"
 
@@ -19,7 +20,7 @@ int ReportError(const absl::Status& status) {
     std::fprintf(stderr, "%s\n",
                  line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   } else {
-    std::fprintf(stderr, "sightline: %s\n", message.c_str());
+    std::fprintf(stderr, "sightline: %s\n", Printable(message).c_str());
   }
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:

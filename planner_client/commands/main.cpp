@@ -1,9 +1,11 @@
 // sightline: plans machine-vision inspection by simulation.
 #include <CLI/CLI.hpp>
+#include <new>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/process/out_of_memory.h"
 #include "core/trace/trace_context.h"
 #include "core/version/version.h"
 #include "planner_client/commands/commands.h"
@@ -12,6 +14,7 @@
 #include "planner_client/commands/progress_line.h"
 
 int main(int argc, char** argv) {
+  sightline::ReportOutOfMemory("sightline");
   CLI::App app{"Sightline plans machine-vision inspection by simulation."};
   app.set_version_flag("--version", sightline::VersionText("sightline"));
   app.require_subcommand(1);
@@ -64,7 +67,12 @@ int main(int argc, char** argv) {
     }
   }
   for (const auto& [subcommand, command] : commands) {
-    if (subcommand->parsed()) return command();
+    if (!subcommand->parsed()) continue;
+    try {
+      return command();
+    } catch (const std::bad_alloc&) {
+      return sightline::ReportError(absl::ResourceExhaustedError("out of memory"));
+    }
   }
   return sightline::kExitWrongInput;
 }

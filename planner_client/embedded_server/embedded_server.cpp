@@ -9,7 +9,6 @@
 
 #include <algorithm>
 #include <cerrno>
-#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -22,6 +21,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/strip.h"
+#include "core/file/temporary_folder.h"
 
 extern char** environ;
 
@@ -47,17 +47,10 @@ absl::StatusOr<std::string> FindBinary(const EmbeddedServerOptions& options) {
   return path.string();
 }
 
-// mkdtemp makes it mode 0700.
-absl::StatusOr<std::string> MakePrivateFolder() {
-  const char* given = std::getenv("TMPDIR");
-  std::string base = given != nullptr && *given != '\0' ? given : "/tmp";
+absl::StatusOr<TemporaryFolder> MakePrivateFolder() {
+  std::string base = TemporaryBase();
   if (base.size() + 40 > kMaxSocketPathBytes) base = "/tmp";
-  std::string folder = absl::StrCat(base, "/sightline-XXXXXX");
-  if (mkdtemp(folder.data()) == nullptr) {
-    return absl::InternalError(
-        absl::StrCat("cannot make a folder in ", base, ": ", std::strerror(errno)));
-  }
-  return folder;
+  return TemporaryFolder::Make(base, "sightline-run");
 }
 
 std::string DescribeEnd(int wait_status) {
@@ -106,17 +99,16 @@ absl::StatusOr<Pipe> MakePipe() {
 
 class EmbeddedServerImpl final : public EmbeddedServer {
  public:
-  EmbeddedServerImpl(EmbeddedServerOptions options, std::string binary, std::string folder)
+  EmbeddedServerImpl(EmbeddedServerOptions options, std::string binary, TemporaryFolder folder)
       : options_(std::move(options)),
         binary_(std::move(binary)),
-        folder_(std::move(folder)),
+        temporary_(std::move(folder)),
+        folder_(temporary_.path()),
         address_(absl::StrCat("unix:", folder_, "/server.sock")) {}
 
   ~EmbeddedServerImpl() override {
     std::lock_guard lock(mutex_);
     Stop();
-    std::error_code ignored;
-    fs::remove_all(folder_, ignored);
   }
 
   const std::string& address() const override { return address_; }
@@ -269,6 +261,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
 
   const EmbeddedServerOptions options_;
   const std::string binary_;
+  const TemporaryFolder temporary_;
   const std::string folder_;
   const std::string address_;
   mutable std::mutex mutex_;
@@ -283,9 +276,10 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> EmbeddedServer::Start(
     EmbeddedServerOptions options) {
   absl::StatusOr<std::string> binary = FindBinary(options);
   if (!binary.ok()) return binary.status();
-  absl::StatusOr<std::string> folder = MakePrivateFolder();
+  absl::StatusOr<TemporaryFolder> folder = MakePrivateFolder();
   if (!folder.ok()) return folder.status();
-  auto server = std::make_unique<EmbeddedServerImpl>(std::move(options), *binary, *folder);
+  auto server =
+      std::make_unique<EmbeddedServerImpl>(std::move(options), *binary, *std::move(folder));
   if (absl::Status status = server->Launch(); !status.ok()) return status;
   return server;
 }

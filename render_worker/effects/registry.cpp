@@ -102,11 +102,14 @@ size_t EditDistance(std::string_view a, std::string_view b) {
   return row[b.size()];
 }
 
+// At most so much of a name from outside is looked at and repeated.
+std::string_view Head(std::string_view name) { return name.substr(0, 100); }
+
 std::string Nearest(std::string_view name, const std::vector<std::string_view>& known) {
   std::string_view best;
   size_t least = std::numeric_limits<size_t>::max();
   for (const std::string_view candidate : known) {
-    const size_t distance = EditDistance(name, candidate);
+    const size_t distance = EditDistance(Head(name), candidate);
     if (distance < least) {
       least = distance;
       best = candidate;
@@ -132,7 +135,7 @@ absl::StatusOr<ActiveEffect> MakeActiveEffect(std::string_view id,
   if (effect == nullptr) {
     std::vector<std::string_view> ids;
     for (const Effect* known : Registry()) ids.push_back(known->description().id);
-    return absl::InvalidArgumentError(absl::StrCat("there is no effect \"", std::string(id),
+    return absl::InvalidArgumentError(absl::StrCat("there is no effect \"", std::string(Head(id)),
                                                    "\"; the nearest known name is \"",
                                                    Nearest(id, ids), "\""));
   }
@@ -147,9 +150,9 @@ absl::StatusOr<ActiveEffect> MakeActiveEffect(std::string_view id,
   for (const NamedValue& value : parameters) {
     const auto found = std::find(names.begin(), names.end(), value.name);
     if (found == names.end()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("effect ", std::string(id), " has no parameter \"", value.name,
-                       "\"; the nearest known name is \"", Nearest(value.name, names), "\""));
+      return absl::InvalidArgumentError(absl::StrCat(
+          "effect ", std::string(id), " has no parameter \"", std::string(Head(value.name)),
+          "\"; the nearest known name is \"", Nearest(value.name, names), "\""));
     }
     const size_t index = static_cast<size_t>(found - names.begin());
     const EffectParameter& parameter = description.parameters[index];

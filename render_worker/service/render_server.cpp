@@ -3,46 +3,17 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdlib>
-#include <cstring>
-#include <filesystem>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/temporary_folder.h"
 #include "render_worker/service/optics_service.h"
 #include "render_worker/service/render_service.h"
 #include "render_worker/service/sensor_service.h"
 
 namespace sightline {
 namespace {
-
-namespace fs = std::filesystem;
-
-// A new folder that only this user can enter, removed at the end.
-class SpoolFolder {
- public:
-  static absl::StatusOr<SpoolFolder> Make(const std::string& base) {
-    std::string path = absl::StrCat(base, "/render-XXXXXX");
-    if (mkdtemp(path.data()) == nullptr) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("--spool ", base, ": no folder can be made there: ", std::strerror(errno)));
-    }
-    return SpoolFolder(std::move(path));
-  }
-  SpoolFolder(SpoolFolder&& other) noexcept { std::swap(path_, other.path_); }
-  SpoolFolder& operator=(SpoolFolder&&) = delete;
-  ~SpoolFolder() {
-    std::error_code ignored;
-    if (!path_.empty()) fs::remove_all(path_, ignored);
-  }
-  const std::string& path() const { return path_; }
-
- private:
-  explicit SpoolFolder(std::string path) : path_(std::move(path)) {}
-  std::string path_;
-};
 
 int Threads(int asked) {
   return asked > 0 ? asked : std::max(1, static_cast<int>(std::thread::hardware_concurrency()));
@@ -51,7 +22,7 @@ int Threads(int asked) {
 class RenderServerImpl final : public RenderServer {
  public:
   RenderServerImpl(const RenderServerOptions& options, RecordingFunctions functions,
-                   SpoolFolder spool)
+                   TemporaryFolder spool)
       : spool_(std::move(spool)),
         calls_(&metrics_),
         assets_(spool_.path(), options.max_asset_store_bytes),
@@ -90,7 +61,7 @@ class RenderServerImpl final : public RenderServer {
   bool Drain(absl::Duration grace) override { return server_.Drain(grace); }
 
  private:
-  SpoolFolder spool_;
+  TemporaryFolder spool_;
   ServerMetrics metrics_;
   CallTracker calls_;
   AssetStore assets_;
@@ -108,12 +79,12 @@ class RenderServerImpl final : public RenderServer {
 absl::StatusOr<std::unique_ptr<RenderServer>> RenderServer::Start(
     const RenderServerOptions& options, RecordingFunctions functions) {
   std::string base = options.spool_folder;
-  if (base.empty()) {
-    const char* temporary = std::getenv("TMPDIR");
-    base = temporary != nullptr && *temporary != '\0' ? temporary : "/tmp";
+  if (base.empty()) base = TemporaryBase();
+  absl::StatusOr<TemporaryFolder> spool = TemporaryFolder::Make(base, "sightline-render");
+  if (!spool.ok()) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        "--spool ", base, ": no folder can be made there: ", spool.status().message()));
   }
-  absl::StatusOr<SpoolFolder> spool = SpoolFolder::Make(base);
-  if (!spool.ok()) return spool.status();
   auto server =
       std::make_unique<RenderServerImpl>(options, std::move(functions), *std::move(spool));
   if (absl::Status status = server->Listen(options); !status.ok()) return status;

@@ -261,7 +261,8 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
       if (!inspection.ok()) return inspection.status();
     }
   }
-  if (absl::Status made = MakeOutputFolder(options.out); !made.ok()) return made;
+  const auto out_lock = OpenOutputFolder(options.out);
+  if (!out_lock.ok()) return out_lock.status();
   *request.mutable_source()->mutable_recordings() = set->recordings;
   if (options.seed) request.set_seed(*options.seed);
   if (options.max_effects) request.set_max_effects(*options.max_effects);

@@ -38,6 +38,8 @@ absl::StatusOr<int> New(const NewOptions& options) {
     return absl::InvalidArgumentError(
         absl::StrCat(options.out, ": has a recordings.json already; give another --out"));
   }
+  const auto out_lock = OpenOutputFolder(options.out);
+  if (!out_lock.ok()) return out_lock.status();
   if (absl::Status made = MakeOutputFolder((folder / "images").string()); !made.ok()) return made;
   absl::Status status = WriteFileAtomically((folder / "README.md").string(), ShotListText(*list));
   if (!status.ok()) return status;
@@ -65,10 +67,14 @@ absl::StatusOr<int> Check(const std::string& input) {
   for (const RecordedImage& image : set->recordings) {
     paths.push_back((folder / image.file).string());
   }
-  LoadedImages loaded = LoadRecordedImages(*set, paths, {});
-  std::vector<Image<uint16_t>>& images = loaded.raw_dn;
-  std::vector<std::string> errors = loaded.errors;
-  if (loaded.eight_bit_files) {
+  absl::StatusOr<LoadedImages> loaded = LoadRecordedImages(*set, paths);
+  if (!loaded.ok()) {
+    return absl::Status(loaded.status().code(),
+                        absl::StrCat(description.string(), ": ", loaded.status().message()));
+  }
+  std::vector<Image<uint16_t>>& images = loaded->raw_dn;
+  std::vector<std::string> errors = loaded->errors;
+  if (loaded->eight_bit_files) {
     notes.push_back(TakeNarrowNumbers(EightBitNumbers(set->camera), &*set, &images));
   }
   RecordingCheck check = CheckRecordings(*set, images);
