@@ -5,6 +5,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdint>
 #include <cstdio>
 #include <functional>
@@ -14,6 +15,13 @@
 #include "absl/strings/str_cat.h"
 
 namespace sightline {
+
+// Builds that take longer for everything.
+#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(__OPTIMIZE__)
+inline constexpr int kSlowness = 20;
+#else
+inline constexpr int kSlowness = 1;
+#endif
 
 struct Limits {
   int cpu_time_s = 10;
@@ -38,12 +46,12 @@ inline std::string WithinLimits(const Limits& limits, const std::function<std::s
   if (child < 0) return "no process";
   if (child == 0) {
     close(ends[0]);
-    const rlimit cpu = {static_cast<rlim_t>(limits.cpu_time_s),
-                        static_cast<rlim_t>(limits.cpu_time_s)};
+    const int cpu_time_s = kSlowness * limits.cpu_time_s;
+    const rlimit cpu = {static_cast<rlim_t>(cpu_time_s), static_cast<rlim_t>(cpu_time_s)};
     setrlimit(RLIMIT_CPU, &cpu);
     // Work that waits uses no processor time.
-    alarm(static_cast<unsigned>(10 * limits.cpu_time_s));
-#ifndef __SANITIZE_ADDRESS__
+    alarm(static_cast<unsigned>(10 * cpu_time_s));
+#if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
     const rlim_t bytes = static_cast<rlim_t>(AddressSpaceBytes() + limits.memory_bytes);
     const rlimit memory = {bytes, bytes};
     setrlimit(RLIMIT_AS, &memory);
