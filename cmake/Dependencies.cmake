@@ -20,6 +20,8 @@ find_package(XercesC REQUIRED)
 find_package(embree 3 CONFIG REQUIRED)
 # Its CMake config asks for the headers of OpenCV and for programs of packages that nothing here uses.
 pkg_check_modules(OPENIMAGEIO REQUIRED IMPORTED_TARGET OpenImageIO)
+# From 4.5 on its messages can be had for each file.
+pkg_check_modules(TIFF REQUIRED IMPORTED_TARGET libtiff-4>=4.5)
 pkg_check_modules(FFTW REQUIRED IMPORTED_TARGET fftw3f)
 pkg_check_modules(OSMESA REQUIRED IMPORTED_TARGET osmesa)
 pkg_check_modules(CBC REQUIRED IMPORTED_TARGET osi-cbc cbc)

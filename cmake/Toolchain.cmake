@@ -12,6 +12,11 @@ target_compile_options(sightline_options INTERFACE -Wall -Wextra -Wpedantic -Wsh
   -ffp-contract=off)
 target_include_directories(sightline_options INTERFACE ${PROJECT_SOURCE_DIR})
 
+if(SIGHTLINE_FUZZ)
+  add_compile_options(-fsanitize=fuzzer-no-link)
+  # Warnings are settled with GCC.
+  target_compile_options(sightline_options INTERFACE -Wno-error -Wno-unknown-warning-option)
+endif()
 if(SIGHTLINE_SANITIZE)
   add_compile_options(-fsanitize=${SIGHTLINE_SANITIZE} -fno-omit-frame-pointer -fno-sanitize-recover=all)
   add_link_options(-fsanitize=${SIGHTLINE_SANITIZE})

@@ -249,7 +249,11 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
                                                     : v1::RenderOutput::IMAGE_FORMAT_PNG);
   output->set_layers(options.layers);
   output->set_demosaic(options.demosaic);
-  if (absl::Status made = MakeOutputFolder(options.choice.out); !made.ok()) return made;
+  // Parts of the images are made by several commands at once.
+  const auto out_lock =
+      OpenOutputFolder(options.choice.out,
+                       part_count > 1 ? FolderLock::Kind::kShared : FolderLock::Kind::kExclusive);
+  if (!out_lock.ok()) return out_lock.status();
 
   // Files of plates have the names and the place that their shot list gives them; nothing is added.
   const bool previews = options.previews && spec->has_part();

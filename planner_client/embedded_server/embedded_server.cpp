@@ -52,8 +52,7 @@ absl::StatusOr<std::string> FindBinary(const EmbeddedServerOptions& options) {
 }
 
 absl::StatusOr<ProcessFolder> MakePrivateFolder() {
-  const char* given = std::getenv("TMPDIR");
-  std::string base = given != nullptr && *given != '\0' ? given : "/tmp";
+  std::string base = TemporaryBase();
   if (base.size() + 40 > kMaxSocketPathBytes) base = "/tmp";
   return ProcessFolder::Make(base, "sightline-server");
 }

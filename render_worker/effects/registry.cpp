@@ -19,6 +19,9 @@ const std::vector<const Effect*>& Registry() {
   return effects;
 }
 
+// At most so much of a name from outside is looked at and repeated.
+std::string Head(std::string_view name) { return std::string(name.substr(0, 100)); }
+
 }  // namespace
 
 std::span<const Effect* const> AllEffects() { return Registry(); }
@@ -36,9 +39,9 @@ absl::StatusOr<ActiveEffect> MakeActiveEffect(std::string_view id,
   if (effect == nullptr) {
     std::vector<std::string> ids;
     for (const Effect* known : Registry()) ids.emplace_back(known->description().id);
-    return absl::InvalidArgumentError(absl::StrCat("there is no effect \"", std::string(id),
+    return absl::InvalidArgumentError(absl::StrCat("there is no effect \"", Head(id),
                                                    "\"; the nearest known name is \"",
-                                                   NearestName(std::string(id), ids), "\""));
+                                                   NearestName(Head(id), ids), "\""));
   }
   const EffectDescription& description = effect->description();
   ActiveEffect active{effect, {}};
@@ -52,7 +55,7 @@ absl::StatusOr<ActiveEffect> MakeActiveEffect(std::string_view id,
     const auto found = std::find(names.begin(), names.end(), value.name);
     if (found == names.end()) {
       return absl::InvalidArgumentError(
-          absl::StrCat("effect ", std::string(id), " has no parameter \"", value.name,
+          absl::StrCat("effect ", std::string(id), " has no parameter \"", Head(value.name),
                        "\"; the nearest known name is \"", NearestName(value.name, names), "\""));
     }
     const size_t index = static_cast<size_t>(found - names.begin());
