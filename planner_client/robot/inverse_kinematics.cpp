@@ -119,8 +119,9 @@ InverseKinematicsResult InverseKinematics::Solve(
     result.miss_m = distance_m - longest_reach_m_;
     return result;
   }
-  // The solver keeps a reference to the chain and state of its own.
-  KDL::ChainIkSolverPos_LMA solver(chain_, Weights(), kEnough, kIterations);
+  // Joints remember their last pose, and the solver has a reference to them: not for two threads.
+  const KDL::Chain chain = chain_;
+  KDL::ChainIkSolverPos_LMA solver(chain, Weights(), kEnough, kIterations);
   const KDL::Frame goal = ToKdl(tip);
   const auto joints = static_cast<unsigned>(model_.joints.size());
   KDL::JntArray from(joints), to(joints);
@@ -179,7 +180,8 @@ InverseKinematicsResult InverseKinematics::Solve(
 
 JointPositions InverseKinematics::Follow(const Eigen::Isometry3d& tip, const JointPositions& from,
                                          bool* reached) const {
-  KDL::ChainIkSolverPos_LMA solver(chain_, Weights(), kEnough, kFollowIterations);
+  const KDL::Chain chain = chain_;  // see Solve
+  KDL::ChainIkSolverPos_LMA solver(chain, Weights(), kEnough, kFollowIterations);
   const auto joints = static_cast<unsigned>(model_.joints.size());
   KDL::JntArray start(joints), to(joints);
   for (unsigned j = 0; j < joints; ++j) start(j) = from[j];

@@ -53,7 +53,7 @@ class InverseKinematics {
   std::pair<double, double> Distance(const Eigen::Isometry3d& tip, const JointPositions& q) const;
 
   const RobotModel& model_;
-  KDL::Chain chain_;
+  KDL::Chain chain_;  // to be copied
   std::vector<JointPositions> starts_;
   double longest_reach_m_ = 0;  // of the tip, from the origin of the first joint
   Eigen::Vector3d first_joint_m_ = Eigen::Vector3d::Zero();  // in the frame of the base link

@@ -36,8 +36,8 @@ class Sequence {
            const std::atomic<bool>* interrupted)
       : cell_(cell), scans_(scans), between_(between), interrupted_(interrupted) {
     for (const ScanToReach& scan : scans) {
-      reach_.push_back(Stopped() ? Reach{{}, "not looked at: interrupted"}
-                                 : cell.Reachable(scan.measurement, scan.travel, true));
+      // One position is enough where there is no time to choose among several.
+      reach_.push_back(cell.Reachable(scan.measurement, scan.travel, !Stopped()));
     }
   }
 

@@ -162,7 +162,8 @@ void DescribeMove(const PlanningSession& session, const RobotMove& move, v1::Pla
       absl::StrCat("the robot cannot make this scan (", move.because, "); ",
                    nearest ? absl::StrCat("the nearest that it can make and that was found has ",
                                           DifferenceText(*nearest, measurement))
-                           : "no scan near it that it can make was found"));
+                   : InterruptFlag() ? "scans near it were not looked at"
+                                     : "no scan near it that it can make was found"));
 }
 
 ReportRobot RobotForReport(const PlanningSession& session, const v1::Plan& plan) {

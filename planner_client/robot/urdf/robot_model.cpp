@@ -87,7 +87,7 @@ class Reader {
     for (size_t next = 0; next < waiting.size(); ++next) {
       const urdf::LinkConstSharedPtr link = waiting[next];
       if (index_.contains(link->name))
-        return Bad(absl::StrCat("link ", link->name, " is in a loop"));
+        return Bad(absl::StrCat("link ", link->name, " has two parents or is in a loop"));
       index_[link->name] = static_cast<int>(next);
       RobotLink added;
       added.name = link->name;

@@ -69,7 +69,7 @@ TEST_F(RobotCollisionTest, NeighboursMayTouchOthersNot) {
 TEST_F(RobotCollisionTest, LoadIsLookedAtSaveAtItsOwnLink) {
   const CollisionSolid camera = CollisionSolid::FromBody(BoxBody{{0, 0, 0}, {0.1, 0.1, 0.1}}, 0);
   // Over the hand, in which it reaches: its own link.
-  const RobotCollision near(model_, {{"camera", camera, camera, At(0.05, 0, 0)}});
+  const RobotCollision near(model_, {{"camera", camera, camera, At(0.08, 0, 0)}});
   EXPECT_FALSE(near.WithItself(model_.LinkPoses({0, 0, 0})));
   // On a bar that reaches back to the fore arm.
   const RobotCollision back(model_, {{"camera", camera, camera, At(-0.2, 0, 0)}});

@@ -171,7 +171,7 @@ TEST_F(RobotModelTest, RefusesLoops) {
 <link name="a"/><link name="b"/>
 <joint name="ab" type="fixed"><parent link="a"/><child link="b"/></joint>
 <joint name="ba" type="fixed"><parent link="b"/><child link="a"/></joint>)"),
-                "is in a loop");
+                "in a loop");
   ExpectRefused(PlanarArm(R"(lower="-2" upper="2")", R"(
 <joint name="back" type="fixed"><parent link="tip"/><child link="base"/></joint>)"),
                 "");

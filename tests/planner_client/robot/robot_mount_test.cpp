@@ -63,7 +63,7 @@ TEST(RobotMountTest, RefusesWhatDoesNotGoTogether) {
                 "rig.robot.base_position_m is 1000");
   ExpectRefused(R"({"x": 10, "y": 20, "z": 90})", R"({"x": 1000})",
                 "rig.robot.base_roll_pitch_yaw_deg is 1000");
-  ExpectRefused("[0.5, 1]", "[0.5, 1e9]", "rig.robot.home_position[1] is 1e");
+  ExpectRefused("[0.5, 1]", "[0.5, 1e9]", "rig.robot.home_position[1] is 1000000000");
   ExpectRefused(R"({"fixed": 0.3})", R"({"values": [0.3, 0.4]})",
                 "measurement.camera_distance_m must be fixed to one value");
   ExpectRefused(R"(, "triangulation_angle_deg": {"fixed": 25})", "",

@@ -146,7 +146,7 @@ TEST_F(RobotMovesTest, MovesGoAroundOrAreSaidToTouch) {
   const auto contact = cell->OnTheWay(left, right, cell->Around(scans[0].measurement, 0));
   ASSERT_TRUE(contact);
   EXPECT_EQ(contact->second, "wall");
-  EXPECT_FALSE(cell->OnTheWay(left, left, cell->Around(scans[0].measurement, 0.45)));
+  EXPECT_FALSE(cell->OnTheWay(left, left, cell->Around(scans[0].measurement, -0.45)));
 }
 
 TEST_F(RobotMovesTest, InterruptedItEndsSoon) {
@@ -155,7 +155,10 @@ TEST_F(RobotMovesTest, InterruptedItEndsSoon) {
   const std::atomic<bool> interrupted = true;
   const auto moves = SequenceScans(*cell, RandomScans(8, 2), 0, kNothing, &interrupted);
   ASSERT_EQ(moves.size(), 8u);
-  for (const RobotMove& move : moves) EXPECT_FALSE(move.reachable);
+  for (const RobotMove& move : moves) {
+    EXPECT_TRUE(move.reachable);
+    EXPECT_THAT(move.remark, HasSubstr("was not looked at"));
+  }
 }
 
 }  // namespace
