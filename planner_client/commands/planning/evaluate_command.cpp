@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -23,6 +24,17 @@ const char* Words(ScanFeasibility feasibility) {
       return "is out of bounds; it counts for nothing";
   }
   return "";
+}
+
+// What the given scans were to be set to stays with them; their order may be another one.
+void KeepSettings(const PlanFileScans& given, PlanDocument& document) {
+  for (size_t i = 0; i < document.scans.size(); ++i) {
+    const auto scan = std::find(given.all.begin(), given.all.end(), document.scans[i].measurement);
+    if (scan == given.all.end()) continue;
+    const v1::PlannedScan& from = given.plan.scans(static_cast<int>(scan - given.all.begin()));
+    if (!from.has_setting()) continue;
+    *document.plan.mutable_scans(static_cast<int>(i))->mutable_setting() = from.setting();
+  }
 }
 
 }  // namespace
@@ -69,9 +81,10 @@ Command AddEvaluateCommand(CLI::App& app) {
     }
     PlanSource source{given->plan.strategy(), given->plan.seed(), given->plan.gain_evaluations(),
                       v1::Plan::STOP_REASON_EVALUATED};
-    const auto made = MakePlanDocument(*session, std::move(scans), source);
+    auto made = MakePlanDocument(*session, std::move(scans), source);
     if (!made.ok()) return ReportError(made.status());
-    const PlanDocument& document = *made;
+    PlanDocument& document = *made;
+    KeepSettings(*given, document);
     if (absl::Status status = WritePlanOutputs(*session, document, options->output); !status.ok())
       return ReportError(status);
     std::printf("%splan:   %s\nreport: %s\n", SummarisePlan(document.plan).c_str(),
