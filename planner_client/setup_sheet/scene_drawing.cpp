@@ -52,11 +52,11 @@ class Canvas {
   // `away`: of the text's middle from the place, in units of the drawing, y up.
   void Text(const Eigen::Vector2d& place_m, const Eigen::Vector2d& away, const std::string& text) {
     const Eigen::Vector2d place = At(place_m);
-    // Texts stay inside the drawing: about 5.6 units a letter of 11.
-    const double half = 2.8 * static_cast<double>(text.size());
+    // Texts stay inside the drawing: about 7.8 units a letter of 15.
+    const double half = 3.9 * static_cast<double>(text.size());
     const double x = std::clamp(place.x() + away.x(), std::min(half, kWidth / 2),
                                 std::max(kWidth - half, kWidth / 2));
-    const double y = std::clamp(place.y() - away.y() + 4, 11.0, kHeight - 3);
+    const double y = std::clamp(place.y() - away.y() + 5, 15.0, kHeight - 4);
     absl::StrAppendFormat(&body_, "<text x=\"%.1f\" y=\"%.1f\">%s</text>\n", x, y, text);
   }
 
@@ -104,7 +104,7 @@ void DrawSensor(Canvas& canvas, const Eigen::Vector2d& at_m, double size_m, cons
       {at_m, at_m + size_m * (out + 0.6 * side), at_m + 2.2 * size_m * out + 0.6 * size_m * side,
        at_m + 2.2 * size_m * out - 0.6 * size_m * side, at_m + size_m * (out - 0.6 * side)},
       css_class);
-  canvas.Text(at_m + 2.2 * size_m * out, 14 * out, name);
+  canvas.Text(at_m + 2.2 * size_m * out, 18 * out, name);
 }
 
 Eigen::AlignedBox2d BoundsOf(const std::vector<Eigen::Vector2d>& points) {
@@ -172,13 +172,13 @@ std::string SideViewSvg(const DrawnScene& scene) {
   const auto label = [&](double angle_rad, double radius, const std::string& text) {
     canvas.Text({0, 0}, radius * Eigen::Vector2d(std::sin(angle_rad), std::cos(angle_rad)), text);
   };
-  constexpr double kPolarRadius = 96, kAngleRadius = 58;
+  constexpr double kPolarRadius = 112, kAngleRadius = 64;
   if (std::abs(camera_rad) > 0.02) {
     canvas.Arc(kPolarRadius, 0, camera_rad, "angle");
-    label(camera_rad / 2, kPolarRadius + 12, Degrees(camera_rad));
+    label(camera_rad / 2, kPolarRadius + 16, Degrees(camera_rad));
   }
   canvas.Arc(kAngleRadius, laser_rad, camera_rad, "angle strong");
-  label((camera_rad + laser_rad) / 2, kAngleRadius - 14, Degrees(camera_rad - laser_rad));
+  label((camera_rad + laser_rad) / 2, kAngleRadius - 20, Degrees(camera_rad - laser_rad));
   canvas.Text(0.72 * camera_m, {0, 0}, Millimetres(camera_m.norm()));
   canvas.Text(0.86 * laser_m, {0, 0}, Millimetres(laser_m.norm()));
   return canvas.Svg("Camera, laser and part, seen along the laser line");
@@ -215,14 +215,14 @@ std::string TopViewSvg(const DrawnScene& scene) {
                   end_m + Eigen::Vector2d(-head_m, -0.6 * head_m)},
                  "arrow");
   canvas.Dot(start_m, 2.5, "arrow");
-  canvas.Text(start_m, {0, 12}, "start");
-  canvas.Text(end_m, {0, 12}, "stop");
+  canvas.Text(start_m, {0, 15}, "start");
+  canvas.Text(end_m, {0, 15}, "stop");
   canvas.Line({0, 0}, laser_m, "laser-line");
   canvas.Line({0, 0}, camera_m, "camera-line");
   canvas.Dot(laser_m, 5, "laser");
   canvas.Dot(camera_m, 5, "camera");
-  canvas.Text(laser_m, {0, -14}, "laser");
-  canvas.Text(camera_m, {0, 14}, "camera");
+  canvas.Text(laser_m, {0, -18}, "laser");
+  canvas.Text(camera_m, {0, 18}, "camera");
   canvas.Dot({0, 0}, 2.5, "origin");
   return canvas.Svg("Camera, laser and part from above");
 }

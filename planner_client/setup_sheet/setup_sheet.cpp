@@ -1,6 +1,7 @@
 #include "planner_client/setup_sheet/setup_sheet.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <unordered_set>
@@ -238,10 +239,11 @@ class Sheet {
       absl::StrAppend(&html, "<p class=\"remark\">", EscapeHtml(remark), "</p>\n");
     }
     html += Pictures(i);
+    html += Sensors(i);
     html += "<div class=\"columns\">\n<div>\n";
-    html += PartPlace(i) + Stage(scan) + Optics(scan) + RobotFacts(scan);
+    html += PartPlace(i) + PartAxes(i);
     html += "</div>\n<div>\n";
-    html += Sensors(i) + PartAxes(i) + Quality(scan);
+    html += Stage(scan) + Optics(scan) + RobotFacts(scan) + Quality(scan);
     html += "</div>\n</div>\n";
     html += Corners(i);
     return html + "</section>\n";
@@ -401,29 +403,41 @@ class Sheet {
 
   std::string Sensors(int i) const {
     const ScanFrames& frames = frames_[static_cast<size_t>(i)];
-    std::string html;
-    for (const auto& [name, pose] : {std::pair{"Camera (entrance pupil)", &frames.camera},
-                                     {"Laser (source)", &frames.laser}}) {
+    const v1::Measurement& m = plan_.scans(i).measurement();
+    std::array<std::string, 6> rows;
+    for (const Eigen::Isometry3d* pose : {&frames.camera, &frames.laser}) {
       const Eigen::Vector3d place_m = pose->translation();
-      const Eigen::Vector3d looks = pose->linear().col(2);
       const double aside_m = std::hypot(place_m.x(), place_m.y());
       // Straight above has no azimuth.
       const std::string azimuth = aside_m < 1e-6 * place_m.norm()
                                       ? "\u2013"
                                       : Deg(std::atan2(place_m.y(), place_m.x()) * kDegPerRad, 2);
-      const double elevation_deg = std::atan2(place_m.z(), aside_m) * kDegPerRad;
-      html += Facts(name, {{"Where it is", PlaceInWords(place_m)},
-                           {"Position x / y / z", PlaceMm(place_m) + " mm"},
-                           {"Distance to the origin", Mm(place_m.norm()) + " mm"},
-                           {"Looks along", UnitVector(looks)},
-                           {"Azimuth", azimuth},
-                           {"Elevation", Deg(elevation_deg, 2)}});
+      const std::string elevation = Deg(std::atan2(place_m.z(), aside_m) * kDegPerRad, 2);
+      const std::string cells[] = {PlaceInWords(place_m),
+                                   PlaceMm(place_m) + " mm",
+                                   Mm(place_m.norm()) + " mm",
+                                   absl::StrCat(azimuth, ", ", elevation),
+                                   UnitVector(pose->linear().col(2)),
+                                   UnitVector(pose->linear().col(0))};
+      for (size_t row = 0; row < rows.size(); ++row) {
+        absl::StrAppend(&rows[row], "<td>", cells[row], "</td>");
+      }
     }
-    const v1::Measurement& m = plan_.scans(i).measurement();
-    html += Facts("Between them",
-                  {{"Triangulation angle", Deg(m.triangulation_angle_deg(), 2)},
-                   {"Laser line runs along", UnitVector(frames.laser.linear().col(0))}});
-    return html;
+    constexpr std::array<const char*, 6> kNames = {
+        "Where it is",        "Position x / y / z", "Distance to the origin",
+        "Azimuth, elevation", "Looks along",        "Image rows, laser line along"};
+    std::string html =
+        "<table class=\"sensors\"><thead><tr><th class=\"words\"></th><th>Camera, by its entrance "
+        "pupil</th><th>Laser, by its source</th></tr></thead>\n<tbody>\n";
+    for (size_t row = 0; row < rows.size(); ++row) {
+      absl::StrAppend(&html, "<tr><th class=\"words\" scope=\"row\">", kNames[row], "</th>",
+                      rows[row], "</tr>\n");
+    }
+    absl::StrAppend(&html,
+                    "<tr><th class=\"words\" scope=\"row\">Triangulation angle, camera to "
+                    "laser</th><td colspan=\"2\">",
+                    Deg(m.triangulation_angle_deg(), 2), "</td></tr>\n");
+    return html + "</tbody></table>\n";
   }
 
   // To check that the part is turned as meant.

@@ -1,3 +1,4 @@
+#include <algorithm>
 #include <cstdio>
 #include <filesystem>
 #include <memory>
@@ -10,6 +11,21 @@
 #include "planner_client/commands/planning/planning_session.h"
 
 namespace sightline {
+namespace {
+
+// What the given scans were to be set to stays with them; their order may be another one.
+void KeepSettings(const PlanFileScans& given, PlanDocument& document) {
+  for (size_t i = 0; i < document.scans.size(); ++i) {
+    const auto scan = std::find(given.all.begin(), given.all.end(), document.scans[i].measurement);
+    if (scan == given.all.end()) continue;
+    const v1::PlannedScan& from = given.plan.scans(static_cast<int>(scan - given.all.begin()));
+    if (!from.has_setting()) continue;
+    *document.plan.mutable_scans(static_cast<int>(i))->mutable_setting() = from.setting();
+  }
+}
+
+}  // namespace
+
 Command AddEvaluateCommand(CLI::App& app) {
   struct Options {
     SessionOptions session;
@@ -55,6 +71,7 @@ Command AddEvaluateCommand(CLI::App& app) {
     auto made = MakePlanDocument(*session, std::move(scans), source);
     if (!made.ok()) return ReportError(made.status());
     PlanDocument& document = *made;
+    KeepSettings(*given, document);
     if (absl::Status status = WritePlanOutputs(*session, document, options->output); !status.ok())
       return ReportError(status);
     PrintWrapped(SummarisePlan(document.plan));
