@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "tests/planner_client_report/well_formed.h"
+#include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {

@@ -18,8 +18,8 @@
 #include "core/json/strict_json.h"
 #include "core/tolerance/qif_reader.h"
 #include "core/tolerance/qif_xml.h"
-#include "sample_uncertainty.h"
-#include "tests/planner_client_report/well_formed.h"
+#include "tests/planner_client/report/uncertainty/sample_uncertainty.h"
+#include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {

@@ -1,4 +1,4 @@
-#include "tests/planner_client_report/well_formed.h"
+#include "tests/planner_client/report/well_formed.h"
 
 #include <google/protobuf/descriptor.h>
 

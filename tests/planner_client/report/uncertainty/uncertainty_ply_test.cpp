@@ -13,7 +13,7 @@
 #include <string>
 #include <vector>
 
-#include "sample_uncertainty.h"
+#include "tests/planner_client/report/uncertainty/sample_uncertainty.h"
 
 namespace sightline {
 namespace {

@@ -15,8 +15,8 @@
 #include "absl/strings/escaping.h"
 #include "planner_client/report/optics/optics_charts.h"
 #include "planner_client/report/optics/optics_text.h"
-#include "tests/planner_client_report/sample_optics.h"
-#include "tests/planner_client_report/well_formed.h"
+#include "tests/planner_client/report/optics/sample_optics.h"
+#include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {

@@ -1,4 +1,4 @@
-#include "sample_uncertainty.h"
+#include "tests/planner_client/report/uncertainty/sample_uncertainty.h"
 
 #include <cmath>
 #include <limits>

@@ -1,4 +1,4 @@
-#include "tests/planner_client_report/sample_optics.h"
+#include "tests/planner_client/report/optics/sample_optics.h"
 
 #include <cmath>
 

@@ -10,8 +10,8 @@
 #include <string>
 
 #include "planner_client/report/page/html.h"
-#include "tests/planner_client_report/diagnosis/sample_diagnosis.h"
-#include "tests/planner_client_report/well_formed.h"
+#include "tests/planner_client/report/recordings/sample_diagnosis.h"
+#include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {

@@ -10,8 +10,8 @@
 #include <sstream>
 #include <string>
 
-#include "tests/planner_client_report/diagnosis/sample_sensor.h"
-#include "tests/planner_client_report/well_formed.h"
+#include "tests/planner_client/report/recordings/sample_sensor.h"
+#include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {

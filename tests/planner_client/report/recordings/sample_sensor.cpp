@@ -1,4 +1,4 @@
-#include "tests/planner_client_report/diagnosis/sample_sensor.h"
+#include "tests/planner_client/report/recordings/sample_sensor.h"
 
 #include <cmath>
 #include <string>

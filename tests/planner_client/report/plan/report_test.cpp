@@ -13,7 +13,7 @@
 #include "planner_client/report/page/assets.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/plan/quality_section.h"
-#include "tests/planner_client_report/well_formed.h"
+#include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {

@@ -13,8 +13,8 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "planner_client/report/plan/report.h"
-#include "sample_uncertainty.h"
-#include "tests/planner_client_report/well_formed.h"
+#include "tests/planner_client/report/uncertainty/sample_uncertainty.h"
+#include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {
