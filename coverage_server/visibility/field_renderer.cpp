@@ -153,7 +153,6 @@ class TileRenderer {
     const int row0 = tile / tiles_per_side * kTileSide, column0 = tile % tiles_per_side * kTileSide;
     seen_clusters_.assign(job_.cluster_count, 1);
     for (int i = 0; i < kTileSide * kTileSide; ++i) {
-      if (job_.cancelled.load(std::memory_order_relaxed)) return absl::OkStatus();
       // Snake order: every direction is a neighbour of the one before.
       const int r = i / kTileSide, c = r % 2 == 0 ? i % kTileSide : kTileSide - 1 - i % kTileSide;
       const int cell = (row0 + r) * job_.map_side + column0 + c;
@@ -289,7 +288,6 @@ absl::Status RenderFieldTiles(FieldJob& job, uint8_t* field, int32_t number) {
     int32_t waiting = kTileWaiting;
     if (!states[tile].compare_exchange_strong(waiting, number)) continue;
     if (absl::Status status = renderer.RenderTile(tile); !status.ok()) return status;
-    if (job.cancelled.load(std::memory_order_relaxed)) break;
     states[tile].store(kTileDone);
   }
   return absl::OkStatus();

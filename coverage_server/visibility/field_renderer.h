@@ -31,7 +31,6 @@ struct FieldJob {
   uint64_t tiles;
 
   std::atomic<int32_t> directions_done;
-  std::atomic<int32_t> cancelled;
 
   template <typename T>
   const T* At(uint64_t offset) const {

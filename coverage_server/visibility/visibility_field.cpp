@@ -369,7 +369,8 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
   };
   int killed = 0;
   while (!workers.empty()) {
-    if (IsSet(options.cancelled)) job.cancelled.store(1);
+    // The workers are killed with `workers`: nobody wants what they would still finish.
+    if (IsSet(options.cancelled)) return absl::CancelledError("visibility field");
     if (options.on_progress) {
       options.on_progress(std::min(1.0, static_cast<double>(job.directions_done.load()) / total));
     }
@@ -381,7 +382,7 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
       }
       const int32_t number = workers[i].number();
       workers.erase(workers.begin() + static_cast<ptrdiff_t>(i));
-      if ((WIFEXITED(*state) && WEXITSTATUS(*state) == 0) || job.cancelled.load() != 0) continue;
+      if (WIFEXITED(*state) && WEXITSTATUS(*state) == 0) continue;
       if (!WIFSIGNALED(*state)) {
         // The mistake would come back. The others end with `workers`.
         return absl::InternalError("a visibility field worker failed");
@@ -393,12 +394,11 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
       }
       start().IgnoreError();  // the others go on; if there are none, see below
     }
-    if (workers.empty() && killed > 0 && job.cancelled.load() == 0 && !all_done()) {
+    if (workers.empty() && killed > 0 && !all_done()) {
       if (absl::Status started = start(); !started.ok()) return started;
     }
     std::this_thread::sleep_for(std::chrono::milliseconds(10));
   }
-  if (job.cancelled.load() != 0) return absl::CancelledError("visibility field");
   if (!all_done()) return absl::InternalError("visibility field workers left a tile out");
   return absl::OkStatus();
 }

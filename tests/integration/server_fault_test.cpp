@@ -8,6 +8,7 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -28,7 +29,6 @@
 namespace sightline {
 namespace {
 
-using ::testing::AnyOf;
 using ::testing::HasSubstr;
 
 std::vector<pid_t> ChildrenOf(pid_t pid) {

@@ -7,7 +7,7 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
-#include <future>
+#include <atomic>
 #include <memory>
 #include <new>
 #include <string>
