@@ -20,6 +20,8 @@ find_package(XercesC REQUIRED)
 find_package(embree 3 CONFIG REQUIRED)
 # Its CMake config asks for the headers of OpenCV and for programs of packages that nothing here uses.
 pkg_check_modules(OPENIMAGEIO REQUIRED IMPORTED_TARGET OpenImageIO)
+# From 4.5 on its messages can be had for each file.
+pkg_check_modules(TIFF REQUIRED IMPORTED_TARGET libtiff-4>=4.5)
 pkg_check_modules(FFTW REQUIRED IMPORTED_TARGET fftw3f)
 pkg_check_modules(OSMESA REQUIRED IMPORTED_TARGET osmesa)
 pkg_check_modules(CBC REQUIRED IMPORTED_TARGET osi-cbc cbc)
@@ -32,6 +34,7 @@ find_package(fcl CONFIG REQUIRED)
 pkg_check_modules(SQLITE3 REQUIRED IMPORTED_TARGET sqlite3)
 pkg_check_modules(LIBPQ REQUIRED IMPORTED_TARGET libpq)
 pkg_check_modules(CURL REQUIRED IMPORTED_TARGET libcurl>=7.87)
+# Headers alone: Beast, Asio, and Boost.Math for special functions.
 find_package(Boost REQUIRED)
 find_library(PAHO_MQTT_LIBRARY paho-mqtt3as REQUIRED)
 find_path(PAHO_MQTT_INCLUDE_DIR MQTTAsync.h REQUIRED)

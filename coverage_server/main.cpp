@@ -1,5 +1,6 @@
 #include <optional>
 
+#include "core/process/out_of_memory.h"
 #include "core/version/version.h"
 #include "coverage_server/scene/coverage_scene.h"
 #include "coverage_server/service/server_main.h"
@@ -9,6 +10,7 @@
 int main(int argc, char** argv) {
   // First of all: this process may have been started as a worker of a server.
   if (const std::optional<int> code = sightline::MaybeRunFieldWorker(argc, argv)) return *code;
+  sightline::ReportOutOfMemory("coverage_server");
   return sightline::CoverageServerMain(argc, argv,
                                        {sightline::CoverageScene::Build, sightline::RenderView},
                                        sightline::VersionText("coverage_server"));

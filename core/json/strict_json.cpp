@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <google/protobuf/descriptor.h>
 #include <google/protobuf/util/json_util.h>
-#include <sys/stat.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -17,15 +16,19 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
-#include <set>
+#include <string_view>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/file/read_file.h"
 #include "core/json/error_list.h"
+#include "core/json/json_text.h"
 #include "core/json/line_comments.h"
+#include "core/json/printable.h"
 #include "core/spelling/nearest_name.h"
 
 namespace sightline {
@@ -39,6 +42,10 @@ using google::protobuf::Reflection;
 
 // protobuf's own JSON parser stops at 100 levels; far more than any of our files needs.
 constexpr size_t kMaxDepth = 64;
+// Once parsed a value takes some 200 bytes for a moment, however short its text is.
+constexpr size_t kMaxValues = 2'000'000;
+// What reading a file may cost: the largest of ours, 10 000 recordings, has 10 MB.
+constexpr uint64_t kMaxFileBytes = uint64_t{64} << 20;
 
 struct JsonMember;
 
@@ -144,6 +151,11 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
 
  private:
   JsonNode* Add(JsonNode node) {
+    if (++values_ > kMaxValues) {
+      error = absl::StrCat("has more than ", kMaxValues, " values");
+      error_byte = std::numeric_limits<size_t>::max();
+      return nullptr;
+    }
     if (open_.empty()) {
       root = std::move(node);
       return &root;
@@ -163,7 +175,9 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
     }
     JsonNode node;
     node.type = type;
-    open_.push_back(Add(std::move(node)));
+    JsonNode* const added = Add(std::move(node));
+    if (added == nullptr) return false;
+    open_.push_back(added);
     return true;
   }
   bool Close() {
@@ -172,6 +186,7 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
   }
 
   std::vector<JsonNode*> open_;
+  size_t values_ = 0;
   std::string key_;
 };
 
@@ -213,8 +228,8 @@ class Walker {
   }
 
   void Error(const std::string& path, const std::string& reason) {
-    errors_.Add(absl::InvalidArgumentError(
-        absl::StrCat(file_, ": ", path.empty() ? "" : absl::StrCat(path, ": "), reason)));
+    errors_.Add(absl::InvalidArgumentError(absl::StrCat(
+        file_, ": ", path.empty() ? "" : absl::StrCat(Printable(path), ": "), reason)));
   }
   void Expected(const std::string& path, const std::string& what, const JsonNode& node) {
     if (node.type == JsonNode::Type::kNull) {
@@ -230,7 +245,7 @@ class Walker {
       Expected(path, absl::StrCat("an object", ObjectInstead(node, type)), node);
       return;
     }
-    std::set<std::string> seen;
+    std::unordered_set<std::string_view> seen;
     std::vector<std::pair<const google::protobuf::OneofDescriptor*, std::string>> oneofs;
     for (const auto& [key, value] : node.members) {
       if (errors_.full()) return;
@@ -291,7 +306,7 @@ class Walker {
   // Keys are strings; that is all our messages need.
   void CheckMap(const JsonNode& node, const FieldDescriptor& field, const std::string& path) {
     if (node.type != JsonNode::Type::kObject) return Expected(path, "an object", node);
-    std::set<std::string> seen;
+    std::unordered_set<std::string_view> seen;
     for (const auto& [key, value] : node.members) {
       if (errors_.full()) return;
       const std::string entry = Shorten(absl::StrCat(path, ".", key));
@@ -542,19 +557,14 @@ absl::Status ParseStrictJson(const std::string& given, const std::string& file, 
   return absl::OkStatus();
 }
 
+absl::StatusOr<std::string> ReadJsonText(const std::string& path) {
+  return ReadRegularFile(path, kMaxFileBytes);
+}
+
 absl::Status ReadStrictJsonFile(const std::string& path, Message* message) {
-  std::FILE* file = std::fopen(path.c_str(), "rb");
-  if (file == nullptr) {
-    return absl::NotFoundError(absl::StrCat(path, ": cannot be read: ", std::strerror(errno)));
-  }
-  std::string contents;
-  char buffer[1 << 16];
-  size_t count = 0;
-  while ((count = std::fread(buffer, 1, sizeof(buffer), file)) > 0) contents.append(buffer, count);
-  const bool failed = std::ferror(file) != 0;
-  std::fclose(file);
-  if (failed) return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
-  return ParseStrictJson(contents, path, message);
+  const absl::StatusOr<std::string> text = ReadJsonText(path);
+  if (!text.ok()) return text.status();
+  return ParseStrictJson(*text, path, message);
 }
 
 std::string NumberText(double value) { return ShortestText(value); }

@@ -3,22 +3,19 @@
 #include <algorithm>
 #include <bit>
 #include <cctype>
-#include <cerrno>
 #include <cmath>
-#include <cstdio>
-#include <cstring>
 #include <filesystem>
 #include <limits>
 #include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/read_file.h"
 #include "core/json/strict_json.h"
 #include "core/part/mesh_readers.h"
 
 namespace sightline {
 namespace {
 
-constexpr uint64_t kMaxFileBytes = uint64_t{2} << 30;
 constexpr double kSmallestPart_m = 1e-3, kLargestPart_m = 10;
 
 std::optional<double> MetresPer(const std::string& unit) {
@@ -66,20 +63,19 @@ absl::Status CheckUnit(const std::string& format, const std::string& unit) {
 // corner once as 0 and once as 1e-9, and an exact comparison would tear the surface there.
 class Welder {
  public:
-  Welder(size_t max_vertices, float tolerance_m, std::vector<Eigen::Vector3f>* positions)
-      : positions_(*positions),
-        tolerance_m_(tolerance_m),
-        mask_(std::bit_ceil(std::max<size_t>(16, 2 * max_vertices)) - 1),
-        table_(mask_ + 1) {}
+  // `tolerance_m`: at least 2^-22 of the largest coordinate.
+  Welder(float tolerance_m, std::vector<Eigen::Vector3f>* positions)
+      : positions_(*positions), tolerance_m_(tolerance_m), table_(1 << 10) {}
 
   uint32_t Add(const Eigen::Vector3f& position) {
     const Cell low = CellOf(position.array() - tolerance_m_);
     const Cell high = CellOf(position.array() + tolerance_m_);
     uint32_t found = kNone;
-    for (int64_t x = low[0]; x <= high[0]; ++x) {
-      for (int64_t y = low[1]; y <= high[1]; ++y) {
-        for (int64_t z = low[2]; z <= high[2]; ++z) {
-          for (uint32_t i = table_[SlotOf({x, y, z})].first; i != kNone; i = next_[i]) {
+    for (int32_t x = low[0]; x <= high[0]; ++x) {
+      for (int32_t y = low[1]; y <= high[1]; ++y) {
+        for (int32_t z = low[2]; z <= high[2]; ++z) {
+          const Slot& slot = table_[SlotOf({x, y, z})];
+          for (uint32_t i = slot.first; i != kNone; i = next_[i]) {
             const bool near = (positions_[i] - position).cwiseAbs().maxCoeff() <= tolerance_m_;
             if (near) found = std::min(found, i);
           }
@@ -87,9 +83,11 @@ class Welder {
       }
     }
     if (found != kNone) return found;
+    if (2 * used_ >= table_.size()) Grow();
     const Cell cell = CellOf(position);
     Slot& slot = table_[SlotOf(cell)];
     const uint32_t index = static_cast<uint32_t>(positions_.size());
+    used_ += slot.first == kNone;
     next_.push_back(slot.first);
     slot = {cell, index};
     positions_.push_back(position);
@@ -97,7 +95,7 @@ class Welder {
   }
 
  private:
-  using Cell = std::array<int64_t, 3>;
+  using Cell = std::array<int32_t, 3>;  // within 2^18 of zero
   static constexpr uint32_t kNone = std::numeric_limits<uint32_t>::max();
   struct Slot {
     Cell cell{};
@@ -108,31 +106,41 @@ class Welder {
   Cell CellOf(const Eigen::Vector3f& p) const {
     Cell cell;
     for (int axis = 0; axis < 3; ++axis) {
-      cell[axis] = static_cast<int64_t>(std::floor(p[axis] / (16.0 * tolerance_m_)));
+      cell[axis] = static_cast<int32_t>(std::floor(p[axis] / (16.0 * tolerance_m_)));
     }
     return cell;
   }
   size_t SlotOf(const Cell& cell) const {
     uint64_t hash = 0;
-    for (int64_t c : cell) {
-      hash = (hash ^ static_cast<uint64_t>(c)) * 0x9e3779b97f4a7c15u;
+    for (const int32_t c : cell) {
+      hash = (hash ^ static_cast<uint64_t>(static_cast<int64_t>(c))) * 0x9e3779b97f4a7c15u;
       hash ^= hash >> 29;
     }
-    size_t slot = hash & mask_;
-    while (table_[slot].first != kNone && table_[slot].cell != cell) slot = (slot + 1) & mask_;
+    const size_t mask = table_.size() - 1;
+    size_t slot = hash & mask;
+    while (table_[slot].first != kNone && table_[slot].cell != cell) slot = (slot + 1) & mask;
     return slot;
+  }
+  // By need: how many vertices differ is known only at the end.
+  void Grow() {
+    std::vector<Slot> old(2 * table_.size());
+    old.swap(table_);
+    for (const Slot& slot : old) {
+      if (slot.first != kNone) table_[SlotOf(slot.cell)] = slot;
+    }
   }
 
   std::vector<Eigen::Vector3f>& positions_;
   float tolerance_m_;
-  size_t mask_;
   std::vector<Slot> table_;
+  size_t used_ = 0;
   std::vector<uint32_t> next_;
 };
 
 std::string Millimetres(double metres) { return absl::StrCat(metres * 1e3, " mm"); }
 
-absl::StatusOr<TriangleMesh> Finish(const RawMesh& raw, double metres_per_unit) {
+absl::StatusOr<TriangleMesh> Finish(const RawMesh& raw, double metres_per_unit,
+                                    const StopCheck& stop) {
   if (raw.triangles.empty()) return absl::InvalidArgumentError("has no triangles");
   constexpr uint32_t kUnused = std::numeric_limits<uint32_t>::max();
   std::vector<uint32_t> welded(raw.positions.size(), kUnused);
@@ -150,9 +158,12 @@ absl::StatusOr<TriangleMesh> Finish(const RawMesh& raw, double metres_per_unit) 
   }
   // Two units in the last place of the largest coordinate.
   const float tolerance_m = std::max(largest_m * 0x1p-22f, std::numeric_limits<float>::min());
-  Welder welder(raw.positions.size(), tolerance_m, &mesh.positions_m);
+  Welder welder(tolerance_m, &mesh.positions_m);
   mesh.triangles.reserve(raw.triangles.size());
   for (const auto& triangle : raw.triangles) {
+    if (mesh.triangles.size() % kStepsPerStopCheck == 0) {
+      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+    }
     std::array<uint32_t, 3> out;
     for (int corner = 0; corner < 3; ++corner) {
       uint32_t& index = welded[triangle[corner]];
@@ -182,40 +193,14 @@ absl::StatusOr<TriangleMesh> Finish(const RawMesh& raw, double metres_per_unit) 
   return mesh;
 }
 
-absl::StatusOr<std::string> ReadBytes(const std::string& path) {
-  std::error_code error;
-  const std::filesystem::file_status status = std::filesystem::status(path, error);
-  if (!std::filesystem::exists(status)) {
-    return absl::NotFoundError(absl::StrCat(path, ": no such file"));
-  }
-  if (!std::filesystem::is_regular_file(status)) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": is no regular file"));
-  }
-  const uint64_t size = std::filesystem::file_size(path, error);
-  if (!error && size > kMaxFileBytes) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": has ", size >> 20, " MiB, at most 2048 MiB can be read"));
-  }
-  std::FILE* file = std::fopen(path.c_str(), "rb");
-  if (file == nullptr) {
-    return absl::NotFoundError(absl::StrCat(path, ": cannot be opened: ", std::strerror(errno)));
-  }
-  std::string bytes(error ? 0 : size, '\0');
-  const size_t count = std::fread(bytes.data(), 1, bytes.size(), file);
-  const bool failed = count != bytes.size() || std::ferror(file) != 0;
-  std::fclose(file);
-  if (failed) return absl::InvalidArgumentError(absl::StrCat(path, ": cannot be read to its end"));
-  return bytes;
-}
-
 // `path` is empty for a part in memory.
 absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& format,
                                   const std::string& unit, const std::string& name,
-                                  const std::string& path) {
+                                  const std::string& path, const StopCheck& stop) {
   const auto named = [&](const absl::Status& status) {
     return absl::Status(status.code(), absl::StrCat(name, ": ", status.message()));
   };
-  if (bytes.size() > kMaxFileBytes) {
+  if (bytes.size() > kMaxPartFileBytes) {
     return named(absl::InvalidArgumentError("has more than the 2048 MiB that can be read"));
   }
   if (absl::Status status = CheckUnit(format, unit); !status.ok()) {
@@ -223,18 +208,18 @@ absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& f
   }
   absl::StatusOr<RawMesh> raw = absl::InvalidArgumentError(
       absl::StrCat("unknown format \"", format, "\", must be glb, gltf, stl, ply or obj"));
-  if (format == "glb") raw = ReadGlb(bytes);
-  if (format == "gltf" && !path.empty()) raw = ReadGltfFile(bytes, path);
-  if (format == "stl") raw = ReadStl(bytes);
-  if (format == "ply") raw = ReadPly(bytes);
-  if (format == "obj") raw = ReadObj(bytes);
+  if (format == "glb") raw = ReadGlb(bytes, stop);
+  if (format == "gltf" && !path.empty()) raw = ReadGltfFile(bytes, path, stop);
+  if (format == "stl") raw = ReadStl(bytes, stop);
+  if (format == "ply") raw = ReadPly(bytes, stop);
+  if (format == "obj") raw = ReadObj(bytes, stop);
   if (IsStep(format)) {
     raw = absl::InvalidArgumentError(
         "is a STEP file, which is meshed before it comes here: convert it with "
         "sightline_step_import");
   }
   if (!raw.ok()) return named(raw.status());
-  absl::StatusOr<TriangleMesh> mesh = Finish(*raw, MetresPer(unit).value_or(1));
+  absl::StatusOr<TriangleMesh> mesh = Finish(*raw, MetresPer(unit).value_or(1), stop);
   if (!mesh.ok()) return named(mesh.status());
   return mesh;
 }
@@ -245,21 +230,23 @@ absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit
   return CheckUnit(FormatOf(file_name), unit);
 }
 
-absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit) {
-  absl::StatusOr<std::string> bytes = ReadBytes(path);
+absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit,
+                                      const StopCheck& stop) {
+  absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxPartFileBytes);
   if (!bytes.ok()) return bytes.status();
-  return Load(*bytes, FormatOf(path), unit, path, path);
+  return Load(*bytes, FormatOf(path), unit, path, path, stop);
 }
 
 absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const std::string& format,
-                                                const std::string& unit, const std::string& name) {
-  return Load(bytes, format, unit, name, "");
+                                                const std::string& unit, const std::string& name,
+                                                const StopCheck& stop) {
+  return Load(bytes, format, unit, name, "", stop);
 }
 
 absl::StatusOr<PointCloud> LoadPoints(const std::string& path) {
-  absl::StatusOr<std::string> bytes = ReadBytes(path);
+  absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxPartFileBytes);
   if (!bytes.ok()) return bytes.status();
-  absl::StatusOr<RawMesh> raw = ReadPly(*bytes);
+  absl::StatusOr<RawMesh> raw = ReadPly(*bytes, {});
   if (!raw.ok()) {
     return absl::Status(raw.status().code(), absl::StrCat(path, ": ", raw.status().message()));
   }

@@ -6,6 +6,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/job/stop_check.h"
 #include "core/part/mesh.h"
 
 namespace sightline {
@@ -16,8 +17,11 @@ namespace sightline {
 // rounding of float coordinates (2^-22 of the largest one) are welded, unused ones left out;
 // triangles stay as they are. INVALID_ARGUMENT names file and reason: truncated, NaN, no triangles,
 // unsupported feature, unknown unit, implausible size (largest extent below 1 mm or above 10 m:
-// "looks like millimetres read as metres"). NOT_FOUND: no such file.
-absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit);
+// "looks like millimetres read as metres"), a file that is none (a pipe), a buffer of a glTF file
+// outside its folder, faces that take too long to cut into triangles. RESOURCE_EXHAUSTED: more JSON
+// in a glTF file than docs/limits.md allows. NOT_FOUND: no such file. `stop` ends the work early.
+absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit,
+                                      const StopCheck& stop = {});
 
 // Checks a unit alone: known, and given if the name's extension is that of a format without units.
 // INVALID_ARGUMENT otherwise; the message starts with "is ...".
@@ -25,7 +29,8 @@ absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit
 
 // The same from memory; `format` is "glb", "stl", "ply" or "obj"; `name` is for messages.
 absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const std::string& format,
-                                                const std::string& unit, const std::string& name);
+                                                const std::string& unit, const std::string& name,
+                                                const StopCheck& stop = {});
 
 // Points as a scanner delivers them.
 struct PointCloud {

@@ -9,13 +9,14 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
-#include <span>
 #include <string>
 #include <string_view>
+#include <unordered_map>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/job/stop_check.h"
 
 namespace sightline {
 
@@ -32,22 +33,33 @@ struct RawMesh {
 
   // Gives all triangles added since the last call this material; "" for none.
   void SetMaterialOfNewTriangles(const std::string& name);
+
+ private:
+  std::unordered_map<std::string, uint16_t> material_of_name_;
 };
 
+// A larger file is refused; of glTF, all its buffers together.
+inline constexpr uint64_t kMaxPartFileBytes = uint64_t{2} << 30;
 // A mesh above this many triangles is refused.
 inline constexpr size_t kMaxTriangles = 20'000'000;
 
-// Messages of the returned errors are the reason only, without the file's name.
-absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes);
-// `bytes` are the JSON of the file at `path`, whose folder external buffers are read from.
-absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path);
-absl::StatusOr<RawMesh> ReadStl(std::string_view bytes);
-absl::StatusOr<RawMesh> ReadPly(std::string_view bytes);
-absl::StatusOr<RawMesh> ReadObj(std::string_view bytes);
+// Of glTF, the description of its parts: bytes of JSON, and values in it. Parsed, a value takes
+// some 200 bytes, whatever it says.
+inline constexpr size_t kMaxGltfJsonBytes = size_t{64} << 20;
+inline constexpr size_t kMaxGltfJsonValues = 2'000'000;
 
-// Adds the triangles of a planar polygon given by indices into mesh->positions: a fan if it is
-// convex, otherwise by cutting off ears. Fewer than 3 corners add nothing.
-void AddPolygon(std::span<const uint32_t> corners, RawMesh* mesh);
+// Steps of a reader's loop between two looks at its StopCheck: some milliseconds.
+inline constexpr size_t kStepsPerStopCheck = 1 << 16;
+
+// Messages of the returned errors are the reason only, without the file's name; INVALID_ARGUMENT,
+// or RESOURCE_EXHAUSTED for more JSON than the limits above, or what `stop` says.
+absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes, const StopCheck& stop);
+// `bytes` are the JSON of the file at `path`, whose folder external buffers are read from.
+absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path,
+                                     const StopCheck& stop);
+absl::StatusOr<RawMesh> ReadStl(std::string_view bytes, const StopCheck& stop);
+absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop);
+absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop);
 
 // Reads words of a text, separated by white space; knows the line for messages.
 class TextScanner {

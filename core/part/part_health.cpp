@@ -3,39 +3,23 @@
 #include <algorithm>
 #include <cmath>
 #include <cstddef>
-#include <numeric>
 #include <tuple>
 
 #include "absl/strings/str_cat.h"
+#include "core/part/disjoint_sets.h"
 
 namespace sightline {
 namespace {
+
+// Looks at components and triangles to find out which component lies in which: some seconds. Parts
+// have few components; a file made for it could have a million, one in the other.
+constexpr int64_t kMostNestingSteps = 300'000'000;
 
 // One side of a triangle; `from < to` after ordering, `forward` says whether it was so before.
 struct HalfEdge {
   uint32_t low, high;
   uint32_t triangle;
   bool forward;
-};
-
-class DisjointSets {
- public:
-  explicit DisjointSets(size_t count) : parent_(count) {
-    std::iota(parent_.begin(), parent_.end(), 0u);
-  }
-  uint32_t Find(uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  // The smaller index stays the root: component numbers do not depend on the order of edges.
-  void Join(uint32_t a, uint32_t b) {
-    a = Find(a);
-    b = Find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<uint32_t> parent_;
 };
 
 struct Component {
@@ -178,6 +162,38 @@ PartHealth CheckPartHealth(const TriangleMesh& mesh) {
   }
   health.component_count = static_cast<int64_t>(components.size());
 
+  // In how many closed components each of them lies. Along x, these begin no later than it.
+  std::vector<uint32_t> by_begin;
+  for (uint32_t i = 0; i < components.size(); ++i) {
+    if (components[i].closed) by_begin.push_back(i);
+  }
+  std::sort(by_begin.begin(), by_begin.end(), [&](uint32_t a, uint32_t b) {
+    return std::tuple(components[a].box.min().x(), a) < std::tuple(components[b].box.min().x(), b);
+  });
+  std::vector<int> depth(components.size(), 0);
+  int64_t nesting_steps = 0;
+  const auto look = [&](uint32_t inner, uint32_t outer) {
+    const Component& component = components[inner];
+    if (!components[outer].box.contains(component.box)) return;
+    if (!component.consistent || component.volume_m3 == 0) return;
+    nesting_steps += static_cast<int64_t>(components[outer].triangles.size());
+    // Any point of its surface does: closed components either enclose all of it or none.
+    depth[inner] += Inside(mesh, components[outer], mesh.Corner(component.triangles.front(), 0));
+  };
+  std::vector<uint32_t> around;  // have begun and not ended
+  for (const uint32_t i : by_begin) {
+    const Eigen::AlignedBox3d& box = components[i].box;
+    if (nesting_steps > kMostNestingSteps) break;
+    nesting_steps += static_cast<int64_t>(around.size());
+    std::erase_if(around, [&](uint32_t j) { return components[j].box.max().x() < box.min().x(); });
+    for (const uint32_t j : around) {
+      if (nesting_steps > kMostNestingSteps) break;
+      look(i, j);
+      look(j, i);  // boxes that begin at the same place
+    }
+    around.push_back(i);
+  }
+
   int64_t open_components = 0, enclosed_components = 0;
   for (size_t i = 0; i < components.size(); ++i) {
     const Component& component = components[i];
@@ -186,16 +202,10 @@ PartHealth CheckPartHealth(const TriangleMesh& mesh) {
       continue;
     }
     if (!component.consistent || component.volume_m3 == 0) continue;
-    // Any point of its surface does: closed components either enclose all of it or none.
-    const Eigen::Vector3d point = mesh.Corner(component.triangles.front(), 0);
-    int depth = 0;
-    for (size_t j = 0; j < components.size(); ++j) {
-      if (j == i || !components[j].closed || !components[j].box.contains(component.box)) continue;
-      depth += Inside(mesh, components[j], point);
-    }
+    if (nesting_steps > kMostNestingSteps) continue;
     const bool outward = component.volume_m3 > 0;
-    enclosed_components += depth > 0;
-    health.flipped_component_count += outward != (depth % 2 == 0);
+    enclosed_components += depth[i] > 0;
+    health.flipped_component_count += outward != (depth[i] % 2 == 0);
   }
 
   std::vector<std::string>& findings = health.findings;
@@ -246,6 +256,11 @@ PartHealth CheckPartHealth(const TriangleMesh& mesh) {
         Count(enclosed_components, "closed component lies", "closed components lie"),
         " wholly inside another one (closed inner cavities or parts): no camera sees them, their "
         "targets count as not measurable."));
+  }
+  if (nesting_steps > kMostNestingSteps) {
+    findings.push_back(absl::StrCat(
+        "The part has ", health.component_count,
+        " components, too many within each other to find out which are inside out or enclosed."));
   }
   return health;
 }

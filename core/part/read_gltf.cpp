@@ -6,13 +6,16 @@
 #include <algorithm>
 #include <cstring>
 #include <filesystem>
+#include <new>
 #include <nlohmann/json.hpp>
 #include <utility>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/strip.h"
+#include "core/file/read_file.h"
 #include "core/part/mesh_readers.h"
 
 namespace sightline {
@@ -23,27 +26,115 @@ constexpr int kMaxJsonDepth = 64;
 
 absl::Status Refuse(const std::string& reason) { return absl::InvalidArgumentError(reason); }
 
-// What has to be known before tinygltf may see the JSON.
-absl::Status CheckJson(std::string_view json, bool binary) {
-  bool too_deep = false;
-  const auto callback = [&](int depth, nlohmann::json::parse_event_t, nlohmann::json&) {
-    if (depth > kMaxJsonDepth) too_deep = true;
-    return depth <= kMaxJsonDepth;  // deeper values are dropped unread
-  };
-  const nlohmann::json root = nlohmann::json::parse(json.begin(), json.end(), callback, false);
-  if (too_deep) return Refuse(absl::StrCat("its JSON is nested deeper than ", kMaxJsonDepth));
+// Counts the values of a JSON text without keeping them.
+class JsonMeasure : public nlohmann::json_sax<nlohmann::json> {
+ public:
+  bool too_deep = false, too_many = false;
+
+  bool null() override { return Count(); }
+  bool boolean(bool) override { return Count(); }
+  bool number_integer(number_integer_t) override { return Count(); }
+  bool number_unsigned(number_unsigned_t) override { return Count(); }
+  bool number_float(number_float_t, const string_t&) override { return Count(); }
+  bool string(string_t&) override { return Count(); }
+  bool binary(binary_t&) override { return Count(); }
+  bool key(string_t&) override { return true; }
+  bool start_object(size_t) override { return Open(); }
+  bool start_array(size_t) override { return Open(); }
+  bool end_object() override { return Close(); }
+  bool end_array() override { return Close(); }
+  bool parse_error(size_t, const std::string&, const nlohmann::detail::exception&) override {
+    return false;
+  }
+
+ private:
+  bool Count() {
+    too_many = ++values_ > kMaxGltfJsonValues;
+    return !too_many;
+  }
+  bool Open() {
+    too_deep = ++depth_ > kMaxJsonDepth;
+    return !too_deep && Count();
+  }
+  bool Close() {
+    --depth_;
+    return true;
+  }
+
+  size_t values_ = 0;
+  int depth_ = 0;
+};
+
+// Percent-encoding as tinygltf decodes it.
+std::string DecodedUri(std::string_view uri) {
+  std::string decoded;
+  for (size_t i = 0; i < uri.size(); ++i) {
+    const auto digit = [&](size_t at) -> int {
+      if (at >= uri.size()) return -1;
+      const char c = absl::ascii_tolower(static_cast<unsigned char>(uri[at]));
+      return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
+    };
+    if (uri[i] == '%' && digit(i + 1) >= 0 && digit(i + 2) >= 0) {
+      decoded += static_cast<char>(16 * digit(i + 1) + digit(i + 2));
+      i += 2;
+    } else {
+      decoded += uri[i];
+    }
+  }
+  return decoded;
+}
+
+// Whether a file named in a glTF file is beside it or below, as far as names tell.
+bool StaysInFolder(const std::string& file) {
+  const std::filesystem::path path = file;
+  return !path.is_absolute() && file.find('\\') == std::string::npos &&
+         file.find('\0') == std::string::npos && !absl::StrContains(file, "://") &&
+         std::none_of(path.begin(), path.end(),
+                      [](const std::filesystem::path& step) { return step == ".."; });
+}
+
+// What has to be known before tinygltf may see the JSON. `buffer_files`: where to put the names of
+// the files that buffers are in; nullptr for a GLB, which has them in itself.
+absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_files) {
+  if (json.size() > kMaxGltfJsonBytes) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("its JSON has ", json.size() >> 20, " MiB, at most ", kMaxGltfJsonBytes >> 20,
+                     " MiB can be read: geometry belongs into buffers, not into extras"));
+  }
+  JsonMeasure measure;
+  const bool parsed = nlohmann::json::sax_parse(json.begin(), json.end(), &measure);
+  if (measure.too_deep) {
+    return Refuse(absl::StrCat("its JSON is nested deeper than ", kMaxJsonDepth));
+  }
+  if (measure.too_many) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("its JSON has more than the ", kMaxGltfJsonValues,
+                     " values that can be read: geometry belongs into buffers, not into extras"));
+  }
+  const nlohmann::json root = parsed
+                                  ? nlohmann::json::parse(json.begin(), json.end(), nullptr, false)
+                                  : nlohmann::json(nlohmann::json::value_t::discarded);
   if (root.is_discarded() || !root.is_object()) {
     return Refuse("truncated or damaged: its JSON does not parse");
   }
   // Only the first buffer may be the GLB's own; each further one would copy it once more.
+  const bool binary = buffer_files == nullptr;
   const auto buffers = root.find("buffers");
-  if (buffers != root.end() && buffers->is_array()) {
-    for (size_t i = 0; i < buffers->size(); ++i) {
-      const nlohmann::json& buffer = (*buffers)[i];
-      const bool has_uri = buffer.is_object() && buffer.contains("uri");
-      if (!has_uri && (!binary || i > 0))
-        return Refuse(absl::StrCat("buffers[", i, "] has no uri"));
+  if (buffers == root.end() || !buffers->is_array()) return absl::OkStatus();
+  for (size_t i = 0; i < buffers->size(); ++i) {
+    const nlohmann::json& buffer = (*buffers)[i];
+    const auto uri = buffer.is_object() ? buffer.find("uri") : buffer.end();
+    const bool has_uri = buffer.is_object() && uri != buffer.end();
+    if (!has_uri && (!binary || i > 0)) return Refuse(absl::StrCat("buffers[", i, "] has no uri"));
+    if (!has_uri || binary || !uri->is_string()) continue;
+    const std::string& text = uri->get_ref<const std::string&>();
+    if (absl::StartsWith(text, "data:")) continue;
+    const std::string file = DecodedUri(text);
+    if (file.empty() || !StaysInFolder(file)) {
+      return Refuse(absl::StrCat("buffers[", i, "].uri is \"", Excerpt(text),
+                                 "\", must name a file in the folder of the part or below it"));
     }
+    buffer_files->push_back(file);
   }
   return absl::OkStatus();
 }
@@ -64,6 +155,37 @@ bool WriteNoFile(std::string*, const std::string&, const std::vector<unsigned ch
   return false;
 }
 
+// The buffers of a .gltf file: the files it names in its folder, and no others. tinygltf would also
+// look in the working folder, and load pictures.
+struct BufferFiles {
+  std::string folder;
+  std::vector<std::string> names;
+  // Buffers may share a file, and each gets its copy.
+  uint64_t bytes_left = kMaxPartFileBytes;
+
+  bool Has(const std::string& path) const {
+    return std::any_of(names.begin(), names.end(), [&](const std::string& name) {
+      return std::filesystem::path(path) == std::filesystem::path(folder) / name;
+    });
+  }
+};
+
+bool IsBufferFile(const std::string& path, void* files) {
+  return static_cast<const BufferFiles*>(files)->Has(path);
+}
+bool ReadBufferFile(std::vector<unsigned char>* bytes, std::string* error, const std::string& path,
+                    void* context) {
+  auto& files = *static_cast<BufferFiles*>(context);
+  const absl::StatusOr<std::string> read = ReadRegularFile(path, files.bytes_left);
+  if (!read.ok()) {
+    if (error != nullptr) absl::StrAppend(error, read.status().message());
+    return false;
+  }
+  files.bytes_left -= read->size();
+  bytes->assign(read->begin(), read->end());
+  return true;
+}
+
 // One line, whatever tinygltf wrote.
 std::string OneLine(std::string text) {
   text.resize(std::min<size_t>(text.size(), 400));
@@ -73,7 +195,7 @@ std::string OneLine(std::string text) {
 
 class Converter {
  public:
-  explicit Converter(const tinygltf::Model& model) : model_(model) {}
+  Converter(const tinygltf::Model& model, const StopCheck& stop) : model_(model), stop_(stop) {}
 
   absl::StatusOr<RawMesh> Convert() {
     if (absl::Status status = CheckExtensions(); !status.ok()) return status;
@@ -241,6 +363,7 @@ class Converter {
 
   absl::Status AddPrimitive(const tinygltf::Primitive& primitive, const std::string& name,
                             const Eigen::Affine3d& transform) {
+    if (absl::Status status = CheckStop(stop_); !status.ok()) return status;
     const int mode = primitive.mode == -1 ? TINYGLTF_MODE_TRIANGLES : primitive.mode;
     if (mode != TINYGLTF_MODE_TRIANGLES && mode != TINYGLTF_MODE_TRIANGLE_STRIP &&
         mode != TINYGLTF_MODE_TRIANGLE_FAN) {
@@ -350,6 +473,7 @@ class Converter {
   }
 
   const tinygltf::Model& model_;
+  const StopCheck& stop_;
   std::vector<bool> visited_;
   RawMesh mesh_;
   size_t skipped_primitives_ = 0;
@@ -357,7 +481,8 @@ class Converter {
 
 // `load` calls tinygltf.
 template <typename Load>
-absl::StatusOr<RawMesh> LoadModel(tinygltf::TinyGLTF& loader, Load load) {
+absl::StatusOr<RawMesh> LoadModel(tinygltf::TinyGLTF& loader, const StopCheck& stop, Load load) {
+  if (absl::Status status = CheckStop(stop); !status.ok()) return status;
   loader.SetImageLoader(IgnoreImage, nullptr);
   tinygltf::Model model;
   std::string error, warning;
@@ -365,15 +490,17 @@ absl::StatusOr<RawMesh> LoadModel(tinygltf::TinyGLTF& loader, Load load) {
     if (!load(&model, &error, &warning)) {
       return Refuse(absl::StrCat("cannot be parsed: ", OneLine(error)));
     }
+  } catch (const std::bad_alloc&) {
+    throw;  // not the file's fault: whoever asked says so
   } catch (const std::exception& e) {
     return Refuse(absl::StrCat("cannot be parsed: ", OneLine(e.what())));
   }
-  return Converter(model).Convert();
+  return Converter(model, stop).Convert();
 }
 
 }  // namespace
 
-absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes) {
+absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes, const StopCheck& stop) {
   if (bytes.size() < 20 || bytes.substr(0, 4) != "glTF") {
     return Refuse("is no GLB file or is truncated in its header");
   }
@@ -386,26 +513,31 @@ absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes) {
   if (word(8) > bytes.size() || word(12) > bytes.size() - 20) {
     return Refuse(absl::StrCat("truncated: claims ", word(8), " bytes, has ", bytes.size()));
   }
-  if (absl::Status status = CheckJson(bytes.substr(20, word(12)), true); !status.ok()) {
+  if (absl::Status status = CheckJson(bytes.substr(20, word(12)), nullptr); !status.ok()) {
     return status;
   }
   tinygltf::TinyGLTF loader;
   loader.SetFsCallbacks({NoSuchFile, SamePath, ReadNoFile, WriteNoFile, nullptr});
-  return LoadModel(loader, [&](tinygltf::Model* model, std::string* error, std::string* warning) {
+  const auto load = [&](tinygltf::Model* model, std::string* error, std::string* warning) {
     return loader.LoadBinaryFromMemory(model, error, warning,
                                        reinterpret_cast<const unsigned char*>(bytes.data()),
                                        static_cast<unsigned int>(bytes.size()));
-  });
+  };
+  return LoadModel(loader, stop, load);
 }
 
-absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path) {
-  if (absl::Status status = CheckJson(bytes, false); !status.ok()) return status;
+absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path,
+                                     const StopCheck& stop) {
+  BufferFiles files;
+  files.folder = std::filesystem::path(path).parent_path().string();
+  if (absl::Status status = CheckJson(bytes, &files.names); !status.ok()) return status;
   tinygltf::TinyGLTF loader;
-  return LoadModel(loader, [&](tinygltf::Model* model, std::string* error, std::string* warning) {
+  loader.SetFsCallbacks({IsBufferFile, SamePath, ReadBufferFile, WriteNoFile, &files});
+  const auto load = [&](tinygltf::Model* model, std::string* error, std::string* warning) {
     return loader.LoadASCIIFromString(model, error, warning, bytes.data(),
-                                      static_cast<unsigned int>(bytes.size()),
-                                      std::filesystem::path(path).parent_path().string());
-  });
+                                      static_cast<unsigned int>(bytes.size()), files.folder);
+  };
+  return LoadModel(loader, stop, load);
 }
 
 }  // namespace sightline

@@ -5,16 +5,18 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/part/mesh_readers.h"
+#include "core/part/polygon.h"
 
 namespace sightline {
 
-absl::StatusOr<RawMesh> ReadObj(std::string_view bytes) {
+absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop) {
   static constexpr std::array<std::string_view, 17> kIgnored = {
       "vn", "vt",     "vp",     "o",     "g",        "s",        "mg",  "mtllib",    "l",
       "p",  "usemap", "maplib", "bevel", "c_interp", "d_interp", "lod", "shadow_obj"};
   static constexpr std::array<std::string_view, 5> kFreeForm = {"cstype", "deg", "curv", "curv2",
                                                                 "surf"};
   RawMesh mesh;
+  PolygonCutter cutter(stop);
   TextScanner scanner(bytes);
   std::vector<uint32_t> corners;
   std::string material;
@@ -31,6 +33,9 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes) {
     return word;
   };
   do {
+    if (scanner.line() % kStepsPerStopCheck == 0) {
+      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+    }
     const std::string_view keyword = scanner.WordInLine();
     if (keyword.empty() || keyword[0] == '#') continue;
     if (keyword == "v") {
@@ -61,7 +66,9 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes) {
         corners.push_back(static_cast<uint32_t>(resolved));
       }
       if (corners.size() < 3) return error("truncated: a face needs at least 3 vertices");
-      AddPolygon(corners, &mesh);
+      if (absl::Status status = cutter.Add(corners, &mesh); !status.ok()) {
+        return absl::IsInvalidArgument(status) ? error(std::string(status.message())) : status;
+      }
       if (mesh.triangles.size() > kMaxTriangles) return error("too many triangles");
     } else if (keyword == "usemtl") {
       mesh.SetMaterialOfNewTriangles(material);

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/part/mesh_readers.h"
+#include "core/part/polygon.h"
 
 namespace sightline {
 namespace {
@@ -113,7 +114,7 @@ class Body {
 
 }  // namespace
 
-absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
+absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
   TextScanner header(bytes);
   const auto header_error = [&](const std::string& reason) {
     return absl::InvalidArgumentError(absl::StrCat("line ", header.line(), ": ", reason));
@@ -168,6 +169,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
 
   Body body(bytes.substr(header.position()), *encoding);
   RawMesh mesh;
+  PolygonCutter cutter(stop);
   std::vector<double> indices;
   std::vector<uint32_t> corners;
   bool vertices_read = false;
@@ -216,6 +218,9 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
     }
     if (element.count > body.Left()) return truncated(0);
     for (uint64_t i = 0; i < element.count; ++i) {
+      if (i % kStepsPerStopCheck == 0) {
+        if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+      }
       Eigen::Vector3d position = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
       for (size_t k = 0; k < element.properties.size(); ++k) {
         const Property& property = element.properties[k];
@@ -251,7 +256,10 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes) {
           }
           corners.push_back(static_cast<uint32_t>(index));
         }
-        AddPolygon(corners, &mesh);
+        if (absl::Status status = cutter.Add(corners, &mesh); !status.ok()) {
+          if (!absl::IsInvalidArgument(status)) return status;
+          return absl::InvalidArgumentError(absl::StrCat("face ", i, ": ", status.message()));
+        }
         if (mesh.triangles.size() > kMaxTriangles) {
           return absl::InvalidArgumentError("has too many triangles");
         }

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/part/mesh_readers.h"
+#include "core/part/polygon.h"
 
 namespace sightline {
 namespace {
@@ -25,11 +26,14 @@ float LittleEndianFloat(std::string_view bytes, size_t at) {
   return value;
 }
 
-RawMesh ReadFacets(std::string_view bytes, size_t count) {
+absl::StatusOr<RawMesh> ReadFacets(std::string_view bytes, size_t count, const StopCheck& stop) {
   RawMesh mesh;
   mesh.positions.reserve(3 * count);
   mesh.triangles.reserve(count);
   for (size_t t = 0; t < count; ++t) {
+    if (t % kStepsPerStopCheck == 0) {
+      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+    }
     const size_t at = kHeader + kFacet * t + 12;
     for (size_t corner = 0; corner < 3; ++corner) {
       mesh.positions.emplace_back(LittleEndianFloat(bytes, at + 12 * corner),
@@ -48,8 +52,10 @@ std::string Lower(std::string_view word) {
   return lower;
 }
 
-absl::StatusOr<RawMesh> ReadAscii(std::string_view bytes) {
+absl::StatusOr<RawMesh> ReadAscii(std::string_view bytes, const StopCheck& stop) {
   RawMesh mesh;
+  PolygonCutter cutter(stop);
+  size_t words = 0;
   TextScanner scanner(bytes);
   std::vector<uint32_t> loop;
   bool in_solid = false, in_loop = false;
@@ -59,6 +65,9 @@ absl::StatusOr<RawMesh> ReadAscii(std::string_view bytes) {
   while (true) {
     const std::string word = Lower(scanner.Word());
     if (word.empty()) break;
+    if (++words % kStepsPerStopCheck == 0) {
+      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+    }
     if (word == "solid") {
       if (in_solid) return error("\"solid\" inside a solid");
       in_solid = true;
@@ -88,7 +97,9 @@ absl::StatusOr<RawMesh> ReadAscii(std::string_view bytes) {
       mesh.positions.push_back(position);
     } else if (word == "endloop") {
       if (!in_loop || loop.size() < 3) return error("a loop needs at least 3 vertices");
-      AddPolygon(loop, &mesh);
+      if (absl::Status status = cutter.Add(loop, &mesh); !status.ok()) {
+        return absl::IsInvalidArgument(status) ? error(std::string(status.message())) : status;
+      }
       if (mesh.triangles.size() > kMaxTriangles) return error("too many triangles");
       in_loop = false;
     } else if (word == "endfacet") {
@@ -103,7 +114,7 @@ absl::StatusOr<RawMesh> ReadAscii(std::string_view bytes) {
 
 }  // namespace
 
-absl::StatusOr<RawMesh> ReadStl(std::string_view bytes) {
+absl::StatusOr<RawMesh> ReadStl(std::string_view bytes, const StopCheck& stop) {
   // Many binary files start with "solid" too: a length that fits the binary form decides first.
   if (bytes.size() >= kHeader) {
     const uint64_t count = LittleEndian32(bytes, 80);
@@ -117,7 +128,7 @@ absl::StatusOr<RawMesh> ReadStl(std::string_view bytes) {
         return absl::InvalidArgumentError(
             absl::StrCat("has ", count, " triangles, at most ", kMaxTriangles, " can be read"));
       }
-      return ReadFacets(bytes, count);
+      return ReadFacets(bytes, count, stop);
     }
   }
   // Text has no zero byte; a binary header or float nearly always has one.
@@ -125,7 +136,7 @@ absl::StatusOr<RawMesh> ReadStl(std::string_view bytes) {
   while (start < bytes.size() && std::isspace(static_cast<unsigned char>(bytes[start]))) ++start;
   const bool text =
       Lower(bytes.substr(start, 5)) == "solid" && bytes.find('\0') == std::string_view::npos;
-  if (text) return ReadAscii(bytes);
+  if (text) return ReadAscii(bytes, stop);
   if (bytes.size() < kHeader) {
     return absl::InvalidArgumentError(
         absl::StrCat("is no STL file: ", bytes.size(), " bytes, no \"solid\" at the start"));

@@ -113,4 +113,9 @@ void ProcessFolder::Remove() {
   close(lock_fd_);
 }
 
+std::string TemporaryBase() {
+  const char* given = std::getenv("TMPDIR");
+  return given != nullptr && *given != '\0' ? given : "/tmp";
+}
+
 }  // namespace sightline

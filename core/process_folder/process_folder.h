@@ -33,4 +33,7 @@ class ProcessFolder {
   int lock_fd_ = -1;
 };
 
+// TMPDIR of the environment, else /tmp.
+std::string TemporaryBase();
+
 }  // namespace sightline

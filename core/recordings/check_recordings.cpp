@@ -187,27 +187,24 @@ bool SameOptics(const RecordedImage& a, const RecordedImage& b) {
 
 class Check {
  public:
-  Check(const RecordingSet& set, const std::vector<Image<uint16_t>>& raw_dn)
-      : set_(set), raw_(raw_dn), count_(static_cast<int>(set.recordings.size())) {
+  Check(const RecordingSet& set, const std::vector<Image<uint16_t>>& raw_dn, const StopCheck& stop)
+      : set_(set), raw_(raw_dn), stop_(stop), count_(static_cast<int>(set.recordings.size())) {
     result_.recordings.resize(set.recordings.size());
   }
 
   RecordingCheck Run() {
-    CollectNumbers();
-    CheckNumbers();
-    CheckBlankAndClipped();
-    CheckDuplicates();
-    CheckBlocks();
+    std::vector<void (Check::*)()> steps = {&Check::CollectNumbers, &Check::CheckNumbers,
+                                            &Check::CheckBlankAndClipped, &Check::CheckDuplicates,
+                                            &Check::CheckBlocks};
     if (set_.format_version == 1) {
-      FindLines();
-      CheckLight();
-      CheckBrightness();
-      CheckPlace();
-      CheckColours();
-      CheckDarkFrames();
-      CheckLinearity();
-      CheckSpeckle();
-      CheckContents();
+      steps.insert(steps.end(),
+                   {&Check::FindLines, &Check::CheckLight, &Check::CheckBrightness,
+                    &Check::CheckPlace, &Check::CheckColours, &Check::CheckDarkFrames,
+                    &Check::CheckLinearity, &Check::CheckSpeckle, &Check::CheckContents});
+    }
+    for (const auto step : steps) {
+      if (!CheckStop(stop_).ok()) return {};
+      (this->*step)();
     }
     Report();
     return std::move(result_);
@@ -230,11 +227,11 @@ class Check {
   // Findings with the same reason become one.
   void Find(Severity severity, const std::string& reason, const std::string& remark,
             std::vector<int> recordings) {
-    for (Finding& finding : findings_) {
-      if (finding.reason == reason && finding.severity == severity) {
-        finding.recordings.insert(finding.recordings.end(), recordings.begin(), recordings.end());
-        return;
-      }
+    const auto [known, is_new] = finding_of_.try_emplace({severity, reason}, findings_.size());
+    if (!is_new) {
+      std::vector<int>& same = findings_[known->second].recordings;
+      same.insert(same.end(), recordings.begin(), recordings.end());
+      return;
     }
     findings_.push_back({severity, reason, remark, std::move(recordings)});
   }
@@ -267,9 +264,8 @@ class Check {
     all_ = Histogram(65536);
     largest_seen_ = 0;
     for (int i = 0; i < count_; ++i) {
-      histograms_.push_back(CountValues(raw_[i]));
       if (!Has(i)) continue;
-      const Histogram& counts = histograms_[i];
+      const Histogram counts = CountValues(raw_[i]);
       RecordingState& state = result_.recordings[i];
       double sum = 0;
       int64_t saturated = 0;
@@ -285,6 +281,15 @@ class Check {
       state.saturated_fraction = static_cast<double>(saturated) / pixels;
       largest_seen_ = std::max(largest_seen_, static_cast<int>(state.largest_dn));
     }
+  }
+
+  // Half of an image's pixels are at or below it.
+  int MedianValue(int i) const {
+    const Histogram counts = CountValues(raw_[i]);
+    int64_t below = 0;
+    int value = 0;
+    while (2 * (below += counts[value]) < static_cast<int64_t>(raw_[i].values.size())) ++value;
+    return value;
   }
 
   // Nominal mean of a dark pixel at zero exposure time.
@@ -304,12 +309,7 @@ class Check {
       if (IsDark(i)) {
         dark.push_back(result_.recordings[i].mean_dn);
       } else {
-        int64_t below = 0;
-        int value = 0;
-        while (2 * (below += histograms_[i][value]) < static_cast<int64_t>(raw_[i].values.size())) {
-          ++value;
-        }
-        other.push_back(value);
+        other.push_back(MedianValue(i));
       }
     }
     return dark.empty() ? Median(other) : Median(dark);
@@ -319,7 +319,7 @@ class Check {
     const int bits = set_.camera.bit_depth_bit;
     for (int i = 0; i < count_; ++i) {
       if (!Has(i) || result_.recordings[i].largest_dn <= Largest()) continue;
-      const int step = CommonPowerOfTwo(histograms_[i]);
+      const int step = CommonPowerOfTwo(CountValues(raw_[i]));
       std::string reason =
           absl::StrCat("has values above 2^camera.bit_depth_bit - 1 = ", Largest());
       if (step > 1) {
@@ -384,7 +384,7 @@ class Check {
     }
     // Some images only.
     for (int i = 0; i < count_; ++i) {
-      if (!Has(i) || MissingValueShare(histograms_[i], Largest()) <= kComb) continue;
+      if (!Has(i) || MissingValueShare(CountValues(raw_[i]), Largest()) <= kComb) continue;
       Error(
           "most of the values in between never occur, unlike in the other images: stretched from "
           "fewer values (8-bit data such as JPEG, a contrast curve); record raw numbers",
@@ -396,7 +396,7 @@ class Check {
     for (int i = 0; i < count_; ++i) {
       if (!Has(i)) continue;
       const RecordingState& state = result_.recordings[i];
-      const Histogram& counts = histograms_[i];
+      const Histogram counts = CountValues(raw_[i]);
       const bool blank = counts[static_cast<size_t>(state.largest_dn)] ==
                          static_cast<int64_t>(raw_[i].values.size());
       // A quiet sensor's dark frame may well be nothing but zeros.
@@ -421,7 +421,7 @@ class Check {
       if (!Has(i) || blank_.count(i) > 0) continue;
       const RecordingState& state = result_.recordings[i];
       // Two dark frames of a quiet sensor with few values can be equal by chance.
-      if (histograms_[i][static_cast<size_t>(std::lround(state.mean_dn))] >
+      if (CountValues(raw_[i])[static_cast<size_t>(std::lround(state.mean_dn))] >
           static_cast<int64_t>(raw_[i].values.size()) * 99 / 100) {
         continue;
       }
@@ -653,8 +653,9 @@ class Check {
     for (int i = 0; i < count_; ++i) {
       if (!Has(i) || !IsDark(i) || blank_.count(i) > 0) continue;
       frames.push_back(i);
-      const double zeros =
-          static_cast<double>(histograms_[i][0]) / static_cast<double>(raw_[i].values.size());
+      const std::vector<uint16_t>& values = raw_[i].values;
+      const double zeros = static_cast<double>(std::count(values.begin(), values.end(), 0)) /
+                           static_cast<double>(values.size());
       if (zeros > 0.2 && NominalDark() > 3 * NominalDarkNoise()) {
         Warning(
             "many dark pixels are 0 although camera.dark_mean_electrons keeps them above it: "
@@ -690,11 +691,7 @@ class Check {
     for (const int i : frames) darkest = std::min(darkest, result_.recordings[i].mean_dn);
     for (int i = 0; i < count_; ++i) {
       if (!Has(i) || !IsLaser(i) || blank_.count(i) > 0) continue;
-      int64_t below = 0;
-      int value = 0;
-      while (2 * (below += histograms_[i][value]) < static_cast<int64_t>(raw_[i].values.size())) {
-        ++value;
-      }
+      const int value = MedianValue(i);
       if (value < darkest - 3 * NominalDarkNoise() - 1) {
         Warning(absl::StrFormat("half of its pixels are at or below %d DN, darker than the dark "
                                 "frames: another sensor, or another black level",
@@ -819,10 +816,11 @@ class Check {
 
   const RecordingSet& set_;
   const std::vector<Image<uint16_t>>& raw_;
+  const StopCheck& stop_;
   const int count_;
   RecordingCheck result_;
   std::vector<Finding> findings_;
-  std::vector<Histogram> histograms_;
+  std::map<std::pair<Severity, std::string>, size_t> finding_of_;
   Histogram all_;
   int largest_seen_ = 0;
   bool out_of_range_ = false, narrow_ = false;
@@ -834,9 +832,9 @@ class Check {
 
 }  // namespace
 
-RecordingCheck CheckRecordings(const RecordingSet& set,
-                               const std::vector<Image<uint16_t>>& raw_dn) {
-  return Check(set, raw_dn).Run();
+RecordingCheck CheckRecordings(const RecordingSet& set, const std::vector<Image<uint16_t>>& raw_dn,
+                               const StopCheck& stop) {
+  return Check(set, raw_dn, stop).Run();
 }
 
 NarrowNumbers EightBitNumbers(const Sensor& camera) {

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "core/image/image.h"
+#include "core/job/stop_check.h"
 #include "core/recordings/recordings.h"
 
 namespace sightline {
@@ -38,8 +39,9 @@ struct RecordingCheck {
 
 // `raw_dn`: one image for every recording; an empty one could not be read and is passed over.
 // Physical effects (a bent response, glare, drift, stuck bits, ...) are no bad input: at most
-// warnings.
-RecordingCheck CheckRecordings(const RecordingSet& set, const std::vector<Image<uint16_t>>& raw_dn);
+// warnings. When `stop` says so it ends early with nothing.
+RecordingCheck CheckRecordings(const RecordingSet& set, const std::vector<Image<uint16_t>>& raw_dn,
+                               const StopCheck& stop = {});
 
 // Files of 8 bits from a camera that has more: its upper bits.
 NarrowNumbers EightBitNumbers(const Sensor& camera);

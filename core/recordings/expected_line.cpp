@@ -1,6 +1,7 @@
 #include "core/recordings/expected_line.h"
 
 #include <algorithm>
+#include <boost/math/special_functions/sinc.hpp>
 #include <cmath>
 #include <numbers>
 
@@ -10,8 +11,6 @@ namespace sightline {
 namespace {
 
 using std::numbers::pi;
-
-double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(pi * x) / (pi * x); }
 
 // Transfer function of a uniform disc of diameter d at frequency q.
 double DiscTransfer(double q, double diameter) {
@@ -83,8 +82,8 @@ ExpectedLine ExpectLine(const RecordingSet& set, const RecordedImage& image) {
   for (int i = 0; i < kSteps; ++i) {
     const double q = (i + 0.5) * last / kSteps;
     const double beam_transfer = std::exp(-2 * pi * pi * sigma * sigma * q * q);
-    integral +=
-        beam_transfer * DiffractionTransfer(q / cut_off) * DiscTransfer(q, disc) * Sinc(q * pitch);
+    integral += beam_transfer * DiffractionTransfer(q / cut_off) * DiscTransfer(q, disc) *
+                boost::math::sinc_pi(pi * q * pitch);
   }
   line.crest_fraction = std::clamp(2 * integral * last / kSteps * pitch, 0.0, 1.0);
 

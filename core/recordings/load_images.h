@@ -1,25 +1,22 @@
 // Image files of recordings, and what their form alone says against them.
 #pragma once
 
-#include <functional>
 #include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/image/image.h"
+#include "core/image/read_raw_image.h"
+#include "core/job/stop_check.h"
 #include "core/recordings/recordings.h"
 
 namespace sightline {
 
-// Reads files that are no PNG.
-using RawImageReader = std::function<absl::StatusOr<Image<uint16_t>>(const std::string& path)>;
-
-// 16-bit greyscale PNG (8 bits if the sensor has no more). NOT_FOUND: no such file.
-// INVALID_ARGUMENT: a JPEG or another type by its content, colour or palette, transparent, 8 bits
-// where `bit_depth_bit` is more, damaged. `read_other`: for TIFF; empty: TIFF is refused.
+// As ReadRawImageFile. INVALID_ARGUMENT also for 8 bits where `bit_depth_bit` is more.
 absl::StatusOr<Image<uint16_t>> LoadRawImage(const std::string& path, int bit_depth_bit,
-                                             const RawImageReader& read_other = {});
+                                             const ImageSizeCheck& check_size = {},
+                                             const StopCheck& stop = {});
 
 struct LoadedImages {
   // One for every recording, in the same order; empty if it cannot be used.
@@ -29,9 +26,11 @@ struct LoadedImages {
   bool eight_bit_files = false;
 };
 
-// One image for every recording, from `paths` in the same order; size as the region of interest
-// says.
-LoadedImages LoadRecordedImages(const RecordingSet& set, const std::vector<std::string>& paths,
-                                const RawImageReader& read_other);
+// One image for every recording, from `paths` in the same order; a file whose header claims another
+// size than the region of interest is not read. INVALID_ARGUMENT: regions of more than 16 GiB
+// together; or what `stop` says.
+absl::StatusOr<LoadedImages> LoadRecordedImages(const RecordingSet& set,
+                                                const std::vector<std::string>& paths,
+                                                const StopCheck& stop = {});
 
 }  // namespace sightline

@@ -1,21 +1,19 @@
 #include "core/recordings/recordings.h"
 
 #include <algorithm>
-#include <cerrno>
 #include <cmath>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
 #include <limits>
 #include <regex>
 #include <set>
-#include <sstream>
 #include <string_view>
 
 #include "absl/strings/ascii.h"
 #include "core/inspection/field_checks.h"
 #include "core/inspection/imaging.h"
 #include "core/inspection/inspection.h"
+#include "core/json/json_text.h"
+#include "core/json/printable.h"
 #include "core/json/strict_json.h"
 
 namespace sightline {
@@ -76,6 +74,9 @@ absl::Status CheckFile(const Checker& check, const std::string& path, const std:
                                                         [](const auto& p) { return p == ".."; });
   if (leaves) {
     return check.Error(path, absl::StrCat("is \"", file, "\", must stay in the set's folder"));
+  }
+  if (const std::string shown = Printable(file); shown != file) {
+    return check.Error(path, absl::StrCat("is \"", shown, "\", must have no control characters"));
   }
   return absl::OkStatus();
 }
@@ -359,13 +360,9 @@ std::string NumberNullPlatePositions(const std::string& json) {
 }
 
 absl::Status ReadRecordingsMessage(const std::string& path, v1::Recordings* message) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream text;
-  if (file) text << file.rdbuf();
-  if (!file || !text) {
-    return absl::NotFoundError(absl::StrCat(path, ": cannot be read: ", std::strerror(errno)));
-  }
-  return ParseStrictJson(NumberNullPlatePositions(text.str()), path, message);
+  const absl::StatusOr<std::string> text = ReadJsonText(path);
+  if (!text.ok()) return text.status();
+  return ParseStrictJson(NumberNullPlatePositions(*text), path, message);
 }
 
 absl::StatusOr<RecordingSet> ReadRecordings(const std::string& path) {

@@ -102,10 +102,14 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
       ReceiveChunks(p_.calls, context, reader, header.size_bytes(), &upload_memory_);
   if (!file.ok()) return file.status();
   absl::StatusOr<TriangleMesh> mesh =
-      LoadPartFromMemory(file->bytes, header.format(), header.unit(), name);
+      LoadPartFromMemory(file->bytes, header.format(), header.unit(), name,
+                         [&] { return p_.calls->CheckStop(context); });
   if (!mesh.ok()) {
     if (absl::IsInvalidArgument(mesh.status())) {
       return WithErrorInfo(mesh.status(), "PART_INVALID");
+    }
+    if (absl::IsResourceExhausted(mesh.status())) {
+      return WithErrorInfo(mesh.status(), "PART_TOO_LARGE");
     }
     return mesh.status();
   }

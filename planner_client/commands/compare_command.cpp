@@ -88,6 +88,8 @@ int RunCompare(CompareOptions& options) {
     if (!gain.ok()) return ReportError(gain.status());
     gains.push_back(*gain);
   }
+  const auto out_lock = OpenOutputFolder(options.output.folder);
+  if (!out_lock.ok()) return ReportError(out_lock.status());
   auto session = OpenSession(options.session);
   if (!session.ok()) return ReportError(session.status());
   if (!gains.empty() && !session->ForUncertainty()) {
@@ -208,9 +210,6 @@ int RunCompare(CompareOptions& options) {
   }
   options.output.comparison = table;
   options.output.point_clouds = false;
-  if (absl::Status made = MakeOutputFolder(options.output.folder); !made.ok()) {
-    return ReportError(made);
-  }
   for (const auto& [name, text] : {std::pair("comparison.csv", &csv), {"curves.csv", &curves}}) {
     absl::Status status = WriteFileAtomically(options.output.folder + "/" + name, *text);
     if (!status.ok()) return ReportError(status);

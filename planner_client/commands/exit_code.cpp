@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "core/json/printable.h"
 #include "planner_client/commands/progress_line.h"
 #include "proto/status/rpc_status.h"
 
@@ -26,7 +27,7 @@ int ReportError(const absl::Status& status) {
     const std::string shown = several ? absl::StrCat("several errors:\n  ",
                                                      absl::StrReplaceAll(message, {{"\n", "\n  "}}))
                                       : message;
-    std::fprintf(stderr, "sightline: %s\n", shown.c_str());
+    std::fprintf(stderr, "sightline: %s\n", Printable(shown).c_str());
   }
   switch (status.code()) {
     case absl::StatusCode::kInvalidArgument:

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "core/process/out_of_memory.h"
 #include "core/trace/trace_context.h"
 #include "core/version/version.h"
 #include "planner_client/commands/commands.h"
@@ -31,6 +32,7 @@ constexpr char kExamples[] =
 }  // namespace
 
 int main(int argc, char** argv) {
+  sightline::ReportOutOfMemory("sightline");
   CLI::App app{kAbout, "sightline"};
   app.formatter(std::make_shared<sightline::HelpFormat>());
   app.option_defaults()->always_capture_default();
@@ -98,7 +100,12 @@ int main(int argc, char** argv) {
     }
   }
   for (const auto& [subcommand, command] : commands) {
-    if (subcommand->parsed()) return command();
+    if (!subcommand->parsed()) continue;
+    try {
+      return command();
+    } catch (const std::bad_alloc&) {
+      return sightline::ReportError(absl::ResourceExhaustedError("out of memory"));
+    }
   }
   return sightline::kExitWrongInput;
 }

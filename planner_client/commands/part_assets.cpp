@@ -1,12 +1,11 @@
 #include "planner_client/commands/part_assets.h"
 
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/file/read_file.h"
 #include "core/inspection/inspection.h"
 #include "core/part/load_part.h"
 #include "planner_client/coverage_client/part_upload.h"
@@ -55,13 +54,9 @@ absl::Status AddMesh(const std::string& prefix, std::string* file, std::string* 
 }  // namespace
 
 absl::StatusOr<std::string> ReadFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  if (file) bytes << file.rdbuf();
-  if (!file || fs::is_directory(path)) {
-    return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
-  }
-  return std::move(bytes).str();
+  // As much as a part file may have.
+  constexpr uint64_t kMaxBytes = uint64_t{2} << 30;
+  return ReadRegularFile(path, kMaxBytes);
 }
 
 absl::StatusOr<ImagingInspection> CheckImagingInspection(const v1::Inspection& message,

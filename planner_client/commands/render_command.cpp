@@ -249,13 +249,17 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
                                                     : v1::RenderOutput::IMAGE_FORMAT_PNG);
   output->set_layers(options.layers);
   output->set_demosaic(options.demosaic);
-  if (absl::Status made = MakeOutputFolder(options.choice.out); !made.ok()) return made;
+  // Parts of the images are made by several commands at once.
+  const auto out_lock =
+      OpenOutputFolder(options.choice.out,
+                       part_count > 1 ? FolderLock::Kind::kShared : FolderLock::Kind::kExclusive);
+  if (!out_lock.ok()) return out_lock.status();
 
-  const v1::Sensor& sensor = spec->has_part() ? spec->part().inspection().camera().sensor()
-                                              : spec->plate().recordings().camera();
-  const auto checked_sensor = ParseSensor(sensor, "camera");
-  if (!checked_sensor.ok()) return checked_sensor.status();
-  const bool bayer = checked_sensor->colour_filter == ColourFilter::kBayerRggb;
+  // Files of plates have the names and the place that their shot list gives them; nothing is added.
+  const bool previews = options.previews && spec->has_part();
+  const auto sensor = previews ? ParseSensor(spec->part().inspection().camera().sensor(), "camera")
+                               : absl::StatusOr<Sensor>(Sensor());
+  if (!sensor.ok()) return sensor.status();
 
   ProgressLine progress;
   RenderClientOptions client;
@@ -275,8 +279,9 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
     std::fprintf(stderr, "warning: %s\n", warning.c_str());
   }
   if (!files.ok()) return AboutFiles(files.status(), options);
-  if (options.previews) {
-    absl::Status written = WritePreviews(options.choice.out, *files, bayer);
+  if (previews) {
+    absl::Status written = WritePreviews(options.choice.out, *files,
+                                         sensor->colour_filter == ColourFilter::kBayerRggb);
     if (!written.ok()) return written;
   }
   if (part_count > 1) {
@@ -310,7 +315,7 @@ Command AddRenderCommand(CLI::App& app) {
       ->capture_default_str();
   app.add_flag("--demosaic", options->demosaic, "also images/NNN_rgb of colour sensors");
   app.add_flag("!--no-previews", options->previews,
-               "leave out images/NNN_preview.png, brightened for people");
+               "leave out images/NNN_preview.png of parts, brightened for people");
   app.add_flag("--draft", options->draft,
                "a quick picture (parts): fewer, larger pixels of the same light, no speckle, one "
                "reflection, more noise");

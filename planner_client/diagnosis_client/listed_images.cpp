@@ -1,11 +1,10 @@
 #include "planner_client/diagnosis_client/listed_images.h"
 
 #include <filesystem>
-#include <fstream>
-#include <sstream>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/read_file.h"
 
 namespace sightline {
 namespace {
@@ -13,6 +12,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kMostNamed = 5;
+constexpr uint64_t kMaxImageFileBytes = uint64_t{1} << 30;
 
 }  // namespace
 
@@ -24,24 +24,23 @@ absl::StatusOr<std::vector<AssetFile>> ReadListedImages(const std::string& folde
   size_t missing = 0;
   for (const ListedImage& image : images) {
     const fs::path path = fs::path(folder) / image.file;
+    absl::StatusOr<std::string> contents = ReadRegularFile(path.string(), kMaxImageFileBytes);
     std::error_code error;
-    std::ifstream stream;
-    // What is no file, such as a pipe, could block when opened.
-    if (fs::is_regular_file(path, error)) stream.open(path, std::ios::binary);
-    std::ostringstream bytes;
-    if (stream.is_open()) bytes << stream.rdbuf();
-    if (!stream.is_open() || stream.bad()) {
+    if (!contents.ok() && fs::is_regular_file(path, error) &&
+        absl::IsInvalidArgument(contents.status())) {
+      return contents.status();  // too large
+    }
+    if (!contents.ok()) {
       if (++missing > kMostNamed) continue;
       absl::StrAppend(&names, names.empty() ? "" : ", ", image.file,
                       image.place.empty() ? "" : absl::StrCat(" (", image.place, ")"));
       continue;
     }
-    std::string contents = std::move(bytes).str();
-    if (contents.empty()) {
+    if (contents->empty()) {
       return absl::InvalidArgumentError(absl::StrCat(path.string(), ": is empty"));
     }
     // The bytes of a set that cannot be used are not kept.
-    if (missing == 0) read.push_back({image.file, std::move(contents)});
+    if (missing == 0) read.push_back({image.file, *std::move(contents)});
   }
   if (missing == 0) return read;
   if (missing > kMostNamed) absl::StrAppend(&names, " and ", missing - kMostNamed, " more");

@@ -14,16 +14,19 @@ const std::vector<ListedEffect>& ListedEffects() {
   static const std::vector<ListedEffect> effects = [] {
     std::vector<ListedEffect> list;
     // A test reads it, so that it cannot be wrong here.
-    for (const nlohmann::json& entry : nlohmann::json::parse(EffectListJson())["effects"]) {
+    const nlohmann::json file = nlohmann::json::parse(EffectListJson());
+    for (const nlohmann::json& entry : file["effects"]) {
       ListedEffect& effect = list.emplace_back();
-      effect.effect = entry["effect"];
-      effect.stage = entry["stage"];
-      effect.summary = entry["summary"];
-      effect.source = entry["source"];
+      effect.effect = entry["effect"].get<std::string>();
+      effect.stage = entry["stage"].get<std::string>();
+      effect.summary = entry["summary"].get<std::string>();
+      effect.source = entry["source"].get<std::string>();
       for (const nlohmann::json& parameter : entry["parameters"]) {
-        effect.parameters.push_back({parameter["name"], parameter["unit"], parameter["without"],
-                                     parameter["lower"], parameter["upper"], parameter["usual"],
-                                     parameter["decades"]});
+        const auto number = [&](const char* name) { return parameter[name].get<double>(); };
+        effect.parameters.push_back({parameter["name"].get<std::string>(),
+                                     parameter["unit"].get<std::string>(), number("without"),
+                                     number("lower"), number("upper"), number("usual"),
+                                     number("decades")});
       }
     }
     return list;

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -24,9 +23,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/strip.h"
+#include "core/process/start_process.h"
 #include "core/process_folder/process_folder.h"
-
-extern char** environ;
 
 namespace sightline {
 namespace {
@@ -54,8 +52,7 @@ absl::StatusOr<std::string> FindBinary(const EmbeddedServerOptions& options) {
 }
 
 absl::StatusOr<ProcessFolder> MakePrivateFolder() {
-  const char* given = std::getenv("TMPDIR");
-  std::string base = given != nullptr && *given != '\0' ? given : "/tmp";
+  std::string base = TemporaryBase();
   if (base.size() + 40 > kMaxSocketPathBytes) base = "/tmp";
   return ProcessFolder::Make(base, "sightline-server");
 }
@@ -164,39 +161,17 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     for (const std::string& argument : options_.arguments) {
       arguments.push_back(absl::StrReplaceAll(argument, {{"{folder}", folder_}}));
     }
-    std::vector<char*> argv;
-    for (std::string& argument : arguments) argv.push_back(argument.data());
-    argv.push_back(nullptr);
-
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_addopen(&actions, 2, stderr_file.c_str(),
-                                     O_WRONLY | O_CREAT | O_TRUNC | O_APPEND, 0600);
-    posix_spawn_file_actions_adddup2(&actions, output->write.get(), 1);
-    // dup2 of a descriptor onto itself clears close-on-exec as well.
-    posix_spawn_file_actions_adddup2(&actions, lifeline->read.get(), kLifelineFd);
-    posix_spawnattr_t attributes;
-    posix_spawnattr_init(&attributes);
-    sigset_t none;
-    sigset_t all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setpgroup(&attributes, 0);
-    posix_spawnattr_setflags(
-        &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-    pid_t child = -1;
-    const int error =
-        posix_spawn(&child, binary_.c_str(), &actions, &attributes, argv.data(), environ);
-    posix_spawn_file_actions_destroy(&actions);
-    posix_spawnattr_destroy(&attributes);
-    if (error != 0) {
-      return absl::UnavailableError(absl::StrCat(options_.description, ": cannot start ", binary_,
-                                                 ": ", std::strerror(error)));
+    const absl::StatusOr<pid_t> child = StartProcess(
+        {.words = std::move(arguments),
+         .descriptors = {
+             {.number = 1, .ours = output->write.get()},
+             {.number = 2, .file = stderr_file, .flags = O_WRONLY | O_CREAT | O_TRUNC | O_APPEND},
+             {.number = kLifelineFd, .ours = lifeline->read.get()}}});
+    if (!child.ok()) {
+      return absl::UnavailableError(
+          absl::StrCat(options_.description, ": ", child.status().message()));
     }
-    pid_ = child;
+    pid_ = *child;
     wait_status_.reset();
     lifeline_ = std::move(lifeline->write);
     output->write.Reset();

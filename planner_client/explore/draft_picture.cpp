@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/process_folder/process_folder.h"
 #include "core/sensor/sensor.h"
 #include "planner_client/raw_image/raw_png.h"
 #include "planner_client/render_client/render_client.h"
@@ -20,27 +21,6 @@ namespace fs = std::filesystem;
 
 constexpr int kMostReduction = 64;
 constexpr uint64_t kMostPixels = uint64_t{1} << 24;  // of a draft, whatever it says of itself
-
-// A folder that goes with this.
-class TemporaryFolder {
- public:
-  absl::Status Make() {
-    std::string path = (fs::temp_directory_path(error_) / "sightline-draft-XXXXXX").string();
-    if (error_ || mkdtemp(path.data()) == nullptr) {
-      return absl::InternalError("no folder for the picture can be made in the temporary folder");
-    }
-    path_ = path;
-    return absl::OkStatus();
-  }
-  ~TemporaryFolder() {
-    if (!path_.empty()) fs::remove_all(path_, error_);
-  }
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-  std::error_code error_;
-};
 
 // Of a row or column of pixels. A multiple of four: the principal point is then between two cells
 // of a colour mosaic, as in the camera, and the picture begins with a whole cell.
@@ -153,8 +133,8 @@ DrawDraft DrawWithWorker(v1::Inspection inspection, std::vector<AssetFile> asset
                 const std::atomic<bool>& cancelled) -> absl::StatusOr<DraftPicture> {
     const auto sensor = ParseSensor(task->inspection.camera().sensor(), "camera.sensor");
     if (!sensor.ok()) return sensor.status();
-    TemporaryFolder folder;
-    if (absl::Status made = folder.Make(); !made.ok()) return made;
+    const auto folder = ProcessFolder::Make(TemporaryBase(), "sightline-draft");
+    if (!folder.ok()) return folder.status();
     RenderClientOptions client;
     static_cast<ServerAccess&>(client) = task->worker;
     client.interrupted = &cancelled;
@@ -162,11 +142,11 @@ DrawDraft DrawWithWorker(v1::Inspection inspection, std::vector<AssetFile> asset
     client.on_warning = [&](const std::string& warning) { warnings.push_back(warning); };
     int reduction = 1;
     const v1::RenderSpec spec = DraftSpec(task->inspection, frame, kDraftPixels, &reduction);
-    const auto files = RenderToFolder(client, spec, task->assets, folder.path());
+    const auto files = RenderToFolder(client, spec, task->assets, folder->path());
     if (cancelled) return absl::CancelledError("another picture was asked for");
     if (!files.ok()) return files.status();
     auto picture = PictureOfRaw(
-        folder.path() + "/" + files->front(), sensor->bit_depth_bit,
+        folder->path() + "/" + files->front(), sensor->bit_depth_bit,
         sensor->black_level_dn + sensor->gain_dn_per_electron * sensor->dark_mean_electrons,
         sensor->colour_filter == ColourFilter::kBayerRggb);
     if (!picture.ok()) return picture.status();

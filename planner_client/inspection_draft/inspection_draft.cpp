@@ -210,12 +210,14 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
   const double radius_m = Round2(kRadiusPerSpacing * spacing_m, 1e-5);
   targets.set_spacing_m(spacing_m);
   targets.set_coverage_radius_m(radius_m);
+  const double expected =
+      std::max(1.0, kPointsPerSquare * request.health.area_m2 / (spacing_m * spacing_m));
   draft.expected_targets =
-      static_cast<int64_t>(kPointsPerSquare * request.health.area_m2 / (spacing_m * spacing_m));
+      std::llround(Round2(expected, std::pow(10.0, std::floor(std::log10(expected)) - 1)));
   comments["targets"] = absl::StrFormat(
-      "About %.2g points on the surface, so far apart; one is covered by a measured point within "
+      "About %d points on the surface, so far apart; one is covered by a measured point within "
       "the coverage radius.",
-      static_cast<double>(draft.expected_targets));
+      draft.expected_targets);
 
   v1::Rig& rig = *inspection.mutable_rig();
   rig.set_part_holding(request.holding);

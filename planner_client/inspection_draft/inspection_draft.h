@@ -46,7 +46,7 @@ struct DraftRequest {
 struct InspectionDraft {
   v1::Inspection inspection;
   FieldComments comments;
-  int64_t expected_targets = 0;
+  int64_t expected_targets = 0;  // rounded to two digits
   std::string lens;  // name of the one that was chosen from `lenses`
 };
 

@@ -116,10 +116,11 @@ Eigen::AlignedBox2d BoundsOf(const std::vector<Eigen::Vector2d>& points) {
 }  // namespace
 
 std::vector<Eigen::Vector2d> ConvexHull(std::vector<Eigen::Vector2d> points) {
-  if (points.size() < 3) return points;
   std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) {
     return a.x() != b.x() ? a.x() < b.x() : a.y() < b.y();
   });
+  points.erase(std::unique(points.begin(), points.end()), points.end());
+  if (points.size() < 3) return points;
   std::vector<Eigen::Vector2d> hull(2 * points.size());
   size_t size = 0;
   const auto turns_left = [&](const Eigen::Vector2d& next) {

@@ -28,7 +28,7 @@ std::string SideViewSvg(const DrawnScene& scene);
 std::string TopViewSvg(const DrawnScene& scene);
 
 // Corners of the convex hull of points in a plane, counter-clockwise (Andrew's monotone chain);
-// fewer than three points as they are.
+// of fewer than three different points, these.
 std::vector<Eigen::Vector2d> ConvexHull(std::vector<Eigen::Vector2d> points);
 
 }  // namespace sightline

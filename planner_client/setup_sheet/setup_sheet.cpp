@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <unordered_set>
 #include <utility>
 
 #include "absl/status/status.h"
@@ -71,10 +72,34 @@ std::string TurnText(double angle_deg, const char* about) {
                       about);
 }
 
+// A vertex for each cell of a grid over the part that holds any: drawings are a few hundred pixels,
+// meshes a million vertices.
+std::vector<Eigen::Vector3d> ThinnedVertices(const TriangleMesh& mesh) {
+  constexpr int64_t kCells = 100;  // along the longest side
+  const Eigen::AlignedBox3d box = mesh.BoundingBox();
+  const double cell_m = std::max(box.sizes().maxCoeff() / kCells, 1e-9);
+  std::unordered_set<int64_t> taken;
+  std::vector<Eigen::Vector3d> vertices_m;
+  for (const Eigen::Vector3f& vertex : mesh.positions_m) {
+    const Eigen::Vector3d vertex_m = vertex.cast<double>();
+    const Eigen::Vector3d cell = (vertex_m - box.min()) / cell_m;
+    const int64_t key =
+        (static_cast<int64_t>(cell.x()) * 2 * kCells + static_cast<int64_t>(cell.y())) * 2 *
+            kCells +
+        static_cast<int64_t>(cell.z());
+    if (taken.insert(key).second) vertices_m.push_back(vertex_m);
+  }
+  return vertices_m;
+}
+
 class Sheet {
  public:
   Sheet(const SetUpSheet& data, std::vector<ScanFrames> frames)
-      : data_(data), plan_(data.plan), frames_(std::move(frames)), box_(data.mesh.BoundingBox()) {}
+      : data_(data),
+        plan_(data.plan),
+        frames_(std::move(frames)),
+        box_(data.mesh.BoundingBox()),
+        drawn_m_(ThinnedVertices(data.mesh)) {}
 
   std::string Html() const {
     const std::string name =
@@ -227,9 +252,9 @@ class Sheet {
     DrawnScene scene{.frames = frames_[static_cast<size_t>(i)], .part_points_m = {}};
     const Eigen::Isometry3d middle =
         scene.frames.PartAt(0.5 * (scan.stage_start_m() + scan.stage_end_m()));
-    scene.part_points_m.reserve(data_.mesh.positions_m.size());
-    for (const Eigen::Vector3f& place_m : data_.mesh.positions_m) {
-      scene.part_points_m.push_back(middle * place_m.cast<double>());
+    scene.part_points_m.reserve(drawn_m_.size());
+    for (const Eigen::Vector3d& place_m : drawn_m_) {
+      scene.part_points_m.push_back(middle * place_m);
     }
     scene.centre_at_start_m = scene.frames.PartAt(scan.stage_start_m()) * box_.center();
     scene.centre_at_end_m = scene.frames.PartAt(scan.stage_end_m()) * box_.center();
@@ -461,7 +486,8 @@ class Sheet {
   const SetUpSheet& data_;
   const v1::Plan& plan_;
   std::vector<ScanFrames> frames_;
-  Eigen::AlignedBox3d box_;  // part coordinates
+  Eigen::AlignedBox3d box_;               // part coordinates
+  std::vector<Eigen::Vector3d> drawn_m_;  // vertices that drawings are made of
 };
 
 }  // namespace

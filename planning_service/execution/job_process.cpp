@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -15,9 +14,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/process/start_process.h"
 #include "planning_service/execution/process_memory.h"
-
-extern char** environ;
 
 namespace sightline {
 namespace {
@@ -50,12 +48,9 @@ class ScopedFd {
 bool MakePipe(ScopedFd* read_end, ScopedFd* write_end) {
   int fds[2];
   if (pipe2(fds, O_CLOEXEC) != 0) return false;
-  // Above those that the child has them at: dup2 must not overwrite one before it is moved.
-  read_end->Reset(fcntl(fds[0], F_DUPFD_CLOEXEC, 10));
-  write_end->Reset(fcntl(fds[1], F_DUPFD_CLOEXEC, 10));
-  close(fds[0]);
-  close(fds[1]);
-  return read_end->get() >= 0 && write_end->get() >= 0;
+  read_end->Reset(fds[0]);
+  write_end->Reset(fds[1]);
+  return true;
 }
 
 std::string DescribeEnd(int wait_status, const std::string& last_words) {
@@ -74,44 +69,20 @@ class ChildProcess {
     if (!MakePipe(&lifeline_read, &lifeline_) || !MakePipe(&output_, &output_write)) {
       return absl::UnavailableError(absl::StrCat("cannot make a pipe: ", std::strerror(errno)));
     }
-    std::vector<std::string> words = {options.program, "--progress=json",
-                                      absl::StrCat("--parent-fd=", kLifelineFd)};
-    words.insert(words.end(), options.arguments.begin(), options.arguments.end());
-    std::vector<char*> argv;
-    for (std::string& word : words) argv.push_back(word.data());
-    argv.push_back(nullptr);
-
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-    posix_spawn_file_actions_addopen(&actions, 1, "/dev/null", O_WRONLY, 0);
-    posix_spawn_file_actions_adddup2(&actions, output_write.get(), 2);
-    posix_spawn_file_actions_adddup2(&actions, lifeline_read.get(), kLifelineFd);
-    ScopedFd lock;
+    ProcessStart start = {
+        .words = {options.program, "--progress=json", absl::StrCat("--parent-fd=", kLifelineFd)},
+        .folder = options.folder,
+        .descriptors = {{.number = 1, .file = "/dev/null", .flags = O_WRONLY},
+                        {.number = 2, .ours = output_write.get()},
+                        {.number = kLifelineFd, .ours = lifeline_read.get()}}};
+    start.words.insert(start.words.end(), options.arguments.begin(), options.arguments.end());
     if (options.lock_fd >= 0) {
-      lock.Reset(fcntl(options.lock_fd, F_DUPFD_CLOEXEC, 10));
-      posix_spawn_file_actions_adddup2(&actions, lock.get(), kLockFd);
+      start.descriptors.push_back({.number = kLockFd, .ours = options.lock_fd});
     }
-    posix_spawn_file_actions_addchdir_np(&actions, options.folder.c_str());
-    posix_spawnattr_t attributes;
-    posix_spawnattr_init(&attributes);
-    sigset_t none;
-    sigset_t all;
-    sigemptyset(&none);
-    sigfillset(&all);
-    posix_spawnattr_setsigmask(&attributes, &none);
-    posix_spawnattr_setsigdefault(&attributes, &all);
-    posix_spawnattr_setpgroup(&attributes, 0);
-    posix_spawnattr_setflags(
-        &attributes, POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-    const int error =
-        posix_spawn(&pid_, options.program.c_str(), &actions, &attributes, argv.data(), environ);
-    posix_spawn_file_actions_destroy(&actions);
-    posix_spawnattr_destroy(&attributes);
-    if (error == 0) return absl::OkStatus();
-    pid_ = -1;
-    return absl::UnavailableError(
-        absl::StrCat("cannot start ", options.program, ": ", std::strerror(error)));
+    const absl::StatusOr<pid_t> started = StartProcess(start);
+    if (!started.ok()) return started.status();
+    pid_ = *started;
+    return absl::OkStatus();
   }
 
   ~ChildProcess() {

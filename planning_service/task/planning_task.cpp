@@ -23,6 +23,7 @@
 #include "absl/strings/strip.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/process_folder/process_folder.h"
 #include "core/recordings/assumed_values.h"
 #include "core/recordings/recordings.h"
 #include "proto/status/rpc_status.h"
@@ -44,25 +45,6 @@ constexpr int kMostMessageDepth = 32;
 absl::Status Invalid(const std::string& field, const std::string& description) {
   return WithErrorInfo(InvalidFields({{field, description}}), "INVALID_FIELD");
 }
-
-// A folder that goes at the end.
-class TemporaryFolder {
- public:
-  TemporaryFolder() {
-    std::string path = (fs::temp_directory_path() / "sightline-task-XXXXXX").string();
-    if (mkdtemp(path.data()) != nullptr) path_ = path;
-  }
-  ~TemporaryFolder() {
-    std::error_code ignored;
-    if (!path_.empty()) fs::remove_all(path_, ignored);
-  }
-  TemporaryFolder(const TemporaryFolder&) = delete;
-  TemporaryFolder& operator=(const TemporaryFolder&) = delete;
-  const std::string& path() const { return path_; }
-
- private:
-  std::string path_;
-};
 
 // --- file names in messages ---------------------------------------------------------------------
 
@@ -361,19 +343,19 @@ absl::Status CheckInspection(const v1::Inspection& message, const std::set<std::
       return Invalid(field, "is a glTF file with its buffers elsewhere; save it as .glb");
     }
   }
-  const TemporaryFolder folder;
-  if (folder.path().empty()) return absl::InternalError("no folder for checking the task");
-  if (absl::Status s = WriteDescriptions(message, read, folder.path()); !s.ok()) return s;
-  const auto inlined = InlineInspectionFiles(message, kInspectionFile, folder.path());
+  const auto folder = ProcessFolder::Make(TemporaryBase(), "sightline-task");
+  if (!folder.ok()) return absl::InternalError("no folder for checking the task");
+  if (absl::Status s = WriteDescriptions(message, read, folder->path()); !s.ok()) return s;
+  const auto inlined = InlineInspectionFiles(message, kInspectionFile, folder->path());
   if (!inlined.ok()) {
     return AsViolation(kInspectionFile, "inspection.",
-                       WithoutFolder(inlined.status(), folder.path()));
+                       WithoutFolder(inlined.status(), folder->path()));
   }
-  if (absl::Status s = CheckMaterialFiles(*inlined, folder.path(), files); !s.ok()) return s;
+  if (absl::Status s = CheckMaterialFiles(*inlined, folder->path(), files); !s.ok()) return s;
   const auto parsed = ParseInspection(*inlined, kInspectionFile, "");
   if (!parsed.ok()) {
     return AsViolation(kInspectionFile, "inspection.",
-                       WithoutFolder(parsed.status(), folder.path()));
+                       WithoutFolder(parsed.status(), folder->path()));
   }
   return absl::OkStatus();
 }

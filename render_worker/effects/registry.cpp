@@ -1,11 +1,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <limits>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/spelling/nearest_name.h"
 #include "render_worker/effects/effect.h"
 #include "render_worker/effects/vocabulary.h"
 
@@ -19,34 +19,8 @@ const std::vector<const Effect*>& Registry() {
   return effects;
 }
 
-// Edit distance of Levenshtein.
-size_t EditDistance(std::string_view a, std::string_view b) {
-  std::vector<size_t> row(b.size() + 1);
-  for (size_t j = 0; j <= b.size(); ++j) row[j] = j;
-  for (size_t i = 1; i <= a.size(); ++i) {
-    size_t diagonal = row[0];
-    row[0] = i;
-    for (size_t j = 1; j <= b.size(); ++j) {
-      const size_t replaced = diagonal + (a[i - 1] == b[j - 1] ? 0 : 1);
-      diagonal = row[j];
-      row[j] = std::min({row[j] + 1, row[j - 1] + 1, replaced});
-    }
-  }
-  return row[b.size()];
-}
-
-std::string Nearest(std::string_view name, const std::vector<std::string_view>& known) {
-  std::string_view best;
-  size_t least = std::numeric_limits<size_t>::max();
-  for (const std::string_view candidate : known) {
-    const size_t distance = EditDistance(name, candidate);
-    if (distance < least) {
-      least = distance;
-      best = candidate;
-    }
-  }
-  return std::string(best);
-}
+// At most so much of a name from outside is looked at and repeated.
+std::string Head(std::string_view name) { return std::string(name.substr(0, 100)); }
 
 }  // namespace
 
@@ -63,26 +37,26 @@ absl::StatusOr<ActiveEffect> MakeActiveEffect(std::string_view id,
                                               const std::vector<NamedValue>& parameters) {
   const Effect* effect = FindEffect(id);
   if (effect == nullptr) {
-    std::vector<std::string_view> ids;
-    for (const Effect* known : Registry()) ids.push_back(known->description().id);
-    return absl::InvalidArgumentError(absl::StrCat("there is no effect \"", std::string(id),
+    std::vector<std::string> ids;
+    for (const Effect* known : Registry()) ids.emplace_back(known->description().id);
+    return absl::InvalidArgumentError(absl::StrCat("there is no effect \"", Head(id),
                                                    "\"; the nearest known name is \"",
-                                                   Nearest(id, ids), "\""));
+                                                   NearestName(Head(id), ids), "\""));
   }
   const EffectDescription& description = effect->description();
   ActiveEffect active{effect, {}};
-  std::vector<std::string_view> names;
+  std::vector<std::string> names;
   for (const EffectParameter& parameter : description.parameters) {
     active.parameters.push_back(parameter.null_value);
-    names.push_back(parameter.name);
+    names.emplace_back(parameter.name);
   }
   std::vector<bool> given(names.size(), false);
   for (const NamedValue& value : parameters) {
     const auto found = std::find(names.begin(), names.end(), value.name);
     if (found == names.end()) {
       return absl::InvalidArgumentError(
-          absl::StrCat("effect ", std::string(id), " has no parameter \"", value.name,
-                       "\"; the nearest known name is \"", Nearest(value.name, names), "\""));
+          absl::StrCat("effect ", std::string(id), " has no parameter \"", Head(value.name),
+                       "\"; the nearest known name is \"", NearestName(value.name, names), "\""));
     }
     const size_t index = static_cast<size_t>(found - names.begin());
     const EffectParameter& parameter = description.parameters[index];

@@ -9,7 +9,6 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
-#include <filesystem>
 #include <memory>
 
 #include "absl/strings/str_cat.h"
@@ -94,37 +93,6 @@ absl::Status WriteLayers(const std::string& path, const std::vector<ImageLayer>&
   }
   spec.attribute("compression", "zip");
   return Write(path, "openexr", spec, OIIO::TypeDesc::FLOAT, interleaved.data(), description);
-}
-
-absl::StatusOr<Image<uint16_t>> ReadRawImage(const std::string& path) {
-  if (!std::filesystem::exists(path)) {
-    return absl::NotFoundError(absl::StrCat(path, ": no such file"));
-  }
-  const std::unique_ptr<OIIO::ImageInput> file = OIIO::ImageInput::open(path);
-  if (file == nullptr) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(path, ": cannot be read as an image: ", OIIO::geterror()));
-  }
-  const OIIO::ImageSpec& spec = file->spec();
-  const bool wide = spec.format == OIIO::TypeDesc::UINT16;
-  if (spec.nchannels != 1 || (!wide && spec.format != OIIO::TypeDesc::UINT8)) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": has ", spec.nchannels, " channels of ",
-                                                   std::string(spec.format.c_str()),
-                                                   ", must have one of uint16 or uint8"));
-  }
-  Image<uint16_t> image(spec.width, spec.height);
-  bool ok = false;
-  if (wide) {
-    ok = file->read_image(0, 0, 0, 1, OIIO::TypeDesc::UINT16, image.values.data());
-  } else {
-    std::vector<uint8_t> narrow(image.values.size());
-    ok = file->read_image(0, 0, 0, 1, OIIO::TypeDesc::UINT8, narrow.data());
-    std::copy(narrow.begin(), narrow.end(), image.values.begin());
-  }
-  if (!ok) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": is damaged: ", file->geterror()));
-  }
-  return image;
 }
 
 }  // namespace sightline

@@ -1,5 +1,6 @@
-// Images as files, by OpenImageIO. Every file is written under another name and then renamed: no
-// half-written file is ever seen. The same image and text give the same bytes.
+// Images as files, by OpenImageIO; core/image/read_raw_image.h reads raw ones back. Every file is
+// written under another name and then renamed: no half-written file is ever seen. The same image
+// and text give the same bytes.
 #pragma once
 
 #include <array>
@@ -10,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/image/image.h"
+#include "core/image/read_raw_image.h"
 
 namespace sightline {
 
@@ -36,10 +38,5 @@ struct ImageLayer {
 // OpenEXR, ZIP compression (lossless), 32-bit float.
 absl::Status WriteLayers(const std::string& path, const std::vector<ImageLayer>& layers,
                          const std::string& description);
-
-// 16-bit greyscale PNG or TIFF; 8-bit values are taken as they are. NOT_FOUND: no such file;
-// INVALID_ARGUMENT: not an image, more than one channel, values that are no integers of up to 16
-// bits.
-absl::StatusOr<Image<uint16_t>> ReadRawImage(const std::string& path);
 
 }  // namespace sightline

@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <fstream>
 #include <numbers>
 #include <sstream>
 
@@ -12,6 +11,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "core/file/read_file.h"
 #include "render_worker/material/fresnel.h"
 #include "render_worker/material/microfacet.h"
 #include "render_worker/material/models.h"
@@ -123,8 +123,13 @@ std::shared_ptr<const Material> MakeConductor(DetailedMaterial::Common common,
 
 absl::StatusOr<RefractiveIndexTable> ReadRefractiveIndex(const std::string& path,
                                                          const std::string& context) {
-  std::ifstream file(path);
-  if (!file) return absl::NotFoundError(absl::StrCat(context, ": cannot read ", path));
+  constexpr uint64_t kMaxFileBytes = uint64_t{16} << 20;
+  const absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxFileBytes);
+  if (!bytes.ok()) {
+    return absl::Status(bytes.status().code(),
+                        absl::StrCat(context, ": ", bytes.status().message()));
+  }
+  std::istringstream file(*bytes);
   RefractiveIndexTable table;
   std::string line;
   for (int number = 1; std::getline(file, line); ++number) {

@@ -1,21 +1,25 @@
 #include "render_worker/material/height_field.h"
 
-#include <OpenImageIO/imageio.h>
-
 #include <algorithm>
 #include <cassert>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
-#include <fstream>
-#include <memory>
+#include <sstream>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/file/read_file.h"
+#include "core/image/read_raw_image.h"
 
 namespace sightline {
 namespace {
+
+// With the slopes made of them a height takes some 30 bytes: 2 GiB.
+constexpr int64_t kMostSamples = int64_t{1} << 26;
+// As text.
+constexpr uint64_t kMaxTextBytes = uint64_t{1} << 30;
 
 // Means over 2 x 2 samples; the last row or column of an odd size counts alone.
 Image<float> Halved(const Image<float>& image) {
@@ -59,12 +63,17 @@ struct Neighbours {
 };
 
 absl::StatusOr<Image<float>> ReadHeightText(const std::string& path, const std::string& context) {
-  std::ifstream file(path);
-  if (!file) return absl::NotFoundError(absl::StrCat(context, ": cannot read ", path));
+  const absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxTextBytes);
+  if (!bytes.ok()) {
+    return absl::Status(bytes.status().code(),
+                        absl::StrCat(context, ": ", bytes.status().message()));
+  }
+  std::istringstream file(*bytes);
   Image<float> image;
   std::string line;
   for (int number = 1; std::getline(file, line); ++number) {
     if (absl::StripAsciiWhitespace(line).empty()) continue;
+    if (image.values.size() > static_cast<size_t>(kMostSamples)) break;
     int columns = 0;
     const char* place = line.c_str();
     while (true) {
@@ -88,28 +97,29 @@ absl::StatusOr<Image<float>> ReadHeightText(const std::string& path, const std::
     image.columns_px = columns;
     ++image.rows_px;
   }
+  if (image.values.size() > static_cast<size_t>(kMostSamples)) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(context, ": ", path, " has more than ", kMostSamples, " heights"));
+  }
   return image;
 }
 
 absl::StatusOr<Image<float>> ReadHeightImage(const std::string& path, const std::string& context) {
-  const std::unique_ptr<OIIO::ImageInput> input = OIIO::ImageInput::open(path);
-  if (input == nullptr) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(context, ": cannot read ", path, ": ", OIIO::geterror()));
+  const auto check_size = [](int columns, int rows) {
+    if (int64_t{columns} * rows <= kMostSamples) return absl::OkStatus();
+    return absl::InvalidArgumentError(absl::StrCat(
+        "has ", columns, " x ", rows, " heights, at most ", kMostSamples, " can be used"));
+  };
+  const absl::StatusOr<RawImageFile> file = ReadRawImageFile(path, check_size);
+  if (!file.ok()) {
+    return absl::Status(file.status().code(), absl::StrCat(context, ": ", file.status().message()));
   }
-  const OIIO::ImageSpec& spec = input->spec();
-  if (spec.nchannels != 1 || spec.format != OIIO::TypeDesc::UINT16) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(context, ": ", path, " has ", spec.nchannels, " channels of ",
-                     std::string(spec.format.c_str()), ", must have 1 of 16 bits without sign"));
+  if (file->file_bits != 16) {
+    return absl::InvalidArgumentError(absl::StrCat(context, ": ", path, " has ", file->file_bits,
+                                                   " bits, must have 16 bits without sign"));
   }
-  std::vector<uint16_t> numbers(static_cast<size_t>(spec.width) * spec.height);
-  if (!input->read_image(0, 0, 0, 1, OIIO::TypeDesc::UINT16, numbers.data())) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(context, ": cannot read ", path, ": ", input->geterror()));
-  }
-  Image<float> image(spec.width, spec.height);
-  std::copy(numbers.begin(), numbers.end(), image.values.begin());
+  Image<float> image(file->raw_dn.columns_px, file->raw_dn.rows_px);
+  std::copy(file->raw_dn.values.begin(), file->raw_dn.values.end(), image.values.begin());
   return image;
 }
 

@@ -11,11 +11,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
-#include <fstream>
 #include <numbers>
+#include <set>
+#include <sstream>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "core/file/read_file.h"
 #include "core/json/strict_json.h"
 #include "render_worker/material/models.h"
 #include "render_worker/material/tabulated_material.h"
@@ -24,6 +26,10 @@ namespace sightline {
 namespace {
 
 constexpr float kDegree = std::numbers::pi_v<float> / 180;
+
+constexpr uint64_t kMaxFileBytes = uint64_t{64} << 20;
+// Half a degree. The table has a cell for every pair of inclinations and azimuth that occur.
+constexpr size_t kMostInclinations = 181, kMostAzimuths = 361;
 
 struct Row {
   double theta_l_deg, theta_d_deg, phi_d_deg, brdf_per_sr;
@@ -150,8 +156,12 @@ class SymmetricTable {
 };
 
 absl::StatusOr<std::vector<Row>> ReadRows(const std::string& path, const std::string& context) {
-  std::ifstream file(path);
-  if (!file) return absl::NotFoundError(absl::StrCat(context, ": cannot read ", path));
+  const absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxFileBytes);
+  if (!bytes.ok()) {
+    return absl::Status(bytes.status().code(),
+                        absl::StrCat(context, ": ", bytes.status().message()));
+  }
+  std::istringstream file(*bytes);
   std::vector<Row> rows;
   std::string line;
   for (int number = 1; std::getline(file, line); ++number) {
@@ -191,6 +201,17 @@ absl::StatusOr<std::vector<Row>> ReadRows(const std::string& path, const std::st
   }
   if (rows.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(context, ": ", path, " holds no values"));
+  }
+  std::set<float> inclinations, azimuths;
+  for (const Row& row : rows) {
+    inclinations.insert(static_cast<float>(row.theta_l_deg));
+    inclinations.insert(static_cast<float>(row.theta_d_deg));
+    azimuths.insert(static_cast<float>(std::abs(row.phi_d_deg)));
+    if (inclinations.size() <= kMostInclinations && azimuths.size() <= kMostAzimuths) continue;
+    return absl::InvalidArgumentError(absl::StrCat(
+        context, ": ", path, " has more than ", kMostInclinations,
+        " different inclinations (theta_l_deg, theta_d_deg) or ", kMostAzimuths,
+        " different |phi_d_deg|: round them to the steps in which they were measured"));
   }
   return rows;
 }

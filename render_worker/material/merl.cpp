@@ -7,10 +7,11 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <fstream>
 #include <numbers>
+#include <sstream>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/read_file.h"
 #include "render_worker/material/models.h"
 #include "render_worker/material/tabulated_material.h"
 
@@ -99,8 +100,14 @@ absl::StatusOr<std::shared_ptr<const Material>> ReadMerl(DetailedMaterial::Commo
                                                          const std::string& path,
                                                          double laser_wavelength_m,
                                                          const std::string& context) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return absl::NotFoundError(absl::StrCat(context, ": cannot read ", path));
+  // What is behind the third colour is of no concern.
+  constexpr uint64_t kMaxFileBytes = uint64_t{64} << 20;
+  const absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxFileBytes);
+  if (!bytes.ok()) {
+    return absl::Status(bytes.status().code(),
+                        absl::StrCat(context, ": ", bytes.status().message()));
+  }
+  std::istringstream file(*bytes);
   int32_t sizes[3] = {0, 0, 0};
   file.read(reinterpret_cast<char*>(sizes), sizeof(sizes));
   if (!file || sizes[0] != kHalfAngles || sizes[1] != kDifferenceAngles || sizes[2] != kAzimuths) {

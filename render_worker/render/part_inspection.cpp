@@ -4,12 +4,11 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
-#include <fstream>
 #include <optional>
-#include <sstream>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/read_file.h"
 #include "core/inspection/field_checks.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
@@ -18,14 +17,8 @@
 namespace sightline {
 namespace {
 
-absl::StatusOr<std::string> ReadFile(const std::string& path) {
-  std::ifstream file(path, std::ios::binary);
-  std::ostringstream bytes;
-  bytes << file.rdbuf();
-  if (!file || !bytes) return absl::NotFoundError(absl::StrCat(path, ": cannot be read"));
-  return std::move(bytes).str();
-}
-
+// An asset's; what it may have at most is up to the store.
+constexpr uint64_t kMaxMeshBytes = uint64_t{2} << 30;
 constexpr int kMaxFrames = 100000;
 
 absl::StatusOr<CameraSetting> ParseCameraSetting(const v1::OpticalSetting& message,
@@ -95,7 +88,7 @@ absl::StatusOr<TriangleMesh> LoadMeshAsset(const std::string& file, const std::s
                                            const AssetResolver& assets) {
   absl::StatusOr<std::string> path = assets(file);
   if (!path.ok()) return path.status();
-  absl::StatusOr<std::string> bytes = ReadFile(*path);
+  absl::StatusOr<std::string> bytes = ReadRegularFile(*path, kMaxMeshBytes);
   if (!bytes.ok()) return bytes.status();
   std::string format = std::filesystem::path(file).extension().string();
   if (!format.empty()) format = format.substr(1);

@@ -18,7 +18,6 @@
 #include "core/recordings/recordings.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/effects/effect.h"
-#include "render_worker/image_file/image_file.h"
 #include "render_worker/render/part_inspection.h"
 #include "render_worker/scene_diagnosis/light_paths.h"
 #include "render_worker/service/asset_folder.h"
@@ -102,7 +101,7 @@ struct DiagnosisServiceImpl::CheckedScene {
 };
 
 absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServiceImpl::Check(
-    const v1::RecordedSetSource& source, Missing missing_values) {
+    const v1::RecordedSetSource& source, Missing missing_values, const StopCheck& stop) {
   v1::Recordings message = source.recordings();
   if (message.recordings_size() > kMostRecordings) {
     return InvalidFields(
@@ -152,21 +151,23 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
         WithErrorInfo(absl::UnavailableError("overloaded: too many sets wait"), "OVERLOADED"),
         absl::Seconds(1));
   }
-  LoadedImages loaded = LoadRecordedImages(*description, paths, ReadRawImage);
-  if (!loaded.errors.empty()) return InvalidImages(files, loaded.errors);
-  checked->images = std::move(loaded.raw_dn);
-  if (loaded.eight_bit_files) {
+  absl::StatusOr<LoadedImages> loaded = LoadRecordedImages(*description, paths, stop);
+  if (!loaded.ok()) return loaded.status();
+  if (!loaded->errors.empty()) return InvalidImages(files, loaded->errors);
+  checked->images = std::move(loaded->raw_dn);
+  if (loaded->eight_bit_files) {
     assumptions.push_back(
         TakeNarrowNumbers(EightBitNumbers(description->camera), &*description, &checked->images));
   }
-  RecordingCheck check = CheckRecordings(*description, checked->images);
+  RecordingCheck check = CheckRecordings(*description, checked->images, stop);
   if (check.narrow) {
     assumptions.push_back(TakeNarrowNumbers(*check.narrow, &*description, &checked->images));
-    check = CheckRecordings(*description, checked->images);
+    check = CheckRecordings(*description, checked->images, stop);
   }
   const std::vector<std::string> left_out =
       LeaveOutWithoutLine(check, &*description, &checked->images);
-  if (!left_out.empty()) check = CheckRecordings(*description, checked->images);
+  if (!left_out.empty()) check = CheckRecordings(*description, checked->images, stop);
+  if (status = CheckStop(stop); !status.ok()) return status;
   if (!check.errors.empty()) return InvalidImages(files, check.errors);
   checked->warnings = assumptions;
   checked->warnings.insert(checked->warnings.end(), left_out.begin(), left_out.end());
@@ -176,19 +177,20 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
 }
 
 absl::StatusOr<std::shared_ptr<const DiagnosisServiceImpl::CheckedPlate>>
-DiagnosisServiceImpl::CheckPlate(const v1::RecordedSetSource& source, Missing missing) {
+DiagnosisServiceImpl::CheckPlate(const v1::RecordedSetSource& source, Missing missing,
+                                 const StopCheck& stop) {
   if (const int version = source.recordings().format_version(); version == 2) {
     return InvalidFields({{"source.recordings.format_version",
                            "is 2 (images of a part), must be 1: laser lines on a flat plate"}});
   }
-  auto set = Check(source, missing);
+  auto set = Check(source, missing, stop);
   if (!set.ok()) return set.status();
   return std::make_shared<const CheckedPlate>(*set);
 }
 
 absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedScene>>
-DiagnosisServiceImpl::CheckScene(const v1::CreateDiagnosisRequest& request) {
-  auto set = Check(request.source(), Missing::kError);
+DiagnosisServiceImpl::CheckScene(const v1::CreateDiagnosisRequest& request, const StopCheck& stop) {
+  auto set = Check(request.source(), Missing::kError, stop);
   if (!set.ok()) return set.status();
   auto work = std::make_shared<CheckedScene>(
       *std::move(set), absl::StrCat(p_.spool_folder, "/scene-", next_folder_++));
@@ -269,7 +271,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(const std::string& peer,
 }
 
 absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
-    const std::string& peer, const v1::CreateDiagnosisRequest& request) {
+    const std::string& peer, const v1::CreateDiagnosisRequest& request, const StopCheck& stop) {
   if (!p_.functions.diagnose) return absl::UnimplementedError("this worker does not diagnose");
   for (const auto& [given, name] : {std::pair(request.has_inspection(), "inspection"),
                                     std::pair(!request.assets().empty(), "assets")}) {
@@ -279,7 +281,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
     return MakeActiveEffect(id, {}).status();
   });
   if (!status.ok()) return status;
-  auto work = CheckPlate(request.source(), Missing::kAssume);
+  auto work = CheckPlate(request.source(), Missing::kAssume, stop);
   if (!work.ok()) return work.status();
   return CreateJob(peer, kDiagnose, request, (*work)->source->warnings,
                    [this, settings = CommonSettings<DiagnosisSettings>(request, p_.threads),
@@ -289,7 +291,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
 }
 
 absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
-    const std::string& peer, const v1::CreateDiagnosisRequest& request) {
+    const std::string& peer, const v1::CreateDiagnosisRequest& request, const StopCheck& stop) {
   if (!p_.functions.diagnose_scene) {
     return absl::UnimplementedError("this worker does not diagnose recordings of parts");
   }
@@ -301,7 +303,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
         "\", which is not considered for parts anyway; these are: ", absl::StrJoin(known, ", ")));
   });
   if (!status.ok()) return status;
-  auto work = CheckScene(request);
+  auto work = CheckScene(request, stop);
   if (!work.ok()) return work.status();
   auto settings = CommonSettings<SceneDiagnosisSettings>(request, p_.threads);
   settings.max_image_bytes = p_.max_image_bytes;
@@ -317,10 +319,11 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
 
 absl::Status DiagnosisServiceImpl::Diagnosis(const std::string& peer,
                                              const v1::CreateDiagnosisRequest& request,
-                                             v1::CreateDiagnosisResponse* response) {
+                                             v1::CreateDiagnosisResponse* response,
+                                             const StopCheck& stop) {
   auto job = request.source().recordings().format_version() == 2
-                 ? CreateSceneDiagnosis(peer, request)
-                 : CreatePlateDiagnosis(peer, request);
+                 ? CreateSceneDiagnosis(peer, request, stop)
+                 : CreatePlateDiagnosis(peer, request, stop);
   if (!job.ok()) return job.status();
   *response->mutable_job() = *std::move(job);
   return absl::OkStatus();
@@ -328,12 +331,13 @@ absl::Status DiagnosisServiceImpl::Diagnosis(const std::string& peer,
 
 absl::Status DiagnosisServiceImpl::Verification(const std::string& peer,
                                                 const v1::CreateVerificationRequest& request,
-                                                v1::CreateVerificationResponse* response) {
+                                                v1::CreateVerificationResponse* response,
+                                                const StopCheck& stop) {
   if (!p_.functions.verify) return absl::UnimplementedError("this worker does not verify");
   VerificationSettings settings;
   settings.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
   settings.threads = p_.threads;
-  auto work = CheckPlate(request.source(), Missing::kError);
+  auto work = CheckPlate(request.source(), Missing::kError, stop);
   if (!work.ok()) return work.status();
   auto job = CreateJob(
       peer, kVerify, request, (*work)->source->warnings,
@@ -348,8 +352,10 @@ absl::Status DiagnosisServiceImpl::Verification(const std::string& peer,
 grpc::Status DiagnosisServiceImpl::CreateDiagnosis(grpc::ServerContext* context,
                                                    const v1::CreateDiagnosisRequest* request,
                                                    v1::CreateDiagnosisResponse* response) {
-  return p_.calls->Run("CreateDiagnosis", context,
-                       [&] { return Diagnosis(PeerOf(*context), *request, response); });
+  return p_.calls->Run("CreateDiagnosis", context, [&] {
+    return Diagnosis(PeerOf(*context), *request, response,
+                     [&] { return p_.calls->CheckStop(context); });
+  });
 }
 
 grpc::Status DiagnosisServiceImpl::GetDiagnosis(grpc::ServerContext* context,
@@ -366,8 +372,10 @@ grpc::Status DiagnosisServiceImpl::GetDiagnosis(grpc::ServerContext* context,
 grpc::Status DiagnosisServiceImpl::CreateVerification(grpc::ServerContext* context,
                                                       const v1::CreateVerificationRequest* request,
                                                       v1::CreateVerificationResponse* response) {
-  return p_.calls->Run("CreateVerification", context,
-                       [&] { return Verification(PeerOf(*context), *request, response); });
+  return p_.calls->Run("CreateVerification", context, [&] {
+    return Verification(PeerOf(*context), *request, response,
+                        [&] { return p_.calls->CheckStop(context); });
+  });
 }
 
 grpc::Status DiagnosisServiceImpl::GetVerification(grpc::ServerContext* context,

@@ -11,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/job/job_store.h"
+#include "core/job/stop_check.h"
 #include "render_worker/diagnosis/diagnose.h"
 #include "render_worker/scene_diagnosis/diagnose_scene.h"
 #include "render_worker/service/answer_jobs.h"
@@ -71,12 +72,12 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
   // `missing`: whether values that a plate's description does not state are assumed.
   enum class Missing { kError, kAssume };
   absl::StatusOr<std::shared_ptr<CheckedSet>> Check(const v1::RecordedSetSource& source,
-                                                    Missing missing);
+                                                    Missing missing, const StopCheck& stop);
   absl::StatusOr<std::shared_ptr<const CheckedPlate>> CheckPlate(
-      const v1::RecordedSetSource& source, Missing missing);
+      const v1::RecordedSetSource& source, Missing missing, const StopCheck& stop);
   // All but the meshes.
   absl::StatusOr<std::shared_ptr<CheckedScene>> CheckScene(
-      const v1::CreateDiagnosisRequest& request);
+      const v1::CreateDiagnosisRequest& request, const StopCheck& stop);
   absl::StatusOr<v1::Diagnosis> RunScene(CheckedScene& work, SceneDiagnosisSettings settings,
                                          const DiagnosisProgress& progress,
                                          const std::atomic<bool>& cancelled);
@@ -87,13 +88,15 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
                                     const Request& request, std::vector<std::string> warnings,
                                     Work work);
   absl::StatusOr<v1::Job> CreatePlateDiagnosis(const std::string& peer,
-                                               const v1::CreateDiagnosisRequest& request);
+                                               const v1::CreateDiagnosisRequest& request,
+                                               const StopCheck& stop);
   absl::StatusOr<v1::Job> CreateSceneDiagnosis(const std::string& peer,
-                                               const v1::CreateDiagnosisRequest& request);
+                                               const v1::CreateDiagnosisRequest& request,
+                                               const StopCheck& stop);
   absl::Status Diagnosis(const std::string& peer, const v1::CreateDiagnosisRequest& request,
-                         v1::CreateDiagnosisResponse* response);
+                         v1::CreateDiagnosisResponse* response, const StopCheck& stop);
   absl::Status Verification(const std::string& peer, const v1::CreateVerificationRequest& request,
-                            v1::CreateVerificationResponse* response);
+                            v1::CreateVerificationResponse* response, const StopCheck& stop);
 
   const Parts p_;
   AnswerJobs answers_;

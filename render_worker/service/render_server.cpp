@@ -91,10 +91,7 @@ class RenderServerImpl final : public RenderServer {
 absl::StatusOr<std::unique_ptr<RenderServer>> RenderServer::Start(
     const RenderServerOptions& options, RecordingFunctions functions) {
   std::string base = options.spool_folder;
-  if (base.empty()) {
-    const char* temporary = std::getenv("TMPDIR");
-    base = temporary != nullptr && *temporary != '\0' ? temporary : "/tmp";
-  }
+  if (base.empty()) base = TemporaryBase();
   absl::StatusOr<ProcessFolder> spool = ProcessFolder::Make(base, "render");
   if (!spool.ok()) {
     return absl::Status(spool.status().code(), absl::StrCat("--spool ", spool.status().message()));

@@ -12,6 +12,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "core/parallel/exception_status.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/service/asset_folder.h"
 #include "render_worker/service/without_folders.h"
@@ -131,9 +132,14 @@ absl::Status RenderServiceImpl::Create(const std::string& peer,
         hooks.cancelled = &job_context.cancelled();
         hooks.threads = p_.threads;
         hooks.max_image_bytes = p_.max_image_bytes;
-        absl::Status status = work->task->Run(
-            work->output->folder(),
-            [&](const std::string& file) { return work->assets.Resolve(file); }, hooks);
+        absl::Status status;
+        try {
+          status = work->task->Run(
+              work->output->folder(),
+              [&](const std::string& file) { return work->assets.Resolve(file); }, hooks);
+        } catch (...) {
+          status = StatusOfException();
+        }
         if (job_context.cancelled()) {
           work->output->Discard();
         } else if (!status.ok() && work->output->FilesFrom(0).empty()) {

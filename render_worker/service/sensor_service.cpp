@@ -8,7 +8,6 @@
 #include "core/recordings/load_images.h"
 #include "core/sensor/emva1288_data.h"
 #include "proto/status/rpc_status.h"
-#include "render_worker/image_file/image_file.h"
 #include "render_worker/sensor_diagnosis/diagnose_sensor.h"
 #include "render_worker/service/asset_folder.h"
 
@@ -52,7 +51,15 @@ absl::Status SensorServiceImpl::Create(const std::string& peer,
         hooks.read_image = [&](const std::string& file) -> absl::StatusOr<Image<uint16_t>> {
           const auto path = work->assets.Resolve(file);
           if (!path.ok()) return path.status();
-          return LoadRawImage(*path, work->set.bit_depth_bit(), ReadRawImage);
+          const auto check_size = [&](int columns_px, int rows_px) {
+            if (columns_px == work->set.columns_px() && rows_px == work->set.rows_px()) {
+              return absl::OkStatus();
+            }
+            return absl::InvalidArgumentError(absl::StrCat("is ", columns_px, " x ", rows_px,
+                                                           " px, must be ", work->set.columns_px(),
+                                                           " x ", work->set.rows_px(), " px"));
+          };
+          return LoadRawImage(*path, work->set.bit_depth_bit(), check_size);
         };
         hooks.on_progress = [&](double fraction, std::string_view what) {
           progress(fraction, std::string(what));

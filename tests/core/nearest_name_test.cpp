@@ -19,5 +19,9 @@ TEST(NearestName, LikelyOnlyIfLittleDiffers) {
   EXPECT_EQ(LikelyName("diagnoze", {"render", "diagnose"}), "diagnose");
 }
 
+TEST(NearestName, LooksAtTheBeginningOfAbsurdNames) {
+  EXPECT_EQ(NearestName("camera" + std::string(10'000'000, 'x'), {"camera", "lens"}), "camera");
+}
+
 }  // namespace
 }  // namespace sightline

@@ -2,6 +2,8 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <sys/stat.h>
+#include <unistd.h>
 
 #include <algorithm>
 #include <cmath>
@@ -11,9 +13,12 @@
 #include <random>
 #include <thread>
 
+#include "absl/strings/str_cat.h"
+#include "core/json/printable.h"
 #include "google/protobuf/util/message_differencer.h"
 #include "sightline/v1/inspection.pb.h"
 #include "sightline/v1/plan.pb.h"
+#include "tests/limits/within_limits.h"
 
 namespace sightline {
 namespace {
@@ -321,6 +326,58 @@ TEST_F(StrictJsonFileTest, ReadersNeverSeeHalfAFile) {
   int files = 0;
   for ([[maybe_unused]] const auto& entry : std::filesystem::directory_iterator(folder_)) ++files;
   EXPECT_EQ(files, 1);
+}
+
+// --- made to be expensive or misleading ---------------------------------------------------------
+
+TEST(StrictJson, ManyKeysAreLookedUpFast) {
+  std::string parameters = "\"a\": 1";
+  for (int i = 0; i < 200'000; ++i) absl::StrAppend(&parameters, ", \"k", i, "\": 1");
+  const std::string json =
+      absl::StrCat(R"({"effects": [{"effect": "optics.coma", "parameters": {)", parameters, "}}]}");
+  EXPECT_EQ(WithinLimits({.cpu_time_s = 5},
+                         [&] {
+                           v1::Inspection message;
+                           const absl::Status status = ParseStrictJson(json, "a.json", &message);
+                           return absl::StrCat(status.ToString(), " ",
+                                               message.effects(0).parameters_size());
+                         }),
+            "OK 200001");
+}
+
+TEST(StrictJson, ValuesAreCounted) {
+  std::string zeros = "0";
+  for (int i = 0; i < 40'000'000; ++i) zeros += ",0";
+  const std::string json = absl::StrCat(R"({"rig": [)", zeros, "]}");
+  EXPECT_EQ(WithinLimits({.cpu_time_s = 5, .memory_bytes = int64_t{800} << 20},
+                         [&] { return ErrorOf(json); }),
+            "bracket.json: has more than 2000000 values");
+}
+
+TEST(StrictJson, ControlCharactersInKeysAreShownAsEscapes) {
+  const std::string error = ErrorOf(R"({"\u001b[31mred\u0007\u009b": 1})");
+  EXPECT_THAT(error, HasSubstr("\\x1b[31mred\\x07\\x9b"));
+  EXPECT_THAT(ErrorOf(R"({"name": "a", "rig": {"\u001b]0;x\u0007": 1}})"),
+              HasSubstr("rig.\\x1b]0;x\\x07: unknown field"));
+  EXPECT_EQ(Printable("\x1b a\tb\nc \x7f ä \xc2\x85"), "\\x1b a\tb\nc \\x7f ä \\x85");
+}
+
+TEST(StrictJson, FilesAreRegularAndOfBoundedSize) {
+  const std::string folder = ::testing::TempDir() + absl::StrCat("json_", getpid());
+  std::filesystem::create_directories(folder);
+  const std::string pipe = folder + "/pipe.json", large = folder + "/large.json";
+  ASSERT_EQ(mkfifo(pipe.c_str(), 0600), 0);
+  std::ofstream(large).put('{');
+  std::filesystem::resize_file(large, uint64_t{1} << 33);
+  for (const std::string& path : {pipe, large, folder, std::string("/dev/zero")}) {
+    EXPECT_THAT(WithinLimits({.cpu_time_s = 2, .memory_bytes = int64_t{300} << 20},
+                             [&] {
+                               v1::Inspection message;
+                               return ReadStrictJsonFile(path, &message).ToString();
+                             }),
+                testing::StartsWith("INVALID_ARGUMENT: " + path));
+  }
+  std::filesystem::remove_all(folder);
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "tests/integration/fake_scene.h"
 
+#include <chrono>
 #include <cmath>
 #include <numbers>
 
@@ -11,11 +12,11 @@ namespace {
 
 // False if cancelled on the way.
 bool Spend(absl::Duration time, const std::atomic<bool>* cancelled) {
-  const absl::Time end = absl::Now() + time;
+  const auto end = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(time);
   do {
     if (cancelled != nullptr && *cancelled) return false;
     if (time > absl::ZeroDuration()) absl::SleepFor(std::min(time, absl::Milliseconds(1)));
-  } while (absl::Now() < end);
+  } while (std::chrono::steady_clock::now() < end);
   return true;
 }
 

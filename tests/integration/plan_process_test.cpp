@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <string>
 
@@ -13,6 +14,7 @@ namespace sightline {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 // Its top is toleranced, by hand.
@@ -56,7 +58,7 @@ TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
   EXPECT_EQ(u.features(0).name(), "top");
   EXPECT_EQ(u.features(0).targets(), u.judged_targets());
   EXPECT_FALSE(u.features(0).because().empty());
-  for (const char* file : {"a/report.html", "a/uncertainty.ply", "a/plan.qif"}) {
+  for (const char* file : {"a/report.html", "a/setup.html", "a/uncertainty.ply", "a/plan.qif"}) {
     EXPECT_TRUE(fs::exists(folder_ + "/" + file)) << file;
   }
 
@@ -69,6 +71,26 @@ TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
   EXPECT_EQ(Read<v1::Plan>("c/plan.json").uncertainty().admissible_fraction(),
             u.admissible_fraction());
   EXPECT_TRUE(fs::exists(folder_ + "/c/points/scan_01_ellipsoids.ply"));
+
+  // How finely each scan measures: in the middle of the image the angle is that of the rig.
+  const v1::Plan evaluated_plan = Read<v1::Plan>("c/plan.json");
+  for (int i = 0; i < plan.scans_size(); ++i) {
+    const v1::ScanQuality& quality = plan.scans(i).quality();
+    EXPECT_LE(quality.triangulation_angle_deg().low(),
+              std::abs(plan.scans(i).measurement().triangulation_angle_deg()) + 1e-6);
+    EXPECT_GE(quality.depth_per_pixel_m().low(), quality.pixel_footprint_m().low());
+    EXPECT_LE(quality.overlap(), 1);
+    // Angles go through degrees in between.
+    const v1::ScanQuality& again = evaluated_plan.scans(i).quality();
+    EXPECT_NEAR(again.depth_per_pixel_m().median(), quality.depth_per_pixel_m().median(), 1e-12);
+    EXPECT_NEAR(again.laser_incidence_deg().high(), quality.laser_incidence_deg().high(), 1e-9);
+    EXPECT_EQ(again.overlap(), quality.overlap());
+  }
+  EXPECT_THAT(Bytes("a/report.html"),
+              AllOf(HasSubstr("How finely each scan measures"), HasSubstr("href=\"setup.html\"")));
+  const ProcessResult exports =
+      RunProcess(absl::StrCat("/usr/bin/python3 -B ", SIGHTLINE_READ_EXPORTS, " ", folder_, "/a"));
+  EXPECT_EQ(exports.exit_code, 0) << exports.output;
 }
 
 TEST_F(PlanProcessTest, ComparesGainFunctions) {

@@ -157,6 +157,41 @@ TEST_F(RenderProcessTest, PartImageOfAFixedMeasurement) {
   EXPECT_NE(Bytes(folder_ + "/out/images/000.png"), image);
 }
 
+// A draft joins pixels and is called one; a crop is the middle of the sensor; a preview is beside
+// every image and changes nothing of it.
+TEST_F(RenderProcessTest, DraftsCropsAndPreviews) {
+  const std::string command = "{folder}/inspection.json --measurement 0.3,30,0,0,0,0,0,0,0";
+  ASSERT_EQ(Render(command).exit_code, 0);
+  const std::string image = Bytes(folder_ + "/out/images/000.png");
+  EXPECT_THAT(Bytes(folder_ + "/out/images/000_preview.png"), HasSubstr("not data"));
+  fs::remove_all(folder_ + "/out");
+  ASSERT_EQ(Render(command + " --no-previews").exit_code, 0);
+  EXPECT_EQ(Bytes(folder_ + "/out/images/000.png"), image);
+  EXPECT_FALSE(fs::exists(folder_ + "/out/images/000_preview.png"));
+
+  const ProcessResult draft = Render(command + " --draft --draft-pixels 800");
+  ASSERT_EQ(draft.exit_code, 0) << draft.output;
+  EXPECT_THAT(draft.output, HasSubstr("2 x 2 pixels of the camera"));
+  auto raw = ReadRawImage(folder_ + "/out/images/000.png");
+  ASSERT_TRUE(raw.ok()) << raw.status();
+  EXPECT_EQ(raw->columns_px, 32);
+  EXPECT_EQ(raw->rows_px, 24);
+  EXPECT_THAT(Bytes(folder_ + "/out/recordings.json"), HasSubstr("(draft)"));
+
+  ASSERT_EQ(Render(command + " --crop 32x16").exit_code, 0);
+  raw = ReadRawImage(folder_ + "/out/images/000.png");
+  ASSERT_TRUE(raw.ok()) << raw.status();
+  EXPECT_EQ(raw->columns_px, 32);
+  EXPECT_EQ(raw->rows_px, 16);
+  for (const char* crop : {"65x16", "32", "31x16", "8x8", "axb", "-32x16"}) {
+    const ProcessResult result = Render(command + " --crop=" + crop);
+    EXPECT_EQ(result.exit_code, 2) << crop;
+    EXPECT_THAT(result.output, HasSubstr("64x48")) << crop;
+  }
+  Write("set.json", RecordingsToJson(PlateRecordings(1)));
+  EXPECT_THAT(Render("{folder}/set.json --draft").output, HasSubstr("--draft is for parts"));
+}
+
 TEST_F(RenderProcessTest, ScansAndFramesOfAPlan) {
   Write("plan.json", R"({"scans": [
     {"index": 1, "measurement": {"camera_distance_m": 0.3, "triangulation_angle_deg": 30},

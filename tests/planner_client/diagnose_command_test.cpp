@@ -282,7 +282,12 @@ TEST_F(DiagnoseCommandTest, QuickTakesFewerRecordingsAndSaysSo) {
   const std::string description = folder_ + "/set/recordings.json";
   ASSERT_TRUE(ReadRecordingsMessage(description, &message).ok());
   const v1::Recording last = message.recordings(message.recordings_size() - 1);
-  for (int i = 0; i < 40; ++i) *message.add_recordings() = last;
+  for (int i = 0; i < 40; ++i) {
+    v1::Recording* more = message.add_recordings();
+    *more = last;
+    more->set_file(absl::StrCat("images/more_", i, ".png"));
+    fs::copy_file(folder_ + "/set/" + last.file(), folder_ + "/set/" + more->file());
+  }
   std::ofstream(description) << RecordingsToJson(message);
   result = Run("diagnose", {folder_ + "/set", "--quick", "--max-effects", "2"});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;

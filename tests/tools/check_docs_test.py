@@ -44,6 +44,12 @@ class CheckDocsTest(unittest.TestCase):
         self.assertEqual([(3, "other.md has no heading #else")],
                          self.finds(check_docs.check_links, "\n\n[`a`](other.md#else)", pages))
 
+    def test_paths_of_the_tree(self):
+        good = "`core/rig/rig.h`, `core/rig/`, `optics/lens.h`, `build/release/bin`"
+        self.assertEqual([], self.finds(check_docs.check_paths, good, {"core"}))
+        self.assertEqual([(1, "there is no core/rgi/rig.h")],
+                         self.finds(check_docs.check_paths, "`core/rgi/rig.h`", {"core"}))
+
     def test_tables_of_fields(self):
         table = "`goal`: when to stop\n\n| field | allowed |\n|---|---|\n| `{}` | |\n"
         self.assertEqual([], self.finds(check_docs.check_fields, table.format("max_scans"), self.messages))

@@ -92,7 +92,8 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
     if (!found.ok()) return found.status();
     candidates = *std::move(found);
   }
-  if (absl::Status made = MakeOutputFolder(options.choice.out); !made.ok()) return made;
+  const auto out_lock = OpenOutputFolder(options.choice.out);
+  if (!out_lock.ok()) return out_lock.status();
 
   ProgressLine progress;
   WorkerClientOptions client;

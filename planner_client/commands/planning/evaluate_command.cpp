@@ -34,6 +34,8 @@ Command AddEvaluateCommand(CLI::App& app) {
   return [options]() -> int {
     auto given = ReadPlanScans(options->plan);
     if (!given.ok()) return ReportError(given.status());
+    const auto out_lock = OpenOutputFolder(options->output.folder);
+    if (!out_lock.ok()) return ReportError(out_lock.status());
     auto session = OpenSession(options->session);
     if (!session.ok()) return ReportError(session.status());
     options->output.timings.push_back({"loading and visibility data", session->open_time_s});

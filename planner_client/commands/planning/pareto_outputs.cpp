@@ -157,6 +157,8 @@ int RunPick(const SessionOptions& session_options, const ParetoPick& pick, Outpu
   // A pick that there is not is found before the scene is built.
   const auto index = PickPoint(front, pick, path);
   if (!index.ok()) return ReportError(index.status());
+  const auto out_lock = OpenOutputFolder(output.folder);
+  if (!out_lock.ok()) return ReportError(out_lock.status());
   auto session = OpenSession(session_options);
   if (!session.ok()) return ReportError(session.status());
   output.timings.push_back({"loading and visibility data", session->open_time_s});
@@ -173,6 +175,9 @@ int RunPick(const SessionOptions& session_options, const ParetoPick& pick, Outpu
                           v1::Plan::STOP_REASON_EVALUATED};
   auto document = MakePlanDocument(*session, *std::move(scans), source);
   if (!document.ok()) return ReportError(document.status());
+  if (auto status = RemoveFiles(output.folder, {"optics.json", "optics.html"}); !status.ok()) {
+    return ReportError(status);
+  }
   front.set_chosen(point.number());
   if (absl::Status status = WriteFront(front, output.folder); !status.ok()) {
     return ReportError(status);

@@ -14,6 +14,7 @@
 #include "planner_client/commands/help/terminal.h"
 #include "planner_client/commands/interrupt.h"
 #include "planner_client/commands/optics/optics_outputs.h"
+#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/planning/as_measured_session.h"
 #include "planner_client/commands/planning/pareto_outputs.h"
@@ -260,7 +261,12 @@ class Planning {
         return status;
       }
     }
-    return WritePlanJson(document_, options_.output.folder);
+    // Settings of an earlier plan's scans; with --optics they are made anew.
+    const std::string& folder = options_.output.folder;
+    if (auto status = RemoveFiles(folder, {"optics.json", "optics.html"}); !status.ok()) {
+      return status;
+    }
+    return WritePlanJson(document_, folder);
   }
 
   // Bounds what `scans` settle, a share of the targets, at most the goal.
@@ -332,6 +338,8 @@ absl::Status PlanParsed(PlanOptions& options) {
   if (measured) options.session.before_upload = PutMeasuredPart(options.measured, *earlier);
   if (auto status = CheckOptics(options); !status.ok()) return status;
   options.session.kept_scans = request.locked;
+  const auto out_lock = OpenOutputFolder(options.output.folder);
+  if (!out_lock.ok()) return out_lock.status();
   const auto start = std::chrono::steady_clock::now();
   auto session = OpenSession(options.session);
   if (!session.ok()) return session.status();

@@ -5,10 +5,15 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
+#include <string_view>
+#include <system_error>
+#include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/strip.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
@@ -394,8 +399,42 @@ absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
   return scans;
 }
 
+namespace {
+
+// scan_NN.ply or scan_NN_ellipsoids.ply
+bool IsPointCloud(std::string_view name) {
+  if (!absl::ConsumePrefix(&name, "scan_") || !absl::ConsumeSuffix(&name, ".ply")) return false;
+  absl::ConsumeSuffix(&name, "_ellipsoids");
+  return name.size() >= 2 && std::all_of(name.begin(), name.end(), [](char c) {
+           return absl::ascii_isdigit(static_cast<unsigned char>(c));
+         });
+}
+
+// Files about the scans of the plan that was in the folder before.
+absl::Status RemoveEarlierPlan(const std::string& folder) {
+  namespace fs = std::filesystem;
+  absl::Status status = RemoveFiles(folder, {"report.html", "uncertainty.ply", "plan.qif"});
+  if (!status.ok()) return status;
+  const fs::path points = fs::path(folder) / "points";
+  std::vector<std::string> clouds;
+  std::error_code error;
+  for (fs::directory_iterator entry(points, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    if (IsPointCloud(name)) clouds.push_back(name);
+  }
+  for (const std::string& cloud : clouds) {
+    if (status = RemoveFiles(points.string(), {cloud}); !status.ok()) return status;
+  }
+  fs::remove(points, error);  // if nothing else is in it
+  return absl::OkStatus();
+}
+
+}  // namespace
+
 absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder) {
   if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
+  if (absl::Status removed = RemoveEarlierPlan(folder); !removed.ok()) return removed;
   if (absl::Status status = WriteFileAtomically(folder + "/plan.json", ToJson(document.plan));
       !status.ok())
     return status;

@@ -64,7 +64,8 @@ struct OutputOptions {
 
 // Writes plan.json and plan.csv; then, with the reasons why targets stay uncovered, plan.json
 // again, pictures, report.html and points/scan_NN.ply. plan.json comes first, so that an
-// interruption keeps it. Prints nothing.
+// interruption keeps it; before, what an earlier plan left in the folder about its scans goes
+// (report, point clouds, uncertainty). Prints nothing.
 absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder);
 absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
                               const OutputOptions& options);

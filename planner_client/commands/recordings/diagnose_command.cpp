@@ -302,7 +302,8 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
       if (!inspection.ok()) return inspection.status();
     }
   }
-  if (absl::Status made = MakeOutputFolder(options.out); !made.ok()) return made;
+  const auto out_lock = OpenOutputFolder(options.out);
+  if (!out_lock.ok()) return out_lock.status();
   if (options.max_effects) request.set_max_effects(*options.max_effects);
   if (options.quick) set->assumptions.push_back(MakeQuick(&*set, &request));
   *request.mutable_source()->mutable_recordings() = set->recordings;

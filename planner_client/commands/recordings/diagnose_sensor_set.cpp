@@ -67,7 +67,8 @@ absl::StatusOr<int> RunSensorSetDiagnosis(SensorSetOptions options) {
   const auto set = ReadSensorSetFolder(options.input);
   if (!set.ok()) return set.status();
   if (options.out.empty()) options.out = (fs::path(set->folder) / "diagnosis").string();
-  if (absl::Status made = MakeOutputFolder(options.out); !made.ok()) return made;
+  const auto out_lock = OpenOutputFolder(options.out);
+  if (!out_lock.ok()) return out_lock.status();
   v1::CreateSensorDiagnosisRequest request;
   *request.mutable_set() = set->set;
 

@@ -40,6 +40,8 @@ absl::StatusOr<int> New(const NewOptions& options) {
     return absl::InvalidArgumentError(
         absl::StrCat(options.out, ": has a recordings.json already; give another --out"));
   }
+  const auto out_lock = OpenOutputFolder(options.out);
+  if (!out_lock.ok()) return out_lock.status();
   if (absl::Status made = MakeOutputFolder((folder / "images").string()); !made.ok()) return made;
   absl::Status status = WriteFileAtomically((folder / "README.md").string(), ShotListText(*list));
   if (!status.ok()) return status;
@@ -84,10 +86,14 @@ absl::StatusOr<int> Check(const std::string& input) {
         description.string(), ": none of its ", paths.size(), " images is there yet: ",
         MissingText(missing), "; record them as the README.md beside it says, and check again"));
   }
-  LoadedImages loaded = LoadRecordedImages(*set, paths, {});
-  std::vector<Image<uint16_t>>& images = loaded.raw_dn;
-  std::vector<std::string> errors = loaded.errors;
-  if (loaded.eight_bit_files) {
+  absl::StatusOr<LoadedImages> loaded = LoadRecordedImages(*set, paths);
+  if (!loaded.ok()) {
+    return absl::Status(loaded.status().code(),
+                        absl::StrCat(description.string(), ": ", loaded.status().message()));
+  }
+  std::vector<Image<uint16_t>>& images = loaded->raw_dn;
+  std::vector<std::string> errors = loaded->errors;
+  if (loaded->eight_bit_files) {
     notes.push_back(TakeNarrowNumbers(EightBitNumbers(set->camera), &*set, &images));
   }
   RecordingCheck check = CheckRecordings(*set, images);

@@ -56,7 +56,8 @@ absl::StatusOr<int> Verify(VerifyOptions options) {
   const auto set = ReadRecordedFolder(options.input, Shown::kPlate);
   if (!set.ok()) return set.status();
   if (options.out.empty()) options.out = (fs::path(set->folder) / "verification").string();
-  if (absl::Status made = MakeOutputFolder(options.out); !made.ok()) return made;
+  const auto out_lock = OpenOutputFolder(options.out);
+  if (!out_lock.ok()) return out_lock.status();
   v1::CreateVerificationRequest request;
   *request.mutable_source()->mutable_recordings() = set->recordings;
   if (options.seed) request.set_seed(*options.seed);

@@ -339,9 +339,9 @@ absl::Status New(NewInspectionOptions options) {
   if (status = WriteFileAtomically(options.out, text); !status.ok()) return status;
 
   const Eigen::Vector3d mm = 1e3 * request->health.bounding_box_m.sizes();
-  std::printf("%s: %.4g x %.4g x %.4g mm, about %.2g targets %.4g mm apart\n",
+  std::printf("%s: %.4g x %.4g x %.4g mm, about %lld targets %.4g mm apart\n",
               fs::path(options.part).filename().c_str(), mm.x(), mm.y(), mm.z(),
-              static_cast<double>(draft->expected_targets),
+              static_cast<long long>(draft->expected_targets),
               1e3 * draft->inspection.targets().spacing_m());
   if (!draft->lens.empty()) std::printf("lens chosen: %s\n", draft->lens.c_str());
   for (const std::string& finding : request->health.findings) {

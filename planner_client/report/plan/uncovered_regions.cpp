@@ -4,10 +4,10 @@
 #include <array>
 #include <cassert>
 #include <cmath>
-#include <numeric>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/part/disjoint_sets.h"
 #include "core/part/point_index.h"
 
 namespace sightline {
@@ -20,26 +20,6 @@ double SpacingOf(const TargetSet& targets, const TargetSampling& sampling, size_
   const int32_t region = targets.regions.empty() ? -1 : targets.regions[i];
   return region < 0 ? sampling.spacing_m : sampling.regions[region].spacing_m;
 }
-
-// Union-find whose representative is the smallest member.
-class DisjointSets {
- public:
-  explicit DisjointSets(size_t size) : parent_(size) {
-    std::iota(parent_.begin(), parent_.end(), 0u);
-  }
-  uint32_t Find(uint32_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void Join(uint32_t a, uint32_t b) {
-    a = Find(a);
-    b = Find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<uint32_t> parent_;
-};
 
 constexpr std::array<const char*, 6> kFaces = {"x\u2212", "x+", "y\u2212", "y+", "z\u2212", "z+"};
 

@@ -3,7 +3,6 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
-#include <spawn.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -13,8 +12,7 @@
 #include <cstring>
 
 #include "absl/strings/str_cat.h"
-
-extern char** environ;
+#include "core/process/start_process.h"
 
 namespace sightline {
 namespace {
@@ -71,34 +69,13 @@ absl::StatusOr<SubprocessResult> RunSubprocess(const std::vector<std::string>& w
   if (!output.Open() || !errors.Open()) {
     return absl::UnavailableError(absl::StrCat("cannot make a pipe: ", std::strerror(errno)));
   }
-  std::vector<std::string> copies = words;
-  std::vector<char*> argv;
-  for (std::string& word : copies) argv.push_back(word.data());
-  argv.push_back(nullptr);
-  posix_spawn_file_actions_t actions;
-  posix_spawn_file_actions_init(&actions);
-  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
-  posix_spawn_file_actions_adddup2(&actions, output.ends[1], 1);
-  posix_spawn_file_actions_adddup2(&actions, errors.ends[1], 2);
-  posix_spawnattr_t attributes;
-  posix_spawnattr_init(&attributes);
-  sigset_t none;
-  sigset_t all;
-  sigemptyset(&none);
-  sigfillset(&all);
-  posix_spawnattr_setsigmask(&attributes, &none);
-  posix_spawnattr_setsigdefault(&attributes, &all);
-  posix_spawnattr_setpgroup(&attributes, 0);
-  posix_spawnattr_setflags(&attributes,
-                           POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
-  pid_t pid = -1;
-  const int error = posix_spawnp(&pid, argv[0], &actions, &attributes, argv.data(), environ);
-  posix_spawn_file_actions_destroy(&actions);
-  posix_spawnattr_destroy(&attributes);
-  if (error != 0) {
-    return absl::UnavailableError(
-        absl::StrCat("cannot start ", words[0], ": ", std::strerror(error)));
-  }
+  const absl::StatusOr<pid_t> started =
+      StartProcess({.words = words,
+                    .in_path = true,
+                    .descriptors = {{.number = 1, .ours = output.ends[1]},
+                                    {.number = 2, .ours = errors.ends[1]}}});
+  if (!started.ok()) return started.status();
+  const pid_t pid = *started;
   output.CloseWriteEnd();
   errors.CloseWriteEnd();
   SubprocessResult result;

@@ -1,10 +1,10 @@
 // Files of a job: which ones the task names, under which names they are sent, and which of the
 // chosen files they are.
 
-const MESH = /\.(glb|gltf|stl|ply|obj)$/i;
+const MESH = /\.(step|stp|p21|glb|gltf|stl|ply|obj)$/i;
 export function isMeshName(name) { return MESH.test(name); }
-// glTF is in metres by its standard; the others carry no unit.
-export function carriesUnit(name) { return /\.(glb|gltf)$/i.test(name); }
+// STEP says its unit itself, glTF is in metres by its standard; the others carry no unit.
+export function carriesUnit(name) { return /\.(step|stp|p21|glb|gltf)$/i.test(name); }
 
 // Name under which a file is sent: the path in the task without what leads out of the job's folder.
 export function sentName(reference) {

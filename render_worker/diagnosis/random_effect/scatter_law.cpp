@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <boost/math/special_functions/sinc.hpp>
 #include <cmath>
 #include <numbers>
 
@@ -12,11 +13,12 @@ namespace sightline {
 
 namespace {
 
+using boost::math::sinc_pi;
 using std::numbers::pi;
 
 // Squared mean of a sinusoid of unit amplitude over an exposure, averaged over its phase.
 double ShiftVariance(double frequency_hz, double exposure_s) {
-  return 0.5 * std::pow(Sinc(pi * frequency_hz * exposure_s), 2);
+  return 0.5 * std::pow(sinc_pi(pi * frequency_hz * exposure_s), 2);
 }
 
 // Mean square of the mean over an exposure of what wanders with unit variance.

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <boost/math/special_functions/sinc.hpp>
 #include <cassert>
 #include <cmath>
 #include <numbers>
@@ -10,6 +11,7 @@ namespace sightline {
 
 namespace {
 
+using boost::math::sinc_pi;
 using std::numbers::pi;
 constexpr double kNoLaw = 1e-3;
 // Moments say nothing of a profile's skew, and are taken off a clipped and noisy one.
@@ -41,14 +43,12 @@ struct Axis {
 
 }  // namespace
 
-double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(x) / x; }
-
 double BlurByVibration(double amplitude_px, double frequency_hz, double exposure_time_s,
                        double mean_px) {
   const double half_turn = pi * frequency_hz * exposure_time_s;
-  const double farthest = Square(amplitude_px * Sinc(half_turn));
+  const double farthest = Square(amplitude_px * sinc_pi(half_turn));
   const double square = farthest > 0 ? std::min(1.0, mean_px * mean_px / farthest) : 0;
-  return 0.5 * amplitude_px * amplitude_px * (1 - Sinc(2 * half_turn) * (1 - 2 * square)) -
+  return 0.5 * amplitude_px * amplitude_px * (1 - sinc_pi(2 * half_turn) * (1 - 2 * square)) -
          farthest * square;
 }
 
@@ -56,7 +56,7 @@ double VibrationLogLikelihood(std::span<const RecordedMovement> movements, doubl
                               double frequency_hz) {
   static const Phases phases;
   const auto farthest_of = [&](const RecordedMovement& seen) {
-    return amplitude_px * std::abs(Sinc(pi * frequency_hz * seen.exposure_time_s));
+    return amplitude_px * std::abs(sinc_pi(pi * frequency_hz * seen.exposure_time_s));
   };
   const auto shift_error_of = [](const RecordedMovement& seen) {
     return std::hypot(seen.shift_error_px, kShiftError_px);
@@ -74,7 +74,7 @@ double VibrationLogLikelihood(std::span<const RecordedMovement> movements, doubl
     const double half_turn = pi * frequency_hz * seen.exposure_time_s;
     const double farthest_px = farthest_of(seen);
     const double half_square = 0.5 * amplitude_px * amplitude_px;
-    const double swing = Sinc(2 * half_turn);
+    const double swing = sinc_pi(2 * half_turn);
     const double shift_error = shift_error_of(seen);
     const double blur_error = std::hypot(seen.blur_error_px2, kBlurError_px2,
                                          kBlurErrorRelative * std::max(0.0, seen.blur_px2));

@@ -14,9 +14,6 @@ struct RecordedMovement {
   double blur_px2 = 0, blur_error_px2 = 0;  // variance of the displacement about it
 };
 
-// sin(x) / x: of the mean of a sinusoid over half a phase x either way.
-double Sinc(double x);
-
 // Variance of the displacement about its mean [px^2] during an exposure whose mean displacement is
 // `mean_px`; beyond what A and f allow it counts as the farthest they do.
 double BlurByVibration(double amplitude_px, double frequency_hz, double exposure_time_s,

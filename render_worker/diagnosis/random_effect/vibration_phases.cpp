@@ -2,6 +2,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <boost/math/special_functions/sinc.hpp>
 #include <cassert>
 #include <cmath>
 #include <numbers>
@@ -15,6 +16,7 @@ namespace sightline {
 
 namespace {
 
+using boost::math::sinc_pi;
 using std::numbers::pi;
 // Standard deviation of a phase that is uniform over the half turn in which its sine differs.
 const double kPhaseScale = pi / std::sqrt(12.0);
@@ -54,7 +56,7 @@ std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
     double sum = 0;
     std::vector<double> phases_rad;
     for (const RecordedMovement& seen : movements) {
-      const double farthest_px = amplitude_px * Sinc(pi * frequency_hz * seen.exposure_time_s);
+      const double farthest_px = amplitude_px * sinc_pi(pi * frequency_hz * seen.exposure_time_s);
       const double blur_error =
           std::hypot(seen.blur_error_px2, kBlurErrorRelative * amplitude_px * amplitude_px);
       double nearest = 1e300, at = 0;

@@ -1,6 +1,7 @@
 #include "render_worker/diagnosis/selection/flicker_search.h"
 
 #include <algorithm>
+#include <boost/math/special_functions/sinc.hpp>
 #include <cmath>
 #include <complex>
 #include <numbers>
@@ -11,6 +12,7 @@ namespace sightline {
 
 namespace {
 
+using boost::math::sinc_pi;
 using std::numbers::pi;
 constexpr double kLowest_hz = 20, kHighest_hz = 300;  // of lamps on the mains, and beyond
 constexpr int kPeaks = 3;
@@ -65,8 +67,6 @@ OtherLight OfEveryRecording(const SetModel& model, const FitResult& null,
   return light;
 }
 
-double Sinc(double x) { return std::abs(x) < 1e-9 ? 1 : std::sin(x) / x; }
-
 struct Flicker {
   double gain = 0, frequency_hz = 0, mean = 0, modulation = 0;
 };
@@ -98,7 +98,7 @@ Flicker Refined(const OtherLight& light, const Eigen::VectorXd& of_all, const Fl
   for (int i = -kFiner; i <= kFiner; ++i) {
     const double frequency_hz = peak.frequency_hz + i * step_hz / kFiner;
     for (Eigen::Index r = 0; r < wave.size(); ++r) {
-      wave[r] = Sinc(pi * frequency_hz * light.exposure_s[r]) *
+      wave[r] = sinc_pi(pi * frequency_hz * light.exposure_s[r]) *
                 std::cos(2 * pi * frequency_hz * light.time_s[r]);
     }
     Flicker here = Fitted(light, of_all, wave);
@@ -128,7 +128,7 @@ std::vector<ActiveEffect> FlickerSeen(const SetModel& model, const FitResult& nu
     const double frequency_hz = kLowest_hz + step * step_hz;
     for (Eigen::Index i = 0; i < recordings; ++i) {
       if (step % kStepsTogether == 0) {
-        const double smoothing = Sinc(pi * frequency_hz * light.exposure_s[i]);
+        const double smoothing = sinc_pi(pi * frequency_hz * light.exposure_s[i]);
         phase[i] = smoothing * std::polar(1.0, 2 * pi * frequency_hz * light.time_s[i]);
         turn[i] = std::polar(1.0, 2 * pi * step_hz * light.time_s[i]);
       } else {

@@ -2,6 +2,7 @@
 // light only (other light is too broad-band). 1 + V cos(2 pi (u cos a + v sin a)/period + phase),
 // averaged over the pixel. The phase is drawn for a camera; the parameter is added to it, which is
 // how recordings of that camera can be matched.
+#include <boost/math/special_functions/sinc.hpp>
 #include <cmath>
 #include <numbers>
 
@@ -13,10 +14,8 @@
 namespace sightline {
 namespace {
 
-double Sinc(double x) {
-  const double y = std::numbers::pi * x;
-  return y == 0 ? 1 : std::sin(y) / y;
-}
+// Mean of cos(2 pi (place + x t)) over |t| < 1/2, relative to the one at t = 0.
+double MeanOverPixel(double x) { return boost::math::sinc_pi(std::numbers::pi * x); }
 
 class CoverGlassEtalonEffect final : public DescribedEffect {
  public:
@@ -37,7 +36,7 @@ class CoverGlassEtalonEffect final : public DescribedEffect {
     const double phase = 2 * std::numbers::pi * (random.Uniform() + p[3] / 360);
     const double direction = p[2] * std::numbers::pi / 180;
     const double along_u = std::cos(direction) / p[1], along_v = std::sin(direction) / p[1];
-    const double amplitude = p[0] * Sinc(along_u) * Sinc(along_v);
+    const double amplitude = p[0] * MeanOverPixel(along_u) * MeanOverPixel(along_v);
     MultiplyLight(light, true, [&](int column_px, int row_px) {
       const double turns = along_u * column_px + along_v * row_px;
       return 1 + amplitude * std::cos(2 * std::numbers::pi * turns + phase);

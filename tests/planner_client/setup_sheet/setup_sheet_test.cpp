@@ -9,7 +9,7 @@
 #include "planner_client/setup_sheet/direction_words.h"
 #include "planner_client/setup_sheet/scene_drawing.h"
 #include "tests/planner_client/exports/sample_plan.h"
-#include "tests/planner_client_report/well_formed.h"
+#include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {

@@ -160,9 +160,13 @@ TEST_P(StrategyTest, InterruptionKeepsWhatIsPlanned) {
   ExpectConsistent(oracle, *plan);
 }
 
-INSTANTIATE_TEST_SUITE_P(All, StrategyTest,
-                         testing::Values("refined", "greedy-pso", "greedy-pso-1", "greedy-ga",
-                                         "greedy-sa", "greedy-cmaes", "greedy-de", "matrix"),
+std::vector<std::string> StrategyNames() {
+  std::vector<std::string> names;
+  for (const StrategyDescription& strategy : Strategies()) names.push_back(strategy.name);
+  return names;
+}
+
+INSTANTIATE_TEST_SUITE_P(All, StrategyTest, testing::ValuesIn(StrategyNames()),
                          [](const auto& instance) {
                            std::string name = instance.param;
                            std::erase(name, '-');

@@ -48,5 +48,5 @@ test('what a JSON file is', () => {
   assert.equal(roleOfJson({scans: []}), 'plan');
   assert.equal(roleOfJson({sensor_type: 'mono'}), 'other');
   assert.equal(roleOfJson(null), 'other');
-  assert.ok(isMeshName('A.STL') && !isMeshName('a.step'));
+  assert.ok(isMeshName('A.STL') && isMeshName('a.step') && !isMeshName('a.txt'));
 });

@@ -37,7 +37,7 @@ TEST(RecordingCheckOfSharedSets, AccusesNone) {
     for (const RecordedImage& image : set->recordings) {
       paths.push_back((folder / image.file).string());
     }
-    const LoadedImages loaded = LoadRecordedImages(*set, paths, {});
+    const LoadedImages loaded = *LoadRecordedImages(*set, paths);
     const auto& images = loaded.raw_dn;
     ASSERT_THAT(loaded.errors, testing::IsEmpty());
     const RecordingCheck check = CheckRecordings(*set, images);

@@ -11,6 +11,7 @@
 #include <functional>
 #include <numbers>
 
+#include "absl/strings/str_cat.h"
 #include "core/recordings/check_recordings.h"
 #include "core/recordings/expected_line.h"
 #include "core/recordings/linearity.h"
@@ -509,8 +510,7 @@ TEST_F(RecordingFiles, ReadsWhatIsWritten) {
   ASSERT_TRUE(read.ok()) << read.status();
   EXPECT_EQ(*read, image);
   ASSERT_TRUE(WriteRawImage(Path("a.tif"), image, "", ImageFormat::kTiff).ok());
-  EXPECT_THAT(std::string(LoadRawImage(Path("a.tif"), 16).status().message()), HasSubstr("TIFF"));
-  const auto tiff = LoadRawImage(Path("a.tif"), 16, ReadRawImage);
+  const auto tiff = LoadRawImage(Path("a.tif"), 16);
   ASSERT_TRUE(tiff.ok()) << tiff.status();
   EXPECT_EQ(*tiff, image);
 }
@@ -555,10 +555,16 @@ TEST_F(RecordingFiles, FilesOfEightBitsAreTakenIfAllAre) {
     recording.roi_columns_px = narrow->columns_px;
     recording.roi_rows_px = narrow->rows_px;
   }
-  LoadedImages loaded = LoadRecordedImages(set, {Path("narrow.png"), Path("narrow.png")}, {});
+  LoadedImages loaded = *LoadRecordedImages(set, {Path("narrow.png"), Path("narrow.png")});
   EXPECT_TRUE(loaded.eight_bit_files);
   EXPECT_THAT(loaded.errors, testing::IsEmpty());
-  loaded = LoadRecordedImages(set, {Path("narrow.png"), Path("wide.png")}, {});
+  for (const char* name : {"narrow.png", "wide.png"}) {
+    const auto image = ReadRawImage(Path(name));
+    ASSERT_TRUE(image.ok());
+    set.recordings[name[0] == 'w'].roi_columns_px = image->columns_px;
+    set.recordings[name[0] == 'w'].roi_rows_px = image->rows_px;
+  }
+  loaded = *LoadRecordedImages(set, {Path("narrow.png"), Path("wide.png")});
   EXPECT_FALSE(loaded.eight_bit_files);
   EXPECT_THAT(loaded.errors, Contains(HasSubstr("others have 16")));
 }
@@ -571,7 +577,7 @@ TEST_F(RecordingFiles, NamesEveryFileThatCannotBeUsed) {
   ASSERT_TRUE(
       WriteRawImage(Path("1.png"), Image<uint16_t>(96, 128, 5), "", ImageFormat::kPng).ok());
   const LoadedImages loaded =
-      LoadRecordedImages(set, {Path("0.png"), Path("1.png"), Path("2.png")}, {});
+      *LoadRecordedImages(set, {Path("0.png"), Path("1.png"), Path("2.png")});
   const Images& images = loaded.raw_dn;
   const std::vector<std::string>& errors = loaded.errors;
   EXPECT_FALSE(images[0].empty());
@@ -582,6 +588,38 @@ TEST_F(RecordingFiles, NamesEveryFileThatCannotBeUsed) {
                                         HasSubstr("wrong region of interest")));
   EXPECT_THAT(errors[1], testing::AllOf(HasSubstr("images/002.png"),
                                         HasSubstr("recordings[2].file is missing")));
+}
+
+TEST_F(RecordingFiles, AreReadAsLongAsSomebodyWaits) {
+  RecordingSet set = SmallSet(ColourFilter::kMono);
+  set.recordings.resize(2);
+  std::vector<std::string> paths;
+  for (const RecordedImage& recording : set.recordings) {
+    paths.push_back(Path(absl::StrCat(paths.size(), ".png")));
+    ASSERT_TRUE(WriteRawImage(paths.back(),
+                              Image<uint16_t>(recording.roi_columns_px, recording.roi_rows_px, 9),
+                              "", ImageFormat::kPng)
+                    .ok());
+  }
+  int asked = 0;
+  const auto loaded = LoadRecordedImages(set, paths, [&] {
+    return ++asked < 3 ? absl::OkStatus() : absl::DeadlineExceededError("too late");
+  });
+  EXPECT_EQ(loaded.status().code(), absl::StatusCode::kDeadlineExceeded);
+  const auto whole = LoadRecordedImages(set, paths);
+  ASSERT_TRUE(whole.ok() && whole->errors.empty());
+  const RecordingCheck stopped =
+      CheckRecordings(set, whole->raw_dn, [] { return absl::CancelledError(""); });
+  EXPECT_TRUE(stopped.errors.empty() && stopped.recordings.empty());
+}
+
+TEST_F(RecordingFiles, TogetherAreLimited) {
+  RecordingSet set = SmallSet(ColourFilter::kMono);
+  set.recordings.resize(1);
+  set.recordings[0].roi_columns_px = set.recordings[0].roi_rows_px = 60000;
+  set.recordings.resize(3, set.recordings[0]);
+  EXPECT_THAT(std::string(LoadRecordedImages(set, {"a", "b", "c"}).status().message()),
+              HasSubstr("more than the 16 GiB"));
 }
 
 // --- the closed forms it relies on

@@ -1,0 +1,39 @@
+// Raw numbers of cameras from image files: greyscale PNG (libpng) and TIFF (libtiff).
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "core/image/image.h"
+#include "core/job/stop_check.h"
+
+namespace sightline {
+
+// Pixels per side of any raw image.
+inline constexpr int kMaxImageSide_px = 1 << 16;
+
+// Whether an image may have the size that its header claims; its message goes behind the path.
+// Asked before any memory is taken. Empty: up to kMaxImageSide_px a side.
+using ImageSizeCheck = std::function<absl::Status(int columns_px, int rows_px)>;
+
+struct RawImageFile {
+  Image<uint16_t> raw_dn;
+  int file_bits = 16;  // 8 or 16 a pixel
+};
+
+// The type is told by the content. Values are taken as they are in the file, of TIFF the first
+// image. NOT_FOUND: no such file. INVALID_ARGUMENT names the file and the reason: no regular file,
+// a JPEG or another type, colour, palette or transparency, other than 8 or 16 bits a pixel without
+// sign, white stored as 0, lossy compression, another size than allowed, truncated or damaged.
+// `stop` ends it early.
+absl::StatusOr<RawImageFile> ReadRawImageFile(const std::string& path,
+                                              const ImageSizeCheck& check_size = {},
+                                              const StopCheck& stop = {});
+
+// The numbers alone.
+absl::StatusOr<Image<uint16_t>> ReadRawImage(const std::string& path);
+
+}  // namespace sightline

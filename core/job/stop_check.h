@@ -1,0 +1,16 @@
+// How long work learns that nobody waits for it any longer.
+#pragma once
+
+#include <functional>
+
+#include "absl/status/status.h"
+
+namespace sightline {
+
+// Asked now and then by work that can take long; an error (a deadline that passed, a server that
+// stops) ends the work and is its result. Empty: never.
+using StopCheck = std::function<absl::Status()>;
+
+inline absl::Status CheckStop(const StopCheck& stop) { return stop ? stop() : absl::OkStatus(); }
+
+}  // namespace sightline

@@ -1,0 +1,13 @@
+// Text from outside in messages for people.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace sightline {
+
+// The text with control characters (C0 but line feed and tab, DEL, C1) as escapes like \x1b: a
+// terminal would obey them. Other characters, also beyond ASCII, stay.
+std::string Printable(std::string_view text);
+
+}  // namespace sightline

@@ -1,0 +1,78 @@
+#include "core/process/start_process.h"
+
+#include <fcntl.h>
+#include <signal.h>
+#include <spawn.h>
+#include <unistd.h>
+
+#include <algorithm>
+#include <cerrno>
+#include <cstring>
+
+#include "absl/cleanup/cleanup.h"
+#include "absl/strings/str_cat.h"
+
+extern char** environ;
+
+namespace sightline {
+namespace {
+
+absl::Status CannotStart(const ProcessStart& start, int error) {
+  return absl::UnavailableError(
+      absl::StrCat("cannot start ", start.words.at(0), ": ", std::strerror(error)));
+}
+
+}  // namespace
+
+absl::StatusOr<pid_t> StartProcess(const ProcessStart& start) {
+  std::vector<std::string> words = start.words;
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  argv.push_back(nullptr);
+
+  posix_spawn_file_actions_t actions;
+  posix_spawn_file_actions_init(&actions);
+  posix_spawnattr_t attributes;
+  posix_spawnattr_init(&attributes);
+  std::vector<int> copies;
+  const auto clean_up = absl::MakeCleanup([&] {
+    posix_spawn_file_actions_destroy(&actions);
+    posix_spawnattr_destroy(&attributes);
+    for (const int fd : copies) close(fd);
+  });
+
+  posix_spawn_file_actions_addopen(&actions, 0, "/dev/null", O_RDONLY, 0);
+  int highest = 2;
+  for (const auto& descriptor : start.descriptors) highest = std::max(highest, descriptor.number);
+  for (const auto& descriptor : start.descriptors) {
+    if (descriptor.ours < 0) {
+      posix_spawn_file_actions_addopen(&actions, descriptor.number, descriptor.file.c_str(),
+                                       descriptor.flags, 0600);
+      continue;
+    }
+    // A copy above all numbers that are filled: none is overwritten before it is moved, and dup2
+    // onto another number clears close-on-exec.
+    const int copy = fcntl(descriptor.ours, F_DUPFD_CLOEXEC, highest + 1);
+    if (copy < 0) return CannotStart(start, errno);
+    copies.push_back(copy);
+    posix_spawn_file_actions_adddup2(&actions, copy, descriptor.number);
+  }
+  if (!start.folder.empty()) {
+    posix_spawn_file_actions_addchdir_np(&actions, start.folder.c_str());
+  }
+  sigset_t none, all;
+  sigemptyset(&none);
+  sigfillset(&all);
+  posix_spawnattr_setsigmask(&attributes, &none);
+  posix_spawnattr_setsigdefault(&attributes, &all);
+  posix_spawnattr_setpgroup(&attributes, 0);
+  posix_spawnattr_setflags(&attributes,
+                           POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+  pid_t pid = -1;
+  const int error = (start.in_path ? posix_spawnp : posix_spawn)(&pid, argv[0], &actions,
+                                                                 &attributes, argv.data(), environ);
+  if (error != 0) return CannotStart(start, error);
+  return pid;
+}
+
+}  // namespace sightline

@@ -1,0 +1,37 @@
+// Starts another program.
+#pragma once
+
+#include <sys/types.h>
+
+#include <string>
+#include <vector>
+
+#include "absl/status/statusor.h"
+
+namespace sightline {
+
+struct ProcessStart {
+  std::vector<std::string> words = {};  // the program, and its arguments
+  // Look for a program without '/' in its name in the folders of PATH.
+  bool in_path = false;
+  // Folder that it runs in; empty: this one.
+  std::string folder = {};
+
+  // What it finds at a descriptor: one of ours, or a file (`flags` as of open(2); mode 0600).
+  // Standard input is empty unless given here; of other descriptors of ours it has those that are
+  // not close-on-exec.
+  struct Descriptor {
+    int number;
+    int ours = -1;  // -1: the file
+    std::string file = {};
+    int flags = 0;
+  };
+  std::vector<Descriptor> descriptors = {};
+};
+
+// The new process leads a process group of its own, so that signals of a terminal do not reach it
+// and kill(-pid, ...) ends it with its children; it blocks and ignores no signal. Whoever calls
+// waits for it. UNAVAILABLE: it cannot be started, and why.
+absl::StatusOr<pid_t> StartProcess(const ProcessStart& start);
+
+}  // namespace sightline

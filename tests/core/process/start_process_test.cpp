@@ -1,0 +1,114 @@
+#include "core/process/start_process.h"
+
+#include <fcntl.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include <array>
+#include <filesystem>
+
+#include "absl/strings/str_cat.h"
+
+namespace sightline {
+namespace {
+
+using ::testing::HasSubstr;
+
+int Wait(pid_t pid) {
+  int status = 0;
+  EXPECT_EQ(waitpid(pid, &status, 0), pid);
+  return status;
+}
+
+std::string ReadToTheEnd(int fd) {
+  std::string text;
+  std::array<char, 256> buffer;
+  ssize_t got;
+  while ((got = read(fd, buffer.data(), buffer.size())) > 0) {
+    text.append(buffer.data(), static_cast<size_t>(got));
+  }
+  close(fd);
+  return text;
+}
+
+// What `script` writes to its descriptor `number`.
+std::string Said(const std::string& script, int number, const std::string& folder = "") {
+  int ends[2];
+  EXPECT_EQ(pipe2(ends, O_CLOEXEC), 0);
+  const auto pid = StartProcess({.words = {"/bin/sh", "-c", script},
+                                 .folder = folder,
+                                 .descriptors = {{.number = number, .ours = ends[1]}}});
+  close(ends[1]);
+  EXPECT_TRUE(pid.ok()) << pid.status();
+  std::string text = ReadToTheEnd(ends[0]);
+  if (pid.ok()) EXPECT_EQ(Wait(*pid), 0);
+  return text;
+}
+
+TEST(StartProcess, PassesArgumentsFolderAndDescriptors) {
+  EXPECT_EQ(Said("printf '%s' \"$(pwd)\"", 1, "/usr"), "/usr");
+  EXPECT_EQ(Said("printf four >&4", 4), "four");
+  // Standard input is empty.
+  EXPECT_EQ(Said("cat; printf end", 1), "end");
+}
+
+TEST(StartProcess, DescriptorsMayTradePlaces) {
+  int ends[2];
+  ASSERT_EQ(pipe2(ends, O_CLOEXEC), 0);
+  const int null = open("/dev/null", O_WRONLY | O_CLOEXEC);
+  ASSERT_GE(null, 0);
+  // Each is to be where the other is now.
+  const auto pid = StartProcess(
+      {.words = {"/bin/sh", "-c", absl::StrCat("printf x >&", null)},
+       .descriptors = {{.number = ends[1], .ours = null}, {.number = null, .ours = ends[1]}}});
+  close(ends[1]);
+  close(null);
+  ASSERT_TRUE(pid.ok()) << pid.status();
+  EXPECT_EQ(ReadToTheEnd(ends[0]), "x");
+  EXPECT_EQ(Wait(*pid), 0);
+}
+
+TEST(StartProcess, LooksInPathOnlyIfAsked) {
+  const auto found = StartProcess({.words = {"true"}, .in_path = true});
+  ASSERT_TRUE(found.ok()) << found.status();
+  EXPECT_EQ(Wait(*found), 0);
+  const auto missing = StartProcess({.words = {"true"}});
+  EXPECT_EQ(missing.status().code(), absl::StatusCode::kUnavailable);
+  EXPECT_THAT(missing.status().message(), HasSubstr("cannot start true: No such file"));
+}
+
+TEST(StartProcess, LeadsItsGroupAndHearsSignals) {
+  // What we block and ignore is not the child's.
+  sigset_t term, before;
+  sigemptyset(&term);
+  sigaddset(&term, SIGTERM);
+  ASSERT_EQ(sigprocmask(SIG_BLOCK, &term, &before), 0);
+  const auto handler = signal(SIGINT, SIG_IGN);
+  for (const int number : {SIGTERM, SIGINT}) {
+    const auto pid = StartProcess({.words = {"/bin/sleep", "60"}});
+    ASSERT_TRUE(pid.ok()) << pid.status();
+    EXPECT_EQ(getpgid(*pid), *pid);
+    EXPECT_EQ(kill(-*pid, number), 0);
+    const int status = Wait(*pid);
+    EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == number);
+  }
+  signal(SIGINT, handler);
+  sigprocmask(SIG_SETMASK, &before, nullptr);
+}
+
+TEST(StartProcess, LeavesNoDescriptorsBehind) {
+  const auto open_descriptors = [] {
+    return std::distance(std::filesystem::directory_iterator("/proc/self/fd"), {});
+  };
+  const auto before = open_descriptors();
+  Said("true", 1);
+  EXPECT_FALSE(
+      StartProcess({.words = {"/no/program"}, .descriptors = {{.number = 5, .ours = 1}}}).ok());
+  EXPECT_EQ(open_descriptors(), before);
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,16 @@
+// The readers of files from outside, each as a function of bytes.
+#pragma once
+
+#include <functional>
+#include <map>
+#include <string>
+#include <string_view>
+
+namespace sightline {
+
+// By name, which is that of the folder of its seeds in corpus/. A target accepts any bytes; what
+// counts is that it returns, soon and without much memory.
+using FuzzTarget = std::function<void(std::string_view)>;
+const std::map<std::string, FuzzTarget>& FuzzTargets();
+
+}  // namespace sightline
