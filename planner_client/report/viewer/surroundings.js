@@ -1,7 +1,7 @@
 // What stands around the part: obstacles, the table, and the boxes of regions of interest.
 import {
   Box3, Box3Helper, BufferAttribute, BufferGeometry, CanvasTexture, DoubleSide, EdgesGeometry, Group,
-  LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, Sprite, SpriteMaterial, Vector3,
+  LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, Sprite, SpriteMaterial, SRGBColorSpace, Vector3,
 } from 'three';
 
 const OBSTACLE_COLOUR = 0x8a6d4b, REGION_COLOUR = 0x7c3aad;
@@ -23,7 +23,9 @@ function label(text, height, colour) {
   context.fillStyle = colour;
   context.textBaseline = 'middle';
   context.fillText(text, 18, 34, canvas.width - 36);
-  const sprite = new Sprite(new SpriteMaterial({map: new CanvasTexture(canvas), depthTest: false, transparent: true}));
+  const texture = new CanvasTexture(canvas);
+  texture.colorSpace = SRGBColorSpace;
+  const sprite = new Sprite(new SpriteMaterial({map: texture, depthTest: false, transparent: true}));
   sprite.scale.set(height * canvas.width / canvas.height, height, 1);
   sprite.renderOrder = 5;
   return sprite;
@@ -43,11 +45,11 @@ export class Obstacle {
     faceted.computeVertexNormals();
     faceted.computeBoundingBox();
     const solid = new Mesh(faceted, new MeshLambertMaterial(
-        {color: OBSTACLE_COLOUR, transparent: true, opacity: 0.45, side: DoubleSide, depthWrite: false}));
+        {color: OBSTACLE_COLOUR, transparent: true, opacity: 0.25, side: DoubleSide, depthWrite: false}));
     solid.renderOrder = 1;
     this.group.add(solid, new LineSegments(new EdgesGeometry(geometry, 30),
         new LineBasicMaterial({color: OBSTACLE_COLOUR})));
-    const name = label(data.name, 0.07 * radius, '#5c4426');
+    const name = label(data.name, 0.055 * radius, '#5c4426');
     const box = faceted.boundingBox;
     name.position.set((box.min.x + box.max.x) / 2, (box.min.y + box.max.y) / 2, box.max.z);
     this.group.add(name);
@@ -81,9 +83,8 @@ export function regionBox(region, radius) {
   const group = new Group();
   const box = new Box3(new Vector3(...region.min_m), new Vector3(...region.max_m));
   group.add(new Box3Helper(box, REGION_COLOUR));
-  const name = label(region.name, 0.07 * radius, '#5b2a83');
-  const {min, max} = box;
-  name.position.set((min.x + max.x) / 2, (min.y + max.y) / 2, max.z);
+  const name = label(region.name, 0.055 * radius, '#5b2a83');
+  name.position.copy(box.min);
   group.add(name);
   return group;
 }

@@ -376,7 +376,7 @@ class Viewer {
     this.scene.setStates(states, tints);
     $('#scan-output').textContent = this.scan;
     $('#scan-hint').textContent = this.count === 0 ? '' :
-      `Colours show why places are not measured by any of the ${this.count} scans.`;
+      'Colours show why places are not measured by the plan.';
   }
 
   recolourCoverage() {
