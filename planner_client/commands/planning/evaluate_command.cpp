@@ -5,6 +5,7 @@
 
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/planning_session.h"
 

@@ -5,13 +5,13 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
-#include <string_view>
 #include <system_error>
 #include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
@@ -375,7 +375,7 @@ absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
 namespace {
 
 // scan_NN.ply or scan_NN_ellipsoids.ply
-bool IsPointCloud(std::string_view name) {
+bool IsPointCloud(absl::string_view name) {
   if (!absl::ConsumePrefix(&name, "scan_") || !absl::ConsumeSuffix(&name, ".ply")) return false;
   absl::ConsumeSuffix(&name, "_ellipsoids");
   return name.size() >= 2 && std::all_of(name.begin(), name.end(), [](char c) {
