@@ -88,7 +88,6 @@ absl::Status KeepAnswers(const std::string& folder, PlanningSession* session,
   if (error) return absl::InternalError(absl::StrCat(folder, ": ", error.message()));
   const auto inspection = ReadFile(inspection_file);
   if (!inspection.ok()) return inspection.status();
-  if (session->robot) fingerprint.Add(session->robot->model().digest);
   // Another build may answer otherwise.
   const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
   const auto built = std::filesystem::last_write_time(program, error).time_since_epoch().count();
@@ -96,6 +95,7 @@ absl::Status KeepAnswers(const std::string& folder, PlanningSession* session,
   fingerprint.Add(*inspection);
   fingerprint.Add(session->client->scene().scene_digest);
   if (session->fresh_client) fingerprint.Add(session->fresh_client->scene().scene_digest);
+  if (session->robot) fingerprint.Add(session->robot->model().digest);
   fingerprint.Add(absl::StrCat(SIGHTLINE_VERSION, " ", built));
   auto journal =
       JournalledOracle::Open(std::move(session->oracle), folder + "/answers", fingerprint.Hex());

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <filesystem>
 #include <numbers>
-#include <string_view>
 #include <system_error>
 #include <vector>
 
@@ -13,6 +12,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
@@ -402,7 +402,7 @@ absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
 namespace {
 
 // scan_NN.ply or scan_NN_ellipsoids.ply
-bool IsPointCloud(std::string_view name) {
+bool IsPointCloud(absl::string_view name) {
   if (!absl::ConsumePrefix(&name, "scan_") || !absl::ConsumeSuffix(&name, ".ply")) return false;
   absl::ConsumeSuffix(&name, "_ellipsoids");
   return name.size() >= 2 && std::all_of(name.begin(), name.end(), [](char c) {

@@ -4,6 +4,7 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -82,7 +83,8 @@ int Print(const std::string& name) {
       PrintOne(effect);
       return kExitDone;
     }
-    if (absl::StrContainsIgnoreCase(effect.effect, name)) found.push_back(&effect);
+    if (absl::StrContains(absl::AsciiStrToLower(effect.effect), absl::AsciiStrToLower(name)))
+      found.push_back(&effect);
   }
   if (found.empty()) {
     const std::string nearest = NearestName(name, names);

@@ -35,6 +35,10 @@
 namespace sightline {
 namespace {
 
+bool ContainsIgnoringCase(const std::string& text, const std::string& part) {
+  return absl::StrContains(absl::AsciiStrToLower(text), absl::AsciiStrToLower(part));
+}
+
 namespace fs = std::filesystem;
 
 constexpr int kMostAttempts = 5;
@@ -173,8 +177,7 @@ absl::StatusOr<Device> FindDevice(const std::vector<Device>& devices, const char
     if (absl::EqualsIgnoreCase(name_of(device), name) || absl::EqualsIgnoreCase(stem, name)) {
       return device;
     }
-    if (absl::StrContainsIgnoreCase(name_of(device), name) ||
-        absl::StrContainsIgnoreCase(stem, name)) {
+    if (ContainsIgnoringCase(name_of(device), name) || ContainsIgnoringCase(stem, name)) {
       like.push_back(&device);
     }
     names.push_back(stem);
