@@ -105,20 +105,20 @@ std::string StopWords(v1::Plan::StopReason reason) {
 
 std::string MeasurableShare(const v1::PlanCoverage& coverage) {
   if (coverage.targets() <= 0) return "";
-  return absl::StrCat(" ",
-                      Percent(static_cast<double>(coverage.measurable_targets()) /
-                                  static_cast<double>(coverage.targets()),
-                              0),
-                      " of the whole surface is measurable with this rig",
-                      coverage.measurable_in_free_space_targets() > coverage.measurable_targets()
-                          ? absl::StrCat(" (table, rests, domain and limits leave that of the ",
-                                         Percent(static_cast<double>(
-                                                     coverage.measurable_in_free_space_targets()) /
-                                                     static_cast<double>(coverage.targets()),
-                                                 0),
-                                         " that sensors anywhere would measure)")
-                          : "",
-                      ".");
+  return absl::StrCat(
+      " ",
+      Percent(static_cast<double>(coverage.measurable_targets()) /
+                  static_cast<double>(coverage.targets()),
+              0),
+      " of the whole surface is measurable with this rig",
+      coverage.measurable_in_free_space_targets() > coverage.measurable_targets()
+          ? absl::StrCat(" (table, rests, domain and limits leave that of the ",
+                         Percent(static_cast<double>(coverage.measurable_in_free_space_targets()) /
+                                     static_cast<double>(coverage.targets()),
+                                 0),
+                         " that sensors anywhere would measure)")
+          : "",
+      ".");
 }
 
 // The answer in a sentence or two.
@@ -301,8 +301,7 @@ std::string ScansSection(const ReportData& data) {
       std::max<double>(1, static_cast<double>(data.plan.coverage().measurable_targets()));
   for (size_t i = 0; i < data.scans.size(); ++i) {
     body += ScanRow(data.plan.scans(static_cast<int>(i)), data.scans[i], static_cast<int>(i) + 1,
-                    measurable, judged,
-                    SetupText(data.plan, data.plan.scans(static_cast<int>(i))));
+                    measurable, judged, SetupText(data.plan, data.plan.scans(static_cast<int>(i))));
   }
   body += "</tbody></table></div>\n";
   return Section("scans", "Scans", body, "long");
