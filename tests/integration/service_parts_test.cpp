@@ -239,6 +239,38 @@ TEST(SceneSpec, EveryFieldChangesTheDigest) {
     spec->add_obstacles()->set_part_digest(std::string(64, 'c'));
     spec->mutable_obstacles(0)->set_frame(v1::Obstacle::FRAME_PART);
   });
+  add([](v1::SceneSpec* spec) {
+    spec->add_obstacles()->set_part_digest(std::string(64, 'c'));
+    spec->mutable_obstacles(0)->set_frame(v1::Obstacle::FRAME_TABLE);
+  });
+  add([](v1::SceneSpec* spec) { spec->mutable_targets()->set_max_depth_per_pixel_m(0.002); });
+  add([](v1::SceneSpec* spec) { spec->mutable_measurement(); });
+  add([](v1::SceneSpec* spec) {
+    spec->mutable_measurement()->add_resting_orientations()->set_part_alpha_deg(90);
+  });
+}
+
+TEST(SceneSpec, ADomainIsWrittenOutWithoutNames) {
+  v1::SceneSpec spec = MinimalSpec();
+  v1::RestingOrientation& rest = *spec.mutable_measurement()->add_resting_orientations();
+  rest.set_part_alpha_deg(89.99999999999);
+  const auto plain = ParseSceneSpec(spec);
+  ASSERT_TRUE(plain.ok()) << plain.status();
+  rest.set_name("B");
+  EXPECT_EQ(ParseSceneSpec(spec)->digest, plain->digest);
+  EXPECT_EQ(plain->normalised.measurement().camera_distance_m().ranges(0).max(), 0.8);
+  EXPECT_EQ(ParseSceneSpec(plain->normalised)->digest, plain->digest);
+  ASSERT_TRUE(plain->domain);
+  EXPECT_EQ(plain->domain->resting_orientations.size(), 1u);
+
+  // What an inspection leaves to the part has been found by then.
+  spec.mutable_rig()->set_part_holding(v1::Rig::PART_HOLDING_RESTING);
+  EXPECT_THAT(std::string(ParseSceneSpec(spec).status().message()),
+              ::testing::HasSubstr("spec.rig.part_holding"));
+  spec.mutable_rig()->clear_part_holding();
+  spec.mutable_measurement()->mutable_part_gamma_deg()->set_fixed(400);
+  EXPECT_THAT(std::string(ParseSceneSpec(spec).status().message()),
+              ::testing::HasSubstr("measurement.part_gamma_deg.fixed"));
 }
 
 TEST(SceneSpec, NamesTheFieldsAtFault) {

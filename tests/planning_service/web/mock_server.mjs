@@ -102,7 +102,7 @@ export async function startMockServer({pageFolder, port = 0, stepMs = 60, token 
     }
     for (const obstacle of inspection?.obstacles ?? []) {
       if (!obstacle.frame) {
-        throw invalid('inspection.obstacles[0].frame', 'is missing, must be FRAME_PART, FRAME_STAGE or FRAME_WORLD');
+        throw invalid('inspection.obstacles[0].frame', 'is missing, must be FRAME_PART, FRAME_STAGE, FRAME_TABLE or FRAME_WORLD');
       }
     }
     if (inspection?.part?.file && !files.has(inspection.part.file)) {
