@@ -25,16 +25,16 @@ constexpr int kTriedTurns = 12;
 
 enum Parameter { kAlpha = 4, kBeta = 5, kGamma = 6 };
 
+// Vertices stand in the order in which triangles name them, as in every mesh that was read: its
+// digest is then the same on both ends of an upload.
 TriangleMesh MakeBox(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
+  const Eigen::Vector3f a = low.cast<float>(), b = high.cast<float>();
   TriangleMesh box;
-  for (int i = 0; i < 8; ++i) {
-    box.positions_m.push_back(Eigen::Vector3d(i & 1 ? high.x() : low.x(),
-                                              i & 2 ? high.y() : low.y(),
-                                              i & 4 ? high.z() : low.z())
-                                  .cast<float>());
-  }
-  box.triangles = {{0, 3, 1}, {0, 2, 3}, {4, 5, 7}, {4, 7, 6}, {0, 1, 5}, {0, 5, 4},
-                   {2, 7, 3}, {2, 6, 7}, {0, 6, 2}, {0, 4, 6}, {1, 3, 7}, {1, 7, 5}};
+  box.positions_m = {{a.x(), a.y(), a.z()}, {b.x(), b.y(), a.z()}, {b.x(), a.y(), a.z()},
+                     {a.x(), b.y(), a.z()}, {a.x(), a.y(), b.z()}, {b.x(), a.y(), b.z()},
+                     {b.x(), b.y(), b.z()}, {a.x(), b.y(), b.z()}};
+  box.triangles = {{0, 1, 2}, {0, 3, 1}, {4, 5, 6}, {4, 6, 7}, {0, 2, 5}, {0, 5, 4},
+                   {3, 6, 1}, {3, 7, 6}, {0, 7, 3}, {0, 4, 7}, {2, 1, 6}, {2, 6, 5}};
   return box;
 }
 

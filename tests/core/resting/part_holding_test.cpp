@@ -5,7 +5,9 @@
 
 #include <numbers>
 
+#include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
+#include "core/part/load_part.h"
 #include "core/rig/scan_geometry.h"
 #include "tests/core/part/test_meshes.h"
 
@@ -61,6 +63,23 @@ TEST(PartHolding, WhatExcludesEachOtherIsNamed) {
               HasSubstr("rig.table"));
   EXPECT_THAT(ErrorOf(R"("rig": {"table": {"thickness_m": 0}})"),
               AllOf(HasSubstr("rig.table.thickness_m"), HasSubstr("[0.001, 1] m")));
+}
+
+// Servers know a mesh by the digest of what they read.
+TEST(PartHolding, TheTableIsTheSameWhenItIsReadAgain) {
+  auto inspection = Parse("");
+  const auto held = HoldPart(BoxMesh({0, 0, 0}, {0.06f, 0.04f, 0.02f}), &*inspection);
+  ASSERT_TRUE(held.ok() && held->table) << held.status();
+  std::string text;
+  for (const Eigen::Vector3f& p : held->table->positions_m) {
+    absl::StrAppendFormat(&text, "v %.9g %.9g %.9g\n", p.x(), p.y(), p.z());
+  }
+  for (const auto& t : held->table->triangles) {
+    absl::StrAppendFormat(&text, "f %d %d %d\n", t[0] + 1, t[1] + 1, t[2] + 1);
+  }
+  const auto read = LoadPartFromMemory(text, "obj", "m", "table");
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_EQ(PartDigest(*read), PartDigest(*held->table));
 }
 
 TEST(PartHolding, ThePartsFacesBecomeTheDomain) {
