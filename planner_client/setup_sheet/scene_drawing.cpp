@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-constexpr double kWidth = 360, kHeight = 300, kMargin = 34;
+constexpr double kWidth = 360, kHeight = 260, kMargin = 34;
 
 // Metres of a plane to the drawing, y up to y down.
 class Canvas {
