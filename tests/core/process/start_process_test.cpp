@@ -9,6 +9,7 @@
 
 #include <array>
 #include <filesystem>
+#include <iterator>
 
 #include "absl/strings/str_cat.h"
 
@@ -44,7 +45,9 @@ std::string Said(const std::string& script, int number, const std::string& folde
   close(ends[1]);
   EXPECT_TRUE(pid.ok()) << pid.status();
   std::string text = ReadToTheEnd(ends[0]);
-  if (pid.ok()) EXPECT_EQ(Wait(*pid), 0);
+  if (pid.ok()) {
+    EXPECT_EQ(Wait(*pid), 0);
+  }
   return text;
 }
 
