@@ -101,8 +101,11 @@ TEST_F(ReasonsProcessTest, CountsReasonsOfAllTargetsAndOfRegions) {
   EXPECT_EQ(of_clamped["UNCOVERED_REASON_OBSTACLE clamp <A>"], clamped.targets());
   EXPECT_EQ(free.name(), "free end");
   EXPECT_GT(free.targets(), 50);
-  EXPECT_EQ(free.covered_targets(), free.targets());
-  EXPECT_EQ(free.uncovered_size(), 0);
+  // One scan measures most of it; others would measure the rest.
+  EXPECT_EQ(free.measurable_targets(), free.targets());
+  EXPECT_GT(free.covered_targets(), free.targets() / 2);
+  auto of_free = ByReason(free.uncovered());
+  EXPECT_EQ(of_free["UNCOVERED_REASON_NOT_CHOSEN "], free.targets() - free.covered_targets());
 
   const std::string report = Bytes("a/report.html");
   EXPECT_THAT(report, HasSubstr("Why places are not measured"));
