@@ -104,10 +104,22 @@ def split_entries(lines):
         else:
             raise HelpError(f'"{line}" has no known form')
     for left, description in entries:
-        if not description:
-            # Both on one line; a long left column has its description on the next one.
-            left, description = left[:DESCRIPTION_COLUMN], [left[DESCRIPTION_COLUMN:].strip()]
+        # A long left column has its whole description on the next lines.
+        if not description or begins_on_the_line(left):
+            left, description = left[:DESCRIPTION_COLUMN], [left[DESCRIPTION_COLUMN:].strip(), *description]
         yield left.strip(), " ".join(description)
+
+
+def begins_on_the_line(line):
+    """Whether the description of an entry, which goes on on the next lines, begins on its first one."""
+    left, right = line[:DESCRIPTION_COLUMN], line[DESCRIPTION_COLUMN:]
+    if not left.endswith(" ") or not right.strip() or right.startswith(" "):
+        return False
+    try:
+        parse_argument(left, "")
+    except HelpError:
+        return False
+    return True
 
 
 def parse_help(text, words):
