@@ -148,8 +148,8 @@ TEST_F(RenderFaultTest, FileTooLargeForTheDisk) {
   rlimit before{};
   ASSERT_EQ(prlimit(server_->pid(), RLIMIT_FSIZE, nullptr, &before), 0);
   const auto limit = [&](rlim_t bytes) {
-    const rlimit limit = {bytes, before.rlim_max};
-    ASSERT_EQ(prlimit(server_->pid(), RLIMIT_FSIZE, &limit, nullptr), 0);
+    const rlimit lowered = {bytes, before.rlim_max};
+    ASSERT_EQ(prlimit(server_->pid(), RLIMIT_FSIZE, &lowered, nullptr), 0);
   };
   std::map<std::string, std::string> files;
   limit(10000);
