@@ -88,12 +88,11 @@ absl::Status CheckHealth(const HealthCheckOptions& options) {
     return absl::InvalidArgumentError("--health-service: at most 127 bytes");
   }
   // HealthCheckRequest with field 1, or nothing at all.
-  const grpc::Slice bytes(options.service.empty()
-                              ? std::string()
-                              : absl::StrCat("\x0a",
-                                             std::string(1, static_cast<char>(
-                                                                options.service.size())),
-                                             options.service));
+  const grpc::Slice bytes(
+      options.service.empty()
+          ? std::string()
+          : absl::StrCat("\x0a", std::string(1, static_cast<char>(options.service.size())),
+                         options.service));
   const grpc::ByteBuffer request(&bytes, 1);
   grpc::CompletionQueue queue;
   const auto call =

@@ -26,8 +26,9 @@ struct HealthCheckOptions {
 absl::Status CheckHealth(const HealthCheckOptions& options);
 
 // For programs in containers, which have no other client beside them: with `--health-check ADDRESS
-// [--health-service NAME] [--tls-cert FILE --tls-key FILE]` among the arguments prints SERVING, or the reason to stderr,
-// and returns the exit code (0 serving, 1 not, 2 wrong arguments). Without it: nothing.
+// [--health-service NAME] [--tls-cert FILE --tls-key FILE]` among the arguments prints SERVING, or
+// the reason to stderr, and returns the exit code (0 serving, 1 not, 2 wrong arguments). Without
+// it: nothing.
 std::optional<int> MaybeCheckHealth(int argc, const char* const* argv);
 
 }  // namespace sightline

@@ -82,9 +82,8 @@ AimedScan MakeAimedScan(const Rig& rig, const MeasurementDomain& domain, const A
   const double half_height_m =
       std::min(0.5 * distance_m, 0.5 * rig.camera.rows_px / focal_px * distance_m /
                                      std::abs(std::sin(scan.measurement.triangulation_angle_rad)));
-  scan.wanted_m =
-      kMostOffCentre * (Centred(aim[kY]) * half_width_m * scan.geometry.laser.x_axis +
-                        Centred(aim[kZ]) * half_height_m * scan.geometry.laser.z_axis);
+  scan.wanted_m = kMostOffCentre * (Centred(aim[kY]) * half_width_m * scan.geometry.laser.x_axis +
+                                    Centred(aim[kZ]) * half_height_m * scan.geometry.laser.z_axis);
   return scan;
 }
 
@@ -94,10 +93,8 @@ ScanOfPlace AimAt(const AimedScan& scan, const MeasurementDomain& domain,
   Eigen::Vector3d at = geometry.part_rotation * (place_m - part_centre_m);
   ScanOfPlace result;
   result.measurement = scan.measurement;
-  result.measurement.offset_y_m =
-      NearestValue(domain.parameters[kY], scan.wanted_m.y() - at.y());
-  result.measurement.offset_z_m =
-      NearestValue(domain.parameters[kZ], scan.wanted_m.z() - at.z());
+  result.measurement.offset_y_m = NearestValue(domain.parameters[kY], scan.wanted_m.y() - at.y());
+  result.measurement.offset_z_m = NearestValue(domain.parameters[kZ], scan.wanted_m.z() - at.z());
   at.y() += result.measurement.offset_y_m;
   at.z() += result.measurement.offset_z_m;
   result.stage_m = geometry.LitStagePosition(at);

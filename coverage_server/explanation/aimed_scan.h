@@ -11,9 +11,9 @@
 
 namespace sightline {
 
-// A scan that aims at some place, as a point of the unit cube: camera distance, triangulation angle,
-// azimuth, polar angle, the part's three angles (resting orientations take alpha's), and where in
-// the image the place is to appear: along the laser line and along the sheet.
+// A scan that aims at some place, as a point of the unit cube: camera distance, triangulation
+// angle, azimuth, polar angle, the part's three angles (resting orientations take alpha's), and
+// where in the image the place is to appear: along the laser line and along the sheet.
 inline constexpr int kAimDimensions = 9;
 using Aim = std::array<double, kAimDimensions>;
 

@@ -34,8 +34,8 @@ struct CoverageTask {
   std::vector<Obstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;  // unset: coverage only
-  // What scans may be: what counts as measurable. Unset: camera and laser anywhere in free space, and
-  // the scene explains no targets.
+  // What scans may be: what counts as measurable. Unset: camera and laser anywhere in free space,
+  // and the scene explains no targets.
   std::optional<MeasurementDomain> domain;
 };
 

@@ -47,7 +47,7 @@ struct InspectionDraft {
   v1::Inspection inspection;
   FieldComments comments;
   int64_t expected_targets = 0;  // rounded to two digits
-  std::string lens;  // name of the one that was chosen from `lenses`
+  std::string lens;              // name of the one that was chosen from `lenses`
 };
 
 // INVALID_ARGUMENT: of the lenses none suits the camera, or numbers are given beside a catalogue's

@@ -369,7 +369,8 @@ TEST(JobStore, DestructorReleasesWhoeverWaits) {
 }
 
 TEST(JobStore, HoldsNoMoreUnfinishedJobsThanItMay) {
-  const auto store = MakeInMemoryJobStore(1, {.max_jobs = 3, .max_jobs_of_owner = 2, .max_bytes = 100});
+  const auto store =
+      MakeInMemoryJobStore(1, {.max_jobs = 3, .max_jobs_of_owner = 2, .max_bytes = 100});
   const JobRecord first = *store->Create("a", "one", "", WaitsUntilCancelled(), {"me", 40});
   const JobRecord second = *store->Create("a", "", "", Returns(""), {"me", 40});
   const absl::Status mine = store->Create("a", "", "", Returns(""), {"me", 0}).status();
