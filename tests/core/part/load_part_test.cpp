@@ -279,7 +279,8 @@ TEST(LoadPart, ImplausibleSizeIsRefused) {
 
 TEST(LoadPart, UnknownFormatsAreNamed) {
   EXPECT_THAT(ErrorOf("x", "fbx"), HasSubstr("fbx"));
-  EXPECT_THAT(ErrorOf("ISO-10303-21;", "step"), HasSubstr("step_import"));
+  EXPECT_THAT(ErrorOf("ISO-10303-21;", "step", ""), HasSubstr("step_import"));
+  EXPECT_THAT(ErrorOf("ISO-10303-21;", "step", "mm"), HasSubstr("must be left out"));
 }
 
 TEST(LoadPart, WeldsCoincidentVerticesIncludingSignedZeros) {
