@@ -108,10 +108,13 @@ TEST(Explanation, ObstacleIsNamedInEveryFrame) {
   SceneDefinition definition = Cube();
   MeasurementDomain domain = FromAbove();
   domain.parameters[7] = domain.parameters[8] = Fixed(0);
+  // A sheet along the travel would light the cube far away from a plate that stands still.
+  domain.parameters[2] = Fixed(0);
   const SceneObstacle aside{BoxMesh({1, 1, 1}, {1.01f, 1.01f, 1.01f}), ObstacleFrame::kWorld};
   for (const auto frame : {ObstacleFrame::kPart, ObstacleFrame::kStage, ObstacleFrame::kWorld}) {
     const SceneObstacle plate{BoxMesh({-0.5f, -0.5f, 0.025f}, {0.5f, 0.5f, 0.026f}), frame};
     definition.obstacles = {aside, plate};
+    SCOPED_TRACE(testing::Message() << "frame " << static_cast<int>(frame));
     ExpectReason(definition, domain, kUp, UncoveredReason::kObstacle, 1);
   }
 }

@@ -277,24 +277,16 @@ TEST_F(DiagnoseCommandTest, QuickTakesFewerRecordingsAndSaysSo) {
   EXPECT_EQ(diagnosed_effects, 1);
   EXPECT_EQ(diagnosed_recordings, 3u);
   EXPECT_THAT(result.errors, HasSubstr("--quick: from 3 of 3 recordings, with at most 1 effect"));
-  // Of a longer set, whose later ones show the same.
-  v1::Recordings message;
-  const std::string description = folder_ + "/set/recordings.json";
-  ASSERT_TRUE(ReadRecordingsMessage(description, &message).ok());
-  const v1::Recording last = message.recordings(message.recordings_size() - 1);
-  for (int i = 0; i < 40; ++i) {
-    v1::Recording* more = message.add_recordings();
-    *more = last;
-    more->set_file(absl::StrCat("images/more_", i, ".png"));
-    fs::copy_file(folder_ + "/set/" + last.file(), folder_ + "/set/" + more->file());
-  }
-  std::ofstream(description) << RecordingsToJson(message);
-  result = Run("diagnose", {folder_ + "/set", "--quick", "--max-effects", "2"});
+  RenderClientOptions client;
+  client.address = server_->address();
+  const auto files = RenderToFolder(client, PlateSpec(43), {}, folder_ + "/long");
+  ASSERT_TRUE(files.ok()) << files.status();
+  result = Run("diagnose", {folder_ + "/long", "--quick", "--max-effects", "2"});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
   EXPECT_LE(diagnosed_recordings, 16u);
   EXPECT_EQ(diagnosed_effects, 2);
   EXPECT_THAT(result.errors, HasSubstr(" of 43 recordings, with at most 2 effects at once"));
-  EXPECT_THAT(Bytes(folder_ + "/set/diagnosis/report.html"), HasSubstr("of 43 recordings"));
+  EXPECT_THAT(Bytes(folder_ + "/long/diagnosis/report.html"), HasSubstr("of 43 recordings"));
 }
 
 // In a process of its own: what is interrupted stays so.

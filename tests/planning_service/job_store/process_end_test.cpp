@@ -27,13 +27,19 @@ TEST_P(ProcessEndTest, AcceptedJobsOutliveAnyEnd) {
   for (int round = 0; round < 20; ++round) {
     Process process([&](int output) {
       const auto store = OpenInProcess();
-      if (!store.ok()) return;
+      if (!store.ok()) {
+        std::fprintf(stderr, "%s\n", store.status().ToString().c_str());
+        return;
+      }
       while (true) {
         NewPlanningJob asked = NewJob();
         asked.task.assign(20'000, 'x');
         asked.files = {File("part.stl", 'a', 1)};
         const auto job = (*store)->Create(asked, {});
-        if (!job.ok()) return;
+        if (!job.ok()) {
+          std::fprintf(stderr, "%s\n", job.status().ToString().c_str());
+          return;
+        }
         WriteLine(output, job->job_id);
       }
     });

@@ -317,7 +317,7 @@ TEST(RenderReport, ShowsHowFinelyScansMeasure) {
   data.depth_per_pixel_m.assign(data.targets.size(), 0.0004f);
   data.set_up_sheet = "set<up>.html";
   const std::string html = Render(data);
-  EXPECT_EQ(MarkupFault(QualitySection(data.plan)), "");
+  EXPECT_EQ(MarkupFault("<html>" + QualitySection(data.plan) + "</html>"), "");
   EXPECT_THAT(html, AllOf(HasSubstr("How finely each scan measures"), HasSubstr("0.345"),
                           HasSubstr("0.520"), HasSubstr("measures nothing"),
                           HasSubstr("set&lt;up&gt;.html"), HasSubstr("depth_per_pixel")));
