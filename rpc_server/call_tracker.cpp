@@ -131,12 +131,13 @@ absl::Status CallTracker::Admit(const std::string& peer, CallKind kind) {
   const OpenCalls& of_peer = open_of_peer_[peer];
   const bool stream = kind == CallKind::kStream;
   absl::Status refused;
-  if (stream && of_peer.streams >= limits_.max_streams_per_peer) {
+  // Where nobody could have another stream, trying again later helps whoever asks.
+  if (stream && open_.streams >= limits_.max_streams) {
+    refused = TooMany(limits_.max_streams, "streams");
+  } else if (stream && of_peer.streams >= limits_.max_streams_per_peer) {
     refused = TooManyOfPeer(peer, limits_.max_streams_per_peer, "streams");
   } else if (of_peer.calls >= limits_.max_calls_per_peer) {
     refused = TooManyOfPeer(peer, limits_.max_calls_per_peer, "calls");
-  } else if (stream && open_.streams >= limits_.max_streams) {
-    refused = TooMany(limits_.max_streams, "streams");
   }
   if (!refused.ok()) {
     if (of_peer.calls == 0) open_of_peer_.erase(peer);

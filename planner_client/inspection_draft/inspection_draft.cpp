@@ -176,6 +176,25 @@ void DraftGoal(const DraftRequest& request, InspectionDraft* draft) {
   if (!request.tolerance_file.empty()) tolerances.set_file(request.tolerance_file);
 }
 
+// Where the part may be shifted to. Table 2.1 allows half a metre; scans that have a small part far
+// from where line of sight and laser meet see nothing of it, and a search would spend most of its
+// evaluations on them.
+void DraftDomain(double diameter_m, InspectionDraft* draft) {
+  constexpr double kLargestY_m = 0.5, kLargestZ_m = 0.4;  // Table 2.1
+  const double reach_m = std::ceil(100 * diameter_m) / 100;
+  if (reach_m >= kLargestZ_m) return;
+  v1::MeasurementDomain& domain = *draft->inspection.mutable_measurement();
+  const auto within = [](v1::ParameterDomain& parameter, double largest_m) {
+    v1::ParameterDomain::Range& range = *parameter.add_ranges();
+    range.set_min(-largest_m);
+    range.set_max(largest_m);
+  };
+  within(*domain.mutable_offset_y_m(), std::min(reach_m, kLargestY_m));
+  within(*domain.mutable_offset_z_m(), reach_m);
+  draft->comments["measurement"] =
+      "What scans may be. The part is shifted by its own size at the most.";
+}
+
 }  // namespace
 
 double SpacingFor(double area_m2) {
@@ -230,6 +249,7 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
   // The sheet passes over the part at a slant: about twice its diameter at 60 degrees.
   rig.set_stage_travel_m(std::clamp(std::ceil(20 * diameter_m) / 10, 1.0, 20.0));
 
+  DraftDomain(diameter_m, &draft);
   absl::Status status = DraftOptics(request, diameter_m, &draft);
   if (!status.ok()) return status;
   DraftGoal(request, &draft);

@@ -1,5 +1,10 @@
 #include "render_worker/image_file/image_file.h"
 
+// clang-format off: before OpenImageIO, whose macros of byte order would hide what protobuf needs.
+#include "core/json/strict_json.h"
+// clang-format on
+
+#include <OpenImageIO/filesystem.h>
 #include <OpenImageIO/imageio.h>
 #include <unistd.h>
 
@@ -9,6 +14,7 @@
 #include <cmath>
 #include <cstdio>
 #include <cstring>
+#include <filesystem>
 #include <memory>
 
 #include "absl/strings/str_cat.h"
@@ -25,24 +31,57 @@ absl::Status WriteError(const std::string& path, const std::string& reason) {
   return no_room ? absl::ResourceExhaustedError(message) : absl::InternalError(message);
 }
 
+// Whether a file can be read from its first to its last pixel.
+bool IsWhole(const std::string& path) {
+  const std::unique_ptr<OIIO::ImageInput> file = OIIO::ImageInput::open(path);
+  if (file == nullptr) return false;
+  const OIIO::ImageSpec& spec = file->spec();
+  std::vector<char> pixels(spec.image_bytes(/*native=*/true));
+  return file->read_image(0, 0, 0, spec.nchannels, OIIO::TypeDesc::UNKNOWN, pixels.data());
+}
+
+// Formats that cannot be made in memory. Their writers do not say when the disk was full at the
+// end, so what they wrote is read again.
+absl::Status WriteThroughFile(OIIO::ImageOutput& file, const std::string& path,
+                              const OIIO::ImageSpec& spec, OIIO::TypeDesc type, const void* data) {
+  const std::string temporary =
+      absl::StrCat(path, ".part-", getpid(), std::filesystem::path(path).extension().string());
+  errno = 0;
+  bool ok = file.open(temporary, spec);
+  ok = ok && file.write_image(type, data);
+  const std::string reason = ok ? "" : file.geterror();
+  ok = file.close() && ok;
+  const int error = errno;
+  ok = ok && IsWhole(temporary);
+  if (ok && std::rename(temporary.c_str(), path.c_str()) == 0) return absl::OkStatus();
+  std::error_code ignored;
+  const auto space = std::filesystem::space(std::filesystem::path(path).parent_path(), ignored);
+  errno = !ignored && space.available == 0 ? ENOSPC : error;
+  const absl::Status status =
+      WriteError(path, !reason.empty() ? reason : std::string(std::strerror(errno)));
+  std::remove(temporary.c_str());
+  return status;
+}
+
 absl::Status Write(const std::string& path, const char* plugin, OIIO::ImageSpec spec,
                    OIIO::TypeDesc type, const void* data, const std::string& description) {
   spec.attribute("ImageDescription", description);
   spec.attribute("Software", "sightline");
   spec.attribute("DateTime", kUnknownTime);
-  const std::string temporary = absl::StrCat(path, ".part-", getpid());
   errno = 0;
   const std::unique_ptr<OIIO::ImageOutput> file = OIIO::ImageOutput::create(plugin);
   if (file == nullptr) return WriteError(path, OIIO::geterror());
-  bool ok = file->open(temporary, spec);
+  std::vector<unsigned char> bytes;
+  OIIO::Filesystem::IOVecOutput memory(bytes);
+  if (!file->supports("ioproxy") || !file->set_ioproxy(&memory)) {
+    return WriteThroughFile(*file, path, spec, type, data);
+  }
+  bool ok = file->open(path, spec);
   ok = ok && file->write_image(type, data);
   const std::string reason = ok ? "" : file->geterror();
   ok = file->close() && ok;
-  if (ok && std::rename(temporary.c_str(), path.c_str()) == 0) return absl::OkStatus();
-  const absl::Status status =
-      WriteError(path, !reason.empty() ? reason : std::string(std::strerror(errno)));
-  std::remove(temporary.c_str());
-  return status;
+  if (!ok) return WriteError(path, reason);
+  return WriteFileAtomically(path, std::string(bytes.begin(), bytes.end()));
 }
 
 const char* Plugin(ImageFormat format) { return format == ImageFormat::kPng ? "png" : "tiff"; }

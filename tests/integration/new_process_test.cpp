@@ -17,7 +17,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 constexpr char kQuickPlan[] =
-    " --evaluations-per-scan 300 --bound-evaluations 0 --no-pictures --no-point-clouds "
+    " --evaluations-per-scan 3000 --bound-evaluations 0 --no-pictures --no-point-clouds "
     "--field-directions 576";
 
 // A tetrahedron with edges of 30 to 42.
