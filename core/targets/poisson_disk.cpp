@@ -54,11 +54,14 @@ class Random {
   uint64_t state_;
 };
 
-template <typename T>
-void Shuffle(std::vector<T>* items, Random* random) {
+// False if `stop` said so on the way: millions of items take a while.
+template <typename T, typename Stop>
+bool Shuffle(std::vector<T>* items, Random* random, const Stop& stop) {
   for (size_t i = items->size(); i > 1; --i) {
+    if (stop()) return false;
     std::swap((*items)[i - 1], (*items)[random->Below(static_cast<uint32_t>(i))]);
   }
+  return true;
 }
 
 struct Point {
@@ -335,7 +338,7 @@ class Sampler {
       });
       if (stopped || !done) return Cancelled();
     }
-    Shuffle(&candidates, &random_);
+    if (!Shuffle(&candidates, &random_, [this] { return ShouldStop(); })) return Cancelled();
     for (const Point& candidate : candidates) {
       if (ShouldStop()) return Cancelled();
       if (absl::Status status = Try(candidate); !status.ok()) return status;
@@ -416,7 +419,7 @@ class Sampler {
       }
     }
     // In the order of triangles the new targets would crowd at one end of each gap.
-    Shuffle(&gaps, &random_);
+    if (!Shuffle(&gaps, &random_, [this] { return ShouldStop(); })) return Cancelled();
     for (const Point& point : gaps) {
       if (ShouldStop()) return Cancelled();
       if (absl::Status status = Try(point); !status.ok()) return status;
