@@ -182,7 +182,6 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
     }
   }
   if (spec.has_part_placement()) *normalised.mutable_part_placement() = spec.part_placement();
-  if (spec.has_measurement()) *normalised.mutable_measurement() = spec.measurement();
   parsed.digest = Sha256Hex(DeterministicBytes(normalised));
   // What is built depends on the normal form alone: same digest, same scene, bit by bit.
   if (absl::Status status = ParseSettings(normalised, &parsed); !status.ok()) return status;

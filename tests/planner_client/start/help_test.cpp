@@ -25,8 +25,8 @@ class HelpTest : public ::testing::Test {
     app_.formatter(std::make_shared<HelpFormat>());
     app_.option_defaults()->always_capture_default();
     app_.require_subcommand(1);
-    AddPlanCommand(*app_.add_subcommand("plan", "plans"));
-    AddRecordingsCommand(*app_.add_subcommand("recordings", "records"));
+    commands_.push_back(AddPlanCommand(*app_.add_subcommand("plan", "plans")));
+    commands_.push_back(AddRecordingsCommand(*app_.add_subcommand("recordings", "records")));
   }
 
   std::string Help(const std::string& command) { return app_.get_subcommand(command)->help(); }
@@ -42,6 +42,8 @@ class HelpTest : public ::testing::Test {
   }
 
   CLI::App app_{"does things", "sightline"};
+  // They hold what the options are read into.
+  std::vector<Command> commands_;
 };
 
 TEST_F(HelpTest, FitsEightyColumnsAndShowsDefaults) {
