@@ -24,6 +24,7 @@
 #include "render_worker/diagnosis/expectation/expected_frame.h"
 #include "render_worker/diagnosis/fit/power.h"
 #include "render_worker/diagnosis/random_effect/recording_scatter.h"
+#include "render_worker/effects/stage_name.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/image_file/image_file.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -47,24 +48,6 @@ struct Options {
   std::vector<double> gains = {5, 20, 100};  // expected, to draw from [nats]
   std::vector<std::string> only;             // names of sets; none: all
 };
-
-const char* StageName(Stage stage) {
-  switch (stage) {
-    case Stage::kIllumination:
-      return "illumination";
-    case Stage::kSurface:
-      return "surface";
-    case Stage::kOptics:
-      return "optics";
-    case Stage::kGeometry:
-      return "geometry";
-    case Stage::kSensor:
-      return "sensor";
-    case Stage::kTime:
-      return "time";
-  }
-  return "unknown";
-}
 
 enum class Kind { kNull, kSingle, kPair, kVariant };
 const char* KindName(Kind kind) {

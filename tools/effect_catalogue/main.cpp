@@ -14,6 +14,7 @@
 #include "absl/strings/str_replace.h"
 #include "core/json/strict_json.h"
 #include "render_worker/effects/effect.h"
+#include "render_worker/effects/stage_name.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/image_file/grey_png.h"
 
@@ -48,24 +49,6 @@ FrameSetup CatalogueFrame() {
   frame.timestamp_s = 20;
   frame.burst_frame_index = 1;
   return frame;
-}
-
-const char* NameOf(Stage stage) {
-  switch (stage) {
-    case Stage::kIllumination:
-      return "illumination";
-    case Stage::kSurface:
-      return "surface";
-    case Stage::kOptics:
-      return "optics";
-    case Stage::kGeometry:
-      return "geometry";
-    case Stage::kSensor:
-      return "sensor";
-    case Stage::kTime:
-      return "time";
-  }
-  return "";
 }
 
 std::vector<double> Shown(const EffectDescription& description, size_t parameters) {
@@ -185,7 +168,7 @@ nlohmann::ordered_json Entry(const EffectDescription& d) {
                           {"decades", parameter.decades}});
   }
   return {{"effect", d.id},
-          {"stage", NameOf(d.stage)},
+          {"stage", StageName(d.stage)},
           {"summary", d.summary},
           {"source", d.reference},
           {"parameters", parameters}};
@@ -211,7 +194,7 @@ int Write(const fs::path& docs) {
   nlohmann::ordered_json entries = nlohmann::ordered_json::array();
   for (const Stage stage : {Stage::kIllumination, Stage::kSurface, Stage::kOptics, Stage::kGeometry,
                             Stage::kSensor, Stage::kTime}) {
-    absl::StrAppend(&text, "\n## Stage: ", NameOf(stage), "\n\n");
+    absl::StrAppend(&text, "\n## Stage: ", std::string(StageName(stage)), "\n\n");
     for (const Effect* effect : AllEffects()) {
       if (effect->description().stage != stage) continue;
       text += Section(*effect);

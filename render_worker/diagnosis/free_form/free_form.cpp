@@ -36,24 +36,6 @@ const Effect* FindFreeFormTerm(std::string_view id) {
   return nullptr;
 }
 
-std::string_view StageName(Stage stage) {
-  switch (stage) {
-    case Stage::kIllumination:
-      return "illumination";
-    case Stage::kSurface:
-      return "surface";
-    case Stage::kOptics:
-      return "optics";
-    case Stage::kGeometry:
-      return "geometry";
-    case Stage::kSensor:
-      return "sensor";
-    case Stage::kTime:
-      return "time";
-  }
-  return "";
-}
-
 v1::FreeFormTerm DescribeFreeForm(const Effect& term, std::span<const double> coefficients,
                                   const Eigen::MatrixXd& covariance) {
   const FreeFormEffect* found = nullptr;

@@ -10,6 +10,7 @@
 #include <string_view>
 
 #include "render_worker/effects/effect.h"
+#include "render_worker/effects/stage_name.h"
 #include "sightline/v1/diagnosis.pb.h"
 
 namespace sightline {
@@ -19,9 +20,6 @@ namespace sightline {
 std::span<const Effect* const> FreeFormTerms();
 // nullptr: there is none of that id.
 const Effect* FindFreeFormTerm(std::string_view id);
-
-// "illumination", "surface", "optics", "geometry", "sensor", "time": as in the recordings format.
-std::string_view StageName(Stage stage);
 
 // The curve that fitted coefficients make, with its standard errors: response against signal, line
 // spread against distance, power against time, ... Terms of several variables give their
