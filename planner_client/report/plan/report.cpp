@@ -108,20 +108,20 @@ std::string StopWords(v1::Plan::StopReason reason) {
 
 std::string MeasurableShare(const v1::PlanCoverage& coverage) {
   if (coverage.targets() <= 0) return "";
-  return absl::StrCat(
-      " ",
-      Percent(static_cast<double>(coverage.measurable_targets()) /
-                  static_cast<double>(coverage.targets()),
-              0),
-      " of the whole surface is measurable with this rig",
-      coverage.measurable_in_free_space_targets() > coverage.measurable_targets()
-          ? absl::StrCat(" (table, rests, domain and limits leave that of the ",
-                         Percent(static_cast<double>(coverage.measurable_in_free_space_targets()) /
-                                     static_cast<double>(coverage.targets()),
-                                 0),
-                         " that sensors anywhere would measure)")
-          : "",
-      ".");
+  const auto share = [&](int64_t targets) {
+    return Percent(static_cast<double>(targets) / static_cast<double>(coverage.targets()), 0);
+  };
+  const std::string with_rig = share(coverage.measurable_targets());
+  const std::string anywhere = share(coverage.measurable_in_free_space_targets());
+  std::string limits;
+  if (coverage.measurable_in_free_space_targets() > coverage.measurable_targets()) {
+    limits = with_rig == anywhere
+                 ? " (nearly all that sensors anywhere would measure)"
+                 : absl::StrCat(" (table, rests, domain and limits leave that of the ", anywhere,
+                                " that sensors anywhere would measure)");
+  }
+  return absl::StrCat(" ", with_rig, " of the whole surface is measurable with this rig", limits,
+                      ".");
 }
 
 // The answer in a sentence or two.
@@ -186,8 +186,9 @@ std::string Figures(const ReportData& data) {
                        absl::StrCat(Fixed(plan.bound().scans(), 1), " <small>scans</small>")});
   }
   figures.push_back(
-      {"targets", absl::StrCat(GroupedInteger(plan.coverage().measurable_targets()), " <small>of ",
-                               GroupedInteger(plan.coverage().targets()), " measurable</small>")});
+      {"measurable targets",
+       absl::StrCat(GroupedInteger(plan.coverage().measurable_targets()), " <small>of ",
+                    GroupedInteger(plan.coverage().targets()), "</small>")});
   if (!plan.cost().unit_costs() && plan.cost().total() > 0) {
     figures.push_back(
         {"time to execute", Seconds(plan.cost().scan_time_s() + plan.cost().reposition_time_s() +
