@@ -244,7 +244,7 @@ absl::Status CoverageServiceImpl::Gains(grpc::ServerContext* context,
   std::vector<FastGain> gains(inside.size());
   const bool fast = request.evaluator() == v1::EVALUATOR_FAST;
   absl::Status status = Evaluate(
-      context, inside.size(), fast ? kFastChunk : kExactChunk,
+      context, inside.size(), fast ? FastChunk(inside.size(), p_.pool->threads()) : kExactChunk,
       [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
         if (fast) {
           scene.EvaluateGains(inside.subspan(begin, end - begin), covered_bits, weights,
@@ -305,32 +305,32 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
   std::vector<ExactCoverage> coverages(inside.size());
   const bool with_information = fast && scene.uncertainty() != nullptr;
   std::vector<ScanInformation> information(with_information ? inside.size() : 0);
-  absl::Status status =
-      Evaluate(context, inside.size(), fast ? kFastChunk : kExactChunk,
-               [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
-                 if (!fast) {
-                   for (size_t i = begin; i < end; ++i) {
-                     coverages[i] = scene.EvaluateExact(inside[i], nullptr, &cancelled);
-                   }
-                   return;
-                 }
-                 if (with_information) {
-                   std::vector<FastInformation> chunk(end - begin);
-                   scene.EvaluateInformation(inside.subspan(begin, end - begin), chunk, &cancelled);
-                   for (size_t i = begin; i < end; ++i) {
-                     coverages[i].feasibility = chunk[i - begin].feasibility;
-                     coverages[i].covered = std::move(chunk[i - begin].covered);
-                     information[i] = std::move(chunk[i - begin].information);
-                   }
-                   return;
-                 }
-                 std::vector<FastCoverage> chunk(end - begin);
-                 scene.EvaluateFastCoverage(inside.subspan(begin, end - begin), chunk, &cancelled);
-                 for (size_t i = begin; i < end; ++i) {
-                   coverages[i].feasibility = chunk[i - begin].feasibility;
-                   coverages[i].covered = std::move(chunk[i - begin].covered);
-                 }
-               });
+  absl::Status status = Evaluate(
+      context, inside.size(), fast ? FastChunk(inside.size(), p_.pool->threads()) : kExactChunk,
+      [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
+        if (!fast) {
+          for (size_t i = begin; i < end; ++i) {
+            coverages[i] = scene.EvaluateExact(inside[i], nullptr, &cancelled);
+          }
+          return;
+        }
+        if (with_information) {
+          std::vector<FastInformation> chunk(end - begin);
+          scene.EvaluateInformation(inside.subspan(begin, end - begin), chunk, &cancelled);
+          for (size_t i = begin; i < end; ++i) {
+            coverages[i].feasibility = chunk[i - begin].feasibility;
+            coverages[i].covered = std::move(chunk[i - begin].covered);
+            information[i] = std::move(chunk[i - begin].information);
+          }
+          return;
+        }
+        std::vector<FastCoverage> chunk(end - begin);
+        scene.EvaluateFastCoverage(inside.subspan(begin, end - begin), chunk, &cancelled);
+        for (size_t i = begin; i < end; ++i) {
+          coverages[i].feasibility = chunk[i - begin].feasibility;
+          coverages[i].covered = std::move(chunk[i - begin].covered);
+        }
+      });
   if (!status.ok()) return status;
   p_.metrics->CountQueries(fast ? "fast" : "exact", static_cast<int64_t>(inside.size()));
 
