@@ -487,6 +487,8 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   if (inlined && rig_ok && targets_ok) {
     errors.Add(CheckLimitInputs(inspection.rig, inspection.targets, context));
   }
+  inspection.offset_y_given = message.measurement().has_offset_y_m();
+  inspection.offset_z_given = message.measurement().has_offset_z_m();
   if (take(ParseMeasurementDomain(message.measurement(), context), &inspection.domain)) {
     errors.Add(ParsePartHolding(message, context, &inspection));
     if (message.rig().has_robot()) {

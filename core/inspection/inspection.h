@@ -52,6 +52,15 @@ struct MeasurementDomain {
 // Bounds of Table 2.1.
 MeasurementDomain ThesisDomain();
 
+// How far a part is shifted from where line of sight and laser meet where nobody says: by its own
+// diameter (diagonal of the bounding box) at the most, rounded up to whole centimetres, and within
+// Table 2.1. Scans that have a small part farther off see nothing of it.
+struct LargestOffset {
+  double y_m, z_m;
+  bool below_table_2_1;  // of y or z
+};
+LargestOffset LargestOffsetOf(double part_diameter_m);
+
 enum class ObstacleFrame { kPart, kStage, kWorld, kTable };
 
 // What holds the part (v1::Rig::PartHolding).
@@ -156,7 +165,9 @@ struct Inspection {
   TableSize table;
   TargetSampling targets;
   std::optional<double> required_resolution_m;  // DeriveLimits
+  // Offsets that are not given: Table 2.1 until HoldPart limits them to LargestOffsetOf the part.
   MeasurementDomain domain;
+  bool offset_y_given = true, offset_z_given = true;
   std::vector<ObstacleSource> obstacles;
   std::optional<RobotMount> robot;  // unset: scans are set up by hand
   PlanningGoal goal;

@@ -23,7 +23,7 @@ constexpr double kTableMargin_m = 0.1;
 // Turns about the vertical in which obstacles beside a part are tried, where all are allowed.
 constexpr int kTriedTurns = 12;
 
-enum Parameter { kAlpha = 4, kBeta = 5, kGamma = 6 };
+enum Parameter { kAlpha = 4, kBeta = 5, kGamma = 6, kOffsetY = 7, kOffsetZ = 8 };
 
 // Vertices stand in the order in which triangles name them, as in every mesh that was read: its
 // digest is then the same on both ends of an upload.
@@ -64,6 +64,15 @@ std::vector<double> TriedTurns(const ParameterDomain& gamma) {
     }
   }
   return turns;
+}
+
+void LimitOffsets(const TriangleMesh& part, Inspection* inspection) {
+  const LargestOffset largest = LargestOffsetOf(part.BoundingBox().sizes().norm());
+  const auto limit = [&](Parameter parameter, bool given, double largest_m) {
+    if (!given) inspection->domain.parameters[parameter].ranges = {{-largest_m, largest_m}};
+  };
+  limit(kOffsetY, inspection->offset_y_given, largest.y_m);
+  limit(kOffsetZ, inspection->offset_z_given, largest.z_m);
 }
 
 bool Cuts(const MeshOverlap& overlap) { return overlap.depth_m() > kToleratedDepth_m; }
@@ -165,6 +174,7 @@ absl::Status ParsePartHolding(const v1::Inspection& message, const std::string& 
 
 absl::StatusOr<HeldPart> HoldPart(const TriangleMesh& part, Inspection* inspection) {
   HeldPart held;
+  LimitOffsets(part, inspection);
   const bool rests = inspection->part_holding == PartHolding::kResting;
   const bool on_table =
       rests || std::any_of(inspection->obstacles.begin(), inspection->obstacles.end(),

@@ -26,8 +26,9 @@ struct HeldPart {
   std::optional<TriangleMesh> table;
 };
 
-// Fills in what an inspection leaves to the part: the faces it rests on where no resting
-// orientations are given, and the corners of its hull, which the table's height follows from.
+// Fills in what an inspection leaves to the part: how far it is shifted where no offsets are given,
+// the faces it rests on where no resting orientations are given, and the corners of its hull, which
+// the table's height follows from.
 // INVALID_ARGUMENT if a resting part has no stable face, or is flat; the message names the file.
 absl::StatusOr<HeldPart> HoldPart(const TriangleMesh& part, Inspection* inspection);
 

@@ -10,6 +10,7 @@ namespace {
 constexpr Limits kPosition{-100, 100, " m"};
 constexpr Limits kAngle{-360, 360, " deg"};
 constexpr Limits kSpeedFraction{0, 1, "", true};
+constexpr Limits kAccelerationTime{0, 60, " s"};
 // Of one turn more than any drive allows, or of a long linear axis in metres.
 constexpr Limits kJointPosition{-1000, 1000, " rad or m"};
 constexpr int kMostJoints = 16;
@@ -117,6 +118,9 @@ absl::StatusOr<RobotMount> ParseRobotMount(const v1::Inspection& message,
   if (robot.has_speed_fraction()) mount.speed_fraction = robot.speed_fraction();
   SIGHTLINE_RETURN_IF_ERROR(
       check.Range("rig.robot.speed_fraction", mount.speed_fraction, kSpeedFraction));
+  mount.acceleration_time_s = robot.acceleration_time_s();
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("rig.robot.acceleration_time_s", mount.acceleration_time_s, kAccelerationTime));
   return mount;
 }
 

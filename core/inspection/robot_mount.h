@@ -27,6 +27,7 @@ struct RobotMount {
   Eigen::Isometry3d load_on_tip = Eigen::Isometry3d::Identity();
   std::vector<double> home;  // rad or m; empty: the middle of each joint's range
   double speed_fraction = 0.5;
+  double acceleration_time_s = 0;  // from rest to that speed
 };
 
 // `message` has a rig.robot whose file name is resolved. INVALID_ARGUMENT names field and reason;

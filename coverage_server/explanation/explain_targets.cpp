@@ -42,17 +42,21 @@ struct Failures {
   uint32_t conditions = 0;
   // Bit i: obstacle i hides the place.
   uint64_t camera_obstacles = 0, laser_obstacles = 0;
+  int touched_obstacle = -1;  // by camera or laser
 
-  int Count() const {
+  int Conditions() const {
     return std::popcount(conditions) + std::popcount(camera_obstacles) +
            std::popcount(laser_obstacles);
   }
+  int Count() const { return Conditions() + ((conditions & kRange) != 0 ? 1 : 0); }
 };
 
 // How many of the scans with the fewest failures fail at each reason.
 class Tally {
  public:
   int fewest() const { return fewest_; }
+  // Whether a scan among the best fails at one condition only.
+  bool nearly_passed() const { return nearly_passed_; }
 
   // True if the scan is among the best so far.
   bool Add(const Failures& failures) {
@@ -61,7 +65,9 @@ class Tally {
     if (count < fewest_) {
       fewest_ = count;
       by_reason_.clear();
+      nearly_passed_ = false;
     }
+    nearly_passed_ = nearly_passed_ || failures.Conditions() == 1;
     const auto add = [this](UncoveredReason reason, int obstacle) {
       ++by_reason_[{reason, obstacle}];
     };
@@ -75,7 +81,7 @@ class Tally {
     for (uint64_t rest = obstacles; rest != 0; rest &= rest - 1) {
       add(UncoveredReason::kObstacle, std::countr_zero(rest));
     }
-    if (c & kCollision) add(UncoveredReason::kCollision, -1);
+    if (c & kCollision) add(UncoveredReason::kCollision, failures.touched_obstacle);
     if (c & kTravel) add(UncoveredReason::kTravel, -1);
     return true;
   }
@@ -95,6 +101,7 @@ class Tally {
 
  private:
   int fewest_ = 1 << 20;
+  bool nearly_passed_ = false;
   std::map<std::pair<UncoveredReason, int>, int> by_reason_;
 };
 
@@ -124,7 +131,7 @@ class Explainer {
     for (int i = 0; i < kSpreadScans; ++i) {
       if (Try(spread_[i], [i] { return SpreadAim(i); })) return Found();
     }
-    if (tally_.fewest() == 1 && !Stops(cancelled) && TryNearBest(cancelled)) return Found();
+    if (tally_.nearly_passed() && !Stops(cancelled) && TryNearBest(cancelled)) return Found();
     TargetExplanation explanation = tally_.Reason();
     explanation.tried_scans = tried_;
     return explanation;
@@ -170,7 +177,8 @@ class Explainer {
     Failures failures = FailuresAtPlace(aimed, scan);
     if (failures.Count() == 0) {
       ++carried_out_;
-      switch (task_.feasibility(scan.measurement, scan.stage_m)) {
+      const CarriedOut result = task_.carry_out(scan.measurement, scan.stage_m);
+      switch (result.feasibility) {
         case Feasibility::kFeasible:
           found_ = scan.measurement;
           return true;
@@ -179,6 +187,9 @@ class Explainer {
           break;
         default:
           failures.conditions |= kCollision;
+          failures.touched_obstacle =
+              TouchedObstacle(MakeScanGeometry(*task_.rig, scan.measurement), result.stage_start_m,
+                              result.stage_end_m);
       }
     }
     const int before = tally_.fewest();
@@ -255,8 +266,20 @@ class Explainer {
     if (Collides(*task_.rig, geometry, task_.part_centre_m, occluders, scan.stage_m,
                  scan.stage_m)) {
       failures.conditions |= kCollision;
+      failures.touched_obstacle = TouchedObstacle(geometry, scan.stage_m, scan.stage_m);
     }
     return failures;
+  }
+
+  // The first obstacle that camera or laser touch while the stage moves; -1: none of them.
+  int TouchedObstacle(const ScanGeometry& geometry, double start_m, double end_m) const {
+    for (size_t i = 0; i < task_.single_obstacles->size(); ++i) {
+      if (Collides(*task_.rig, geometry, task_.part_centre_m, (*task_.single_obstacles)[i], start_m,
+                   end_m)) {
+        return static_cast<int>(i);
+      }
+    }
+    return -1;
   }
 
   const ExplanationTask& task_;

@@ -8,7 +8,10 @@
 //   - is imaged finely enough (footprint) and sharply enough (defocus),
 //   - lies in the image, the laser's fan and range (range),
 //   - is hidden by the part or by an obstacle, from the camera and from the laser,
-// and whether camera or laser touch anything then (collision). Each counts, the two sensors apart.
+// and whether camera or laser touch anything then (collision). Each counts, the two sensors apart,
+// and range twice: what is elsewhere when it is lit is seen by neither. (Were it to count once,
+// sheets that nearly hold the scan direction and light a place far beside the rig would come before
+// those that find an obstacle in the way of both.)
 // A scan that passes all of it is asked whether it can be carried out as a whole: without a
 // collision, and without more travel than there is. If one can, the target was not chosen. If none
 // can, the reason is the condition that most of the scans with the fewest failed conditions fail
@@ -35,6 +38,12 @@ inline constexpr int kSpreadScans = 1024;
 // Scans that pass at the place and are asked whether they can be carried out.
 inline constexpr int kMostCarriedOut = 24;
 
+// Whether a whole scan can be carried out, and the travel that this was asked of.
+struct CarriedOut {
+  Feasibility feasibility = Feasibility::kFeasible;
+  double stage_start_m = 0, stage_end_m = 0;
+};
+
 struct ExplanationTask {
   const Rig* rig = nullptr;
   const MeasurementDomain* domain = nullptr;
@@ -42,9 +51,11 @@ struct ExplanationTask {
   const TargetSampling* sampling = nullptr;
   // The part first, then the obstacles (at most 64).
   const std::vector<Occluder>* occluders = nullptr;
+  // Every obstacle by itself, to find out which one camera or laser touch.
+  const std::vector<std::vector<Occluder>>* single_obstacles = nullptr;
   Eigen::Vector3d part_centre_m = Eigen::Vector3d::Zero();
-  // Whether a whole scan, which lights the target at `stage_m`, can be carried out.
-  std::function<Feasibility(const Measurement&, double stage_m)> feasibility;
+  // Of a scan that lights the target at `stage_m`.
+  std::function<CarriedOut(const Measurement&, double stage_m)> carry_out;
 };
 
 // One result for each of `targets` (indices into the task's). The same for any split of the targets

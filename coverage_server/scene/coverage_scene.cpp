@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <mutex>
 #include <numbers>
 #include <thread>
 
@@ -294,17 +295,22 @@ class CoverageSceneImpl final : public CoverageScene {
     task.sampling = &definition_.sampling;
     task.occluders = &occluders_;
     task.part_centre_m = part_centre_m_;
-    task.feasibility = [&](const Measurement& measurement, double stage_m) {
-      Feasibility feasibility = Feasibility::kFeasible;
+    std::call_once(single_obstacles_made_, [this] {
+      for (size_t i = 1; i < occluders_.size(); ++i) single_obstacles_.push_back({occluders_[i]});
+    });
+    task.single_obstacles = &single_obstacles_;
+    task.carry_out = [&](const Measurement& measurement, double stage_m) {
+      CarriedOut result;
       EvaluateFast({&measurement, 1}, false, cancelled,
                    [&](size_t, const ScanInPart&, const FastScan& scan, Feasibility) {
                      // The estimate may cover nothing, not even what the scan is asked for.
                      const bool none = scan.stage_start_m > scan.stage_end_m;
-                     feasibility = CheckFeasibility(
-                         measurement, none ? stage_m : std::min(stage_m, scan.stage_start_m),
-                         none ? stage_m : std::max(stage_m, scan.stage_end_m));
+                     result.stage_start_m = none ? stage_m : std::min(stage_m, scan.stage_start_m);
+                     result.stage_end_m = none ? stage_m : std::max(stage_m, scan.stage_end_m);
+                     result.feasibility =
+                         CheckFeasibility(measurement, result.stage_start_m, result.stage_end_m);
                    });
-      return feasibility;
+      return result;
     };
     ExplainTargets(task, targets, results, cancelled);
   }
@@ -484,6 +490,9 @@ class CoverageSceneImpl final : public CoverageScene {
   };
   std::vector<Box> boxes_;
   std::vector<Occluder> occluders_;
+  // Obstacles one by one; made when targets are explained for the first time.
+  mutable std::once_flag single_obstacles_made_;
+  mutable std::vector<std::vector<Occluder>> single_obstacles_;
   std::unique_ptr<VisibilityField> field_;
   std::unique_ptr<FastEvaluator> fast_;
   std::unique_ptr<TargetLookup> lookup_;

@@ -144,7 +144,9 @@ enum class UncoveredReason {
 
 struct TargetExplanation {
   UncoveredReason reason = UncoveredReason::kNotChosen;
-  int obstacle = -1;  // index into CoverageScene::obstacles() if one is the reason
+  // Index into CoverageScene::obstacles() if one is the reason; of collisions that which camera or
+  // laser touch, -1: they touch the part, or the part touches what stands still.
+  int obstacle = -1;
   int tried_scans = 0;
   int scans_with_reason = 0;
   Measurement scan;  // of targets that were not chosen: one that measures it

@@ -22,9 +22,11 @@
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/explore/explore_routes.h"
 #include "planner_client/explore/explore_session.h"
+#include "planner_client/plan_oracle/coverage_oracle.h"
 #include "planning_service/http/http_server.h"
 
 namespace sightline {
@@ -198,7 +200,12 @@ int RunExplore(ExploreOptions& options) {
   task.inspection = session->inspection;
   task.part = session->part;
   task.targets = session->client->targets();
-  task.oracle = session->client.get();
+  std::unique_ptr<GainOracle> within_reach;
+  if (session->robot) {
+    within_reach =
+        WithinReach(*session, std::make_unique<CoverageOracle>(*session->client, nullptr), {});
+  }
+  task.oracle = within_reach ? within_reach.get() : session->client.get();
   if (session->oracle->ScoresPlans()) task.judge = session->oracle.get();
   task.draw = std::move(pictures.draw);
   task.no_pictures = pictures.missing;

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/catalogue/combination.h"
+#include "core/inspection/inspection.h"
 
 namespace sightline {
 namespace {
@@ -21,7 +22,13 @@ constexpr double kWishedTargets = 8000;
 constexpr double kRadiusPerSpacing = 0.6;
 constexpr double kUsualFNumber = 8;
 
-double Round2(double value, double step) { return std::round(value / step) * step; }
+// To multiples of a power of ten, and so that it is written with few digits: 3 / 1e4 is, 3 * 1e-4
+// is not.
+double Round2(double value, double step) {
+  if (step >= 1) return std::round(value / step) * step;
+  const double per_unit = std::round(1 / step);
+  return std::round(value * per_unit) / per_unit;
+}
 
 // A camera stands about one and a half diameters off, within what a stage usually has room for.
 double WorkingDistance(double diameter_m) { return std::clamp(1.5 * diameter_m, 0.2, 0.6); }
@@ -176,21 +183,19 @@ void DraftGoal(const DraftRequest& request, InspectionDraft* draft) {
   if (!request.tolerance_file.empty()) tolerances.set_file(request.tolerance_file);
 }
 
-// Where the part may be shifted to. Table 2.1 allows half a metre; scans that have a small part far
-// from where line of sight and laser meet see nothing of it, and a search would spend most of its
-// evaluations on them.
+// Where the part may be shifted to, where its size leaves less than Table 2.1. The same would hold
+// without a word; it is written so that whoever has a narrower stage finds it.
 void DraftDomain(double diameter_m, InspectionDraft* draft) {
-  constexpr double kLargestY_m = 0.5, kLargestZ_m = 0.4;  // Table 2.1
-  const double reach_m = std::ceil(100 * diameter_m) / 100;
-  if (reach_m >= kLargestZ_m) return;
+  const LargestOffset largest = LargestOffsetOf(diameter_m);
+  if (!largest.below_table_2_1) return;
   v1::MeasurementDomain& domain = *draft->inspection.mutable_measurement();
   const auto within = [](v1::ParameterDomain& parameter, double largest_m) {
     v1::ParameterDomain::Range& range = *parameter.add_ranges();
     range.set_min(-largest_m);
     range.set_max(largest_m);
   };
-  within(*domain.mutable_offset_y_m(), std::min(reach_m, kLargestY_m));
-  within(*domain.mutable_offset_z_m(), reach_m);
+  within(*domain.mutable_offset_y_m(), largest.y_m);
+  within(*domain.mutable_offset_z_m(), largest.z_m);
   draft->comments["measurement"] =
       "What scans may be. The part is shifted by its own size at the most.";
 }

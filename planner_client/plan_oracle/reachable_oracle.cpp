@@ -19,17 +19,25 @@ void ReachableOracle::Keep(std::span<const Measurement> scans) {
 }
 
 std::vector<bool> ReachableOracle::Reached(std::span<const Measurement> measurements) {
+  std::vector<char> result(measurements.size(), 1);
   std::vector<size_t> open;
-  for (size_t i = 0; i < measurements.size(); ++i) {
-    const Key key = ToArray(measurements[i]);
-    if (!kept_.contains(key) && !reached_.contains(key)) open.push_back(i);
+  {
+    const std::lock_guard lock(mutex_);
+    for (size_t i = 0; i < measurements.size(); ++i) {
+      const Key key = ToArray(measurements[i]);
+      if (kept_.contains(key)) continue;
+      if (const auto known = reached_.find(key); known != reached_.end()) {
+        result[i] = known->second;
+      } else {
+        open.push_back(i);
+      }
+    }
   }
-  std::vector<char> found(open.size());
   std::atomic<size_t> next = 0;
   const auto work = [&] {
     for (size_t k = next++; k < open.size(); k = next++) {
       const Measurement& scan = measurements[open[k]];
-      found[k] = cell_->Reachable(scan, travel_of_(scan), false).reachable();
+      result[open[k]] = cell_->Reachable(scan, travel_of_(scan), false).reachable();
     }
   };
   const size_t threads =
@@ -38,23 +46,10 @@ std::vector<bool> ReachableOracle::Reached(std::span<const Measurement> measurem
   for (size_t t = 1; t < threads; ++t) others.emplace_back(work);
   work();
   others.clear();
-  if (reached_.size() + open.size() > kMostRemembered) {
-    // What was asked before and is asked for again now must stay.
-    std::map<Key, bool> needed;
-    for (const Measurement& scan : measurements) {
-      if (const auto at = reached_.find(ToArray(scan)); at != reached_.end()) needed.insert(*at);
-    }
-    reached_ = std::move(needed);
-  }
-  for (size_t k = 0; k < open.size(); ++k) {
-    reached_[ToArray(measurements[open[k]])] = found[k] != 0;
-  }
-  std::vector<bool> result;
-  for (const Measurement& scan : measurements) {
-    const Key key = ToArray(scan);
-    result.push_back(kept_.contains(key) || reached_.at(key));
-  }
-  return result;
+  const std::lock_guard lock(mutex_);
+  if (reached_.size() + open.size() > kMostRemembered) reached_.clear();
+  for (const size_t i : open) reached_[ToArray(measurements[i])] = result[i] != 0;
+  return {result.begin(), result.end()};
 }
 
 template <typename Answer, typename Ask>

@@ -1,11 +1,13 @@
 // Scans that a robot cannot make are infeasible; they are found out before anything is asked of
-// them.
+// them. Queries may come from several threads if the oracle asked allows that; Keep comes before.
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <functional>
 #include <map>
 #include <memory>
+#include <mutex>
 #include <set>
 #include <span>
 #include <vector>
@@ -69,8 +71,9 @@ class ReachableOracle final : public GainOracle {
   const std::function<ScanTravel(const Measurement&)> travel_of_;
   const double scan_step_m_;
   std::set<Key> kept_;
-  std::map<Key, bool> reached_;
-  int64_t unreached_ = 0;
+  std::mutex mutex_;
+  std::map<Key, bool> reached_;  // what was asked before; under the mutex
+  std::atomic<int64_t> unreached_ = 0;
 };
 
 }  // namespace sightline

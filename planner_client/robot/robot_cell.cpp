@@ -308,12 +308,14 @@ std::optional<Contact> RobotCell::OnTheWay(const JointPositions& from, const Joi
 }
 
 double RobotCell::MoveTimeS(const JointPositions& from, const JointPositions& to) const {
-  double time_s = 0;
+  double at_speed_s = 0;
   for (size_t j = 0; j < from.size(); ++j) {
-    time_s = std::max(time_s, std::abs(to[j] - from[j]) /
-                                  (model_.joints[j].max_speed * task_.mount.speed_fraction));
+    at_speed_s = std::max(at_speed_s, std::abs(to[j] - from[j]) / (model_.joints[j].max_speed *
+                                                                   task_.mount.speed_fraction));
   }
-  return time_s;
+  // Starting and stopping take half of the way of that time each; a short move never gets to speed.
+  const double ramp_s = task_.mount.acceleration_time_s;
+  return at_speed_s >= ramp_s ? at_speed_s + ramp_s : 2 * std::sqrt(at_speed_s * ramp_s);
 }
 
 ScanTravel EstimateTravel(const Rig& rig, const TargetSet& targets, double spacing_m,

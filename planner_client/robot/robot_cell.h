@@ -83,7 +83,8 @@ class RobotCell {
   // many.
   std::optional<Contact> OnTheWay(const JointPositions& from, const JointPositions& to,
                                   std::span<const NamedSolid> around) const;
-  // Time of the slowest joint at the mount's fraction of its speed [s].
+  // Time of the slowest joint at the mount's fraction of its speed, from rest to rest with constant
+  // acceleration [s].
   double MoveTimeS(const JointPositions& from, const JointPositions& to) const;
 
  private:

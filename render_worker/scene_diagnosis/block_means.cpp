@@ -19,14 +19,14 @@ constexpr double kFarFromFull = 1.0 / 12;
 
 }  // namespace
 
-BlockMeans::BlockMeans(const RecordedScene& scene, int block_px, int tile_blocks,
+BlockMeans::BlockMeans(const RecordedScene& scene, int recordings, int block_px, int tile_blocks,
                        double registration_px)
     : sensor_(*scene.inspection.sensor),
       block_px_(block_px),
       tile_blocks_(tile_blocks),
       rows_(scene.inspection.rig.camera.rows_px / block_px),
       columns_(scene.inspection.rig.camera.columns_px / block_px),
-      recordings_(static_cast<int>(scene.raw_dn.size())),
+      recordings_(recordings),
       registration_px_(registration_px) {
   full_electrons_ =
       std::min(sensor_.saturation_capacity_electrons,

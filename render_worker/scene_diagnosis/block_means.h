@@ -23,11 +23,12 @@ struct ExpectedBlocks {
 
 class BlockMeans {
  public:
-  // `block_px` on a side; `tile_blocks` x `tile_blocks` blocks are a tile, every other of which,
-  // like the black fields of a chessboard, is held out. Pixels beyond the last whole block are left
-  // out. `registration_px`: standard uncertainty of where the model's image lies on the recorded
-  // one.
-  BlockMeans(const RecordedScene& scene, int block_px, int tile_blocks, double registration_px);
+  // Of the first `recordings` of the scene. `block_px` on a side; `tile_blocks` x `tile_blocks`
+  // blocks are a tile, every other of which, like the black fields of a chessboard, is held out.
+  // Pixels beyond the last whole block are left out. `registration_px`: standard uncertainty of
+  // where the model's image lies on the recorded one.
+  BlockMeans(const RecordedScene& scene, int recordings, int block_px, int tile_blocks,
+             double registration_px);
 
   int count() const { return recordings_ * rows_ * columns_; }
   int recordings() const { return recordings_; }

@@ -5,7 +5,6 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 #include <string>
 #include <utility>
 #include <vector>
@@ -18,19 +17,13 @@
 #include "render_worker/effects/effect.h"
 #include "render_worker/render/part_frame.h"
 #include "render_worker/scene_diagnosis/block_means.h"
+#include "render_worker/scene_diagnosis/compare_paths.h"
 #include "render_worker/scene_diagnosis/light_paths.h"
 #include "render_worker/scene_diagnosis/path_fit.h"
 
 namespace sightline {
 namespace {
 
-// Prior beliefs before the recordings are seen.
-constexpr double kPriorNone = 0.5, kPriorOne = 0.35, kPriorTwo = 0.05, kPriorUnknown = 0.1;
-// Singles that may be one of a pair.
-constexpr size_t kPairPartners = 3;
-// Cosines per axis of the free map, and standard deviations of their factors [electrons].
-constexpr int kMapOrder = 5;
-constexpr double kMapScales_electrons[] = {1, 4, 16, 64};
 // Blocks that stand out, in standard deviations.
 constexpr double kExcess = 3;
 constexpr double kTransportShare = 0.75;  // of the work
@@ -79,52 +72,6 @@ absl::Status CheckImages(const RecordedScene& scene) {
         "recordings: none has kind \"laser\"; light paths cannot be told apart without");
   }
   return absl::OkStatus();
-}
-
-// Cosines over the image, the same in every recording with light.
-std::vector<LightPath> FreeMap(const RecordedScene& scene, double scale_electrons) {
-  const int columns = scene.inspection.rig.camera.columns_px;
-  const int rows = scene.inspection.rig.camera.rows_px;
-  std::vector<LightPath> map;
-  for (int v = 0; v < kMapOrder; ++v) {
-    for (int u = 0; u < kMapOrder; ++u) {
-      LightPath path;
-      path.effect = "unknown";
-      path.parameter = absl::StrCat("cosine_", v, "_", u, "_electrons");
-      path.prior_standard_deviation = scale_electrons;
-      path.may_be_negative = true;
-      Image<double> image(columns, rows);
-      for (int i = 0; i < rows; ++i) {
-        for (int j = 0; j < columns; ++j) {
-          image.At(i, j) = std::cos(std::numbers::pi * v * (i + 0.5) / rows) *
-                           std::cos(std::numbers::pi * u * (j + 0.5) / columns);
-        }
-      }
-      for (const RecordedImage& recorded : scene.recordings.recordings) {
-        path.electrons.push_back(
-            recorded.kind == RecordingKind::kDark ? Image<double>(columns, rows) : image);
-      }
-      map.push_back(std::move(path));
-    }
-  }
-  return map;
-}
-
-// An explanation with its fits: one for every choice of shapes, of which the best is kept.
-struct Hypothesis {
-  std::vector<std::string> effects;  // empty: none
-  std::string stage;
-  double log_prior = 0;
-  double log_predictive = -std::numeric_limits<double>::infinity();  // mean over the shapes
-  PathFit best;
-  double probability = 0;
-
-  std::string Name() const { return effects.empty() ? "none" : absl::StrJoin(effects, " + "); }
-};
-
-double LogAdd(double a, double b) {
-  const double larger = std::max(a, b);
-  return std::isinf(larger) ? larger : larger + std::log1p(std::exp(std::min(a, b) - larger));
 }
 
 // Where and on what light stands out that the null model does not have.
@@ -344,6 +291,168 @@ void DescribeCalibration(const RecordedScene& scene, const PathFit& fit, v1::Dia
   *diagnosis->mutable_calibrated() = RecordingsToProto(set);
 }
 
+// Most probable first.
+std::vector<const Hypothesis*> Ranked(const std::vector<Hypothesis>& hypotheses) {
+  std::vector<const Hypothesis*> ranked;
+  for (const Hypothesis& h : hypotheses) ranked.push_back(&h);
+  std::stable_sort(ranked.begin(), ranked.end(), [](const Hypothesis* a, const Hypothesis* b) {
+    return a->log_prior + a->log_predictive > b->log_prior + b->log_predictive;
+  });
+  return ranked;
+}
+
+// What the best explanation adds to the null model.
+struct AddedLight {
+  Eigen::VectorXd electrons;  // mean of every block
+  double sum = 0, laser_sum = 0;
+  Excess excess;
+};
+
+AddedLight FindAddedLight(const RecordedScene& scene, const SceneLight& light,
+                          const BlockMeans& blocks, const Hypothesis& best,
+                          const PathFit& null_fit) {
+  AddedLight added;
+  added.electrons = Eigen::VectorXd::Zero(blocks.count());
+  for (size_t k = 0; k < best.best.paths.size(); ++k) {
+    const LightPath& path = *best.best.paths[k];
+    const Eigen::VectorXd electrons =
+        best.best.factors[static_cast<Eigen::Index>(k)] * blocks.PathElectrons(path);
+    if (path.effect == "laser_factor") added.laser_sum = electrons.sum();
+    if (path.nominal) continue;
+    added.electrons += electrons;
+    added.sum += electrons.sum();
+  }
+  if (!best.effects.empty()) {
+    added.excess = FindExcess(scene, light, blocks, null_fit.residuals, added.electrons);
+  }
+  return added;
+}
+
+double HeldOutPerDegree(const PathFit& fit) {
+  return fit.held_out_chi_squared / fit.held_out_count;
+}
+
+std::string Finding(const RecordedScene& scene, const Hypothesis& best, const PathFit& null_fit,
+                    const AddedLight& added) {
+  const double null_held_out = HeldOutPerDegree(null_fit);
+  if (best.effects.empty()) {
+    return absl::StrFormat(
+        "Nothing is missing from the model that these recordings could show (probability %.2f); "
+        "held-out chi^2 per degree of freedom %.2f.",
+        best.probability, null_held_out);
+  }
+  std::vector<std::string> words;
+  for (const LightPath* path : best.best.paths) {
+    if (!path->nominal && path->effect != "unknown") words.push_back(path->words);
+  }
+  if (words.empty()) words.push_back("light that none of the known paths explains");
+  std::string finding = absl::StrCat("Left out of the model: ", absl::StrJoin(words, "; "));
+  if (added.sum > 0 && added.laser_sum > 0) {
+    absl::StrAppendFormat(&finding, ", %.2g %% of the direct laser light",
+                          100 * added.sum / added.laser_sum);
+  }
+  const Excess& excess = added.excess;
+  if (!excess.surface.empty()) {
+    absl::StrAppendFormat(&finding, ", most on surface \"%s\", %.1f electrons a pixel in %s",
+                          excess.surface, excess.mean_electrons,
+                          scene.recordings.recordings[static_cast<size_t>(excess.recording)].file);
+  }
+  absl::StrAppendFormat(&finding,
+                        "; with it held-out chi^2 per degree of freedom falls from %.2f to %.2f.",
+                        null_held_out, HeldOutPerDegree(best.best));
+  return finding;
+}
+
+// Of a diagnosis that was stopped.
+std::string UnfinishedFinding(const Hypothesis& best, const PathComparison& comparison,
+                              int recordings, int all_recordings) {
+  const auto& hypotheses = comparison.hypotheses;
+  const auto compared = static_cast<int>(hypotheses.size()) - 1;
+  std::string so_far = "nothing was compared with the model as described yet";
+  if (!best.effects.empty()) {
+    so_far = absl::StrFormat("so far %s explains most, %.3g nats better than nothing left out",
+                             best.Name(), best.log_predictive - hypotheses[0].log_predictive);
+  } else if (compared > 0) {
+    so_far = "so far nothing explains the recordings better than the model as described";
+  }
+  return absl::StrFormat(
+      "Interrupted with %d of %d recordings computed and %d explanation%s compared: %s; held-out "
+      "chi^2 per degree of freedom without any %.2f. This is no finding: what was not compared may "
+      "explain more.",
+      recordings, all_recordings, compared, compared == 1 ? "" : "s", so_far,
+      HeldOutPerDegree(hypotheses[0].best));
+}
+
+void DescribeRanking(const RecordedScene& scene, const PathComparison& comparison,
+                     const std::vector<const Hypothesis*>& ranked, const Excess& excess,
+                     v1::Diagnosis* diagnosis) {
+  const Hypothesis& best = *ranked.front();
+  std::map<std::string, double> stages;
+  for (const Hypothesis* hypothesis : ranked) {
+    if (!hypothesis->stage.empty()) stages[hypothesis->stage] += hypothesis->probability;
+    v1::Explanation* explanation = diagnosis->add_ranked();
+    explanation->set_effect(hypothesis->effects.empty() ? "none" : hypothesis->effects.front());
+    explanation->set_stage(hypothesis->stage);
+    explanation->set_probability(hypothesis->probability);
+    explanation->set_log_evidence_gain(hypothesis->log_predictive -
+                                       comparison.hypotheses[0].log_predictive);
+    explanation->set_held_out_chi_squared_per_dof(HeldOutPerDegree(hypothesis->best));
+    DescribeEffects(hypothesis->best, hypothesis == &best ? excess : Excess(), scene, explanation);
+    const char* switch_on = best.Name() == "illumination.interreflection"
+                                ? "; render.laser_interreflection switches it on"
+                                : "";
+    const char* most = comparison.finished ? "the most probable" : "the best so far";
+    explanation->set_reason(hypothesis == &best
+                                ? absl::StrCat(most, switch_on)
+                                : absl::StrFormat("log evidence %.1f below %s",
+                                                  best.log_predictive - hypothesis->log_predictive,
+                                                  most));
+  }
+  for (const auto& [stage, probability] : stages) {
+    v1::StageEvidence* evidence = diagnosis->add_stages();
+    evidence->set_stage(stage);
+    evidence->set_probability(probability);
+  }
+}
+
+// Smallest factors these recordings show: expected gain 5 is chi^2 of 10.
+void DescribePower(const std::vector<Hypothesis>& hypotheses, v1::Diagnosis* diagnosis) {
+  for (const Hypothesis& hypothesis : hypotheses) {
+    if (hypothesis.effects.size() != 1 || hypothesis.effects[0] == "unknown") continue;
+    const LightPath& path = *hypothesis.best.paths.back();
+    const Eigen::Index k = hypothesis.best.factors.size() - 1;
+    const double information =
+        1 / hypothesis.best.covariance(k, k) - 1 / std::pow(path.prior_standard_deviation, 2);
+    if (information <= 0) continue;
+    v1::DetectableStrength* strength = diagnosis->add_power();
+    strength->set_effect(path.effect);
+    strength->set_parameter(path.parameter);
+    strength->set_strength(std::sqrt(10 / information));
+    if (!path.shape_name.empty()) {
+      strength->set_unit_note(absl::StrCat(path.shape_name, " = ", path.shape));
+    }
+  }
+}
+
+void DescribeMaps(const BlockMeans& blocks, const PathFit& null_fit, const PathFit& model_fit,
+                  v1::Diagnosis* diagnosis) {
+  for (int r = 0; r < blocks.recordings(); ++r) {
+    v1::RegionMap* map = diagnosis->add_region_maps();
+    map->set_recording(r);
+    map->set_rows(blocks.rows());
+    map->set_columns(blocks.columns());
+    for (int i = 0; i <= blocks.rows(); ++i) map->add_row_edges_px(i * blocks.block_px());
+    for (int j = 0; j <= blocks.columns(); ++j) map->add_column_edges_px(j * blocks.block_px());
+    for (int i = 0; i < blocks.rows(); ++i) {
+      for (int j = 0; j < blocks.columns(); ++j) {
+        const int block = blocks.Index(r, i, j);
+        map->add_null_z(static_cast<float>(null_fit.residuals[block]));
+        map->add_model_z(static_cast<float>(model_fit.residuals[block]));
+      }
+    }
+  }
+}
+
 }  // namespace
 
 absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
@@ -368,223 +477,56 @@ absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
   };
   absl::StatusOr<SceneLight> light = TraceLightPaths(scene, tracing);
   if (!light.ok()) return light.status();
-  const BlockMeans blocks(scene, settings.block_px, settings.tile_blocks, settings.registration_px);
+  const auto recordings = static_cast<int>(light->surfaces.size());
+  const auto all_recordings = static_cast<int>(scene.recordings.recordings.size());
+  const BlockMeans blocks(scene, recordings, settings.block_px, settings.tile_blocks,
+                          settings.registration_px);
 
-  PathChoice nominal;
-  std::map<std::string, PathChoice> left_out;  // by effect: its shapes
-  for (const LightPath& path : light->paths) {
-    if (path.nominal) {
-      nominal.push_back(&path);
-    } else if (std::find(settings.excluded_effects.begin(), settings.excluded_effects.end(),
-                         path.effect) == settings.excluded_effects.end()) {
-      left_out[path.effect].push_back(&path);
-    }
-  }
+  // Interrupted while it traced, it compares what there is, which takes little.
+  const bool traced_all = recordings == all_recordings;
+  PathComparisonSettings comparing;
+  comparing.excluded_effects = settings.excluded_effects;
+  comparing.max_effects = settings.max_effects;
+  comparing.singles_only = !traced_all;
+  PathComparison comparison =
+      ComparePaths(scene, *light, blocks, comparing, [&](double fraction, std::string_view what) {
+        report(kTransportShare + (1 - kTransportShare) * fraction, what);
+        return !traced_all || settings.cancelled == nullptr || !*settings.cancelled;
+      });
+  comparison.finished = comparison.finished && traced_all;
 
-  // Paths are compared one after the other, so that the order of sums never changes.
-  std::vector<Hypothesis> hypotheses;
-  const auto cancelled = [&settings] { return settings.cancelled && *settings.cancelled; };
-  const auto consider = [&](Hypothesis* hypothesis, PathChoice paths, double log_share) {
-    PathFit fit = FitPaths(blocks, std::move(paths));
-    const double log_predictive = fit.LogPredictive() + log_share;
-    const bool better =
-        hypothesis->best.paths.empty() || fit.LogPredictive() > hypothesis->best.LogPredictive();
-    hypothesis->log_predictive = LogAdd(hypothesis->log_predictive, log_predictive);
-    if (better) hypothesis->best = std::move(fit);
-  };
-  report(kTransportShare, "null model");
-  Hypothesis none;
-  none.log_prior = std::log(kPriorNone);
-  consider(&none, nominal, 0);
-  hypotheses.push_back(none);
-  for (const auto& [effect, shapes] : left_out) {
-    if (cancelled()) return absl::CancelledError("cancelled");
-    report(kTransportShare + 0.05, effect);
-    Hypothesis one;
-    one.effects = {effect};
-    one.stage = shapes.front()->stage;
-    one.log_prior = std::log(kPriorOne / static_cast<double>(left_out.size()));
-    for (const LightPath* shape : shapes) {
-      PathChoice paths = nominal;
-      paths.push_back(shape);
-      consider(&one, std::move(paths), -std::log(static_cast<double>(shapes.size())));
-    }
-    hypotheses.push_back(std::move(one));
-  }
-  std::vector<size_t> order;
-  for (size_t i = 1; i < hypotheses.size(); ++i) order.push_back(i);
-  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-    return hypotheses[a].log_predictive > hypotheses[b].log_predictive;
-  });
-  const double pairs =
-      0.5 * static_cast<double>(left_out.size()) * static_cast<double>(left_out.size() - 1);
-  const size_t partners = settings.max_effects > 1 ? kPairPartners : 0;
-  for (size_t a = 0; a < std::min(partners, order.size()); ++a) {
-    for (size_t b = a + 1; b < order.size(); ++b) {
-      if (cancelled()) return absl::CancelledError("cancelled");
-      const Hypothesis& first = hypotheses[order[a]];
-      const Hypothesis& second = hypotheses[order[b]];
-      Hypothesis two;
-      two.effects = {first.effects.front(), second.effects.front()};
-      two.stage = first.stage;
-      two.log_prior = std::log(kPriorTwo / pairs);
-      report(kTransportShare + 0.1, two.Name());
-      // The best shape of each, found alone.
-      PathChoice paths = nominal;
-      paths.push_back(first.best.paths.back());
-      paths.push_back(second.best.paths.back());
-      consider(&two, std::move(paths),
-               -std::log(static_cast<double>(left_out[two.effects[0]].size() *
-                                             left_out[two.effects[1]].size())));
-      hypotheses.push_back(std::move(two));
-    }
-  }
-  report(kTransportShare + 0.15, "free map");
-  std::vector<std::vector<LightPath>> maps;
-  Hypothesis unknown;
-  unknown.effects = {"unknown"};
-  unknown.log_prior = std::log(kPriorUnknown);
-  for (const double scale : kMapScales_electrons) {
-    if (cancelled()) return absl::CancelledError("cancelled");
-    maps.push_back(FreeMap(scene, scale));
-    PathChoice paths = nominal;
-    for (const LightPath& path : maps.back()) paths.push_back(&path);
-    consider(&unknown, std::move(paths),
-             -std::log(static_cast<double>(std::size(kMapScales_electrons))));
-  }
-  unknown.stage = "illumination";
-  hypotheses.push_back(std::move(unknown));
-
-  double log_sum = -std::numeric_limits<double>::infinity();
-  for (const Hypothesis& h : hypotheses) log_sum = LogAdd(log_sum, h.log_prior + h.log_predictive);
-  for (Hypothesis& h : hypotheses) {
-    h.probability = std::exp(h.log_prior + h.log_predictive - log_sum);
-  }
-  std::vector<const Hypothesis*> ranked;
-  for (const Hypothesis& h : hypotheses) ranked.push_back(&h);
-  std::stable_sort(ranked.begin(), ranked.end(), [](const Hypothesis* a, const Hypothesis* b) {
-    return a->log_prior + a->log_predictive > b->log_prior + b->log_predictive;
-  });
+  const std::vector<const Hypothesis*> ranked = Ranked(comparison.hypotheses);
   const Hypothesis& best = *ranked.front();
-  const PathFit& null_fit = hypotheses.front().best;
-
-  // What the best explanation adds to the null model.
-  Eigen::VectorXd added = Eigen::VectorXd::Zero(blocks.count());
-  double added_sum = 0, laser_sum = 0;
-  for (size_t k = 0; k < best.best.paths.size(); ++k) {
-    const LightPath& path = *best.best.paths[k];
-    const Eigen::VectorXd electrons =
-        best.best.factors[static_cast<Eigen::Index>(k)] * blocks.PathElectrons(path);
-    if (path.effect == "laser_factor") laser_sum = electrons.sum();
-    if (path.nominal) continue;
-    added += electrons;
-    added_sum += electrons.sum();
-  }
-  const Excess excess = best.effects.empty()
-                            ? Excess()
-                            : FindExcess(scene, *light, blocks, null_fit.residuals, added);
-
-  const double null_held_out = null_fit.held_out_chi_squared / null_fit.held_out_count;
-  const double model_held_out = best.best.held_out_chi_squared / best.best.held_out_count;
+  const PathFit& null_fit = comparison.hypotheses.front().best;
+  const AddedLight added = FindAddedLight(scene, *light, blocks, best, null_fit);
   v1::Diagnosis diagnosis;
   diagnosis.set_set(scene.recordings.name);
   diagnosis.set_seed(static_cast<int64_t>(settings.seed));
-  diagnosis.set_verdict(best.effects.empty() ? "none" : "effect");
-  std::string finding;
-  if (best.effects.empty()) {
-    finding = absl::StrFormat(
-        "Nothing is missing from the model that these recordings could show (probability %.2f); "
-        "held-out chi^2 per degree of freedom %.2f.",
-        best.probability, null_held_out);
+  if (!comparison.finished) {
+    diagnosis.set_verdict("interrupted");
+    diagnosis.set_finding(UnfinishedFinding(best, comparison, recordings, all_recordings));
   } else {
-    std::vector<std::string> words;
-    for (const LightPath* path : best.best.paths) {
-      if (!path->nominal && path->effect != "unknown") words.push_back(path->words);
-    }
-    if (words.empty()) words.push_back("light that none of the known paths explains");
-    finding = absl::StrCat("Left out of the model: ", absl::StrJoin(words, "; "));
-    if (added_sum > 0 && laser_sum > 0) {
-      absl::StrAppendFormat(&finding, ", %.2g %% of the direct laser light",
-                            100 * added_sum / laser_sum);
-    }
-    if (!excess.surface.empty()) {
-      absl::StrAppendFormat(
-          &finding, ", most on surface \"%s\", %.1f electrons a pixel in %s", excess.surface,
-          excess.mean_electrons,
-          scene.recordings.recordings[static_cast<size_t>(excess.recording)].file);
-    }
-    absl::StrAppendFormat(&finding,
-                          "; with it held-out chi^2 per degree of freedom falls from %.2f to %.2f.",
-                          null_held_out, model_held_out);
+    diagnosis.set_verdict(best.effects.empty() ? "none" : "effect");
+    diagnosis.set_finding(Finding(scene, best, null_fit, added));
   }
-  diagnosis.set_finding(finding);
-  std::map<std::string, double> stages;
-  for (const Hypothesis* hypothesis : ranked) {
-    if (!hypothesis->stage.empty()) stages[hypothesis->stage] += hypothesis->probability;
-    v1::Explanation* explanation = diagnosis.add_ranked();
-    explanation->set_effect(hypothesis->effects.empty() ? "none" : hypothesis->effects.front());
-    explanation->set_stage(hypothesis->stage);
-    explanation->set_probability(hypothesis->probability);
-    explanation->set_log_evidence_gain(hypothesis->log_predictive - hypotheses[0].log_predictive);
-    explanation->set_held_out_chi_squared_per_dof(hypothesis->best.held_out_chi_squared /
-                                                  hypothesis->best.held_out_count);
-    DescribeEffects(hypothesis->best, hypothesis == &best ? excess : Excess(), scene, explanation);
-    const char* switch_on = best.Name() == "illumination.interreflection"
-                                ? "; render.laser_interreflection switches it on"
-                                : "";
-    explanation->set_reason(
-        hypothesis == &best ? absl::StrCat("the most probable", switch_on)
-                            : absl::StrFormat("log evidence %.1f below the most probable",
-                                              best.log_predictive - hypothesis->log_predictive));
-  }
-  for (const auto& [stage, probability] : stages) {
-    v1::StageEvidence* evidence = diagnosis.add_stages();
-    evidence->set_stage(stage);
-    evidence->set_probability(probability);
-  }
+  DescribeRanking(scene, comparison, ranked, added.excess, &diagnosis);
   v1::HeldOutImprovement* improvement = diagnosis.mutable_held_out_improvement();
   improvement->set_measure("chi^2 per degree of freedom of held-out tiles");
-  improvement->set_null(null_held_out);
-  improvement->set_with_effect(model_held_out);
+  improvement->set_null(HeldOutPerDegree(null_fit));
+  improvement->set_with_effect(HeldOutPerDegree(best.best));
   for (int r = 0; r < blocks.recordings(); ++r) improvement->add_recordings(r);
   *diagnosis.mutable_null_fit() = DescribeFit(blocks, null_fit);
   *diagnosis.mutable_model_fit() = DescribeFit(blocks, best.best);
-  DescribeCalibration(scene, best.best, &diagnosis);
-  // Smallest factors these recordings show: expected gain 5 is chi^2 of 10.
-  for (const Hypothesis& hypothesis : hypotheses) {
-    if (hypothesis.effects.size() != 1 || hypothesis.effects[0] == "unknown") continue;
-    const LightPath& path = *hypothesis.best.paths.back();
-    const Eigen::Index k = hypothesis.best.factors.size() - 1;
-    const double information =
-        1 / hypothesis.best.covariance(k, k) - 1 / std::pow(path.prior_standard_deviation, 2);
-    if (information <= 0) continue;
-    v1::DetectableStrength* strength = diagnosis.add_power();
-    strength->set_effect(path.effect);
-    strength->set_parameter(path.parameter);
-    strength->set_strength(std::sqrt(10 / information));
-    if (!path.shape_name.empty()) {
-      strength->set_unit_note(absl::StrCat(path.shape_name, " = ", path.shape));
+  DescribePower(comparison.hypotheses, &diagnosis);
+  DescribeMaps(blocks, null_fit, best.best, &diagnosis);
+  // Nobody should render or plan with values that may still change.
+  if (comparison.finished) {
+    DescribeCalibration(scene, best.best, &diagnosis);
+    if (HeldOutPerDegree(best.best) > 1.5) {
+      diagnosis.add_warnings(absl::StrFormat(
+          "held-out chi^2 per degree of freedom is still %.2f: something else differs too",
+          HeldOutPerDegree(best.best)));
     }
-  }
-  for (int r = 0; r < blocks.recordings(); ++r) {
-    v1::RegionMap* map = diagnosis.add_region_maps();
-    map->set_recording(r);
-    map->set_rows(blocks.rows());
-    map->set_columns(blocks.columns());
-    for (int i = 0; i <= blocks.rows(); ++i) map->add_row_edges_px(i * blocks.block_px());
-    for (int j = 0; j <= blocks.columns(); ++j) map->add_column_edges_px(j * blocks.block_px());
-    for (int i = 0; i < blocks.rows(); ++i) {
-      for (int j = 0; j < blocks.columns(); ++j) {
-        const int block = blocks.Index(r, i, j);
-        map->add_null_z(static_cast<float>(null_fit.residuals[block]));
-        map->add_model_z(static_cast<float>(best.best.residuals[block]));
-      }
-    }
-  }
-  if (model_held_out > 1.5) {
-    diagnosis.add_warnings(absl::StrFormat(
-        "held-out chi^2 per degree of freedom is still %.2f: something else differs too",
-        model_held_out));
   }
   report(1, "done");
   return diagnosis;

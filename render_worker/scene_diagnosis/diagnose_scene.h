@@ -35,9 +35,11 @@ using SceneDiagnosisProgress = std::function<void(double, std::string_view)>;
 // two of them, and with a free smooth map. These compete by evidence on half of the image's tiles
 // and predictive density on the other half. Verdict "effect" names path, place in the images and
 // surface; "unknown": the map is better than every path; "none". `calibrated`: the description with
-// the fitted factors. The same inputs give the same bytes for any number of threads.
+// the fitted factors. The same inputs give the same bytes for any number of threads. Cancelled once
+// the light of a recording has been traced: verdict "interrupted" with what can be said by then, of
+// the recordings that were traced, and without `calibrated`; earlier: CANCELLED.
 // INVALID_ARGUMENT: images that do not match the description (count, size, numbers above the
-// sensor's largest); FAILED_PRECONDITION: no recording with the laser on; CANCELLED; errors of
+// sensor's largest); FAILED_PRECONDITION: no recording with the laser on; errors of
 // RenderPartFrame.
 absl::StatusOr<v1::Diagnosis> DiagnoseScene(const RecordedScene& scene,
                                             const SceneDiagnosisSettings& settings,

@@ -137,6 +137,15 @@ Image<double> FromAfar(const Image<double>& electrons, const Image<float>& radia
   return afar;
 }
 
+// Drops the light of recordings behind the first `recordings`.
+void KeepFirst(size_t recordings, SceneLight* light) {
+  for (LightPath& path : light->paths) {
+    path.electrons.resize(recordings);
+    if (path.diffracted_electrons.size() > recordings) path.diffracted_electrons.resize(recordings);
+  }
+  if (light->surfaces.size() > recordings) light->surfaces.resize(recordings);
+}
+
 }  // namespace
 
 const std::vector<std::string>& LeftOutEffects() {
@@ -255,7 +264,7 @@ absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
 
   Renderer renderer(scene, settings,
                     recordings * (5 + static_cast<int>(stray.size() + glare.size())));
-  for (int r = 0; r < recordings; ++r) {
+  const auto trace = [&](int r) -> absl::Status {
     const RecordedImage& recorded = scene.recordings.recordings[static_cast<size_t>(r)];
     const bool open = recorded.kind != RecordingKind::kDark;
     const auto slot = [&light, r](size_t path) -> Image<double>& {
@@ -271,7 +280,7 @@ absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
     for (const size_t path : {offset, offset_error}) {
       for (double& value : slot(path).values) value = 1;
     }
-    if (!open) continue;
+    if (!open) return absl::OkStatus();
     const Image<double>& straight = direct->image.mean_photo_electrons;
     Image<double> described = straight;  // laser light of the null model
     const Image<float>* radiance = &direct->layers->laser_radiance_w_m2_sr;
@@ -308,7 +317,7 @@ absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
         false);
     if (!all_around.ok()) return all_around.status();
     slot(surround) = std::move(all_around->image.mean_photo_electrons);
-    if (!lamps) continue;
+    if (!lamps) return absl::OkStatus();
     auto lit = renderer.Render(
         r, {.laser = false, .lamps = true, .max_bounces = render.max_bounces}, false);
     if (!lit.ok()) return lit.status();
@@ -320,6 +329,18 @@ absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
           Difference(more->image.mean_photo_electrons, lit->image.mean_photo_electrons, 1);
     }
     slot(*lamp) = std::move(lit->image.mean_photo_electrons);
+    return absl::OkStatus();
+  };
+  bool laser_traced = false;
+  for (int r = 0; r < recordings; ++r) {
+    const absl::Status status = trace(r);
+    if (absl::IsCancelled(status) && laser_traced) {
+      KeepFirst(static_cast<size_t>(r), &light);
+      break;
+    }
+    if (!status.ok()) return status;
+    const RecordedImage& recorded = scene.recordings.recordings[static_cast<size_t>(r)];
+    laser_traced = laser_traced || recorded.kind == RecordingKind::kLaser;
   }
   return light;
 }

@@ -44,6 +44,7 @@ struct SeenSurface {
   Image<float> depth_m;   // along the optical axis; 0: nothing hit
 };
 
+// Of the recordings that were traced, which are the first ones.
 struct SceneLight {
   std::vector<LightPath> paths;  // those of the null model first
   std::vector<SeenSurface> surfaces;
@@ -62,6 +63,7 @@ struct LightPathSettings {
 // lamps as described, dark charge. Left out, if they are not in the null model: laser light after
 // one and more reflections between surfaces, the same of lamps, uniform light from all around, the
 // laser's own stray light beside the line, veiling glare of three radii, an offset.
+// Cancelled after the first recording: of those that were traced by then, a laser's among them.
 // Errors as RenderPartFrame.
 absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
                                            const LightPathSettings& settings);

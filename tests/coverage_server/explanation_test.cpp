@@ -104,12 +104,11 @@ TEST(Explanation, ClosedCavityIsHiddenByThePart) {
 
 TEST(Explanation, ObstacleIsNamedInEveryFrame) {
   // Plates 5 mm over the top of the cube, which rests in the middle of the rig, so wide that no
-  // scan along the laser line gets beside one; the first obstacle is out of the way.
+  // scan along the laser line gets beside one; the first obstacle is out of the way. Sheets nearly
+  // along the travel light the cube far away from a plate that stands still, outside the image.
   SceneDefinition definition = Cube();
   MeasurementDomain domain = FromAbove();
   domain.parameters[7] = domain.parameters[8] = Fixed(0);
-  // A sheet along the travel would light the cube far away from a plate that stands still.
-  domain.parameters[2] = Fixed(0);
   const SceneObstacle aside{BoxMesh({1, 1, 1}, {1.01f, 1.01f, 1.01f}), ObstacleFrame::kWorld};
   for (const auto frame : {ObstacleFrame::kPart, ObstacleFrame::kStage, ObstacleFrame::kWorld}) {
     const SceneObstacle plate{BoxMesh({-0.5f, -0.5f, 0.025f}, {0.5f, 0.5f, 0.026f}), frame};
@@ -152,8 +151,23 @@ TEST(Explanation, Collision) {
   domain.parameters[0] = Fixed(0.4);
   domain.parameters[3] = Fixed(0);
   // A slab where the camera's body is, behind its pupil.
-  definition.obstacles = {
-      {BoxMesh({-0.1f, -0.1f, 0.44f}, {0.1f, 0.1f, 0.46f}), ObstacleFrame::kWorld}};
+  const SceneObstacle slab = {BoxMesh({-0.1f, -0.1f, 0.44f}, {0.1f, 0.1f, 0.46f}),
+                              ObstacleFrame::kWorld};
+  const SceneObstacle aside = {BoxMesh({1, 1, 1}, {1.01f, 1.01f, 1.01f}), ObstacleFrame::kStage};
+  definition.obstacles = {slab};
+  ExpectReason(definition, domain, kUp, UncoveredReason::kCollision, 0);
+  definition.obstacles = {aside, slab};
+  ExpectReason(definition, domain, kUp, UncoveredReason::kCollision, 1);
+}
+
+TEST(Explanation, CollisionWithThePartNamesNoObstacle) {
+  SceneDefinition definition = Cube();
+  // Looks past its own box, which reaches down beside the cube and into it.
+  definition.rig.camera_bodies = {BoxBody{{0, 0, 0.2}, {0.12, 0.012, 0.1}}};
+  MeasurementDomain domain = FromAbove();
+  domain.parameters[0] = Fixed(0.2);
+  domain.parameters[3] = Fixed(0);
+  definition.obstacles = {{BoxMesh({1, 1, 1}, {1.01f, 1.01f, 1.01f}), ObstacleFrame::kWorld}};
   ExpectReason(definition, domain, kUp, UncoveredReason::kCollision);
 }
 

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <filesystem>
 #include <string>
 #include <tuple>
@@ -48,6 +49,21 @@ TEST_F(NewProcessTest, WhatItWritesPlansAsItIs) {
   const v1::Plan plan = Read<v1::Plan>("plan/plan.json");
   EXPECT_GT(plan.scans_size(), 0);
   EXPECT_GT(plan.coverage().coverage(), 0.5);
+}
+
+// With the half metre of Table 2.1 hardly a scan of the search would see a part of 42 mm.
+TEST_F(NewProcessTest, ASmallPartNeedsNoDomain) {
+  Write("t.stl", kStl);
+  Write("bare.json", R"({"part": {"file": "t.stl", "unit": "mm"},
+                         "targets": {"spacing_m": 0.0015, "coverage_radius_m": 0.0009}})");
+  const auto [planned, output] = Run(std::string("plan bare.json --out plan") + kQuickPlan);
+  ASSERT_EQ(planned, 0) << output;
+  const v1::Plan plan = Read<v1::Plan>("plan/plan.json");
+  EXPECT_GE(plan.coverage().coverage(), 0.95) << output;
+  for (const v1::PlannedScan& scan : plan.scans()) {
+    EXPECT_LE(std::abs(scan.measurement().offset_y_m()), 0.06);
+    EXPECT_LE(std::abs(scan.measurement().offset_z_m()), 0.06);
+  }
 }
 
 TEST_F(NewProcessTest, WithoutATerminalItAsksNothing) {

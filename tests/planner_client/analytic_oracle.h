@@ -1,6 +1,7 @@
 // Gain oracles with coverage given by formulas, for testing planners without a server.
 #pragma once
 
+#include <atomic>
 #include <functional>
 #include <numbers>
 #include <span>
@@ -42,7 +43,7 @@ class FunctionOracle : public GainOracle {
       gains.push_back({c.feasibility, fresh, static_cast<int32_t>(c.covered.Count()), 0,
                        static_cast<double>(fresh)});
     }
-    evaluations_ += static_cast<int64_t>(measurements.size());
+    std::atomic_ref(evaluations_) += static_cast<int64_t>(measurements.size());
     if (on_query_) on_query_();
     return gains;
   }
@@ -56,17 +57,17 @@ class FunctionOracle : public GainOracle {
       }
       gains.push_back(gain);
     }
-    evaluations_ += static_cast<int64_t>(measurements.size());
+    std::atomic_ref(evaluations_) += static_cast<int64_t>(measurements.size());
     return gains;
   }
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
       std::span<const Measurement> measurements) override {
-    evaluations_ += static_cast<int64_t>(measurements.size());
+    std::atomic_ref(evaluations_) += static_cast<int64_t>(measurements.size());
     return Evaluate(measurements, covers_, feasibility_);
   }
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override {
-    exact_evaluations_ += static_cast<int64_t>(measurements.size());
+    std::atomic_ref(exact_evaluations_) += static_cast<int64_t>(measurements.size());
     return Evaluate(measurements, exact_covers_, exact_feasibility_);
   }
 

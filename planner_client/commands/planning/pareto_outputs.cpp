@@ -120,6 +120,11 @@ absl::Status CheckParetoOptions(const ParetoOptions& options, const std::string&
 absl::StatusOr<PlannerResult> PlanFront(const PlanningSession& session,
                                         const PlannerRequest& request, ProgressLine& progress,
                                         OutputOptions* output) {
+  if (session.robot) {
+    std::fprintf(stderr,
+                 "warning: rig.robot: --pareto counts the seconds of `costs` without the robot's "
+                 "moves; its scans are all within the robot's reach\n");
+  }
   const FrameEstimate estimate(session.inspection.rig, session.client->scene().part_centre_m,
                                session.client->targets());
   ParetoRequest front;

@@ -26,6 +26,7 @@
 #include "planner_client/commands/planning/uncertainty_outputs.h"
 #include "planner_client/commands/planning/uncovered_outputs.h"
 #include "planner_client/report/plan/plan_csv.h"
+#include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/requirements/feature_verdicts.h"
 #include "planner_client/strategy/scan_order.h"
 
@@ -213,6 +214,10 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
     const auto middle = judged_m.begin() + static_cast<std::ptrdiff_t>(judged_m.size() / 2);
     std::nth_element(judged_m.begin(), middle, judged_m.end());
     message.set_median_uncertainty_m(*middle);
+  }
+  for (v1::InadmissibleCount& inadmissible :
+       CountInadmissible(TargetUncertaintiesOf(session, document))) {
+    *message.add_inadmissible() = std::move(inadmissible);
   }
   ExaminePropagation(session, document.scans, message);
   const GainWeights& gain = session.inspection.goal.gain;
@@ -640,6 +645,7 @@ std::string SummarisePlan(const v1::Plan& plan) {
                             "relied on.\n",
                             u.second_order_points(), u.examined_points());
     }
+    text += SummariseInadmissible(u);
     if (!u.bound().statement().empty()) absl::StrAppend(&text, u.bound().statement(), "\n");
   }
   text += SummariseUncovered(plan.coverage());

@@ -106,21 +106,27 @@ absl::Status OpenRobotCell(const CoverageTask& task, PlanningSession* session) {
   return absl::OkStatus();
 }
 
-void AskRobotFirst(const std::vector<Measurement>& kept, PlanningSession* session) {
-  if (!session->robot) return;
-  PrintReach(*session);
-  const Rig rig = session->inspection.rig;
-  const TargetSet* targets = &session->client->targets();  // of the session's client, which stays
-  const double spacing_m = session->inspection.targets.spacing_m;
-  const Eigen::Vector3d centre_m = CentreOf(*session);
-  auto oracle = std::make_unique<ReachableOracle>(
-      std::move(session->oracle), session->robot,
+std::unique_ptr<GainOracle> WithinReach(const PlanningSession& session,
+                                        std::unique_ptr<GainOracle> oracle,
+                                        const std::vector<Measurement>& kept) {
+  const Rig rig = session.inspection.rig;
+  const TargetSet* targets = &session.client->targets();  // of the session's client, which stays
+  const double spacing_m = session.inspection.targets.spacing_m;
+  const Eigen::Vector3d centre_m = CentreOf(session);
+  auto within = std::make_unique<ReachableOracle>(
+      std::move(oracle), session.robot,
       [=](const Measurement& measurement) {
         return EstimateTravel(rig, *targets, spacing_m, centre_m, measurement);
       },
       rig.scan_step_m);
-  oracle->Keep(kept);
-  session->oracle = std::move(oracle);
+  within->Keep(kept);
+  return within;
+}
+
+void AskRobotFirst(const std::vector<Measurement>& kept, PlanningSession* session) {
+  if (!session->robot) return;
+  PrintReach(*session);
+  session->oracle = WithinReach(*session, std::move(session->oracle), kept);
 }
 
 std::vector<RobotMove> OrderForRobot(const PlanningSession& session,

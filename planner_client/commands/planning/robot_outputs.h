@@ -21,6 +21,12 @@ absl::Status OpenRobotCell(const CoverageTask& task, PlanningSession* session);
 // stderr how much of the domain is reached. Nothing without a robot.
 void AskRobotFirst(const std::vector<Measurement>& kept, PlanningSession* session);
 
+// The oracle with scans that the robot cannot make infeasible, save `kept`. Only with a robot; the
+// session's client must outlive it.
+std::unique_ptr<GainOracle> WithinReach(const PlanningSession& session,
+                                        std::unique_ptr<GainOracle> oracle,
+                                        const std::vector<Measurement>& kept);
+
 // Moves in the best order; the scans' indices are those given. Only with a robot.
 std::vector<RobotMove> OrderForRobot(const PlanningSession& session,
                                      const std::vector<ChosenScan>& scans, int locked);

@@ -7,6 +7,7 @@
 #include "core/json/strict_json.h"
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
+#include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/report/uncertainty/qif_export.h"
 #include "planner_client/report/uncertainty/uncertainty_ply.h"
 
@@ -55,7 +56,13 @@ TargetUncertainties TargetUncertaintiesOf(const PlanningSession& session,
                              doubles(document.admissible_uncertainty_m),
                              session.requirements->relaxed_uncertainty_m,
                              {},
+                             {},
                              {}};
+  const TargetSet& targets = session.client->targets();
+  TargetBits covered(targets.size());
+  for (const ChosenScan& scan : document.scans) covered |= scan.exact.covered;
+  result.limits =
+      UncertaintyLimits(result, session.client->measurable(), covered, u.points, targets.regions);
   for (const TolerancedFeature& feature : session.requirements->features) {
     result.feature_targets.push_back(
         session.requirements->TargetsOf(feature, session.client->targets()));

@@ -668,7 +668,7 @@ absl::StatusOr<std::string> RenderReport(const ReportData& data) {
     sections += UncertaintyCurveSection(data.plan) + FeatureSection(data.plan, selectable);
   }
   if (data.uncertainty.has_value())
-    sections += InadmissibleSection(*data.uncertainty, data.measurable, covered);
+    sections += InadmissibleSection(*data.uncertainty, data.measurable);
   if (data.plan.has_as_measured()) {
     sections += Section("as-measured", "As measured",
                         AsMeasuredHtml(data.plan.as_measured(), data.plan.scans_size(),

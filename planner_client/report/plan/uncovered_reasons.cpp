@@ -71,7 +71,8 @@ std::string ReasonWords(v1::UncoveredReason reason, const std::string& obstacle)
     case v1::UNCOVERED_REASON_RANGE:
       return "outside image, laser fan or range";
     case v1::UNCOVERED_REASON_COLLISION:
-      return "camera or laser would collide";
+      return obstacle.empty() ? "camera or laser would collide"
+                              : absl::StrCat("camera or laser would touch ", obstacle);
     case v1::UNCOVERED_REASON_TRAVEL:
       return "needs more stage travel than there is";
     default:

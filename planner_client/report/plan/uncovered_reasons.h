@@ -21,7 +21,7 @@ std::vector<v1::UncoveredCount> CountReasons(std::span<const TargetReason> reaso
 // The same counts without regard to measurability; most frequent first.
 std::vector<v1::UncoveredCount> JoinMeasurable(std::span<const v1::UncoveredCount> counts);
 
-// "hidden by the part itself", "hidden by clamp".
+// "hidden by the part itself", "hidden by clamp", "camera or laser would touch clamp".
 std::string ReasonWords(v1::UncoveredReason reason, const std::string& obstacle);
 
 // "hidden by the part itself (120), not chosen (7)"; at most `most` reasons, then "others".

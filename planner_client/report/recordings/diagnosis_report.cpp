@@ -137,8 +137,7 @@ class Report {
       page.warnings.insert(
           page.warnings.begin(),
           "The diagnosis was interrupted: probabilities and values are of what was "
-          "compared until then, and nothing was held to recordings that were not "
-          "fitted.");
+          "compared until then. What was not compared may explain more.");
     }
     const char* picture = has_model_ ? "The picture that shows it" : "Recorded and expected";
     page.sections_html =

@@ -67,6 +67,8 @@ absl::Status CheckTargetUncertainties(const TargetUncertainties& uncertainties, 
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: relaxed_m is %g, must be finite and at least 0 m", context, uncertainties.relaxed_m));
   }
+  if (!uncertainties.limits.empty() && uncertainties.limits.size() != targets)
+    return WrongSize(context, "limits", uncertainties.limits.size(), targets, "number of targets");
   const auto& maps = uncertainties.scan_sensitivities;
   if (!maps.empty() && maps.size() != scans)
     return WrongSize(context, "scan_sensitivities", maps.size(), scans, "number of scans");

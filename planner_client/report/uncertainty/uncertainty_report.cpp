@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numeric>
 
 #include "absl/strings/str_cat.h"
@@ -11,6 +12,7 @@
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
 #include "planner_client/report/page/static_page.h"
+#include "planner_client/report/uncertainty/inadmissible.h"
 
 namespace sightline {
 namespace {
@@ -284,19 +286,18 @@ std::string FeatureSection(const v1::Plan& plan, bool selectable) {
 }
 
 std::string InadmissibleSection(const TargetUncertainties& uncertainties,
-                                const TargetBits& measurable, const TargetBits& covered) {
-  // Not covered, then by dominating part.
-  std::array<int64_t, 4> relaxed{}, beyond{};
+                                const TargetBits& measurable) {
   int64_t judged = 0, inadmissible = 0;
+  std::map<v1::UncertaintyLimit, int64_t> relaxed;
   for (size_t i = 0; i < uncertainties.total_m.size(); ++i) {
     const UncertaintyClass kind = ClassOfTarget(uncertainties, measurable, i);
     if (kind == UncertaintyClass::kNotJudged || kind == UncertaintyClass::kNotMeasurable) continue;
     ++judged;
     if (kind == UncertaintyClass::kAdmissible) continue;
     ++inadmissible;
-    const size_t row =
-        covered.Test(i) ? 1 + static_cast<size_t>(DominatingPart(uncertainties, i)) : 0;
-    ++(kind == UncertaintyClass::kRelaxed ? relaxed : beyond)[row];
+    if (i < uncertainties.limits.size() && kind == UncertaintyClass::kRelaxed) {
+      ++relaxed[uncertainties.limits[i]];
+    }
   }
   if (judged == 0) {
     return PageSection("inadmissible", "Why targets are not admissible",
@@ -306,27 +307,23 @@ std::string InadmissibleSection(const TargetUncertainties& uncertainties,
     return PageSection("inadmissible", "Why targets are not admissible",
                        "<p>None: every judged target is admissible.</p>\n");
   }
-  static constexpr std::array<std::array<const char*, 2>, 4> kReasons = {
-      {{"not measured by any scan", "another scan has to see it"},
-       {"noise of line detection",
-        "scans from nearer or at a larger triangulation angle, or more of them: it averages out"},
-       {"sampling: what the surface may do between and beyond the points",
-        "finer steps, scans from nearer, points all around the target"},
-       {"calibration: errors that all points of a scan share",
-        "a better calibration, or scans from other sides; more points do not help"}}};
-  std::string body = absl::StrCat(
-      "<p class=\"soft\">", GroupedInteger(inadmissible), " of ", GroupedInteger(judged),
-      " judged targets, by the largest part of their uncertainty after all scans.</p>\n");
+  std::string body = absl::StrCat("<p class=\"soft\">", GroupedInteger(inadmissible), " of ",
+                                  GroupedInteger(judged),
+                                  " judged targets, by the largest part of their uncertainty after "
+                                  "all scans; of noise, by what "
+                                  "differs most from the places that are known well enough.</p>\n");
   std::vector<std::vector<std::string>> rows;
-  for (size_t row = 0; row < kReasons.size(); ++row) {
-    const int64_t count = relaxed[row] + beyond[row];
-    rows.push_back({kReasons[row][0], GroupedInteger(count),
-                    Percent(static_cast<double>(count) / static_cast<double>(judged)),
-                    GroupedInteger(relaxed[row]), GroupedInteger(beyond[row]), kReasons[row][1]});
+  for (const v1::InadmissibleCount& count : CountInadmissible(uncertainties)) {
+    const int64_t only_relaxed = relaxed[count.limit()];
+    rows.push_back({LimitWords(count.limit()), GroupedInteger(count.targets()),
+                    Percent(static_cast<double>(count.targets()) / static_cast<double>(judged)),
+                    GroupedInteger(only_relaxed), GroupedInteger(count.targets() - only_relaxed),
+                    FixedNumber(count.median_uncertainty_over_admissible(), 2),
+                    WhatHelps(count.limit())});
   }
-  body += PageTable(
-      {"largest part", "targets", "of the judged", "only relaxed", "not reached", "what helps"},
-      rows, {0, 5});
+  body += PageTable({"what limits it", "targets", "of the judged", "only relaxed", "not reached",
+                     "u over admissible", "what helps"},
+                    rows, {0, 6});
   return PageSection("inadmissible", "Why targets are not admissible", body);
 }
 

@@ -32,9 +32,8 @@ std::string UncertaintyCurveSection(const v1::Plan& plan);
 // to the viewer's features by their index in the plan.
 std::string FeatureSection(const v1::Plan& plan, bool selectable);
 
-// Judged targets that are not admissible, by the largest part of their uncertainty; those that no
-// scan covers apart. `covered`: by any scan of the plan.
+// Judged targets that are not admissible, by what limits them (TargetUncertainties::limits).
 std::string InadmissibleSection(const TargetUncertainties& uncertainties,
-                                const TargetBits& measurable, const TargetBits& covered);
+                                const TargetBits& measurable);
 
 }  // namespace sightline

@@ -2,6 +2,9 @@
 
 #include <gtest/gtest.h>
 
+#include <thread>
+#include <vector>
+
 #include "planner_client/strategy/planner.h"
 #include "tests/planner_client/analytic_oracle.h"
 #include "tests/planner_client/robot/cell_fixture.h"
@@ -70,6 +73,33 @@ TEST_F(ReachableOracleTest, AsksOnlyForWhatIsReached) {
     EXPECT_EQ((*exact)[i].covered.Count(), (*gains)[i].gain);
     EXPECT_EQ((*exact)[i].covered.size(), 16u);
   }
+}
+
+// As the page of `sightline explore` asks: the same of many threads at once.
+TEST_F(ReachableOracleTest, AnswersSeveralThreads) {
+  const auto cell = OneSidedCell();
+  ASSERT_NE(cell, nullptr);
+  ReachableOracle oracle(Azimuths(), cell, Travel, 0.001);
+  std::vector<Measurement> scans;
+  for (int i = 0; i < 16; ++i) scans.push_back(Tilted((i + 0.5) * 2 * kPi / 16));
+  std::vector<std::vector<ScanCoverage>> answers(4);
+  {
+    std::vector<std::jthread> threads;
+    for (auto& answer : answers) {
+      threads.emplace_back([&] { answer = oracle.ExactCoverage(scans).value(); });
+    }
+  }
+  int reached = 0;
+  for (size_t i = 0; i < scans.size(); ++i) {
+    const bool can = cell->Reachable(scans[i], Travel(scans[i]), false).reachable();
+    reached += can;
+    for (const auto& answer : answers) {
+      EXPECT_EQ(answer[i].feasibility,
+                can ? ScanFeasibility::kFeasible : ScanFeasibility::kUnreachable);
+    }
+  }
+  EXPECT_GT(reached, 2);
+  EXPECT_LT(reached, 14);
 }
 
 TEST_F(ReachableOracleTest, KeptScansAreThereReachedOrNot) {

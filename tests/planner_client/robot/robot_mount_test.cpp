@@ -59,6 +59,8 @@ TEST(RobotMountTest, RefusesWhatDoesNotGoTogether) {
   ExpectRefused(R"("load": "LOAD_SENSOR_HEAD",)", "", "rig.robot.load is missing");
   ExpectRefused(R"("speed_fraction": 0.3)", R"("speed_fraction": 0)",
                 "rig.robot.speed_fraction is 0, must be in (0, 1]");
+  ExpectRefused(R"("speed_fraction": 0.3)", R"("acceleration_time_s": -1)",
+                "rig.robot.acceleration_time_s is -1, must be in [0, 60] s");
   ExpectRefused(R"({"x": 1, "y": 2, "z": 3})", R"({"x": 1000})",
                 "rig.robot.base_position_m is 1000");
   ExpectRefused(R"({"x": 10, "y": 20, "z": 90})", R"({"x": 1000})",

@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <set>
 
 #include "planner_client/optimise/random.h"
@@ -47,6 +48,26 @@ TEST_F(RobotMovesTest, TimeIsThatOfTheSlowestJoint) {
   to[0] += 1;  // 120 deg/s
   to[4] -= 1;  // 180 deg/s
   EXPECT_NEAR(cell->MoveTimeS(home, to), 1 / (0.5 * 2 * kPi / 3), 1e-9);
+  EXPECT_EQ(cell->MoveTimeS(home, home), 0);
+}
+
+// Constant acceleration a = v / T: of a way s at least v T long s / v + T, of a shorter one
+// 2 sqrt(s / a).
+TEST_F(RobotMovesTest, StartingAndStoppingTakeTime) {
+  CellTask task = HeadTask();
+  task.mount.speed_fraction = 0.5;
+  task.mount.acceleration_time_s = 0.4;
+  const auto cell = Make(task);
+  ASSERT_NE(cell, nullptr);
+  const double speed = 0.5 * 2 * kPi / 3, acceleration = speed / 0.4;
+  const JointPositions home = cell->model().home;
+  JointPositions to = home;
+  to[0] += 1;
+  EXPECT_NEAR(cell->MoveTimeS(home, to), 1 / speed + 0.4, 1e-9);
+  to[0] = home[0] + 0.1;
+  EXPECT_NEAR(cell->MoveTimeS(home, to), 2 * std::sqrt(0.1 / acceleration), 1e-9);
+  to[0] = home[0] + speed * 0.4;
+  EXPECT_NEAR(cell->MoveTimeS(home, to), 0.8, 1e-9);
   EXPECT_EQ(cell->MoveTimeS(home, home), 0);
 }
 

@@ -9,8 +9,10 @@
 #include <fstream>
 #include <sstream>
 
+#include "core/inspection/part_holding.h"
 #include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
+#include "core/part/load_part.h"
 #include "planner_client/commands/start/start_commands.h"
 #include "planner_client/inspection_draft/inspection_draft.h"
 #include "tests/planner_client/start/run_command.h"
@@ -71,14 +73,34 @@ TEST_F(NewCommandTest, WritesAnInspectionThatCanBeRead) {
   EXPECT_LT(inspection->targets.coverage_radius_m, inspection->targets.spacing_m);
   EXPECT_LE(3 * inspection->rig.scan_step_m, inspection->targets.coverage_radius_m + 1e-9);
   const std::string text = Text(out_);
-  EXPECT_THAT(text, AllOf(HasSubstr("// Written by `sightline new`"), HasSubstr("\"../box.obj\""),
-                          HasSubstr("PART_HOLDING_RESTING")));
+  EXPECT_THAT(
+      text, AllOf(HasSubstr("// Written by `sightline new`"), HasSubstr("\"../box.obj\""),
+                  HasSubstr("PART_HOLDING_RESTING"), HasSubstr("\"coverage_radius_m\": 0.0006\n")));
   // What is there is not written over.
   const CommandResult again = New({"--unit", "mm"});
   EXPECT_EQ(again.exit_code, kExitWrongInput);
   EXPECT_THAT(again.errors, HasSubstr("--force"));
   EXPECT_EQ(New({"--unit", "mm", "--force", "--holding", "free"}).exit_code, kExitDone);
   EXPECT_THAT(Text(out_), HasSubstr("\"part_holding\": \"PART_HOLDING_FREE\""));
+}
+
+// The same as an inspection that says nothing about it gets: 75 mm of diameter.
+TEST_F(NewCommandTest, ThePartIsShiftedByItsOwnSize) {
+  out_ = folder_ + "/i.json";
+  ASSERT_EQ(New({"--unit", "mm"}).exit_code, kExitDone);
+  std::ofstream(folder_ + "/bare.json") << R"({"part": {"file": "box.obj", "unit": "mm"}})";
+  const auto part = LoadPart(folder_ + "/box.obj", "mm");
+  ASSERT_TRUE(part.ok()) << part.status();
+  auto bare = ReadInspectionWithFiles(folder_ + "/bare.json");
+  const auto written = ReadInspectionWithFiles(out_);
+  ASSERT_TRUE(bare.ok() && written.ok());
+  ASSERT_TRUE(HoldPart(*part, &*bare).ok());
+  constexpr int kOffsetY = 7, kOffsetZ = 8;
+  for (const int offset : {kOffsetY, kOffsetZ}) {
+    EXPECT_EQ(bare->domain.parameters[offset].ranges.at(0).max, 0.08);
+    EXPECT_EQ(written->domain.parameters[offset].ranges.at(0).min, -0.08);
+    EXPECT_EQ(written->domain.parameters[offset].ranges.at(0).max, 0.08);
+  }
 }
 
 TEST_F(NewCommandTest, NamesAllThatIsMissing) {

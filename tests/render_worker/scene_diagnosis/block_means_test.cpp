@@ -27,7 +27,7 @@ TEST(BlockMeans, ResidualsOfTheRightModelAreStandard) {
       light = *std::move(traced);
     }
     // The images lie exactly where the model has them.
-    const BlockMeans blocks(scene, 8, 4, /*registration_px=*/0);
+    const BlockMeans blocks(scene, 1, 8, 4, /*registration_px=*/0);
     PathChoice nominal;
     Eigen::VectorXd factors(2);
     factors << 1, 0;
@@ -57,7 +57,7 @@ TEST(BlockMeans, JacobianIsTheDerivativeOfTheMean) {
   scene.raw_dn.assign(1, Image<uint16_t>(128, 96));
   auto light = TraceLightPaths(scene, {});
   ASSERT_TRUE(light.ok()) << light.status();
-  const BlockMeans blocks(scene, 8, 4, 0);
+  const BlockMeans blocks(scene, 1, 8, 4, 0);
   PathChoice paths;
   for (const LightPath& path : light->paths) {
     if (path.nominal || path.effect == "illumination.interreflection") paths.push_back(&path);

@@ -4,8 +4,13 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
+#include <functional>
 #include <set>
+#include <string>
+#include <string_view>
+#include <vector>
 
 #include "render_worker/scene_diagnosis/light_paths.h"
 #include "tests/render_worker/scene_diagnosis/groove_scene.h"
@@ -13,9 +18,11 @@
 namespace sightline {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::UnorderedElementsAre;
 using ::testing::UnorderedElementsAreArray;
 
 v1::Diagnosis Diagnosed(const RecordedScene& scene, int threads = 2) {
@@ -152,6 +159,80 @@ TEST(DiagnoseScene, SameBytesForAnyNumberOfThreads) {
   scene.recordings.recordings.pop_back();
   ASSERT_NO_FATAL_FAILURE(Record(&scene, truth, {}, 8));
   EXPECT_EQ(Diagnosed(scene, 1).SerializeAsString(), Diagnosed(scene, 3).SerializeAsString());
+}
+
+// Cancelled as soon as `progress` says so.
+absl::StatusOr<v1::Diagnosis> Interrupted(
+    const RecordedScene& scene, const std::function<bool(double, std::string_view)>& interrupt) {
+  std::atomic<bool> cancelled = false;
+  SceneDiagnosisSettings settings;
+  settings.cancelled = &cancelled;
+  return DiagnoseScene(scene, settings, [&](double fraction, std::string_view what) {
+    if (interrupt(fraction, what)) cancelled = true;
+  });
+}
+
+TEST(DiagnoseScene, KeepsWhatWasComparedWhenInterrupted) {
+  RecordedScene scene = GrooveScene();
+  scene.recordings.recordings.pop_back();
+  Inspection truth = scene.inspection;
+  truth.render.laser_interreflection = true;
+  ASSERT_NO_FATAL_FAILURE(Record(&scene, truth, {}, 8));
+  // Interreflection, the second in the alphabet, has been compared by then.
+  const auto half = Interrupted(scene, [](double, std::string_view what) {
+    return what == "illumination.laser_stray_light";
+  });
+  ASSERT_TRUE(half.ok()) << half.status();
+  EXPECT_EQ(half->verdict(), "interrupted");
+  EXPECT_THAT(half->finding(),
+              AllOf(HasSubstr("1 of 1 recordings"), HasSubstr("2 explanations"),
+                    HasSubstr("so far illumination.interreflection"), HasSubstr("no finding")));
+  std::vector<std::string> compared;
+  for (const v1::Explanation& explanation : half->ranked()) {
+    compared.push_back(explanation.effect());
+  }
+  EXPECT_EQ(compared.front(), "illumination.interreflection");
+  EXPECT_THAT(compared, UnorderedElementsAre("illumination.interreflection", "none",
+                                             "illumination.ambient_light"));
+  // The same numbers as if it had not been interrupted.
+  const v1::Diagnosis whole = Diagnosed(scene);
+  ASSERT_EQ(whole.ranked(0).effect(), "illumination.interreflection");
+  EXPECT_EQ(half->ranked(0).log_evidence_gain(), whole.ranked(0).log_evidence_gain());
+  EXPECT_EQ(half->null_fit().SerializeAsString(), whole.null_fit().SerializeAsString());
+  EXPECT_FALSE(half->has_calibrated());
+  EXPECT_EQ(half->calibrated_effects_size(), 0);
+  // Nothing but the null model: that it does not fit is known.
+  const auto none =
+      Interrupted(scene, [](double, std::string_view what) { return what == "null model"; });
+  ASSERT_TRUE(none.ok()) << none.status();
+  EXPECT_EQ(none->ranked_size(), 1);
+  EXPECT_EQ(none->null_fit().SerializeAsString(), whole.null_fit().SerializeAsString());
+}
+
+TEST(DiagnoseScene, ComparesTheRecordingsThatWereTracedWhenInterrupted) {
+  RecordedScene scene = GrooveScene();
+  Inspection truth = scene.inspection;
+  truth.render.laser_interreflection = true;
+  ASSERT_NO_FATAL_FAILURE(Record(&scene, truth, {}, 8));
+  // Both recordings take the same number of images, a few of which are left out.
+  double traced = 0;
+  const auto half = Interrupted(scene, [&traced](double fraction, std::string_view what) {
+    if (what == "expected images by light path") traced = fraction;
+    return fraction > 0.5 * 0.75;
+  });
+  ASSERT_TRUE(half.ok()) << half.status();
+  EXPECT_LT(traced, 0.7);
+  EXPECT_EQ(half->verdict(), "interrupted");
+  EXPECT_THAT(half->finding(), HasSubstr("1 of 2 recordings"));
+  EXPECT_EQ(half->region_maps_size(), 1);
+  // What is known of the first recording alone.
+  scene.recordings.recordings.pop_back();
+  scene.raw_dn.pop_back();
+  const v1::Diagnosis first = Diagnosed(scene);
+  EXPECT_EQ(half->null_fit().SerializeAsString(), first.null_fit().SerializeAsString());
+  EXPECT_EQ(half->ranked(0).effect(), "illumination.interreflection");
+  const auto nothing = Interrupted(scene, [](double, std::string_view) { return true; });
+  EXPECT_EQ(nothing.status().code(), absl::StatusCode::kCancelled) << nothing.status();
 }
 
 TEST(DiagnoseScene, SaysWhatIsWrong) {

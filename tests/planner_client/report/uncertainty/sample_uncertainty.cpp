@@ -3,6 +3,9 @@
 #include <cmath>
 #include <limits>
 #include <utility>
+#include <vector>
+
+#include "planner_client/report/uncertainty/inadmissible.h"
 
 namespace sightline {
 namespace {
@@ -129,6 +132,14 @@ ReportData SampleUncertaintyPlan() {
       Feature("#4", "pocket", "cylindricity", 50, std::numeric_limits<double>::infinity(), false,
               "not measured");
   *uncertainty.add_features() = Feature("#5", "edge", "parallelism", 100, 24, true, "");
+  TargetBits covered(100);
+  for (const ReportScan& scan : data.scans) covered |= scan.covered;
+  std::vector<int32_t> points;
+  for (int i = 0; i < 100; ++i) points.push_back(i % 10 == 3 ? 25 : 100);
+  u.limits = UncertaintyLimits(u, data.measurable, covered, points, data.targets.regions);
+  for (v1::InadmissibleCount& count : CountInadmissible(u)) {
+    *uncertainty.add_inadmissible() = std::move(count);
+  }
   for (uint32_t f = 0; f < 5; ++f) u.feature_targets.push_back({10 * f, 10 * f + 5});
   data.plan.set_stop_reason(v1::Plan::STOP_REASON_STALLED);
   data.uncertainty = std::move(u);

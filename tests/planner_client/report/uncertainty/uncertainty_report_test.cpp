@@ -7,18 +7,22 @@
 #include <limits>
 #include <nlohmann/json.hpp>
 #include <regex>
+#include <span>
 #include <string>
 #include <vector>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "planner_client/report/plan/report.h"
+#include "planner_client/report/uncertainty/inadmissible.h"
 #include "tests/planner_client/report/uncertainty/sample_uncertainty.h"
 #include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {
 
+using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
@@ -59,10 +63,8 @@ double Length(uint16_t code, const nlohmann::json& uncertainty) {
 }
 
 std::string OwnSections(const ReportData& data) {
-  TargetBits covered(data.targets.size());
-  for (const ReportScan& scan : data.scans) covered |= scan.covered;
   return absl::StrCat("<html>", UncertaintyCurveSection(data.plan), FeatureSection(data.plan, true),
-                      InadmissibleSection(*data.uncertainty, data.measurable, covered), "</html>");
+                      InadmissibleSection(*data.uncertainty, data.measurable), "</html>");
 }
 
 TEST(TargetUncertainty, ClassesIncludeTheirLimits) {
@@ -155,22 +157,66 @@ TEST(UncertaintyReport, CountsWhyTargetsAreNotAdmissible) {
     const size_t at = html.find("<td class=\"words\">" + begin);
     return html.substr(at, html.find("</tr>", at) - at);
   };
-  // Targets, share, only relaxed, not reached.
+  // Targets, share, only relaxed, not reached, u over the admissible.
   EXPECT_THAT(row("not measured by any scan"),
-              HasSubstr("<td>20</td><td>22.5\u202f%</td><td>0</td><td>20</td>"));
-  EXPECT_THAT(row("noise of line detection"),
-              HasSubstr("<td>20</td><td>22.5\u202f%</td><td>20</td>"));
+              HasSubstr("<td>20</td><td>22.5\u202f%</td><td>0</td><td>20</td><td>200.00</td>"));
+  EXPECT_THAT(row("noise: fewer points"),
+              HasSubstr("<td>10</td><td>11.2\u202f%</td><td>10</td><td>0</td><td>1.20</td>"));
+  EXPECT_THAT(row("noise: points less certain"),
+              HasSubstr("<td>10</td><td>11.2\u202f%</td><td>10</td><td>0</td><td>1.20</td>"));
   EXPECT_THAT(row("sampling"), HasSubstr("<td>10</td><td>11.2\u202f%</td><td>0</td><td>10</td>"));
   EXPECT_THAT(row("calibration"),
-              HasSubstr("<td>20</td><td>22.5\u202f%</td><td>20</td><td>0</td>"));
+              HasSubstr("<td>20</td><td>22.5\u202f%</td><td>20</td><td>0</td><td>2.00</td>"));
 
   TargetUncertainties free = *data.uncertainty;
   free.admissible_m.assign(100, 0);
-  EXPECT_THAT(InadmissibleSection(free, data.measurable, TargetBits(100)),
-              HasSubstr("No tolerance binds"));
+  EXPECT_THAT(InadmissibleSection(free, data.measurable), HasSubstr("No tolerance binds"));
   free.admissible_m.assign(100, 1);
-  EXPECT_THAT(InadmissibleSection(free, data.measurable, TargetBits(100)),
+  EXPECT_THAT(InadmissibleSection(free, data.measurable),
               HasSubstr("every judged target is admissible"));
+}
+
+TEST(UncertaintyLimits, NoiseIsComparedWithWhatIsKnown) {
+  // Targets 0 to 2 are known to 20 um by 100 points; admissible are 25 um.
+  TargetUncertainties u;
+  u.noise_m = {20e-6, 20e-6, 20e-6, 30e-6, 30e-6, 20e-6, 30e-6};
+  u.sampling_m.assign(7, 0);
+  u.calibration_m.assign(7, 0);
+  u.total_m = u.noise_m;
+  u.admissible_m = {25e-6, 25e-6, 25e-6, 25e-6, 25e-6, 10e-6, 25e-6};
+  TargetBits all(7);
+  for (size_t t = 0; t < 7; ++t) all.Set(t);
+  // As certain as theirs but fewer; as many but less certain; as theirs under a narrower tolerance;
+  // alone in its region, with nothing known there to compare with.
+  const std::vector<int32_t> points = {100, 100, 100, 44, 100, 100, 44};
+  const std::vector<int32_t> regions = {-1, -1, -1, -1, -1, -1, 0};
+  u.limits = UncertaintyLimits(u, all, all, points, regions);
+  EXPECT_THAT(u.limits,
+              ElementsAre(v1::UNCERTAINTY_LIMIT_UNSPECIFIED, v1::UNCERTAINTY_LIMIT_UNSPECIFIED,
+                          v1::UNCERTAINTY_LIMIT_UNSPECIFIED, v1::UNCERTAINTY_LIMIT_FEW_POINTS,
+                          v1::UNCERTAINTY_LIMIT_POINT_NOISE, v1::UNCERTAINTY_LIMIT_TOLERANCE,
+                          v1::UNCERTAINTY_LIMIT_NOISE));
+  const std::vector<v1::InadmissibleCount> counts = CountInadmissible(u);
+  ASSERT_EQ(counts.size(), 4u);
+  EXPECT_EQ(counts[0].limit(), v1::UNCERTAINTY_LIMIT_NOISE);
+  EXPECT_EQ(counts[0].targets(), 1);
+  EXPECT_NEAR(counts[0].median_uncertainty_over_admissible(), 1.2, 1e-9);
+  v1::PlanUncertainty message;
+  for (const v1::InadmissibleCount& count : counts) *message.add_inadmissible() = count;
+  EXPECT_THAT(
+      SummariseInadmissible(message),
+      AllOf(HasSubstr("4 judged targets are not known well enough: noise of line detection"),
+            HasSubstr("(1, u 1.2 times the admissible)"), HasSubstr("(1, u 2 times")));
+  EXPECT_EQ(SummariseInadmissible({}), "");
+  // Not covered, not judged, not measurable.
+  TargetBits covered = all, measurable = all;
+  covered.Reset(4);
+  measurable.Reset(3);
+  u.admissible_m[5] = 0;
+  u.limits = UncertaintyLimits(u, measurable, covered, points, regions);
+  EXPECT_THAT(std::span(u.limits).subspan(3),
+              ElementsAre(v1::UNCERTAINTY_LIMIT_UNSPECIFIED, v1::UNCERTAINTY_LIMIT_NOT_COVERED,
+                          v1::UNCERTAINTY_LIMIT_UNSPECIFIED, v1::UNCERTAINTY_LIMIT_NOISE));
 }
 
 TEST(UncertaintyReport, BarsStandOnEachOtherAndShowTheLastScan) {
