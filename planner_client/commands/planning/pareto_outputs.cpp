@@ -10,7 +10,7 @@
 #include "planner_client/commands/output_folder.h"
 #include "planner_client/pareto/frame_estimate.h"
 #include "planner_client/pareto/make_pareto_front.h"
-#include "planner_client/report/plan/pareto_section.h"
+#include "planner_client/report/plan/sections/pareto_section.h"
 #include "planner_client/strategy/plan_run.h"
 
 namespace sightline {

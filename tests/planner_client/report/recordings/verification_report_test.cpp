@@ -7,7 +7,7 @@
 #include <string>
 
 #include "absl/strings/escaping.h"
-#include "tests/planner_client/report/recordings/sample_diagnosis.h"
+#include "tests/planner_client/report/diagnosis/sample_diagnosis.h"
 #include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {

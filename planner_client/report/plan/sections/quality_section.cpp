@@ -1,4 +1,4 @@
-#include "planner_client/report/plan/quality_section.h"
+#include "planner_client/report/plan/sections/quality_section.h"
 
 #include <algorithm>
 

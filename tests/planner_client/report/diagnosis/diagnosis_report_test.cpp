@@ -1,4 +1,4 @@
-#include "planner_client/report/recordings/diagnosis_report.h"
+#include "planner_client/report/diagnosis/diagnosis_report.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -10,7 +10,7 @@
 #include <string>
 
 #include "planner_client/report/page/html.h"
-#include "tests/planner_client/report/recordings/sample_diagnosis.h"
+#include "tests/planner_client/report/diagnosis/sample_diagnosis.h"
 #include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {

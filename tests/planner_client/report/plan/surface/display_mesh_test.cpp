@@ -1,4 +1,4 @@
-#include "planner_client/report/plan/display_mesh.h"
+#include "planner_client/report/plan/surface/display_mesh.h"
 
 #include <gtest/gtest.h>
 

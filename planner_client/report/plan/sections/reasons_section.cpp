@@ -1,4 +1,4 @@
-#include "planner_client/report/plan/reasons_html.h"
+#include "planner_client/report/plan/sections/reasons_section.h"
 
 #include <algorithm>
 #include <vector>
@@ -6,7 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "planner_client/report/page/html.h"
-#include "planner_client/report/plan/uncovered_reasons.h"
+#include "planner_client/report/plan/surface/uncovered_reasons.h"
 
 namespace sightline {
 namespace {

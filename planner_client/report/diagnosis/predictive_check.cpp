@@ -1,4 +1,4 @@
-#include "planner_client/report/recordings/predictive_check.h"
+#include "planner_client/report/diagnosis/predictive_check.h"
 
 #include <map>
 #include <vector>

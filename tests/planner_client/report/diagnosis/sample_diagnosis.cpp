@@ -1,4 +1,4 @@
-#include "tests/planner_client/report/recordings/sample_diagnosis.h"
+#include "tests/planner_client/report/diagnosis/sample_diagnosis.h"
 
 #include <cmath>
 #include <string>

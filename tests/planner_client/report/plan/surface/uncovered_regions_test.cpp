@@ -1,4 +1,4 @@
-#include "planner_client/report/plan/uncovered_regions.h"
+#include "planner_client/report/plan/surface/uncovered_regions.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

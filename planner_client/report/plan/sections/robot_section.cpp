@@ -1,4 +1,4 @@
-#include "planner_client/report/plan/robot_section.h"
+#include "planner_client/report/plan/sections/robot_section.h"
 
 #include <cmath>
 #include <nlohmann/json.hpp>

@@ -1,4 +1,4 @@
-#include "planner_client/report/plan/as_measured_html.h"
+#include "planner_client/report/plan/sections/as_measured_section.h"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -1,4 +1,4 @@
-#include "planner_client/report/plan/pareto_section.h"
+#include "planner_client/report/plan/sections/pareto_section.h"
 
 #include <algorithm>
 #include <numeric>

@@ -1,4 +1,4 @@
-#include "planner_client/report/plan/uncovered_reasons.h"
+#include "planner_client/report/plan/surface/uncovered_reasons.h"
 
 #include <algorithm>
 #include <map>

@@ -1,4 +1,4 @@
-#include "planner_client/report/plan/setups_section.h"
+#include "planner_client/report/plan/sections/setups_section.h"
 
 #include <cmath>
 #include <cstdint>

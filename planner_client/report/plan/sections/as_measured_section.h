@@ -4,7 +4,7 @@
 #include <span>
 #include <string>
 
-#include "planner_client/report/plan/report.h"
+#include "planner_client/report/plan/sections/report_data.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {

@@ -3,7 +3,7 @@
 
 #include <string>
 
-#include "planner_client/report/plan/report.h"
+#include "planner_client/report/plan/sections/report_data.h"
 
 namespace sightline {
 
