@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
+#include "tests/core/inspection/parse_fields.h"
 
 namespace sightline {
 namespace {
@@ -20,24 +21,8 @@ using ::testing::HasSubstr;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-absl::StatusOr<Inspection> Parse(const std::string& fields) {
-  v1::Inspection message;
-  const std::string json =
-      R"({"part": {"file": "a.glb"})" + (fields.empty() ? "" : ", " + fields) + "}";
-  const absl::Status status = ParseStrictJson(json, "bracket.json", &message);
-  EXPECT_TRUE(status.ok()) << status;
-  return ParseInspection(message, "bracket.json", "parts");
-}
-
-// Message of the error that `fields` must give.
-std::string ErrorOf(const std::string& fields) {
-  const absl::StatusOr<Inspection> inspection = Parse(fields);
-  EXPECT_EQ(inspection.status().code(), absl::StatusCode::kInvalidArgument) << fields;
-  return std::string(inspection.status().message());
-}
-
 TEST(Inspection, DefaultsAreThoseOfTheSchema) {
-  const absl::StatusOr<Inspection> parsed = Parse("");
+  const absl::StatusOr<Inspection> parsed = ParseFields("");
   ASSERT_TRUE(parsed.ok()) << parsed.status();
   const Inspection& i = *parsed;
   EXPECT_EQ(i.part_file, "parts/a.glb");
@@ -61,7 +46,7 @@ TEST(Inspection, DefaultsAreThoseOfTheSchema) {
 }
 
 TEST(Inspection, ValuesArriveInRadians) {
-  const absl::StatusOr<Inspection> i = Parse(
+  const absl::StatusOr<Inspection> i = ParseFields(
       R"("camera": {"vertical_fov_deg": 30, "pixel_pitch_m": 5e-6},
          "lens": {"focal_length_m": 0.025, "f_number": 4},
          "laser": {"distance_m": 0.3, "fan_angle_deg": 60},
@@ -92,8 +77,8 @@ class InspectionErrorTest : public ::testing::TestWithParam<BadField> {};
 
 TEST_P(InspectionErrorTest, NamesFileFieldValueAndRange) {
   const BadField& bad = GetParam();
-  EXPECT_THAT(ErrorOf(bad.fields), AllOf(HasSubstr("bracket.json: " + bad.path + " "),
-                                         HasSubstr(bad.value), HasSubstr(bad.range)));
+  EXPECT_THAT(ErrorOfFields(bad.fields), AllOf(HasSubstr("bracket.json: " + bad.path + " "),
+                                               HasSubstr(bad.value), HasSubstr(bad.range)));
 }
 
 INSTANTIATE_TEST_SUITE_P(
@@ -298,7 +283,7 @@ TEST(Inspection, AStepFileSaysItsUnitItself) {
 // --- domains ------------------------------------------------------------------------------------
 
 TEST(MeasurementDomain, DefaultIsTable21) {
-  const MeasurementDomain domain = Parse("")->domain;
+  const MeasurementDomain domain = ParseFields("")->domain;
   Measurement m;  // inside
   EXPECT_TRUE(domain.Contains(m));
   struct Case {
@@ -333,7 +318,7 @@ TEST(MeasurementDomain, DefaultIsTable21) {
 }
 
 TEST(MeasurementDomain, RangesAreSortedAndMerged) {
-  const absl::StatusOr<Inspection> i = Parse(
+  const absl::StatusOr<Inspection> i = ParseFields(
       R"("measurement": {"camera_polar_deg": {"ranges": [
            {"min": 50, "max": 60}, {"min": 10, "max": 30}, {"min": 20, "max": 40}]}})");
   ASSERT_TRUE(i.ok());
@@ -347,7 +332,7 @@ TEST(MeasurementDomain, RangesAreSortedAndMerged) {
 
 TEST(MeasurementDomain, FixedIsAListOfOne) {
   const absl::StatusOr<Inspection> i =
-      Parse(R"("measurement": {"camera_distance_m": {"fixed": 0.4}})");
+      ParseFields(R"("measurement": {"camera_distance_m": {"fixed": 0.4}})");
   ASSERT_TRUE(i.ok());
   EXPECT_EQ(i->domain.parameters[0].values, std::vector<double>{0.4});
   EXPECT_TRUE(i->domain.parameters[0].ranges.empty());
@@ -356,7 +341,7 @@ TEST(MeasurementDomain, FixedIsAListOfOne) {
 }
 
 TEST(MeasurementDomain, PeriodicParametersWrapAround) {
-  const absl::StatusOr<Inspection> i = Parse(
+  const absl::StatusOr<Inspection> i = ParseFields(
       R"("measurement": {"part_gamma_deg": {"ranges": [{"min": 350, "max": 360}, {"min": 0, "max": 10}]},
                          "camera_azimuth_deg": {"values": [0, 90]}})");
   ASSERT_TRUE(i.ok());
@@ -374,7 +359,7 @@ TEST(MeasurementDomain, PeriodicParametersWrapAround) {
 }
 
 TEST(MeasurementDomain, RestingOrientationsArePairs) {
-  const absl::StatusOr<Inspection> i = Parse(
+  const absl::StatusOr<Inspection> i = ParseFields(
       R"("measurement": {"resting_orientations": [{}, {"part_alpha_deg": 180, "part_beta_deg": 90}]})");
   ASSERT_TRUE(i.ok());
   Measurement m;
@@ -391,7 +376,7 @@ TEST(MeasurementDomain, RestingOrientationsArePairs) {
 
 TEST(InspectionToProto, WhatIsWrittenIsAccepted) {
   // At the ends of the ranges, where rounding of degrees could step outside.
-  const absl::StatusOr<Inspection> i = Parse(
+  const absl::StatusOr<Inspection> i = ParseFields(
       R"("camera": {"columns_px": 16, "vertical_fov_deg": 169.99999999999997, "pixel_pitch_m": 1e-7},
          "laser": {"distance_m": 5, "fan_angle_deg": 179.99999999999997},
          "targets": {"max_normal_angle_deg": 90, "max_pixel_footprint_m": 1e-3,
@@ -450,7 +435,7 @@ constexpr char kSensor[] = R"("sensor": {"sensor_type": "mono", "pixel_pitch_m":
   "dark_mean_electrons": 10, "dark_noise_electrons": 5, "dark_current_electrons_per_s": 0})";
 
 TEST(InspectionImaging, CameraFollowsSensorAndLens) {
-  const auto parsed = Parse(
+  const auto parsed = ParseFields(
       absl::StrCat(R"("camera": {)", kSensor, R"(}, "lens": {"focal_length_m": 0.02, "f_number": 8,
           "focus_distance_m": 0.22})"));
   ASSERT_TRUE(parsed.ok()) << parsed.status();
@@ -465,8 +450,8 @@ TEST(InspectionImaging, CameraFollowsSensorAndLens) {
 }
 
 TEST(InspectionImaging, WithoutFocusTheFieldOfViewIsThatAtInfinity) {
-  const auto parsed = Parse(absl::StrCat(R"("camera": {)", kSensor,
-                                         R"(}, "lens": {"focal_length_m": 0.02, "f_number": 8})"));
+  const auto parsed = ParseFields(absl::StrCat(
+      R"("camera": {)", kSensor, R"(}, "lens": {"focal_length_m": 0.02, "f_number": 8})"));
   ASSERT_TRUE(parsed.ok()) << parsed.status();
   EXPECT_NEAR(parsed->rig.camera.FocalLengthPx(), 0.02 / 5e-6, 1e-9);
   EXPECT_FALSE(parsed->rig.lens->focus_distance_m);
@@ -476,15 +461,16 @@ TEST(InspectionImaging, StatedFieldOfViewMustAgree) {
   const std::string lens = R"("lens": {"focal_length_m": 0.02, "f_number": 8})";
   // By sensor and lens 2 atan(0.002/0.02) = 11.42 degrees.
   const auto agrees =
-      Parse(absl::StrCat(R"("camera": {"vertical_fov_deg": 12, )", kSensor, "}, ", lens));
+      ParseFields(absl::StrCat(R"("camera": {"vertical_fov_deg": 12, )", kSensor, "}, ", lens));
   ASSERT_TRUE(agrees.ok()) << agrees.status();
   EXPECT_NEAR(agrees->rig.camera.vertical_fov_rad, 12 * kDegree, 1e-12);
-  EXPECT_THAT(ErrorOf(absl::StrCat(R"("camera": {"vertical_fov_deg": 13, )", kSensor, "}, ", lens)),
-              AllOf(HasSubstr("bracket.json: camera.vertical_fov_deg is 13"), HasSubstr("11.42")));
+  EXPECT_THAT(
+      ErrorOfFields(absl::StrCat(R"("camera": {"vertical_fov_deg": 13, )", kSensor, "}, ", lens)),
+      AllOf(HasSubstr("bracket.json: camera.vertical_fov_deg is 13"), HasSubstr("11.42")));
 }
 
 TEST(InspectionImaging, DefaultsAndValues) {
-  const auto parsed = Parse(R"("lens": {"focal_length_m": 0.016, "f_number": 11,
+  const auto parsed = ParseFields(R"("lens": {"focal_length_m": 0.016, "f_number": 11,
       "transmission": 0.9, "aperture_blades": 6, "obstruction_relative": 0.2,
       "zernike_m": [0, 0, 0, 1e-8], "distortion": {"k1": -0.1}},
     "laser": {"line_profile": "LINE_PROFILE_GAUSSIAN", "wavelength_m": 4.5e-7},
@@ -545,7 +531,7 @@ TEST(InspectionImaging, ErrorsNameFieldValueAndRange) {
        "camera.sensor cannot be given together with camera.sensor_file"},
   };
   for (const auto& c : cases)
-    EXPECT_THAT(ErrorOf(c.fields), HasSubstr("bracket.json: " + c.expected));
+    EXPECT_THAT(ErrorOfFields(c.fields), HasSubstr("bracket.json: " + c.expected));
 }
 
 TEST(InspectionImaging, CameraAndMaterialFilesAreRead) {

@@ -852,12 +852,6 @@ CoverageTask TaskOf(const Eigen::Vector3f& size_m, int64_t seed = 1) {
   return task;
 }
 
-std::vector<Measurement> Measurements(int count) {
-  std::vector<Measurement> measurements;
-  for (int i = 0; i < count; ++i) measurements.push_back(MeasurementFromProto(MakeMeasurement(i)));
-  return measurements;
-}
-
 std::vector<int64_t> Numbers(const std::vector<ScanGain>& gains) {
   std::vector<int64_t> numbers;
   for (const ScanGain& gain : gains) {

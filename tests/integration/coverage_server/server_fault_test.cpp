@@ -277,18 +277,6 @@ TEST_F(ServerFaultTest, LackOfMemoryFailsTheJobAndNotTheServer) {
   EXPECT_FALSE(connection_->MakeScene(spec).empty());
 }
 
-std::vector<Measurement> Measurements(int count) {
-  std::vector<Measurement> measurements;
-  for (int i = 0; i < count; ++i) measurements.push_back(MeasurementFromProto(MakeMeasurement(i)));
-  return measurements;
-}
-
-std::vector<int32_t> NewTargets(const std::vector<ScanGain>& gains) {
-  std::vector<int32_t> numbers;
-  for (const ScanGain& gain : gains) numbers.push_back(gain.new_targets);
-  return numbers;
-}
-
 TEST_F(ServerFaultTest, SlowAndBrokenNetworksLoseNothing) {
   Start("fake_coverage_server");
   CoverageTask task;

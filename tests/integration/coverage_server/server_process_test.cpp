@@ -52,18 +52,6 @@ class ServerProcessTest : public ::testing::Test {
   std::unique_ptr<EmbeddedServer> server_;
 };
 
-std::vector<Measurement> Measurements(int count) {
-  std::vector<Measurement> measurements;
-  for (int i = 0; i < count; ++i) measurements.push_back(MeasurementFromProto(MakeMeasurement(i)));
-  return measurements;
-}
-
-std::vector<int32_t> NewTargets(const std::vector<ScanGain>& gains) {
-  std::vector<int32_t> numbers;
-  for (const ScanGain& gain : gains) numbers.push_back(gain.new_targets);
-  return numbers;
-}
-
 bool Exists(int pid) { return pid > 0 && kill(pid, 0) == 0; }
 
 // kill() takes -1 for "every process" and 0 for "our group": never that.

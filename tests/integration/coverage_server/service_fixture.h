@@ -16,6 +16,7 @@
 #include "core/part/load_part.h"
 #include "core/part/mesh.h"
 #include "coverage_server/service/coverage_server.h"
+#include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/coverage_service.grpc.pb.h"
@@ -51,6 +52,18 @@ inline v1::Measurement MakeMeasurement(int i) {
   measurement.set_camera_polar_deg(30);
   measurement.set_part_gamma_deg((11 * i) % 340);
   return measurement;
+}
+
+inline std::vector<Measurement> Measurements(int count) {
+  std::vector<Measurement> measurements;
+  for (int i = 0; i < count; ++i) measurements.push_back(MeasurementFromProto(MakeMeasurement(i)));
+  return measurements;
+}
+
+inline std::vector<int32_t> NewTargets(const std::vector<ScanGain>& gains) {
+  std::vector<int32_t> numbers;
+  for (const ScanGain& gain : gains) numbers.push_back(gain.new_targets);
+  return numbers;
 }
 
 class Connection {

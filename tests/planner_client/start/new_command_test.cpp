@@ -13,7 +13,7 @@
 #include "core/json/strict_json.h"
 #include "planner_client/commands/start/start_commands.h"
 #include "planner_client/inspection_draft/inspection_draft.h"
-#include "tests/planner_client/start/run_command.h"
+#include "tests/planner_client/run_command.h"
 
 namespace sightline {
 namespace {

@@ -5,7 +5,6 @@
 
 #include <filesystem>
 #include <fstream>
-#include <limits>
 #include <sstream>
 #include <string>
 
@@ -26,12 +25,6 @@ std::string Render(const v1::Diagnosis& diagnosis) {
   EXPECT_TRUE(html.ok()) << html.status();
   EXPECT_EQ(MarkupFault(html.value_or("")), "");
   return html.value_or("");
-}
-
-size_t Count(const std::string& text, const std::string& part) {
-  size_t count = 0;
-  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
-  return count;
 }
 
 TEST(DiagnosisReport, LeadsWithTheFinding) {
@@ -117,11 +110,11 @@ TEST(DiagnosisReport, DrawsProfilesMapsAndBarsBeforeAndAfter) {
   const v1::Diagnosis diagnosis = SampleDiagnosis();
   const std::string html = Render(diagnosis);
   // Signal and residual of four recordings, and the key.
-  EXPECT_EQ(Count(html, "class=\"line dashed null\""), 4u * 2 + 1);
-  EXPECT_EQ(Count(html, "class=\"line model\""), 4u * 2 + 1 + 1);  // and the free-form curve
-  EXPECT_EQ(Count(html, "svg class=\"chart map\""), 4u * 2);
-  EXPECT_EQ(Count(html, "class=\"bar null\""), 44u);
-  EXPECT_EQ(Count(html, "class=\"bar model\""), 44u);
+  EXPECT_EQ(CountOf(html, "class=\"line dashed null\""), 4u * 2 + 1);
+  EXPECT_EQ(CountOf(html, "class=\"line model\""), 4u * 2 + 1 + 1);  // and the free-form curve
+  EXPECT_EQ(CountOf(html, "svg class=\"chart map\""), 4u * 2);
+  EXPECT_EQ(CountOf(html, "class=\"bar null\""), 44u);
+  EXPECT_EQ(CountOf(html, "class=\"bar model\""), 44u);
   // A ratio of 1.25 is an error of 1 - 1/1.25 (thesis, eq. 5.7).
   v1::Diagnosis one = diagnosis;
   one.mutable_null_fit()->mutable_recordings(1)->set_intensity_ratio(1.25);
@@ -223,9 +216,9 @@ TEST(DiagnosisReport, NamesTheStageOfTheUnknown) {
 
 TEST(DiagnosisReport, HasNoEmptySections) {
   const std::string html = Render(v1::Diagnosis());
-  EXPECT_EQ(Count(html, "<section"), 1u);  // how to get it again
-  EXPECT_EQ(Count(html, "<table"), 0u);
-  EXPECT_EQ(Count(html, "<svg"), 0u);
+  EXPECT_EQ(CountOf(html, "<section"), 1u);  // how to get it again
+  EXPECT_EQ(CountOf(html, "<table"), 0u);
+  EXPECT_EQ(CountOf(html, "<svg"), 0u);
   // Every list on its own may be missing, or hold messages without any field.
   const v1::Diagnosis full = SampleDiagnosis();
   const auto* descriptor = v1::Diagnosis::descriptor();
@@ -252,8 +245,7 @@ TEST(DiagnosisReport, EscapesEveryText) {
 }
 
 TEST(DiagnosisReport, SurvivesNumbersThatAreNone) {
-  for (const double value : {std::numeric_limits<double>::quiet_NaN(),
-                             std::numeric_limits<double>::infinity(), 0.0, -1.0, 1e300}) {
+  for (const double value : kOddNumbers) {
     v1::Diagnosis diagnosis = SampleDiagnosis();
     SetAllNumbers(&diagnosis, value);
     for (v1::RegionMap& map : *diagnosis.mutable_region_maps()) {
@@ -267,9 +259,7 @@ TEST(DiagnosisReport, SurvivesNumbersThatAreNone) {
 TEST(DiagnosisReport, LoadsNothingAndRunsNothing) {
   const std::string html = Render(SampleDiagnosis());
   EXPECT_THAT(html, HasSubstr("default-src 'none'; img-src data:; style-src 'unsafe-inline'"));
-  for (const char* text : {"<script", "http://", "https://", "@import", "url(", "onload"}) {
-    EXPECT_THAT(html, Not(HasSubstr(text)));
-  }
+  EXPECT_EQ(OutsideReference(html), "");
 }
 
 TEST(DiagnosisReport, RefusesListsThatDoNotFitTogether) {

@@ -11,12 +11,6 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-size_t Count(const std::string& text, const std::string& part) {
-  size_t count = 0;
-  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
-  return count;
-}
-
 v1::ParetoFront Front() {
   v1::ParetoFront front;
   front.mutable_costs()->set_stage_speed_m_per_s(0.1);
@@ -44,10 +38,10 @@ v1::ParetoFront Front() {
 
 TEST(ParetoSection, ShowsEveryPointTheChosenOneAndDominatedPlans) {
   const std::string svg = ParetoChartSvg(Front());
-  EXPECT_EQ(Count(svg, "class=\"dot model\""), 3u);
-  EXPECT_EQ(Count(svg, "class=\"ring null\""), 1u);
-  EXPECT_EQ(Count(svg, "class=\"dot faint\""), 1u);
-  EXPECT_EQ(Count(svg, "class=\"mark\""), 1u);  // the goal
+  EXPECT_EQ(CountOf(svg, "class=\"dot model\""), 3u);
+  EXPECT_EQ(CountOf(svg, "class=\"ring null\""), 1u);
+  EXPECT_EQ(CountOf(svg, "class=\"dot faint\""), 1u);
+  EXPECT_EQ(CountOf(svg, "class=\"mark\""), 1u);  // the goal
   EXPECT_THAT(svg, HasSubstr("point 2: 2 scans, 24.0 s, 96.00 %"));
   EXPECT_THAT(svg, HasSubstr("time to execute, s"));
   for (const char* label : {">1</text>", ">2</text>", ">3</text>"})
@@ -82,7 +76,7 @@ TEST(ParetoSection, ThePictureIsAFileOfItsOwn) {
   const std::string svg = ParetoSvgFile(Front());
   EXPECT_EQ(svg.rfind("<?xml", 0), 0u);
   EXPECT_THAT(svg, HasSubstr("<svg xmlns=\"http://www.w3.org/2000/svg\""));
-  EXPECT_EQ(Count(svg, "<svg"), 1u);
+  EXPECT_EQ(CountOf(svg, "<svg"), 1u);
   EXPECT_THAT(svg, HasSubstr("--paper"));
   EXPECT_EQ(ParetoSvgFile(Front()), svg);
 }

@@ -1,3 +1,5 @@
+#include "core/random/seed.h"
+
 #include "core/random/counter_random.h"
 
 namespace sightline {

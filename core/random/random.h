@@ -1,4 +1,4 @@
-// Random numbers that are the same on every machine and standard library.
+// Random numbers one after the other, the same on every machine and standard library.
 #pragma once
 
 #include <array>
@@ -7,20 +7,9 @@
 #include <cstdint>
 #include <numbers>
 
+#include "core/random/seed.h"
+
 namespace sightline {
-
-// One step of SplitMix64 (Steele, Lea, Flood 2014): turns any 64-bit number into a well mixed one.
-constexpr uint64_t SplitMix64(uint64_t x) {
-  x += 0x9e3779b97f4a7c15;
-  x = (x ^ (x >> 30)) * 0xbf58476d1ce4e5b9;
-  x = (x ^ (x >> 27)) * 0x94d049bb133111eb;
-  return x ^ (x >> 31);
-}
-
-// Seed of an independent stream of random numbers.
-constexpr uint64_t DeriveSeed(uint64_t seed, uint64_t stream) {
-  return SplitMix64(SplitMix64(seed) ^ (stream * 0xd1342543de82ef95 + 1));
-}
 
 // xoshiro256** (Blackman, Vigna 2018).
 class Random {
