@@ -12,7 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
-#include "core/recordings/check_recordings.h"
+#include "core/recordings/check/check_recordings.h"
 #include "core/recordings/load_images.h"
 #include "core/recordings/recordings.h"
 #include "core/recordings/shot_list.h"
