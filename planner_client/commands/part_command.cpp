@@ -12,7 +12,7 @@
 #include "core/part/part_health_proto.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/process/exit_code.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
 

@@ -20,7 +20,7 @@
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/process/exit_code.h"
 #include "planner_client/render_client/render_client.h"
 #include "render_worker/service/render_server.h"
 #include "tests/planner_client/run_command.h"

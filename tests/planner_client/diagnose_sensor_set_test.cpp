@@ -16,7 +16,7 @@
 
 #include "core/json/strict_json.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/process/exit_code.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/job_service.grpc.pb.h"
 #include "sightline/v1/render_service.grpc.pb.h"

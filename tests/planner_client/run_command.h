@@ -9,7 +9,7 @@
 #include <vector>
 
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/process/exit_code.h"
 
 namespace sightline {
 

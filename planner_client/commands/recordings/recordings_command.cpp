@@ -17,8 +17,8 @@
 #include "core/recordings/recordings.h"
 #include "core/recordings/shot_list.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
-#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/process/exit_code.h"
+#include "planner_client/commands/process/output_folder.h"
 
 namespace sightline {
 namespace {

@@ -1,4 +1,4 @@
-#include "planner_client/commands/progress_line.h"
+#include "planner_client/commands/process/progress_line.h"
 
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-#include "planner_client/commands/parent_watch.h"
+#include "planner_client/commands/process/parent_watch.h"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -8,7 +8,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/process/exit_code.h"
 
 namespace sightline {
 

@@ -1,4 +1,4 @@
-#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/process/output_folder.h"
 
 #include <unistd.h>
 

@@ -1,4 +1,4 @@
-#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/process/exit_code.h"
 
 #include <cstdio>
 #include <nlohmann/json.hpp>
@@ -7,7 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "core/json/printable.h"
-#include "planner_client/commands/progress_line.h"
+#include "planner_client/commands/process/progress_line.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {

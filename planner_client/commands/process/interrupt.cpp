@@ -1,4 +1,4 @@
-#include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/process/interrupt.h"
 
 #include <csignal>
 
