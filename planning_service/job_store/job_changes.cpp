@@ -1,6 +1,7 @@
 #include "planning_service/job_store/job_changes.h"
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "planning_service/job_store/job_rows.h"
 
 namespace sightline {

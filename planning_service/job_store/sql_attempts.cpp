@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
 #include "planning_service/job_store/job_changes.h"
 #include "planning_service/job_store/job_checks.h"
 #include "planning_service/job_store/job_rows.h"

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/time/clock.h"
 #include "planning_service/job_store/job_changes.h"
 #include "planning_service/job_store/job_checks.h"
 #include "planning_service/job_store/job_rows.h"
