@@ -68,10 +68,11 @@ inline constexpr double kSlowestUpload_bytes_per_s = 1e5;
 
 // Hands every chunk after a header that announced `size` bytes to `take(chunk)`, whose errors end
 // the call; `reader` stands behind the header. INVALID_ARGUMENT: something else came, or not so
-// many bytes.
+// many bytes; DEADLINE_EXCEEDED: too slowly.
 template <typename Request, typename Take>
 absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
                           grpc::ServerReader<Request>* reader, int64_t size, const Take& take) {
+  const auto start = std::chrono::steady_clock::now();
   int64_t received = 0;
   Request message;
   while (true) {
@@ -90,6 +91,12 @@ absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
     if (received > size) {
       return InvalidFields({{"header.size_bytes", absl::StrCat(size, ": more bytes followed")}});
     }
+    const absl::Duration duration = absl::FromChrono(std::chrono::steady_clock::now() - start);
+    if (duration > calls->limits().idle_timeout +
+                       absl::Seconds(static_cast<double>(received) / kSlowestUpload_bytes_per_s)) {
+      return absl::DeadlineExceededError(
+          absl::StrCat("the upload is slower than ", kSlowestUpload_bytes_per_s, " bytes/s"));
+    }
     if (absl::Status taken = take(chunk); !taken.ok()) return taken;
   }
   if (absl::Status stop = calls->CheckStop(context); !stop.ok()) return stop;
@@ -100,26 +107,16 @@ absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
   return absl::OkStatus();
 }
 
-// The same chunks in memory. Errors of ForEachChunk; DEADLINE_EXCEEDED: too slowly; UNAVAILABLE:
-// too much at a time.
+// The same chunks in memory. Errors of ForEachChunk; UNAVAILABLE: too much at a time.
 template <typename Request>
 absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerContext* context,
                                            grpc::ServerReader<Request>* reader, int64_t size,
                                            UploadMemory* memory) {
   ReceivedFile file{"", UploadMemory::Share(memory, PeerOf(*context))};
-  const auto start = std::chrono::steady_clock::now();
   const auto keep = [&](const std::string& chunk) -> absl::Status {
-    const auto received = static_cast<double>(file.bytes.size() + chunk.size());
-    const absl::Duration taken = absl::FromChrono(std::chrono::steady_clock::now() - start);
-    if (taken >
-        calls->limits().idle_timeout + absl::Seconds(received / kSlowestUpload_bytes_per_s)) {
-      return absl::DeadlineExceededError(
-          absl::StrCat("the upload is slower than ", kSlowestUpload_bytes_per_s, " bytes/s"));
-    }
     absl::Status room = file.memory.Grow(static_cast<int64_t>(chunk.size()));
-    if (!room.ok()) return room;
-    file.bytes += chunk;
-    return absl::OkStatus();
+    if (room.ok()) file.bytes += chunk;
+    return room;
   };
   absl::Status received = ForEachChunk(calls, context, reader, size, keep);
   if (!received.ok()) return received;

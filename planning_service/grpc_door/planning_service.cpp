@@ -95,12 +95,9 @@ absl::Status PlanningServiceImpl::Upload(const Client& client, grpc::ServerConte
   }
   absl::StatusOr<FileUpload> upload = jobs_->Upload(client);
   if (!upload.ok()) return upload.status();
-  const auto write = [&](const std::string& chunk) -> absl::Status {
-    // A client that sends nothing again and again would hold the stream for ever.
-    if (chunk.empty()) return InvalidFields({{"chunk", "must have at least 1 byte"}});
-    return upload->Write(chunk);
-  };
-  absl::Status received = ForEachChunk(calls_, context, reader, header.size_bytes(), write);
+  absl::Status received =
+      ForEachChunk(calls_, context, reader, header.size_bytes(),
+                   [&](const std::string& chunk) { return upload->Write(chunk); });
   if (!received.ok()) return received;
   const absl::StatusOr<JobFile> file = upload->Finish(header.digest());
   if (!file.ok()) return file.status();
