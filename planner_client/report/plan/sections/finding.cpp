@@ -14,6 +14,28 @@
 #include "planner_client/report/uncertainty/uncertainty_report.h"
 
 namespace sightline {
+namespace {
+
+// What of the surface can be measured, and why not more.
+std::string MeasurableShare(const v1::PlanCoverage& coverage) {
+  if (coverage.targets() <= 0) return "";
+  return absl::StrCat(
+      " ",
+      Percent(static_cast<double>(coverage.measurable_targets()) /
+                  static_cast<double>(coverage.targets()),
+              0),
+      " of the whole surface is measurable with this rig",
+      coverage.measurable_in_free_space_targets() > coverage.measurable_targets()
+          ? absl::StrCat(" (table, rests, domain and limits leave that of the ",
+                         Percent(static_cast<double>(coverage.measurable_in_free_space_targets()) /
+                                     static_cast<double>(coverage.targets()),
+                                 0),
+                         " that sensors anywhere would measure)")
+          : "",
+      ".");
+}
+
+}  // namespace
 
 std::string FindingHtml(const v1::Plan& plan) {
   const v1::PlanCoverage& coverage = plan.coverage();
