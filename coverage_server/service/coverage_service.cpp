@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
+#include "core/spelling/one_of.h"
 #include "coverage_server/service/query_answers.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/job_service.h"
@@ -89,9 +90,9 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
                                ? "part"
                                : absl::Utf8SafeCEscape(header.file_name().substr(0, 200));
   std::vector<FieldViolation> violations;
-  if (header.format() != "glb" && header.format() != "stl" && header.format() != "ply" &&
-      header.format() != "obj") {
-    violations.push_back({"header.format", "must be glb, stl, ply or obj"});
+  const std::vector<std::string> formats = PartFormatsInMemory();
+  if (std::find(formats.begin(), formats.end(), header.format()) == formats.end()) {
+    violations.push_back({"header.format", absl::StrCat("must be ", OneOf(formats))});
   }
   if (header.size_bytes() <= 0) {
     violations.push_back({"header.size_bytes", absl::StrCat(header.size_bytes(), ": must be > 0")});

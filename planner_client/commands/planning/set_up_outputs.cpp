@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
-#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/process/output_folder.h"
 #include "planner_client/exports/export_files.h"
 #include "planner_client/scan_quality/scan_quality.h"
 #include "planner_client/setup_sheet/setup_sheet.h"
