@@ -1,0 +1,81 @@
+# Headers of libraries that most files include, compiled once for each kind of target: reading them
+# anew costs a file two to three seconds. Files still include what they use; builds with sanitizers
+# have no precompiled headers and find what is missing.
+set(sightline_library_headers
+  <algorithm> <array> <atomic> <cassert> <chrono> <cmath> <cstdint> <cstdio> <cstdlib> <cstring> <filesystem> <fstream>
+  <functional> <limits> <map> <memory> <mutex> <numbers> <numeric> <optional> <set> <span> <sstream> <string>
+  <string_view> <thread> <tuple> <utility> <vector>
+  <Eigen/Cholesky> <Eigen/Core> <Eigen/Geometry>
+  <absl/status/status.h> <absl/status/statusor.h> <absl/strings/match.h> <absl/strings/str_cat.h>
+  <absl/strings/str_format.h> <absl/strings/str_join.h> <absl/time/time.h>
+  <google/protobuf/message.h> <grpcpp/grpcpp.h>)
+
+# sightline_headers(NAME HEADERS... LIBRARIES...): a target whose precompiled headers others reuse.
+function(sightline_headers name)
+  cmake_parse_arguments(ARG "" "" "HEADERS;LIBRARIES;OPTIONS" ${ARGN})
+  set(source ${PROJECT_BINARY_DIR}/precompiled/${name}.cpp)
+  file(CONFIGURE OUTPUT ${source} CONTENT "")
+  add_library(${name} OBJECT ${source})
+  target_link_libraries(${name} PRIVATE sightline_options Eigen3::Eigen absl::status absl::statusor absl::strings
+    absl::time protobuf::libprotobuf gRPC::grpc++ ${ARG_LIBRARIES})
+  target_compile_options(${name} PRIVATE ${ARG_OPTIONS})
+  target_precompile_headers(${name} PRIVATE ${sightline_library_headers} ${ARG_HEADERS})
+endfunction()
+
+function(sightline_targets_below folder result)
+  get_property(targets DIRECTORY ${folder} PROPERTY BUILDSYSTEM_TARGETS)
+  get_property(folders DIRECTORY ${folder} PROPERTY SUBDIRECTORIES)
+  foreach(below ${folders})
+    sightline_targets_below(${below} more)
+    list(APPEND targets ${more})
+  endforeach()
+  set(${result} ${targets} PARENT_SCOPE)
+endfunction()
+
+# To be called after all targets are known. What is optimised otherwise needs headers of its own; a target without
+# the libraries has DISABLE_PRECOMPILE_HEADERS.
+function(sightline_precompile_headers)
+  sightline_targets_below(${PROJECT_SOURCE_DIR} targets)
+  set(less "$<$<CONFIG:Release>:-O1>")
+  sightline_headers(sightline_headers_full)
+  sightline_headers(sightline_headers_less OPTIONS ${less})
+  if(SIGHTLINE_BUILD_TESTS)
+    sightline_headers(sightline_headers_test OPTIONS ${less} HEADERS <gmock/gmock.h> <gtest/gtest.h>
+      LIBRARIES GTest::gmock)
+  endif()
+  foreach(target ${targets})
+    get_target_property(libraries ${target} LINK_LIBRARIES)
+    get_target_property(options ${target} COMPILE_OPTIONS)
+    get_target_property(own ${target} PRECOMPILE_HEADERS)
+    get_target_property(none ${target} DISABLE_PRECOMPILE_HEADERS)
+    get_target_property(type ${target} TYPE)
+    if(own OR none OR type STREQUAL SHARED_LIBRARY OR NOT sightline_options IN_LIST libraries)
+      continue()
+    endif()
+    set(kind full)
+    if(less IN_LIST options)
+      set(kind less)
+      if(GTest::gmock IN_LIST libraries)
+        set(kind test)
+      endif()
+    endif()
+    target_precompile_headers(${target} REUSE_FROM sightline_headers_${kind})
+    # GCC 12 forgets of code in precompiled headers that it is the system's, and warns of copies inside std::string that
+    # cannot happen (GCC bug 105329). Builds without precompiled headers have the warning.
+    target_compile_options(${target} PRIVATE -Wno-array-bounds)
+    # A file with options of its own does without.
+    get_target_property(sources ${target} SOURCES)
+    get_target_property(folder ${target} SOURCE_DIR)
+    foreach(source ${sources})
+      if(source MATCHES "^\\$<")
+        continue()
+      endif()
+      cmake_path(ABSOLUTE_PATH source BASE_DIRECTORY ${folder})
+      get_property(own_options SOURCE ${source} DIRECTORY ${folder} PROPERTY COMPILE_OPTIONS)
+      get_property(own_definitions SOURCE ${source} DIRECTORY ${folder} PROPERTY COMPILE_DEFINITIONS)
+      if(own_options OR own_definitions)
+        set_property(SOURCE ${source} DIRECTORY ${folder} PROPERTY SKIP_PRECOMPILE_HEADERS ON)
+      endif()
+    endforeach()
+  endforeach()
+endfunction()
