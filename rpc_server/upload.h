@@ -66,15 +66,14 @@ inline constexpr size_t kMaxUploadChunkBytes = 1 << 20;
 // memory for hours. A tenth of what our own clients count on.
 inline constexpr double kSlowestUpload_bytes_per_s = 1e5;
 
-// The chunks after a header that announced `size` bytes; `reader` stands behind the header.
-// INVALID_ARGUMENT: something else came, or not so many bytes; DEADLINE_EXCEEDED: too slowly;
-// UNAVAILABLE: too much at a time.
-template <typename Request>
-absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerContext* context,
-                                           grpc::ServerReader<Request>* reader, int64_t size,
-                                           UploadMemory* memory) {
-  ReceivedFile file{"", UploadMemory::Share(memory, PeerOf(*context))};
+// Hands every chunk after a header that announced `size` bytes to `take(chunk)`, whose errors end
+// the call; `reader` stands behind the header. INVALID_ARGUMENT: something else came, or not so
+// many bytes; DEADLINE_EXCEEDED: too slowly.
+template <typename Request, typename Take>
+absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
+                          grpc::ServerReader<Request>* reader, int64_t size, const Take& take) {
   const auto start = std::chrono::steady_clock::now();
+  int64_t received = 0;
   Request message;
   while (true) {
     const absl::StatusOr<bool> more = calls->Read(context, [&] { return reader->Read(&message); });
@@ -88,25 +87,39 @@ absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerConte
       return InvalidFields(
           {{"chunk", absl::StrCat(chunk.size(), " bytes: at most ", kMaxUploadChunkBytes)}});
     }
-    const auto received = static_cast<int64_t>(file.bytes.size() + chunk.size());
+    received += static_cast<int64_t>(chunk.size());
     if (received > size) {
       return InvalidFields({{"header.size_bytes", absl::StrCat(size, ": more bytes followed")}});
     }
-    const absl::Duration taken = absl::FromChrono(std::chrono::steady_clock::now() - start);
-    if (taken > calls->limits().idle_timeout +
-                    absl::Seconds(static_cast<double>(received) / kSlowestUpload_bytes_per_s)) {
+    const absl::Duration duration = absl::FromChrono(std::chrono::steady_clock::now() - start);
+    if (duration > calls->limits().idle_timeout +
+                       absl::Seconds(static_cast<double>(received) / kSlowestUpload_bytes_per_s)) {
       return absl::DeadlineExceededError(
           absl::StrCat("the upload is slower than ", kSlowestUpload_bytes_per_s, " bytes/s"));
     }
-    absl::Status room = file.memory.Grow(static_cast<int64_t>(chunk.size()));
-    if (!room.ok()) return room;
-    file.bytes += chunk;
+    if (absl::Status taken = take(chunk); !taken.ok()) return taken;
   }
   if (absl::Status stop = calls->CheckStop(context); !stop.ok()) return stop;
-  if (static_cast<int64_t>(file.bytes.size()) != size) {
-    return InvalidFields({{"header.size_bytes",
-                           absl::StrCat(size, ": only ", file.bytes.size(), " bytes followed")}});
+  if (received != size) {
+    return InvalidFields(
+        {{"header.size_bytes", absl::StrCat(size, ": only ", received, " bytes followed")}});
   }
+  return absl::OkStatus();
+}
+
+// The same chunks in memory. Errors of ForEachChunk; UNAVAILABLE: too much at a time.
+template <typename Request>
+absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerContext* context,
+                                           grpc::ServerReader<Request>* reader, int64_t size,
+                                           UploadMemory* memory) {
+  ReceivedFile file{"", UploadMemory::Share(memory, PeerOf(*context))};
+  const auto keep = [&](const std::string& chunk) -> absl::Status {
+    absl::Status room = file.memory.Grow(static_cast<int64_t>(chunk.size()));
+    if (room.ok()) file.bytes += chunk;
+    return room;
+  };
+  absl::Status received = ForEachChunk(calls, context, reader, size, keep);
+  if (!received.ok()) return received;
   return file;
 }
 

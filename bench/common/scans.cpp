@@ -7,7 +7,7 @@
 #include "bench/common/measure.h"
 #include "bench/common/scene_oracle.h"
 #include "core/inspection/inspection.h"
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 #include "planner_client/optimise/search_space.h"
 #include "planner_client/strategy/planner.h"
 

@@ -4,6 +4,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <cmath>
+#include <cstdio>
 #include <functional>
 #include <limits>
 #include <string>
@@ -117,6 +118,21 @@ inline CurveFit FitCurve(const Curve& curve, const std::vector<CurveParameter>& 
     }
   }
   return fit;
+}
+
+// One line on stdout: how well it fits, what it predicts, and its parameters.
+inline void PrintFit(const std::string& name, const CurveFit& fit,
+                     const std::vector<CurveParameter>& parameters) {
+  std::printf("%-46s chi^2/n %9.2f (%d)  held-out %9.2f (%d)  log evidence %10.1f", name.c_str(),
+              fit.chi_squared / fit.count, fit.count, fit.held_out_chi_squared / fit.held_out_count,
+              fit.held_out_count, fit.log_evidence);
+  for (size_t k = 0; k < parameters.size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
+    std::printf("  %s %.4g +- %.2g", parameters[k].name.c_str(), fit.parameters[i],
+                fit.standard_errors[i]);
+  }
+  std::printf("\n");
+  std::fflush(stdout);
 }
 
 }  // namespace sightline

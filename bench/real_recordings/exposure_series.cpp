@@ -149,16 +149,7 @@ void CompareResponses(const std::vector<std::vector<uint8_t>>& images, std::ofst
       return values;
     };
     const CurveFit fit = FitCurve(predict, model.parameters, data);
-    std::printf("%-42s chi^2/n %9.2f (%d)  held-out %9.2f (%d)  log evidence %10.1f", model.name,
-                fit.chi_squared / fit.count, fit.count,
-                fit.held_out_chi_squared / fit.held_out_count, fit.held_out_count,
-                fit.log_evidence);
-    for (size_t k = 0; k < model.parameters.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(k);
-      std::printf("  %s %.3g +- %.2g", model.parameters[k].name.c_str(), fit.parameters[i],
-                  fit.standard_errors[i]);
-    }
-    std::printf("\n");
+    PrintFit(model.name, fit, model.parameters);
     curves.push_back(fit.curve);
   }
   csv << "\n";

@@ -155,17 +155,7 @@ int Run(const std::string& data, const std::string& out) {
       return widths;
     };
     const CurveFit fit = FitCurve(predict, model.parameters, points);
-    std::printf("%-38s chi^2/n %8.2f (%d)  held-out %8.2f (%d)  log evidence %9.1f",
-                model.name.c_str(), fit.chi_squared / fit.count, fit.count,
-                fit.held_out_chi_squared / fit.held_out_count, fit.held_out_count,
-                fit.log_evidence);
-    for (size_t k = 0; k < model.parameters.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(k);
-      std::printf("  %s %.4f +- %.4f", model.parameters[k].name.c_str(), fit.parameters[i],
-                  fit.standard_errors[i]);
-    }
-    std::printf("\n");
-    std::fflush(stdout);
+    PrintFit(model.name, fit, model.parameters);
     curves.push_back(fit.curve);
   }
   for (Eigen::Index i = 0; i < count; ++i) {

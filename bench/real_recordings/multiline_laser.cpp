@@ -193,16 +193,7 @@ void Diagnose(const Image<uint16_t>& lines, const Image<uint16_t>& board, int po
       return values;
     };
     const CurveFit fit = FitCurve(predict, model.parameters, data);
-    std::printf("  %-46s chi^2/n %8.2f (%d)  held-out %8.2f (%d)  log evidence %8.1f", model.name,
-                fit.chi_squared / fit.count, fit.count,
-                fit.held_out_chi_squared / fit.held_out_count, fit.held_out_count,
-                fit.log_evidence);
-    for (size_t k = 0; k < model.parameters.size(); ++k) {
-      const auto i = static_cast<Eigen::Index>(k);
-      std::printf("  %s %.2f +- %.2f", model.parameters[k].name.c_str(), fit.parameters[i],
-                  fit.standard_errors[i]);
-    }
-    std::printf("\n");
+    PrintFit(model.name, fit, model.parameters);
     curves.push_back(fit.curve);
   }
   for (Eigen::Index i = 0; i < count; ++i) {

@@ -9,8 +9,8 @@
 #include "bench/common/measure.h"
 #include "bench/common/parts.h"
 #include "bench/common/scans.h"
+#include "core/random/random.h"
 #include "coverage_server/uncertainty/target_priors.h"
-#include "planner_client/optimise/random.h"
 #include "planner_client/optimise/search_space.h"
 
 namespace sightline::bench {

@@ -5,13 +5,16 @@
 #include <cctype>
 #include <cmath>
 #include <filesystem>
+#include <iterator>
 #include <limits>
 #include <optional>
+#include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "core/file/read_file.h"
 #include "core/json/strict_json.h"
 #include "core/part/mesh_readers.h"
+#include "core/spelling/one_of.h"
 
 namespace sightline {
 namespace {
@@ -39,8 +42,27 @@ bool IsStep(const std::string& format) {
   return format == "step" || format == "stp" || format == "p21";
 }
 
+// A format is a line here, whatever else has to know of it.
+struct Format {
+  std::string_view extension;
+  bool carries_unit;
+  // Null: the file needs others beside it.
+  absl::StatusOr<RawMesh> (*read)(std::string_view bytes, const StopCheck& stop);
+};
+constexpr Format kFormats[] = {{"glb", true, ReadGlb},
+                               {"gltf", true, nullptr},
+                               {"stl", false, ReadStl},
+                               {"ply", false, ReadPly},
+                               {"obj", false, ReadObj}};
+
+const Format* FindFormat(const std::string& extension) {
+  const auto* const found = std::ranges::find(kFormats, extension, &Format::extension);
+  return found == std::end(kFormats) ? nullptr : found;
+}
+
 bool CarriesUnit(const std::string& format) {
-  return format == "glb" || format == "gltf" || IsStep(format);
+  const Format* known = FindFormat(format);
+  return IsStep(format) || (known != nullptr && known->carries_unit);
 }
 
 absl::Status CheckUnit(const std::string& format, const std::string& unit) {
@@ -207,12 +229,11 @@ absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& f
     return named(absl::InvalidArgumentError(absl::StrCat("unit ", status.message())));
   }
   absl::StatusOr<RawMesh> raw = absl::InvalidArgumentError(
-      absl::StrCat("unknown format \"", format, "\", must be glb, gltf, stl, ply or obj"));
-  if (format == "glb") raw = ReadGlb(bytes, stop);
+      absl::StrCat("unknown format \"", format, "\", must be ", OneOf(PartFormats())));
+  if (const Format* known = FindFormat(format); known != nullptr && known->read != nullptr) {
+    raw = known->read(bytes, stop);
+  }
   if (format == "gltf" && !path.empty()) raw = ReadGltfFile(bytes, path, stop);
-  if (format == "stl") raw = ReadStl(bytes, stop);
-  if (format == "ply") raw = ReadPly(bytes, stop);
-  if (format == "obj") raw = ReadObj(bytes, stop);
   if (IsStep(format)) {
     raw = absl::InvalidArgumentError(
         "is a STEP file, which is meshed before it comes here: convert it with "
@@ -225,6 +246,20 @@ absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& f
 }
 
 }  // namespace
+
+std::vector<std::string> PartFormats() {
+  std::vector<std::string> formats;
+  for (const Format& format : kFormats) formats.emplace_back(format.extension);
+  return formats;
+}
+
+std::vector<std::string> PartFormatsInMemory() {
+  std::vector<std::string> formats;
+  for (const Format& format : kFormats) {
+    if (format.read != nullptr) formats.emplace_back(format.extension);
+  }
+  return formats;
+}
 
 absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit) {
   return CheckUnit(FormatOf(file_name), unit);

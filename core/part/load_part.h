@@ -1,4 +1,4 @@
-// Part files: glTF/GLB, STL, PLY, OBJ.
+// Part files.
 #pragma once
 
 #include <string>
@@ -10,6 +10,11 @@
 #include "core/part/mesh.h"
 
 namespace sightline {
+
+// Extensions of the files that LoadPart reads, in lower case without the dot; and of those that can
+// come from memory, since they need no other files beside them.
+std::vector<std::string> PartFormats();
+std::vector<std::string> PartFormatsInMemory();
 
 // `unit`: "m", "cm", "mm", "um", "inch"; empty means metres for glTF and is an error for formats
 // without units. Coordinates are taken as they are in the file (no axis swap); glTF node transforms
@@ -27,7 +32,7 @@ absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string
 // INVALID_ARGUMENT otherwise; the message starts with "is ...".
 absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit);
 
-// The same from memory; `format` is "glb", "stl", "ply" or "obj"; `name` is for messages.
+// The same from memory; `format` is one of PartFormatsInMemory; `name` is for messages.
 absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const std::string& format,
                                                 const std::string& unit, const std::string& name,
                                                 const StopCheck& stop = {});

@@ -9,6 +9,8 @@
 #include <cstdint>
 #include <numbers>
 
+#include "core/random/seed.h"
+
 namespace sightline {
 
 // A stream of its own for every (seed, stream, index); draws follow each other within it.
@@ -43,8 +45,5 @@ class CounterRandom {
   r123::Philox4x32::ctr_type block_ = {};
   int left_ = 0;
 };
-
-// A seed of its own for one purpose, e.g. DeriveSeed(seed, "speckle", 3).
-uint64_t DeriveSeed(uint64_t seed, const char* purpose, uint64_t index = 0);
 
 }  // namespace sightline

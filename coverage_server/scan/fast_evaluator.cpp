@@ -403,16 +403,33 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
       const Eigen::Vector3f to_camera(f.cx - s * f.sx - c.x(), f.cy - s * f.sy - c.y(),
                                       f.cz - s * f.sz - c.z());
       const float depth = -(to_camera.x() * f.wx + to_camera.y() * f.wy + to_camera.z() * f.wz);
-      if (depth < -reach) continue;
+      const float distance = to_camera.norm();
+      if (depth < std::max(0.0f, f.min_depth) - reach || depth > f.max_depth + reach) continue;
+      if (distance > f.max_range + reach) continue;
+      if (std::max(depth - reach, 0.0f) * (distance - reach) > f.max_depth_times_distance) continue;
       const float image_x =
           std::abs(to_camera.x() * f.ex + to_camera.y() * f.ey + to_camera.z() * f.ez);
       if (image_x - depth * f.tan_x > reach * std::sqrt(1 + f.tan_x * f.tan_x)) continue;
       const float image_y =
           std::abs(to_camera.x() * f.yx + to_camera.y() * f.yy + to_camera.z() * f.yz);
       if (image_y - depth * f.tan_y > reach * std::sqrt(1 + f.tan_y * f.tan_y)) continue;
-      const float distance = to_camera.norm();
-      if (block.cone_sine < 1 && block.cone_axis.dot(to_camera) <
-                                     -distance * (block.cone_sine + block.max_horizon) - reach) {
+      const Eigen::Vector3f to_laser(f.lx - s * f.sx - c.x(), f.ly - s * f.sy - c.y(),
+                                     f.lz - s * f.sz - c.z());
+      // Laser and camera travel together: what moves one out of the centre's lit moment moves both.
+      const float laser_depth =
+          -(to_laser.x() * f.lwx + to_laser.y() * f.lwy + to_laser.z() * f.lwz);
+      const float laser_x =
+          std::abs(to_laser.x() * f.ex + to_laser.y() * f.ey + to_laser.z() * f.ez);
+      if (laser_x - laser_depth * f.fan_tangent >
+          reach * std::sqrt(1 + f.fan_tangent * f.fan_tangent)) {
+        continue;
+      }
+      const auto turned_away = [&](const Eigen::Vector3f& to_sensor, float to_sensor_m) {
+        return block.cone_axis.dot(to_sensor) <
+               -to_sensor_m * (block.cone_sine + block.max_horizon) - reach;
+      };
+      if (block.cone_sine < 1 &&
+          (turned_away(to_camera, distance) || turned_away(to_laser, to_laser.norm()))) {
         continue;
       }
       Lanes& lanes = pipeline[turn];

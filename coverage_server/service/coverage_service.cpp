@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
+#include "core/spelling/one_of.h"
 #include "coverage_server/service/query_answers.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/job_service.h"
@@ -89,9 +90,9 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
                                ? "part"
                                : absl::Utf8SafeCEscape(header.file_name().substr(0, 200));
   std::vector<FieldViolation> violations;
-  if (header.format() != "glb" && header.format() != "stl" && header.format() != "ply" &&
-      header.format() != "obj") {
-    violations.push_back({"header.format", "must be glb, stl, ply or obj"});
+  const std::vector<std::string> formats = PartFormatsInMemory();
+  if (std::find(formats.begin(), formats.end(), header.format()) == formats.end()) {
+    violations.push_back({"header.format", absl::StrCat("must be ", OneOf(formats))});
   }
   if (header.size_bytes() <= 0) {
     violations.push_back({"header.size_bytes", absl::StrCat(header.size_bytes(), ": must be > 0")});
@@ -244,7 +245,7 @@ absl::Status CoverageServiceImpl::Gains(grpc::ServerContext* context,
   std::vector<FastGain> gains(inside.size());
   const bool fast = request.evaluator() == v1::EVALUATOR_FAST;
   absl::Status status = Evaluate(
-      context, inside.size(), fast ? kFastChunk : kExactChunk,
+      context, inside.size(), fast ? FastChunk(inside.size(), p_.pool->threads()) : kExactChunk,
       [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
         if (fast) {
           scene.EvaluateGains(inside.subspan(begin, end - begin), covered_bits, weights,
@@ -305,32 +306,32 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
   std::vector<ExactCoverage> coverages(inside.size());
   const bool with_information = fast && scene.uncertainty() != nullptr;
   std::vector<ScanInformation> information(with_information ? inside.size() : 0);
-  absl::Status status =
-      Evaluate(context, inside.size(), fast ? kFastChunk : kExactChunk,
-               [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
-                 if (!fast) {
-                   for (size_t i = begin; i < end; ++i) {
-                     coverages[i] = scene.EvaluateExact(inside[i], nullptr, &cancelled);
-                   }
-                   return;
-                 }
-                 if (with_information) {
-                   std::vector<FastInformation> chunk(end - begin);
-                   scene.EvaluateInformation(inside.subspan(begin, end - begin), chunk, &cancelled);
-                   for (size_t i = begin; i < end; ++i) {
-                     coverages[i].feasibility = chunk[i - begin].feasibility;
-                     coverages[i].covered = std::move(chunk[i - begin].covered);
-                     information[i] = std::move(chunk[i - begin].information);
-                   }
-                   return;
-                 }
-                 std::vector<FastCoverage> chunk(end - begin);
-                 scene.EvaluateFastCoverage(inside.subspan(begin, end - begin), chunk, &cancelled);
-                 for (size_t i = begin; i < end; ++i) {
-                   coverages[i].feasibility = chunk[i - begin].feasibility;
-                   coverages[i].covered = std::move(chunk[i - begin].covered);
-                 }
-               });
+  absl::Status status = Evaluate(
+      context, inside.size(), fast ? FastChunk(inside.size(), p_.pool->threads()) : kExactChunk,
+      [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
+        if (!fast) {
+          for (size_t i = begin; i < end; ++i) {
+            coverages[i] = scene.EvaluateExact(inside[i], nullptr, &cancelled);
+          }
+          return;
+        }
+        if (with_information) {
+          std::vector<FastInformation> chunk(end - begin);
+          scene.EvaluateInformation(inside.subspan(begin, end - begin), chunk, &cancelled);
+          for (size_t i = begin; i < end; ++i) {
+            coverages[i].feasibility = chunk[i - begin].feasibility;
+            coverages[i].covered = std::move(chunk[i - begin].covered);
+            information[i] = std::move(chunk[i - begin].information);
+          }
+          return;
+        }
+        std::vector<FastCoverage> chunk(end - begin);
+        scene.EvaluateFastCoverage(inside.subspan(begin, end - begin), chunk, &cancelled);
+        for (size_t i = begin; i < end; ++i) {
+          coverages[i].feasibility = chunk[i - begin].feasibility;
+          coverages[i].covered = std::move(chunk[i - begin].covered);
+        }
+      });
   if (!status.ok()) return status;
   p_.metrics->CountQueries(fast ? "fast" : "exact", static_cast<int64_t>(inside.size()));
 

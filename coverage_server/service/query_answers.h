@@ -1,6 +1,7 @@
 // What answers to queries have in common.
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <string>
 
@@ -10,9 +11,13 @@
 
 namespace sightline {
 
-// Fast queries take tens of microseconds: a chunk is long against a thread's wake-up, and a batch
-// of 64 still keeps four threads busy.
+// Fast queries take tens of microseconds: a chunk is long against a thread's wake-up.
 inline constexpr size_t kFastChunk = 16;
+// Chunks of a batch of fast queries: equal ones, two a thread, since scans take unequally long.
+inline size_t FastChunk(size_t queries, int threads) {
+  const size_t shares = 2 * static_cast<size_t>(threads);
+  return std::clamp<size_t>((queries + shares - 1) / shares, 1, kFastChunk);
+}
 // Exact queries take tens of milliseconds.
 inline constexpr size_t kExactChunk = 1;
 

@@ -47,12 +47,12 @@ absl::Status CoverageServiceImpl::GainsByUncertainty(grpc::ServerContext* contex
                                  static_cast<size_t>(request.target_weights().size())};
   const std::span<const Measurement> inside(batch.inside);
   std::vector<UncertaintyGain> gains(inside.size());
-  absl::Status status = Evaluate(context, inside.size(), 2 * kFastChunk,
-                                 [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
-                                   scene.EvaluateUncertaintyGains(
-                                       inside.subspan(begin, end - begin), *requirement,
+  absl::Status status = Evaluate(
+      context, inside.size(), FastChunk(inside.size(), p_.pool->threads()),
+      [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
+        scene.EvaluateUncertaintyGains(inside.subspan(begin, end - begin), *requirement,
                                        std::span(gains).subspan(begin, end - begin), &cancelled);
-                                 });
+      });
   if (!status.ok()) return status;
   p_.metrics->CountQueries("uncertainty", static_cast<int64_t>(inside.size()));
   response->mutable_gains()->Reserve(static_cast<int>(batch.size));

@@ -11,12 +11,13 @@
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
-#include "planner_client/commands/interrupt.h"
-#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/planning_session.h"
-#include "planner_client/commands/progress_line.h"
+#include "planner_client/commands/process/exit_code.h"
+#include "planner_client/commands/process/interrupt.h"
+#include "planner_client/commands/process/output_folder.h"
+#include "planner_client/commands/process/progress_line.h"
 
 namespace sightline {
 namespace {

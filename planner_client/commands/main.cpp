@@ -10,11 +10,11 @@
 #include "core/trace/trace_context.h"
 #include "core/version/version.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
 #include "planner_client/commands/help/help_format.h"
 #include "planner_client/commands/help/wrong_arguments.h"
-#include "planner_client/commands/parent_watch.h"
-#include "planner_client/commands/progress_line.h"
+#include "planner_client/commands/process/exit_code.h"
+#include "planner_client/commands/process/parent_watch.h"
+#include "planner_client/commands/process/progress_line.h"
 #include "planner_client/commands/start/start_commands.h"
 
 namespace {

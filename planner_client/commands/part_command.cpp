@@ -12,7 +12,7 @@
 #include "core/part/part_health_proto.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/process/exit_code.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
 
@@ -97,12 +97,12 @@ Command AddPartCommand(CLI::App& app) {
     bool tolerances = false, json = false;
   };
   auto options = std::make_shared<Options>();
-  app.add_option("file", options->file,
-                 "part file (.step, .stp, .glb, .gltf, .stl, .ply, .obj); for --tolerances .step, "
-                 ".stp, .qif")
+  app.add_option(
+         "file", options->file,
+         absl::StrCat("part file (", PartFileEndings(), "); for --tolerances .step, .stp, .qif"))
       ->required();
   app.add_option("--unit", options->unit,
-                 "length unit of an STL, PLY or OBJ file: m, cm, mm, um, inch");
+                 "length unit of a file that states none, as STL: m, cm, mm, um, inch");
   CLI::Option* tolerances = app.add_flag(
       "--tolerances", options->tolerances,
       "list the tolerances of a STEP (AP242) or QIF 3.0 file, and what of them cannot be read");

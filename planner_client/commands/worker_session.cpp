@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
-#include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/process/interrupt.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {

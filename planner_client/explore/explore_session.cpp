@@ -9,7 +9,7 @@
 #include "core/json/strict_json.h"
 #include "planner_client/optimise/maximise.h"
 #include "planner_client/optimise/search_space.h"
-#include "planner_client/report/plan/display_mesh.h"
+#include "planner_client/report/plan/surface/display_mesh.h"
 #include "planner_client/report/plan/viewer_data.h"
 #include "planner_client/strategy/top_points.h"
 

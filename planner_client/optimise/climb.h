@@ -7,8 +7,8 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/random/random.h"
 #include "planner_client/optimise/maximise.h"
-#include "planner_client/optimise/random.h"
 
 namespace sightline {
 

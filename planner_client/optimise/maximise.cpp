@@ -17,7 +17,7 @@
 #include <string>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 
 namespace sightline {
 

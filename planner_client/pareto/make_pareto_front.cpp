@@ -11,7 +11,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 #include "planner_client/pareto/timed_search.h"
 #include "planner_client/strategy/plan_run.h"
 

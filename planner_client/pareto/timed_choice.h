@@ -5,8 +5,8 @@
 #include <vector>
 
 #include "core/inspection/inspection.h"
+#include "core/random/random.h"
 #include "core/rig/measurement.h"
-#include "planner_client/optimise/random.h"
 #include "planner_client/strategy/scan_pool.h"
 
 namespace sightline {

@@ -15,7 +15,7 @@
 #include <span>
 #include <vector>
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 #include "planner_client/pareto/plan_time.h"
 #include "planner_client/pareto/timed_choice.h"
 #include "planner_client/strategy/plan_run.h"

@@ -1,11 +1,16 @@
 #include "planner_client/part_files/part_file.h"
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "core/part/load_part.h"
 #include "planner_client/part_files/step_mesh.h"
 
 namespace sightline {
+
+std::string PartFileEndings() {
+  return absl::StrCat(".step, .stp, .", absl::StrJoin(PartFormats(), ", ."));
+}
 
 absl::StatusOr<std::string> MeshFileOf(const std::string& path) {
   return IsStepFile(path) ? MeshOfStepFile(path) : path;

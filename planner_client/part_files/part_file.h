@@ -8,6 +8,9 @@
 
 namespace sightline {
 
+// Endings of the names of such files, as a list for people: ".step, .stp, .glb, ...".
+std::string PartFileEndings();
+
 // The file itself, or of a STEP file its mesh (step_mesh.h), whose unit is the metre.
 absl::StatusOr<std::string> MeshFileOf(const std::string& path);
 

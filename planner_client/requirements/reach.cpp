@@ -5,10 +5,10 @@
 #include <cmath>
 
 #include "absl/strings/str_format.h"
+#include "core/random/random.h"
 #include "core/rig/scan_geometry.h"
 #include "core/surface_inference/surface_inference.h"
 #include "core/triangulation/triangulation.h"
-#include "planner_client/optimise/random.h"
 #include "planner_client/optimise/search_space.h"
 
 namespace sightline {

@@ -7,7 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 #include "planner_client/optimise/search_space.h"
 
 namespace sightline {

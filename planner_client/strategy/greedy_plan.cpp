@@ -1,7 +1,7 @@
 #include "planner_client/strategy/greedy_plan.h"
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 
 namespace sightline {
 namespace {

@@ -1,6 +1,6 @@
 #include "planner_client/strategy/matrix_plan.h"
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 #include "planner_client/strategy/greedy_plan.h"
 #include "planner_client/strategy/measurability_matrix.h"
 

@@ -5,8 +5,8 @@
 #include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "core/random/random.h"
 #include "planner_client/optimise/climb.h"
-#include "planner_client/optimise/random.h"
 #include "planner_client/strategy/scan_pool.h"
 
 namespace sightline {

@@ -8,7 +8,7 @@
 #include <span>
 #include <vector>
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 #include "planner_client/strategy/target_shares.h"
 
 namespace sightline {

@@ -1,7 +1,6 @@
 #include "planning_service/grpc_door/planning_service.h"
 
 #include <algorithm>
-#include <fstream>
 #include <string>
 #include <utility>
 #include <vector>
@@ -9,12 +8,12 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "proto/status/rpc_status.h"
+#include "rpc_server/file_stream.h"
+#include "rpc_server/upload.h"
 
 namespace sightline {
 namespace {
 
-constexpr size_t kMaxChunkBytes = 1 << 20;
-constexpr size_t kSentChunkBytes = 512 << 10;
 // Between looks at whether the client is still there.
 constexpr absl::Duration kWatchPause = absl::Milliseconds(250);
 constexpr absl::string_view kBearer = "Bearer ";
@@ -80,10 +79,9 @@ absl::Status PlanningServiceImpl::Upload(const Client& client, grpc::ServerConte
                                          grpc::ServerReader<v1::UploadFileRequest>* reader,
                                          v1::UploadFileResponse* response) {
   v1::UploadFileRequest message;
-  const auto read = [&] { return calls_->Read(context, [&] { return reader->Read(&message); }); };
-  absl::StatusOr<bool> more = read();
-  if (!more.ok()) return more.status();
-  if (!*more || !message.has_header()) {
+  const absl::StatusOr<bool> begun = calls_->Read(context, [&] { return reader->Read(&message); });
+  if (!begun.ok()) return begun.status();
+  if (!*begun || !message.has_header()) {
     return InvalidFields({{"header", "must be the first message"}});
   }
   const v1::UploadFileRequest::Header header = message.header();
@@ -97,25 +95,10 @@ absl::Status PlanningServiceImpl::Upload(const Client& client, grpc::ServerConte
   }
   absl::StatusOr<FileUpload> upload = jobs_->Upload(client);
   if (!upload.ok()) return upload.status();
-  int64_t received = 0;
-  while (received < header.size_bytes()) {
-    more = read();
-    if (!more.ok()) return more.status();
-    if (!*more) break;
-    if (message.chunk().empty() || message.chunk().size() > kMaxChunkBytes) {
-      return InvalidFields({{"chunk", "every message after the header must have 1 byte to 1 MiB"}});
-    }
-    received += static_cast<int64_t>(message.chunk().size());
-    if (received > header.size_bytes()) break;
-    if (absl::Status written = upload->Write(message.chunk()); !written.ok()) return written;
-  }
-  // The end of the stream, unless it has ended too early already.
-  if (received == header.size_bytes()) more = read();
-  if (!more.ok()) return more.status();
-  if (received != header.size_bytes() || *more) {
-    return InvalidFields({{"header.size_bytes",
-                           absl::StrCat(header.size_bytes(), ": other than the bytes that came")}});
-  }
+  absl::Status received =
+      ForEachChunk(calls_, context, reader, header.size_bytes(),
+                   [&](const std::string& chunk) { return upload->Write(chunk); });
+  if (!received.ok()) return received;
   const absl::StatusOr<JobFile> file = upload->Finish(header.digest());
   if (!file.ok()) return file.status();
   response->set_digest(file->digest);
@@ -214,25 +197,13 @@ absl::Status PlanningServiceImpl::Stream(const Client& client, grpc::ServerConte
         {{"offset", absl::StrCat("is ", request.offset(), ", must be in [0, ", size, "]")}});
   }
   v1::StreamResultResponse response;
-  const auto send = [&] { return calls_->Write(context, [&] { return writer->Write(response); }); };
   response.mutable_header()->set_name(result->file.name);
   response.mutable_header()->set_digest(result->file.digest);
   response.mutable_header()->set_size_bytes(size);
-  if (absl::Status sent = send(); !sent.ok()) return sent;
-  std::ifstream file(result->path, std::ios::binary);
-  file.seekg(request.offset());
-  std::string chunk;
-  for (int64_t left = size - request.offset(); left > 0;) {
-    if (absl::Status stop = calls_->CheckStop(context); !stop.ok()) return stop;
-    chunk.resize(static_cast<size_t>(std::min<int64_t>(left, kSentChunkBytes)));
-    if (!file.read(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
-      return absl::DataLossError(absl::StrCat(result->file.name, ": cannot be read any more"));
-    }
-    response.set_chunk(chunk);
-    if (absl::Status sent = send(); !sent.ok()) return sent;
-    left -= static_cast<int64_t>(chunk.size());
-  }
-  return absl::OkStatus();
+  absl::Status sent = calls_->Write(context, [&] { return writer->Write(response); });
+  if (!sent.ok()) return sent;
+  return SendChunks(calls_, context, writer, result->path, result->file.name, request.offset(),
+                    size, &response);
 }
 
 grpc::Status PlanningServiceImpl::PrepareRecipe(grpc::ServerContext* context,

@@ -2,8 +2,8 @@
 
 #include <utility>
 
-#include "render_worker/light_transport/incoherent_transport.h"
-#include "render_worker/light_transport/laser_transport.h"
+#include "render_worker/light_transport/lamps/incoherent_transport.h"
+#include "render_worker/light_transport/laser/laser_transport.h"
 #include "render_worker/light_transport/scene.h"
 
 namespace sightline {

@@ -8,7 +8,7 @@
 
 #include "core/random/counter_random.h"
 #include "render_worker/light_transport/camera_rays.h"
-#include "render_worker/light_transport/laser_beam.h"
+#include "render_worker/light_transport/laser/laser_beam.h"
 #include "render_worker/light_transport/tiles.h"
 
 namespace sightline {

@@ -12,7 +12,7 @@
 #include "absl/strings/str_join.h"
 #include "core/part/mesh.h"
 #include "core/recordings/assumed_values.h"
-#include "core/recordings/check_recordings.h"
+#include "core/recordings/check/check_recordings.h"
 #include "core/recordings/load_images.h"
 #include "core/recordings/part_inspection.h"
 #include "core/recordings/recordings.h"

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
-#include <fstream>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -16,6 +15,7 @@
 #include "proto/status/rpc_status.h"
 #include "render_worker/service/asset_folder.h"
 #include "render_worker/service/without_folders.h"
+#include "rpc_server/file_stream.h"
 #include "rpc_server/job_service.h"
 
 namespace sightline {
@@ -23,7 +23,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr size_t kFileChunkBytes = 512 << 10;
 constexpr char kJobKind[] = "render";
 constexpr auto kProgressInterval = std::chrono::milliseconds(50);
 
@@ -203,19 +202,10 @@ absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
       response.mutable_header()->set_sha256(file.sha256);
       response.mutable_header()->set_image(file.image);
       if (absl::Status status = send(); !status.ok()) return status;
-      std::ifstream bytes(fs::path(output->folder()) / file.file, std::ios::binary);
-      std::string chunk(kFileChunkBytes, '\0');
-      int64_t left = file.size_bytes;
-      while (left > 0) {
-        if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
-        chunk.resize(static_cast<size_t>(std::min<int64_t>(left, kFileChunkBytes)));
-        if (!bytes.read(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
-          return absl::InternalError(absl::StrCat(file.file, ": cannot be read back"));
-        }
-        response.set_chunk(chunk);
-        if (absl::Status status = send(); !status.ok()) return status;
-        left -= static_cast<int64_t>(chunk.size());
-      }
+      absl::Status status =
+          SendChunks(p_.calls, context, writer, fs::path(output->folder()) / file.file, file.file,
+                     0, file.size_bytes, &response);
+      if (!status.ok()) return status;
       ++sent;
     }
     if (job->finished()) return job->error;

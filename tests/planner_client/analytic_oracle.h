@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/inspection/inspection.h"
+#include "core/random/random.h"
 #include "core/rig/scan_geometry.h"
-#include "planner_client/optimise/random.h"
 #include "planner_client/strategy/gain_oracle.h"
 
 namespace sightline {

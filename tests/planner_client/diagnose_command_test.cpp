@@ -20,9 +20,10 @@
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/process/exit_code.h"
 #include "planner_client/render_client/render_client.h"
 #include "render_worker/service/render_server.h"
+#include "tests/planner_client/run_command.h"
 #include "tests/render_worker/service/plate_spec.h"
 
 namespace sightline {
@@ -144,29 +145,13 @@ class DiagnoseCommandTest : public ::testing::Test {
     fs::remove_all(folder_);
   }
 
-  struct Result {
-    int exit_code;
-    std::string output, errors;
-  };
   // `sightline ARGUMENTS --server OURS`.
-  Result Run(const std::string& command, const std::vector<std::string>& arguments) {
-    CLI::App app;
-    const Command run = command == "diagnose" ? AddDiagnoseCommand(app)
-                        : command == "render" ? AddRenderCommand(app)
-                                              : AddVerifyCommand(app);
-    std::vector<std::string> reversed = {server_->address(), "--server"};
-    reversed.insert(reversed.end(), arguments.rbegin(), arguments.rend());
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
-    int exit_code = kExitWrongInput;
-    try {
-      app.parse(reversed);
-      exit_code = run();
-    } catch (const CLI::ParseError& error) {
-      exit_code = app.exit(error) == 0 ? kExitDone : kExitWrongInput;
-    }
-    std::string output = testing::internal::GetCapturedStdout();
-    return {exit_code, std::move(output), testing::internal::GetCapturedStderr()};
+  CommandResult Run(const std::string& command, std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), {"--server", server_->address()});
+    return RunCommand(command == "diagnose" ? AddDiagnoseCommand
+                      : command == "render" ? AddRenderCommand
+                                            : AddVerifyCommand,
+                      arguments);
   }
 
   // Makes the set one of a part, a flat table of which the images are as good as any.
@@ -202,7 +187,7 @@ class DiagnoseCommandTest : public ::testing::Test {
 };
 
 TEST_F(DiagnoseCommandTest, WritesTheAnswerAndACalibratedDescription) {
-  const Result result = Run("diagnose", {folder_ + "/set"});
+  const CommandResult result = Run("diagnose", {folder_ + "/set"});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
   EXPECT_THAT(result.output, HasSubstr("The aperture is smaller than set."));
   EXPECT_THAT(result.output, HasSubstr("0.900  optics.f_number_error  f_number_factor 1.25"));
@@ -221,7 +206,7 @@ TEST_F(DiagnoseCommandTest, WritesTheAnswerAndACalibratedDescription) {
   ASSERT_TRUE(plate.ok()) << plate.status();
   EXPECT_DOUBLE_EQ(plate->rig.lens->f_number, 16 * 1.25);
   EXPECT_TRUE(fs::exists(plate->part_file));
-  const Result rendered = Run("render", {inspection, "--out", folder_ + "/plate"});
+  const CommandResult rendered = Run("render", {inspection, "--out", folder_ + "/plate"});
   EXPECT_EQ(rendered.exit_code, kExitDone) << rendered.errors;
   EXPECT_TRUE(fs::exists(folder_ + "/plate/images/000.png"));
 
@@ -247,7 +232,7 @@ TEST_F(DiagnoseCommandTest, CalibratedInspectionIsWrittenOnRequest) {
   std::ofstream(inspection) << R"({"name": "table", "part": {"file": "table.obj", "unit": "m"},
     "lens": {"focal_length_m": 0.016, "f_number": 8}})";
   const std::string out = folder_ + "/out";
-  Result result =
+  CommandResult result =
       Run("diagnose", {folder_ + "/set/recordings.json", "--out", out, "--inspection", inspection});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
   const auto read = ReadInspection(out + "/calibrated/inspection.json");
@@ -255,7 +240,7 @@ TEST_F(DiagnoseCommandTest, CalibratedInspectionIsWrittenOnRequest) {
   EXPECT_DOUBLE_EQ(read->rig.lens->f_number, 10);
   EXPECT_TRUE(fs::exists(read->part_file));
   EXPECT_THAT(result.output, HasSubstr("lens.f_number 8 -> 10 (optics.f_number_error)"));
-  const Result rendered =
+  const CommandResult rendered =
       Run("render", {out + "/calibrated/inspection.json", "--out", folder_ + "/table"});
   EXPECT_EQ(rendered.exit_code, kExitWrongInput);  // it has no sensor, as before
   EXPECT_THAT(rendered.errors, HasSubstr("camera.sensor_file is missing"));
@@ -272,7 +257,7 @@ TEST_F(DiagnoseCommandTest, CalibratedInspectionIsWrittenOnRequest) {
 }
 
 TEST_F(DiagnoseCommandTest, QuickTakesFewerRecordingsAndSaysSo) {
-  Result result = Run("diagnose", {folder_ + "/set", "--quick"});
+  CommandResult result = Run("diagnose", {folder_ + "/set", "--quick"});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
   EXPECT_EQ(diagnosed_effects, 1);
   EXPECT_EQ(diagnosed_recordings, 3u);
@@ -297,7 +282,7 @@ TEST_F(DiagnoseCommandTest, CtrlCKeepsWhatIsKnown) {
     const fs::path out = folder_ + "/set/diagnosis";
     fs::create_directories(out / "calibrated");
     std::ofstream(out / "calibrated/inspection.json") << "of an earlier run";
-    const Result result = Run("diagnose", {folder_ + "/set"});
+    const CommandResult result = Run("diagnose", {folder_ + "/set"});
     const auto answer = nlohmann::json::parse(Bytes(out / "diagnosis.json"));
     const std::string report = Bytes(out / "report.html");
     const bool kept = answer["verdict"] == "interrupted" &&
@@ -314,7 +299,7 @@ TEST_F(DiagnoseCommandTest, CtrlCKeepsWhatIsKnown) {
 }
 
 TEST_F(DiagnoseCommandTest, Verify) {
-  const Result result = Run("verify", {folder_ + "/set"});
+  const CommandResult result = Run("verify", {folder_ + "/set"});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
   const fs::path out = folder_ + "/set/verification";
   v1::Verification full;
@@ -335,14 +320,14 @@ TEST_F(DiagnoseCommandTest, WrongInputIsNamed) {
   EXPECT_EQ(Run("diagnose", {}).exit_code, kExitWrongInput);
   EXPECT_EQ(Run("diagnose", {set, "--max-effects", "4"}).exit_code, kExitWrongInput);
   for (const char* command : {"diagnose", "verify"}) {
-    Result result = Run(command, {folder_ + "/nothing"});
+    CommandResult result = Run(command, {folder_ + "/nothing"});
     EXPECT_EQ(result.exit_code, kExitWrongInput);
     EXPECT_THAT(result.errors, HasSubstr(folder_ + "/nothing"));
     result = Run(command, {set, "--threads", "2"});
     EXPECT_EQ(result.exit_code, kExitWrongInput);
     EXPECT_THAT(result.errors, HasSubstr("--threads"));
   }
-  Result result = Run("diagnose", {set, "--exclude", "sensor.smaer"});
+  CommandResult result = Run("diagnose", {set, "--exclude", "sensor.smaer"});
   EXPECT_EQ(result.exit_code, kExitWrongInput);
   EXPECT_THAT(result.errors, HasSubstr("sensor.smear"));
 
@@ -363,7 +348,7 @@ TEST_F(DiagnoseCommandTest, WrongInputIsNamed) {
 TEST_F(DiagnoseCommandTest, Part) {
   ASSERT_NO_FATAL_FAILURE(MakePart("table.obj", ""));
   std::ofstream(folder_ + "/set/table.obj") << kTable;
-  const Result result = Run("diagnose", {folder_ + "/set", "--part-unit", "m"});
+  const CommandResult result = Run("diagnose", {folder_ + "/set", "--part-unit", "m"});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
   EXPECT_THAT(result.output, HasSubstr("Light goes from surface to surface."));
   EXPECT_THAT(result.output, HasSubstr("laser.power_w 0.004 -> 0.005 (laser_factor)"));
@@ -377,7 +362,7 @@ TEST_F(DiagnoseCommandTest, Part) {
   EXPECT_TRUE(calibrated->render.laser_interreflection);
   EXPECT_DOUBLE_EQ(calibrated->rig.laser.power_w, 0.005);
   EXPECT_TRUE(fs::equivalent(calibrated->part_file, folder_ + "/set/table.obj"));
-  const Result rendered = Run(
+  const CommandResult rendered = Run(
       "render", {inspection, "--out", folder_ + "/table", "--measurement", "0.3,30,0,0,0,0,0,0,0"});
   EXPECT_EQ(rendered.exit_code, kExitDone) << rendered.errors;
   // Rendering describes plates by recordings.json, parts by inspection.json.
@@ -388,14 +373,15 @@ TEST_F(DiagnoseCommandTest, Part) {
     "camera": {"sensor": {)" << kSensor << R"(}}, "lens": {"focal_length_m": 0.016, "f_number": 8},
     "laser": {"power_w": 0.002}, "materials": [{"material": {"name": "paint",
       "lambert": {"diffuse_albedo": 0.7}}}]})";
-  const Result other = Run("diagnose", {folder_ + "/set", "--inspection", folder_ + "/mine.json"});
+  const CommandResult other =
+      Run("diagnose", {folder_ + "/set", "--inspection", folder_ + "/mine.json"});
   ASSERT_EQ(other.exit_code, kExitDone) << other.errors;
   EXPECT_DOUBLE_EQ(ReadInspection(inspection)->rig.laser.power_w, 0.0025);
 }
 
 TEST_F(DiagnoseCommandTest, WhatIsWrongWithAPartIsNamed) {
   const std::string set = folder_ + "/set";
-  Result result = Run("diagnose", {set, "--part", folder_ + "/table.obj"});
+  CommandResult result = Run("diagnose", {set, "--part", folder_ + "/table.obj"});
   EXPECT_EQ(result.exit_code, kExitWrongInput);
   EXPECT_THAT(result.errors, HasSubstr("--part is for recordings of a part"));
 

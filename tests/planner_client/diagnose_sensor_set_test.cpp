@@ -16,11 +16,12 @@
 
 #include "core/json/strict_json.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
+#include "planner_client/commands/process/exit_code.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/job_service.grpc.pb.h"
 #include "sightline/v1/render_service.grpc.pb.h"
 #include "sightline/v1/sensor_service.grpc.pb.h"
+#include "tests/planner_client/run_command.h"
 
 namespace sightline {
 namespace {
@@ -138,21 +139,9 @@ class DiagnoseSensorSetTest : public ::testing::Test {
     fs::remove_all(folder_);
   }
 
-  struct Result {
-    int exit_code;
-    std::string output, errors;
-  };
-  Result Run(const std::string& command, const std::vector<std::string>& arguments) {
-    CLI::App app;
-    const Command run = command == "verify" ? AddVerifyCommand(app) : AddDiagnoseCommand(app);
-    std::vector<std::string> reversed = {"unix:" + folder_ + "/s", "--server"};
-    reversed.insert(reversed.end(), arguments.rbegin(), arguments.rend());
-    testing::internal::CaptureStdout();
-    testing::internal::CaptureStderr();
-    app.parse(reversed);
-    const int exit_code = run();
-    std::string output = testing::internal::GetCapturedStdout();
-    return {exit_code, std::move(output), testing::internal::GetCapturedStderr()};
+  CommandResult Run(const std::string& command, std::vector<std::string> arguments) {
+    arguments.insert(arguments.end(), {"--server", "unix:" + folder_ + "/s"});
+    return RunCommand(command == "verify" ? AddVerifyCommand : AddDiagnoseCommand, arguments);
   }
   static std::string Bytes(const fs::path& path) {
     std::ifstream file(path, std::ios::binary);
@@ -168,7 +157,7 @@ class DiagnoseSensorSetTest : public ::testing::Test {
 };
 
 TEST_F(DiagnoseSensorSetTest, SendsTheSetAndWritesTheAnswer) {
-  const Result result = Run("diagnose", {set_});
+  const CommandResult result = Run("diagnose", {set_});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
   EXPECT_EQ(worker_.request_.set().name(), "camera");
   EXPECT_EQ(worker_.request_.set().steps_size(), 2);
@@ -203,7 +192,7 @@ TEST_F(DiagnoseSensorSetTest, SendsTheSetAndWritesTheAnswer) {
 
 TEST_F(DiagnoseSensorSetTest, TakesTheDataFileAndAFolder) {
   const std::string out = folder_ + "/deep/out";
-  const Result result = Run("diagnose", {set_ + "/EMVA1288_Data.txt", "--out", out});
+  const CommandResult result = Run("diagnose", {set_ + "/EMVA1288_Data.txt", "--out", out});
   ASSERT_EQ(result.exit_code, kExitDone) << result.errors;
   EXPECT_TRUE(fs::exists(out + "/report.html"));
   EXPECT_FALSE(fs::exists(set_ + "/diagnosis"));
@@ -214,7 +203,7 @@ TEST_F(DiagnoseSensorSetTest, RefusesOptionsOfPlatesAndParts) {
        {std::pair("--inspection", "inspection.json"), std::pair("--part", "part.stl"),
         std::pair("--part-unit", "mm"), std::pair("--exclude", "sensor.smear"),
         std::pair("--max-effects", "2")}) {
-    const Result result = Run("diagnose", {set_, option, value});
+    const CommandResult result = Run("diagnose", {set_, option, value});
     EXPECT_EQ(result.exit_code, kExitWrongInput) << option;
     EXPECT_THAT(result.errors,
                 HasSubstr(std::string(option) + " is for recordings of a plate or a part; " + set_ +
@@ -225,7 +214,7 @@ TEST_F(DiagnoseSensorSetTest, RefusesOptionsOfPlatesAndParts) {
 
 TEST_F(DiagnoseSensorSetTest, VerifyNamesTheCommandToUse) {
   for (const std::string& path : {set_, set_ + "/EMVA1288_Data.txt"}) {
-    const Result result = Run("verify", {path});
+    const CommandResult result = Run("verify", {path});
     EXPECT_EQ(result.exit_code, kExitWrongInput);
     EXPECT_THAT(result.errors, HasSubstr(path + ": has flat-field and dark frames"));
     EXPECT_THAT(result.errors, HasSubstr("use sightline diagnose"));
@@ -234,7 +223,7 @@ TEST_F(DiagnoseSensorSetTest, VerifyNamesTheCommandToUse) {
 
 TEST_F(DiagnoseSensorSetTest, NamesWhatIsWrong) {
   worker_.fault_ = absl::InvalidArgumentError("images/b_1.png: is no image");
-  Result result = Run("diagnose", {set_});
+  CommandResult result = Run("diagnose", {set_});
   EXPECT_EQ(result.exit_code, kExitWrongInput);
   EXPECT_THAT(result.errors, HasSubstr("EMVA1288_Data.txt: images/b_1.png: is no image"));
   EXPECT_FALSE(fs::exists(set_ + "/diagnosis/diagnosis.json"));

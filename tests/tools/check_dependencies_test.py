@@ -67,6 +67,46 @@ class CheckDependenciesTest(unittest.TestCase):
         self.write("deploy/packages.txt", "# nothing\n")
         self.expect("names no package")
 
+    def test_what_is_built_needs_no_package_of_tests(self):
+        self.write("deploy/packages.txt", "libssl-dev\nlibpq-dev\nlibgtest-dev\n")
+        self.write("deploy/test-packages.txt", "libcpp-httplib-dev\nmosquitto\n")
+        self.write("tests/CMakeLists.txt", "pkg_check_modules(HTTP REQUIRED IMPORTED_TARGET cpp-httplib)\n"
+                   "find_program(MOSQUITTO mosquitto PATHS /usr/sbin REQUIRED)\n")
+        self.write("cmake/Dependencies.cmake", "find_package(OpenSSL REQUIRED COMPONENTS SSL)\n"
+                   "# find_package(Nowhere REQUIRED)\npkg_check_modules(LIBPQ REQUIRED IMPORTED_TARGET libpq>=14)\n"
+                   "find_program(GIT git)\nif(SIGHTLINE_BUILD_TESTS OR SIGHTLINE_BUILD_BENCH)\n"
+                   "  find_package(GTest REQUIRED)\n  pkg_check_modules(HTTP REQUIRED cpp-httplib)\nendif()\n")
+        self.assertEqual(self.run_tool().returncode, 0, self.run_tool().stdout)
+        # As often as it can come back.
+        for text, said in (
+            ("pkg_check_modules(HTTP REQUIRED\n  IMPORTED_TARGET cpp-httplib)", "cpp-httplib is in libcpp-httplib-dev, which only"),
+            ("find_program(MOSQUITTO NAMES mosquitto REQUIRED)", "mosquitto is in mosquitto, which only"),
+            ("if(SIGHTLINE_BUILD_TESTS)\nelse()\nfind_program(M mosquitto REQUIRED)\nendif()", "CMakeLists.txt:3: mosquitto"),
+            ("if(SIGHTLINE_BUILD_TESTS)\nendif()\nfind_program(M mosquitto REQUIRED)", "CMakeLists.txt:3: mosquitto"),
+            ("if(NOT SIGHTLINE_BUILD_TESTS)\nfind_program(M mosquitto REQUIRED)\nendif()", "mosquitto"),
+            ("find_package(PNG REQUIRED)", "PNG is in libpng-dev, which deploy/packages.txt does not name"),
+            ("find_package(Nowhere CONFIG REQUIRED)", "Nowhere: FOUND_IN"),
+        ):
+            with self.subTest(text):
+                self.write("core/CMakeLists.txt", text + "\n")
+                self.expect(said)
+
+    def test_scripts_configure_for_the_packages_they_install(self):
+        off = "-D SIGHTLINE_BUILD_TESTS=OFF -DSIGHTLINE_BUILD_BENCH=OFF"
+        for text, good in (
+            (f"deploy/install-packages\ncmake --preset release {off}\ncmake --build --preset release\n", True),
+            ("deploy/install-packages\ncmake --preset release \\\n  -DX=1 \\\n  " + off + "\n", True),
+            ("deploy/install-packages --tests\ncmake --preset release\n", True),
+            ("deploy/install-packages\ncmake --preset release --log-level=WARNING\n", False),
+            ("deploy/install-packages\n  cmake --preset release -DSIGHTLINE_BUILD_TESTS=OFF\n", False),
+        ):
+            with self.subTest(text):
+                self.write("deploy/quickstart", text)
+                if good:
+                    self.assertEqual(self.run_tool().returncode, 0)
+                else:
+                    self.expect("deploy/quickstart: cmake --preset release", "SIGHTLINE_BUILD_BENCH=OFF")
+
     def test_lock(self):
         for change, text in (
             ({"integrity": None}, "good: has no SHA-512 integrity"),

@@ -11,7 +11,7 @@
 #include <string>
 
 #include "sightline/v1/plan.pb.h"
-#include "tests/integration/box_process.h"
+#include "tests/integration/planning/box_process.h"
 
 namespace sightline {
 namespace {

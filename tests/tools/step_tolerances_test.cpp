@@ -1,5 +1,5 @@
 // Tolerances of STEP files: from hand-written entities, on shapes that OpenCASCADE writes, through
-// the program, and of the NIST models where the shared data is there.
+// the program, and of whole files.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -17,6 +17,7 @@
 #include <XCAFDoc_DocumentTool.hxx>
 #include <XCAFDoc_ShapeTool.hxx>
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
@@ -622,33 +623,99 @@ TEST_F(StepShapeTest, DamagedEntitiesDoNotCrash) {
   EXPECT_GT(refused, 100);
 }
 
-// --- NIST models
+// --- Whole files
 // ----------------------------------------------------------------------------------
 
-fs::path NistFolder() {
+fs::path SourceFolder() {
   const char* source = std::getenv("SIGHTLINE_SOURCE_DIR");
-  return fs::path(source != nullptr ? source : ".") / "../shared/data/cad/nist_ap242";
+  return source != nullptr ? source : ".";
 }
 
-struct NistFile {
+// Name, nominal value and zone width [mm, degrees]; 0: not looked at.
+struct DrawnTolerance {
   const char* name;
-  size_t read, untoleranced, datums, not_read;
+  double nominal, width;
 };
 
-class NistTest : public ::testing::TestWithParam<NistFile> {};
+struct DrawnFile {
+  fs::path path;
+  size_t read, untoleranced, datums, not_read;
+  std::vector<DrawnTolerance> tolerances;  // all that are read; empty: not stated
+};
 
-// Counts as in the files by `grep` on the types of their entities.
-TEST_P(NistTest, EverythingIsReadOrListed) {
-  const fs::path path = NistFolder() / GetParam().name;
-  if (!fs::exists(path)) GTEST_SKIP() << "skipped: no shared data";
-  const auto imported = ImportTolerances(path.string(), Program());
+// The plate of data/make_toleranced_plate.py, whose drawing stands there. The NIST models too where
+// they lie beside the tree: counts as by `grep` on the types of their entities; values of the first
+// as in QIF, which another program (MBDVidia) exported for the DMSC (qif-community,
+// samples/NISTmodels/nist_ctc_01_asme1_ap242.qif).
+std::vector<DrawnFile> DrawnFiles() {
+  std::vector<DrawnFile> files = {{SourceFolder() / "tests/tools/data/toleranced_plate.stp",
+                                   8,
+                                   1,
+                                   3,
+                                   1,
+                                   {{"Flatness of A", 0, 0.05},
+                                    {"Parallelism of the top", 0, 0.08},
+                                    {"Squareness of B", 0, 0.1},
+                                    {"Profile of the end", 0, 0.5},
+                                    {"Position of the holes", 0, 0.2},
+                                    {"diameter", 8, 0.022},
+                                    {"thickness", 12, 0.2},
+                                    {"slant", 60, 2}}}};
+  const fs::path nist = SourceFolder() / "../shared/data/cad/nist_ap242";
+  for (const DrawnFile& file :
+       {DrawnFile{nist / "nist_ctc_01_asme1_ap242-e1.stp",
+                  14,
+                  0,
+                  3,
+                  4,
+                  {{"Position.1", 0, 0.75},
+                   {"Position.2", 0, 0.75},
+                   {"Position surfacic profile.3", 0, 1.25},
+                   {"Position surfacic profile.2", 0, 0.5},
+                   {"Perpendicularity.1", 0, 1.5},
+                   {"Flatness.1", 0, 0.2},
+                   {"Linear Size.1", 35, 0.2},
+                   {"Linear Size.2", 35, 0.2},
+                   {"Linear Size.3", 20, 0.15},
+                   {"Linear Size.4", 20, 0.15},
+                   {"Linear Size.7", 35, 0.4},
+                   {"Linear Size.8", 35, 0.4},
+                   {"Angular Size.1", 60, 1},
+                   {"Linear Size.9", 25, 0.3}}},
+        DrawnFile{nist / "nist_ctc_03_asme1_ap242-e2.stp", 21, 1, 6, 1, {}},
+        DrawnFile{nist / "nist_ctc_05_asme1_ap242-e1.stp", 12, 4, 6, 0, {}},
+        DrawnFile{nist / "nist_ftc_06_asme1_ap242-e2.stp", 47, 5, 16, 0, {}}}) {
+    if (fs::exists(file.path)) files.push_back(file);
+  }
+  return files;
+}
+
+class DrawnFileTest : public ::testing::TestWithParam<DrawnFile> {};
+class DrawnValuesTest : public DrawnFileTest {};
+
+// The others are large.
+std::vector<DrawnFile> FilesWithValues() {
+  std::vector<DrawnFile> files = DrawnFiles();
+  std::erase_if(files, [](const DrawnFile& file) { return file.tolerances.empty(); });
+  return files;
+}
+
+std::string NameOfFile(const ::testing::TestParamInfo<DrawnFile>& info) {
+  std::string name = info.param.path.stem().string();
+  std::ranges::replace_if(
+      name, [](char c) { return std::isalnum(c) == 0; }, '_');
+  return name;
+}
+
+TEST_P(DrawnFileTest, EverythingIsReadOrListed) {
+  const auto imported = ImportTolerances(GetParam().path.string(), Program());
   ASSERT_TRUE(imported.ok()) << imported.status();
   const ToleranceReport& report = imported->report;
   ExpectEverythingAccounted(report);
-  EXPECT_THAT(report.read, SizeIs(GetParam().read));
+  EXPECT_THAT(report.read, SizeIs(GetParam().read)) << Reasons(report);
   EXPECT_THAT(report.untoleranced, SizeIs(GetParam().untoleranced));
   EXPECT_THAT(report.datums, SizeIs(GetParam().datums));
-  EXPECT_THAT(report.not_read, SizeIs(GetParam().not_read));
+  EXPECT_THAT(report.not_read, SizeIs(GetParam().not_read)) << Reasons(report);
   // OpenCASCADE has nothing that differs.
   EXPECT_THAT(report.notes, Not(Contains(HasSubstr("check it"))));
   EXPECT_THAT(report.notes, Not(Contains(HasSubstr("the former is used"))));
@@ -661,17 +728,29 @@ TEST_P(NistTest, EverythingIsReadOrListed) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(Files, NistTest,
-                         ::testing::Values(NistFile{"nist_ctc_01_asme1_ap242-e1.stp", 14, 0, 3, 4},
-                                           NistFile{"nist_ctc_03_asme1_ap242-e2.stp", 21, 1, 6, 1},
-                                           NistFile{"nist_ctc_05_asme1_ap242-e1.stp", 12, 4, 6, 0},
-                                           NistFile{"nist_ftc_06_asme1_ap242-e2.stp", 47, 5, 16,
-                                                    0}));
+TEST_P(DrawnValuesTest, ValuesAreThoseOfTheDrawing) {
+  const ToleranceReport report = ReadStepPmi(Part21File::Read(GetParam().path)).report;
+  EXPECT_EQ(report.read.size(), GetParam().tolerances.size());
+  for (const DrawnTolerance& e : GetParam().tolerances) {
+    const auto found = std::find_if(report.read.begin(), report.read.end(), [&](const auto& t) {
+      return t.name == e.name || t.name.starts_with(std::string(e.name) + " (");
+    });
+    ASSERT_NE(found, report.read.end()) << e.name;
+    const double degrees = 180 / std::numbers::pi;
+    const bool angle = IsAngular(found->kind);
+    EXPECT_NEAR(angle ? degrees * found->zone_width_rad : 1e3 * found->zone_width_m, e.width, 1e-9)
+        << e.name;
+    if (e.nominal > 0) {
+      EXPECT_NEAR(angle ? degrees * found->nominal_rad.value() : 1e3 * found->nominal_m.value(),
+                  e.nominal, 1e-9)
+          << e.name;
+    }
+  }
+}
 
 // A GLB of the same STEP file, twice as coarse: every triangle lies on one of the faces.
-TEST(NistFacesTest, PointsOfAnotherMeshFindTheirFaces) {
-  const fs::path path = NistFolder() / "nist_ctc_01_asme1_ap242-e1.stp";
-  if (!fs::exists(path)) GTEST_SKIP() << "skipped: no shared data";
+TEST_P(DrawnValuesTest, PointsOfAnotherMeshFindTheirFaces) {
+  const fs::path& path = GetParam().path;
   const auto imported = ImportTolerances(path.string(), Program());
   ASSERT_TRUE(imported.ok()) << imported.status();
   const StepModel model = ReadStep(path);
@@ -714,47 +793,46 @@ TEST(NistFacesTest, PointsOfAnotherMeshFindTheirFaces) {
   for (const int i : on) EXPECT_NEAR(points[static_cast<size_t>(i)].z(), 0, 2e-4);
 }
 
-// Values of the same model in QIF, which another program (MBDVidia) exported for the DMSC
-// (qif-community, samples/NISTmodels/nist_ctc_01_asme1_ap242.qif).
-TEST(NistValuesTest, AgreeWithTheQifOfTheSameModel) {
-  const fs::path path = NistFolder() / "nist_ctc_01_asme1_ap242-e1.stp";
-  if (!fs::exists(path)) GTEST_SKIP() << "skipped: no shared data";
-  const ToleranceReport report = ReadStepPmi(Part21File::Read(path)).report;
-  // Name in the QIF, nominal value and zone width [mm, degrees].
-  struct Expected {
-    const char* name;
-    double nominal, width;
-  };
-  const std::vector<Expected> expected = {{"Position.1", 0, 0.75},
-                                          {"Position.2", 0, 0.75},
-                                          {"Position surfacic profile.3", 0, 1.25},
-                                          {"Position surfacic profile.2", 0, 0.5},
-                                          {"Perpendicularity.1", 0, 1.5},
-                                          {"Flatness.1", 0, 0.2},
-                                          {"Linear Size.1", 35, 0.2},
-                                          {"Linear Size.2", 35, 0.2},
-                                          {"Linear Size.3", 20, 0.15},
-                                          {"Linear Size.4", 20, 0.15},
-                                          {"Linear Size.7", 35, 0.4},
-                                          {"Linear Size.8", 35, 0.4},
-                                          {"Angular Size.1", 60, 1},
-                                          {"Linear Size.9", 25, 0.3}};
-  EXPECT_EQ(report.read.size(), expected.size());
-  for (const Expected& e : expected) {
-    const auto found = std::find_if(report.read.begin(), report.read.end(), [&](const auto& t) {
-      return t.name == e.name || t.name.starts_with(std::string(e.name) + " (");
-    });
-    ASSERT_NE(found, report.read.end()) << e.name;
-    const double degrees = 180 / std::numbers::pi;
-    const bool angle = IsAngular(found->kind);
-    EXPECT_NEAR(angle ? degrees * found->zone_width_rad : 1e3 * found->zone_width_m, e.width, 1e-9)
-        << e.name;
-    if (e.nominal > 0) {
-      EXPECT_NEAR(angle ? degrees * found->nominal_rad.value() : 1e3 * found->nominal_m.value(),
-                  e.nominal, 1e-9)
-          << e.name;
+INSTANTIATE_TEST_SUITE_P(Files, DrawnFileTest, ::testing::ValuesIn(DrawnFiles()), NameOfFile);
+INSTANTIATE_TEST_SUITE_P(Files, DrawnValuesTest, ::testing::ValuesIn(FilesWithValues()),
+                         NameOfFile);
+
+TEST(DrawnPlateTest, TolerancesBindTheFacesTheyAreDrawnAt) {
+  const auto imported = ImportTolerances(DrawnFiles()[0].path.string(), Program());
+  ASSERT_TRUE(imported.ok()) << imported.status();
+  std::map<std::string, const Tolerance*> by_name;
+  for (const Tolerance& tolerance : imported->report.read) by_name[tolerance.name] = &tolerance;
+  // Where the middle of each face is [mm]; of the holes both.
+  const auto middles = [&](const std::string& name) {
+    std::vector<Vector3d> found;
+    for (const int face : by_name.at(name)->faces) {
+      Eigen::AlignedBox3d box;
+      for (const Vector3d& p : imported->faces.at(static_cast<size_t>(face - 1)).positions_m) {
+        box.extend(1e3 * p);
+      }
+      found.push_back(box.center());
     }
-  }
+    return found;
+  };
+  const auto expect_near = [&](const std::string& name, const std::vector<Vector3d>& expected) {
+    const std::vector<Vector3d> found = middles(name);
+    ASSERT_THAT(found, SizeIs(expected.size())) << name;
+    for (size_t k = 0; k < found.size(); ++k) {
+      EXPECT_LT((found[k] - expected[k]).norm(), 0.1) << name << ": " << found[k].transpose();
+    }
+  };
+  const double end_mm = 60 + 12 * std::tan(std::numbers::pi / 6);
+  expect_near("Flatness of A", {{end_mm / 2, 20, 0}});
+  expect_near("Parallelism of the top", {{30, 20, 12}});
+  expect_near("Squareness of B", {{end_mm / 2, 0, 6}});
+  expect_near("Profile of the end", {{(60 + end_mm) / 2, 20, 6}});
+  expect_near("Position of the holes", {{15, 20, 6}, {45, 20, 6}});
+  expect_near("diameter", {{15, 20, 6}, {45, 20, 6}});
+  EXPECT_EQ(by_name.at("Position of the holes")->text,
+            "position diameter 0.2 mm maximum material requirement | A | B | C");
+  EXPECT_EQ(by_name.at("diameter")->text, "diameter 8 +0.022/0 mm");
+  ASSERT_THAT(imported->report.not_read, SizeIs(1));
+  EXPECT_THAT(imported->report.not_read[0].reason, HasSubstr("tolerance class h9"));
 }
 
 }  // namespace

@@ -6,11 +6,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
-#include "planner_client/commands/exit_code.h"
-#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/process/exit_code.h"
+#include "planner_client/commands/process/output_folder.h"
 #include "planner_client/pareto/frame_estimate.h"
 #include "planner_client/pareto/make_pareto_front.h"
-#include "planner_client/report/plan/pareto_section.h"
+#include "planner_client/report/plan/sections/pareto_section.h"
 #include "planner_client/strategy/plan_run.h"
 
 namespace sightline {

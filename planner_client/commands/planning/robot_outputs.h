@@ -6,7 +6,7 @@
 
 #include "absl/status/status.h"
 #include "planner_client/commands/planning/planning_session.h"
-#include "planner_client/report/plan/robot_section.h"
+#include "planner_client/report/plan/sections/robot_section.h"
 #include "planner_client/robot/robot_moves.h"
 #include "planner_client/strategy/planner.h"
 #include "sightline/v1/plan.pb.h"

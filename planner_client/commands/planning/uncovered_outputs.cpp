@@ -6,7 +6,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/targets/target_regions.h"
-#include "planner_client/report/plan/uncovered_reasons.h"
+#include "planner_client/report/plan/surface/uncovered_reasons.h"
 
 namespace sightline {
 

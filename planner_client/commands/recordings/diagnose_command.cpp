@@ -18,9 +18,9 @@
 #include "core/recordings/part_inspection.h"
 #include "core/recordings/recordings.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
-#include "planner_client/commands/output_folder.h"
 #include "planner_client/commands/part_assets.h"
+#include "planner_client/commands/process/exit_code.h"
+#include "planner_client/commands/process/output_folder.h"
 #include "planner_client/commands/recordings/diagnose_sensor_set.h"
 #include "planner_client/commands/recordings/time_left.h"
 #include "planner_client/commands/worker_session.h"
@@ -32,7 +32,7 @@
 #include "planner_client/diagnosis_client/quick_set.h"
 #include "planner_client/diagnosis_client/recorded_folder.h"
 #include "planner_client/diagnosis_client/sensor_set_folder.h"
-#include "planner_client/report/recordings/diagnosis_report.h"
+#include "planner_client/report/diagnosis/diagnosis_report.h"
 
 namespace sightline {
 namespace {

@@ -12,13 +12,13 @@
 #include "absl/strings/str_join.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
-#include "core/recordings/check_recordings.h"
+#include "core/recordings/check/check_recordings.h"
 #include "core/recordings/load_images.h"
 #include "core/recordings/recordings.h"
 #include "core/recordings/shot_list.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
-#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/process/exit_code.h"
+#include "planner_client/commands/process/output_folder.h"
 
 namespace sightline {
 namespace {

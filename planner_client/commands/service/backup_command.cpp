@@ -3,8 +3,8 @@
 #include <string>
 
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/exit_code.h"
-#include "planner_client/commands/interrupt.h"
+#include "planner_client/commands/process/exit_code.h"
+#include "planner_client/commands/process/interrupt.h"
 #include "planning_service/backup/back_up.h"
 
 namespace sightline {

@@ -24,8 +24,8 @@
 #include "core/part/load_part.h"
 #include "core/part/part_health.h"
 #include "core/spelling/nearest_name.h"
-#include "planner_client/commands/exit_code.h"
-#include "planner_client/commands/output_folder.h"
+#include "planner_client/commands/process/exit_code.h"
+#include "planner_client/commands/process/output_folder.h"
 #include "planner_client/commands/start/start_commands.h"
 #include "planner_client/inspection_draft/inspection_draft.h"
 #include "planner_client/part_files/part_file.h"
@@ -359,10 +359,10 @@ absl::Status New(NewInspectionOptions options) {
 
 Command AddNewCommand(CLI::App& app) {
   auto options = std::make_shared<NewInspectionOptions>();
-  app.add_option("part", options->part, "part file (.step, .stp, .glb, .gltf, .stl, .ply, .obj)")
+  app.add_option("part", options->part, absl::StrCat("part file (", PartFileEndings(), ")"))
       ->required();
   app.add_option("--out", options->out, "inspection file to write")->capture_default_str();
-  app.add_option("--unit", options->unit, "length unit of an STL, PLY or OBJ file")
+  app.add_option("--unit", options->unit, "length unit of a file that states none, as STL")
       ->check(CLI::IsMember({"m", "cm", "mm", "um", "inch"}));
   app.add_option("--name", options->name, "of the inspection; default: that of the part's file");
   CLI::Option* holding =

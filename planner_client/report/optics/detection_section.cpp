@@ -9,14 +9,6 @@
 #include "planner_client/report/page/static_page.h"
 
 namespace sightline {
-namespace {
-
-std::string Soft(const std::string& html) {
-  return absl::StrCat("<p class=\"soft\">", html, "</p>");
-}
-
-}  // namespace
-
 std::string DetectionSection(const v1::OpticsChoice& choice) {
   if (!choice.has_detection()) return "";
   const v1::LearnedDetection& learned = choice.detection();
@@ -42,7 +34,7 @@ std::string DetectionSection(const v1::OpticsChoice& choice) {
     rows.push_back(std::move(row));
   }
   return PageTable(head, rows, {0}) +
-         Soft(absl::StrCat(
+         SoftParagraph(absl::StrCat(
              "u over distance from the camera and angle of incidence, with missed columns in it, "
              "u² "
              "= σ²/a; learned from ",
@@ -71,11 +63,12 @@ std::string RoundsSection(const v1::OpticsPlan& optics) {
   return PageTable({"round", "scans", "admissible,<br>as planned for", "best setting",
                     "change of u", "in standard<br>errors", "admissible<br>with it"},
                    rows, {0, 3}) +
-         Soft(optics.rounds_converged()
-                  ? "The detection learned in the last round is that which its scans were planned "
-                    "for."
-                  : "The rounds ended before the detection learned was that which the scans were "
-                    "planned for.");
+         SoftParagraph(
+             optics.rounds_converged()
+                 ? "The detection learned in the last round is that which its scans were planned "
+                   "for."
+                 : "The rounds ended before the detection learned was that which the scans were "
+                   "planned for.");
 }
 
 }  // namespace sightline

@@ -28,10 +28,6 @@ constexpr char kUPx[] = "u<sub>px</sub>";
 // A catalogue's combinations multiply; nobody reads more of them than these.
 constexpr size_t kMaxCombinations = 200;
 
-std::string Soft(const std::string& html) {
-  return absl::StrCat("<p class=\"soft\">", html, "</p>\n");
-}
-
 std::string Detail(const std::string& html) {
   return html.empty() ? "" : absl::StrCat("<span class=\"detail\">", html, "</span>");
 }
@@ -163,9 +159,9 @@ class Report {
   static std::string Limit(const Choice& choice) {
     if (choice.longest_exposure_time_s() == 0 || choice.longest_because().empty()) return "";
     const std::string& reason = choice.longest_because();
-    return Soft(absl::StrCat("Longest exposure time possible, ",
-                             Setting("time_s", choice.longest_exposure_time_s()), ": ",
-                             EscapeHtml(reason), reason.back() == '.' ? "" : "."));
+    return SoftParagraph(absl::StrCat("Longest exposure time possible, ",
+                                      Setting("time_s", choice.longest_exposure_time_s()), ": ",
+                                      EscapeHtml(reason), reason.back() == '.' ? "" : "."));
   }
 
   // What one f-number's setting has that others may not have: two exposures, a tilt; the laser's
@@ -244,7 +240,7 @@ class Report {
       rows.push_back(std::move(row));
     }
     return absl::StrCat("<div class=\"mini\">", PageTable(head, rows, words), "</div>\n") +
-           Soft(absl::StrCat(
+           SoftParagraph(absl::StrCat(
                "Below the settings: what is as good as the value above. Below the results: where "
                "a fresh frame's lies in 95 of 100 cases. Bias: mean of detected minus true "
                "position. Clipped: part of the detected points whose profile is clipped. Height: ",
@@ -286,7 +282,7 @@ class Report {
                                      "more than the best",
                                      "as good as<br>the best"};
     if (names_scan) head.insert(head.begin() + 1, "for");
-    return Soft("The best that is left if a freedom is given up.") +
+    return SoftParagraph("The best that is left if a freedom is given up.") +
            PageTable(head, rows,
                      names_scan ? std::vector<int>{0, 1, 2, 7} : std::vector<int>{0, 1, 6});
   }
@@ -324,7 +320,7 @@ class Report {
     return PageTable({"", "setting", kUPx, "detected", "cost", "time", "frames", "represented",
                       "longest exposure time"},
                      rows, {0, 1, 8}) +
-           Soft(
+           SoftParagraph(
                "Frames: so many stand for the scan. Represented: how much of the variance between "
                "the scan's frames (line length, light, depth) lies between the groups that they "
                "stand for.");
@@ -354,18 +350,20 @@ class Report {
     for (const v1::RepresentativeFrame& frame : choice.frames()) html += FrameCard(frame);
     html += "</div>\n";
     if (!choice.has_check()) return html;
-    return absl::StrCat(html,
-                        Soft("The frame of the scan that is least like those it was judged by, "
-                             "with the same setting:"),
-                        "<div class=\"frames\">\n", FrameCard(choice.check()), "</div>\n");
+    return absl::StrCat(
+        html,
+        SoftParagraph("The frame of the scan that is least like those it was judged by, "
+                      "with the same setting:"),
+        "<div class=\"frames\">\n", FrameCard(choice.check()), "</div>\n");
   }
 
   std::string Frames() const {
     std::string html = FrameCards(optics_.common());
     const bool has_common = !html.empty();
     if (has_common && optics_.common().represented_fraction() > 0) {
-      html = Soft(absl::StrCat("They represent ", Share(optics_.common().represented_fraction()),
-                               " of the variance between all frames.")) +
+      html = SoftParagraph(absl::StrCat("They represent ",
+                                        Share(optics_.common().represented_fraction()),
+                                        " of the variance between all frames.")) +
              html;
     }
     bool of_scans = false;
@@ -380,7 +378,7 @@ class Report {
     }
     if (html.empty()) return "";
     if (of_scans && has_common) html = "<h3>With one setting for all scans</h3>\n" + html;
-    return Soft("The simulated image about the line, with the setting chosen.") + html;
+    return SoftParagraph("The simulated image about the line, with the setting chosen.") + html;
   }
 
   static std::vector<std::string> DeviceRow(const Combination& c) {
@@ -430,7 +428,7 @@ class Report {
       rows.push_back(DeviceRow(*combination));
     }
     const size_t left_out = combinations.size() - rows.size();
-    return Soft(
+    return SoftParagraph(
                "Field of view, pixel (its footprint on the part) and depth of field follow from "
                "geometry; the numbers from f-number to cost exist only where images were "
                "simulated.") +
@@ -440,9 +438,10 @@ class Report {
                                    "detected", "time<br>per scan", "cost", "price"},
                                   rows, {0, 1}),
                         "</div>\n") +
-           (left_out == 0 ? ""
-                          : Soft(absl::StrCat(GroupedInteger(static_cast<int64_t>(left_out)),
-                                              " more combinations are in devices.json.")));
+           (left_out == 0
+                ? ""
+                : SoftParagraph(absl::StrCat(GroupedInteger(static_cast<int64_t>(left_out)),
+                                             " more combinations are in devices.json.")));
   }
 
   std::string Method() const {
@@ -493,7 +492,8 @@ class Report {
     }
     origin.push_back(absl::StrCat("seed ", optics_.seed()));
     origin.push_back(absl::StrCat(GroupedInteger(optics_.evaluated_images()), " images looked at"));
-    return html + Soft(absl::StrCat("To get this again: ", absl::StrJoin(origin, ", "), "."));
+    return html +
+           SoftParagraph(absl::StrCat("To get this again: ", absl::StrJoin(origin, ", "), "."));
   }
 
   const v1::OpticsPlan& optics_;

@@ -11,6 +11,14 @@ std::string EscapeHtml(absl::string_view text) {
       text, {{"&", "&amp;"}, {"<", "&lt;"}, {">", "&gt;"}, {"\"", "&quot;"}, {"'", "&#39;"}});
 }
 
+std::string SoftParagraph(absl::string_view html) {
+  return absl::StrCat("<p class=\"soft\">", html, "</p>\n");
+}
+
+std::string CodeHtml(absl::string_view text) {
+  return absl::StrCat("<code>", EscapeHtml(text), "</code>");
+}
+
 std::string GroupedInteger(int64_t value) {
   if (value < 0) return absl::StrCat("\u2212", GroupedInteger(-value));
   std::string digits = absl::StrCat(value);

@@ -11,6 +11,12 @@ namespace sightline {
 // Safe as text and inside quoted attributes.
 std::string EscapeHtml(absl::string_view text);
 
+// A paragraph in the soft colour of remarks.
+std::string SoftParagraph(absl::string_view html);
+
+// An identifier, escaped.
+std::string CodeHtml(absl::string_view text);
+
 // "20 134": digits in groups of three, separated by narrow no-break spaces.
 std::string GroupedInteger(int64_t value);
 

@@ -1,105 +1,15 @@
 // The report of a plan: one HTML file that needs nothing else, not even a network.
 #pragma once
 
-#include <memory>
-#include <optional>
 #include <string>
-#include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/part/mesh.h"
-#include "core/rig/rig.h"
-#include "core/targets/target_set.h"
-#include "core/targets/uncovered_reason.h"
-#include "planner_client/report/plan/robot_section.h"
-#include "planner_client/report/uncertainty/target_uncertainty.h"
-#include "sightline/v1/pareto.pb.h"
-#include "sightline/v1/part.pb.h"
-#include "sightline/v1/plan.pb.h"
-#include "sightline/v1/rig.pb.h"
+#include "planner_client/report/plan/sections/report_data.h"
 
 namespace sightline {
 
-// What the report shows of a scan beyond the plan's own numbers.
-struct ReportScan {
-  TargetBits covered;             // exact, of this scan alone, one bit per target
-  std::string rendered_view_png;  // part, camera and laser; empty: none
-};
-
-struct NamedTiming {
-  std::string name;
-  double seconds = 0;
-};
-
-// Scans that one strategy needed over several seeds.
-struct StrategyComparison {
-  // For one goal, over the seeds that reached it.
-  struct Scans {
-    double median = 0;
-    int min = 0;
-    int max = 0;
-    int seeds_reached = 0;  // 0: the other fields mean nothing
-  };
-  std::string strategy;
-  int seeds = 0;
-  std::vector<Scans> scans;  // one per goal
-};
-
-struct ComparisonTable {
-  std::vector<double> goals;  // fraction of the measurable targets, e.g. 0.9, 0.95
-  std::vector<StrategyComparison> strategies;
-};
-
-// Where the surface of a measured part deviates from the CAD model, in coordinates of the model.
-struct ReportDeviation {
-  Eigen::Vector3f position_m, normal;
-  float deviation_m = 0;
-  bool significant = false;
-};
-
-// Drawn around the part.
-struct ReportObstacle {
-  std::string name;
-  v1::Obstacle::Frame frame = v1::Obstacle::FRAME_PART;
-  std::shared_ptr<const TriangleMesh> mesh;  // in coordinates of its frame
-};
-
-// The plan's index, poses and numbers are taken as they are.
-struct ReportData {
-  v1::Plan plan;
-  v1::PartHealth health;
-  std::string part_name;  // as the engineer knows it, e.g. the file name
-  TriangleMesh mesh;
-  Rig rig;
-  TargetSet targets;
-  TargetSampling sampling;
-  TargetBits measurable;
-  std::vector<ReportScan> scans;  // in the order of plan.scans
-  std::string measurability_png;  // empty: none
-  std::string coverage_png;       // after the last scan; empty: none
-  // Why targets are not covered, one per target; empty: not known.
-  std::vector<TargetReason> reasons;
-  // In the order that `reasons` counts them.
-  std::vector<ReportObstacle> obstacles;
-  std::vector<NamedTiming> timings;
-  std::optional<ComparisonTable> comparison;
-  std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
-  // Of plans for uncertainty: shown on the part. What plan.uncertainty says is shown in any case.
-  std::optional<TargetUncertainties> uncertainty;
-  // Of plans with plan.as_measured.
-  std::vector<ReportDeviation> deviations;
-  std::optional<ReportRobot> robot;
-  std::vector<std::string> notes;
-  // Of every target by the scan that covers it best [m], 0 where none does; empty: not shown.
-  std::vector<float> depth_per_pixel_m;
-  std::string set_up_sheet;  // file beside the report; empty: none
-};
-
-// The page as UTF-8 HTML; the same data give the same bytes. All texts are escaped. Needs at least
-// one target and one triangle; scans may be none. INVALID_ARGUMENT names the field whose size does
-// not fit: scans (also of the robot) against plan.scans, bit sets, depths, reasons and
-// uncertainties against targets, poses of other than 16 numbers; and uncertainties that are
-// negative or not finite.
+// The page as UTF-8 HTML; the same data give the same bytes. All texts are escaped. Errors of
+// CheckReportData.
 absl::StatusOr<std::string> RenderReport(const ReportData& data);
 
 }  // namespace sightline

@@ -11,7 +11,7 @@
 
 #include "absl/strings/escaping.h"
 #include "core/part/point_index.h"
-#include "planner_client/report/plan/uncovered_reasons.h"
+#include "planner_client/report/plan/surface/uncovered_reasons.h"
 
 namespace sightline {
 namespace {

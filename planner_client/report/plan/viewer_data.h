@@ -4,9 +4,9 @@
 #include <string>
 #include <vector>
 
-#include "planner_client/report/plan/display_mesh.h"
-#include "planner_client/report/plan/report.h"
-#include "planner_client/report/plan/uncovered_regions.h"
+#include "planner_client/report/plan/sections/report_data.h"
+#include "planner_client/report/plan/surface/display_mesh.h"
+#include "planner_client/report/plan/surface/uncovered_regions.h"
 
 namespace sightline {
 

@@ -54,17 +54,9 @@ std::string Title(const std::string& name) {
   return title == kTitles.end() ? EffectTitle(QuantityName(name)) : title->second;
 }
 
-std::string Soft(const std::string& html) {
-  return absl::StrCat("<p class=\"soft\">", html, "</p>\n");
-}
-
 std::string Named(const std::string& title, const std::string& detail_html) {
   return absl::StrCat("<span class=\"effect\">", EscapeHtml(title),
                       "</span><span class=\"detail\">", detail_html, "</span>");
-}
-
-std::string Code(const std::string& text) {
-  return absl::StrCat("<code>", EscapeHtml(text), "</code>");
 }
 
 // The number with the digits that its interval leaves it.
@@ -197,7 +189,7 @@ class Report {
                                    EscapeHtml(PValueText(departure->p_value())), "</span>")});
     }
     return PageTable({"departure", "arises in", "size", "chance"}, rows, {0, 1, 2, 3}) +
-           Soft(
+           SoftParagraph(
                "In the order of the signal: light and response, patterns, changes from frame to "
                "frame. "
                "After \u00b1: the standard error. Chance: the probability p of so clear a sign if "
@@ -230,7 +222,8 @@ class Report {
 
   static std::string Card(const std::string& title, const std::string& text, const XyChart& chart) {
     return absl::StrCat("<div class=\"card\"><h3>", EscapeHtml(title), "</h3>\n",
-                        text.empty() ? "" : Soft(EscapeHtml(text)), XyChartSvg(chart), "</div>\n");
+                        text.empty() ? "" : SoftParagraph(EscapeHtml(text)), XyChartSvg(chart),
+                        "</div>\n");
   }
 
   // Three of them stand side by side: their letters shall not shrink.
@@ -345,8 +338,8 @@ class Report {
       key.push_back({"model", KeyShape::kDot, "measured against it"});
     }
     key.push_back({has_model_ ? "model" : "null", KeyShape::kBand, "\u00b1 2 standard errors"});
-    return Soft("Every point is one step with light; dark numbers are taken off.") + ChartKey(key) +
-           "<div class=\"cards three\">\n" + VarianceChart() + LinearityChart() +
+    return SoftParagraph("Every point is one step with light; dark numbers are taken off.") +
+           ChartKey(key) + "<div class=\"cards three\">\n" + VarianceChart() + LinearityChart() +
            VarianceResidualChart() + "</div>\n";
   }
 
@@ -389,7 +382,7 @@ class Report {
       bands |= !curve.standard_errors().empty();
     }
     if (cards.empty()) return "";
-    return absl::StrCat(bands ? Soft("Shaded: \u00b1 2 standard errors.") : "",
+    return absl::StrCat(bands ? SoftParagraph("Shaded: \u00b1 2 standard errors.") : "",
                         "<div class=\"cards\">\n", cards, "</div>\n");
   }
 
@@ -413,7 +406,7 @@ class Report {
         remarks.push_back(absl::StrCat("EMVA 1288: ", EscapeHtml(q.clause())));
       if (!q.note().empty()) remarks.push_back(EscapeHtml(q.note()));
       rows.push_back(
-          {Named(Title(q.name()), Code(q.name())),
+          {Named(Title(q.name()), CodeHtml(q.name())),
            absl::StrCat("<strong>", value(q.has_value(), q.value(), q.lower(), q.upper()),
                         "</strong>"),
            interval(q.has_lower() && q.has_upper(), q.lower(), q.upper()),
@@ -424,7 +417,7 @@ class Report {
     return PageTable({"quantity", "value", "95\u202f% interval", "by EMVA 1288,<br>release 4.0",
                       "95\u202f% interval", "remarks"},
                      rows, {0, 5}) +
-           Soft(
+           SoftParagraph(
                "Value: fitted to all steps at once, with the departures found. By EMVA 1288: as "
                "the standard defines it, for comparison with data sheets.");
   }
@@ -451,7 +444,7 @@ class Report {
     add("Linear model", d_.linear_fit(), true);
     if (has_model_) add("With the departures found", d_.model_fit(), false);
     if (rows.empty()) return "";
-    return Soft(
+    return SoftParagraph(
                "Means and variances of all steps below saturation. 1 means that what is left over "
                "is as large as noise makes it.") +
            PageTable({"model", "\u03c7\u00b2 per degree<br>of freedom", "degrees<br>of freedom",

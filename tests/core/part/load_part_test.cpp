@@ -5,9 +5,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
+#include <numbers>
 #include <random>
 #include <sstream>
 
@@ -755,61 +757,88 @@ TEST_F(LoadPartFileTest, PointCloudsAreBinaryPly) {
   EXPECT_FALSE(WritePlyPoints(path, points, {}).ok());
 }
 
-// --- real parts ---------------------------------------------------------------------------------
+// --- whole files --------------------------------------------------------------------------------
 
-class RealPartTest : public ::testing::Test {
- protected:
-  void SetUp() override {
-    const auto shared = SharedData();
-    if (!shared || !std::filesystem::is_directory(*shared / "data" / "cad")) {
-      GTEST_SKIP() << "skipped: no shared data";
-    }
-    cad_ = *shared / "data" / "cad";
-  }
-  std::filesystem::path cad_;
-};
-
-TEST_F(RealPartTest, BracketsAreClosed) {
-  for (const char* name : {"262.obj", "320.obj"}) {
-    const absl::StatusOr<TriangleMesh> mesh = LoadPart((cad_ / "brackets" / name).string(), "mm");
-    ASSERT_TRUE(mesh.ok()) << mesh.status();
-    const PartHealth health = CheckPartHealth(*mesh);
-    EXPECT_GT(health.triangle_count, 60000) << name;
-    EXPECT_EQ(health.open_edge_count, 0) << name;
-    EXPECT_EQ(health.flipped_component_count, 0) << name;
-    const double size = health.bounding_box_m.sizes().maxCoeff();
-    EXPECT_GT(size, 0.05);
-    EXPECT_LT(size, 0.5);
-  }
+std::filesystem::path OwnPart(const std::string& name) {
+  const char* source = std::getenv("SIGHTLINE_SOURCE_DIR");
+  return std::filesystem::path(source != nullptr ? source : ".") / "tests/core/part/data" / name;
 }
 
-TEST_F(RealPartTest, EngineIsClosed) {
-  for (const char* name : {"Cylinder Head.STL", "Engine Block.STL", "Crankshaft.STL"}) {
-    const absl::StatusOr<TriangleMesh> mesh =
-        LoadPart((cad_ / "inline4_engine" / name).string(), "mm");
+// What data/make_flange.py writes, as CAD systems do.
+TEST(WholeFileTest, FlangeIsClosedInEveryFormat) {
+  // Of a ring of 48 corners: r^2 times this instead of pi.
+  const double area_factor = 24 * std::sin(2 * std::numbers::pi / 48);
+  const double volume_m3 =
+      1e-9 * area_factor * ((30 * 30 - 10 * 10) * 8 + (18 * 18 - 10 * 10) * 12);
+  for (const char* name : {"flange.obj", "flange.stl"}) {
+    const absl::StatusOr<TriangleMesh> mesh = LoadPart(OwnPart(name).string(), "mm");
     ASSERT_TRUE(mesh.ok()) << mesh.status();
     const PartHealth health = CheckPartHealth(*mesh);
+    EXPECT_THAT(health.findings, ::testing::IsEmpty()) << name;
+    EXPECT_EQ(health.triangle_count, 576) << name;
+    EXPECT_EQ(health.vertex_count, 288) << name;
+    EXPECT_EQ(health.component_count, 1) << name;
+    EXPECT_EQ(health.flipped_component_count, 0) << name;
     EXPECT_EQ(health.open_edge_count, 0) << name;
     EXPECT_EQ(health.non_manifold_edge_count, 0) << name;
-    EXPECT_GT(Volume(*mesh), 0) << name;
+    // The numbers in the files have six or seven digits.
+    EXPECT_NEAR(Volume(*mesh) / volume_m3, 1, 1e-6) << name;
+    EXPECT_NEAR(mesh->BoundingBox().sizes().z(), 0.02, 1e-8) << name;
   }
 }
 
-TEST_F(RealPartTest, WrongUnitIsNoticed) {
-  EXPECT_THAT(std::string(LoadPart((cad_ / "inline4_engine" / "Cylinder Head.STL").string(), "m")
-                              .status()
-                              .message()),
+TEST(WholeFileTest, WrongUnitIsNoticed) {
+  EXPECT_THAT(std::string(LoadPart(OwnPart("flange.stl").string(), "m").status().message()),
               HasSubstr("looks like millimetres read as metres"));
 }
 
-TEST_F(RealPartTest, EveryTrimeshPartLoads) {
-  const absl::StatusOr<TriangleMesh> sensor =
-      LoadPart((cad_ / "trimesh" / "ADIS16480.STL").string(), "m");
-  ASSERT_TRUE(sensor.ok()) << sensor.status();
-  EXPECT_NEAR(sensor->BoundingBox().sizes().maxCoeff(), 0.047, 0.01);
-  EXPECT_TRUE(LoadPart((cad_ / "trimesh" / "angle_block.STL").string(), "inch").ok());
-  EXPECT_TRUE(LoadPart((cad_ / "trimesh" / "busted.STL").string(), "inch").ok());
+// Parts of others, where they lie beside the tree.
+struct RealPart {
+  const char* path;  // below data/cad
+  const char* unit;
+  bool closed = true;
+  int64_t least_triangles = 1;
+  double least_m = 0.005, most_m = 1;  // longest edge of the bounding box
+};
+
+std::vector<RealPart> RealParts() {
+  std::vector<RealPart> parts;
+  const auto shared = SharedData();
+  if (!shared) return parts;
+  for (const RealPart& part : {RealPart{"brackets/262.obj", "mm", true, 60001, 0.05, 0.5},
+                               RealPart{"brackets/320.obj", "mm", true, 60001, 0.05, 0.5},
+                               RealPart{"inline4_engine/Cylinder Head.STL", "mm"},
+                               RealPart{"inline4_engine/Engine Block.STL", "mm"},
+                               RealPart{"inline4_engine/Crankshaft.STL", "mm"},
+                               RealPart{"trimesh/ADIS16480.STL", "m", false, 1, 0.037, 0.057},
+                               RealPart{"trimesh/angle_block.STL", "inch", false},
+                               RealPart{"trimesh/busted.STL", "inch", false}}) {
+    if (std::filesystem::exists(*shared / "data/cad" / part.path)) parts.push_back(part);
+  }
+  return parts;
 }
+
+class RealPartTest : public ::testing::TestWithParam<RealPart> {};
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(RealPartTest);
+
+TEST_P(RealPartTest, Loads) {
+  const RealPart& part = GetParam();
+  const absl::StatusOr<TriangleMesh> mesh =
+      LoadPart((*SharedData() / "data/cad" / part.path).string(), part.unit);
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  const double size_m = mesh->BoundingBox().sizes().maxCoeff();
+  EXPECT_GT(size_m, part.least_m);
+  EXPECT_LT(size_m, part.most_m);
+  const PartHealth health = CheckPartHealth(*mesh);
+  EXPECT_GE(health.triangle_count, part.least_triangles);
+  if (!part.closed) return;
+  EXPECT_EQ(health.open_edge_count, 0);
+  EXPECT_EQ(health.non_manifold_edge_count, 0);
+  EXPECT_EQ(health.flipped_component_count, 0);
+  EXPECT_GT(Volume(*mesh), 0);
+}
+
+INSTANTIATE_TEST_SUITE_P(Shared, RealPartTest, ::testing::ValuesIn(RealParts()));
 
 }  // namespace
 }  // namespace sightline

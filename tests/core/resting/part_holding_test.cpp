@@ -9,6 +9,7 @@
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 #include "core/rig/scan_geometry.h"
+#include "tests/core/inspection/parse_fields.h"
 #include "tests/core/part/test_meshes.h"
 
 namespace sightline {
@@ -19,30 +20,17 @@ using ::testing::HasSubstr;
 
 constexpr double kDegree = std::numbers::pi / 180;
 
-absl::StatusOr<Inspection> Parse(const std::string& fields) {
-  v1::Inspection message;
-  const std::string json =
-      R"({"part": {"file": "a.glb"})" + (fields.empty() ? "" : ", " + fields) + "}";
-  const absl::Status status = ParseStrictJson(json, "bracket.json", &message);
-  EXPECT_TRUE(status.ok()) << status;
-  return ParseInspection(message, "bracket.json", "parts");
-}
-
-std::string ErrorOf(const std::string& fields) {
-  return std::string(Parse(fields).status().message());
-}
-
 TEST(PartHolding, AnInspectionThatSaysNothingRests) {
-  EXPECT_EQ(Parse("")->part_holding, PartHolding::kResting);
-  EXPECT_EQ(
-      Parse(R"("measurement": {"resting_orientations": [{"part_alpha_deg": 90}]})")->part_holding,
-      PartHolding::kResting);
-  EXPECT_EQ(Parse(R"("measurement": {"part_beta_deg": {"fixed": 0}})")->part_holding,
+  EXPECT_EQ(ParseFields("")->part_holding, PartHolding::kResting);
+  EXPECT_EQ(ParseFields(R"("measurement": {"resting_orientations": [{"part_alpha_deg": 90}]})")
+                ->part_holding,
+            PartHolding::kResting);
+  EXPECT_EQ(ParseFields(R"("measurement": {"part_beta_deg": {"fixed": 0}})")->part_holding,
             PartHolding::kFree);
 }
 
 TEST(PartHolding, AFixtureHoldsThePartAsTheFileHasIt) {
-  const auto inspection = Parse(R"("rig": {"part_holding": "PART_HOLDING_FIXTURE"})");
+  const auto inspection = ParseFields(R"("rig": {"part_holding": "PART_HOLDING_FIXTURE"})");
   ASSERT_TRUE(inspection.ok()) << inspection.status();
   Measurement m;
   EXPECT_TRUE(inspection->domain.Contains(m));
@@ -53,21 +41,21 @@ TEST(PartHolding, AFixtureHoldsThePartAsTheFileHasIt) {
 }
 
 TEST(PartHolding, WhatExcludesEachOtherIsNamed) {
-  EXPECT_THAT(ErrorOf(R"("rig": {"part_holding": "PART_HOLDING_RESTING"},
+  EXPECT_THAT(ErrorOfFields(R"("rig": {"part_holding": "PART_HOLDING_RESTING"},
                          "measurement": {"part_alpha_deg": {"fixed": 0}})"),
               AllOf(HasSubstr("measurement.part_alpha_deg"), HasSubstr("PART_HOLDING_RESTING")));
-  EXPECT_THAT(ErrorOf(R"("rig": {"part_holding": "PART_HOLDING_FIXTURE"},
+  EXPECT_THAT(ErrorOfFields(R"("rig": {"part_holding": "PART_HOLDING_FIXTURE"},
                          "measurement": {"resting_orientations": [{}]})"),
               HasSubstr("measurement.resting_orientations"));
-  EXPECT_THAT(ErrorOf(R"("rig": {"part_holding": "PART_HOLDING_FREE", "table": {}})"),
+  EXPECT_THAT(ErrorOfFields(R"("rig": {"part_holding": "PART_HOLDING_FREE", "table": {}})"),
               HasSubstr("rig.table"));
-  EXPECT_THAT(ErrorOf(R"("rig": {"table": {"thickness_m": 0}})"),
+  EXPECT_THAT(ErrorOfFields(R"("rig": {"table": {"thickness_m": 0}})"),
               AllOf(HasSubstr("rig.table.thickness_m"), HasSubstr("[0.001, 1] m")));
 }
 
 // Servers know a mesh by the digest of what they read.
 TEST(PartHolding, TheTableIsTheSameWhenItIsReadAgain) {
-  auto inspection = Parse("");
+  auto inspection = ParseFields("");
   const auto held = HoldPart(BoxMesh({0, 0, 0}, {0.06f, 0.04f, 0.02f}), &*inspection);
   ASSERT_TRUE(held.ok() && held->table) << held.status();
   std::string text;
@@ -83,7 +71,7 @@ TEST(PartHolding, TheTableIsTheSameWhenItIsReadAgain) {
 }
 
 TEST(PartHolding, ThePartsFacesBecomeTheDomain) {
-  auto inspection = Parse("");
+  auto inspection = ParseFields("");
   const TriangleMesh part = BoxMesh({0, 0, 0}, {0.06f, 0.04f, 0.02f});
   const auto held = HoldPart(part, &*inspection);
   ASSERT_TRUE(held.ok()) << held.status();
@@ -109,7 +97,7 @@ TEST(PartHolding, ThePartsFacesBecomeTheDomain) {
 }
 
 TEST(PartHolding, GivenOrientationsStayAndGetNames) {
-  auto inspection = Parse(R"("rig": {"table": {"size_x_m": 0.3}},
+  auto inspection = ParseFields(R"("rig": {"table": {"size_x_m": 0.3}},
       "measurement": {"resting_orientations": [{"name": "B"}, {"part_alpha_deg": 90}]})");
   ASSERT_TRUE(inspection.ok()) << inspection.status();
   const auto held = HoldPart(BoxMesh({0, 0, 0}, {0.06f, 0.04f, 0.02f}), &*inspection);
@@ -122,7 +110,7 @@ TEST(PartHolding, GivenOrientationsStayAndGetNames) {
 }
 
 TEST(PartHolding, AFlatOrRoundPartNeedsAnotherHolding) {
-  auto inspection = Parse("");
+  auto inspection = ParseFields("");
   const auto flat = HoldPart(PlateMesh(0.1, 0.1, 2, 2), &*inspection);
   EXPECT_THAT(
       std::string(flat.status().message()),
@@ -135,7 +123,7 @@ TEST(PartHolding, ObstaclesThatCutAreNamedWithTheirVolume) {
   const TriangleMesh part = BoxMesh({0, 0, 0}, {0.06f, 0.04f, 0.02f});
   const auto check = [&](const std::string& fields, const TriangleMesh& obstacle,
                          ObstacleFrame frame) {
-    auto inspection = Parse(fields);
+    auto inspection = ParseFields(fields);
     EXPECT_TRUE(inspection.ok()) << inspection.status();
     const auto held = HoldPart(part, &*inspection);
     EXPECT_TRUE(held.ok()) << held.status();
@@ -165,25 +153,25 @@ TEST(PartHolding, ObstaclesThatCutAreNamedWithTheirVolume) {
 }
 
 TEST(DeriveLimits, FollowTheRequiredResolutionWhereNotGiven) {
-  auto plain = Parse("");
+  auto plain = ParseFields("");
   DeriveLimits(&*plain);
   EXPECT_EQ(plain->targets.max_pixel_footprint_m, 0.0015);
   EXPECT_EQ(plain->targets.max_depth_per_pixel_m, 0.003);
   auto fine =
-      Parse(R"("targets": {"required_resolution_m": 0.001, "max_depth_per_pixel_m": 0.01})");
+      ParseFields(R"("targets": {"required_resolution_m": 0.001, "max_depth_per_pixel_m": 0.01})");
   DeriveLimits(&*fine);
   EXPECT_EQ(fine->targets.max_pixel_footprint_m, 0.0005);
   EXPECT_EQ(fine->targets.max_depth_per_pixel_m, 0.01);
-  auto none = Parse(R"("targets": {"required_resolution_m": 0})");
+  auto none = ParseFields(R"("targets": {"required_resolution_m": 0})");
   DeriveLimits(&*none);
   EXPECT_FALSE(none->targets.max_pixel_footprint_m);
   EXPECT_FALSE(none->targets.max_depth_per_pixel_m);
-  auto uncertain = Parse(R"("uncertainty": {}, "tolerances": {"zone_width_m": 0.001},
+  auto uncertain = ParseFields(R"("uncertainty": {}, "tolerances": {"zone_width_m": 0.001},
                             "goal": {"admissible": 0.8})");
   ASSERT_TRUE(uncertain.ok()) << uncertain.status();
   DeriveLimits(&*uncertain);
   EXPECT_FALSE(uncertain->targets.max_depth_per_pixel_m);
-  EXPECT_THAT(ErrorOf(R"("targets": {"required_resolution_m": -1})"),
+  EXPECT_THAT(ErrorOfFields(R"("targets": {"required_resolution_m": -1})"),
               HasSubstr("targets.required_resolution_m"));
 }
 
@@ -227,7 +215,7 @@ TEST(Offsets, ThatAreGivenStay) {
 }
 
 TEST(MeasurementDomain, GoesOverTheWireAndBack) {
-  const auto inspection = Parse(
+  const auto inspection = ParseFields(
       R"("measurement": {"camera_distance_m": {"ranges": [{"min": 0.2, "max": 0.5}]},
          "triangulation_angle_deg": {"values": [-30, 30]}, "part_gamma_deg": {"fixed": 12.5},
          "resting_orientations": [{"part_alpha_deg": 89.7, "name": "x"}]})");

@@ -3,7 +3,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -11,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "tests/planner_client/diagnosis_client/found_diagnosis.h"
 
 namespace sightline {
 namespace {
@@ -19,12 +19,6 @@ namespace fs = std::filesystem;
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-
-constexpr char kSensor[] = R"({"sensor_type": "mono", "pixel_pitch_m": 5.3e-6,
-  "sensor_columns_px": 64, "sensor_rows_px": 48, "bit_depth_bit": 10,
-  "quantum_efficiency": {"mono": 0.5}, "gain_dn_per_electron": 0.16,
-  "saturation_capacity_electrons": 9893, "dark_mean_electrons": 27.5, "dark_noise_electrons": 6.5,
-  "dark_current_electrons_per_s": 0})";
 
 v1::Inspection MakeInspection() {
   v1::Inspection message;
@@ -57,20 +51,6 @@ v1::Recordings Nominal() {
       "recordings", &message);
   EXPECT_TRUE(status.ok()) << status;
   return message;
-}
-
-void AddDeviation(v1::Diagnosis* diagnosis, const std::string& name, double value) {
-  v1::FittedDeviation* deviation = diagnosis->mutable_model_fit()->add_deviations();
-  deviation->set_name(name);
-  deviation->set_value(value);
-  deviation->set_standard_uncertainty(std::abs(value));
-}
-
-void AddEffect(v1::Diagnosis* diagnosis, const std::string& id,
-               const std::vector<std::pair<std::string, double>>& parameters) {
-  v1::Effect* effect = diagnosis->add_calibrated_effects();
-  effect->set_effect(id);
-  for (const auto& [name, value] : parameters) (*effect->mutable_parameters())[name] = value;
 }
 
 TEST(CalibratedInspection, NothingFoundChangesNothing) {

@@ -9,6 +9,7 @@
 #include "core/part/load_part.h"
 #include "planner_client/diagnosis_client/calibrated_inspection.h"
 #include "planner_client/diagnosis_client/plate_inspection.h"
+#include "tests/planner_client/diagnosis_client/found_diagnosis.h"
 
 namespace sightline {
 namespace {
@@ -16,12 +17,6 @@ namespace {
 using ::testing::Contains;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
-
-constexpr char kSensor[] = R"({"sensor_type": "mono", "pixel_pitch_m": 5.3e-6,
-  "sensor_columns_px": 64, "sensor_rows_px": 48, "bit_depth_bit": 10,
-  "quantum_efficiency": {"mono": 0.5}, "gain_dn_per_electron": 0.16,
-  "saturation_capacity_electrons": 9893, "dark_mean_electrons": 27.5, "dark_noise_electrons": 6.5,
-  "dark_current_electrons_per_s": 0})";
 
 v1::Inspection PartInspection() {
   v1::Inspection message;
@@ -37,19 +32,6 @@ v1::Inspection PartInspection() {
                       "inspection", &message);
   EXPECT_TRUE(status.ok()) << status;
   return message;
-}
-
-void AddDeviation(v1::Diagnosis* diagnosis, const std::string& name, double value) {
-  v1::FittedDeviation* deviation = diagnosis->mutable_model_fit()->add_deviations();
-  deviation->set_name(name);
-  deviation->set_value(value);
-}
-
-void AddEffect(v1::Diagnosis* diagnosis, const std::string& id,
-               const std::vector<std::pair<std::string, double>>& parameters) {
-  v1::Effect* effect = diagnosis->add_calibrated_effects();
-  effect->set_effect(id);
-  for (const auto& [name, value] : parameters) (*effect->mutable_parameters())[name] = value;
 }
 
 TEST(CalibratedPart, NothingFoundChangesNothing) {
@@ -130,10 +112,7 @@ TEST(PlateInspection, SaysWhatTheRecordingsSay) {
   v1::Diagnosis diagnosis;
   for (const char* name : {"f_number_relative", "power_relative", "diffuse_albedo_relative",
                            "gain_relative", "focus_distance_relative", "transmission_relative"}) {
-    v1::FittedDeviation* deviation = diagnosis.mutable_model_fit()->add_deviations();
-    deviation->set_name(name);
-    deviation->set_value(0.02);
-    deviation->set_standard_uncertainty(0.02);
+    AddDeviation(&diagnosis, name, 0.02);
   }
   const CalibratedInspection result = CalibrateInspection(message, recordings, diagnosis);
   EXPECT_THAT(result.warnings, IsEmpty());

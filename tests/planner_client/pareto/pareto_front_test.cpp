@@ -4,7 +4,7 @@
 
 #include <vector>
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 
 namespace sightline {
 namespace {

@@ -85,6 +85,24 @@ std::string MarkupFault(const std::string& html) {
   return open.empty() ? "" : absl::StrCat("<", open.back(), "> is never closed");
 }
 
+std::string OutsideReference(const std::string& html) {
+  for (const char* text : {"<script", "http://", "https://", "@import", "url(", "onload"}) {
+    if (html.find(text) != std::string::npos) return text;
+  }
+  return "";
+}
+
+size_t CountOf(const std::string& text, const std::string& part) {
+  size_t count = 0;
+  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
+  return count;
+}
+
+std::string SectionOf(const std::string& html, const std::string& id) {
+  const size_t at = html.find("<section id=\"" + id + "\"");
+  return at == std::string::npos ? "" : html.substr(at, html.find("</section>", at) - at);
+}
+
 void SetAllTexts(Message* message, const std::string& text) {
   ForEachField(message, [&](Message* m, const FieldDescriptor* field) {
     if (field->type() != FieldDescriptor::TYPE_STRING) return;

@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 #include "tests/planner_client/robot/robot_files.h"
 
 namespace sightline {

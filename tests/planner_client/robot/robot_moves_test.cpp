@@ -7,7 +7,7 @@
 #include <cmath>
 #include <set>
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 #include "tests/planner_client/robot/cell_fixture.h"
 
 namespace sightline {

@@ -7,7 +7,7 @@
 
 #include "planner_client/commands/start/start_commands.h"
 #include "planner_client/effect_list/effect_list.h"
-#include "tests/planner_client/start/run_command.h"
+#include "tests/planner_client/run_command.h"
 
 namespace sightline {
 namespace {

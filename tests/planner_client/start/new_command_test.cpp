@@ -15,7 +15,7 @@
 #include "core/part/load_part.h"
 #include "planner_client/commands/start/start_commands.h"
 #include "planner_client/inspection_draft/inspection_draft.h"
-#include "tests/planner_client/start/run_command.h"
+#include "tests/planner_client/run_command.h"
 
 namespace sightline {
 namespace {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 
 namespace sightline {
 namespace {

@@ -4,7 +4,7 @@
 
 #include <set>
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 #include "tests/planner_client/analytic_oracle.h"
 
 namespace sightline {

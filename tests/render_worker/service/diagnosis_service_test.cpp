@@ -6,8 +6,6 @@
 #include <gtest/gtest.h>
 
 #include <atomic>
-#include <cstdlib>
-#include <filesystem>
 #include <fstream>
 #include <functional>
 #include <sstream>
@@ -15,19 +13,16 @@
 
 #include "absl/strings/str_cat.h"
 #include "planner_client/diagnosis_client/diagnosis_client.h"
-#include "planner_client/diagnosis_client/recorded_folder.h"
-#include "planner_client/render_client/render_client.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/image_file/image_file.h"
-#include "render_worker/service/render_server.h"
 #include "sightline/v1/diagnosis_service.grpc.pb.h"
 #include "sightline/v1/job_service.grpc.pb.h"
 #include "tests/render_worker/service/plate_spec.h"
+#include "tests/render_worker/service/recorded_set_fixture.h"
 
 namespace sightline {
 namespace {
 
-namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -63,54 +58,19 @@ absl::StatusOr<v1::Verification> EchoVerification(const RecordedSet& set,
   return answer;
 }
 
-class DiagnosisServiceTest : public ::testing::Test {
+class DiagnosisServiceTest : public RecordedSetTest {
  protected:
   // One rendered set for all tests.
-  static void SetUpTestSuite() {
-    set_folder_ = new std::string("/tmp/sightline-diagnosis-set-XXXXXX");
-    ASSERT_NE(mkdtemp(set_folder_->data()), nullptr);
-    RenderServerOptions options;
-    options.listen = "unix:" + *set_folder_ + "/s";
-    options.spool_folder = *set_folder_;
-    auto server = RenderServer::Start(options);
-    ASSERT_TRUE(server.ok()) << server.status();
-    RenderClientOptions client;
-    client.address = (*server)->address();
-    const auto files = RenderToFolder(client, PlateSpec(kRecordings), {}, *set_folder_ + "/set");
-    ASSERT_TRUE(files.ok()) << files.status();
-  }
-  static void TearDownTestSuite() {
-    fs::remove_all(*set_folder_);
-    delete set_folder_;
-  }
+  static void SetUpTestSuite() { rendered_ = new RenderedFolder(PlateSpec(kRecordings), {}); }
+  static void TearDownTestSuite() { delete rendered_; }
 
   void SetUp() override {
-    ASSERT_NE(mkdtemp(folder_.data()), nullptr);
-    fs::create_directories(folder_ + "/spool");
-    const auto set = ReadRecordedFolder(*set_folder_ + "/set");
-    ASSERT_TRUE(set.ok()) << set.status();
-    set_ = *set;
+    Open(rendered_->set());
     Start({Echo, EchoVerification});
-  }
-  void TearDown() override {
-    server_.reset();
-    // Nothing is left behind.
-    EXPECT_TRUE(fs::is_empty(folder_ + "/spool"));
-    fs::remove_all(folder_);
   }
 
   void Start(RecordingFunctions functions, int64_t max_set_bytes = int64_t{1} << 20) {
-    server_.reset();
-    RenderServerOptions options;
-    options.listen = "unix:" + folder_ + "/s";
-    options.spool_folder = folder_ + "/spool";
-    options.threads = 2;
-    options.max_set_bytes = max_set_bytes;
-    auto server = RenderServer::Start(options, std::move(functions));
-    ASSERT_TRUE(server.ok()) << server.status();
-    server_ = *std::move(server);
-    client_ = {};
-    client_.address = server_->address();
+    StartServer(std::move(functions), max_set_bytes);
     channel_ = OpenChannel(client_);
     service_ = v1::DiagnosisService::NewStub(channel_);
     jobs_ = v1::JobService::NewStub(channel_);
@@ -154,18 +114,14 @@ class DiagnosisServiceTest : public ::testing::Test {
     ASSERT_TRUE(call.WaitForJob(job_id).ok());
   }
 
-  static std::string* set_folder_;
+  static RenderedFolder* rendered_;
   const std::vector<AssetFile> no_images_;
-  std::string folder_ = "/tmp/sightline-diagnosis-test-XXXXXX";
-  RecordedFolder set_;
-  std::unique_ptr<RenderServer> server_;
-  WorkerClientOptions client_;
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::DiagnosisService::Stub> service_;
   std::unique_ptr<v1::JobService::Stub> jobs_;
 };
 
-std::string* DiagnosisServiceTest::set_folder_ = nullptr;
+RenderedFolder* DiagnosisServiceTest::rendered_ = nullptr;
 
 TEST_F(DiagnosisServiceTest, SetAndSettingsReachTheDiagnosis) {
   v1::CreateDiagnosisRequest request = Request();

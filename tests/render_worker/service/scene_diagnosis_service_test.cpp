@@ -5,23 +5,18 @@
 
 #include <algorithm>
 #include <atomic>
-#include <cstdlib>
-#include <filesystem>
 #include <functional>
 
 #include "absl/strings/str_cat.h"
 #include "core/recordings/part_inspection.h"
 #include "planner_client/diagnosis_client/diagnosis_client.h"
-#include "planner_client/diagnosis_client/recorded_folder.h"
-#include "planner_client/render_client/render_client.h"
 #include "proto/status/rpc_status.h"
-#include "render_worker/service/render_server.h"
 #include "tests/render_worker/scene_diagnosis/groove_scene.h"
+#include "tests/render_worker/service/recorded_set_fixture.h"
 
 namespace sightline {
 namespace {
 
-namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
@@ -43,19 +38,10 @@ absl::StatusOr<v1::Diagnosis> Echo(const RecordedScene& scene,
   return answer;
 }
 
-class SceneDiagnosisServiceTest : public ::testing::Test {
+class SceneDiagnosisServiceTest : public RecordedSetTest {
  protected:
   // A groove with the light that goes from flank to flank, rendered once for all tests.
   static void SetUpTestSuite() {
-    set_folder_ = new std::string("/tmp/sightline-scene-set-XXXXXX");
-    ASSERT_NE(mkdtemp(set_folder_->data()), nullptr);
-    RenderServerOptions options;
-    options.listen = "unix:" + *set_folder_ + "/s";
-    options.spool_folder = *set_folder_;
-    auto server = RenderServer::Start(options);
-    ASSERT_TRUE(server.ok()) << server.status();
-    RenderClientOptions client;
-    client.address = (*server)->address();
     v1::RenderSpec spec;
     v1::PartRender* part = spec.mutable_part();
     ASSERT_TRUE(
@@ -69,41 +55,13 @@ class SceneDiagnosisServiceTest : public ::testing::Test {
       frame->set_scan(1);
       frame->set_frame(i);
     }
-    const auto files =
-        RenderToFolder(client, spec, {{"groove.obj", kGrooveObj}}, *set_folder_ + "/set");
-    ASSERT_TRUE(files.ok()) << files.status();
+    rendered_ = new RenderedFolder(spec, {{"groove.obj", kGrooveObj}});
   }
-  static void TearDownTestSuite() {
-    fs::remove_all(*set_folder_);
-    delete set_folder_;
-  }
+  static void TearDownTestSuite() { delete rendered_; }
 
   void SetUp() override {
-    ASSERT_NE(mkdtemp(folder_.data()), nullptr);
-    fs::create_directories(folder_ + "/spool");
-    const auto set = ReadRecordedFolder(*set_folder_ + "/set");
-    ASSERT_TRUE(set.ok()) << set.status();
-    set_ = *set;
-    Start({.diagnose_scene = Echo});
-  }
-  void TearDown() override {
-    server_.reset();
-    // Nothing is left behind.
-    EXPECT_TRUE(fs::is_empty(folder_ + "/spool"));
-    fs::remove_all(folder_);
-  }
-
-  void Start(RecordingFunctions functions) {
-    server_.reset();
-    RenderServerOptions options;
-    options.listen = "unix:" + folder_ + "/s";
-    options.spool_folder = folder_ + "/spool";
-    options.threads = 2;
-    auto server = RenderServer::Start(options, std::move(functions));
-    ASSERT_TRUE(server.ok()) << server.status();
-    server_ = *std::move(server);
-    client_ = {};
-    client_.address = server_->address();
+    Open(rendered_->set());
+    StartServer({.diagnose_scene = Echo});
   }
 
   v1::CreateDiagnosisRequest Request() const {
@@ -117,18 +75,14 @@ class SceneDiagnosisServiceTest : public ::testing::Test {
     return DiagnoseRecordings(client_, request, set_.images, assets_);
   }
 
-  static std::string* set_folder_;
-  std::string folder_ = "/tmp/sightline-scene-test-XXXXXX";
-  RecordedFolder set_;
+  static RenderedFolder* rendered_;
   std::vector<AssetFile> assets_ = {{"groove.obj", kGrooveObj}};
-  std::unique_ptr<RenderServer> server_;
-  WorkerClientOptions client_;
 };
 
-std::string* SceneDiagnosisServiceTest::set_folder_ = nullptr;
+RenderedFolder* SceneDiagnosisServiceTest::rendered_ = nullptr;
 
 TEST_F(SceneDiagnosisServiceTest, FindsTheLightThatTheModelLacks) {
-  Start({.diagnose_scene = DiagnoseScene});
+  StartServer({.diagnose_scene = DiagnoseScene});
   double reported = 0;
   client_.on_progress = [&reported](double fraction, const std::string&) {
     EXPECT_GE(fraction, reported);
@@ -159,9 +113,9 @@ TEST_F(SceneDiagnosisServiceTest, SceneAndSettingsReachTheDiagnosis) {
 }
 
 TEST_F(SceneDiagnosisServiceTest, InterruptCancelsTheJob) {
-  Start({.diagnose_scene =
-             [](const RecordedScene&, const SceneDiagnosisSettings& settings,
-                const SceneDiagnosisProgress& progress) -> absl::StatusOr<v1::Diagnosis> {
+  StartServer({.diagnose_scene =
+                   [](const RecordedScene&, const SceneDiagnosisSettings& settings,
+                      const SceneDiagnosisProgress& progress) -> absl::StatusOr<v1::Diagnosis> {
     progress(0.5, "working");
     while (!*settings.cancelled) absl::SleepFor(absl::Milliseconds(1));
     return absl::CancelledError("stopped");
@@ -236,9 +190,10 @@ TEST_F(SceneDiagnosisServiceTest, AnotherUnitOrPartIsNoticed) {
 TEST_F(SceneDiagnosisServiceTest, OnlyWhatTheWorkerHas) {
   v1::CreateVerificationRequest verification;
   *verification.mutable_source()->mutable_recordings() = set_.recordings;
-  Start({.verify = [](const RecordedSet&, const VerificationSettings&, const DiagnosisProgress&) {
-    return absl::StatusOr<v1::Verification>(v1::Verification());
-  }});
+  StartServer(
+      {.verify = [](const RecordedSet&, const VerificationSettings&, const DiagnosisProgress&) {
+        return absl::StatusOr<v1::Verification>(v1::Verification());
+      }});
   EXPECT_TRUE(absl::IsUnimplemented(Diagnosed(Request()).status()));
   const absl::Status status = VerifyRecordings(client_, verification, set_.images).status();
   EXPECT_TRUE(absl::IsInvalidArgument(status)) << status;

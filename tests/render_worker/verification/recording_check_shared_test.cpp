@@ -1,12 +1,12 @@
-// Recordings that are as they are said to be, most of them with physics that the description leaves
-// out, are not accused.
+// Recordings of others where they lie beside the tree: they are as they are said to be, most of
+// them with physics that the description leaves out, and are not accused.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cstdlib>
 #include <filesystem>
 
-#include "core/recordings/check_recordings.h"
+#include "core/recordings/check/check_recordings.h"
 #include "core/recordings/load_images.h"
 
 namespace sightline {
@@ -27,27 +27,29 @@ std::vector<fs::path> SharedSets() {
   return sets;
 }
 
-TEST(RecordingCheckOfSharedSets, AccusesNone) {
-  const std::vector<fs::path> sets = SharedSets();
-  if (sets.empty()) GTEST_SKIP() << "skipped: no shared data";
-  for (const fs::path& folder : sets) {
-    const auto set = ReadRecordings((folder / "recordings.json").string());
-    ASSERT_TRUE(set.ok()) << set.status();
-    std::vector<std::string> paths;
-    for (const RecordedImage& image : set->recordings) {
-      paths.push_back((folder / image.file).string());
-    }
-    const LoadedImages loaded = *LoadRecordedImages(*set, paths);
-    const auto& images = loaded.raw_dn;
-    ASSERT_THAT(loaded.errors, testing::IsEmpty());
-    const RecordingCheck check = CheckRecordings(*set, images);
-    EXPECT_THAT(check.errors, testing::IsEmpty()) << folder;
-    // Strong effects may look like mistakes, and are worth a word; a null set is as described.
-    if (folder.filename().string().rfind("null_", 0) == 0) {
-      EXPECT_THAT(check.warnings, testing::IsEmpty()) << folder;
-    }
+class SharedSetTest : public ::testing::TestWithParam<fs::path> {};
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(SharedSetTest);
+
+TEST_P(SharedSetTest, IsNotAccused) {
+  const fs::path& folder = GetParam();
+  const auto set = ReadRecordings((folder / "recordings.json").string());
+  ASSERT_TRUE(set.ok()) << set.status();
+  std::vector<std::string> paths;
+  for (const RecordedImage& image : set->recordings) {
+    paths.push_back((folder / image.file).string());
+  }
+  const LoadedImages loaded = *LoadRecordedImages(*set, paths);
+  ASSERT_THAT(loaded.errors, testing::IsEmpty());
+  const RecordingCheck check = CheckRecordings(*set, loaded.raw_dn);
+  EXPECT_THAT(check.errors, testing::IsEmpty()) << folder;
+  // Strong effects may look like mistakes, and are worth a word; a null set is as described.
+  if (folder.filename().string().rfind("null_", 0) == 0) {
+    EXPECT_THAT(check.warnings, testing::IsEmpty()) << folder;
   }
 }
+
+INSTANTIATE_TEST_SUITE_P(Shared, SharedSetTest, ::testing::ValuesIn(SharedSets()),
+                         [](const auto& info) { return info.param.filename().string(); });
 
 }  // namespace
 }  // namespace sightline

@@ -12,7 +12,7 @@
 #include <numbers>
 
 #include "absl/strings/str_cat.h"
-#include "core/recordings/check_recordings.h"
+#include "core/recordings/check/check_recordings.h"
 #include "core/recordings/expected_line.h"
 #include "core/recordings/linearity.h"
 #include "core/recordings/load_images.h"

@@ -10,7 +10,7 @@
 #include "absl/status/status.h"
 #include "core/inspection/field_checks.h"
 #include "core/json/strict_json.h"
-#include "core/recordings/check_recordings.h"
+#include "core/recordings/check/check_recordings.h"
 #include "core/recordings/expected_line.h"
 #include "tests/render_worker/verification/small_set.h"
 

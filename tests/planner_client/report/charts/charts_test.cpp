@@ -16,6 +16,7 @@
 #include "planner_client/report/charts/region_map_picture.h"
 #include "planner_client/report/charts/xy_chart.h"
 #include "planner_client/report/recordings/line_range.h"
+#include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
 namespace {
@@ -25,12 +26,6 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
-size_t Count(const std::string& text, const std::string& part) {
-  size_t count = 0;
-  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
-  return count;
-}
 
 TEST(ChartScale, PutsTicksAtRoundNumbers) {
   ChartAxis axis;
@@ -86,9 +81,9 @@ TEST(XyChart, LeavesGapsWhereThereIsNoNumber) {
   XyChart chart;
   chart.series = {{"null", SeriesMark::kLineAndDots, {1, 2, 3, 4}, {1, kNaN, 3, 4}, {}, {}}};
   const std::string svg = XyChartSvg(chart);
-  EXPECT_EQ(Count(svg, "<circle"), 3u);
+  EXPECT_EQ(CountOf(svg, "<circle"), 3u);
   const std::smatch::string_type path = svg.substr(svg.find("d=\"M"));
-  EXPECT_EQ(Count(path.substr(0, path.find('/')), "M"), 2u);
+  EXPECT_EQ(CountOf(path.substr(0, path.find('/')), "M"), 2u);
   EXPECT_THAT(svg, Not(HasSubstr("nan")));
 }
 
@@ -97,8 +92,8 @@ TEST(XyChart, DrawsNothingBelowZeroOnALogarithmicAxis) {
   chart.y.logarithmic = true;
   chart.series = {{"observed", SeriesMark::kDots, {1, 2, 3}, {-1, 10, 100}, {5, 5, 5}, {}}};
   const std::string svg = XyChartSvg(chart);
-  EXPECT_EQ(Count(svg, "<circle"), 2u);
-  EXPECT_EQ(Count(svg, "class=\"band"), 1u);
+  EXPECT_EQ(CountOf(svg, "<circle"), 2u);
+  EXPECT_EQ(CountOf(svg, "class=\"band"), 1u);
   EXPECT_THAT(svg, Not(HasSubstr("nan")));
 }
 
@@ -108,7 +103,7 @@ TEST(XyChart, LeavesOutPointsBesideTheAxis) {
   chart.x.high = 4;
   chart.series = {{"observed", SeriesMark::kDots, {1, 2, 3, 4, 5}, {900, 1, 2, 3, 900}, {}, {}}};
   const std::string svg = XyChartSvg(chart);
-  EXPECT_EQ(Count(svg, "<circle"), 3u);
+  EXPECT_EQ(CountOf(svg, "<circle"), 3u);
   EXPECT_THAT(svg, Not(HasSubstr(">500<")));  // the others do not stretch the ordinate
 }
 
@@ -162,8 +157,8 @@ TEST(XyChart, RingsGoAroundDots) {
   XyChart chart;
   chart.series = {{"null", SeriesMark::kRings, {1}, {1}, {}, {"the best"}}};
   const std::string svg = XyChartSvg(chart);
-  EXPECT_EQ(Count(svg, "<circle class=\"ring null\""), 1u);
-  EXPECT_EQ(Count(svg, "<path"), 0u);
+  EXPECT_EQ(CountOf(svg, "<circle class=\"ring null\""), 1u);
+  EXPECT_EQ(CountOf(svg, "<path"), 0u);
   EXPECT_THAT(svg, HasSubstr("<title>the best</title>"));
 }
 
@@ -190,13 +185,13 @@ TEST(RegionMap, ColoursBySignAndSize) {
   const auto rectangles = [&](const std::string& css_class) {
     const size_t at = svg.find("class=\"" + css_class + "\" d=\"");
     if (at == std::string::npos) return size_t{0};
-    return Count(svg.substr(at, svg.find("/>", at) - at), "Z");
+    return CountOf(svg.substr(at, svg.find("/>", at) - at), "Z");
   };
   EXPECT_EQ(rectangles("more0"), 1u);
   EXPECT_EQ(rectangles("more2"), 1u);  // neighbours of one colour are one rectangle
   EXPECT_EQ(rectangles("less3"), 1u);
   EXPECT_EQ(rectangles("more6"), 1u);
-  EXPECT_EQ(Count(svg, "<path"), 4u);
+  EXPECT_EQ(CountOf(svg, "<path"), 4u);
 }
 
 TEST(RecordingBars, GoUpAboveOneAndDownBelow) {
@@ -213,15 +208,15 @@ TEST(RecordingBars, GoUpAboveOneAndDownBelow) {
   ASSERT_EQ(bars.size(), 2u);
   EXPECT_NEAR(bars[0].first + bars[0].second, bars[1].first, 0.2);  // they meet at 1
   EXPECT_NEAR(bars[0].second, bars[1].second, 0.2);                 // 4 is as far up as 1/4 down
-  EXPECT_EQ(Count(svg, "class=\"usual\""), 1u);
+  EXPECT_EQ(CountOf(svg, "class=\"usual\""), 1u);
 }
 
 TEST(RangeChart, DrawsIntervalsAndNotes) {
   RangeChart chart;
   chart.rows = {{"power", {{"null", 0.5, 0.2}, {"model", kNaN, 0.1}}, "0.5 <&> \u00b1"}};
   const std::string svg = RangeChartSvg(chart);
-  EXPECT_EQ(Count(svg, "<circle"), 1u);
-  EXPECT_EQ(Count(svg, "class=\"interval null\""), 1u);
+  EXPECT_EQ(CountOf(svg, "<circle"), 1u);
+  EXPECT_EQ(CountOf(svg, "class=\"interval null\""), 1u);
   EXPECT_THAT(svg, HasSubstr("0.5 &lt;&amp;&gt; \u00b1"));
 }
 

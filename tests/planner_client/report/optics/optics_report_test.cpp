@@ -30,17 +30,6 @@ std::string Render(const v1::OpticsPlan& optics, const v1::DeviceChoice* devices
   return html;
 }
 
-size_t Count(const std::string& text, const std::string& part) {
-  size_t count = 0;
-  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
-  return count;
-}
-
-std::string Section(const std::string& html, const std::string& id) {
-  const size_t at = html.find("<section id=\"" + id + "\"");
-  return at == std::string::npos ? "" : html.substr(at, html.find("</section>", at) - at);
-}
-
 OpticsCurve CurveOf(const v1::OpticsPlan& optics) {
   OpticsCurve curve;
   for (const v1::OpticsPoint& point : optics.curve()) curve.points.push_back(&point);
@@ -71,10 +60,10 @@ TEST(OpticsReport, NamesWhatElseIsSet) {
                                         "600\u202fmm, laser 5\u202fmW, sensor tilted by "
                                         "2.1\u00b0 about its rows</h1>"));
   // In the table only what some f-number has of its own.
-  EXPECT_THAT(Section(Render(optics), "curve"), Not(HasSubstr("further")));
+  EXPECT_THAT(SectionOf(Render(optics), "curve"), Not(HasSubstr("further")));
   *optics.mutable_curve(2)->mutable_setting() = optics.best().setting();
   optics.mutable_curve(4)->mutable_setting()->set_laser_power_w(0.001);
-  const std::string table = Section(Render(optics), "curve");
+  const std::string table = SectionOf(Render(optics), "curve");
   EXPECT_THAT(table, HasSubstr("second exposure 0.5\u202fms, laser 5\u202fmW, sensor tilted by "
                                "2.1\u00b0 about its rows</td>"));
   EXPECT_THAT(table, HasSubstr(">laser 1\u202fmW</td>"));
@@ -84,21 +73,21 @@ TEST(OpticsReport, NamesWhatElseIsSet) {
 }
 
 TEST(OpticsReport, DrawsWhatEveryFNumberCanDo) {
-  const std::string charts = Section(Render(SampleOptics()), "f-number");
-  EXPECT_EQ(Count(charts, "class=\"title\""), 4u);
+  const std::string charts = SectionOf(Render(SampleOptics()), "f-number");
+  EXPECT_EQ(CountOf(charts, "class=\"title\""), 4u);
   // f/2.8 and f/4 are as good as the best; the key has one more of each.
-  EXPECT_EQ(Count(charts, "class=\"dot model\""), 4u * 2 + 1);
-  EXPECT_EQ(Count(charts, "class=\"hollow model\""), 4u * 7 + 1);
-  EXPECT_EQ(Count(charts, "class=\"ring null\""), 4u + 1);
-  EXPECT_EQ(Count(charts, "class=\"band model\""), 4u + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"dot model\""), 4u * 2 + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"hollow model\""), 4u * 7 + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"ring null\""), 4u + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"band model\""), 4u + 1);
   // The real camera's u_px, and the constant exposure.
-  EXPECT_EQ(Count(charts, "class=\"dot blue\""), 2u);
-  EXPECT_EQ(Count(charts, "class=\"hollow blue\""), 7u);
-  EXPECT_EQ(Count(charts, "class=\"band blue\""), 1u);
-  EXPECT_EQ(Count(charts, "class=\"line dashed blue\""), 1u + 1);
-  EXPECT_EQ(Count(charts, "class=\"mark\""), 1u);  // the longest exposure time
+  EXPECT_EQ(CountOf(charts, "class=\"dot blue\""), 2u);
+  EXPECT_EQ(CountOf(charts, "class=\"hollow blue\""), 7u);
+  EXPECT_EQ(CountOf(charts, "class=\"band blue\""), 1u);
+  EXPECT_EQ(CountOf(charts, "class=\"line dashed blue\""), 1u + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"mark\""), 1u);  // the longest exposure time
   for (const char* f_number : {"1.4", "2", "2.8", "4", "5.6", "8", "11", "16", "22"}) {
-    EXPECT_EQ(Count(charts, "text-anchor=\"middle\">" + std::string(f_number) + "</text>"), 4u)
+    EXPECT_EQ(CountOf(charts, "text-anchor=\"middle\">" + std::string(f_number) + "</text>"), 4u)
         << f_number;
   }
   EXPECT_THAT(charts,
@@ -116,10 +105,10 @@ TEST(OpticsReport, DrawsNoRealCameraWithoutACorrection) {
     point.clear_constant_exposure_time_s();
   }
   const std::string html = Render(optics);
-  EXPECT_EQ(Count(Section(html, "f-number"), " blue\""), 0u);
+  EXPECT_EQ(CountOf(SectionOf(html, "f-number"), " blue\""), 0u);
   EXPECT_THAT(html, Not(HasSubstr("real camera")));
   EXPECT_THAT(html, HasSubstr("No verification was given"));
-  EXPECT_THAT(Section(html, "curve"), Not(HasSubstr(", real")));
+  EXPECT_THAT(SectionOf(html, "curve"), Not(HasSubstr(", real")));
 }
 
 // A band's ends are where its interval ends, not symmetric about the value.
@@ -181,7 +170,7 @@ TEST(OpticsReport, PointsLieInsideTheDrawing) {
 
 TEST(OpticsReport, DrawsCostAgainstExposureTime) {
   const v1::OpticsPlan optics = SampleOptics();
-  const std::string chart = Section(Render(optics), "exposure");
+  const std::string chart = SectionOf(Render(optics), "exposure");
   const std::regex line("<path class=\"line (dashed )?hue[0-9]+\" d=\"(M[^\"]*L[^\"]*)\"");
   size_t lines = 0;
   for (auto it = std::sregex_iterator(chart.begin(), chart.end(), line);
@@ -189,7 +178,7 @@ TEST(OpticsReport, DrawsCostAgainstExposureTime) {
     const std::string path = (*it)[2];
     if (path == "M1 6H23") continue;  // the key's
     ++lines;
-    EXPECT_EQ(Count(path, "L"), 23u);
+    EXPECT_EQ(CountOf(path, "L"), 23u);
     // The exposures were not asked for in order, but are drawn in it.
     const std::regex corner("[ML]([0-9.]+) ");
     double last = 0;
@@ -200,8 +189,8 @@ TEST(OpticsReport, DrawsCostAgainstExposureTime) {
     }
   }
   EXPECT_EQ(lines, 9u);
-  EXPECT_EQ(Count(chart, "class=\"dot hue"), 9u);
-  EXPECT_EQ(Count(chart, "class=\"ring null\""), 2u);
+  EXPECT_EQ(CountOf(chart, "class=\"dot hue"), 9u);
+  EXPECT_EQ(CountOf(chart, "class=\"ring null\""), 2u);
   EXPECT_THAT(chart, Not(HasSubstr("f-numbers are drawn")));
   EXPECT_THAT(chart, HasSubstr("</svg> f/5.6</span>"));
 }
@@ -217,8 +206,8 @@ TEST(OpticsReport, DrawsAtMostTwelveLinesTheBestAmongThem) {
   }
   for (const int best : {0, 1, 17, 38, 39}) {
     *optics.mutable_best() = optics.curve(best);
-    const std::string chart = Section(Render(optics), "exposure");
-    EXPECT_EQ(Count(chart, "class=\"dot hue"), 12u);
+    const std::string chart = SectionOf(Render(optics), "exposure");
+    EXPECT_EQ(CountOf(chart, "class=\"dot hue"), 12u);
     EXPECT_THAT(chart, HasSubstr("12 of 40 f-numbers are drawn."));
     EXPECT_THAT(chart,
                 HasSubstr("</svg> " + FNumberText(optics.curve(best).f_number()) + "</span>"));
@@ -226,8 +215,8 @@ TEST(OpticsReport, DrawsAtMostTwelveLinesTheBestAmongThem) {
 }
 
 TEST(OpticsReport, ListsTheCurve) {
-  const std::string table = Section(Render(SampleOptics()), "curve");
-  EXPECT_EQ(Count(table, "<tr>"), 1u + 9);
+  const std::string table = SectionOf(Render(SampleOptics()), "curve");
+  EXPECT_EQ(CountOf(table, "<tr>"), 1u + 9);
   for (const char* text :
        {">f/5.6<", ">37.632\u202fms<", "600\u202fmm<", "590.0\u202f\u2026\u202f620.0\u202fmm",
         "0.207\u202fpx", "0.187\u202f\u2026\u202f0.249\u202fpx", "0.244\u202fpx", "91.6\u202f%",
@@ -236,8 +225,8 @@ TEST(OpticsReport, ListsTheCurve) {
         "<td><strong>best</strong></td>"}) {
     EXPECT_THAT(table, HasSubstr(text));
   }
-  EXPECT_EQ(Count(table, "<td>yes</td>"), 1u);
-  EXPECT_EQ(Count(table, "<td>no</td>"), 7u);
+  EXPECT_EQ(CountOf(table, "<td>yes</td>"), 1u);
+  EXPECT_EQ(CountOf(table, "<td>no</td>"), 7u);
 }
 
 TEST(OpticsReport, SortsTheCurveByFNumber) {
@@ -249,22 +238,22 @@ TEST(OpticsReport, SortsTheCurveByFNumber) {
 
 TEST(OpticsReport, SaysWhatAFreedomIsWorth) {
   v1::OpticsPlan optics = SampleOptics();
-  std::string table = Section(Render(optics), "alternatives");
-  EXPECT_EQ(Count(table, "<tr>"), 1u + 2);
+  std::string table = SectionOf(Render(optics), "alternatives");
+  EXPECT_EQ(CountOf(table, "<tr>"), 1u + 2);
   for (const char* text : {"without a tilted sensor", "f/5.6, 37.632\u202fms", "0.502\u202fpx",
                            "0.113\u202fpx", "with one exposure", ">no<", ">yes<"}) {
     EXPECT_THAT(table, HasSubstr(text));
   }
   EXPECT_THAT(table, Not(HasSubstr("scan")));
   *optics.mutable_scans(1)->add_alternatives() = optics.common().alternatives(0);
-  table = Section(Render(optics), "alternatives");
+  table = SectionOf(Render(optics), "alternatives");
   EXPECT_THAT(table, HasSubstr("<td class=\"words\">all scans</td>"));
   EXPECT_THAT(table, HasSubstr("<td class=\"words\">scan 2</td>"));
 }
 
 TEST(OpticsReport, ListsScansBesideTheirCommonSetting) {
-  const std::string table = Section(Render(SampleOptics()), "scans");
-  EXPECT_EQ(Count(table, "<tr>"), 1u + 3);
+  const std::string table = SectionOf(Render(SampleOptics()), "scans");
+  EXPECT_EQ(CountOf(table, "<tr>"), 1u + 3);
   for (const char* text :
        {"all scans", ">scan 1<", ">scan 2<", "f/4, 19.2\u202fms, focus 600\u202fmm",
         "f/4 cannot be told apart from it.", "0.189\u202fpx", "92.5\u202f%", "41.5\u202fs",
@@ -274,14 +263,14 @@ TEST(OpticsReport, ListsScansBesideTheirCommonSetting) {
   }
   v1::OpticsPlan optics = SampleOptics();
   optics.mutable_scans(0)->clear_best();
-  EXPECT_THAT(Section(Render(optics), "scans"), HasSubstr("none was found"));
+  EXPECT_THAT(SectionOf(Render(optics), "scans"), HasSubstr("none was found"));
 }
 
 TEST(OpticsReport, ShowsTheFrames) {
   v1::OpticsPlan optics = SampleOptics();
-  std::string frames = Section(Render(optics), "frames");
-  EXPECT_EQ(Count(frames, "<img"), 7u);
-  EXPECT_EQ(Count(frames, "data:image/png;base64," + absl::Base64Escape("picture bytes")), 7u);
+  std::string frames = SectionOf(Render(optics), "frames");
+  EXPECT_EQ(CountOf(frames, "<img"), 7u);
+  EXPECT_EQ(CountOf(frames, "data:image/png;base64," + absl::Base64Escape("picture bytes")), 7u);
   for (const char* text :
        {"Scan 1, frame 12", "30\u202fmm", "45.0\u202f%", "1\u202f234", "0.187\u202fpx",
         "95.3\u202f%", "They represent 91.4\u202f%", "With one setting for all scans",
@@ -290,16 +279,16 @@ TEST(OpticsReport, ShowsTheFrames) {
   }
   optics.clear_scans();
   optics.mutable_common()->mutable_frames(0)->clear_picture_png();
-  frames = Section(Render(optics), "frames");
-  EXPECT_EQ(Count(frames, "<img"), 2u);
-  EXPECT_EQ(Count(frames, "class=\"card\""), 3u);
+  frames = SectionOf(Render(optics), "frames");
+  EXPECT_EQ(CountOf(frames, "<img"), 2u);
+  EXPECT_EQ(CountOf(frames, "class=\"card\""), 3u);
   EXPECT_THAT(frames, Not(HasSubstr("With one setting for all scans")));
 }
 
 TEST(OpticsReport, ListsDevicesTheChosenFirst) {
   v1::DeviceChoice devices = SampleDevices();
-  const std::string table = Section(Render(SampleOptics(), &devices), "devices");
-  EXPECT_EQ(Count(table, "<tr>"), 1u + 3);
+  const std::string table = SectionOf(Render(SampleOptics(), &devices), "devices");
+  EXPECT_EQ(CountOf(table, "<tr>"), 1u + 3);
   const size_t chosen = table.find("<strong>chosen</strong>");
   const size_t too_coarse = table.find("its pixels are too coarse for the finest tolerance");
   const size_t dearer = table.find("it costs 0.080 px more");
@@ -313,14 +302,14 @@ TEST(OpticsReport, ListsDevicesTheChosenFirst) {
     EXPECT_THAT(table, HasSubstr(text));
   }
   // What was not rendered has no results.
-  EXPECT_EQ(Count(table, "<td>\u2013</td>"), 6u);
+  EXPECT_EQ(CountOf(table, "<td>\u2013</td>"), 6u);
   for (int i = 0; i < 250; ++i) *devices.add_combinations() = devices.combinations(0);
-  EXPECT_THAT(Section(Render(SampleOptics(), &devices), "devices"),
+  EXPECT_THAT(SectionOf(Render(SampleOptics(), &devices), "devices"),
               HasSubstr("53 more combinations are in devices.json."));
 }
 
 TEST(OpticsReport, SaysHowItWasComputed) {
-  const std::string method = Section(Render(SampleOptics()), "method");
+  const std::string method = SectionOf(Render(SampleOptics()), "method");
   for (const char* text :
        {"eq. 6.5", "eq. 6.8", "95 of 100 cases", "standard error of the difference",
         "plate/verification.json", "15\u202f%", "6.2\u202f%", ">16<", "inspection Cylinder head",
@@ -331,15 +320,15 @@ TEST(OpticsReport, SaysHowItWasComputed) {
 
 TEST(OpticsReport, HasNoEmptySections) {
   const std::string html = Render(v1::OpticsPlan());
-  EXPECT_EQ(Count(html, "<section"), 1u);  // how it was computed
-  EXPECT_EQ(Count(html, "<table"), 0u);
-  EXPECT_EQ(Count(html, "<svg"), 0u);
+  EXPECT_EQ(CountOf(html, "<section"), 1u);  // how it was computed
+  EXPECT_EQ(CountOf(html, "<table"), 0u);
+  EXPECT_EQ(CountOf(html, "<svg"), 0u);
   EXPECT_THAT(html, HasSubstr("<h1>No setting was found</h1>"));
   const v1::DeviceChoice no_devices;
   EXPECT_EQ(Render(v1::OpticsPlan(), &no_devices), html);
 
   const v1::OpticsPlan full = SampleOptics();
-  EXPECT_EQ(Count(Render(full), "<section"), 7u);
+  EXPECT_EQ(CountOf(Render(full), "<section"), 7u);
   // Every part on its own may be missing, or hold messages without any field.
   const auto* descriptor = v1::OpticsPlan::descriptor();
   for (int i = 0; i < descriptor->field_count(); ++i) {
@@ -390,8 +379,7 @@ TEST(OpticsReport, EscapesEveryText) {
 }
 
 TEST(OpticsReport, SurvivesNumbersThatAreNone) {
-  for (const double value : {std::numeric_limits<double>::quiet_NaN(),
-                             std::numeric_limits<double>::infinity(), 0.0, -1.0, 1e300}) {
+  for (const double value : kOddNumbers) {
     v1::OpticsPlan optics = SampleOptics();
     v1::DeviceChoice devices = SampleDevices();
     SetAllNumbers(&optics, value);
@@ -403,9 +391,7 @@ TEST(OpticsReport, SurvivesNumbersThatAreNone) {
 TEST(OpticsReport, LoadsNothingAndRunsNothing) {
   const v1::DeviceChoice devices = SampleDevices();
   const std::string html = Render(SampleOptics(), &devices);
-  for (const char* text : {"<script", "http://", "https://", "@import", "url("}) {
-    EXPECT_THAT(html, Not(HasSubstr(text)));
-  }
+  EXPECT_EQ(OutsideReference(html), "");
 }
 
 TEST(OpticsReport, IsWrittenAsItIsRendered) {

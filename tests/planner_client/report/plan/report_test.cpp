@@ -12,7 +12,7 @@
 #include "planner_client/report/charts/coverage_curve.h"
 #include "planner_client/report/page/assets.h"
 #include "planner_client/report/page/html.h"
-#include "planner_client/report/plan/quality_section.h"
+#include "planner_client/report/plan/sections/quality_section.h"
 #include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {

@@ -6,7 +6,6 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
-#include <limits>
 #include <sstream>
 #include <string>
 
@@ -26,18 +25,6 @@ std::string Render(const v1::SensorDiagnosis& diagnosis) {
   return html.value_or("");
 }
 
-size_t Count(const std::string& text, const std::string& part) {
-  size_t count = 0;
-  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
-  return count;
-}
-
-std::string Section(const std::string& html, const std::string& id) {
-  const size_t begin = html.find("<section id=\"" + id + "\"");
-  if (begin == std::string::npos) return "";
-  return html.substr(begin, html.find("</section>", begin) - begin);
-}
-
 TEST(SensorReport, LeadsWithTheFinding) {
   const std::string html = Render(SampleSensorDiagnosis());
   EXPECT_THAT(html, HasSubstr("<h1>The camera answers with up to 2 % less than in proportion to "
@@ -50,7 +37,7 @@ TEST(SensorReport, LeadsWithTheFinding) {
 }
 
 TEST(SensorReport, SaysHowLargeADepartureIs) {
-  const std::string found = Section(Render(SampleSensorDiagnosis()), "departures");
+  const std::string found = SectionOf(Render(SampleSensorDiagnosis()), "departures");
   EXPECT_THAT(found, HasSubstr("Response nonlinearity"));
   EXPECT_THAT(found, HasSubstr("The signal falls short of proportion by 2 % at the top."));
   EXPECT_THAT(found, HasSubstr("<strong>\u22122.010\u202f\u00b1\u202f0.070\u202f%</strong>"));
@@ -61,8 +48,8 @@ TEST(SensorReport, SaysHowLargeADepartureIs) {
 }
 
 TEST(SensorReport, FoldsAwayWhatWasNotFound) {
-  const std::string others = Section(Render(SampleSensorDiagnosis()), "others");
-  EXPECT_EQ(Count(others, "<details>"), 2u);
+  const std::string others = SectionOf(Render(SampleSensorDiagnosis()), "others");
+  EXPECT_EQ(CountOf(others, "<details>"), 2u);
   EXPECT_THAT(others, HasSubstr("Looked for and not found: 1"));
   EXPECT_THAT(others, HasSubstr("Light drift"));
   EXPECT_THAT(others, HasSubstr("These images cannot show: 1"));
@@ -77,14 +64,14 @@ TEST(SensorReport, PlotsEveryStepAgainstBothModels) {
   }
   const size_t used = diagnosis.photon_transfer_size() - saturated;
   ASSERT_GT(saturated, 0u);
-  std::string charts = Section(Render(diagnosis), "photon-transfer");
+  std::string charts = SectionOf(Render(diagnosis), "photon-transfer");
   // The key has one more of each.
-  EXPECT_EQ(Count(charts, "class=\"dot observed\""), used + 1);
-  EXPECT_EQ(Count(charts, "class=\"hollow observed\""), saturated + 1);
-  EXPECT_EQ(Count(charts, "class=\"line dashed null\""), 1u + 1);
-  EXPECT_EQ(Count(charts, "class=\"line model\""), 1u + 1);
-  EXPECT_EQ(Count(charts, "class=\"hollow null\""), 2 * used + 1);
-  EXPECT_EQ(Count(charts, "class=\"dot model\""), 2 * used + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"dot observed\""), used + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"hollow observed\""), saturated + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"line dashed null\""), 1u + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"line model\""), 1u + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"hollow null\""), 2 * used + 1);
+  EXPECT_EQ(CountOf(charts, "class=\"dot model\""), 2 * used + 1);
   for (const char* axis : {"variance in time [DN\u00b2]", "signal over model \u2212 1 [%]",
                            "residual [standard errors]", "mean signal [DN]"}) {
     EXPECT_THAT(charts, HasSubstr(axis));
@@ -96,25 +83,25 @@ TEST(SensorReport, PlotsEveryStepAgainstBothModels) {
   diagnosis.set_finding("");
   const std::string html = Render(diagnosis);
   EXPECT_THAT(html, HasSubstr("<h1>These images agree with the linear model of EMVA 1288.</h1>"));
-  EXPECT_EQ(Section(html, "departures"), "");
-  charts = Section(html, "photon-transfer");
-  EXPECT_EQ(Count(charts, "model\""), 0u);
-  EXPECT_EQ(Count(charts, "class=\"hollow null\""), 2 * used + 1);
+  EXPECT_EQ(SectionOf(html, "departures"), "");
+  charts = SectionOf(html, "photon-transfer");
+  EXPECT_EQ(CountOf(charts, "model\""), 0u);
+  EXPECT_EQ(CountOf(charts, "class=\"hollow null\""), 2 * used + 1);
 }
 
 TEST(SensorReport, DrawsEveryCurve) {
-  const std::string curves = Section(Render(SampleSensorDiagnosis()), "curves");
-  EXPECT_EQ(Count(curves, "<svg"), 2u);
+  const std::string curves = SectionOf(Render(SampleSensorDiagnosis()), "curves");
+  EXPECT_EQ(CountOf(curves, "<svg"), 2u);
   EXPECT_THAT(curves, HasSubstr("<h3>Gain of rows</h3>"));
   EXPECT_THAT(curves, HasSubstr("row [px]"));
   EXPECT_THAT(curves, HasSubstr("part lost [%]"));
   // Dots of few values only; one curve has a band.
-  EXPECT_EQ(Count(curves, "class=\"dot model\""), 11u);
-  EXPECT_EQ(Count(curves, "class=\"band model\""), 1u);
+  EXPECT_EQ(CountOf(curves, "class=\"dot model\""), 11u);
+  EXPECT_EQ(CountOf(curves, "class=\"band model\""), 1u);
 }
 
 TEST(SensorReport, ComparesQuantitiesWithTheStandard) {
-  const std::string table = Section(Render(SampleSensorDiagnosis()), "quantities");
+  const std::string table = SectionOf(Render(SampleSensorDiagnosis()), "quantities");
   for (const char* text :
        {"Overall system gain", "<code>gain_dn_per_electron</code>",
         "<strong>0.12530\u202fDN/e\u207b</strong>", "0.12490\u202f\u2026\u202f0.12570",
@@ -127,8 +114,8 @@ TEST(SensorReport, ComparesQuantitiesWithTheStandard) {
 
 TEST(SensorReport, HasNoEmptySections) {
   const std::string html = Render(v1::SensorDiagnosis());
-  EXPECT_EQ(Count(html, "<section"), 0u);
-  EXPECT_EQ(Count(html, "<svg"), 0u);
+  EXPECT_EQ(CountOf(html, "<section"), 0u);
+  EXPECT_EQ(CountOf(html, "<svg"), 0u);
   v1::SensorDiagnosis bare;
   bare.add_quantities();
   bare.add_departures()->set_found(true);
@@ -147,8 +134,7 @@ TEST(SensorReport, EscapesEveryText) {
 }
 
 TEST(SensorReport, SurvivesNumbersThatAreNone) {
-  for (const double value : {std::numeric_limits<double>::quiet_NaN(),
-                             std::numeric_limits<double>::infinity(), 0.0, -1.0, 1e300}) {
+  for (const double value : kOddNumbers) {
     v1::SensorDiagnosis diagnosis = SampleSensorDiagnosis();
     SetAllNumbers(&diagnosis, value);
     Render(diagnosis);
@@ -157,9 +143,7 @@ TEST(SensorReport, SurvivesNumbersThatAreNone) {
 
 TEST(SensorReport, LoadsNothingAndRunsNothing) {
   const std::string html = Render(SampleSensorDiagnosis());
-  for (const char* text : {"<script", "http://", "https://", "@import", "url("}) {
-    EXPECT_THAT(html, Not(HasSubstr(text)));
-  }
+  EXPECT_EQ(OutsideReference(html), "");
 }
 
 TEST(SensorReport, RefusesListsThatDoNotFitTogether) {

@@ -3,11 +3,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <limits>
 #include <string>
 
 #include "absl/strings/escaping.h"
-#include "tests/planner_client/report/recordings/sample_diagnosis.h"
+#include "tests/planner_client/report/diagnosis/sample_diagnosis.h"
 #include "tests/planner_client/report/well_formed.h"
 
 namespace sightline {
@@ -21,12 +20,6 @@ std::string Render(const v1::Verification& verification) {
   EXPECT_TRUE(html.ok()) << html.status();
   EXPECT_EQ(MarkupFault(html.value_or("")), "");
   return html.value_or("");
-}
-
-size_t Count(const std::string& text, const std::string& part) {
-  size_t count = 0;
-  for (size_t at = text.find(part); at != std::string::npos; at = text.find(part, at + 1)) ++count;
-  return count;
 }
 
 TEST(VerificationReport, SaysHowFarTheSimulationIsOff) {
@@ -47,12 +40,12 @@ TEST(VerificationReport, PlotsEveryChannelAgainstEveryParameter) {
   // Four quantities against four parameters, 16 recordings a channel; two have simulated values.
   // The key has one more of each.
   for (const char* channel : {"red", "green", "blue"}) {
-    EXPECT_EQ(Count(charts, std::string("class=\"dot ") + channel), 4u * 4 * 16 + 1);
-    EXPECT_EQ(Count(charts, std::string("class=\"hollow ") + channel), 2u * 4 * 16 + 1);
+    EXPECT_EQ(CountOf(charts, std::string("class=\"dot ") + channel), 4u * 4 * 16 + 1);
+    EXPECT_EQ(CountOf(charts, std::string("class=\"hollow ") + channel), 2u * 4 * 16 + 1);
   }
   for (const char* axis :
        {"camera distance [mm]", "focus distance [mm]", ">f-number<", "normalised exposure [ms]"}) {
-    EXPECT_EQ(Count(charts, axis), std::string(axis)[0] == '>' ? 4u : 8u) << axis;  // and aria
+    EXPECT_EQ(CountOf(charts, axis), std::string(axis)[0] == '>' ? 4u : 8u) << axis;  // and aria
   }
 }
 
@@ -62,9 +55,9 @@ TEST(VerificationReport, ShowsProfilesAndCropsOfEveryRecording) {
   verification.mutable_recordings(3)->set_simulated_crop_png("simulated bytes");
   const std::string html = Render(verification);
   const std::string cards = html.substr(html.find("id=\"recordings\""));
-  EXPECT_EQ(Count(cards, "class=\"line red\""), 16u + 1);
-  EXPECT_EQ(Count(cards, "class=\"line dashed red\""), 16u + 1);
-  EXPECT_EQ(Count(cards, "<img"), 2u);
+  EXPECT_EQ(CountOf(cards, "class=\"line red\""), 16u + 1);
+  EXPECT_EQ(CountOf(cards, "class=\"line dashed red\""), 16u + 1);
+  EXPECT_EQ(CountOf(cards, "<img"), 2u);
   EXPECT_THAT(cards, HasSubstr("data:image/png;base64," + absl::Base64Escape("recorded bytes")));
   EXPECT_THAT(cards, HasSubstr("data:image/png;base64," + absl::Base64Escape("simulated bytes")));
   EXPECT_THAT(cards, HasSubstr("f/2.8, 3\u202fms, camera 400\u202fmm, focus 350\u202fmm"));
@@ -77,7 +70,7 @@ TEST(VerificationReport, LeavesOutWhatWasNotDetected) {
   channel->clear_e_u();
   verification.mutable_summary(0)->clear_mean_e_u();
   const std::string html = Render(verification);
-  EXPECT_EQ(Count(html, "class=\"dot green\""), 4u * 4 * 16 + 1 - 2 * 4);
+  EXPECT_EQ(CountOf(html, "class=\"dot green\""), 4u * 4 * 16 + 1 - 2 * 4);
   EXPECT_THAT(html, HasSubstr("<td>\u2013 / 0.240</td><td>\u2013</td><td>100 / 100</td>"));
   EXPECT_THAT(html, HasSubstr("<td>87 / 100</td>"));
   for (v1::ChannelSummary& summary : *verification.mutable_summary()) summary.clear_mean_e_u();
@@ -86,8 +79,8 @@ TEST(VerificationReport, LeavesOutWhatWasNotDetected) {
 
 TEST(VerificationReport, HasNoEmptySections) {
   const std::string html = Render(v1::Verification());
-  EXPECT_EQ(Count(html, "<section"), 1u);
-  EXPECT_EQ(Count(html, "<svg"), 0u);
+  EXPECT_EQ(CountOf(html, "<section"), 1u);
+  EXPECT_EQ(CountOf(html, "<svg"), 0u);
   v1::Verification bare;
   bare.add_recordings();
   bare.add_recordings()->add_channels();
@@ -102,8 +95,7 @@ TEST(VerificationReport, EscapesEveryText) {
 }
 
 TEST(VerificationReport, SurvivesNumbersThatAreNone) {
-  for (const double value : {std::numeric_limits<double>::quiet_NaN(),
-                             std::numeric_limits<double>::infinity(), 0.0, -1.0, 1e300}) {
+  for (const double value : kOddNumbers) {
     v1::Verification verification = SampleVerification();
     SetAllNumbers(&verification, value);
     Render(verification);
@@ -112,9 +104,7 @@ TEST(VerificationReport, SurvivesNumbersThatAreNone) {
 
 TEST(VerificationReport, LoadsNothingAndRunsNothing) {
   const std::string html = Render(SampleVerification());
-  for (const char* text : {"<script", "http://", "https://", "@import", "url("}) {
-    EXPECT_THAT(html, Not(HasSubstr(text)));
-  }
+  EXPECT_EQ(OutsideReference(html), "");
 }
 
 TEST(VerificationReport, RefusesListsThatDoNotFitTogether) {

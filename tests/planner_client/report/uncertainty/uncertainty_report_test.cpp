@@ -260,8 +260,7 @@ TEST(UncertaintyReport, SectionsAreWellFormedWhateverThePlanSays) {
   SetAllTexts(&data.plan, kHostile);
   EXPECT_EQ(MarkupFault(OwnSections(data)), "");
   EXPECT_THAT(Render(data), Not(HasSubstr("<script>alert")));
-  for (const double value : {std::numeric_limits<double>::quiet_NaN(),
-                             std::numeric_limits<double>::infinity(), 0.0, -1.0, 1e300}) {
+  for (const double value : kOddNumbers) {
     v1::PlanUncertainty& uncertainty = *data.plan.mutable_uncertainty();
     for (v1::FeatureVerdict& feature : *uncertainty.mutable_features())
       SetAllNumbers(&feature, value);

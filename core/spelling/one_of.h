@@ -1,0 +1,12 @@
+// Lists of allowed words in messages.
+#pragma once
+
+#include <string>
+#include <vector>
+
+namespace sightline {
+
+// "glb, stl or ply"; one word alone, nothing of none.
+std::string OneOf(const std::vector<std::string>& words);
+
+}  // namespace sightline

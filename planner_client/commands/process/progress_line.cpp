@@ -1,0 +1,66 @@
+#include "planner_client/commands/process/progress_line.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <cstdio>
+#include <nlohmann/json.hpp>
+
+#include "absl/strings/str_format.h"
+#include "planner_client/commands/help/terminal.h"
+
+namespace sightline {
+namespace {
+
+constexpr int kBarWidth = 20;
+constexpr auto kRedraw = std::chrono::milliseconds(100);
+constexpr auto kLogInterval = std::chrono::seconds(5);
+constexpr auto kJsonInterval = std::chrono::milliseconds(200);
+
+bool json_progress = false;
+
+}  // namespace
+
+void UseJsonProgress() { json_progress = true; }
+bool UsesJsonProgress() { return json_progress; }
+
+ProgressLine::ProgressLine(ProgressPhase phase)
+    : phase_(phase), terminal_(!json_progress && isatty(STDERR_FILENO) != 0) {}
+
+ProgressLine::~ProgressLine() { Finish(); }
+
+void ProgressLine::Show(double fraction, const std::string& text) {
+  const auto now = std::chrono::steady_clock::now();
+  const std::chrono::milliseconds interval = json_progress ? kJsonInterval
+                                             : terminal_   ? kRedraw
+                                                         : std::chrono::milliseconds(kLogInterval);
+  if (now - last_ < interval) return;
+  last_ = now;
+  fraction = std::clamp(fraction, 0.0, 1.0);
+  if (json_progress) {
+    const nlohmann::json line = {
+        {"progress", phase_.begin + fraction * (phase_.end - phase_.begin)}, {"message", text}};
+    std::fprintf(stderr, "%s\n",
+                 line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
+  } else if (terminal_) {
+    const int filled = static_cast<int>(fraction * kBarWidth + 0.5);
+    const std::string bar = std::string(filled, '#') + std::string(kBarWidth - filled, '.');
+    std::string line = absl::StrFormat("[%s] %3.0f %%  %s", bar, 100 * fraction, text);
+    // A line that wraps could not be drawn over; the last column would wrap on some terminals.
+    const size_t columns = TerminalColumns(STDERR_FILENO, 80) - 1;
+    if (line.size() > columns) line = line.substr(0, columns - 3) + "...";
+    std::fprintf(stderr, "\r\033[K%s", line.c_str());
+    std::fflush(stderr);
+    drawn_ = true;
+  } else {
+    std::fprintf(stderr, "%3.0f %%  %s\n", 100 * fraction, text.c_str());
+  }
+}
+
+void ProgressLine::Finish() {
+  if (drawn_) std::fputc('\n', stderr);
+  drawn_ = false;
+  last_ = {};
+}
+
+}  // namespace sightline

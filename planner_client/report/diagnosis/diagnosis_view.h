@@ -1,0 +1,34 @@
+// What every section of a diagnosis's report asks: the diagnosis itself and how it is spoken of.
+#pragma once
+
+#include <set>
+#include <string>
+
+#include "sightline/v1/diagnosis.pb.h"
+
+namespace sightline {
+
+// Holds references: what it is made from must outlive it.
+struct DiagnosisView {
+  DiagnosisView(const v1::Diagnosis& of, const std::string& folder);
+
+  // Null if the index names none.
+  const v1::Recording* RecordingAt(int index) const;
+
+  // Title and setup of a recording, as HTML.
+  std::string Caption(int index, const std::string& title_suffix = "") const;
+
+  // The model with something added, in words.
+  std::string ModelName() const;
+
+  // The most probable model with a name, which stands in `named_check`; empty: the null model.
+  std::string NamedModel() const;
+
+  const v1::Diagnosis& diagnosis;
+  const std::string& set_folder;  // holds the images; empty: none
+  bool has_model = false;         // something was added to the nominal description
+  bool of_part = false;           // recordings of a part, not of a plate
+  std::set<int> held_out;         // recordings that no fit has used; empty if all were, in turn
+};
+
+}  // namespace sightline

@@ -1,0 +1,79 @@
+#include "planner_client/report/plan/sections/setups_section.h"
+
+#include <cmath>
+#include <cstdint>
+
+#include "absl/strings/str_cat.h"
+#include "planner_client/report/page/html.h"
+#include "planner_client/report/page/number_text.h"
+
+namespace sightline {
+namespace {
+
+std::string Millimetres(double length_m, int decimals = 1) {
+  return FixedNumber(1e3 * length_m, decimals);
+}
+
+}  // namespace
+
+std::string SetupText(const v1::Plan& plan, const v1::PlannedScan& scan) {
+  if (!scan.has_resting_face() || scan.resting_face() < 0 ||
+      scan.resting_face() >= plan.resting_faces_size()) {
+    return "";
+  }
+  return absl::StrCat("lies on face ", plan.resting_faces(scan.resting_face()).name(), ", turned ",
+                      FixedNumber(scan.measurement().part_gamma_deg(), 1), "\u00b0; table ",
+                      Millimetres(std::abs(scan.table_height_m())), " mm ",
+                      scan.table_height_m() <= 0 ? "below" : "above", " the stage axis");
+}
+
+std::string SetupsHtml(const v1::Plan& plan, const std::vector<std::string>& pictures_png) {
+  std::string html;
+  if (plan.resting_faces_size() > 0) {
+    html +=
+        "<p class=\"soft\">The part is laid on the table on one of its faces and turned about the "
+        "vertical by \u03b3. Stability is the smallest tilt that topples it. \u03b1 and \u03b2 "
+        "bring the face down; its normal is in coordinates of the CAD model. The table\u2019s "
+        "height is that of its upper face over the axis of the stage.</p>\n"
+        "<div class=\"table-wrap\"><table id=\"setup-table\">\n<thead><tr><th>face</th><th></th>"
+        "<th>normal</th><th>\u03b1<br>\u00b0</th><th>\u03b2<br>\u00b0</th>"
+        "<th>stability<br>\u00b0</th><th>area<br>cm\u00b2</th><th>centre over table<br>mm</th>"
+        "<th class=\"words\">scans</th></tr></thead>\n<tbody>\n";
+    for (int f = 0; f < plan.resting_faces_size(); ++f) {
+      const v1::RestingFace& face = plan.resting_faces(f);
+      std::string picture, scans;
+      for (int i = 0; i < plan.scans_size(); ++i) {
+        const v1::PlannedScan& scan = plan.scans(i);
+        if (!scan.has_resting_face() || scan.resting_face() != f) continue;
+        absl::StrAppend(&scans, scans.empty() ? "" : "<br>", "scan ", scan.index(), ": turned ",
+                        FixedNumber(scan.measurement().part_gamma_deg(), 1), "\u00b0, table at ",
+                        Millimetres(scan.table_height_m()), " mm");
+        const auto index = static_cast<size_t>(i);
+        if (picture.empty() && index < pictures_png.size()) picture = pictures_png[index];
+      }
+      absl::StrAppend(
+          &html, "<tr><td class=\"strong\">", EscapeHtml(face.name()), "</td><td>",
+          picture.empty()
+              ? ""
+              : absl::StrCat("<img class=\"thumb\" alt=\"The part on face ",
+                             EscapeHtml(face.name()), "\" src=\"", PngDataUri(picture), "\">"),
+          "</td><td>", FixedNumber(face.normal().x(), 2), ", ", FixedNumber(face.normal().y(), 2),
+          ", ", FixedNumber(face.normal().z(), 2), "</td><td>",
+          FixedNumber(face.part_alpha_deg(), 2), "</td><td>", FixedNumber(face.part_beta_deg(), 2),
+          "</td><td>", face.stability_deg() > 0 ? FixedNumber(face.stability_deg(), 0) : "given",
+          "</td><td>", FixedNumber(1e4 * face.area_m2(), 1), "</td><td>",
+          Millimetres(face.centre_height_m()), "</td><td class=\"words\">", scans, "</td></tr>\n");
+    }
+    html += "</tbody></table></div>\n";
+  }
+  std::string remarks;
+  for (const v1::PlannedScan& scan : plan.scans()) {
+    for (const std::string& remark : scan.remarks()) {
+      absl::StrAppend(&remarks, "<li>scan ", scan.index(), ": ", EscapeHtml(remark), "</li>\n");
+    }
+  }
+  if (!remarks.empty()) absl::StrAppend(&html, "<ul>\n", remarks, "</ul>\n");
+  return html;
+}
+
+}  // namespace sightline

@@ -1,0 +1,57 @@
+// Rows of the job tables as values, and the statements that fetch them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/time/time.h"
+#include "planning_service/job_store/planning_job.h"
+#include "planning_service/job_store/sql_database.h"
+
+namespace sightline {
+
+// Columns of table job in the order that JobOfRow takes them.
+inline constexpr char kJobColumns[] =
+    "job_id, sequence, client, kind, request_id, fingerprint, priority, state, progress, message, "
+    "cancel_requested, attempts, crashes, failure_code, failure_reason, failure_message, "
+    "created_us, started_us, finished_us, revision, traceparent";
+inline constexpr char kServiceTime[] = "(SELECT value FROM counter WHERE name = 'service_us')";
+inline constexpr char kFinishedStates[] = "('SUCCEEDED', 'FAILED', 'CANCELLED')";
+
+// Whose names a file list belongs to; see table named_file.
+struct FileHolder {
+  std::string client;
+  std::string kind;
+  std::string id;
+};
+
+// Words of the database; an unknown one is a failed job.
+std::string StateText(JobState state);
+JobState StateOf(const std::string& text);
+
+// 0 is "never".
+int64_t UnixMicros(absl::Time time);
+absl::Time TimeOfMicros(int64_t micros);
+
+PlanningJob JobOfRow(const SqlRow& row);
+// Name, digest and size from `first_column` on.
+JobFile FileOfRow(const SqlRow& row, size_t first_column);
+
+// Row without task and files of the first job that fits.
+std::optional<PlanningJob> FindJobRow(SqlTransaction& sql, const std::string& where,
+                                      const std::vector<SqlValue>& parameters);
+
+// In the order they were given.
+std::vector<JobFile> FilesOf(SqlTransaction& sql, const FileHolder& holder);
+void ReplaceFiles(SqlTransaction& sql, const FileHolder& holder, const std::vector<JobFile>& files);
+
+// With task, files and results.
+std::optional<PlanningJob> FindJob(SqlTransaction& sql, const std::string& job_id);
+
+// Of a counter that every process shares.
+int64_t NextNumber(SqlTransaction& sql, const std::string& counter);
+
+}  // namespace sightline

@@ -1,0 +1,54 @@
+// Paths of incoherent light: lamps and ambient.
+#pragma once
+
+#include <Eigen/Core>
+#include <span>
+#include <vector>
+
+#include "render_worker/light_transport/lamps/lamp_sampling.h"
+#include "render_worker/light_transport/sampling.h"
+#include "render_worker/light_transport/scene.h"
+
+namespace sightline {
+
+// Unidirectional path tracing from the camera. Lamps: next-event estimation by solid angle,
+// combined with the rays that meet them by the power heuristic (Veach 1997). Ambient is the same
+// from all directions, so the rays drawn from the BRDF are all it needs. Grey scenes carry one
+// number along a path, others a spectrum.
+class PathTracer {
+ public:
+  // One output per channel weight; `scene` must outlive this.
+  PathTracer(const RayScene& scene, const std::vector<Spectrum>& channel_weights, int max_bounces);
+
+  int channels() const { return channels_; }
+
+  // Adds the light along one camera ray, whose first surface was found by the caller (null: none),
+  // to the channels. Both return the rays cast. What comes straight from lamps to the first surface
+  // or the camera, and ambient to the camera.
+  int AddDirect(const SurfacePoint* first, const Eigen::Vector3f& direction, PixelSamples& samples,
+                std::span<float> sums) const;
+  // All the rest. `inverse_distance_1_m`: to the next surface; 0: none met.
+  int AddReflected(const SurfacePoint& first, const Eigen::Vector3f& direction,
+                   PixelSamples& samples, std::span<float> sums, float& inverse_distance_1_m) const;
+
+ private:
+  template <class Value>
+  int Direct(const SurfacePoint* first, const Eigen::Vector3f& direction, PixelSamples& samples,
+             std::span<float> sums) const;
+  template <class Value>
+  int Reflected(const SurfacePoint& first, const Eigen::Vector3f& direction, PixelSamples& samples,
+                std::span<float> sums, float& inverse_distance_1_m) const;
+  // Light of one source times a factor; a spectrum for scenes that are not grey.
+  template <class Value>
+  class Sum;
+
+  const RayScene& scene_;
+  LampChoice lamps_;
+  int channels_;
+  int max_bounces_;
+  std::vector<Spectrum> sources_;  // what the lamps add to the ambient radiance, then that
+  std::vector<Spectrum> weights_;
+  std::vector<float> channel_radiance_;  // [source][channel]
+};
+
+}  // namespace sightline

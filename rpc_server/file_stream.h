@@ -1,0 +1,45 @@
+// Files that servers send piece by piece: a header, then chunks.
+#pragma once
+
+#include <grpcpp/server_context.h>
+#include <grpcpp/support/sync_stream.h>
+
+#include <algorithm>
+#include <cstddef>
+#include <cstdint>
+#include <fstream>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/strings/str_cat.h"
+#include "rpc_server/call_tracker.h"
+
+namespace sightline {
+
+inline constexpr int64_t kSentChunkBytes = 512 << 10;
+
+// Sends the bytes [`begin`, `end`) of the file at `path` in messages of `response` with
+// chunks. DATA_LOSS names the file by `name` if it has become shorter or cannot be read; errors of
+// writing and of a call that is to stop.
+template <typename Response>
+absl::Status SendChunks(CallTracker* calls, grpc::ServerContext* context,
+                        grpc::ServerWriter<Response>* writer, const std::string& path,
+                        const std::string& name, int64_t begin, int64_t end, Response* response) {
+  std::ifstream file(path, std::ios::binary);
+  file.seekg(begin);
+  std::string chunk;
+  for (int64_t left = end - begin; left > 0;) {
+    if (absl::Status stop = calls->CheckStop(context); !stop.ok()) return stop;
+    chunk.resize(static_cast<size_t>(std::min(left, kSentChunkBytes)));
+    if (!file.read(chunk.data(), static_cast<std::streamsize>(chunk.size()))) {
+      return absl::DataLossError(absl::StrCat(name, ": cannot be read any more"));
+    }
+    response->set_chunk(chunk);
+    absl::Status sent = calls->Write(context, [&] { return writer->Write(*response); });
+    if (!sent.ok()) return sent;
+    left -= static_cast<int64_t>(chunk.size());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace sightline

@@ -1,0 +1,118 @@
+// What `sightline` leaves in its output folder, and which files it does not read, as processes.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <sys/stat.h>
+
+#include <filesystem>
+#include <string>
+
+#include "core/file/folder_lock.h"
+#include "sightline/v1/plan.pb.h"
+#include "tests/integration/planning/box_process.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+constexpr char kInspection[] = R"({
+  "name": "box", "part": {"file": "box.obj", "unit": "mm"}, "targets": {"spacing_m": 0.004}
+})";
+
+class OutputFolderTest : public BoxProcessTest {
+ protected:
+  OutputFolderTest() : BoxProcessTest(kInspection) {}
+
+  std::pair<int, std::string> Plan(const std::string& options) const {
+    return Run(
+        absl::StrCat("plan inspection.json --out a --evaluations-per-scan 300 "
+                     "--bound-evaluations 0 --no-pictures --no-fresh-targets "
+                     "--field-directions 256 --goal 1 ",
+                     options));
+  }
+  bool Has(const std::string& file) const { return fs::exists(folder_ + "/" + file); }
+};
+
+TEST_F(OutputFolderTest, NothingStaysOfThePlanBefore) {
+  auto [code, output] = Plan("--max-scans 2");
+  ASSERT_EQ(code, 0) << output;
+  ASSERT_EQ(Read<v1::Plan>("a/plan.json").scans_size(), 2);
+  ASSERT_TRUE(Has("a/points/scan_02.ply"));
+  // What the plan has nothing to do with is the user's.
+  Write("a/points/notes.txt", "mine");
+  Write("a/points/scan_02_measured.ply", "mine");
+  Write("a/optics.json", "{}");
+  std::tie(code, output) = Plan("--max-scans 1");
+  ASSERT_EQ(code, 0) << output;
+  EXPECT_EQ(Read<v1::Plan>("a/plan.json").scans_size(), 1);
+  EXPECT_TRUE(Has("a/points/scan_01.ply"));
+  EXPECT_FALSE(Has("a/points/scan_02.ply"));
+  EXPECT_FALSE(Has("a/optics.json"));
+  EXPECT_TRUE(Has("a/points/notes.txt"));
+  EXPECT_TRUE(Has("a/points/scan_02_measured.ply"));
+  std::tie(code, output) = Plan("--max-scans 2 --resume --no-point-clouds");
+  ASSERT_EQ(code, 0) << output;
+  EXPECT_FALSE(Has("a/points/scan_01.ply"));
+  EXPECT_TRUE(Has("a/report.html"));
+  // Nothing of the lock or of trying whether the folder can be written to.
+  for (const auto& entry : fs::directory_iterator(folder_ + "/a")) {
+    EXPECT_NE(entry.path().filename().string()[0], '.') << entry.path();
+  }
+}
+
+TEST_F(OutputFolderTest, OneCommandAtATimeWritesThere) {
+  fs::create_directories(folder_ + "/a");
+  const auto lock = FolderLock::Take(folder_ + "/a");
+  ASSERT_TRUE(lock.ok()) << lock.status();
+  const auto [code, output] = Plan("--max-scans 1");
+  EXPECT_EQ(code, 1);
+  EXPECT_THAT(output, HasSubstr("--out a: another sightline command is writing there"));
+  EXPECT_FALSE(Has("a/plan.json"));
+}
+
+TEST_F(OutputFolderTest, AFolderThatCannotBeWrittenToIsFoundFirst) {
+  for (const char* out : {"inspection.json", "box.obj/a", "/proc/self/a"}) {
+    const auto [code, output] =
+        Run(absl::StrCat("plan inspection.json --bound-evaluations 0 --out ", out));
+    EXPECT_EQ(code, 2) << output;
+    EXPECT_THAT(output, HasSubstr(out));
+    EXPECT_THAT(output, testing::Not(HasSubstr("part:"))) << "work was begun";
+  }
+}
+
+TEST_F(OutputFolderTest, InputThatNeverEndsIsRefused) {
+  ASSERT_EQ(mkfifo((folder_ + "/pipe.json").c_str(), 0600), 0);
+  Write("pipe_part.json", R"({"part": {"file": "pipe.obj", "unit": "mm"}})");
+  ASSERT_EQ(mkfifo((folder_ + "/pipe.obj").c_str(), 0600), 0);
+  for (const char* input : {"pipe.json", "/dev/zero", "."}) {
+    for (const char* command : {"plan", "render", "optics"}) {
+      const auto [code, output] = Run(absl::StrCat(command, " ", input, " --out a"));
+      EXPECT_EQ(code, 2) << command << " " << output;
+      EXPECT_THAT(output, AllOf(HasSubstr(input), HasSubstr("file"))) << command;
+    }
+  }
+  const auto [code, output] = Run("plan pipe_part.json --out a");
+  EXPECT_EQ(code, 2);
+  EXPECT_THAT(output, HasSubstr("pipe.obj: is no regular file"));
+  Write("keys.json", "{\"\\u001b[31mred\": 1}");
+  const auto [keys_code, keys_output] = Run("plan keys.json --out a");
+  EXPECT_EQ(keys_code, 2);
+  EXPECT_THAT(keys_output, AllOf(HasSubstr("\\x1b[31mred"), testing::Not(HasSubstr("\x1b"))));
+}
+
+// Memory for the program, not enough for the file.
+TEST_F(OutputFolderTest, OutOfMemoryIsSaid) {
+  std::string zeros = "0";
+  for (int i = 0; i < 1'900'000; ++i) zeros += ",0";
+  Write("large.json", absl::StrCat("{\"obstacles\": [", zeros, "]}"));
+  const ProcessResult result =
+      RunProcess(absl::StrCat("cd ", folder_, " && (ulimit -v 400000; timeout 60 ", BinFolder(),
+                              "/sightline plan large.json --out a)"));
+  EXPECT_EQ(result.exit_code, 1) << result.output;
+  EXPECT_THAT(result.output, HasSubstr("sightline: out of memory"));
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,111 @@
+// `sightline plan`, `evaluate` and `compare` for uncertainty as processes, with the server they
+// start.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <filesystem>
+#include <string>
+
+#include "sightline/v1/plan.pb.h"
+#include "tests/integration/planning/box_process.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::HasSubstr;
+
+// Its top is toleranced, by hand.
+constexpr char kInspection[] = R"({
+  "name": "box", "part": {"file": "box.obj", "unit": "mm"},
+  "rig": {"part_holding": "PART_HOLDING_FREE"},
+  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}},
+  "tolerances": {"regions": [{"name": "top", "zone_width_m": 0.0002,
+    "min_m": {"x": -1, "y": -1, "z": 0.0199}, "max_m": {"x": 1, "y": 1, "z": 1}}]},
+  "targets": {"spacing_m": 0.002},
+  "goal": {"admissible": 0.8}
+})";
+
+class PlanProcessTest : public BoxProcessTest {
+ protected:
+  PlanProcessTest() : BoxProcessTest(kInspection) {}
+};
+
+TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
+  const std::string options =
+      " --evaluations-per-scan 500 --bound-evaluations 2000 --no-pictures --field-directions 576";
+  const auto [code, output] = Run("plan inspection.json --out a" + options);
+  ASSERT_EQ(code, 0) << output;
+  const v1::Plan plan = Read<v1::Plan>("a/plan.json");
+  const v1::PlanUncertainty& u = plan.uncertainty();
+  // Only the top is judged: 24 of 88 square centimetres.
+  EXPECT_GT(u.judged_targets(), 0);
+  EXPECT_NEAR(static_cast<double>(u.judged_targets()) /
+                  static_cast<double>(plan.coverage().measurable_targets()),
+              24.0 / 88, 0.05);
+  EXPECT_GE(u.admissible_fraction(), 0.8);
+  EXPECT_GE(u.fresh_admissible_fraction(), 0.8);
+  EXPECT_GE(u.relaxed_fraction(), u.admissible_fraction());
+  EXPECT_GE(u.bound().scans(), 0.5);
+  EXPECT_LE(u.bound().scans(), plan.scans_size() + 1e-6);
+  EXPECT_EQ(plan.scans(plan.scans_size() - 1).cumulative_admissible_targets(),
+            static_cast<int64_t>(u.admissible_fraction() * u.judged_targets() + 0.5));
+  EXPECT_GT(u.examined_points(), 0);
+  EXPECT_EQ(u.second_order_points(), 0);  // 0.1 px is nothing
+  ASSERT_EQ(u.features_size(), 1);
+  EXPECT_EQ(u.features(0).name(), "top");
+  EXPECT_EQ(u.features(0).targets(), u.judged_targets());
+  EXPECT_FALSE(u.features(0).because().empty());
+  for (const char* file : {"a/report.html", "a/setup.html", "a/uncertainty.ply", "a/plan.qif"}) {
+    EXPECT_TRUE(fs::exists(folder_ + "/" + file)) << file;
+  }
+
+  // Same seed, same bytes; and the same numbers when the plan is evaluated.
+  ASSERT_EQ(Run("plan inspection.json --out b" + options).first, 0);
+  EXPECT_EQ(Bytes("a/plan.json"), Bytes("b/plan.json"));
+  EXPECT_EQ(Bytes("a/uncertainty.ply"), Bytes("b/uncertainty.ply"));
+  const auto [evaluated, said] = Run("evaluate inspection.json a/plan.json --out c --ellipsoids");
+  ASSERT_EQ(evaluated, 0) << said;
+  EXPECT_EQ(Read<v1::Plan>("c/plan.json").uncertainty().admissible_fraction(),
+            u.admissible_fraction());
+  EXPECT_TRUE(fs::exists(folder_ + "/c/points/scan_01_ellipsoids.ply"));
+
+  // How finely each scan measures: in the middle of the image the angle is that of the rig.
+  const v1::Plan evaluated_plan = Read<v1::Plan>("c/plan.json");
+  for (int i = 0; i < plan.scans_size(); ++i) {
+    const v1::ScanQuality& quality = plan.scans(i).quality();
+    EXPECT_LE(quality.triangulation_angle_deg().low(),
+              std::abs(plan.scans(i).measurement().triangulation_angle_deg()) + 1e-6);
+    EXPECT_GE(quality.depth_per_pixel_m().low(), quality.pixel_footprint_m().low());
+    EXPECT_LE(quality.overlap(), 1);
+    // Angles go through degrees in between.
+    const v1::ScanQuality& again = evaluated_plan.scans(i).quality();
+    EXPECT_NEAR(again.depth_per_pixel_m().median(), quality.depth_per_pixel_m().median(), 1e-12);
+    EXPECT_NEAR(again.laser_incidence_deg().high(), quality.laser_incidence_deg().high(), 1e-9);
+    EXPECT_EQ(again.overlap(), quality.overlap());
+  }
+  EXPECT_THAT(Bytes("a/report.html"),
+              AllOf(HasSubstr("How finely each scan measures"), HasSubstr("href=\"setup.html\"")));
+  const ProcessResult exports =
+      RunProcess(absl::StrCat("/usr/bin/python3 -B ", SIGHTLINE_READ_EXPORTS, " ", folder_, "/a"));
+  EXPECT_EQ(exports.exit_code, 0) << exports.output;
+}
+
+TEST_F(PlanProcessTest, ComparesGainFunctions) {
+  const auto [code, output] =
+      Run("compare inspection.json --out d --strategies greedy-pso-1 --gains ra:0.4,tu,own "
+          "--seeds 1 --evaluations-per-scan 300");
+  ASSERT_EQ(code, 0) << output;
+  const std::string curves = Bytes("d/curves.csv");
+  for (const char* name :
+       {"greedy-pso-1 ra:0.4,1,1,", "greedy-pso-1 tu,1,1,", "greedy-pso-1 own,1,1,"}) {
+    EXPECT_THAT(curves, HasSubstr(name));
+  }
+  EXPECT_THAT(Run("compare inspection.json --out d --gains ra:2").second,
+              HasSubstr("\"ra:2\" is none of ra:ALPHA"));
+}
+
+}  // namespace
+}  // namespace sightline
