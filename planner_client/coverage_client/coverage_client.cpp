@@ -239,7 +239,10 @@ class CoverageClientImpl final : public CoverageClient {
         return absl::InternalError("server answered another number of explanations than asked");
       }
       for (const auto& explanation : responses[s].explanations()) {
-        const bool named = explanation.reason() == v1::UNCOVERED_REASON_OBSTACLE;
+        // A collision may be with the part.
+        const bool hidden = explanation.reason() == v1::UNCOVERED_REASON_OBSTACLE;
+        const bool named = hidden || (explanation.reason() == v1::UNCOVERED_REASON_COLLISION &&
+                                      explanation.obstacle() >= 0);
         if (!v1::UncoveredReason_IsValid(explanation.reason()) ||
             explanation.reason() == v1::UNCOVERED_REASON_UNSPECIFIED ||
             (named && (explanation.obstacle() < 0 ||

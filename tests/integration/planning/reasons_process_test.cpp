@@ -4,6 +4,7 @@
 
 #include <map>
 #include <string>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
@@ -115,6 +116,30 @@ TEST_F(ReasonsProcessTest, CountsReasonsOfAllTargetsAndOfRegions) {
   ASSERT_EQ(Run("evaluate inspection.json hand.json --out b --no-pictures --no-point-clouds").first,
             0);
   EXPECT_EQ(Bytes("a/plan.json"), Bytes("b/plan.json"));
+}
+
+TEST_F(ReasonsProcessTest, ACollisionNamesWhatIsTouched) {
+  // Where the camera's body is when it looks down from 0.4 m.
+  std::string beam = kClamp;
+  for (const auto& [from, to] :
+       {std::pair(" 22\n", " 440\n"), std::pair(" 24\n", " 460\n"), std::pair("v 30 ", "v -100 "),
+        std::pair("v 90 ", "v 100 "), std::pair(" -20 ", " -100 "), std::pair(" 60 ", " 100 ")}) {
+    beam = absl::StrReplaceAll(beam, {{from, to}});
+  }
+  Write("beam.obj", beam);
+  Write("beam.json", R"({"part": {"file": "box.obj", "unit": "mm"},
+    "obstacles": [{"name": "beam", "file": "beam.obj", "unit": "mm", "frame": "FRAME_WORLD"}],
+    "measurement": {"resting_orientations": [{"name": "bottom"}],
+                    "camera_distance_m": {"fixed": 0.4},
+                    "camera_polar_deg": {"ranges": [{"min": 0, "max": 3}]},
+                    "triangulation_angle_deg": {"ranges": [{"min": 15, "max": 40}]}},
+    "targets": {"required_resolution_m": 0}})");
+  const auto [code, output] =
+      Run("evaluate beam.json hand.json --out a --no-pictures --no-point-clouds");
+  ASSERT_EQ(code, 0) << output;
+  EXPECT_THAT(output, HasSubstr("camera or laser would touch beam ("));
+  const v1::PlanCoverage coverage = Read<v1::Plan>("a/plan.json").coverage();
+  EXPECT_GT(ByReason(coverage.uncovered())["UNCOVERED_REASON_COLLISION beam"], 0);
 }
 
 TEST_F(ReasonsProcessTest, RefusesARegionWithoutTargets) {
