@@ -12,6 +12,7 @@
 #include "core/json/strict_json.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/planning_session.h"
 #include "planner_client/commands/process/exit_code.h"
 #include "planner_client/commands/process/interrupt.h"

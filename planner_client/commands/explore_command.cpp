@@ -18,6 +18,7 @@
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/planning_session.h"
 #include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/commands/process/exit_code.h"

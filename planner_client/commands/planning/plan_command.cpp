@@ -16,6 +16,7 @@
 #include "planner_client/commands/planning/as_measured_session.h"
 #include "planner_client/commands/planning/pareto_outputs.h"
 #include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/plan_with_optics.h"
 #include "planner_client/commands/planning/planning_session.h"
 #include "planner_client/commands/process/exit_code.h"

@@ -15,8 +15,6 @@
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
 #include "core/json/strict_json.h"
-#include "core/part/load_part.h"
-#include "core/part/part_health_proto.h"
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/commands/planning/robot_outputs.h"
@@ -25,7 +23,6 @@
 #include "planner_client/commands/planning/uncertainty_outputs.h"
 #include "planner_client/commands/planning/uncovered_outputs.h"
 #include "planner_client/commands/process/output_folder.h"
-#include "planner_client/report/plan/plan_csv.h"
 #include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/requirements/feature_verdicts.h"
 #include "planner_client/strategy/scan_order.h"
@@ -39,29 +36,6 @@ v1::Pose ToPose(const Eigen::Matrix4d& matrix) {
     for (int column = 0; column < 4; ++column) pose.add_matrix(matrix(row, column));
   }
   return pose;
-}
-
-// Moves part and targets of a report to where the part was found, among the plan's poses.
-void ShowWhereItLies(const PlanningSession& session, ReportData* data) {
-  if (!session.measured) return;
-  const Eigen::Isometry3f to_stage = ToStage(session);
-  for (Eigen::Vector3f& place : data->mesh.positions_m) place = to_stage * place;
-  for (Eigen::Vector3f& place : data->targets.positions_m) place = to_stage * place;
-  for (Eigen::Vector3f& normal : data->targets.normals) normal = to_stage.linear() * normal;
-  for (const MeasuredPart::TargetDeviation& target : session.measured->deviations) {
-    data->deviations.push_back(
-        {target.position_m, target.normal, target.mean_m, target.significant});
-  }
-}
-
-// What moves with the part is known to the server in coordinates of the part as it was found.
-std::shared_ptr<const TriangleMesh> MeshWhereItLies(const PlanningSession& session,
-                                                    const CoverageTask::Obstacle& obstacle) {
-  if (!session.measured || obstacle.frame != ObstacleFrame::kPart) return obstacle.mesh;
-  TriangleMesh moved = *obstacle.mesh;
-  const Eigen::Isometry3f to_stage = ToStage(session);
-  for (Eigen::Vector3f& place : moved.positions_m) place = to_stage * place;
-  return std::make_shared<const TriangleMesh>(std::move(moved));
 }
 
 v1::PlannedScan DescribeScan(const PlanningSession& session, const ChosenScan& chosen) {
@@ -402,166 +376,6 @@ absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
     scans.locked.push_back(scan.locked());
   }
   return scans;
-}
-
-namespace {
-
-// scan_NN.ply or scan_NN_ellipsoids.ply
-bool IsPointCloud(absl::string_view name) {
-  if (!absl::ConsumePrefix(&name, "scan_") || !absl::ConsumeSuffix(&name, ".ply")) return false;
-  absl::ConsumeSuffix(&name, "_ellipsoids");
-  return name.size() >= 2 && std::all_of(name.begin(), name.end(), [](char c) {
-           return absl::ascii_isdigit(static_cast<unsigned char>(c));
-         });
-}
-
-// Files about the scans of the plan that was in the folder before.
-absl::Status RemoveEarlierPlan(const std::string& folder) {
-  namespace fs = std::filesystem;
-  absl::Status status = RemoveFiles(folder, {"report.html", "uncertainty.ply", "plan.qif"});
-  if (!status.ok()) return status;
-  const fs::path points = fs::path(folder) / "points";
-  std::vector<std::string> clouds;
-  std::error_code error;
-  for (fs::directory_iterator entry(points, error), end; !error && entry != end;
-       entry.increment(error)) {
-    const std::string name = entry->path().filename().string();
-    if (IsPointCloud(name)) clouds.push_back(name);
-  }
-  for (const std::string& cloud : clouds) {
-    if (status = RemoveFiles(points.string(), {cloud}); !status.ok()) return status;
-  }
-  fs::remove(points, error);  // if nothing else is in it
-  return absl::OkStatus();
-}
-
-}  // namespace
-
-absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder) {
-  if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
-  if (absl::Status removed = RemoveEarlierPlan(folder); !removed.ok()) return removed;
-  if (absl::Status status = WriteFileAtomically(folder + "/plan.json", ToJson(document.plan));
-      !status.ok())
-    return status;
-  return WriteFileAtomically(folder + "/plan.csv", PlanCsv(document.plan));
-}
-
-absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
-                              const OutputOptions& options) {
-  if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
-  const auto explaining = std::chrono::steady_clock::now();
-  if (absl::Status status = ExplainUncovered(session, &document); !status.ok()) return status;
-  const auto start = std::chrono::steady_clock::now();
-  if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
-  CoverageClient& client = *session.client;
-  ReportData data;
-  data.plan = document.plan;
-  data.health = PartHealthToProto(session.health);
-  data.part_name = std::filesystem::path(session.inspection.part_file).filename().string();
-  data.mesh = *session.part;
-  data.rig = session.inspection.rig;
-  data.targets = client.targets();
-  ShowWhereItLies(session, &data);
-  data.sampling = session.inspection.targets;
-  data.measurable = client.measurable();
-  data.reasons = document.reasons;
-  for (size_t i = 0; i < session.obstacles.size(); ++i) {
-    data.obstacles.push_back({session.obstacles[i].name,
-                              client.scene().spec.obstacles(static_cast<int>(i)).frame(),
-                              MeshWhereItLies(session, session.obstacles[i])});
-  }
-  if (session.robot) data.robot = RobotForReport(session, document.plan);
-  data.comparison = options.comparison;
-  data.pareto = options.pareto;
-  if (session.ForUncertainty()) {
-    data.uncertainty = TargetUncertaintiesOf(session, document);
-    absl::Status status =
-        WriteUncertaintyFiles(session, document, *data.uncertainty, options.folder);
-    if (!status.ok()) return status;
-    if (options.point_clouds) data.uncertainty->scan_sensitivities.resize(document.scans.size());
-  }
-
-  TargetBits covered(data.targets.size());
-  for (size_t i = 0; i < document.scans.size(); ++i) {
-    const ChosenScan& scan = document.scans[i];
-    covered |= scan.exact.covered;
-    ReportScan report;
-    report.covered = scan.exact.covered;
-    if (options.pictures) {
-      v1::RenderViewRequest request;
-      request.set_view(v1::RenderViewRequest::VIEW_FREE);
-      *request.mutable_measurement() = MeasurementToProto(scan.measurement);
-      const double middle = 0.5 * (scan.exact.first_frame + scan.exact.last_frame);
-      request.set_stage_position_m(std::round(middle) * session.inspection.rig.scan_step_m);
-      request.set_azimuth_deg(40);
-      request.set_elevation_deg(25);
-      request.set_columns_px(720);
-      request.set_rows_px(540);
-      request.set_covered_targets(covered.ToBytes());
-      auto png = client.RenderView(std::move(request));
-      if (!png.ok()) return png.status();
-      report.rendered_view_png = std::move(*png);
-    }
-    data.scans.push_back(std::move(report));
-    if (options.point_clouds) {
-      const std::string folder = options.folder + "/points";
-      if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
-      auto points = client.MeasurementPoints(scan.measurement);
-      if (absl::IsFailedPrecondition(points.status()))
-        continue;  // a scan given by hand that collides
-      if (!points.ok()) return points.status();
-      std::vector<Eigen::Vector3f> positions, normals;
-      const Eigen::Isometry3f to_stage = ToStage(session);
-      for (const ScanPoint& p : *points) {
-        positions.push_back(to_stage * p.position_m);
-        normals.push_back(to_stage.linear() * p.normal);
-      }
-      if (absl::Status status = WritePlyPoints(absl::StrFormat("%s/scan_%02d.ply", folder, i + 1),
-                                               positions, normals);
-          !status.ok()) {
-        return status;
-      }
-      if (!data.uncertainty) continue;
-      data.uncertainty->scan_sensitivities[i] = SensitivityOf(session, scan.measurement, *points);
-      for (Eigen::Vector3f& place : data.uncertainty->scan_sensitivities[i].positions_m) {
-        place = to_stage * place;
-      }
-      if (!options.ellipsoids) continue;
-      absl::Status status =
-          WriteEllipsoids(session, scan.measurement, *points,
-                          absl::StrFormat("%s/scan_%02d_ellipsoids.ply", folder, i + 1));
-      if (!status.ok()) return status;
-    }
-  }
-  if (options.pictures) {
-    for (const bool measurability : {true, false}) {
-      v1::RenderViewRequest request;
-      request.set_view(measurability ? v1::RenderViewRequest::VIEW_MEASURABILITY
-                                     : v1::RenderViewRequest::VIEW_COVERAGE);
-      request.set_azimuth_deg(-60);
-      request.set_elevation_deg(35);
-      request.set_columns_px(960);
-      request.set_rows_px(640);
-      if (!measurability) request.set_covered_targets(covered.ToBytes());
-      auto png = client.RenderView(std::move(request));
-      if (!png.ok()) return png.status();
-      (measurability ? data.measurability_png : data.coverage_png) = std::move(*png);
-    }
-  }
-  if (absl::Status status = WriteSetUpFiles(data, options.folder); !status.ok()) {
-    return status;
-  }
-  data.set_up_sheet = kSetUpSheetFile;
-  data.depth_per_pixel_m = DepthPerPixel(session, document, data.targets);
-  data.timings = options.timings;
-  data.timings.push_back(
-      {"reasons of uncovered targets", std::chrono::duration<double>(start - explaining).count()});
-  data.timings.push_back(
-      {"pictures and point clouds",
-       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
-  auto html = RenderReport(data);
-  if (!html.ok()) return html.status();
-  return WriteFileAtomically(options.folder + "/report.html", *html);
 }
 
 namespace {

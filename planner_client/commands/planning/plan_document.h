@@ -1,4 +1,4 @@
-// From chosen scans to plan.json and the files around it.
+// From chosen scans to the plan: poses, travel, numbers; and back from a plan file.
 #pragma once
 
 #include <string>
@@ -7,7 +7,6 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "planner_client/commands/planning/planning_session.h"
-#include "planner_client/report/plan/report.h"
 #include "planner_client/strategy/planner.h"
 #include "planner_client/strategy/scan_count_bound.h"
 #include "sightline/v1/plan.pb.h"
@@ -51,24 +50,6 @@ struct PlanFileScans {
   v1::Plan plan;
 };
 absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path);
-
-struct OutputOptions {
-  std::string folder;
-  bool pictures = true;
-  bool point_clouds = true;
-  bool ellipsoids = false;  // of plans for uncertainty: points/scan_NN_ellipsoids.ply
-  std::vector<NamedTiming> timings;
-  std::optional<ComparisonTable> comparison;
-  std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
-};
-
-// Writes plan.json and plan.csv; then, with the reasons why targets stay uncovered, plan.json
-// again, pictures, report.html and points/scan_NN.ply. plan.json comes first, so that an
-// interruption keeps it; before, what an earlier plan left in the folder about its scans goes
-// (report, point clouds, uncertainty). Prints nothing.
-absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder);
-absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
-                              const OutputOptions& options);
 
 // One paragraph for the terminal.
 std::string SummarisePlan(const v1::Plan& plan);

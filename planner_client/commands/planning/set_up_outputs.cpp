@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/parallel/for_each_index.h"
 #include "planner_client/commands/process/output_folder.h"
 #include "planner_client/exports/export_files.h"
 #include "planner_client/scan_quality/scan_quality.h"
@@ -58,9 +59,11 @@ absl::Status AddScanQuality(const PlanningSession& session, PlanDocument& docume
   const Rig rig = RigOfPoses(session);
   const Eigen::Isometry3f to_stage = ToStage(session);
   const std::vector<double> overlaps = Overlaps(CoveredBy(document));
-  for (size_t i = 0; i < document.scans.size(); ++i) {
+  std::vector<v1::PlannedScan*> scans;
+  for (v1::PlannedScan& scan : *document.plan.mutable_scans()) scans.push_back(&scan);
+  return ForEachIndex(document.scans.size(), [&](size_t i) -> absl::Status {
     const ChosenScan& scan = document.scans[i];
-    if (scan.exact.feasibility != ScanFeasibility::kFeasible) continue;
+    if (scan.exact.feasibility != ScanFeasibility::kFeasible) return absl::OkStatus();
     auto given = session.client->MeasurementPoints(scan.measurement);
     if (!given.ok()) return given.status();
     std::vector<MeasuredPoint> points;
@@ -71,12 +74,12 @@ absl::Status AddScanQuality(const PlanningSession& session, PlanDocument& docume
     }
     const std::optional<ScanQuality> quality =
         QualityOfScan(rig, scan.measurement, session.model_centre_m, points);
-    if (!quality) continue;
+    if (!quality) return absl::OkStatus();
     v1::ScanQuality message = ToProto(*quality);
     message.set_overlap(overlaps[i]);
-    *document.plan.mutable_scans(static_cast<int>(i))->mutable_quality() = std::move(message);
-  }
-  return absl::OkStatus();
+    *scans[i]->mutable_quality() = std::move(message);
+    return absl::OkStatus();
+  });
 }
 
 std::vector<float> DepthPerPixel(const PlanningSession& session, const PlanDocument& document,

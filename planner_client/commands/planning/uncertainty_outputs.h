@@ -7,6 +7,7 @@
 #include "absl/status/status.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/report/plan/report.h"
 #include "planner_client/report/uncertainty/target_uncertainty.h"
 
 namespace sightline {

@@ -1,0 +1,246 @@
+#include "planner_client/commands/planning/plan_outputs.h"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <filesystem>
+#include <memory>
+#include <system_error>
+#include <utility>
+
+#include "absl/strings/ascii.h"
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "absl/strings/string_view.h"
+#include "absl/strings/strip.h"
+#include "core/json/strict_json.h"
+#include "core/parallel/for_each_index.h"
+#include "core/part/load_part.h"
+#include "core/part/part_health_proto.h"
+#include "planner_client/commands/planning/robot_outputs.h"
+#include "planner_client/commands/planning/set_up_outputs.h"
+#include "planner_client/commands/planning/uncertainty_outputs.h"
+#include "planner_client/commands/planning/uncovered_outputs.h"
+#include "planner_client/commands/process/output_folder.h"
+#include "planner_client/report/plan/plan_csv.h"
+
+namespace sightline {
+namespace {
+
+// scan_NN.ply or scan_NN_ellipsoids.ply
+bool IsPointCloud(absl::string_view name) {
+  if (!absl::ConsumePrefix(&name, "scan_") || !absl::ConsumeSuffix(&name, ".ply")) return false;
+  absl::ConsumeSuffix(&name, "_ellipsoids");
+  return name.size() >= 2 && std::all_of(name.begin(), name.end(), [](char c) {
+           return absl::ascii_isdigit(static_cast<unsigned char>(c));
+         });
+}
+
+// Files about the scans of the plan that was in the folder before.
+absl::Status RemoveEarlierPlan(const std::string& folder) {
+  namespace fs = std::filesystem;
+  absl::Status status = RemoveFiles(folder, {"report.html", "uncertainty.ply", "plan.qif"});
+  if (!status.ok()) return status;
+  const fs::path points = fs::path(folder) / "points";
+  std::vector<std::string> clouds;
+  std::error_code error;
+  for (fs::directory_iterator entry(points, error), end; !error && entry != end;
+       entry.increment(error)) {
+    const std::string name = entry->path().filename().string();
+    if (IsPointCloud(name)) clouds.push_back(name);
+  }
+  for (const std::string& cloud : clouds) {
+    if (status = RemoveFiles(points.string(), {cloud}); !status.ok()) return status;
+  }
+  fs::remove(points, error);  // if nothing else is in it
+  return absl::OkStatus();
+}
+
+// Moves part and targets of a report to where the part was found, among the plan's poses.
+void ShowWhereItLies(const PlanningSession& session, ReportData* data) {
+  if (!session.measured) return;
+  const Eigen::Isometry3f to_stage = ToStage(session);
+  for (Eigen::Vector3f& place : data->mesh.positions_m) place = to_stage * place;
+  for (Eigen::Vector3f& place : data->targets.positions_m) place = to_stage * place;
+  for (Eigen::Vector3f& normal : data->targets.normals) normal = to_stage.linear() * normal;
+  for (const MeasuredPart::TargetDeviation& target : session.measured->deviations) {
+    data->deviations.push_back(
+        {target.position_m, target.normal, target.mean_m, target.significant});
+  }
+}
+
+// What moves with the part is known to the server in coordinates of the part as it was found.
+std::shared_ptr<const TriangleMesh> MeshWhereItLies(const PlanningSession& session,
+                                                    const CoverageTask::Obstacle& obstacle) {
+  if (!session.measured || obstacle.frame != ObstacleFrame::kPart) return obstacle.mesh;
+  TriangleMesh moved = *obstacle.mesh;
+  const Eigen::Isometry3f to_stage = ToStage(session);
+  for (Eigen::Vector3f& place : moved.positions_m) place = to_stage * place;
+  return std::make_shared<const TriangleMesh>(std::move(moved));
+}
+
+// All that a report says, apart from pictures and points.
+absl::StatusOr<ReportData> DescribeForReport(const PlanningSession& session,
+                                             const PlanDocument& document,
+                                             const OutputOptions& options) {
+  const CoverageClient& client = *session.client;
+  ReportData data;
+  data.plan = document.plan;
+  data.health = PartHealthToProto(session.health);
+  data.part_name = std::filesystem::path(session.inspection.part_file).filename().string();
+  data.mesh = *session.part;
+  data.rig = session.inspection.rig;
+  data.targets = client.targets();
+  ShowWhereItLies(session, &data);
+  data.sampling = session.inspection.targets;
+  data.measurable = session.client->measurable();
+  data.reasons = document.reasons;
+  for (size_t i = 0; i < session.obstacles.size(); ++i) {
+    data.obstacles.push_back({session.obstacles[i].name,
+                              client.scene().spec.obstacles(static_cast<int>(i)).frame(),
+                              MeshWhereItLies(session, session.obstacles[i])});
+  }
+  if (session.robot) data.robot = RobotForReport(session, document.plan);
+  data.comparison = options.comparison;
+  data.pareto = options.pareto;
+  if (session.ForUncertainty()) {
+    data.uncertainty = TargetUncertaintiesOf(session, document);
+    absl::Status status =
+        WriteUncertaintyFiles(session, document, *data.uncertainty, options.folder);
+    if (!status.ok()) return status;
+    if (options.point_clouds) data.uncertainty->scan_sensitivities.resize(document.scans.size());
+  }
+  return data;
+}
+
+// The part with the scan's rig in the middle of its travel; `covered` until then.
+absl::StatusOr<std::string> PictureOfScan(const PlanningSession& session, const ChosenScan& scan,
+                                          const TargetBits& covered) {
+  v1::RenderViewRequest request;
+  request.set_view(v1::RenderViewRequest::VIEW_FREE);
+  *request.mutable_measurement() = MeasurementToProto(scan.measurement);
+  const double middle = 0.5 * (scan.exact.first_frame + scan.exact.last_frame);
+  request.set_stage_position_m(std::round(middle) * session.inspection.rig.scan_step_m);
+  request.set_azimuth_deg(40);
+  request.set_elevation_deg(25);
+  request.set_columns_px(720);
+  request.set_rows_px(540);
+  request.set_covered_targets(covered.ToBytes());
+  return session.client->RenderView(std::move(request));
+}
+
+absl::StatusOr<std::string> PictureOfTargets(const PlanningSession& session,
+                                             v1::RenderViewRequest::View view,
+                                             const TargetBits& covered) {
+  v1::RenderViewRequest request;
+  request.set_view(view);
+  request.set_azimuth_deg(-60);
+  request.set_elevation_deg(35);
+  request.set_columns_px(960);
+  request.set_rows_px(640);
+  if (view == v1::RenderViewRequest::VIEW_COVERAGE) {
+    request.set_covered_targets(covered.ToBytes());
+  }
+  return session.client->RenderView(std::move(request));
+}
+
+// Of plans for uncertainty with the sensitivity of the scan's points, into `sensitivity`.
+absl::Status WritePointsOfScan(const PlanningSession& session, const ChosenScan& scan, size_t index,
+                               const OutputOptions& options, ScanSensitivityMap* sensitivity) {
+  const auto path = [&](const char* kind) {
+    return absl::StrFormat("%s/points/scan_%02d%s.ply", options.folder, index + 1, kind);
+  };
+  auto points = session.client->MeasurementPoints(scan.measurement);
+  // A scan given by hand that collides.
+  if (absl::IsFailedPrecondition(points.status())) return absl::OkStatus();
+  if (!points.ok()) return points.status();
+  std::vector<Eigen::Vector3f> positions, normals;
+  const Eigen::Isometry3f to_stage = ToStage(session);
+  for (const ScanPoint& p : *points) {
+    positions.push_back(to_stage * p.position_m);
+    normals.push_back(to_stage.linear() * p.normal);
+  }
+  absl::Status status = WritePlyPoints(path(""), positions, normals);
+  if (!status.ok() || sensitivity == nullptr) return status;
+  *sensitivity = SensitivityOf(session, scan.measurement, *points);
+  for (Eigen::Vector3f& place : sensitivity->positions_m) place = to_stage * place;
+  if (!options.ellipsoids) return absl::OkStatus();
+  return WriteEllipsoids(session, scan.measurement, *points, path("_ellipsoids"));
+}
+
+// Pictures and point clouds, of several scans at a time.
+absl::Status ShowScans(const PlanningSession& session, const PlanDocument& document,
+                       const OutputOptions& options, ReportData* data) {
+  std::vector<TargetBits> covered_until;
+  TargetBits covered(data->targets.size());
+  for (const ChosenScan& scan : document.scans) {
+    covered |= scan.exact.covered;
+    covered_until.push_back(covered);
+    data->scans.emplace_back().covered = scan.exact.covered;
+  }
+  if (options.point_clouds && !document.scans.empty()) {
+    absl::Status made = MakeOutputFolder(options.folder + "/points");
+    if (!made.ok()) return made;
+  }
+  const auto picture = [](absl::StatusOr<std::string> png, std::string* place) {
+    if (png.ok()) *place = *std::move(png);
+    return png.status();
+  };
+  absl::Status status = ForEachIndex(document.scans.size(), [&](size_t i) -> absl::Status {
+    const ChosenScan& scan = document.scans[i];
+    if (options.pictures) {
+      absl::Status shown = picture(PictureOfScan(session, scan, covered_until[i]),
+                                   &data->scans[i].rendered_view_png);
+      if (!shown.ok()) return shown;
+    }
+    if (!options.point_clouds) return absl::OkStatus();
+    return WritePointsOfScan(
+        session, scan, i, options,
+        data->uncertainty ? &data->uncertainty->scan_sensitivities[i] : nullptr);
+  });
+  if (!status.ok() || !options.pictures) return status;
+  using View = v1::RenderViewRequest;
+  status = picture(PictureOfTargets(session, View::VIEW_MEASURABILITY, covered),
+                   &data->measurability_png);
+  if (!status.ok()) return status;
+  return picture(PictureOfTargets(session, View::VIEW_COVERAGE, covered), &data->coverage_png);
+}
+
+}  // namespace
+
+absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder) {
+  if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
+  if (absl::Status removed = RemoveEarlierPlan(folder); !removed.ok()) return removed;
+  if (absl::Status status = WriteFileAtomically(folder + "/plan.json", ToJson(document.plan));
+      !status.ok())
+    return status;
+  return WriteFileAtomically(folder + "/plan.csv", PlanCsv(document.plan));
+}
+
+absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
+                              const OutputOptions& options) {
+  if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
+  const auto explaining = std::chrono::steady_clock::now();
+  if (absl::Status status = ExplainUncovered(session, &document); !status.ok()) return status;
+  const auto start = std::chrono::steady_clock::now();
+  if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
+  auto data = DescribeForReport(session, document, options);
+  if (!data.ok()) return data.status();
+  if (absl::Status status = ShowScans(session, document, options, &*data); !status.ok()) {
+    return status;
+  }
+  if (absl::Status status = WriteSetUpFiles(*data, options.folder); !status.ok()) return status;
+  data->set_up_sheet = kSetUpSheetFile;
+  data->depth_per_pixel_m = DepthPerPixel(session, document, data->targets);
+  data->timings = options.timings;
+  data->timings.push_back(
+      {"reasons of uncovered targets", std::chrono::duration<double>(start - explaining).count()});
+  data->timings.push_back(
+      {"pictures and point clouds",
+       std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
+  auto html = RenderReport(*data);
+  if (!html.ok()) return html.status();
+  return WriteFileAtomically(options.folder + "/report.html", *html);
+}
+
+}  // namespace sightline

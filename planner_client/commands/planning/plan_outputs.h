@@ -1,0 +1,34 @@
+// The files of a plan: plan.json and what stands beside it.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "absl/status/status.h"
+#include "planner_client/commands/planning/plan_document.h"
+#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/report/plan/report.h"
+#include "sightline/v1/pareto.pb.h"
+
+namespace sightline {
+
+struct OutputOptions {
+  std::string folder;
+  bool pictures = true;
+  bool point_clouds = true;
+  bool ellipsoids = false;  // of plans for uncertainty: points/scan_NN_ellipsoids.ply
+  std::vector<NamedTiming> timings;
+  std::optional<ComparisonTable> comparison;
+  std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
+};
+
+// Writes plan.json and plan.csv; then, with the reasons why targets stay uncovered, plan.json
+// again, pictures, report.html and points/scan_NN.ply. plan.json comes first, so that an
+// interruption keeps it; before, what an earlier plan left in the folder about its scans goes
+// (report, point clouds, uncertainty). Prints nothing.
+absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder);
+absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
+                              const OutputOptions& options);
+
+}  // namespace sightline
