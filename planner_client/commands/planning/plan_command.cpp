@@ -50,9 +50,9 @@ struct PlanOptions {
   std::optional<double> goal;
   std::optional<int> max_scans;
   std::optional<double> max_time_s;
-  int64_t evaluations_per_scan = 10000;
+  int64_t evaluations_per_scan = 5000;
   int64_t matrix_samples = 1500000;
-  int64_t bound_evaluations = 300000;
+  int64_t bound_evaluations = 100000;
   bool optics = false;
   int optics_rounds = 4;
   WorkerSessionOptions worker;

@@ -116,8 +116,8 @@ export const SECTIONS = [
     fields: [
       {type: 'choice', path: 'plan_options.strategy', label: 'Strategy', ...NONE, fallback: 'refined',
        choices: ['refined', 'greedy-pso', 'greedy-pso-1', 'greedy-ga', 'greedy-sa', 'greedy-cmaes', 'greedy-de', 'matrix']},
-      whole('plan_options.evaluations_per_scan', 'Evaluations per scan', NONE, '10000'),
-      whole('plan_options.bound_evaluations', 'Effort of the lower bound', NONE, '300000', {help: '0: none.'}),
+      whole('plan_options.evaluations_per_scan', 'Evaluations per scan', NONE, '5000'),
+      whole('plan_options.bound_evaluations', 'Effort of the lower bound', NONE, '100000', {help: '0: none.'}),
       flag('plan_options.no_pictures', 'Leave the pictures out of the report'),
       flag('plan_options.no_point_clouds', 'Leave the point clouds out'),
     ],
