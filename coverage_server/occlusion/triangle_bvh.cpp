@@ -43,14 +43,30 @@ double Zonotope::HalfExtent(const Eigen::Vector3d& direction) const {
   return extent;
 }
 
-TriangleBvh::TriangleBvh(const TriangleMesh& mesh) {
+TriangleBvh::TriangleBvh(const TriangleMesh& mesh, const std::atomic<bool>* cancelled) {
+  Build(mesh, cancelled);
+  if (cancelled == nullptr || !cancelled->load()) return;
+  nodes_.clear();
+  triangles_.clear();
+}
+
+void TriangleBvh::Build(const TriangleMesh& mesh, const std::atomic<bool>* cancelled) {
+  // Asked once per triangle and level; looks now and then.
+  auto stopped = [cancelled, asked = 0u]() mutable {
+    return cancelled != nullptr && ++asked % (1 << 16) == 0 &&
+           cancelled->load(std::memory_order_relaxed);
+  };
   const size_t count = mesh.triangles.size();
-  std::vector<Eigen::AlignedBox3f> boxes(count);
-  std::vector<Eigen::Vector3f> centres(count);
+  std::vector<Eigen::AlignedBox3f> boxes;
+  std::vector<Eigen::Vector3f> centres;
+  boxes.reserve(count);
+  centres.reserve(count);
   for (size_t t = 0; t < count; ++t) {
-    for (int c = 0; c < 3; ++c) boxes[t].extend(mesh.positions_m[mesh.triangles[t][c]]);
-    centres[t] = boxes[t].center();
-    bounds_.extend(boxes[t]);
+    if (stopped()) return;
+    Eigen::AlignedBox3f& box = boxes.emplace_back();
+    for (int c = 0; c < 3; ++c) box.extend(mesh.positions_m[mesh.triangles[t][c]]);
+    centres.push_back(box.center());
+    bounds_.extend(box);
   }
   std::vector<uint32_t> order(count);
   std::iota(order.begin(), order.end(), 0u);
@@ -71,6 +87,7 @@ TriangleBvh::TriangleBvh(const TriangleMesh& mesh) {
     stack.pop_back();
     Eigen::AlignedBox3f box, centre_box;
     for (uint32_t i = task.begin; i < task.end; ++i) {
+      if (stopped()) return;
       box.extend(boxes[order[i]]);
       centre_box.extend(centres[order[i]]);
     }
@@ -92,6 +109,7 @@ TriangleBvh::TriangleBvh(const TriangleMesh& mesh) {
       std::array<Eigen::AlignedBox3f, kBins> bin_box;
       std::array<uint32_t, kBins> bin_count{};
       for (uint32_t i = task.begin; i < task.end; ++i) {
+        if (stopped()) return;
         const int bin =
             std::min(kBins - 1, static_cast<int>(kBins * (centres[order[i]][axis] - low) / size));
         bin_box[bin].extend(boxes[order[i]]);
@@ -126,11 +144,15 @@ TriangleBvh::TriangleBvh(const TriangleMesh& mesh) {
     uint32_t middle;
     if (best_axis >= 0) {
       const float low = centre_box.min()[best_axis], size = centre_box.sizes()[best_axis];
+      bool stop = false;
       const auto it =
           std::partition(order.begin() + task.begin, order.begin() + task.end, [&](uint32_t t) {
+            stop = stop || stopped();
+            if (stop) return true;
             return std::min(kBins - 1, static_cast<int>(kBins * (centres[t][best_axis] - low) /
                                                         size)) <= best_bin;
           });
+      if (stop) return;
       middle = static_cast<uint32_t>(it - order.begin());
     } else {
       middle = task.begin + nodes_[task.node].count / 2;
@@ -144,18 +166,20 @@ TriangleBvh::TriangleBvh(const TriangleMesh& mesh) {
     stack.push_back({left, task.begin, middle, task.depth + 1});
   }
 
-  triangles_.resize(count);
+  triangles_.reserve(count);
   for (size_t i = 0; i < count; ++i) {
+    if (stopped()) return;
+    Triangle& triangle = triangles_.emplace_back();
     const auto& corners = mesh.triangles[order[i]];
     const Eigen::Vector3f a = mesh.positions_m[corners[0]];
     const Eigen::Vector3f e1 = mesh.positions_m[corners[1]] - a;
     const Eigen::Vector3f e2 = mesh.positions_m[corners[2]] - a;
     for (int k = 0; k < 3; ++k) {
-      triangles_[i].v[k] = a[k];
-      triangles_[i].e1[k] = e1[k];
-      triangles_[i].e2[k] = e2[k];
+      triangle.v[k] = a[k];
+      triangle.e1[k] = e1[k];
+      triangle.e2[k] = e2[k];
     }
-    triangles_[i].index = order[i];
+    triangle.index = order[i];
   }
 }
 

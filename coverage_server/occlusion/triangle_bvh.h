@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <span>
@@ -25,7 +26,8 @@ struct Zonotope {
 
 class TriangleBvh {
  public:
-  explicit TriangleBvh(const TriangleMesh& mesh);
+  // Without triangles if *cancelled meanwhile.
+  explicit TriangleBvh(const TriangleMesh& mesh, const std::atomic<bool>* cancelled = nullptr);
 
   // Kay-Kajiya box and Moeller-Trumbore triangle tests in float, both sides of a triangle occlude.
   // `from` is shared by eight segments; segment i ends at to[i] and hits only with parameter in
@@ -67,6 +69,8 @@ class TriangleBvh {
     float v[3], e1[3], e2[3];
     uint32_t index;
   };
+
+  void Build(const TriangleMesh& mesh, const std::atomic<bool>* cancelled);
 
   // Calls visit(triangle) for every triangle whose node meets the box, until it returns true.
   template <typename Visit>

@@ -8,7 +8,6 @@
 
 #include "absl/strings/str_format.h"
 #include "core/parallel/worker_threads.h"
-#include "core/resting/convex_hull.h"
 #include "core/targets/poisson_disk.h"
 #include "core/targets/target_regions.h"
 #include "coverage_server/explanation/explain_targets.h"
@@ -16,6 +15,7 @@
 #include "coverage_server/scan/exact_evaluator.h"
 #include "coverage_server/scan/fast_evaluator.h"
 #include "coverage_server/scan/target_lookup.h"
+#include "coverage_server/scene/hull_corners.h"
 #include "coverage_server/uncertainty/exact_inference.h"
 #include "coverage_server/uncertainty/information_estimator.h"
 #include "coverage_server/uncertainty/scan_points_cache.h"
@@ -38,8 +38,10 @@ double SecondsSince(std::chrono::steady_clock::time_point start) {
 }
 
 // A region of interest without a target would count as fully covered.
-absl::Status CheckRegionsHoldTargets(const TargetSet& targets, const TargetSampling& sampling) {
+absl::Status CheckRegionsHoldTargets(const TargetSet& targets, const TargetSampling& sampling,
+                                     const std::atomic<bool>* cancelled) {
   for (size_t r = 0; r < sampling.regions.size(); ++r) {
+    if (cancelled != nullptr && cancelled->load()) return absl::CancelledError("scene");
     const TargetRegion& region = sampling.regions[r];
     bool holds = false;
     for (size_t t = 0; t < targets.size() && !holds; ++t) holds = LiesInRegion(targets, t, region);
@@ -70,7 +72,8 @@ class CoverageSceneImpl final : public CoverageScene {
     auto targets = SampleTargets(definition_.part, definition_.sampling, options.cancelled);
     if (!targets.ok()) return targets.status();
     targets_ = std::move(*targets);
-    absl::Status regions = CheckRegionsHoldTargets(targets_, definition_.sampling);
+    absl::Status regions =
+        CheckRegionsHoldTargets(targets_, definition_.sampling, options.cancelled);
     if (!regions.ok()) return regions;
     timings_.targets_s = SecondsSince(start);
     const auto cancelled = [&] {
@@ -80,14 +83,15 @@ class CoverageSceneImpl final : public CoverageScene {
 
     start = std::chrono::steady_clock::now();
     report(0.05, "rendering the visibility field");
-    occluders_.push_back({ObstacleFrame::kPart, TriangleBvh(definition_.part)});
+    occluders_.push_back({ObstacleFrame::kPart, TriangleBvh(definition_.part, options.cancelled)});
     std::vector<const TriangleMesh*> fixtures;
     for (const SceneObstacle& obstacle : definition_.obstacles) {
       if (cancelled()) return absl::CancelledError("scene");
-      occluders_.push_back({obstacle.frame, TriangleBvh(obstacle.mesh)});
+      occluders_.push_back({obstacle.frame, TriangleBvh(obstacle.mesh, options.cancelled)});
       if (obstacle.frame == ObstacleFrame::kPart) fixtures.push_back(&obstacle.mesh);
     }
-    if (absl::Status status = FindTable(); !status.ok()) return status;
+    if (cancelled()) return absl::CancelledError("scene");
+    if (absl::Status status = FindTable(options.cancelled); !status.ok()) return status;
     TargetSampling probed = definition_.sampling;
     if (definition_.uncertainty) {
       priors_ = MakeTargetPriors(targets_, definition_.sampling, *definition_.uncertainty);
@@ -317,7 +321,7 @@ class CoverageSceneImpl final : public CoverageScene {
 
  private:
   // What obstacles on the table and boxes that travel along need to be known of the part.
-  absl::Status FindTable() {
+  absl::Status FindTable(const std::atomic<bool>* cancelled) {
     bool on_table = false;
     for (const SceneObstacle& obstacle : definition_.obstacles) {
       on_table = on_table || obstacle.frame == ObstacleFrame::kTable;
@@ -331,11 +335,11 @@ class CoverageSceneImpl final : public CoverageScene {
     }
     definition_.rig.part_hull_m.reset();
     if (!on_table) return absl::OkStatus();
-    auto hull = MakeConvexHull(definition_.part.positions_m);
-    if (!hull.ok()) return hull.status();
-    for (Eigen::Vector3d& corner : hull->corners_m) corner -= part_centre_m_;
+    auto corners = HullCorners(definition_.part.positions_m, cancelled);
+    if (!corners.ok()) return corners.status();
+    for (Eigen::Vector3d& corner : *corners) corner -= part_centre_m_;
     definition_.rig.part_hull_m =
-        std::make_shared<const std::vector<Eigen::Vector3d>>(std::move(hull->corners_m));
+        std::make_shared<const std::vector<Eigen::Vector3d>>(*std::move(corners));
     return absl::OkStatus();
   }
 

@@ -10,6 +10,7 @@
 
 #include "core/part/surface_geometry.h"
 #include "coverage_server/gl/gl_context.h"
+#include "coverage_server/occlusion/occluder_mesh.h"
 #include "coverage_server/visibility/octahedral_map.h"
 #include "coverage_server/visibility/visibility_field.h"
 
@@ -218,7 +219,7 @@ class TileRenderer {
 
   bool FacesAway(uint32_t cluster, const Eigen::Vector3f& d) const {
     if (!job_.cull_back_faces) return false;
-    const FieldCluster& c = job_.At<FieldCluster>(job_.clusters)[cluster];
+    const OccluderCluster& c = job_.At<OccluderCluster>(job_.clusters)[cluster];
     return -(c.cone_axis[0] * d.x() + c.cone_axis[1] * d.y() + c.cone_axis[2] * d.z()) >=
            c.cone_cutoff;
   }
@@ -226,7 +227,7 @@ class TileRenderer {
   template <typename Wanted>
   void Draw(const Eigen::Vector3f& d, Wanted wanted) {
     const GlFunctions& gl = context_->gl();
-    const auto* clusters = job_.At<FieldCluster>(job_.clusters);
+    const auto* clusters = job_.At<OccluderCluster>(job_.clusters);
     const auto* triangles = job_.At<uint32_t>(job_.triangles);
     const auto* normals = job_.At<float>(job_.triangle_normals);
     indices_.clear();
@@ -251,7 +252,7 @@ class TileRenderer {
   }
 
   bool ClusterVisible(uint32_t cluster, const OrthographicView& view) const {
-    const FieldCluster& c = job_.At<FieldCluster>(job_.clusters)[cluster];
+    const OccluderCluster& c = job_.At<OccluderCluster>(job_.clusters)[cluster];
     const float* vertices = job_.At<float>(job_.cluster_vertices) + 3 * c.first_vertex;
     const float slack = 1.5f * job_.pixel_size_m / view.depth_range;
     for (uint32_t i = 0; i < c.vertex_count; ++i) {

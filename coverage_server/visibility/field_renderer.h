@@ -38,15 +38,6 @@ struct FieldJob {
   }
 };
 
-// A group of neighbouring triangles that is drawn or skipped as a whole.
-struct FieldCluster {
-  uint32_t first_triangle, triangle_count;
-  uint32_t first_vertex, vertex_count;  // into cluster_vertices
-  // All its triangles face away from directions d with axis . d >= cutoff.
-  float cone_axis[3];
-  float cone_cutoff;
-};
-
 inline constexpr int kTileSide = 8;
 inline constexpr int32_t kTileWaiting = 0;
 inline constexpr int32_t kTileDone = -1;

@@ -1,24 +1,15 @@
 #include "coverage_server/visibility/visibility_field.h"
 
-#include <fcntl.h>
 #include <malloc.h>
-#include <meshoptimizer.h>
-#include <signal.h>
-#include <spawn.h>
 #include <sys/mman.h>
-#include <sys/prctl.h>
 #include <sys/wait.h>
-#include <unistd.h>
 
+#include <array>
 #include <bit>
-#include <cerrno>
 #include <chrono>
 #include <cmath>
-#include <cstdlib>
+#include <cstdio>
 #include <cstring>
-#include <filesystem>
-#include <iterator>
-#include <map>
 #include <new>
 #include <optional>
 #include <string>
@@ -28,182 +19,19 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/parallel/worker_threads.h"
+#include "coverage_server/occlusion/occluder_mesh.h"
 #include "coverage_server/visibility/field_renderer.h"
 #include "coverage_server/visibility/field_worker.h"
-
-extern char** environ;
+#include "coverage_server/worker_process/shared_memory.h"
+#include "coverage_server/worker_process/worker_process.h"
 
 namespace sightline {
 namespace {
 
-// A file in memory that worker processes map too.
-class SharedMemory {
- public:
-  static absl::StatusOr<SharedMemory> Make(const char* name, size_t bytes) {
-    SharedMemory memory;
-    memory.fd_ = memfd_create(name, MFD_CLOEXEC);
-    if (memory.fd_ < 0 || ftruncate(memory.fd_, static_cast<off_t>(bytes)) != 0) {
-      return absl::ResourceExhaustedError(
-          absl::StrCat("no shared memory of ", bytes, " bytes: ", std::strerror(errno)));
-    }
-    return memory;
-  }
-  SharedMemory(SharedMemory&& other) noexcept : fd_(std::exchange(other.fd_, -1)) {}
-  SharedMemory& operator=(SharedMemory&&) = delete;
-  ~SharedMemory() {
-    if (fd_ >= 0) close(fd_);
-  }
-  int fd() const { return fd_; }
-
- private:
-  SharedMemory() = default;
-  int fd_ = -1;
-};
-
-absl::StatusOr<void*> Map(int fd, size_t bytes) {
-  void* data = mmap(nullptr, bytes, PROT_READ | PROT_WRITE, MAP_SHARED, fd, 0);
-  if (data == MAP_FAILED) {
-    return absl::ResourceExhaustedError(
-        absl::StrCat("cannot map ", bytes, " bytes: ", std::strerror(errno)));
-  }
-  return data;
-}
-
-// Triangles of part and obstacles, simplified and grouped into clusters.
-struct OccluderMesh {
-  std::vector<float> vertices;
-  std::vector<uint32_t> triangles;
-  std::vector<float> normals;
-  std::vector<FieldCluster> clusters;
-  std::vector<float> cluster_vertices;
-  bool closed = true;
-};
+constexpr char kWorkerFlag[] = "--field-worker";
 
 bool IsSet(const std::atomic<bool>* flag) {
   return flag != nullptr && flag->load(std::memory_order_relaxed);
-}
-
-bool IsClosed(const TriangleMesh& mesh, const std::atomic<bool>* cancelled) {
-  // Every directed edge has its opposite exactly once: then back faces hide nothing that a front
-  // face does not hide too.
-  std::map<std::pair<uint32_t, uint32_t>, int> edges;
-  for (const auto& t : mesh.triangles) {
-    if (IsSet(cancelled)) return false;
-    for (int k = 0; k < 3; ++k) {
-      const uint32_t a = t[k], b = t[(k + 1) % 3];
-      if (a < b) {
-        ++edges[{a, b}];
-      } else {
-        --edges[{b, a}];
-      }
-    }
-  }
-  for (const auto& [edge, balance] : edges) {
-    if (balance != 0) return false;
-  }
-  return true;
-}
-
-// Points inside a triangle and on its edges, `spacing_m` apart: the middle of a large triangle may
-// be seen while its corners are hidden.
-template <typename AddPoint>
-void AddInnerPoints(const Eigen::Vector3f* corner, float spacing_m, const AddPoint& add_point) {
-  int longest = 0;
-  float length = 0;
-  for (int k = 0; k < 3; ++k) {
-    const float edge = (corner[(k + 1) % 3] - corner[k]).norm();
-    if (edge > length) longest = k, length = edge;
-  }
-  if (length <= spacing_m) return;
-  const Eigen::Vector3f a = corner[longest], b = corner[(longest + 1) % 3],
-                        apex = corner[(longest + 2) % 3];
-  const float height = (b - a).cross(apex - a).norm() / length;
-  constexpr int kMaxSteps = 64;
-  const int columns = std::min(kMaxSteps, static_cast<int>(std::ceil(length / spacing_m)));
-  const int rows = std::min(kMaxSteps, static_cast<int>(std::ceil(height / spacing_m)));
-  for (int j = 0; j < rows; ++j) {
-    const float up = static_cast<float>(j) / static_cast<float>(rows);
-    const int steps =
-        std::max(1, static_cast<int>(std::ceil(static_cast<float>(columns) * (1 - up))));
-    for (int i = j == 0 ? 1 : 0; i <= steps - (j == 0 ? 1 : 0); ++i) {
-      const float along = static_cast<float>(i) / static_cast<float>(steps);
-      add_point((1 - up) * (a + along * (b - a)) + up * apex);
-    }
-  }
-}
-
-// Stops early, with what is of no use, when *cancelled.
-OccluderMesh MakeOccluders(const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles,
-                           double simplification_m, float point_spacing_m,
-                           const std::atomic<bool>* cancelled) {
-  OccluderMesh result;
-  std::vector<uint32_t> indices;
-  std::vector<const TriangleMesh*> meshes = {&part};
-  meshes.insert(meshes.end(), obstacles.begin(), obstacles.end());
-  for (const TriangleMesh* mesh : meshes) {
-    result.closed = result.closed && IsClosed(*mesh, cancelled);
-    const auto base = static_cast<uint32_t>(result.vertices.size() / 3);
-    for (const auto& p : mesh->positions_m) {
-      result.vertices.insert(result.vertices.end(), {p.x(), p.y(), p.z()});
-    }
-    for (const auto& t : mesh->triangles) {
-      for (uint32_t v : t) indices.push_back(base + v);
-    }
-  }
-  const size_t vertex_count = result.vertices.size() / 3;
-  if (IsSet(cancelled)) return result;
-  if (simplification_m > 0 && !indices.empty()) {
-    const float scale = meshopt_simplifyScale(result.vertices.data(), vertex_count, 12);
-    std::vector<uint32_t> simplified(indices.size());
-    simplified.resize(meshopt_simplify(simplified.data(), indices.data(), indices.size(),
-                                       result.vertices.data(), vertex_count, 12, 0,
-                                       static_cast<float>(simplification_m) / scale, 0, nullptr));
-    if (!simplified.empty()) indices = std::move(simplified);
-  }
-  if (IsSet(cancelled)) return result;
-  constexpr size_t kMaxVertices = 64, kMaxTriangles = 32;
-  std::vector<meshopt_Meshlet> meshlets(
-      meshopt_buildMeshletsBound(indices.size(), kMaxVertices, kMaxTriangles));
-  std::vector<uint32_t> meshlet_vertices(meshlets.size() * kMaxVertices);
-  std::vector<unsigned char> meshlet_triangles(meshlets.size() * kMaxTriangles * 3);
-  meshlets.resize(meshopt_buildMeshlets(
-      meshlets.data(), meshlet_vertices.data(), meshlet_triangles.data(), indices.data(),
-      indices.size(), result.vertices.data(), vertex_count, 12, kMaxVertices, kMaxTriangles, 0.5f));
-  for (const meshopt_Meshlet& m : meshlets) {
-    if (IsSet(cancelled)) return result;
-    FieldCluster cluster{};
-    cluster.first_triangle = static_cast<uint32_t>(result.triangles.size() / 3);
-    cluster.triangle_count = m.triangle_count;
-    cluster.first_vertex = static_cast<uint32_t>(result.cluster_vertices.size() / 3);
-    const auto add_point = [&](const Eigen::Vector3f& p) {
-      result.cluster_vertices.insert(result.cluster_vertices.end(), {p.x(), p.y(), p.z()});
-    };
-    for (unsigned v = 0; v < m.vertex_count; ++v) {
-      add_point(Eigen::Map<const Eigen::Vector3f>(
-          &result.vertices[3 * meshlet_vertices[m.vertex_offset + v]]));
-    }
-    for (unsigned t = 0; t < m.triangle_count; ++t) {
-      Eigen::Vector3f corner[3];
-      for (int k = 0; k < 3; ++k) {
-        const uint32_t v =
-            meshlet_vertices[m.vertex_offset + meshlet_triangles[m.triangle_offset + 3 * t + k]];
-        result.triangles.push_back(v);
-        corner[k] = Eigen::Map<const Eigen::Vector3f>(&result.vertices[3 * v]);
-      }
-      const Eigen::Vector3f n = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
-      result.normals.insert(result.normals.end(), {n.x(), n.y(), n.z()});
-      AddInnerPoints(corner, point_spacing_m, add_point);
-    }
-    cluster.vertex_count =
-        static_cast<uint32_t>(result.cluster_vertices.size() / 3) - cluster.first_vertex;
-    const meshopt_Bounds bounds = meshopt_computeMeshletBounds(
-        &meshlet_vertices[m.vertex_offset], &meshlet_triangles[m.triangle_offset], m.triangle_count,
-        result.vertices.data(), vertex_count, 12);
-    for (int k = 0; k < 3; ++k) cluster.cone_axis[k] = bounds.cone_axis[k];
-    cluster.cone_cutoff = bounds.cone_cutoff >= 1 ? 2.0f : bounds.cone_cutoff;
-    result.clusters.push_back(cluster);
-  }
-  return result;
 }
 
 // Lays the job's arrays out one after the other.
@@ -219,18 +47,6 @@ class JobLayout {
  private:
   uint64_t bytes_ = (sizeof(FieldJob) + 63) / 64 * 64;
 };
-
-std::string WorkerProgram() {
-  std::error_code ignored;
-  std::vector<std::filesystem::path> folders = {
-      std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path()};
-  if (const char* folder = std::getenv("SIGHTLINE_BIN_DIR")) folders.emplace_back(folder);
-  for (const auto& folder : folders) {
-    const auto program = folder / "coverage_server";
-    if (access(program.c_str(), X_OK) == 0) return program.string();
-  }
-  return "";
-}
 
 // Directions just below a probe's horizon: the sensor may still be above it, so the cell takes over
 // what the probe sees from the nearest cell above.
@@ -280,60 +96,9 @@ struct WorkerMemory {
   size_t field_bytes;
 };
 
-// One worker process, killed if it still runs when this goes.
-class Worker {
- public:
-  // RESOURCE_EXHAUSTED: the system gives no more processes.
-  static absl::StatusOr<Worker> Start(const std::string& program, const WorkerMemory& memory,
-                                      int32_t number) {
-    posix_spawn_file_actions_t actions;
-    posix_spawn_file_actions_init(&actions);
-    // dup2 onto itself drops close-on-exec for the child only.
-    posix_spawn_file_actions_adddup2(&actions, memory.job_fd, memory.job_fd);
-    posix_spawn_file_actions_adddup2(&actions, memory.field_fd, memory.field_fd);
-    std::string arguments[] = {program,
-                               "--field-worker",
-                               absl::StrCat(memory.job_fd),
-                               absl::StrCat(memory.job_bytes),
-                               absl::StrCat(memory.field_fd),
-                               absl::StrCat(memory.field_bytes),
-                               absl::StrCat(number)};
-    char* argv[std::size(arguments) + 1] = {};
-    for (size_t i = 0; i < std::size(arguments); ++i) argv[i] = arguments[i].data();
-    pid_t pid = 0;
-    const int error = posix_spawn(&pid, program.c_str(), &actions, nullptr, argv, environ);
-    posix_spawn_file_actions_destroy(&actions);
-    if (error != 0) {
-      return absl::ResourceExhaustedError(
-          absl::StrCat("a visibility field worker cannot be started: ", std::strerror(error)));
-    }
-    return Worker(pid, number);
-  }
-  Worker(Worker&& other) noexcept : pid_(std::exchange(other.pid_, 0)), number_(other.number_) {}
-  Worker& operator=(Worker&& other) noexcept {
-    std::swap(pid_, other.pid_);
-    number_ = other.number_;
-    return *this;
-  }
-  ~Worker() {
-    if (pid_ <= 0) return;
-    kill(pid_, SIGKILL);
-    waitpid(pid_, nullptr, 0);
-  }
-
-  int32_t number() const { return number_; }
-  // How it ended, as of waitpid(); nothing while it runs.
-  std::optional<int> Ended() {
-    int state = 0;
-    if (waitpid(pid_, &state, WNOHANG) != pid_) return std::nullopt;
-    pid_ = 0;
-    return state;
-  }
-
- private:
-  Worker(pid_t pid, int32_t number) : pid_(pid), number_(number) {}
-  pid_t pid_;
-  int32_t number_;
+struct Worker {
+  WorkerProcess process;
+  int32_t number;
 };
 
 // What a worker that was killed had taken and not finished waits again.
@@ -353,9 +118,14 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
   std::vector<Worker> workers;
   int32_t next_number = 1;
   const auto start = [&]() -> absl::Status {
-    absl::StatusOr<Worker> worker = Worker::Start(program, memory, next_number++);
-    if (worker.ok()) workers.push_back(*std::move(worker));
-    return worker.status();
+    const int32_t number = next_number++;
+    absl::StatusOr<WorkerProcess> process = WorkerProcess::Start(
+        program,
+        {kWorkerFlag, absl::StrCat(memory.job_fd), absl::StrCat(memory.job_bytes),
+         absl::StrCat(memory.field_fd), absl::StrCat(memory.field_bytes), absl::StrCat(number)},
+        std::array{memory.job_fd, memory.field_fd});
+    if (process.ok()) workers.push_back({*std::move(process), number});
+    return process.status();
   };
   for (int i = 0; i < processes; ++i) {
     // With fewer it takes longer.
@@ -375,12 +145,12 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
       options.on_progress(std::min(1.0, static_cast<double>(job.directions_done.load()) / total));
     }
     for (size_t i = 0; i < workers.size();) {
-      const std::optional<int> state = workers[i].Ended();
+      const std::optional<int> state = workers[i].process.Ended();
       if (!state) {
         ++i;
         continue;
       }
-      const int32_t number = workers[i].number();
+      const int32_t number = workers[i].number;
       workers.erase(workers.begin() + static_cast<ptrdiff_t>(i));
       if (WIFEXITED(*state) && WEXITSTATUS(*state) == 0) continue;
       if (!WIFSIGNALED(*state)) {
@@ -427,14 +197,18 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   const auto pixel_size_m = static_cast<float>(
       options.pixel_size_m > 0 ? options.pixel_size_m : box.sizes().norm() / kPixelsPerDiagonal);
   constexpr float kClusterPointSpacingPx = 8;
-  const OccluderMesh mesh = MakeOccluders(part, obstacles, options.simplification_m,
-                                          kClusterPointSpacingPx * pixel_size_m, options.cancelled);
-  if (IsSet(options.cancelled)) return absl::CancelledError("visibility field");
+  const absl::StatusOr<OccluderMesh> made =
+      MakeOccluderMesh(part, obstacles,
+                       {.simplification_m = options.simplification_m,
+                        .point_spacing_m = kClusterPointSpacingPx * pixel_size_m},
+                       options.cancelled);
+  if (!made.ok()) return made.status();
+  const OccluderMesh& mesh = *made;
   JobLayout layout;
   const uint64_t vertices = layout.Add(mesh.vertices.size() * 4);
   const uint64_t triangles = layout.Add(mesh.triangles.size() * 4);
   const uint64_t normals = layout.Add(mesh.normals.size() * 4);
-  const uint64_t clusters = layout.Add(mesh.clusters.size() * sizeof(FieldCluster));
+  const uint64_t clusters = layout.Add(mesh.clusters.size() * sizeof(OccluderCluster));
   const uint64_t cluster_vertices = layout.Add(mesh.cluster_vertices.size() * 4);
   const uint64_t probe_offset = layout.Add(6 * kProbesPerTarget * padded * 4);
   const uint64_t tiles =
@@ -444,10 +218,10 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   if (!job_memory.ok()) return job_memory.status();
   auto field_memory = SharedMemory::Make("sightline-field", field->bytes());
   if (!field_memory.ok()) return field_memory.status();
-  auto field_data = Map(field_memory->fd(), field->bytes());
+  auto field_data = MapShared(field_memory->fd(), field->bytes());
   if (!field_data.ok()) return field_data.status();
   field->data_ = {static_cast<uint8_t*>(*field_data), VisibilityField::Unmap{field->bytes()}};
-  auto job_data = Map(job_memory->fd(), layout.bytes());
+  auto job_data = MapShared(job_memory->fd(), layout.bytes());
   if (!job_data.ok()) return job_data.status();
   const std::unique_ptr<void, std::function<void(void*)>> job_mapping(
       *job_data, [&](void* data) { munmap(data, layout.bytes()); });
@@ -475,7 +249,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   job.tiles = tiles;  // the new mapping is all zeros: kTileWaiting
   char* base = static_cast<char*>(*job_data);
   const auto copy = [&](uint64_t offset, const auto& values) {
-    if (!values.empty())
+    if (!values.empty() && !IsSet(options.cancelled))
       std::memcpy(base + offset, values.data(), values.size() * sizeof(values[0]));
   };
   copy(vertices, mesh.vertices);
@@ -533,8 +307,8 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
 }
 
 std::optional<int> MaybeRunFieldWorker(int argc, char** argv) {
-  if (argc != 7 || std::strcmp(argv[1], "--field-worker") != 0) return std::nullopt;
-  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  if (argc != 7 || std::strcmp(argv[1], kWorkerFlag) != 0) return std::nullopt;
+  EndWithParent();
   int job_fd = -1, field_fd = -1;
   uint64_t job_bytes = 0, field_bytes = 0;
   int32_t number = 0;
@@ -546,8 +320,8 @@ std::optional<int> MaybeRunFieldWorker(int argc, char** argv) {
   // OSMesa allocates and frees its buffers every frame: keep them instead of asking the kernel.
   mallopt(M_MMAP_THRESHOLD, 1 << 30);
   mallopt(M_TRIM_THRESHOLD, 1 << 30);
-  auto job = Map(job_fd, job_bytes);
-  auto field = Map(field_fd, field_bytes);
+  auto job = MapShared(job_fd, job_bytes);
+  auto field = MapShared(field_fd, field_bytes);
   if (!job.ok() || !field.ok()) return 2;
   const absl::Status status =
       RenderFieldTiles(*static_cast<FieldJob*>(*job), static_cast<uint8_t*>(*field), number);

@@ -1,0 +1,46 @@
+#include "coverage_server/scene/hull_corners.h"
+
+#include <utility>
+
+#include "core/resting/convex_hull.h"
+#include "coverage_server/worker_process/worker_process.h"
+
+namespace sightline {
+namespace {
+
+constexpr char kTask[] = "hull-corners";
+// Takes less than 100 ms even if all of them are corners.
+constexpr size_t kMostPointsHere = 10'000;
+
+}  // namespace
+
+WorkerTask HullCornersTask() {
+  return {kTask, [](SharedReader& input, SharedWriter& answer) -> absl::Status {
+            const auto hull = MakeConvexHull(input.GetAll<Eigen::Vector3f>());
+            if (!hull.ok()) return hull.status();
+            answer.PutAll(std::span(hull->corners_m.data()->data(), 3 * hull->corners_m.size()));
+            return absl::OkStatus();
+          }};
+}
+
+absl::StatusOr<std::vector<Eigen::Vector3d>> HullCorners(std::span<const Eigen::Vector3f> points_m,
+                                                         const std::atomic<bool>* cancelled) {
+  const std::string program = WorkerProgram();
+  if (program.empty() || points_m.size() <= kMostPointsHere) {
+    auto hull = MakeConvexHull(points_m);
+    if (!hull.ok()) return hull.status();
+    return std::move(hull->corners_m);
+  }
+  const auto input = SharedMemory::Make("sightline-hull", 0);
+  if (!input.ok()) return input.status();
+  SharedWriter writer(input->fd(), cancelled);
+  writer.PutAll(std::span(points_m.data()->data(), 3 * points_m.size()));
+  if (!writer.status().ok()) return writer.status();
+  auto answer = RunWorkerTask(program, kTask, *input, cancelled);
+  if (!answer.ok()) return answer.status();
+  const auto corners = answer->GetAll<Eigen::Vector3d>();
+  if (!answer->ok()) return absl::InternalError("the hull is not whole");
+  return std::vector<Eigen::Vector3d>(corners.begin(), corners.end());
+}
+
+}  // namespace sightline

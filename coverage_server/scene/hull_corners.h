@@ -1,0 +1,23 @@
+// Corners of the convex hull of a part, which may have millions of vertices.
+#pragma once
+
+#include <Eigen/Core>
+#include <atomic>
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "coverage_server/worker_process/worker_task.h"
+
+namespace sightline {
+
+// Of many points in a process of its own, if there is a program for it: qhull cannot be stopped.
+// The same corners in the same order either way. Errors of MakeConvexHull() and RunWorkerTask();
+// CANCELLED soon after *cancelled.
+absl::StatusOr<std::vector<Eigen::Vector3d>> HullCorners(std::span<const Eigen::Vector3f> points_m,
+                                                         const std::atomic<bool>* cancelled);
+
+// The task for the other process.
+WorkerTask HullCornersTask();
+
+}  // namespace sightline

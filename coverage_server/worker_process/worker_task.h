@@ -1,0 +1,33 @@
+// One long call of a library in a process of its own: libraries ask nobody whether to stop, a
+// process can be given up at any moment, and its memory goes with it.
+#pragma once
+
+#include <atomic>
+#include <functional>
+#include <optional>
+#include <span>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "coverage_server/worker_process/shared_memory.h"
+
+namespace sightline {
+
+struct WorkerTask {
+  std::string name;
+  // Reads its input and writes its answer.
+  std::function<absl::Status(SharedReader& input, SharedWriter& answer)> run;
+};
+
+// Runs the task of that name in a process of `program` and gives its answer, to be read from its
+// start; within some 5 ms CANCELLED once *cancelled. The task's own errors; RESOURCE_EXHAUSTED: no
+// memory or no process; UNAVAILABLE: the process was killed from outside, again and again.
+absl::StatusOr<SharedReader> RunWorkerTask(const std::string& program, const std::string& name,
+                                           const SharedMemory& input,
+                                           const std::atomic<bool>* cancelled);
+
+// For main(): if this process was started for one of the tasks, does it and returns its exit code.
+std::optional<int> MaybeRunWorkerTask(int argc, char** argv, std::span<const WorkerTask> tasks);
+
+}  // namespace sightline
