@@ -288,6 +288,68 @@ TEST(VisibilityFieldBytes, SameForAnyNumberOfProcesses) {
   std::filesystem::remove_all(folder);
 }
 
+// Blocks of neighbours are skipped whole; targets in any order make blocks that never are.
+TEST(FastEvaluator, SkippedBlocksHoldNothingThatIsCovered) {
+  const TriangleMesh part = SteppedPart();
+  TargetSampling sampling;
+  sampling.spacing_m = 0.002;
+  const auto sampled = SampleTargets(part, sampling);
+  ASSERT_TRUE(sampled.ok());
+  const TargetSet& near = *sampled;
+  const size_t count = near.size();
+  ASSERT_GT(count, 20u * kTargetsPerBlock);
+  std::vector<size_t> order(count);
+  std::iota(order.begin(), order.end(), size_t{0});
+  Random random(51);
+  for (size_t i = count - 1; i > 0; --i) std::swap(order[i], order[random.Next() % (i + 1)]);
+  TargetSet mixed;
+  for (const size_t t : order) {
+    mixed.positions_m.push_back(near.positions_m[t]);
+    mixed.normals.push_back(near.normals[t]);
+    mixed.regions.push_back(near.regions[t]);
+    mixed.triangles.push_back(near.triangles[t]);
+  }
+  const TriangleBvh bvh(part);
+  SurfaceProbes near_probes = MakeSurfaceProbes(part, bvh, near, sampling), mixed_probes;
+  for (const size_t t : order) {
+    for (int k = 0; k < kProbesPerTarget; ++k) {
+      const size_t probe = t * kProbesPerTarget + static_cast<size_t>(k);
+      mixed_probes.positions_m.push_back(near_probes.positions_m[probe]);
+      mixed_probes.normals.push_back(near_probes.normals[probe]);
+    }
+  }
+  // Everything is seen from everywhere, so that geometry alone decides.
+  VisibilityField field({16}, count);
+  std::fill_n(field.mutable_data(), field.bytes(), uint8_t{0xff});
+  const FastEvaluator by_place(near, sampling, near_probes, field);
+  const FastEvaluator by_chance(mixed, sampling, mixed_probes, field);
+
+  Rig rig;
+  rig.laser.fan_angle_rad = 0.3;
+  int64_t covered = 0, scans_with_all = 0;
+  for (int i = 0; i < 400; ++i) {
+    const Measurement m = RandomMeasurement(random);
+    rig.max_range_m = i % 4 == 1 ? random.Uniform(0.3, 0.6) : 1.5;
+    DepthInterval depth;
+    if (i % 4 == 2) depth = {.min_m = m.camera_distance_m, .max_m = m.camera_distance_m + 0.01};
+    if (i % 4 == 3) {
+      depth.max_depth_times_distance_m2 =
+          random.Uniform(0.9, 1.1) * std::pow(m.camera_distance_m, 2);
+    }
+    const ScanInPart scan = MakeScanInPart(rig, part.BoundingBox().center(), m, depth);
+    FastScan a, b;
+    by_place.Evaluate({&scan, 1}, {&a, 1}, false, nullptr);
+    by_chance.Evaluate({&scan, 1}, {&b, 1}, false, nullptr);
+    for (size_t t = 0; t < count; ++t) {
+      ASSERT_EQ(a.covered.Test(order[t]), b.covered.Test(t)) << "scan " << i << ", target " << t;
+    }
+    covered += a.covered.Count();
+    scans_with_all += a.covered.Count() == static_cast<int64_t>(count);
+  }
+  EXPECT_GT(covered, 400);
+  EXPECT_EQ(scans_with_all, 0);
+}
+
 // Leaving out clusters that the direction before did not see must not lose visible ones for good.
 TEST(VisibilityFieldBytes, CoherentOcclusionChangesHardlyAnything) {
   const FieldInput input;
