@@ -192,23 +192,24 @@ TriangleMesh SmallPart() { return BoxMesh({0, 0, 0}, {0.03f, 0.02f, 0.012f}); }
 
 TEST(Offsets, FollowThePartsSizeWhereNotGiven) {
   for (const std::string holding : {"RESTING", "FIXTURE", "FREE"}) {
-    auto small = Parse(R"("rig": {"part_holding": "PART_HOLDING_)" + holding + "\"}");
+    auto small = ParseFields(R"("rig": {"part_holding": "PART_HOLDING_)" + holding + "\"}");
     ASSERT_TRUE(small.ok() && HoldPart(SmallPart(), &*small).ok());
     EXPECT_EQ(LargestOffsets(*small), std::pair(0.04, 0.04)) << holding;
   }
-  auto middle = Parse("");
+  auto middle = ParseFields("");
   ASSERT_TRUE(HoldPart(BoxMesh({0, 0, 0}, {0.4f, 0.2f, 0.05f}), &*middle).ok());
   EXPECT_EQ(LargestOffsets(*middle), std::pair(0.45, 0.4));
-  auto large = Parse("");
+  auto large = ParseFields("");
   ASSERT_TRUE(HoldPart(BoxMesh({0, 0, 0}, {0.45f, 0.28f, 0.1f}), &*large).ok());
   EXPECT_EQ(LargestOffsets(*large), std::pair(0.5, 0.4));  // Table 2.1
 }
 
 TEST(Offsets, ThatAreGivenStay) {
-  auto given = Parse(R"("measurement": {"offset_y_m": {"ranges": [{"min": -0.5, "max": 0.5}]}})");
+  auto given =
+      ParseFields(R"("measurement": {"offset_y_m": {"ranges": [{"min": -0.5, "max": 0.5}]}})");
   ASSERT_TRUE(given.ok() && HoldPart(SmallPart(), &*given).ok());
   EXPECT_EQ(LargestOffsets(*given), std::pair(0.5, 0.04));
-  auto fixed = Parse(R"("measurement": {"offset_z_m": {"fixed": 0.3}})");
+  auto fixed = ParseFields(R"("measurement": {"offset_z_m": {"fixed": 0.3}})");
   ASSERT_TRUE(fixed.ok() && HoldPart(SmallPart(), &*fixed).ok());
   EXPECT_EQ(fixed->domain.parameters[kOffsetZ].values, std::vector<double>{0.3});
   EXPECT_TRUE(fixed->domain.parameters[kOffsetZ].ranges.empty());
