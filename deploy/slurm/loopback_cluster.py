@@ -163,6 +163,10 @@ class SlurmCluster:
         lines = self.run("squeue", "--noheader", "--states=RUNNING", "--format=%N").split()
         return sorted({int(name.removeprefix("node")) for name in lines})
 
+    def node_pids(self) -> list[int]:
+        """Of the slurmd of every node, which starts what runs there."""
+        return [self.pid_of(f"node{number}") for number in range(1, self.nodes + 1)]
+
     def steps_of(self, number: int) -> list[int]:
         """Processes of the jobs on a node: slurmstepd of each, and all that descend from it."""
         jobs = self.run("squeue", "--noheader", "--states=RUNNING", f"--nodelist=node{number}",

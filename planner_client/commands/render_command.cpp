@@ -19,6 +19,7 @@
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/frame_choice.h"
 #include "planner_client/commands/part_assets.h"
+#include "planner_client/commands/part_of_work.h"
 #include "planner_client/commands/process/exit_code.h"
 #include "planner_client/commands/process/output_folder.h"
 #include "planner_client/commands/worker_session.h"
@@ -196,20 +197,6 @@ absl::Status AboutFiles(const absl::Status& status, const RenderOptions& options
   return AboutInput(status, options.choice.input);
 }
 
-// "2/8": from 1.
-absl::Status ParsePart(const RenderOptions& options, int* part, int* count) {
-  if (options.part.empty()) return absl::OkStatus();
-  const std::vector<std::string> numbers = absl::StrSplit(options.part, '/');
-  if (numbers.size() != 2 || !absl::SimpleAtoi(numbers[0], part) ||
-      !absl::SimpleAtoi(numbers[1], count) || *part < 1 || *count < *part) {
-    return absl::InvalidArgumentError(absl::StrCat(
-        "--part ", options.part, ": must be K/N, number K of N parts, from 1/N to N/N"));
-  }
-  if (!options.checkpoint.empty()) return absl::OkStatus();
-  return absl::InvalidArgumentError(
-      "--part needs --checkpoint: by it the run after all parts knows what they made");
-}
-
 // Of every raw image among `files` of the folder, a picture beside it.
 absl::Status WritePreviews(const std::string& folder, const std::vector<std::string>& files,
                            bool bayer) {
@@ -234,9 +221,8 @@ absl::Status WritePreviews(const std::string& folder, const std::vector<std::str
 }
 
 absl::StatusOr<int> Render(const RenderOptions& options) {
-  int part = 1;
-  int part_count = 1;
-  if (absl::Status s = ParsePart(options, &part, &part_count); !s.ok()) return s;
+  const auto part = ParsePartOfWork(options.part, options.checkpoint);
+  if (!part.ok()) return part.status();
   absl::StatusOr<std::string> text = ReadFile(options.choice.input);
   if (!text.ok()) return text.status();
   std::vector<AssetFile> assets;
@@ -252,7 +238,7 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   // Parts of the images are made by several commands at once.
   const auto out_lock =
       OpenOutputFolder(options.choice.out,
-                       part_count > 1 ? FolderLock::Kind::kShared : FolderLock::Kind::kExclusive);
+                       part->IsWhole() ? FolderLock::Kind::kExclusive : FolderLock::Kind::kShared);
   if (!out_lock.ok()) return out_lock.status();
 
   // Files of plates have the names and the place that their shot list gives them; nothing is added.
@@ -266,10 +252,10 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   auto worker = StartWorkerSession(options.worker, &progress, &client);
   if (!worker.ok()) return worker.status();
   if (!options.checkpoint.empty()) client.checkpoint_file = options.checkpoint + "/finished_images";
-  if (part_count > 1) {
-    client.part = part - 1;
-    client.part_count = part_count;
-    absl::StrAppend(&client.checkpoint_file, ".", part, "-of-", part_count);
+  if (!part->IsWhole()) {
+    client.part = part->number - 1;
+    client.part_count = part->count;
+    absl::StrAppend(&client.checkpoint_file, ".", part->number, "-of-", part->count);
   }
   std::vector<std::string> warnings;
   client.on_warning = [&](const std::string& warning) { warnings.push_back(warning); };
@@ -284,8 +270,8 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
                                          sensor->colour_filter == ColourFilter::kBayerRggb);
     if (!written.ok()) return written;
   }
-  if (part_count > 1) {
-    std::printf("part %d of %d is done\n", part, part_count);
+  if (!part->IsWhole()) {
+    std::printf("part %d of %d is done\n", part->number, part->count);
     return kExitDone;
   }
   std::printf("%zu files: %s\n", files->size(),

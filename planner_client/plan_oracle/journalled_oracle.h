@@ -29,6 +29,9 @@ class JournalledOracle final : public GainOracle {
                                                                 const std::string& file,
                                                                 const std::string& fingerprint);
 
+  // Gives back the oracle that it was opened with, after which it answers nothing any more.
+  std::unique_ptr<GainOracle> Release() { return std::move(oracle_); }
+
   // Queries answered from the file so far.
   int64_t replayed_queries() const { return replayed_queries_; }
 
@@ -64,7 +67,7 @@ class JournalledOracle final : public GainOracle {
   absl::StatusOr<Answer> AnswerTo(uint64_t query,
                                   const std::function<absl::StatusOr<Answer>()>& ask);
 
-  const std::unique_ptr<GainOracle> oracle_;
+  std::unique_ptr<GainOracle> oracle_;
   const std::string file_;
   std::ifstream replay_;
   int64_t replay_end_ = 0;  // bytes of the file that are whole answers

@@ -194,6 +194,7 @@ absl::Status CheckPlanOptions(const v1::PlanJobOptions& options) {
   if (options.has_bound_evaluations()) {
     s.Update(InRange<int64_t>(in + "bound_evaluations", options.bound_evaluations(), 0, 100000000));
   }
+  if (options.has_starts()) s.Update(InRange(in + "starts", options.starts(), 1, 1000));
   // The command knows the strategies; an argument must not look like an option.
   for (const char c : options.strategy()) {
     if (!absl::ascii_isalnum(static_cast<unsigned char>(c)) && c != '-') {
@@ -528,6 +529,7 @@ std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::
     if (options.has_bound_evaluations()) {
       arguments.Add("--bound-evaluations", options.bound_evaluations());
     }
+    if (options.has_starts()) arguments.Add("--starts", options.starts());
     arguments.Flag("--no-pictures", options.no_pictures());
     arguments.Flag("--no-point-clouds", options.no_point_clouds());
   } else if (task.kind() == "optics") {
@@ -555,8 +557,10 @@ std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::
   return arguments.Take();
 }
 
-// Into how many parts the task may be split: images do not depend on each other.
+// Into how many parts the task may be split: neither images nor the starts of a plan depend on each
+// other.
 int MostParts(const v1::PlanningTask& task) {
+  if (task.kind() == "plan") return std::max(1, task.plan_options().starts());
   if (task.kind() != "render") return 1;
   if (task.has_recordings()) return task.recordings().recordings_size();
   const v1::FrameJobOptions& frames = task.render_options().frames();

@@ -136,6 +136,16 @@ TEST_F(JournalledOracleTest, AnswersOfAnotherPartAreNotUsed) {
   EXPECT_EQ(other.asked, first.asked);
 }
 
+// For the journal of another search.
+TEST_F(JournalledOracleTest, GivesItsOracleBack) {
+  auto owned = std::make_unique<FunctionOracle>(kTargets, Covers);
+  const GainOracle* oracle = owned.get();
+  auto journal = JournalledOracle::Open(std::move(owned), file_, "part 1");
+  ASSERT_TRUE(journal.ok()) << journal.status();
+  const std::unique_ptr<GainOracle> back = (*journal)->Release();
+  EXPECT_EQ(back.get(), oracle);
+}
+
 TEST_F(JournalledOracleTest, SaysWhenItCannotWrite) {
   auto oracle = std::make_unique<FunctionOracle>(kTargets, Covers);
   EXPECT_FALSE(JournalledOracle::Open(std::move(oracle), "/no/such/folder/journal", "x").ok());

@@ -2,9 +2,10 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <string>
-#include <system_error>
 #include <utility>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
@@ -13,6 +14,7 @@
 #include "planner_client/commands/help/terminal.h"
 #include "planner_client/commands/optics/optics_outputs.h"
 #include "planner_client/commands/part_assets.h"
+#include "planner_client/commands/part_of_work.h"
 #include "planner_client/commands/planning/as_measured_session.h"
 #include "planner_client/commands/planning/pareto_outputs.h"
 #include "planner_client/commands/planning/plan_document.h"
@@ -23,9 +25,10 @@
 #include "planner_client/commands/process/interrupt.h"
 #include "planner_client/commands/process/output_folder.h"
 #include "planner_client/commands/process/progress_line.h"
-#include "planner_client/plan_oracle/journalled_oracle.h"
+#include "planner_client/commands/starts/plan_starts.h"
+#include "planner_client/commands/starts/search_checkpoint.h"
+#include "planner_client/multi_start/start_result.h"
 #include "planner_client/report/optics/optics_report.h"
-#include "planner_client/rpc_client/sha256.h"
 #include "planner_client/strategy/priced_plan.h"
 
 namespace sightline {
@@ -46,6 +49,7 @@ struct PlanOptions {
   bool resume = false;
   AsMeasuredOptions measured;
   ParetoOptions pareto;
+  StartsOptions starts;
   int64_t seed = 1;
   std::optional<double> goal;
   std::optional<int> max_scans;
@@ -77,31 +81,6 @@ absl::Status ReadGivenScans(const PlanOptions& options, PlannerRequest& request)
       (earlier->locked[i] ? request.locked : request.starting).push_back(earlier->all[i]);
     }
   }
-  return absl::OkStatus();
-}
-
-// Keeps what the coverage server answers in a file of the folder, and first takes from there what
-// it answered an earlier run of the same task that was broken off.
-absl::Status KeepAnswers(const std::string& folder, PlanningSession* session,
-                         const std::string& inspection_file) {
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) return absl::InternalError(absl::StrCat(folder, ": ", error.message()));
-  const auto inspection = ReadFile(inspection_file);
-  if (!inspection.ok()) return inspection.status();
-  // Another build may answer otherwise.
-  const std::filesystem::path program = std::filesystem::read_symlink("/proc/self/exe", error);
-  const auto built = std::filesystem::last_write_time(program, error).time_since_epoch().count();
-  Sha256 fingerprint;
-  fingerprint.Add(*inspection);
-  fingerprint.Add(session->client->scene().scene_digest);
-  if (session->fresh_client) fingerprint.Add(session->fresh_client->scene().scene_digest);
-  if (session->robot) fingerprint.Add(session->robot->model().digest);
-  fingerprint.Add(absl::StrCat(SIGHTLINE_VERSION, " ", built));
-  auto journal =
-      JournalledOracle::Open(std::move(session->oracle), folder + "/answers", fingerprint.Hex());
-  if (!journal.ok()) return journal.status();
-  session->oracle = *std::move(journal);
   return absl::OkStatus();
 }
 
@@ -166,9 +145,11 @@ void SetGoal(const PlanOptions& options, PlanningGoal& goal) {
 // One plan, step by step, on a session that is open.
 class Planning {
  public:
-  Planning(PlanOptions& options, PlannerRequest request, const EarlierPlan& earlier,
-           PlanningSession& session, std::chrono::steady_clock::time_point start)
+  Planning(PlanOptions& options, PlannerRequest request, const PartOfWork& part,
+           const EarlierPlan& earlier, PlanningSession& session,
+           std::chrono::steady_clock::time_point start)
       : options_(options),
+        part_(part),
         earlier_(earlier),
         session_(session),
         request_(std::move(request)),
@@ -186,29 +167,24 @@ class Planning {
     request_.goal = session_.inspection.goal;
     SetOptions(options_, request_);
     request_.on_progress = [this](const PlanProgress& p) {
-      progress_.Show(p.done, absl::StrFormat("%d scans, %.1f %% %s, %dk evaluations: %s", p.scans,
-                                             100 * p.coverage,
-                                             session_.ForUncertainty() ? "admissible" : "covered",
-                                             p.evaluations / 1000, p.phase));
+      Show(p.done,
+           absl::StrFormat("%d scans, %.1f %% %s, %dk evaluations: %s", p.scans, 100 * p.coverage,
+                           session_.ForUncertainty() ? "admissible" : "covered",
+                           p.evaluations / 1000, p.phase));
     };
   }
 
   absl::Status Run() {
-    const bool bounded = options_.bound_evaluations > 0;
-    // All plans of a front profit from the bound's scans.
-    if (options_.pareto.front && bounded) {
-      if (auto status = FindBound({}, 1); !status.ok()) return status;
-      request_.candidates = bound_->priced_scans;
-    }
-    if (auto status = Plan(); !status.ok()) return status;
-    if (!options_.pareto.front && bounded && GoesOn()) {
-      std::vector<Measurement> scans;
-      for (const ChosenScan& scan : document_.scans) scans.push_back(scan.measurement);
-      const double settled = session_.ForUncertainty()
-                                 ? document_.plan.uncertainty().admissible_fraction()
-                                 : document_.plan.coverage().coverage();
-      if (auto status = FindBound(scans, settled); !status.ok()) return status;
-      if (auto status = PlanWithBound(); !status.ok()) return status;
+    auto checkpoint =
+        SearchCheckpoint::Open(options_.checkpoint, session_, options_.session.inspection_file,
+                               request_, options_.bound_evaluations);
+    if (!checkpoint.ok()) return checkpoint.status();
+    if (options_.starts.Several()) {
+      if (auto status = SearchFromAllStarts(*checkpoint); !status.ok()) return status;
+      if (!part_.IsWhole()) return absl::OkStatus();
+    } else {
+      if (auto status = checkpoint->KeepAnswers("", &session_); !status.ok()) return status;
+      if (auto status = Search(); !status.ok()) return status;
     }
     if (options_.optics && GoesOn()) {
       if (auto status = PlanOptically(); !status.ok()) return status;
@@ -218,9 +194,13 @@ class Planning {
   }
 
   void Print() const {
-    PrintWrapped(absl::StrFormat("%s%s%.1f s from cold start to plan.\n",
-                                 SummarisePlan(document_.plan), SummariseAsMeasured(document_.plan),
-                                 time_to_plan_s_));
+    if (!part_.IsWhole()) {
+      if (!InterruptFlag()) std::printf("part %d of %d is done\n", part_.number, part_.count);
+      return;
+    }
+    PrintWrapped(absl::StrFormat("%s%s%s%.1f s from cold start to plan.\n",
+                                 SummarisePlan(document_.plan), SummariseStarts(document_.plan),
+                                 SummariseAsMeasured(document_.plan), time_to_plan_s_));
     if (options_.output.pareto) {
       std::printf("%s", SummarisePareto(*options_.output.pareto).c_str());
     }
@@ -236,8 +216,97 @@ class Planning {
     options_.output.timings.push_back({name, seconds});
   }
 
+  // Phases of a search are parts of `search_phase_`.
+  void Enter(const ProgressPhase& phase) {
+    const double scale =
+        (search_phase_.end - search_phase_.begin) / (kAgainPhase.end - kPlanningPhase.begin);
+    progress_.Enter({search_phase_.begin + (phase.begin - kPlanningPhase.begin) * scale,
+                     search_phase_.begin + (phase.end - kPlanningPhase.begin) * scale});
+  }
+  void Show(double fraction, const std::string& text) {
+    progress_.Show(fraction, search_name_ + text);
+  }
+
+  // One search for the plan: result_, document_ and bound_.
+  absl::Status Search() {
+    const bool bounded = options_.bound_evaluations > 0;
+    // All plans of a front profit from the bound's scans.
+    if (options_.pareto.front && bounded) {
+      if (auto status = FindBound({}, 1); !status.ok()) return status;
+      request_.candidates = bound_->priced_scans;
+    }
+    if (auto status = Plan(); !status.ok()) return status;
+    if (options_.pareto.front || !bounded || !GoesOn()) return absl::OkStatus();
+    std::vector<Measurement> scans;
+    for (const ChosenScan& scan : document_.scans) scans.push_back(scan.measurement);
+    const double settled = session_.ForUncertainty()
+                               ? document_.plan.uncertainty().admissible_fraction()
+                               : document_.plan.coverage().coverage();
+    if (auto status = FindBound(scans, settled); !status.ok()) return status;
+    return PlanWithBound();
+  }
+
+  // Every start of this part, one after the other. The best of all starts becomes the plan, unless
+  // this is a part of them: then their results stay in the checkpoint.
+  absl::Status SearchFromAllStarts(SearchCheckpoint& checkpoint) {
+    std::vector<StartResult> starts;
+    size_t best = 0;
+    for (int i = part_.number - 1; i < options_.starts.count; i += part_.count) {
+      // What is planned so far is kept, so that there is a plan.
+      if (InterruptFlag() && !starts.empty()) break;
+      auto start = SearchFromStart(i, checkpoint);
+      if (!start.ok()) return start.status();
+      starts.push_back(*std::move(start));
+      if (!part_.IsWhole()) continue;
+      if (starts.size() > 1 && !IsBetterStart(starts.back(), starts[best])) continue;
+      best = starts.size() - 1;
+      if (auto status = TakeStart(starts[best]); !status.ok()) return status;
+      if (auto status = WritePlan(); !status.ok()) return status;
+    }
+    time_to_plan_s_ = SecondsSince(start_);
+    if (!part_.IsWhole()) return absl::OkStatus();
+    // Starts that came after it have left theirs.
+    if (auto status = TakeStart(starts[best]); !status.ok()) return status;
+    SetStarts(starts, document_.plan);
+    return absl::OkStatus();
+  }
+
+  absl::StatusOr<StartResult> SearchFromStart(int index, SearchCheckpoint& checkpoint) {
+    const int count = options_.starts.count;
+    request_.seed = options_.seed + index;
+    if (auto kept = checkpoint.ResultOf(request_.seed)) return *std::move(kept);
+    const double begin = kPlanningPhase.begin;
+    const double width = kAgainPhase.end - begin;
+    search_phase_ = {begin + width * index / count, begin + width * (index + 1) / count};
+    search_name_ = absl::StrFormat("start %d of %d: ", index + 1, count);
+    const std::string name = absl::StrCat("-", request_.seed);
+    bound_.reset();
+    if (auto status = checkpoint.KeepAnswers(name, &session_); !status.ok()) return status;
+    const absl::Status searched = Search();
+    checkpoint.LeaveAnswers(&session_);
+    if (!searched.ok()) return searched;
+    StartResult start = StartOf(result_, document_.plan, bound_);
+    // A search that was broken off is to go on another time.
+    if (InterruptFlag()) return start;
+    if (auto status = checkpoint.KeepResult(start, name); !status.ok()) return status;
+    return start;
+  }
+
+  // document_ and bound_ of a search that has ended, here or elsewhere.
+  absl::Status TakeStart(const StartResult& start) {
+    auto scans = ScansOfStart(session_, start);
+    if (!scans.ok()) return scans.status();
+    auto made = MakePlanDocument(
+        session_, *std::move(scans),
+        {options_.strategy, start.seed, start.evaluations, StopReasonToProto(start.stop_reason)});
+    if (!made.ok()) return made.status();
+    document_ = *std::move(made);
+    bound_ = start.bound;
+    return absl::OkStatus();
+  }
+
   absl::Status Plan() {
-    progress_.Enter(kPlanningPhase);
+    Enter(kPlanningPhase);
     const auto plan_start = std::chrono::steady_clock::now();
     auto result = options_.pareto.front ? PlanFront(session_, request_, progress_, &options_.output)
                                         : MakePlan(*session_.oracle, request_);
@@ -245,7 +314,7 @@ class Planning {
     if (!result.ok()) return result.status();
     result_ = *std::move(result);
     planning_s_ = SecondsSince(plan_start);
-    AddTiming("planning", planning_s_);
+    AddTiming(search_name_ + "planning", planning_s_);
     time_to_plan_s_ = SecondsSince(start_);
     return Describe();
   }
@@ -253,15 +322,21 @@ class Planning {
   // plan.json appears as soon as there is a plan, and again when there is a better one.
   absl::Status Describe() {
     auto made = MakePlanDocument(session_, result_.scans,
-                                 {options_.strategy, options_.seed, result_.evaluations,
+                                 {options_.strategy, request_.seed, result_.evaluations,
                                   StopReasonToProto(result_.stop_reason)});
     if (!made.ok()) return made.status();
     document_ = *std::move(made);
+    // Of several searches only the best is written.
+    if (options_.starts.Several()) return absl::OkStatus();
     if (!earlier_.files.empty()) {
       if (auto status = DescribeAsMeasured(earlier_, session_, &document_); !status.ok()) {
         return status;
       }
     }
+    return WritePlan();
+  }
+
+  absl::Status WritePlan() {
     // Settings of an earlier plan's scans; with --optics they are made anew.
     const std::string& folder = options_.output.folder;
     if (auto status = RemoveFiles(folder, {"optics.json", "optics.html"}); !status.ok()) {
@@ -273,19 +348,19 @@ class Planning {
   // Bounds what `scans` settle, a share of the targets, at most the goal.
   absl::Status FindBound(std::span<const Measurement> scans, double settled) {
     const auto bound_start = std::chrono::steady_clock::now();
-    progress_.Enter(kBoundPhase);
+    Enter(kBoundPhase);
     auto bound = BoundScanCount(
         *session_.oracle, request_.domain, std::min(GoalFraction(request_.goal), settled), scans,
-        options_.bound_evaluations, options_.seed,
+        options_.bound_evaluations, request_.seed,
         [&](const ScanCountBoundProgress& p) {
-          progress_.Show(static_cast<double>(p.evaluations) / static_cast<double>(p.budget),
-                         absl::StrFormat("lower bound so far: %.2f scans", p.bound));
+          Show(static_cast<double>(p.evaluations) / static_cast<double>(p.budget),
+               absl::StrFormat("lower bound so far: %.2f scans", p.bound));
         },
         &InterruptFlag());
     progress_.Finish();
     if (!bound.ok()) return bound.status();
     bound_ = *std::move(bound);
-    AddTiming("lower bound", SecondsSince(bound_start));
+    AddTiming(search_name_ + "lower bound", SecondsSince(bound_start));
     return absl::OkStatus();
   }
 
@@ -297,13 +372,13 @@ class Planning {
     }
     if (InterruptFlag()) return absl::OkStatus();
     const auto again_start = std::chrono::steady_clock::now();
-    progress_.Enter(kAgainPhase);
+    Enter(kAgainPhase);
     const size_t before = result_.scans.size();
     auto result = PlanWithPricedScans(*session_.oracle, request, std::move(result_), *bound_);
     progress_.Finish();
     if (!result.ok()) return result.status();
     result_ = *std::move(result);
-    AddTiming("planning with the bound's scans", SecondsSince(again_start));
+    AddTiming(search_name_ + "planning with the bound's scans", SecondsSince(again_start));
     return result_.scans.size() < before ? Describe() : absl::OkStatus();
   }
 
@@ -318,18 +393,21 @@ class Planning {
   }
 
   PlanOptions& options_;
+  const PartOfWork part_;  // of the starts
   const EarlierPlan& earlier_;
   PlanningSession& session_;
   PlannerRequest request_;
   std::chrono::steady_clock::time_point start_;
   ProgressLine progress_;
+  ProgressPhase search_phase_{kPlanningPhase.begin, kAgainPhase.end};
+  std::string search_name_;  // of several: before all that is shown of a search
   PlannerResult result_;
   PlanDocument document_;
   std::optional<ScanCountBoundResult> bound_;
   double planning_s_ = 0, time_to_plan_s_ = 0;
 };
 
-absl::Status PlanParsed(PlanOptions& options) {
+absl::Status PlanParsed(PlanOptions& options, const PartOfWork& part) {
   PlannerRequest request;
   if (auto status = ReadGivenScans(options, request); !status.ok()) return status;
   if (auto status = CheckStrategy(options.strategy); !status.ok()) return status;
@@ -339,19 +417,20 @@ absl::Status PlanParsed(PlanOptions& options) {
   if (measured) options.session.before_upload = PutMeasuredPart(options.measured, *earlier);
   if (auto status = CheckOptics(options); !status.ok()) return status;
   options.session.kept_scans = request.locked;
-  const auto out_lock = OpenOutputFolder(options.output.folder);
-  if (!out_lock.ok()) return out_lock.status();
+  // Parts of the starts leave the folder to the run that chooses.
+  std::optional<FolderLock> out_lock;
+  if (part.IsWhole()) {
+    auto taken = OpenOutputFolder(options.output.folder);
+    if (!taken.ok()) return taken.status();
+    out_lock = *std::move(taken);
+  }
   const auto start = std::chrono::steady_clock::now();
   auto session = OpenSession(options.session);
   if (!session.ok()) return session.status();
   if (measured) {
     if (auto status = AskMeasuredPoints(*earlier, &*session); !status.ok()) return status;
   }
-  if (!options.checkpoint.empty()) {
-    auto kept = KeepAnswers(options.checkpoint, &*session, options.session.inspection_file);
-    if (!kept.ok()) return kept;
-  }
-  Planning planning(options, std::move(request), *earlier, *session, start);
+  Planning planning(options, std::move(request), part, *earlier, *session, start);
   if (auto status = planning.Run(); !status.ok()) return status;
   planning.Print();
   return absl::OkStatus();
@@ -364,10 +443,14 @@ int RunPlan(PlanOptions& options) {
   if (absl::Status s = CheckParetoOptions(options.pareto, options.strategy, other); !s.ok()) {
     return ReportError(s);
   }
+  const auto part =
+      CheckStartsOptions(options.starts, options.seed, options.checkpoint,
+                         options.pareto.front || options.pareto.Picks() ? "--pareto" : other);
+  if (!part.ok()) return ReportError(part.status());
   if (options.pareto.Picks()) {
     return RunPick(options.session, options.pareto.pick, options.output);
   }
-  if (absl::Status s = PlanParsed(options); !s.ok()) return ReportError(s);
+  if (absl::Status s = PlanParsed(options, *part); !s.ok()) return ReportError(s);
   return InterruptFlag() ? kExitInterrupted : kExitDone;
 }
 
@@ -394,6 +477,7 @@ Command AddPlanCommand(CLI::App& app) {
   app.add_flag("--resume", options->resume, "go on from the plan.json in --out");
   AddAsMeasuredOptions(app, &options->measured);
   AddParetoOptions(app, &options->pareto);
+  AddStartsOptions(app, &options->starts);
   app.add_option("--checkpoint", options->checkpoint,
                  "folder for what is needed to go on after the process was ended; the same command "
                  "with the same folder makes the plan of an unbroken run");

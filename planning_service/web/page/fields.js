@@ -118,6 +118,7 @@ export const SECTIONS = [
        choices: ['refined', 'greedy-pso', 'greedy-pso-1', 'greedy-ga', 'greedy-sa', 'greedy-cmaes', 'greedy-de', 'matrix']},
       whole('plan_options.evaluations_per_scan', 'Evaluations per scan', NONE, '5000'),
       whole('plan_options.bound_evaluations', 'Effort of the lower bound', NONE, '100000', {help: '0: none.'}),
+      whole('plan_options.starts', 'Starts', NONE, '1', {help: 'With so many seeds; the best plan is kept.'}),
       flag('plan_options.no_pictures', 'Leave the pictures out of the report'),
       flag('plan_options.no_point_clouds', 'Leave the point clouds out'),
     ],

@@ -213,6 +213,35 @@ TEST(PlanningTask, RenderingsOfSeveralImagesSplit) {
   EXPECT_TRUE(SplitTask(Task(kPlan), "../out", "../checkpoint", 4).parts.empty());
 }
 
+TEST(PlanningTask, StartsOfAPlanSplit) {
+  v1::PlanningTask task = Task(kPlan);
+  task.set_seed(5);
+  task.mutable_plan_options()->set_starts(3);
+  const TaskCommands whole = SplitTask(task, "../out", "../checkpoint", 1);
+  EXPECT_TRUE(whole.parts.empty());
+  EXPECT_THAT(whole.conclusion, ElementsAre("plan", "inspection.json", "--out=../out", "--seed=5",
+                                            "--checkpoint=../checkpoint", "--starts=3"));
+  for (const auto& [asked, made] : {std::pair(2, 2u), std::pair(3, 3u), std::pair(100, 3u)}) {
+    const TaskCommands split = SplitTask(task, "../out", "../checkpoint", asked);
+    EXPECT_EQ(split.conclusion, whole.conclusion);
+    ASSERT_EQ(split.parts.size(), made);
+    for (size_t i = 0; i < made; ++i) {
+      std::vector<std::string> expected = whole.conclusion;
+      expected.push_back("--part=" + std::to_string(i + 1) + "/" + std::to_string(made));
+      EXPECT_EQ(split.parts[i], expected);
+    }
+  }
+  task.mutable_plan_options()->set_starts(1);
+  EXPECT_TRUE(SplitTask(task, "../out", "../checkpoint", 4).parts.empty());
+  for (const int wrong : {0, -1, 1001}) {
+    task.mutable_plan_options()->set_starts(wrong);
+    EXPECT_EQ(FieldOf(CheckTask(
+                  task, {"part.stl"},
+                  [](const std::string&) -> absl::StatusOr<std::string> { return std::string(); })),
+              "plan_options.starts");
+  }
+}
+
 TEST(PlanningTask, AnOptionIsNoWayIn) {
   v1::PlanningTask task = Task(kPlan);
   task.mutable_plan_options()->set_strategy("--coverage-server=evil:1");

@@ -1,0 +1,52 @@
+// What `sightline plan --checkpoint` keeps, so that the same command goes on after its process was
+// ended.
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/multi_start/start_result.h"
+#include "planner_client/plan_oracle/journalled_oracle.h"
+#include "planner_client/strategy/planner.h"
+
+namespace sightline {
+
+// A folder with what the coverage server has answered searches that were broken off, in `answers…`,
+// and the results of those that have ended, in `start-SEED.json`. Several processes may use it for
+// different searches.
+class SearchCheckpoint {
+ public:
+  // An empty `folder` keeps nothing. The rest is what results depend on, beside the seed. INTERNAL:
+  // the folder cannot be made; errors of reading the inspection.
+  static absl::StatusOr<SearchCheckpoint> Open(const std::string& folder,
+                                               const PlanningSession& session,
+                                               const std::string& inspection_file,
+                                               const PlannerRequest& request,
+                                               int64_t bound_evaluations);
+
+  // From now on the session's oracle keeps its answers, and gives those that are kept of the search
+  // of that name. INTERNAL: the file cannot be written.
+  absl::Status KeepAnswers(const std::string& search, PlanningSession* session);
+  // The session's oracle is again what it was before KeepAnswers.
+  void LeaveAnswers(PlanningSession* session);
+
+  std::optional<StartResult> ResultOf(int64_t seed) const;
+  // Removes the answers of the search, which are not needed any more.
+  absl::Status KeepResult(const StartResult& start, const std::string& search) const;
+
+ private:
+  explicit SearchCheckpoint(std::string folder) : folder_(std::move(folder)) {}
+
+  std::string AnswersFile(const std::string& search) const;
+  std::string ResultFile(int64_t seed) const;
+
+  std::string folder_;
+  std::string answers_fingerprint_, results_fingerprint_;
+  JournalledOracle* journal_ = nullptr;  // the session's oracle, if that keeps its answers
+};
+
+}  // namespace sightline

@@ -1,0 +1,104 @@
+#include "planner_client/multi_start/start_file.h"
+
+#include <array>
+#include <filesystem>
+#include <fstream>
+#include <nlohmann/json.hpp>
+#include <system_error>
+#include <utility>
+
+#include "core/json/strict_json.h"
+
+namespace sightline {
+namespace {
+
+using nlohmann::json;
+
+// Far more than a plan of the most scans (1000, of nine numbers) takes.
+constexpr uintmax_t kMostBytes = 4 << 20;
+
+// Stop reasons in the files; their numbers may change.
+constexpr std::pair<StopReason, const char*> kStopReasons[] = {
+    {StopReason::kGoalReached, "goal reached"}, {StopReason::kMaxScans, "max scans"},
+    {StopReason::kMaxTime, "max time"},         {StopReason::kStalled, "stalled"},
+    {StopReason::kInterrupted, "interrupted"},
+};
+
+std::optional<StopReason> StopReasonOf(const std::string& text) {
+  for (const auto& [value, name] : kStopReasons) {
+    if (text == name) return value;
+  }
+  return std::nullopt;
+}
+
+// Throws json::exception where a field is missing or of another type.
+std::optional<StartResult> FromJson(const json& file) {
+  const auto reason = StopReasonOf(file.at("stop_reason").get<std::string>());
+  if (!reason) return std::nullopt;
+  StartResult start;
+  start.stop_reason = *reason;
+  start.seed = file.at("seed").get<int64_t>();
+  start.evaluations = file.at("evaluations").get<int64_t>();
+  start.settled = file.at("settled").get<double>();
+  for (const json& scan : file.at("scans")) {
+    start.scans.push_back(
+        {FromArray(scan.at("parameters").get<std::array<double, kMeasurementParameters>>()),
+         scan.at("locked").get<bool>()});
+  }
+  if (file.contains("bound")) {
+    const json& bound = file.at("bound");
+    start.bound.emplace();
+    start.bound->bound = bound.at("bound").get<double>();
+    start.bound->scans = bound.at("scans").get<int>();
+    start.bound->converged = bound.at("converged").get<bool>();
+    start.bound->evaluations = bound.at("evaluations").get<int64_t>();
+    start.bound->statement = bound.at("statement").get<std::string>();
+  }
+  return start;
+}
+
+}  // namespace
+
+absl::Status WriteStart(const StartResult& start, const std::string& fingerprint,
+                        const std::string& path) {
+  json scans = json::array();
+  for (const StartResult::Scan& scan : start.scans) {
+    // Radians and metres as they are in memory: degrees would not read back as the same numbers.
+    scans.push_back({{"parameters", ToArray(scan.measurement)}, {"locked", scan.locked}});
+  }
+  json file = {{"fingerprint", fingerprint},
+               {"seed", start.seed},
+               {"evaluations", start.evaluations},
+               {"settled", start.settled},
+               {"scans", scans}};
+  for (const auto& [value, name] : kStopReasons) {
+    if (start.stop_reason == value) file["stop_reason"] = name;
+  }
+  if (start.bound) {
+    file["bound"] = {{"bound", start.bound->bound},
+                     {"scans", start.bound->scans},
+                     {"converged", start.bound->converged},
+                     {"evaluations", start.bound->evaluations},
+                     {"statement", start.bound->statement}};
+  }
+  return WriteFileAtomically(path, file.dump() + "\n");
+}
+
+std::optional<StartResult> ReadStart(const std::string& path, const std::string& fingerprint,
+                                     int64_t seed) {
+  std::error_code error;
+  const uintmax_t bytes = std::filesystem::file_size(path, error);
+  if (error || bytes > kMostBytes) return std::nullopt;
+  std::ifstream stream(path, std::ios::binary);
+  try {
+    const json file = json::parse(stream);
+    if (file.at("fingerprint").get<std::string>() != fingerprint) return std::nullopt;
+    std::optional<StartResult> start = FromJson(file);
+    if (start && start->seed != seed) start.reset();
+    return start;
+  } catch (const json::exception&) {
+    return std::nullopt;
+  }
+}
+
+}  // namespace sightline
