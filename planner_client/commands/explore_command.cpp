@@ -149,6 +149,10 @@ absl::StatusOr<SavedPlan> SavePlan(PlanningSession& session, const std::string& 
   output.folder = folder;
   output.pictures = false;
   output.point_clouds = false;
+  // Of an earlier plan's scans.
+  if (auto removed = RemoveFiles(folder, {"optics.json", "optics.html"}); !removed.ok()) {
+    return removed;
+  }
   absl::Status written = WritePlanOutputs(session, *document, output);
   if (!written.ok()) return written;
   SavedPlan saved;
@@ -167,7 +171,6 @@ absl::StatusOr<std::string> KeepUnsaved(const ExploreSession& session, const std
     planned.set_locked(scan.locked);
     if (scan.setting) *planned.mutable_setting() = *scan.setting;
   }
-  if (absl::Status made = MakeOutputFolder(folder); !made.ok()) return made;
   const std::string path = (fs::path(folder) / "unsaved_plan.json").string();
   if (absl::Status s = WriteFileAtomically(path, ToJson(plan)); !s.ok()) return s;
   return path;
@@ -189,6 +192,9 @@ int RunExplore(ExploreOptions& options) {
         (fs::path(options.session.inspection_file).parent_path() / "explored_plan").string();
   }
   const std::string folder = fs::absolute(options.folder).lexically_normal().string();
+  // As long as the page is open: another command would exchange the plan under it.
+  const auto out_lock = OpenOutputFolder(folder);
+  if (!out_lock.ok()) return ReportError(out_lock.status());
 
   // Scans by hand need no second sample of targets, which would double the time to start.
   options.session.fresh_targets = false;

@@ -48,7 +48,20 @@ SettingLimits LimitsOfSetting(const Lens& lens) {
 }
 
 absl::StatusOr<Json> ParseRequestBody(const std::string& body) {
-  Json request = Json::parse(body, nullptr, /*allow_exceptions=*/false);
+  // Requests are three deep. Values are shown in messages, which the library writes by recursion.
+  constexpr int kMostDepth = 16;
+  bool too_deep = false;
+  Json request = Json::parse(
+      body,
+      [&too_deep](int depth, Json::parse_event_t, Json&) {
+        too_deep = too_deep || depth > kMostDepth;
+        return !too_deep;
+      },
+      /*allow_exceptions=*/false);
+  if (too_deep) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("the request's body is nested deeper than ", kMostDepth, " levels"));
+  }
   if (!request.is_object()) {
     return absl::InvalidArgumentError("the request's body must be a JSON object");
   }

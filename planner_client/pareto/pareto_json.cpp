@@ -90,16 +90,20 @@ absl::Status CheckCosts(const v1::CostModel& costs, const CostModel& expected,
   return status;
 }
 
+// As many as goal.max_scans can be.
+constexpr int kMostScans = 1000;
+
 absl::Status CheckPoint(const v1::ParetoPoint& point, int index, const ParetoTask& task,
                         const std::string& path) {
   const std::string name = absl::StrCat("points[", index, "]");
   if (point.number() != index + 1) {
     return Differs(path, name + ".number", absl::StrCat(point.number()), absl::StrCat(index + 1));
   }
-  if (point.scans() < 1 || point.scans() != point.measurements_size()) {
+  if (point.scans() < 1 || point.scans() > kMostScans ||
+      point.scans() != point.measurements_size()) {
     return Differs(path, name + ".scans", absl::StrCat(point.scans()),
                    absl::StrCat("the number of its measurements, which is ",
-                                point.measurements_size(), ", and at least 1"));
+                                point.measurements_size(), ", and in [1, ", kMostScans, "]"));
   }
   if (point.locked_scans() < 0 || point.locked_scans() > point.scans()) {
     return Differs(path, name + ".locked_scans", absl::StrCat(point.locked_scans()),
@@ -187,6 +191,9 @@ absl::Status CheckPareto(const v1::ParetoFront& front, const ParetoTask& task,
     return Differs(
         path, "judged_targets", absl::StrCat(front.judged_targets()),
         absl::StrCat(task.judged_targets, ": the front is of another inspection (tolerances)"));
+  }
+  if (!(front.goal() > 0 && front.goal() <= 1)) {
+    return Differs(path, "goal", NumberText(front.goal()), "in (0, 1]");
   }
   if (front.points_size() == 0) return Differs(path, "points", "empty", "at least one point");
   for (int i = 0; i < front.points_size(); ++i) {

@@ -217,6 +217,7 @@ absl::StatusOr<std::unique_ptr<JournalledOracle>> JournalledOracle::Open(
   }
   if (journal->replaying_) {
     journal->size_bytes_ = static_cast<int64_t>(start.size());
+    journal->replay_end_ = static_cast<int64_t>(size);
     return journal;
   }
   journal->replay_.close();
@@ -242,7 +243,9 @@ bool JournalledOracle::NextAnswer(uint64_t query, std::string* answer) {
   if (!replaying_) return false;
   AnswerHeader header;
   replay_.read(reinterpret_cast<char*>(&header), sizeof(header));
-  bool good = replay_ && header.query == query && header.size_bytes <= kMaxAnswerBytes;
+  const int64_t left = replay_end_ - size_bytes_ - static_cast<int64_t>(sizeof(header));
+  bool good = replay_ && header.query == query && header.size_bytes <= kMaxAnswerBytes &&
+              header.size_bytes <= left;
   if (good) {
     answer->resize(header.size_bytes);
     replay_.read(answer->data(), static_cast<std::streamsize>(answer->size()));

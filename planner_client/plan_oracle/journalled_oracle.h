@@ -70,7 +70,7 @@ class JournalledOracle final : public GainOracle {
   std::unique_ptr<GainOracle> oracle_;
   const std::string file_;
   std::ifstream replay_;
-  int64_t replay_end_ = 0;  // bytes of the file that are whole answers
+  int64_t replay_end_ = 0;  // size of the file when it was opened
   bool replaying_ = false;
   std::ofstream append_;
   int64_t size_bytes_ = 0;

@@ -1,9 +1,7 @@
 #include "tests/fuzz/fuzz_targets.h"
 
-#include <sys/mman.h>
-#include <unistd.h>
-
 #include "absl/strings/str_cat.h"
+#include "core/catalogue/catalogue.h"
 #include "core/image/read_raw_image.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
@@ -15,32 +13,14 @@
 #include "core/sensor/sensor.h"
 #include "core/tolerance/qif_reader.h"
 #include "render_worker/material/height_field.h"
+#include "render_worker/material/material.h"
 #include "render_worker/material/models.h"
-#include "sightline/v1/catalogue.pb.h"
-#include "sightline/v1/plan.pb.h"
+#include "tests/fuzz/fuzz_inputs.h"
 #include "tools/step_import/step_input_error.h"
 #include "tools/step_import/tolerances/part21.h"
 
 namespace sightline {
 namespace {
-
-// Bytes as a file, in memory, for readers that want a path.
-class MemoryFile {
- public:
-  explicit MemoryFile(std::string_view bytes) : descriptor_(memfd_create("fuzz", MFD_CLOEXEC)) {
-    if (descriptor_ < 0 ||
-        write(descriptor_, bytes.data(), bytes.size()) != static_cast<ssize_t>(bytes.size())) {
-      std::abort();
-    }
-  }
-  ~MemoryFile() { close(descriptor_); }
-  MemoryFile(const MemoryFile&) = delete;
-  MemoryFile& operator=(const MemoryFile&) = delete;
-  std::string path() const { return absl::StrCat("/proc/self/fd/", descriptor_); }
-
- private:
-  int descriptor_;
-};
 
 void ReadMesh(std::string_view bytes, const char* format) {
   const auto mesh = LoadPartFromMemory(std::string(bytes), format,
@@ -48,22 +28,32 @@ void ReadMesh(std::string_view bytes, const char* format) {
   if (mesh.ok()) (void)CheckPartHealth(*mesh);
 }
 
-template <typename Message>
-Message ReadJson(std::string_view bytes) {
-  Message message;
-  const absl::Status status = ParseStrictJson(std::string(bytes), "fuzz.json", &message);
-  // What was accepted reads back.
-  if (status.ok()) {
-    Message again;
-    if (!ParseStrictJson(ToJson(message), "again.json", &again).ok()) std::abort();
-  }
-  return message;
+// One device of a catalogue whose other devices are well.
+void ReadDevice(const char* kind, std::string_view bytes) {
+  static const MemoryFolder folder;
+  static const std::map<std::string, std::string> well = {
+      {"cameras/a.json", R"({"name": "a", "sensor_type": "mono", "mount": "C", "bit_depth_bit": 12,
+          "pixel_pitch_m": 3.45e-6, "sensor_columns_px": 2048, "sensor_rows_px": 1536,
+          "gain_dn_per_electron": 0.35, "saturation_capacity_electrons": 10700,
+          "dark_noise_electrons": 2.5, "quantum_efficiency": {"mono": 0.6}})"},
+      {"lenses/a.json", R"({"name": "a", "mount": "C", "focal_length_m": 0.012, "min_f_number": 1.4,
+          "max_f_number": 16})"}};
+  for (const auto& [file, text] : well) folder.Write(file, text);
+  folder.Write(absl::StrCat(kind, "/a.json"), bytes);
+  (void)ReadCatalogue(folder.path()).ok();
+}
+
+void ReadMaterial(std::string_view bytes) {
+  const auto none = [](const std::string& file) -> absl::StatusOr<std::string> {
+    return absl::NotFoundError(file);
+  };
+  (void)MakeMaterial(ReadJson<v1::Material>(bytes), 650e-9, none, "fuzz.json").ok();
 }
 
 }  // namespace
 
-const std::map<std::string, FuzzTarget>& FuzzTargets() {
-  static const std::map<std::string, FuzzTarget> targets = {
+std::map<std::string, FuzzTarget> FileTargets() {
+  return {
       {"glb", [](std::string_view bytes) { ReadMesh(bytes, "glb"); }},
       {"gltf",
        [](std::string_view bytes) { (void)ReadGltfFile(bytes, "/nonexistent/part.gltf", {}); }},
@@ -91,11 +81,15 @@ const std::map<std::string, FuzzTarget>& FuzzTargets() {
        [](std::string_view bytes) {
          (void)ReadRefractiveIndex(MemoryFile(bytes).path(), "fuzz").ok();
        }},
+      {"merl",
+       [](std::string_view bytes) {
+         (void)ReadMerl({}, MemoryFile(bytes).path(), 650e-9, "fuzz").ok();
+       }},
+      {"material_json", ReadMaterial},
       {"inspection_json",
        [](std::string_view bytes) {
          (void)ParseInspection(ReadJson<v1::Inspection>(bytes), "fuzz.json", "/nonexistent").ok();
        }},
-      {"plan_json", [](std::string_view bytes) { ReadJson<v1::Plan>(bytes); }},
       {"recordings_json",
        [](std::string_view bytes) {
          const std::string json = NumberNullPlatePositions(std::string(bytes));
@@ -105,7 +99,9 @@ const std::map<std::string, FuzzTarget>& FuzzTargets() {
        [](std::string_view bytes) {
          (void)ParseSensor(ReadJson<v1::Sensor>(bytes), "fuzz.json").ok();
        }},
-      {"catalogue_lens_json", [](std::string_view bytes) { ReadJson<v1::CatalogueLens>(bytes); }},
+      {"catalogue_camera_json", [](std::string_view bytes) { ReadDevice("cameras", bytes); }},
+      {"catalogue_lens_json", [](std::string_view bytes) { ReadDevice("lenses", bytes); }},
+      {"catalogue_laser_json", [](std::string_view bytes) { ReadDevice("lasers", bytes); }},
       {"emva1288",
        [](std::string_view bytes) { (void)ParseEmva1288Data(bytes, "EMVA1288_Data.txt").ok(); }},
       {"qif", [](std::string_view bytes) { (void)ReadQif(MemoryFile(bytes).path()).ok(); }},
@@ -117,6 +113,15 @@ const std::map<std::string, FuzzTarget>& FuzzTargets() {
          }
        }},
   };
+}
+
+const std::map<std::string, FuzzTarget>& FuzzTargets() {
+  static const std::map<std::string, FuzzTarget> targets = [] {
+    std::map<std::string, FuzzTarget> all = FileTargets();
+    all.merge(ClientTargets());
+    all.merge(ServiceTargets());
+    return all;
+  }();
   return targets;
 }
 

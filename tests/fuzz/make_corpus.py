@@ -6,9 +6,11 @@ make_corpus.py --large F  files that once took hours or all memory, into folder 
 """
 
 import argparse
+import hashlib
 import json
 import pathlib
 import struct
+import subprocess
 import zlib
 
 HERE = pathlib.Path(__file__).resolve().parent
@@ -180,6 +182,130 @@ i d2.png
 """
 
 
+MATERIALS = {
+    "lambert": {"name": "a", "lambert": {"diffuse_albedo": 0.5}},
+    "ggx": {"name": "a", "lambert_ggx": {"diffuse_albedo": 0.3, "specular_f0": 0.5, "ggx_alpha": 0.2},
+            "reflectance_spectrum": [{"wavelength_m": 4e-7, "value": 0.4}, {"wavelength_m": 7e-7, "value": 0.5}]},
+    "conductor": {"name": "a", "conductor": {"refractive_index": [{"wavelength_m": 5e-7, "n": 1.2, "k": 6.5}],
+                                             "ggx_alpha_x": 0.1, "ggx_alpha_y": 0.3,
+                                             "machining_direction": {"x": 1, "y": 0, "z": 0}}},
+    "merl": {"name": "a", "merl": {"file": "steel.binary"}},
+}
+
+LASER = {"name": "a", "laser": {"fan_angle_deg": 30, "line_profile": "LINE_PROFILE_POWELL", "wavelength_m": 4.5e-7,
+                                "power_w": 0.05, "divergence_rad": 0.00286, "beam_focus_distance_m": 0.3}}
+
+MEASUREMENT = {"camera_distance_m": 0.4, "triangulation_angle_deg": 30, "camera_azimuth_deg": 10,
+               "camera_polar_deg": 5, "part_alpha_deg": 0, "part_beta_deg": 0, "part_gamma_deg": 90,
+               "offset_y_m": 0, "offset_z_m": 0.01}
+
+
+def pareto():
+    points = [{"number": i + 1, "scans": i + 1, "time_s": 4.5 * (i + 1), "settled": 0.5 + 0.1 * i,
+               "settled_targets": 100, "measurements": [MEASUREMENT] * (i + 1), "locked_scans": i}
+              for i in range(3)]
+    return {"inspection_name": "a", "part_digest": "ab", "scene_digest": "cd", "goal": 0.9, "judged_targets": 200,
+            "points": points, "dominated": [{"scans": 4, "settled": 0.5}], "chosen": 2}
+
+
+def verification():
+    channels = [{"channel": "mono", "e_i": 0.02, "e_u": u, "row_px": [1.5, 2.5]} for u in (0.1, 0.2)]
+    return {"set": "a", "recordings": [{"recording": i, "f_number": n, "channels": channels}
+                                       for i, n in enumerate((4, 5.6, 8))]}
+
+
+URDF = """<?xml version="1.0"?>
+<!-- two joints -->
+<robot name="seed">
+  <link name="base"><collision><origin xyz="0 0 0.1" rpy="0 0 1.5"/><geometry><box size="0.3 0.3 0.2"/></geometry>
+  </collision></link>
+  <joint name="turn" type="revolute"><parent link="base"/><child link="arm"/><origin xyz="0 0 0.2"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="2" effort="0"/></joint>
+  <link name="arm"><collision><geometry><cylinder radius="0.05" length="0.4"/></geometry></collision></link>
+  <joint name="slide" type="prismatic"><parent link="arm"/><child link="tip"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.5" velocity="0.3" effort="0"/></joint>
+  <link name="tip"><collision><geometry><sphere radius="0.02"/></geometry></collision></link>
+</robot>
+"""
+
+
+def hostile_urdf():
+    """Trees that are deep for TinyXML, though their tags seem to be closed."""
+    deep = 3000
+    return {
+        "deep": "<a>" * deep + "</a>" * deep,
+        "closed_first": "</a>" * deep + "<a>" * deep,
+        "closed_in_comments": "<a><!--></a>-->" * deep,
+        "declaration": "<?xml >" + "<a>" * deep,
+        "attributes": "<robot " + " ".join('a%d="1"' % i for i in range(3000)) + "/>",
+        "loop": URDF.replace('<child link="arm"/>', '<child link="base"/>'),
+    }
+
+
+HTTP = {
+    "get": "GET /v1/jobs/a?page_size=10 HTTP/1.1\r\nHost: a\r\n\r\n",
+    "post": "POST /v1/jobs HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\nExpect: 100-continue\r\n\r\nhelloGET / HTTP/1.0\r\n\r\n",
+    "chunked": "PUT /a HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n5;x=y\r\nhello\r\n0\r\nT: 1\r\n\r\n",
+    "two_lengths": "POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+    "absolute": "HEAD http://a:80/%2e%2e/b HTTP/1.1\r\nHost: b\r\nAuthorization: Bearer abc\r\n\r\n",
+}
+
+MULTIPART = """multipart/form-data; boundary="a b"
+--a b\r
+Content-Disposition: form-data; name="inspection"; filename="in.json"\r
+\r
+{}\r
+--a b\r
+Content-Disposition: form-data; name=part; filename*=UTF-8''na%C3%AFve.stl\r
+Content-Type: model/stl\r
+\r
+solid\r
+--a b--\r
+"""
+
+
+def journal():
+    """Answers to the questions of the target: gains and coverage of two scans, a score."""
+    def digest(data):
+        return hashlib.sha256(data).digest()[:8]
+
+    default = struct.pack("<9d", 0.4, 0.5, 0, 0, 0, 0, 0, 0, 0)
+
+    def query(kind, values=b""):
+        return digest(struct.pack("<BQ", kind, 2) + default * 2 + struct.pack("<Q", len(values) // 4) + values)
+
+    def bits(size, words):
+        return struct.pack("<QQ%dQ" % len(words), size, len(words), *words)
+
+    gain = struct.pack("<iiidd", 0, 5, 9, 0.5, 5)
+    coverage = (struct.pack("<i", 0) + bits(70, (2**63 + 1, 3)) + bits(0, ()) + struct.pack("<iiq", 3, 40, 1000)
+                + bits(0, ()) + struct.pack("<QI", 1, 7) + struct.pack("<Qf", 1, 0.5))
+    score = struct.pack("<qqq", 60, 65, 70) + struct.pack("<Bq", 1, 40) + struct.pack("<Bq", 0, 0) + struct.pack("<q", 50)
+    answers = b"sightline answers 1\nseed\n"
+    for asked, answer in ((query(1), struct.pack("<Q", 2) + gain * 2),
+                          (query(4), struct.pack("<Q", 2) + coverage * 2),
+                          (query(5, struct.pack("<f", 1)), score)):
+        answers += asked + digest(answer) + struct.pack("<II", len(answer), 0) + answer
+    return answers
+
+
+def encoded(message, text, proto="coverage_service"):
+    """Bytes of a message on the wire, from its text."""
+    command = ["protoc", f"--encode=sightline.v1.{message}", f"sightline/v1/{proto}.proto"]
+    return subprocess.run(command, input=text.encode(), cwd=HERE.parent.parent / "proto", check=True,
+                          capture_output=True).stdout
+
+
+SCENE = f"""part_digest: "{'a' * 64}"
+camera {{ columns_px: 1024 rows_px: 1024 vertical_fov_deg: 30 }}
+targets {{ spacing_m: 0.002 coverage_radius_m: 0.0014 max_normal_angle_deg: 70 }}
+obstacles {{ part_digest: "{'b' * 64}" frame: FRAME_STAGE }}
+field_directions: 2304
+part_placement {{ centre_m {{ x: 0.1 }} rotation_rad {{ z: 0.5 }} }}
+measurement {{ camera_distance_m {{ ranges {{ min: 0.3 max: 0.5 }} }} resting_orientations {{ part_alpha_deg: 90 name: "side" }} }}
+"""
+
+
 def small():
     """Seeds by target and name."""
     square, binary = gltf()
@@ -218,7 +344,38 @@ def small():
                               '"trigger_positions_m":[0,1e-4,-2.5]}]}', "escape": escape},
         "recordings_json": {"plate": json.dumps(plate), "null": '{"recordings":[{"plate_position_id": null}]}'},
         "sensor_json": {"camera": json.dumps(camera)},
-        "catalogue_lens_json": {"lens": '{"name":"a","lens":{"focal_length_m":0.016}}'},
+        "merl": {"few": struct.pack("<3i4d", 90, 90, 180, 1, 2, -1, 0.5), "large": struct.pack("<3i", 2**31 - 1, 2, 2)},
+        "material_json": {name: json.dumps(material) for name, material in MATERIALS.items()},
+        "catalogue_camera_json": {"camera": example("catalogue", "cameras", "flir_bfs_u3_32s4m.json")},
+        "catalogue_lens_json": {"lens": example("catalogue", "lenses", "kowa_lm12jc5m2.json")},
+        "catalogue_laser_json": {"laser": json.dumps(LASER)},
+        "pareto_json": {"front": json.dumps(pareto())},
+        "optics_json": {"point": '{"points":[{"f_number":5.6}],"warnings":["a"]}', "escape": escape},
+        "verification_json": {"three": json.dumps(verification())},
+        "journal": {"answers": journal(), "cut": journal()[:-9]},
+        "urdf": {"two_joints": URDF, "ur10e": example("cylinder_head_robot", "ur10e_cell.urdf"), **hostile_urdf()},
+        "page_request": {"scan": json.dumps({"measurement": MEASUREMENT, "scan": 3,
+                                             "setting": {"f_number": 8, "exposure_time_s": 0.01,
+                                                         "focus_distance_m": 0.4}}),
+                         "deep": '{"action":' + "[" * 30000 + "]" * 30000 + "}"},
+        "finished_images": {"one": '{"request":"%s"}\n{"image":0,"files":[["images/a.png","%s"]]}\n'
+                                   % (hashlib.sha256(b"").hexdigest(), hashlib.sha256(b"a picture").hexdigest())},
+        "raw_png": {"grey16": png(32, 32), "grey8": png(16, 8, bits=8), "claims_60000": png(60000, 30000, rows_given=1)},
+        "http_requests": HTTP,
+        "http_multipart": {"two_parts": MULTIPART},
+        "http_target": {"query": "/v1/jobs/a%20b?page_size=10&label=a%3Db", "absolute": "http://[::1]:80/a"},
+        "receiver_url": {"mqtt": "mqtts://broker.example:8883/plans", "user": "https://me:" + "word@a/b",
+                         "ipv6": "http://[::1]:8080/"},
+        "traceparent": {"valid": "00-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01",
+                        "later": "cc-0af7651916cd43dd8448eb211c80319c-b7ad6b7169203331-01-more"},
+        "clients_json": {"two": json.dumps({"clients": [
+            {"name": "mes", "token_sha256": hashlib.sha256(b"t").hexdigest(), "operator": True, "max_queued_jobs": 5},
+            {"name": "page", "certificate_names": ["page.example"], "kinds": ["plan", "render"]}]})},
+        "scene_spec": {"all": encoded("SceneSpec", SCENE),
+                       "nan": encoded("SceneSpec", SCENE.replace("spacing_m: 0.002", "spacing_m: nan")
+                                      .replace("min: 0.3", "min: -inf"))},
+        "command_messages": {"lines": '{"progress":0.5,"message":"a"}\nwords\n{"error":{"code":"NOT_FOUND","message":"b"}}\n',
+                             "large_number": '{"progress":1e999}\n{"progress":-1e308}\n'},
         "emva1288": {"set": EMVA},
         "qif": {"flatness": QIF, "entities": '<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "cccc">'
                                              '<!ENTITY d "&b;&b;&b;">]><a>&d;&d;</a>'},

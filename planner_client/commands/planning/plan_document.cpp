@@ -346,6 +346,11 @@ void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan) {
 absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
   PlanFileScans scans;
   if (absl::Status status = ReadStrictJsonFile(path, &scans.plan); !status.ok()) return status;
+  if (scans.plan.scans_size() > kMostPlanScans) {
+    return absl::InvalidArgumentError(absl::StrCat(path, ": scans has ", scans.plan.scans_size(),
+                                                   " entries, at most ", kMostPlanScans,
+                                                   " can be evaluated"));
+  }
   const MeasurementDomain domain = ThesisDomain();
   for (int i = 0; i < scans.plan.scans_size(); ++i) {
     const v1::PlannedScan& scan = scans.plan.scans(i);

@@ -43,7 +43,10 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
 // Adds the lower bound, to what the plan is for.
 void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan);
 
-// Scans of a plan file. INVALID_ARGUMENT names the file, scan and field.
+// As many as goal.max_scans can be.
+inline constexpr int kMostPlanScans = 1000;
+
+// Scans of a plan file, at most kMostPlanScans. INVALID_ARGUMENT names the file, scan and field.
 struct PlanFileScans {
   std::vector<Measurement> all;
   std::vector<bool> locked;

@@ -3,10 +3,12 @@
 #include <urdf_model/model.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <filesystem>
 #include <map>
 #include <numbers>
+#include <utility>
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
@@ -24,7 +26,7 @@ constexpr size_t kMostLinks = 200;
 constexpr size_t kMostJoints = 16;
 constexpr size_t kMostShapes = 2000;
 constexpr size_t kMostTriangles = 500000;
-constexpr uintmax_t kMostMeshBytes = 64 << 20;
+constexpr uintmax_t kMostMeshBytes = 256 << 20;  // of all files that meshes are read from
 // Of any length in a URDF; larger ones are in other units than metres.
 constexpr double kMostMetres = 100;
 
@@ -249,18 +251,36 @@ class Reader {
     if (!fs::is_regular_file(path, error)) {
       return Bad(absl::StrCat(where, ": mesh ", path.string(), " is not a regular file"));
     }
-    if (fs::file_size(path, error) > kMostMeshBytes) {
-      return Bad(absl::StrCat(where, ": mesh ", path.string(), " has more than ", kMostMeshBytes,
-                              " bytes"));
-    }
     const Eigen::Vector3d scale(mesh.scale.x, mesh.scale.y, mesh.scale.z);
     if (!scale.allFinite() || !(scale.cwiseAbs().minCoeff() > 0)) {
       return Bad(where + ": mesh scale must be finite and not 0");
     }
+    // Thousands of solids may name the same file.
+    MeshShape& known = meshes_[{path.string(), {scale.x(), scale.y(), scale.z()}}];
+    if (known == nullptr) {
+      mesh_bytes_ += fs::file_size(path, error);
+      if (error || mesh_bytes_ > kMostMeshBytes) {
+        return Bad(absl::StrCat(where, ": mesh ", path.string(), ": mesh files have more than ",
+                                kMostMeshBytes, " bytes together"));
+      }
+      auto loaded = LoadMesh(path, scale, where);
+      if (!loaded.ok()) return loaded.status();
+      known = *std::move(loaded);
+    }
+    triangles_ += known->triangles.size();
+    if (triangles_ > kMostTriangles) {
+      return Bad(absl::StrCat("has meshes of more than ", kMostTriangles, " triangles"));
+    }
+    digest_.Add(PartDigest(*known));
+    return known;
+  }
+
+  absl::StatusOr<MeshShape> LoadMesh(const fs::path& path, const Eigen::Vector3d& scale,
+                                     const std::string& where) const {
     // Files in millimetres have a scale of 0.001: looked at by size only after scaling.
     const bool millimetres = (scale - Eigen::Vector3d::Constant(1e-3)).norm() < 1e-9;
-    const bool has_unit =
-        absl::EndsWithIgnoreCase(name, ".glb") || absl::EndsWithIgnoreCase(name, ".gltf");
+    const bool has_unit = absl::EndsWithIgnoreCase(path.string(), ".glb") ||
+                          absl::EndsWithIgnoreCase(path.string(), ".gltf");
     auto loaded = LoadPart(path.string(), has_unit ? "" : millimetres ? "mm" : "m");
     if (!loaded.ok()) {
       return absl::Status(loaded.status().code(), absl::StrCat(mount_.urdf_file, ": ", where, ": ",
@@ -269,11 +289,6 @@ class Reader {
     if (has_unit || !millimetres) {
       for (Eigen::Vector3f& p : loaded->positions_m) p = p.cwiseProduct(scale.cast<float>());
     }
-    triangles_ += loaded->triangles.size();
-    if (triangles_ > kMostTriangles) {
-      return Bad(absl::StrCat("has meshes of more than ", kMostTriangles, " triangles"));
-    }
-    digest_.Add(PartDigest(*loaded));
     return std::make_shared<const TriangleMesh>(*std::move(loaded));
   }
 
@@ -357,6 +372,8 @@ class Reader {
   std::map<std::string, int> index_;
   std::vector<urdf::LinkConstSharedPtr> source_;  // of each link
   Sha256 digest_;
+  std::map<std::pair<std::string, std::array<double, 3>>, MeshShape> meshes_;  // by path and scale
+  uintmax_t mesh_bytes_ = 0;
   size_t triangles_ = 0, shapes_ = 0;
 };
 

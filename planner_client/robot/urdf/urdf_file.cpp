@@ -20,8 +20,9 @@ namespace {
 
 // The largest published arms have some 100 kB without their meshes.
 constexpr uintmax_t kMostBytes = 4 << 20;
-// TinyXML reads by recursion; URDF itself is less than ten deep.
+// URDF itself is less than ten deep, with at most four attributes.
 constexpr int kMostDepth = 64;
+constexpr int kMostAttributes = 64;
 
 // What urdfdom says on its console.
 class Messages final : public console_bridge::OutputHandler {
@@ -37,46 +38,52 @@ class Messages final : public console_bridge::OutputHandler {
   std::string first_error_;
 };
 
-// What TinyXML must not be given: empty if nothing.
+// What TinyXML must not be given: empty if nothing. It reads elements by recursion and looks for
+// double attributes by comparing all pairs. Tags are told apart as TinyXML does it, which differs
+// from XML: otherwise what looks like a comment here could be an element there.
 std::string Refuse(std::string_view xml) {
   int depth = 0;
   size_t at = 0;
-  const auto skip_past = [&](std::string_view end) {
-    const size_t found = xml.find(end, at);
-    at = found == std::string_view::npos ? xml.size() : found + end.size();
-  };
   while ((at = xml.find('<', at)) != std::string_view::npos) {
     const std::string_view rest = xml.substr(at);
+    size_t length = 0;
     if (rest.starts_with("<!--")) {
-      skip_past("-->");
+      // Unlike in XML the dashes at its start may not be those at its end, as in <!-->.
+      length = std::min(rest.find("-->", 4), rest.size());
     } else if (rest.starts_with("<![CDATA[")) {
-      skip_past("]]>");
+      return "has a CDATA section, which a URDF does not need";
     } else if (rest.starts_with("<?")) {
-      skip_past("?>");
+      // Ends at the first '>', whatever stands before it.
+      length = std::min(rest.find('>'), rest.size());
+      if (!rest.substr(0, length).ends_with('?'))
+        return "has a declaration that does not end in ?>";
     } else if (rest.starts_with("<!")) {
       return "has a document type declaration, which a URDF does not need";
     } else if (rest.starts_with("</")) {
-      --depth;
-      skip_past(">");
+      if (--depth < 0) return "closes an element that is not open";
+      length = std::min(rest.find('>'), rest.size());
     } else {
       // Attributes may hold '>' between quotes.
       char quote = 0;
-      size_t end = at + 1;
-      for (; end < xml.size(); ++end) {
-        const char c = xml[end];
+      int attributes = 0;
+      for (length = 1; length < rest.size() && (quote != 0 || rest[length] != '>'); ++length) {
+        const char c = rest[length];
         if (quote != 0) {
           if (c == quote) quote = 0;
         } else if (c == '"' || c == '\'') {
           quote = c;
-        } else if (c == '>') {
-          break;
+        } else if (c == '=') {
+          ++attributes;
         }
       }
-      if (xml[end - 1] != '/' && ++depth > kMostDepth) {
+      if (attributes > kMostAttributes) {
+        return absl::StrCat("has an element with more than ", kMostAttributes, " attributes");
+      }
+      if (rest[length - 1] != '/' && ++depth > kMostDepth) {
         return absl::StrCat("has elements nested more than ", kMostDepth, " deep");
       }
-      at = std::min(end + 1, xml.size());
     }
+    at += length;
   }
   return "";
 }

@@ -192,6 +192,12 @@ TEST_F(ExploreSessionTest, WrongRequestsNameFieldValueAndRange) {
   EXPECT_FALSE(ParseRequestBody("{\"exact\": NaN}").ok());
   EXPECT_FALSE(ParseRequestBody("{\"exact\": 1e999}").ok());
   EXPECT_FALSE(ParseRequestBody("[]").ok());
+  // Deep ones, of the size that a request may have, would be shown by recursion.
+  const std::string deep =
+      "{\"exact\": " + std::string(32'000, '[') + std::string(32'000, ']') + "}";
+  const auto refused = ParseRequestBody(deep);
+  ASSERT_FALSE(refused.ok());
+  EXPECT_THAT(std::string(refused.status().message()), HasSubstr("nested deeper than 16 levels"));
 }
 
 TEST_F(ExploreSessionTest, UnknownScansAndActionsAreRefused) {

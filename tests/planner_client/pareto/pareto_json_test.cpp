@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
+
 #include "core/json/strict_json.h"
 #include "tests/planner_client/analytic_oracle.h"
 
@@ -156,6 +158,17 @@ TEST(ParetoJsonTest, DamagedFrontsAreRefused) {
   front = Front();
   front.mutable_points(0)->set_time_s(-1);
   EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("points[0].time_s"));
+  for (const double goal : {0.0, -1.0, 1.5, std::nan("")}) {
+    front = Front();
+    front.set_goal(goal);
+    EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("goal is ")) << goal;
+  }
+  front = Front();
+  while (front.points(1).measurements_size() <= 1000) {
+    *front.mutable_points(1)->add_measurements() = front.points(1).measurements(0);
+  }
+  front.mutable_points(1)->set_scans(front.points(1).measurements_size());
+  EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("and in [1, 1000]"));
   front = Front();
   front.clear_points();
   EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("points is empty"));

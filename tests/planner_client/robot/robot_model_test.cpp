@@ -6,7 +6,9 @@
 
 #include <numbers>
 
+#include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "tests/limits/within_limits.h"
 #include "tests/planner_client/robot/robot_files.h"
 
 namespace sightline {
@@ -125,6 +127,36 @@ TEST_F(RobotModelTest, MeshesBelongToTheDigest) {
   }
 }
 
+TEST_F(RobotModelTest, MeshFilesAreReadOnceAndHaveALimitTogether) {
+  // A megabyte of comments beside four triangles: quick to read once, not 1500 times.
+  std::string cube =
+      "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+  while (cube.size() < 20'000'000) cube += "# nothing\n";
+  Write("hand.obj", cube);
+  RobotMount mount;
+  mount.tip_link = "tip";
+  const auto with = [&](const std::string& solids) {
+    mount.urdf_file = Write(
+        "arm.urdf",
+        absl::StrReplaceAll(
+            PlanarArm(), {{R"(<link name="tip"/>)", R"(<link name="tip">)" + solids + "</link>"}}));
+    return WithinLimits({.cpu_time_s = 20}, [&] {
+      const auto model = ReadRobotModel(mount);
+      return model.ok() ? absl::StrCat(model->links[model->tip].shapes.size(), " solids")
+                        : std::string(model.status().message());
+    });
+  };
+  const auto solid = [](const std::string& scale) {
+    return R"(<collision><geometry><mesh filename="hand.obj" scale=")" + scale +
+           R"("/></geometry></collision>)";
+  };
+  std::string same, different;
+  for (int i = 0; i < 1500; ++i) same += solid("0.001 0.001 0.001");
+  for (int i = 0; i < 1500; ++i) different += solid(absl::StrCat("0.001 0.001 0.00", 1000 + i));
+  EXPECT_EQ(with(same), "1500 solids");
+  EXPECT_THAT(with(different), HasSubstr("mesh files have more than 268435456 bytes together"));
+}
+
 TEST_F(RobotModelTest, RefusesWhatAChainCannotBe) {
   ExpectRefused("", "");
   ExpectRefused("<robot", "");
@@ -187,6 +219,20 @@ TEST_F(RobotModelTest, RefusesFilesThatAreMadeToHurt) {
   std::string deep;
   for (int i = 0; i < 500000; ++i) deep += "<a>";
   ExpectRefused(deep, "nested more than 64 deep");
+  // TinyXML, which reads by recursion, sees elements where XML has none.
+  const auto repeated = [](const std::string& text) {
+    std::string all;
+    while (all.size() < 3'000'000) all += text;
+    return all;
+  };
+  ExpectRefused(repeated("</a>") + deep.substr(0, 900'000), "closes an element that is not open");
+  ExpectRefused(repeated("<a><!--></a>-->"), "nested more than 64 deep");
+  ExpectRefused("<?xml >" + deep, "declaration that does not end in ?>");
+  ExpectRefused("<a><![CDATA[]]>" + deep, "CDATA");
+  // And compares every attribute with all others.
+  std::string attributes = "<robot";
+  for (int i = 0; i < 200'000; ++i) absl::StrAppend(&attributes, " a", i, "=\"\"");
+  ExpectRefused(attributes + "/>", "more than 64 attributes");
   ExpectRefused(std::string((4 << 20) + 1, ' '), "a URDF has at most 4194304");
   ExpectRefused(PlanarArm() + std::string(1, '\0'), "zero bytes");
   std::string many = "<robot name=\"many\"><link name=\"tip\"/>";
