@@ -12,7 +12,7 @@
 #include <string>
 #include <utility>
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 
 namespace sightline {
 namespace {

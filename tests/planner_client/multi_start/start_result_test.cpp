@@ -6,7 +6,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "planner_client/optimise/random.h"
+#include "core/random/random.h"
 
 namespace sightline {
 namespace {
