@@ -68,9 +68,14 @@ std::string Facts(const std::string& title, const FactList& facts) {
 // Whether an angle is worth a step of a person.
 bool Turns(double angle_deg) { return std::abs(std::remainder(angle_deg, 360)) > 0.005; }
 
+// The shorter way round, from -180 to 180 degrees: everywhere on the sheet, so that one turn has
+// one number.
+std::string Turn(double angle_deg, int decimals = 1) {
+  return Deg(std::remainder(angle_deg, 360), decimals);
+}
+
 std::string TurnText(double angle_deg, const char* about) {
-  return absl::StrCat("<strong>", Deg(std::remainder(angle_deg, 360), 2), "</strong> about ",
-                      about);
+  return absl::StrCat("<strong>", Turn(angle_deg, 2), "</strong> about ", about);
 }
 
 // A vertex for each cell of a grid over the part that holds any: drawings are a few hundred pixels,
@@ -206,8 +211,8 @@ class Sheet {
       if (faces) {
         absl::StrAppend(&html, "<td class=\"words\">", face ? FaceName(*face) : "\u2013", "</td>");
       }
-      absl::StrAppend(&html, "<td>", Deg(m.part_alpha_deg()), " / ", Deg(m.part_beta_deg()), " / ",
-                      Deg(m.part_gamma_deg()), "</td><td class=\"words\">",
+      absl::StrAppend(&html, "<td>", Turn(m.part_alpha_deg()), " / ", Turn(m.part_beta_deg()),
+                      " / ", Turn(m.part_gamma_deg()), "</td><td class=\"words\">",
                       PlaceInWords(frames_[static_cast<size_t>(i)].camera.translation()),
                       "</td><td>", Deg(m.triangulation_angle_deg()), "</td><td>",
                       Mm(m.camera_distance_m()), "</td><td>", StageMm(scan.stage_start_m()),
@@ -230,10 +235,10 @@ class Sheet {
         " of ", plan_.scans_size(),
         scan.locked() ? " <span class=\"badge\">kept as given</span>" : "", "</h2><p>",
         face != nullptr ? absl::StrCat("part lies on ", FaceName(*face), ", turned ",
-                                       Deg(scan.measurement().part_gamma_deg()))
-                        : absl::StrCat("part turned ", Deg(scan.measurement().part_alpha_deg()),
-                                       " / ", Deg(scan.measurement().part_beta_deg()), " / ",
-                                       Deg(scan.measurement().part_gamma_deg())),
+                                       Turn(scan.measurement().part_gamma_deg()))
+                        : absl::StrCat("part turned ", Turn(scan.measurement().part_alpha_deg()),
+                                       " / ", Turn(scan.measurement().part_beta_deg()), " / ",
+                                       Turn(scan.measurement().part_gamma_deg())),
         "</p></header>\n");
     for (const std::string& remark : scan.remarks()) {
       absl::StrAppend(&html, "<p class=\"remark\">", EscapeHtml(remark), "</p>\n");
