@@ -85,8 +85,7 @@ class Comparing {
     progress_(0, "null model");
     Consider(&none, nominal_, 0);
     Keep(std::move(none));
-    comparison_.finished =
-        FitSingles() && (settings_.singles_only || (FitPairs() && FitFreeMap()));
+    comparison_.finished = FitSingles() && (settings_.singles_only || (FitPairs() && FitFreeMap()));
     FindProbabilities();
     return std::move(comparison_);
   }
