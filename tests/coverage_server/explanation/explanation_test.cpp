@@ -162,8 +162,8 @@ TEST(Explanation, Collision) {
 
 TEST(Explanation, CollisionWithThePartNamesNoObstacle) {
   SceneDefinition definition = Cube();
-  // Looks past its own box, which reaches down beside the cube and into it.
-  definition.rig.camera_bodies = {BoxBody{{0, 0, 0.2}, {0.12, 0.012, 0.1}}};
+  // Bodies hide nothing: the camera looks through its box, which no offset of the cube avoids.
+  definition.rig.camera_bodies = {BoxBody{{0, 0, 0.2}, {2, 2, 0.1}}};
   MeasurementDomain domain = FromAbove();
   domain.parameters[0] = Fixed(0.2);
   domain.parameters[3] = Fixed(0);

@@ -310,7 +310,8 @@ TEST(FastEvaluator, SkippedBlocksHoldNothingThatIsCovered) {
     mixed.triangles.push_back(near.triangles[t]);
   }
   const TriangleBvh bvh(part);
-  SurfaceProbes near_probes = MakeSurfaceProbes(part, bvh, near, sampling), mixed_probes;
+  const SurfaceProbes near_probes = MakeSurfaceProbes(part, bvh, near, sampling);
+  SurfaceProbes mixed_probes;
   for (const size_t t : order) {
     for (int k = 0; k < kProbesPerTarget; ++k) {
       const size_t probe = t * kProbesPerTarget + static_cast<size_t>(k);
@@ -318,11 +319,13 @@ TEST(FastEvaluator, SkippedBlocksHoldNothingThatIsCovered) {
       mixed_probes.normals.push_back(near_probes.normals[probe]);
     }
   }
-  // Everything is seen from everywhere, so that geometry alone decides.
-  VisibilityField field({16}, count);
-  std::fill_n(field.mutable_data(), field.bytes(), uint8_t{0xff});
-  const FastEvaluator by_place(near, sampling, near_probes, field);
-  const FastEvaluator by_chance(mixed, sampling, mixed_probes, field);
+  FieldBuildOptions options;
+  options.directions = 256;
+  const auto near_field = BuildVisibilityField(part, {}, near, near_probes, options);
+  const auto mixed_field = BuildVisibilityField(part, {}, mixed, mixed_probes, options);
+  ASSERT_TRUE(near_field.ok() && mixed_field.ok());
+  const FastEvaluator by_place(near, sampling, near_probes, **near_field);
+  const FastEvaluator by_chance(mixed, sampling, mixed_probes, **mixed_field);
 
   Rig rig;
   rig.laser.fan_angle_rad = 0.3;

@@ -90,7 +90,7 @@ TEST_F(RobotModelTest, ReadsLimitsSolidsAndWhatHangsBesideTheChain) {
 
 TEST_F(RobotModelTest, MeshesBelongToTheDigest) {
   const std::string cube =
-      "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+      "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
   Write("hand.obj", cube);
   RobotMount mount;
   mount.tip_link = "tip";
@@ -128,9 +128,9 @@ TEST_F(RobotModelTest, MeshesBelongToTheDigest) {
 }
 
 TEST_F(RobotModelTest, MeshFilesAreReadOnceAndHaveALimitTogether) {
-  // A megabyte of comments beside four triangles: quick to read once, not 1500 times.
+  // 20 MB of comments beside four triangles: quick to read once, not 1500 times.
   std::string cube =
-      "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+      "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
   while (cube.size() < 20'000'000) cube += "# nothing\n";
   Write("hand.obj", cube);
   RobotMount mount;
@@ -151,8 +151,8 @@ TEST_F(RobotModelTest, MeshFilesAreReadOnceAndHaveALimitTogether) {
            R"("/></geometry></collision>)";
   };
   std::string same, different;
-  for (int i = 0; i < 1500; ++i) same += solid("0.001 0.001 0.001");
-  for (int i = 0; i < 1500; ++i) different += solid(absl::StrCat("0.001 0.001 0.00", 1000 + i));
+  for (int i = 0; i < 1500; ++i) same += solid("1 1 1");
+  for (int i = 0; i < 1500; ++i) different += solid(absl::StrCat("1 1 1.0", 1000 + i));
   EXPECT_EQ(with(same), "1500 solids");
   EXPECT_THAT(with(different), HasSubstr("mesh files have more than 268435456 bytes together"));
 }

@@ -49,7 +49,7 @@ TEST_P(SharedSetTest, IsNotAccused) {
 }
 
 INSTANTIATE_TEST_SUITE_P(Shared, SharedSetTest, ::testing::ValuesIn(SharedSets()),
-                         [](const auto& info) { return info.param.filename().string(); });
+                         [](const auto& set) { return set.param.filename().string(); });
 
 }  // namespace
 }  // namespace sightline
