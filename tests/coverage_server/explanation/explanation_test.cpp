@@ -163,7 +163,7 @@ TEST(Explanation, Collision) {
 TEST(Explanation, CollisionWithThePartNamesNoObstacle) {
   SceneDefinition definition = Cube();
   // Bodies hide nothing: the camera looks through its box, which no offset of the cube avoids.
-  definition.rig.camera_bodies = {BoxBody{{0, 0, 0.2}, {2, 2, 0.1}}};
+  definition.rig.camera_bodies = {BoxBody{{0, 0, 0.5}, {2, 2, 0.9}}};
   MeasurementDomain domain = FromAbove();
   domain.parameters[0] = Fixed(0.2);
   domain.parameters[3] = Fixed(0);
