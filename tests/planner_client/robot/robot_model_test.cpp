@@ -90,7 +90,7 @@ TEST_F(RobotModelTest, ReadsLimitsSolidsAndWhatHangsBesideTheChain) {
 
 TEST_F(RobotModelTest, MeshesBelongToTheDigest) {
   const std::string cube =
-      "v 0 0 0\nv 0.1 0 0\nv 0 0.1 0\nv 0 0 0.1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
+      "v 0 0 0\nv 100 0 0\nv 0 100 0\nv 0 0 100\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n";
   Write("hand.obj", cube);
   RobotMount mount;
   mount.tip_link = "tip";
