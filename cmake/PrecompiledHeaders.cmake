@@ -61,7 +61,7 @@ function(sightline_precompile_headers)
     endif()
     target_precompile_headers(${target} REUSE_FROM sightline_headers_${kind})
     # GCC 12 forgets of code in precompiled headers that it is the system's, and warns of copies inside std::string that
-    # cannot happen (GCC bug 105329). Builds without precompiled headers have the warning.
+    # cannot happen. Builds without precompiled headers have the warning.
     target_compile_options(${target} PRIVATE -Wno-array-bounds)
     # A file with options of its own does without.
     get_target_property(sources ${target} SOURCES)
