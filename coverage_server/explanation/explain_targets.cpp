@@ -9,6 +9,7 @@
 #include <numbers>
 
 #include "core/random/counter_random.h"
+#include "core/rig/sensor_bodies.h"
 #include "coverage_server/explanation/aimed_scan.h"
 #include "coverage_server/scan/place_conditions.h"
 #include "coverage_server/scan/scan_in_part.h"
@@ -271,8 +272,10 @@ class Explainer {
     return failures;
   }
 
-  // The first obstacle that camera or laser touch while the stage moves; -1: none of them.
+  // The first obstacle that camera or laser touch while the stage moves; -1: none of them, or they
+  // stand in the same place, which no obstacle changes.
   int TouchedObstacle(const ScanGeometry& geometry, double start_m, double end_m) const {
+    if (SensorBodiesCollide(*task_.rig, geometry)) return -1;
     for (size_t i = 0; i < task_.single_obstacles->size(); ++i) {
       if (Collides(*task_.rig, geometry, task_.part_centre_m, (*task_.single_obstacles)[i], start_m,
                    end_m)) {

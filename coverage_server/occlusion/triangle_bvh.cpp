@@ -37,12 +37,6 @@ double TriangleSpan(const Eigen::Vector3d* corners, const Eigen::Vector3d& axis,
 
 }  // namespace
 
-double Zonotope::HalfExtent(const Eigen::Vector3d& direction) const {
-  double extent = 0;
-  for (const auto& g : generators_m) extent += std::abs(g.dot(direction));
-  return extent;
-}
-
 TriangleBvh::TriangleBvh(const TriangleMesh& mesh, const std::atomic<bool>* cancelled) {
   Build(mesh, cancelled);
   if (cancelled == nullptr || !cancelled->load()) return;

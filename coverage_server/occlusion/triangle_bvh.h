@@ -11,18 +11,9 @@
 #include <vector>
 
 #include "core/part/mesh.h"
+#include "core/rig/zonotope.h"
 
 namespace sightline {
-
-// Convex, centrally symmetric solid: centre + sum of t_i * generator_i, t_i in [-1, 1]. A box has
-// three generators; swept along a segment it has four.
-struct Zonotope {
-  Eigen::Vector3d centre_m;
-  std::vector<Eigen::Vector3d> generators_m;
-
-  // Half extent along a direction (support function of the centred solid).
-  double HalfExtent(const Eigen::Vector3d& direction) const;
-};
 
 class TriangleBvh {
  public:

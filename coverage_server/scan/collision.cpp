@@ -1,35 +1,9 @@
 #include "coverage_server/scan/collision.h"
 
-#include <cmath>
-#include <numbers>
+#include "core/rig/sensor_bodies.h"
 
 namespace sightline {
 namespace {
-
-Zonotope BodyInWorld(const Body& body, const SensorPose& pose) {
-  const auto to_world = [&](const Eigen::Vector3d& x) -> Eigen::Vector3d {
-    return x.x() * pose.x_axis + x.y() * pose.y_axis + x.z() * pose.z_axis;
-  };
-  Zonotope solid;
-  if (const auto* box = std::get_if<BoxBody>(&body)) {
-    solid.centre_m = pose.origin_m + to_world(box->centre_m);
-    solid.generators_m = {0.5 * box->size_m.x() * pose.x_axis, 0.5 * box->size_m.y() * pose.y_axis,
-                          0.5 * box->size_m.z() * pose.z_axis};
-  } else {
-    const auto& cylinder = std::get<CylinderBody>(body);
-    solid.centre_m = pose.origin_m + to_world(cylinder.centre_m);
-    solid.generators_m = {0.5 * cylinder.length_m * pose.z_axis};
-    // Four generators of equal length 45 degrees apart span a regular octagon; its inradius is
-    // g (1 + sqrt(2)).
-    const double g = cylinder.radius_m / (1 + std::numbers::sqrt2);
-    for (int k = 0; k < 4; ++k) {
-      const double angle = std::numbers::pi / 4 * k;
-      solid.generators_m.push_back(g *
-                                   (std::cos(angle) * pose.x_axis + std::sin(angle) * pose.y_axis));
-    }
-  }
-  return solid;
-}
 
 // Whether what travels with the part, in the axes of the world, cuts into it.
 bool CutsIntoPart(const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
@@ -56,8 +30,9 @@ Zonotope Swept(Zonotope solid, double stage_start_m, double stage_end_m) {
 
 bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
               const std::vector<Occluder>& occluders, double stage_start_m, double stage_end_m) {
+  if (SensorBodiesCollide(rig, geometry)) return true;
   const auto body_hits = [&](const Body& body, const SensorPose& pose) {
-    const Zonotope still = BodyInWorld(body, pose);
+    const Zonotope still = BodyAt(body, pose);
     for (const Occluder& occluder : occluders) {
       Zonotope solid = still;
       if (occluder.frame != ObstacleFrame::kWorld) {

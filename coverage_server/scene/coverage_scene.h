@@ -145,7 +145,7 @@ enum class UncoveredReason {
 struct TargetExplanation {
   UncoveredReason reason = UncoveredReason::kNotChosen;
   // Index into CoverageScene::obstacles() if one is the reason; of collisions that which camera or
-  // laser touch, -1: they touch the part, or the part touches what stands still.
+  // laser touch, -1: they touch the part or one another, or the part touches what stands still.
   int obstacle = -1;
   int tried_scans = 0;
   int scans_with_reason = 0;

@@ -147,17 +147,15 @@ class NearestDistance {
 // Adds the part, splitting triangles until edges are at most `edge_m`, so that colours given at
 // vertices follow a pattern of that size.
 void AddPart(const TriangleMesh& mesh, float edge_m,
-             const std::function<Colour(const Eigen::Vector3f&, const Eigen::Vector3f&)>& colour_at,
+             const std::function<Colour(const Eigen::Vector3f&)>& colour_at,
              const std::function<Eigen::Vector3f(const Eigen::Vector3f&)>& place, DrawList& list) {
   struct Corner {
     Eigen::Vector3f position;
     Colour colour;
   };
   // Halving the longest edge keeps the long thin triangles of CAD meshes to few pieces.
-  const std::function<void(const Corner&, const Corner&, const Corner&, const Eigen::Vector3f&,
-                           int)>
-      split = [&](const Corner& a, const Corner& b, const Corner& c, const Eigen::Vector3f& n,
-                  int depth) {
+  const std::function<void(const Corner&, const Corner&, const Corner&, int)> split =
+      [&](const Corner& a, const Corner& b, const Corner& c, int depth) {
         const float ab = (a.position - b.position).squaredNorm(),
                     bc = (b.position - c.position).squaredNorm(),
                     ca = (c.position - a.position).squaredNorm();
@@ -168,30 +166,28 @@ void AddPart(const TriangleMesh& mesh, float edge_m,
         }
         const auto middle = [&](const Corner& p, const Corner& q) {
           const Eigen::Vector3f m = 0.5f * (p.position + q.position);
-          return Corner{m, colour_at(m, n)};
+          return Corner{m, colour_at(m)};
         };
         if (ab >= bc && ab >= ca) {
           const Corner m = middle(a, b);
-          split(a, m, c, n, depth + 1);
-          split(m, b, c, n, depth + 1);
+          split(a, m, c, depth + 1);
+          split(m, b, c, depth + 1);
         } else if (bc >= ca) {
           const Corner m = middle(b, c);
-          split(a, b, m, n, depth + 1);
-          split(a, m, c, n, depth + 1);
+          split(a, b, m, depth + 1);
+          split(a, m, c, depth + 1);
         } else {
           const Corner m = middle(c, a);
-          split(a, b, m, n, depth + 1);
-          split(m, b, c, n, depth + 1);
+          split(a, b, m, depth + 1);
+          split(m, b, c, depth + 1);
         }
       };
-  for (size_t t = 0; t < mesh.triangles.size(); ++t) {
-    const Eigen::Vector3f n = mesh.Normal(t).cast<float>();
-    Corner corner[3];
-    for (int k = 0; k < 3; ++k) {
-      corner[k].position = mesh.Corner(t, k).cast<float>();
-      corner[k].colour = colour_at(corner[k].position, n);
-    }
-    split(corner[0], corner[1], corner[2], n, 0);
+  // Triangles share their corners.
+  std::vector<Corner> corners;
+  corners.reserve(mesh.positions_m.size());
+  for (const Eigen::Vector3f& p : mesh.positions_m) corners.push_back({p, colour_at(p)});
+  for (const auto& triangle : mesh.triangles) {
+    split(corners[triangle[0]], corners[triangle[1]], corners[triangle[2]], 0);
   }
 }
 
@@ -365,7 +361,7 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
     (set ? yes : no).push_back(targets.positions_m[t]);
   }
   const NearestDistance to_yes(std::move(yes)), to_no(std::move(no));
-  const auto colour_at = [&](const Eigen::Vector3f& p, const Eigen::Vector3f&) -> Colour {
+  const auto colour_at = [&](const Eigen::Vector3f& p) -> Colour {
     if (!coloured) return kPartColour;
     if (request.kind == ViewKind::kMeasurability) {
       return to_yes(p) <= to_no(p) ? kMeasurableColour : kUnmeasurableColour;
@@ -389,8 +385,7 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
              (geometry.part_offset_m + Eigen::Vector3d(request.stage_m, 0, lift_m)).cast<float>();
     };
     AddPart(
-        obstacle.mesh, 1e9f, [](const auto&, const auto&) { return kObstacleColour; },
-        place_obstacle, opaque);
+        obstacle.mesh, 1e9f, [](const auto&) { return kObstacleColour; }, place_obstacle, opaque);
   }
 
   if (in_world && request.measurement) {

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 #include "core/rig/scan_geometry.h"
+#include "core/rig/sensor_bodies.h"
 
 namespace sightline {
 namespace {
@@ -181,7 +183,7 @@ void DomainMeasurability::AllowPairs(const Rig& rig, const TargetSampling& sampl
   // Every angle stands for those nearer than half a step.
   std::vector<double> thetas = Samples(domain.parameters[kPolar], step);
   std::vector<double> taus = Samples(domain.parameters[kTriangulation], step);
-  const std::vector<double> distances = Samples(domain.parameters[kDistance], 0.02);
+  const std::vector<double> all_distances = Samples(domain.parameters[kDistance], 0.02);
   std::vector<double> off_axis;
   const int rows = std::max(1, static_cast<int>(std::ceil(half_rows_rad / step)));
   for (int i = -rows; i <= rows; ++i) off_axis.push_back(half_rows_rad * i / rows);
@@ -190,6 +192,15 @@ void DomainMeasurability::AllowPairs(const Rig& rig, const TargetSampling& sampl
     return static_cast<int>(std::lround((polar_rad / kDegree - kFirstPolar_deg) / kStep_deg));
   };
   for (const double tau : taus) {
+    // At which there is room for the bodies of both sensors.
+    std::vector<double> distances;
+    std::copy_if(all_distances.begin(), all_distances.end(), std::back_inserter(distances),
+                 [&](double distance) {
+                   Measurement m;
+                   m.camera_distance_m = distance;
+                   m.triangulation_angle_rad = tau;
+                   return !SensorBodiesCollide(rig, MakeScanGeometry(rig, m));
+                 });
     for (const double off : off_axis) {
       // The line of sight is turned by `off` towards the side the laser is on.
       const double angle = tau - off;

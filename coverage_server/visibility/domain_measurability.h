@@ -21,7 +21,8 @@ namespace sightline {
 //  may
 //    be anywhere in the image, so the line of sight differs from the optical axis by up to half the
 //    field of view;
-//  - some camera distance of the domain meets the limits on footprint, depth per pixel and defocus;
+//  - some camera distance of the domain meets the limits on footprint, depth per pixel and defocus,
+//    and leaves room for the bodies of both sensors;
 //  - sensors and their bodies are above the table, or the line of sight passes beside it;
 //  - no other obstacle that travels with the stage hides it (turns about the vertical in steps of
 //  30

@@ -93,9 +93,10 @@ std::string Degrees(double angle_rad) {
   return absl::StrFormat("%.1f\u00b0", std::abs(angle_rad) * 180 / std::numbers::pi);
 }
 
-// Body of a sensor as a box behind its pupil or source, drawn at a size that is seen.
+// Body of a sensor as a box behind its pupil or source, drawn at a size that is seen; its name
+// moved by `name_offset`.
 void DrawSensor(Canvas& canvas, const Eigen::Vector2d& at_m, double size_m, const char* css_class,
-                const char* name) {
+                const char* name, const Eigen::Vector2d& name_offset) {
   const double distance = at_m.norm();
   const Eigen::Vector2d out =
       distance > 1e-9 ? Eigen::Vector2d(at_m / distance) : Eigen::Vector2d(0, 1);
@@ -104,7 +105,7 @@ void DrawSensor(Canvas& canvas, const Eigen::Vector2d& at_m, double size_m, cons
       {at_m, at_m + size_m * (out + 0.6 * side), at_m + 2.2 * size_m * out + 0.6 * size_m * side,
        at_m + 2.2 * size_m * out - 0.6 * size_m * side, at_m + size_m * (out - 0.6 * side)},
       css_class);
-  canvas.Text(at_m + 2.2 * size_m * out, 18 * out, name);
+  canvas.Text(at_m + 2.2 * size_m * out, 18 * out + name_offset, name);
 }
 
 Eigen::AlignedBox2d BoundsOf(const std::vector<Eigen::Vector2d>& points) {
@@ -164,8 +165,13 @@ std::string SideViewSvg(const DrawnScene& scene) {
   canvas.Line({0, 0}, {0, 0.62 * farther_m}, "axis");
   canvas.Line({0, 0}, laser_m, "laser-line");
   canvas.Line({0, 0}, camera_m, "camera-line");
-  DrawSensor(canvas, camera_m, body_m, "camera", "camera");
-  DrawSensor(canvas, laser_m, body_m, "laser", "laser");
+  // From the laser to the camera, across the lines of sight: on their outer sides no label meets
+  // another, however near the two are.
+  const Eigen::Vector2d between = camera_m.normalized() - laser_m.normalized();
+  const Eigen::Vector2d apart =
+      between.norm() > 1e-9 ? Eigen::Vector2d(between.normalized()) : Eigen::Vector2d(1, 0);
+  DrawSensor(canvas, camera_m, body_m, "camera", "camera", 14 * apart);
+  DrawSensor(canvas, laser_m, body_m, "laser", "laser", -14 * apart);
   canvas.Dot({0, 0}, 2.5, "origin");
   const double camera_rad = std::atan2(camera_m.x(), camera_m.y());
   const double laser_rad = std::atan2(laser_m.x(), laser_m.y());
@@ -179,8 +185,8 @@ std::string SideViewSvg(const DrawnScene& scene) {
   }
   canvas.Arc(kAngleRadius, laser_rad, camera_rad, "angle strong");
   label((camera_rad + laser_rad) / 2, kAngleRadius - 20, Degrees(camera_rad - laser_rad));
-  canvas.Text(0.72 * camera_m, {0, 0}, Millimetres(camera_m.norm()));
-  canvas.Text(0.86 * laser_m, {0, 0}, Millimetres(laser_m.norm()));
+  canvas.Text(0.72 * camera_m, 38 * apart, Millimetres(camera_m.norm()));
+  canvas.Text(0.72 * laser_m, -38 * apart, Millimetres(laser_m.norm()));
   return canvas.Svg("Camera, laser and part, seen along the laser line");
 }
 

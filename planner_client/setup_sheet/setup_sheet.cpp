@@ -148,7 +148,6 @@ class Sheet {
                     : "",
         ". Together they measure ", FixedNumber(100 * plan_.coverage().coverage(), 1),
         "\u202f% of the measurable surface.</p>\n");
-    html += RestingFaces() + OverviewTable();
     html +=
         "<div class=\"conventions\"><strong>Machine axes.</strong> The origin is the point where "
         "the camera\u2019s optical axis meets the laser plane. x is the direction in which the "
@@ -156,7 +155,7 @@ class Sheet {
         "stand still during a scan. Angles are counter-clockwise when the axis points at you. "
         "Azimuth is counted from +x towards +y, elevation from the horizontal upwards. Stage "
         "positions are those of the part\u2019s centre from the origin along x.</div>\n";
-    return html;
+    return html + RestingFaces() + OverviewTable();
   }
 
   std::string RestingFaces() const {

@@ -26,6 +26,8 @@ constexpr size_t kMaxPool = 4000;
 // A share of 0.95 of so many targets is known to 0.002.
 constexpr size_t kSamplePairs = 16384;
 constexpr int64_t kExchanges = 100'000;
+// Rounds of exchanging, polishing and searching anew from which the pace is taken.
+constexpr size_t kPaceRounds = 3;
 
 struct Scan {
   std::vector<double> x;
@@ -80,6 +82,7 @@ class RefinedPlanner {
       if (Covered() >= aim_) {
         if (auto status = Verify(); !status.ok()) return status;
         rounds_without_progress = 0;
+        rounds_.clear();
         if (have_best_ && best_.size() == plan_.size()) {
           if (plan_.size() <= std::max<size_t>(1, fixed_)) break;
           DropOne();
@@ -90,8 +93,10 @@ class RefinedPlanner {
         // A plan that never reached the goal takes another scan, within its larger budget.
         if (have_best_ || stalled_ || !RoomForMore()) break;
         if (auto status = AddNextBest(); !status.ok()) return status;
+        rounds_.clear();
         continue;
       }
+      if (OutOfReach()) break;
       const int64_t before = Covered();
       const int64_t evaluations_before = run_.evaluations();
       ImproveFromPool();
@@ -102,6 +107,7 @@ class RefinedPlanner {
       if (Covered() < aim_ && rounds_without_progress > 0) {
         if (auto status = RelocateWeakest(rounds_without_progress); !status.ok()) return status;
       }
+      rounds_.push_back({run_.evaluations(), Covered()});
       // Nothing may move: no free scan or no free parameter.
       if (Covered() < aim_ && run_.evaluations() == evaluations_before) break;
     }
@@ -137,6 +143,18 @@ class RefinedPlanner {
   }
 
   bool OutOfBudget() const { return Left() < PolishBatches() * kClimbBatch + kKeptPerPolish + 1; }
+
+  // Whether a plan with a scan less, at the pace of the last rounds, would miss the goal when the
+  // evaluations are used up. Rounds bring ever less, so it would miss it by more. Never where
+  // shares add up: they grow long before they settle targets.
+  bool OutOfReach() const {
+    if (!have_best_ || run_.oracle().ScoresPlans() || rounds_.size() <= kPaceRounds) return false;
+    const Round &then = rounds_[rounds_.size() - 1 - kPaceRounds], &now = rounds_.back();
+    const auto rounds_left =
+        static_cast<double>(Left()) / static_cast<double>(now.evaluations - then.evaluations);
+    return static_cast<double>(now.covered - then.covered) * rounds_left <
+           static_cast<double>(aim_ - now.covered);
+  }
 
   // Fast estimate of what the plan settles.
   int64_t Covered() const { return run_.CountSettled(KnownFrom(plan_)); }
@@ -428,6 +446,11 @@ class RefinedPlanner {
   ScanPool pool_;
   std::vector<Scan> scans_;  // those of the pool
   PoolPlan plan_;
+  // After every round with as many scans as now.
+  struct Round {
+    int64_t evaluations, covered;
+  };
+  std::vector<Round> rounds_;
   PoolPlan best_;                                  // the last whose score reached the goal
   std::vector<std::vector<Measurement>> reached_;  // all such plans, without their locked scans
   bool have_best_ = false;

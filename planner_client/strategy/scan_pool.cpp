@@ -33,25 +33,13 @@ CountReached(const uint8_t* need, const uint8_t* added, size_t size) {
   return count;
 }
 
-// Number of places at which sum - out + in reaches what is needed.
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
-__attribute__((target_clones("avx2", "default")))
-#endif
-int64_t
-CountExchanged(const uint16_t* sum, const uint8_t* out, const uint8_t* in, size_t size) {
-  // As in CountReached.
-  constexpr size_t kRun = 8192;
-  int64_t count = 0;
-  for (size_t begin = 0; begin < size; begin += kRun) {
-    const size_t end = std::min(size, begin + kRun);
-    uint16_t reached = 0;
-    for (size_t i = begin; i < end; ++i) {
-      const auto with = static_cast<uint16_t>(sum[i] - out[i] + in[i]);
-      reached = static_cast<uint16_t>(reached + (with >= kWhole));
-    }
-    count += reached;
+// What every place still needs without `out`, of which `sum` has a part.
+void NeedWithout(const std::vector<uint16_t>& sum, const std::vector<uint8_t>& out,
+                 std::vector<uint8_t>& need) {
+  for (size_t i = 0; i < sum.size(); ++i) {
+    const auto others = static_cast<uint16_t>(sum[i] - out[i]);
+    need[i] = static_cast<uint8_t>(kWhole - std::min<uint16_t>(others, kWhole));
   }
-  return count;
 }
 
 void AddSaturated(const std::vector<uint8_t>& added, std::vector<uint8_t>& sum) {
@@ -220,17 +208,16 @@ PoolPlan ScanPool::Anneal(PoolPlan plan, size_t fixed, double goal, int64_t prop
       sum[i] = static_cast<uint16_t>(sum[i] + columns_[scan][i]);
     }
   }
-  const auto worth_with = [&](size_t out, size_t in) {
-    double worth = 0;
-    for (size_t s = 0; s < steps_.size(); ++s) {
-      const size_t begin = s * targets_.size();
-      worth += steps_[s].weight *
-               static_cast<double>(CountExchanged(sum.data() + begin, columns_[out].data() + begin,
-                                                  columns_[in].data() + begin, targets_.size()));
-    }
-    return worth;
+  // What is needed without the scan at each place. Most proposals are refused, so it is made anew
+  // only where it is asked for after the plan has changed.
+  std::vector<Column> need(size, Column(sum.size()));
+  std::vector<bool> known(size, false);
+  const auto worth_with = [&](size_t place, size_t in) {
+    if (!known[place]) NeedWithout(sum, columns_[plan[place]], need[place]);
+    known[place] = true;
+    return WorthWith(need[place], columns_[in]);
   };
-  double worth = worth_with(plan[fixed], plan[fixed]);
+  double worth = worth_with(fixed, plan[fixed]);
   PoolPlan best = plan;
   double best_worth = worth;
   double temperature = kHottest * MostWorth();
@@ -240,12 +227,15 @@ PoolPlan ScanPool::Anneal(PoolPlan plan, size_t fixed, double goal, int64_t prop
     const size_t place =
         fixed + static_cast<size_t>(random.Below(static_cast<int64_t>(size - fixed)));
     const auto in = static_cast<size_t>(random.Below(static_cast<int64_t>(columns_.size())));
-    const size_t out = plan[place];
-    const double with = worth_with(out, in);
+    const double with = worth_with(place, in);
     temperature *= cooling;
     if (with < worth && random.Uniform() >= std::exp((with - worth) / temperature)) continue;
-    for (size_t i = 0; i < sum.size(); ++i) {
-      sum[i] = static_cast<uint16_t>(sum[i] - columns_[out][i] + columns_[in][i]);
+    if (in != plan[place]) {
+      const Column &out = columns_[plan[place]], &instead = columns_[in];
+      for (size_t i = 0; i < sum.size(); ++i) {
+        sum[i] = static_cast<uint16_t>(sum[i] - out[i] + instead[i]);
+      }
+      known.assign(size, false);
     }
     plan[place] = in;
     worth = with;

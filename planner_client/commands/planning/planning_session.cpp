@@ -11,6 +11,7 @@
 #include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
 #include "core/random/random.h"
+#include "core/rig/sensor_bodies.h"
 #include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/commands/process/interrupt.h"
 #include "planner_client/commands/process/progress_line.h"
@@ -53,6 +54,27 @@ absl::Status ReadRequirements(PlanningSession& session) {
                  tolerance.reason.c_str());
   }
   return absl::OkStatus();
+}
+
+// Whether camera and laser find no room at the ends of the domain's distances and angles.
+bool NoRoomForBodies(const Inspection& inspection) {
+  const auto ends = [](const ParameterDomain& domain) {
+    std::vector<double> ends = domain.values;
+    for (const ParameterDomain::Range& range : domain.ranges) {
+      ends.push_back(range.min);
+      ends.push_back(range.max);
+    }
+    return ends;
+  };
+  Measurement m;
+  for (const double distance_m : ends(inspection.domain.parameters[0])) {
+    for (const double angle_rad : ends(inspection.domain.parameters[1])) {
+      m.camera_distance_m = distance_m;
+      m.triangulation_angle_rad = angle_rad;
+      if (!SensorBodiesCollide(inspection.rig, MakeScanGeometry(inspection.rig, m))) return false;
+    }
+  }
+  return true;
 }
 
 // Faces that the part rests on, and limits that follow from the required resolution.
@@ -224,6 +246,11 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
             ? absl::StrCat(session.inspection.part_file,
                            ": no target on this part can be measured: every one is hidden "
                            "from all pairs of directions 10 to 80 degrees apart")
+        : NoRoomForBodies(session.inspection)
+            ? absl::StrCat(options.inspection_file,
+                           ": camera and laser would stand in one another (rig.camera_bodies, "
+                           "rig.laser_bodies) at the shortest and longest "
+                           "measurement.camera_distance_m and triangulation_angle_deg")
             : absl::StrCat(
                   options.inspection_file,
                   ": no target on this part can be measured in this domain: no scan that rig, "

@@ -8,8 +8,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/rig/body_overlap.h"
 #include "core/rig/scan_geometry.h"
+#include "core/rig/sensor_bodies.h"
 
 namespace sightline {
 namespace {
@@ -123,15 +123,13 @@ void AddRemarks(const PlanningSession& session, const std::vector<ChosenScan>& s
       scan.add_remarks(
           absl::StrCat("outside what the inspection's `measurement` allows: ", outside));
     }
-    constexpr double kContact_m = 5e-4;
-    const double overlap_m =
-        SensorBodyOverlap(session.inspection.rig, GeometryOf(session, chosen.measurement));
-    if (overlap_m > kContact_m) {
-      scan.add_remarks(absl::StrFormat(
-          "camera and laser would stand %.0f mm into one another (rig.camera_bodies, "
-          "rig.laser_bodies): smaller ones, a mirror, a larger measurement.camera_distance_m or "
-          "triangulation_angle_deg",
-          1e3 * overlap_m));
+    const Rig& rig = session.inspection.rig;
+    const ScanGeometry geometry = GeometryOf(session, chosen.measurement);
+    if (SensorBodiesCollide(rig, geometry)) {
+      scan.add_remarks(
+          absl::StrFormat("camera and laser would stand %.3g mm into one another "
+                          "(rig.camera_bodies, rig.laser_bodies)",
+                          1e3 * SensorBodyOverlap(rig, geometry)));
     }
     switch (chosen.exact.feasibility) {
       case ScanFeasibility::kFeasible:

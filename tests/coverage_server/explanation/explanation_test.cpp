@@ -171,6 +171,15 @@ TEST(Explanation, CollisionWithThePartNamesNoObstacle) {
   ExpectReason(definition, domain, kUp, UncoveredReason::kCollision);
 }
 
+TEST(Explanation, CameraAndLaserInTheSamePlaceNameNoObstacle) {
+  SceneDefinition definition = Cube();
+  MeasurementDomain domain = FromAbove();
+  domain.parameters[0] = Fixed(0.15);
+  domain.parameters[1] = Between(10 * kDegree, 15 * kDegree);
+  definition.obstacles = {{BoxMesh({1, 1, 1}, {1.01f, 1.01f, 1.01f}), ObstacleFrame::kWorld}};
+  ExpectReason(definition, domain, kUp, UncoveredReason::kCollision);
+}
+
 TEST(Explanation, TooLittleTravel) {
   SceneDefinition definition = Cube();
   definition.rig.stage_travel_m = 0.002;

@@ -137,6 +137,28 @@ TEST(Collision, LaserBodyCounts) {
   }
 }
 
+// Their thin plates face the origin, mirror images of each other: inner corners meet where
+// (distance - thickness / 2) tan(angle / 2) is half a width.
+TEST(Collision, CameraAndLaserNeedRoomBesideEachOther) {
+  OverheadRig s;
+  s.rig.camera_bodies = s.rig.laser_bodies = {BoxBody{{0, 0, 0}, {0.06, 0.06, 0.002}}};
+  s.measurement.triangulation_angle_rad = 0.5;
+  for (const double gap : {kHair, -kHair}) {
+    s.measurement.camera_distance_m = 0.03 / std::tan(0.25) + 0.001 + gap;
+    const ScanGeometry g = MakeScanGeometry(s.rig, s.measurement);
+    const auto far_away = WorldBox({1, 1, 1}, {1.1, 1.1, 1.1}, ObstacleFrame::kPart, g, {0, 0, 0});
+    EXPECT_EQ(Collides(s.rig, g, {0, 0, 0}, far_away, 0, 0), gap < 0);
+  }
+  // Bodies that are drawn as touching do not collide.
+  s.rig.camera_bodies = {BoxBody{{0, 0, 0}, {0.02, 0.02, 0.02}}};
+  s.rig.laser.distance_m = s.measurement.camera_distance_m = 0.3;
+  s.measurement.triangulation_angle_rad = 0;
+  s.rig.laser_bodies = {BoxBody{{0.02, 0, 0}, {0.02, 0.02, 0.02}}};
+  const ScanGeometry g = MakeScanGeometry(s.rig, s.measurement);
+  const auto far_away = WorldBox({1, 1, 1}, {1.1, 1.1, 1.1}, ObstacleFrame::kPart, g, {0, 0, 0});
+  EXPECT_FALSE(Collides(s.rig, g, {0, 0, 0}, far_away, 0, 0));
+}
+
 TEST(Collision, CylinderIsEnclosedButNotByMuch) {
   OverheadRig s;
   s.rig.camera_bodies = {CylinderBody{{0, 0, -0.05}, 0.04, 0.1}};

@@ -175,6 +175,22 @@ TEST(DomainMeasurability, TheFaceThatAPartLiesOnNeedsAnotherRest) {
   EXPECT_EQ(side_below, side_of);
 }
 
+// Wherever the part lies: near it and at small angles there is no room for both sensors.
+TEST(DomainMeasurability, BodiesOfCameraAndLaserNeedRoom) {
+  const auto measurable = [](double distance_m, std::vector<RestingOrientation> rests) {
+    SceneDefinition definition = Definition(BoxMesh({0, 0, 0}, {0.08f, 0.06f, 0.05f}));
+    definition.domain = ThesisDomain();
+    definition.domain->parameters[0] = {.ranges = {}, .values = {distance_m}};
+    definition.domain->parameters[1] = {.ranges = {{10 * kDegree, 14 * kDegree}}, .values = {}};
+    definition.domain->resting_orientations = std::move(rests);
+    return BuildScene(std::move(definition), 2)->measurable().Count();
+  };
+  EXPECT_EQ(measurable(0.15, {}), 0);
+  EXPECT_EQ(measurable(0.15, {{0, 0}}), 0);
+  EXPECT_GT(measurable(0.4, {}), 0);
+  EXPECT_GT(measurable(0.4, {{0, 0}}), 0);
+}
+
 TEST(DomainMeasurability, LimitsAndDomainsLeaveNothingThatScansMeasure) {
   // Whatever exact scans of the domain cover is measurable.
   SceneDefinition definition = Definition(Mushroom());

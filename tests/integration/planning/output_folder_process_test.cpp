@@ -131,6 +131,22 @@ TEST_F(OutputFolderTest, InputThatNeverEndsIsRefused) {
   EXPECT_THAT(keys_output, AllOf(HasSubstr("\\x1b[31mred"), testing::Not(HasSubstr("\x1b"))));
 }
 
+TEST_F(OutputFolderTest, PlanFilesHaveAtMostAThousandScans) {
+  const auto plan_of = [](int scans) {
+    std::string text = R"({"scans": [{"measurement": {"camera_distance_m": 99}})";
+    for (int i = 1; i < scans; ++i) text += R"(, {"measurement": {}})";
+    return text + "]}";
+  };
+  // As many as allowed are looked at: their first says something else is wrong.
+  for (const auto& [scans, said] : {std::pair(1001, "scans has 1001 entries, at most 1000"),
+                                    std::pair(1000, "scans[0].measurement.camera_distance_m")}) {
+    Write("many.json", plan_of(scans));
+    const auto [code, output] = Run("evaluate inspection.json many.json --out a");
+    EXPECT_EQ(code, 2) << output;
+    EXPECT_THAT(output, HasSubstr(said));
+  }
+}
+
 // Memory for the program, not enough for the file.
 TEST_F(OutputFolderTest, OutOfMemoryIsSaid) {
   std::string zeros = "0";

@@ -142,6 +142,16 @@ TEST_F(ReasonsProcessTest, ACollisionNamesWhatIsTouched) {
   EXPECT_GT(ByReason(coverage.uncovered())["UNCOVERED_REASON_COLLISION beam"], 0);
 }
 
+TEST_F(ReasonsProcessTest, RefusesADistanceWithoutRoomForCameraAndLaser) {
+  Write("near.json", R"({"part": {"file": "box.obj", "unit": "mm"},
+    "measurement": {"camera_distance_m": {"fixed": 0.12},
+                    "triangulation_angle_deg": {"ranges": [{"min": 10, "max": 15}]}},
+    "targets": {"required_resolution_m": 0}})");
+  const auto [code, output] = Run("plan near.json --out a --no-pictures");
+  EXPECT_EQ(code, 2) << output;
+  EXPECT_THAT(output, HasSubstr("camera and laser would stand in one another (rig.camera_bodies"));
+}
+
 TEST_F(ReasonsProcessTest, RefusesARegionWithoutTargets) {
   Write("far.json", absl::StrReplaceAll(kInspection, {{"\"x\": 0.04,", "\"x\": 0.4,"}}));
   const auto [code, output] = Run("evaluate far.json hand.json --out a");

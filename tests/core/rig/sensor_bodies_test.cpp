@@ -1,4 +1,4 @@
-#include "core/rig/body_overlap.h"
+#include "core/rig/sensor_bodies.h"
 
 #include <gtest/gtest.h>
 
