@@ -7,7 +7,7 @@
 #include "core/inspection/inspection.h"
 #include "core/random/random.h"
 #include "core/rig/measurement.h"
-#include "planner_client/strategy/scan_pool.h"
+#include "planner_client/strategy/pool/scan_pool.h"
 
 namespace sightline {
 

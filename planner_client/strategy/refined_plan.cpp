@@ -3,11 +3,12 @@
 #include <algorithm>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/random/random.h"
 #include "planner_client/optimise/climb.h"
-#include "planner_client/strategy/scan_pool.h"
+#include "planner_client/strategy/pool/scan_pool.h"
 
 namespace sightline {
 
@@ -80,12 +81,16 @@ class RefinedPlanner {
     while (true) {
       if (run_.Stopped()) return absl::CancelledError("planning was stopped");
       if (Covered() >= aim_) {
-        if (auto status = Verify(); !status.ok()) return status;
         rounds_without_progress = 0;
         rounds_.clear();
+        // Exact scores take longer than exchanges: only the smallest of plans that exchanges alone
+        // lead to is scored.
+        const bool least = plan_.size() <= std::max<size_t>(1, fixed_);
+        if (!least && FewerReach()) continue;
+        if (auto status = Verify(); !status.ok()) return status;
         if (have_best_ && best_.size() == plan_.size()) {
-          if (plan_.size() <= std::max<size_t>(1, fixed_)) break;
-          DropOne();
+          if (least) break;
+          plan_ = waiting_;
         }
         continue;
       }
@@ -321,9 +326,15 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Leaves out the scan that adds least; what follows makes its loss good.
-  void DropOne() {
+  // Leaves out the scan that adds least and makes its loss good from the pool. If that settles what
+  // is aimed at it is the plan, else it waits for the present one to be scored.
+  bool FewerReach() {
+    waiting_ = plan_;
     plan_.erase(plan_.begin() + static_cast<std::ptrdiff_t>(WeakestFirst().front()));
+    ImproveFromPool();
+    if (Covered() >= aim_) return true;
+    std::swap(plan_, waiting_);
+    return false;
   }
 
   void ImproveFromPool() {
@@ -339,7 +350,7 @@ class RefinedPlanner {
   void LimitPool() {
     if (pool_.size() <= kMaxPool) return;
     std::vector<double> promise = pool_.Promise(plan_);
-    for (const PoolPlan* kept : {&plan_, &best_}) {
+    for (const PoolPlan* kept : {&plan_, &best_, &waiting_}) {
       for (size_t scan : *kept) promise[scan] = 2 * pool_.MostWorth() + 1;
     }
     std::vector<size_t> order(pool_.size());
@@ -356,7 +367,7 @@ class RefinedPlanner {
     }
     scans_ = std::move(scans);
     pool_.Keep(order);
-    for (PoolPlan* kept : {&plan_, &best_}) {
+    for (PoolPlan* kept : {&plan_, &best_, &waiting_}) {
       for (size_t& scan : *kept) scan = place_of[scan];
     }
   }
@@ -451,6 +462,7 @@ class RefinedPlanner {
     int64_t evaluations, covered;
   };
   std::vector<Round> rounds_;
+  PoolPlan waiting_;                               // see FewerReach
   PoolPlan best_;                                  // the last whose score reached the goal
   std::vector<std::vector<Measurement>> reached_;  // all such plans, without their locked scans
   bool have_best_ = false;

@@ -59,12 +59,12 @@ absl::Status ReadRequirements(PlanningSession& session) {
 // Whether camera and laser find no room at the ends of the domain's distances and angles.
 bool NoRoomForBodies(const Inspection& inspection) {
   const auto ends = [](const ParameterDomain& domain) {
-    std::vector<double> ends = domain.values;
+    std::vector<double> values = domain.values;
     for (const ParameterDomain::Range& range : domain.ranges) {
-      ends.push_back(range.min);
-      ends.push_back(range.max);
+      values.push_back(range.min);
+      values.push_back(range.max);
     }
-    return ends;
+    return values;
   };
   Measurement m;
   for (const double distance_m : ends(inspection.domain.parameters[0])) {

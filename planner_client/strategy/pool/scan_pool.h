@@ -9,12 +9,10 @@
 #include <vector>
 
 #include "core/random/random.h"
+#include "planner_client/strategy/pool/exchanges.h"
 #include "planner_client/strategy/target_shares.h"
 
 namespace sightline {
-
-// Indices of scans in a pool.
-using PoolPlan = std::vector<size_t>;
 
 // Targets that a pool may look at, ascending: all that are judged, or a random part of `pairs` /
 // `steps` of them where pairs of a target and one of `steps` steps of its worth are clearly more
@@ -23,7 +21,7 @@ std::vector<uint32_t> TargetSample(const TargetBits& judged, size_t steps, size_
                                    Random& random);
 
 // Shares of the pool's scans at some of the targets, as parts of every step's threshold in units of
-// 1/127: a plan's worth is then a count over bytes.
+// 1/127: a plan's worth is then a count over bytes, or over bits where all shares are whole.
 class ScanPool {
  public:
   // `targets`: those that the pool looks at, ascending.
@@ -61,7 +59,7 @@ class ScanPool {
                   const std::function<bool()>& stop) const;
 
  private:
-  using Column = std::vector<uint8_t>;  // [step][target]
+  using Column = ShareColumn;
 
   // What every target still needs to reach every step.
   Column NeedAfter(const PoolPlan& plan) const;
@@ -70,6 +68,9 @@ class ScanPool {
   std::vector<ShareStep> steps_;
   std::vector<uint32_t> targets_;
   std::vector<Column> columns_;
+  // Where no share is a part: the same as columns_.
+  std::vector<CoverColumn> covers_;
+  bool only_whole_ = true;
 };
 
 }  // namespace sightline

@@ -1,4 +1,4 @@
-#include "planner_client/strategy/scan_pool.h"
+#include "planner_client/strategy/pool/scan_pool.h"
 
 #include <gtest/gtest.h>
 
@@ -109,6 +109,51 @@ TEST(ScanPoolTest, WorthAgreesWithSharesUpToTheirRounding) {
   }
   // A share is rounded to 1/127, so that few sums of six near a step are counted otherwise.
   EXPECT_NEAR(pool.Worth(plan), StepWorth(steps, judged, known), 0.02 * targets);
+}
+
+// By sums of shares and by bits a plan is worth the same, before and after exchanges, with every
+// scan of the pool in every place; and both are what the pool says.
+TEST(ExchangesTest, BitsAndSharesAgree) {
+  Random random(7);
+  for (const size_t targets : {1u, 64u, 1000u}) {
+    std::vector<uint32_t> all(targets);
+    std::iota(all.begin(), all.end(), 0u);
+    const std::vector<ShareStep> steps = {{1.0, {1.0f}}, {0.25, {0.5f}}};
+    ScanPool pool(steps, all);
+    std::vector<ShareColumn> columns;
+    std::vector<CoverColumn> covers;
+    for (int scan = 0; scan < 12; ++scan) {
+      const TargetBits set = RandomBits(targets, 0.2, random);
+      pool.Add(FullShares(set));
+      ShareColumn& column = columns.emplace_back(2 * targets, 0);
+      for (size_t t = 0; t < targets; ++t) {
+        if (set.Test(t)) column[t] = column[targets + t] = kWholeShare;
+      }
+      covers.push_back(WholeShares(column, 2, targets));
+    }
+    // One scan stands twice in it.
+    ShareExchanges shares(steps, targets, columns, {0, 3, 3, 5});
+    CoverExchanges cover(steps, covers, {0, 3, 3, 5});
+    for (int exchange = 0; exchange < 10; ++exchange) {
+      for (size_t place = 0; place < 4; ++place) {
+        const std::vector<double> with = shares.WorthWithEach(place);
+        EXPECT_EQ(with, cover.WorthWithEach(place));
+        ASSERT_EQ(with.size(), columns.size());
+        for (size_t scan = 0; scan < columns.size(); ++scan) {
+          PoolPlan plan = shares.plan();
+          plan[place] = scan;
+          EXPECT_DOUBLE_EQ(with[scan], pool.Worth(plan));
+          EXPECT_EQ(with[scan], shares.WorthWith(place, scan));
+          EXPECT_EQ(with[scan], cover.WorthWith(place, scan));
+        }
+      }
+      const auto place = static_cast<size_t>(random.Below(4));
+      const auto scan = static_cast<size_t>(random.Below(12));
+      shares.Exchange(place, scan);
+      cover.Exchange(place, scan);
+      EXPECT_EQ(shares.plan(), cover.plan());
+    }
+  }
 }
 
 // Two rows of k blocks cover everything; greedy is led astray by sets that take most of both rows
