@@ -64,6 +64,7 @@ class CoverageSceneImpl final : public CoverageScene {
         domain_(ThesisDomain()) {}
 
   absl::Status Init(const SceneBuildOptions& options) {
+    measured_scans_ = options.measured_scans;
     const auto report = [&](double progress, const std::string& message) {
       if (options.on_progress) options.on_progress(progress, message);
     };
@@ -268,24 +269,22 @@ class CoverageSceneImpl final : public CoverageScene {
       coverage.feasibility = Feasibility::kOutOfBounds;
       return coverage;
     }
-    std::vector<MeasurementPoint> measured =
-        MeasureScan(definition_.part, definition_.rig, part_centre_m_, occluders_, measurement,
-                    Depth(measurement), cancelled);
-    if (!measured.empty()) {
-      coverage.first_frame = measured.front().frame;
-      coverage.last_frame = measured.back().frame;
+    const auto measured = MeasuredPoints(measurement, cancelled);
+    if (!measured->empty()) {
+      coverage.first_frame = measured->front().frame;
+      coverage.last_frame = measured->back().frame;
       coverage.feasibility =
           CheckFeasibility(measurement, coverage.first_frame * definition_.rig.scan_step_m,
                            coverage.last_frame * definition_.rig.scan_step_m);
     }
-    coverage.measurement_points = static_cast<int64_t>(measured.size());
+    coverage.measurement_points = static_cast<int64_t>(measured->size());
     if (coverage.feasibility == Feasibility::kFeasible) {
-      for (const MeasurementPoint& p : measured) {
+      for (const MeasurementPoint& p : *measured) {
         lookup_->Mark(p.position_m, p.normal, coverage.covered,
                       coverage.covered_without_normal_gate);
       }
     }
-    if (points != nullptr) *points = std::move(measured);
+    if (points != nullptr) *points = *measured;
     return coverage;
   }
 
@@ -320,6 +319,17 @@ class CoverageSceneImpl final : public CoverageScene {
   }
 
  private:
+  std::shared_ptr<const MeasuredScans::Points> MeasuredPoints(
+      const Measurement& measurement, const std::atomic<bool>* cancelled) const {
+    if (auto known = measured_scans_.Find(measurement); known != nullptr) return known;
+    auto measured = std::make_shared<const MeasuredScans::Points>(
+        MeasureScan(definition_.part, definition_.rig, part_centre_m_, occluders_, measurement,
+                    Depth(measurement), cancelled));
+    // Of a scan that was broken off some points are missing.
+    if (cancelled == nullptr || !cancelled->load()) measured_scans_.Add(measurement, measured);
+    return measured;
+  }
+
   // What obstacles on the table and boxes that travel along need to be known of the part.
   absl::Status FindTable(const std::atomic<bool>* cancelled) {
     bool on_table = false;
@@ -504,6 +514,7 @@ class CoverageSceneImpl final : public CoverageScene {
   std::optional<TargetPriors> priors_;
   std::unique_ptr<InformationEstimator> estimator_;
   mutable ScanPointsCache cache_;
+  MeasuredScans measured_scans_;
   SceneTimings timings_;
 };
 

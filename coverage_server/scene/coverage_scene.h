@@ -16,6 +16,7 @@
 #include "core/surface_inference/surface_inference.h"
 #include "core/targets/target_set.h"
 #include "core/uncertainty/uncertainty_model.h"
+#include "coverage_server/scan/measured_scans.h"
 
 namespace sightline {
 
@@ -44,6 +45,7 @@ struct SceneBuildOptions {
   int threads = 0;  // 0: all cores
   std::function<void(double progress, const std::string& message)> on_progress;
   const std::atomic<bool>* cancelled = nullptr;
+  MeasuredScans measured_scans;
 };
 
 struct SceneTimings {
@@ -62,13 +64,6 @@ struct FastGain {
 struct FastCoverage {
   Feasibility feasibility = Feasibility::kFeasible;
   TargetBits covered;
-};
-
-struct MeasurementPoint {
-  Eigen::Vector3f position_m;  // part coordinates
-  Eigen::Vector3f normal;
-  int32_t frame;  // stage position / scan step
-  int32_t column_px;
 };
 
 struct ExactCoverage {

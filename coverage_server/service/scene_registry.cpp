@@ -44,7 +44,8 @@ SceneRegistry::SceneRegistry(CoverageBackend backend, JobStore* jobs, CoverageMe
       jobs_(jobs),
       metrics_(metrics),
       parts_(max_part_bytes),
-      scenes_(max_scene_bytes) {}
+      scenes_(max_scene_bytes),
+      measured_scans_(std::make_shared<LruStore<MeasuredScans::Points>>(kMeasuredScansBytes)) {}
 
 absl::StatusOr<std::string> SceneRegistry::AddPart(std::shared_ptr<const StoredPart> part) {
   const std::string digest = PartDigest(part->mesh);
@@ -178,6 +179,7 @@ absl::StatusOr<std::string> SceneRegistry::BuildScene(const ParsedSceneSpec& spe
     context.ReportProgress(progress, message);
   };
   options.cancelled = &context.cancelled();
+  options.measured_scans = {measured_scans_, spec.geometry_digest};
   absl::StatusOr<std::unique_ptr<CoverageScene>> scene =
       backend_.build_scene(std::move(definition), options);
   if (context.cancelled()) return absl::CancelledError("scene was cancelled");

@@ -14,7 +14,7 @@
 #include "coverage_server/service/coverage_backend.h"
 #include "coverage_server/service/coverage_metrics.h"
 #include "coverage_server/service/scene_spec.h"
-#include "rpc_server/lru_store.h"
+#include "core/memo/lru_store.h"
 #include "sightline/v1/coverage_service.pb.h"
 
 namespace sightline {
@@ -31,6 +31,9 @@ struct StoredScene {
 
 // Scenes that may wait to be built.
 inline constexpr int kMaxUnfinishedScenes = 64;
+
+// Some fifty scans of a part that fills the image.
+inline constexpr int64_t kMeasuredScansBytes = 128 << 20;
 
 // Thread-safe. `jobs` must outlive it, but run no more jobs when it ends.
 class SceneRegistry {
@@ -62,6 +65,8 @@ class SceneRegistry {
   CoverageMetrics* const metrics_;
   LruStore<StoredPart> parts_;
   LruStore<StoredScene> scenes_;
+  // Of all scenes together.
+  const std::shared_ptr<LruStore<MeasuredScans::Points>> measured_scans_;
 
   std::mutex mutex_;  // held while deciding which job a request belongs to
   struct Request {

@@ -102,6 +102,26 @@ absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
   return absl::OkStatus();
 }
 
+// What decides which points a scan measures.
+v1::SceneSpec GeometryOf(v1::SceneSpec spec) {
+  v1::TargetSampling limits;
+  const v1::TargetSampling& targets = spec.targets();
+  if (targets.has_max_pixel_footprint_m()) {
+    limits.set_max_pixel_footprint_m(targets.max_pixel_footprint_m());
+  }
+  if (targets.has_max_circle_of_confusion_px()) {
+    limits.set_max_circle_of_confusion_px(targets.max_circle_of_confusion_px());
+  }
+  if (targets.has_max_depth_per_pixel_m()) {
+    limits.set_max_depth_per_pixel_m(targets.max_depth_per_pixel_m());
+  }
+  *spec.mutable_targets() = std::move(limits);
+  spec.clear_field_directions();
+  spec.clear_uncertainty();
+  spec.clear_measurement();
+  return spec;
+}
+
 }  // namespace
 
 absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
@@ -183,6 +203,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   }
   if (spec.has_part_placement()) *normalised.mutable_part_placement() = spec.part_placement();
   parsed.digest = Sha256Hex(DeterministicBytes(normalised));
+  parsed.geometry_digest = Sha256Hex(DeterministicBytes(GeometryOf(normalised)));
   // What is built depends on the normal form alone: same digest, same scene, bit by bit.
   if (absl::Status status = ParseSettings(normalised, &parsed); !status.ok()) return status;
   return parsed;

@@ -13,6 +13,8 @@ namespace sightline {
 struct ParsedSceneSpec {
   v1::SceneSpec normalised;
   std::string digest;
+  // The same for all scenes in which a scan measures the same points, whatever their targets are.
+  std::string geometry_digest;
   std::string part_digest;
   // Everything but the meshes, which are named by their digests.
   Rig rig;

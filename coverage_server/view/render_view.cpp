@@ -5,10 +5,11 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <functional>
+#include <cstdint>
 #include <glm/ext/matrix_clip_space.hpp>
 #include <glm/ext/matrix_transform.hpp>
 #include <glm/gtc/type_ptr.hpp>
+#include <limits>
 #include <nanoflann.hpp>
 #include <numbers>
 #include <vector>
@@ -22,29 +23,29 @@ namespace {
 
 constexpr char kVertexShader[] = R"(#version 330 core
 layout(location = 0) in vec3 position;
-layout(location = 1) in vec3 normal;
-layout(location = 2) in vec4 colour;
+layout(location = 1) in vec4 colour;
 uniform mat4 to_clip;
-out vec3 shade_normal;
+out vec3 place;
 out vec4 shade_colour;
 void main() {
   gl_Position = to_clip * vec4(position, 1);
-  shade_normal = normal;
+  place = position;
   shade_colour = colour;
 }
 )";
-// Light from the viewer and a little from above; a zero normal means: do not shade.
+// Light from the viewer and a little from above. Facets are flat: the normal towards the viewer
+// follows from how the place changes across the image.
 constexpr char kFragmentShader[] = R"(#version 330 core
-in vec3 shade_normal;
+in vec3 place;
 in vec4 shade_colour;
 uniform vec3 to_viewer;
+uniform float shading;
 out vec4 pixel;
 void main() {
-  float light = 1.0;
-  if (dot(shade_normal, shade_normal) > 0.25) {
-    light = 0.3 + 0.6 * abs(dot(normalize(shade_normal), to_viewer)) + 0.1 * shade_normal.z;
-  }
-  pixel = vec4(shade_colour.rgb * light, shade_colour.a);
+  vec3 normal = cross(dFdx(place), dFdy(place));
+  normal /= max(length(normal), 1e-20);
+  float light = 0.3 + 0.6 * abs(dot(normal, to_viewer)) + 0.1 * normal.z;
+  pixel = vec4(shade_colour.rgb * mix(1.0, light, shading), shade_colour.a);
 }
 )";
 
@@ -61,22 +62,30 @@ const Colour kLineColour(1.0f, 0.05f, 0.05f, 1);
 const Colour kObstacleColour(0.55f, 0.50f, 0.42f, 1);
 
 struct Vertex {
-  float position[3], normal[3], colour[4];
+  float position[3];
+  uint8_t colour[4];
 };
 
 class DrawList {
  public:
+  uint32_t Add(const Eigen::Vector3f& p, const Colour& c) {
+    Vertex vertex{{p.x(), p.y(), p.z()}, {}};
+    for (int k = 0; k < 4; ++k) {
+      vertex.colour[k] = static_cast<uint8_t>(std::lround(255 * std::clamp(c[k], 0.0f, 1.0f)));
+    }
+    vertices_.push_back(vertex);
+    return static_cast<uint32_t>(vertices_.size() - 1);
+  }
+  // Of vertices that were added.
+  void Triangle(uint32_t a, uint32_t b, uint32_t c) { indices_.insert(indices_.end(), {a, b, c}); }
   void Triangle(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
-                const Colour& ca, const Colour& cb, const Colour& cc, bool shaded = true) {
-    Eigen::Vector3f n = shaded ? (b - a).cross(c - a).normalized() : Eigen::Vector3f::Zero();
-    Add(a, n, ca);
-    Add(b, n, cb);
-    Add(c, n, cc);
+                const Colour& colour) {
+    Triangle(Add(a, colour), Add(b, colour), Add(c, colour));
   }
   void Quad(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
-            const Eigen::Vector3f& d, const Colour& colour, bool shaded = true) {
-    Triangle(a, b, c, colour, colour, colour, shaded);
-    Triangle(a, c, d, colour, colour, colour, shaded);
+            const Eigen::Vector3f& d, const Colour& colour) {
+    Triangle(a, b, c, colour);
+    Triangle(a, c, d, colour);
   }
   // Parallelepiped centre +- x +- y +- z.
   void Box(const Eigen::Vector3f& centre, const Eigen::Vector3f& x, const Eigen::Vector3f& y,
@@ -100,12 +109,15 @@ class DrawList {
     Box(0.5f * (a + b), x, axis.cross(x).normalized() * radius, 0.5f * axis, colour);
   }
   const std::vector<Vertex>& vertices() const { return vertices_; }
+  const std::vector<uint32_t>& indices() const { return indices_; }
+  void Reserve(size_t vertices, size_t triangles) {
+    vertices_.reserve(vertices);
+    indices_.reserve(3 * triangles);
+  }
 
  private:
-  void Add(const Eigen::Vector3f& p, const Eigen::Vector3f& n, const Colour& c) {
-    vertices_.push_back({{p.x(), p.y(), p.z()}, {n.x(), n.y(), n.z()}, {c[0], c[1], c[2], c[3]}});
-  }
   std::vector<Vertex> vertices_;
+  std::vector<uint32_t> indices_;
 };
 
 struct PointCloud {
@@ -122,73 +134,87 @@ struct PointCloud {
 using KdTree = nanoflann::KDTreeSingleIndexAdaptor<nanoflann::L2_Simple_Adaptor<float, PointCloud>,
                                                    PointCloud, 3>;
 
-// Distance to the nearest of the points; infinite if there is none.
+// Distance to the nearest of the points, if one is nearer than `reach_m`; else infinite.
 class NearestDistance {
  public:
-  explicit NearestDistance(std::vector<Eigen::Vector3f> points)
-      : cloud_{std::move(points)}, tree_(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16)) {
+  explicit NearestDistance(std::vector<Eigen::Vector3f> points,
+                           float reach_m = std::numeric_limits<float>::infinity())
+      : reach_squared_(reach_m * reach_m),
+        cloud_{std::move(points)},
+        tree_(3, cloud_, nanoflann::KDTreeSingleIndexAdaptorParams(16)) {
     if (!cloud_.points.empty()) tree_.buildIndex();
   }
   float operator()(const Eigen::Vector3f& p) const {
-    if (cloud_.points.empty()) return std::numeric_limits<float>::infinity();
-    size_t index;
-    float squared;
+    constexpr float kFar = std::numeric_limits<float>::infinity();
+    if (cloud_.points.empty()) return kFar;
+    size_t index = 0;
+    float squared = 0;
     nanoflann::KNNResultSet<float> result(1);
     result.init(&index, &squared);
+    squared = reach_squared_;  // what is farther is not looked at
     tree_.findNeighbors(result, p.data(), nanoflann::SearchParams());
-    return std::sqrt(squared);
+    return result.size() > 0 ? std::sqrt(squared) : kFar;
   }
 
  private:
+  float reach_squared_;
   PointCloud cloud_;
   KdTree tree_;
 };
 
-// Adds the part, splitting triangles until edges are at most `edge_m`, so that colours given at
+// A mesh whose triangles were split until edges are at most `edge_m`, so that colours given at its
 // vertices follow a pattern of that size.
-void AddPart(const TriangleMesh& mesh, float edge_m,
-             const std::function<Colour(const Eigen::Vector3f&)>& colour_at,
-             const std::function<Eigen::Vector3f(const Eigen::Vector3f&)>& place, DrawList& list) {
-  struct Corner {
-    Eigen::Vector3f position;
-    Colour colour;
+TriangleMesh Split(const TriangleMesh& mesh, float edge_m) {
+  TriangleMesh fine;
+  fine.positions_m = mesh.positions_m;
+  fine.triangles.reserve(mesh.triangles.size());
+  struct Piece {
+    std::array<uint32_t, 3> corners;
+    int depth;
   };
-  // Halving the longest edge keeps the long thin triangles of CAD meshes to few pieces.
-  const std::function<void(const Corner&, const Corner&, const Corner&, int)> split =
-      [&](const Corner& a, const Corner& b, const Corner& c, int depth) {
-        const float ab = (a.position - b.position).squaredNorm(),
-                    bc = (b.position - c.position).squaredNorm(),
-                    ca = (c.position - a.position).squaredNorm();
-        if (std::max({ab, bc, ca}) <= edge_m * edge_m || depth >= 16) {
-          list.Triangle(place(a.position), place(b.position), place(c.position), a.colour, b.colour,
-                        c.colour);
-          return;
-        }
-        const auto middle = [&](const Corner& p, const Corner& q) {
-          const Eigen::Vector3f m = 0.5f * (p.position + q.position);
-          return Corner{m, colour_at(m)};
-        };
-        if (ab >= bc && ab >= ca) {
-          const Corner m = middle(a, b);
-          split(a, m, c, depth + 1);
-          split(m, b, c, depth + 1);
-        } else if (bc >= ca) {
-          const Corner m = middle(b, c);
-          split(a, b, m, depth + 1);
-          split(a, m, c, depth + 1);
-        } else {
-          const Corner m = middle(c, a);
-          split(a, b, m, depth + 1);
-          split(m, b, c, depth + 1);
-        }
-      };
-  // Triangles share their corners.
-  std::vector<Corner> corners;
-  corners.reserve(mesh.positions_m.size());
-  for (const Eigen::Vector3f& p : mesh.positions_m) corners.push_back({p, colour_at(p)});
+  constexpr int kMostDepth = 16;
+  std::vector<Piece> waiting;
   for (const auto& triangle : mesh.triangles) {
-    split(corners[triangle[0]], corners[triangle[1]], corners[triangle[2]], 0);
+    waiting.push_back({triangle, 0});
+    while (!waiting.empty()) {
+      const Piece piece = waiting.back();
+      waiting.pop_back();
+      // Halving the longest edge keeps the long thin triangles of CAD meshes to few pieces.
+      int longest = 0;
+      float longest_squared = 0;
+      for (int k = 0; k < 3; ++k) {
+        const float squared =
+            (fine.positions_m[piece.corners[k]] - fine.positions_m[piece.corners[(k + 1) % 3]])
+                .squaredNorm();
+        if (squared <= longest_squared) continue;
+        longest_squared = squared;
+        longest = k;
+      }
+      if (longest_squared <= edge_m * edge_m || piece.depth >= kMostDepth) {
+        fine.triangles.push_back(piece.corners);
+        continue;
+      }
+      const uint32_t a = piece.corners[longest], b = piece.corners[(longest + 1) % 3],
+                     c = piece.corners[(longest + 2) % 3];
+      const auto middle = static_cast<uint32_t>(fine.positions_m.size());
+      const Eigen::Vector3f between = 0.5f * (fine.positions_m[a] + fine.positions_m[b]);
+      fine.positions_m.push_back(between);
+      waiting.push_back({{a, middle, c}, piece.depth + 1});
+      waiting.push_back({{middle, b, c}, piece.depth + 1});
+    }
   }
+  return fine;
+}
+
+// Adds a mesh: colour_at(vertex in the mesh's coordinates), and where place(vertex) puts it.
+template <typename ColourAt, typename Place>
+void AddMesh(const TriangleMesh& mesh, const ColourAt& colour_at, const Place& place,
+             DrawList& list) {
+  list.Reserve(list.vertices().size() + mesh.positions_m.size(),
+               list.indices().size() / 3 + mesh.triangles.size());
+  const auto first = static_cast<uint32_t>(list.vertices().size());
+  for (const Eigen::Vector3f& p : mesh.positions_m) list.Add(place(p), colour_at(p));
+  for (const auto& t : mesh.triangles) list.Triangle(first + t[0], first + t[1], first + t[2]);
 }
 
 void AddBodies(const std::vector<Body>& bodies, const SensorPose& pose, const Colour& colour,
@@ -216,8 +242,7 @@ void AddBodies(const std::vector<Body>& bodies, const SensorPose& pose, const Co
         list.Quad(centre + p - h * z, centre + q - h * z, centre + q + h * z, centre + p + h * z,
                   colour);
         for (const float end : {-h, h}) {
-          list.Triangle(centre + end * z, centre + p + end * z, centre + q + end * z, colour,
-                        colour, colour);
+          list.Triangle(centre + end * z, centre + p + end * z, centre + q + end * z, colour);
         }
       }
     }
@@ -259,30 +284,35 @@ absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& tr
                       glm::value_ptr(to_clip));
   gl.Uniform3f(gl.GetUniformLocation(*program, "to_viewer"), to_viewer.x(), to_viewer.y(),
                to_viewer.z());
-  GLuint array, buffer;
+  const GLint shading = gl.GetUniformLocation(*program, "shading");
+  GLuint array, buffers[2];
   gl.GenVertexArrays(1, &array);
   gl.BindVertexArray(array);
-  gl.GenBuffers(1, &buffer);
-  gl.BindBuffer(GL_ARRAY_BUFFER, buffer);
+  gl.GenBuffers(2, buffers);
+  gl.BindBuffer(GL_ARRAY_BUFFER, buffers[0]);
+  gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, buffers[1]);
   for (const DrawList* list : {&opaque, &translucent}) {
     const auto& v = list->vertices();
-    if (v.empty()) continue;
+    const auto& indices = list->indices();
+    if (indices.empty()) continue;
     gl.BufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(v.size() * sizeof(Vertex)), v.data(),
+                  GL_STREAM_DRAW);
+    gl.BufferData(GL_ELEMENT_ARRAY_BUFFER,
+                  static_cast<GLsizeiptr>(indices.size() * sizeof(uint32_t)), indices.data(),
                   GL_STREAM_DRAW);
     const auto offset = [](size_t bytes) { return reinterpret_cast<const void*>(bytes); };
     gl.VertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
                            offset(offsetof(Vertex, position)));
-    gl.VertexAttribPointer(1, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
-                           offset(offsetof(Vertex, normal)));
-    gl.VertexAttribPointer(2, 4, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+    gl.VertexAttribPointer(1, 4, GL_UNSIGNED_BYTE, GL_TRUE, sizeof(Vertex),
                            offset(offsetof(Vertex, colour)));
-    for (GLuint k = 0; k < 3; ++k) gl.EnableVertexAttribArray(k);
+    for (GLuint k = 0; k < 2; ++k) gl.EnableVertexAttribArray(k);
+    gl.Uniform1f(shading, list == &opaque ? 1.0f : 0.0f);
     if (list == &translucent) {
       gl.Enable(GL_BLEND);
       gl.BlendFunc(GL_SRC_ALPHA, GL_ONE_MINUS_SRC_ALPHA);
       gl.DepthMask(GL_FALSE);
     }
-    gl.DrawArrays(GL_TRIANGLES, 0, static_cast<GLsizei>(v.size()));
+    gl.DrawElements(GL_TRIANGLES, static_cast<GLsizei>(indices.size()), GL_UNSIGNED_INT, nullptr);
   }
   std::vector<uint8_t> fine(static_cast<size_t>(kSamples * columns) * kSamples * rows * 4);
   gl.PixelStorei(GL_PACK_ALIGNMENT, 1);
@@ -353,28 +383,34 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
                            request.kind != ViewKind::kMeasurability;
   const bool coloured = by_coverage || request.kind == ViewKind::kMeasurability ||
                         request.kind == ViewKind::kCoverage;
+  const bool measurability = request.kind == ViewKind::kMeasurability;
   std::vector<Eigen::Vector3f> yes, no;
   for (size_t t = 0; t < targets.size() && coloured; ++t) {
-    const bool set = request.kind == ViewKind::kMeasurability
-                         ? scene.measurable().Test(t)
-                         : by_coverage && request.covered.Test(t);
-    (set ? yes : no).push_back(targets.positions_m[t]);
+    const bool set =
+        measurability ? scene.measurable().Test(t) : by_coverage && request.covered.Test(t);
+    if (set) yes.push_back(targets.positions_m[t]);
+    if (!set && measurability) no.push_back(targets.positions_m[t]);
   }
-  const NearestDistance to_yes(std::move(yes)), to_no(std::move(no));
+  // Purple within 3 mm of a measured target, yellow beyond 15 mm (as thesis Table 6.4).
+  constexpr float kPurpleM = 0.003f, kYellowM = 0.015f;
+  const NearestDistance to_yes(std::move(yes),
+                               measurability ? std::numeric_limits<float>::infinity() : kYellowM);
+  const NearestDistance to_no(std::move(no));
   const auto colour_at = [&](const Eigen::Vector3f& p) -> Colour {
     if (!coloured) return kPartColour;
-    if (request.kind == ViewKind::kMeasurability) {
-      return to_yes(p) <= to_no(p) ? kMeasurableColour : kUnmeasurableColour;
-    }
-    // Purple within 3 mm of a measured target, yellow beyond 15 mm (as thesis Table 6.4).
-    const float mix = std::clamp((to_yes(p) - 0.003f) / 0.012f, 0.0f, 1.0f);
+    if (measurability) return to_yes(p) <= to_no(p) ? kMeasurableColour : kUnmeasurableColour;
+    const float mix = std::clamp((to_yes(p) - kPurpleM) / (kYellowM - kPurpleM), 0.0f, 1.0f);
     return (1 - mix) * kCoveredColour + mix * kUncoveredColour;
   };
   const Eigen::AlignedBox3d box = scene.part().BoundingBox();
   const double diagonal = box.sizes().norm();
   DrawList opaque, translucent;
-  AddPart(scene.part(), coloured ? static_cast<float>(std::max(0.004, diagonal / 200)) : 1e9f,
-          colour_at, place, opaque);
+  if (coloured) {
+    const auto pattern_m = static_cast<float>(std::max(0.004, diagonal / 200));
+    AddMesh(Split(scene.part(), pattern_m), colour_at, place, opaque);
+  } else {
+    AddMesh(scene.part(), colour_at, place, opaque);
+  }
   for (const SceneObstacle& obstacle : scene.obstacles()) {
     if (!in_world && obstacle.frame != ObstacleFrame::kPart) continue;
     const auto place_obstacle = [&](const Eigen::Vector3f& p) -> Eigen::Vector3f {
@@ -384,8 +420,8 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
       return p +
              (geometry.part_offset_m + Eigen::Vector3d(request.stage_m, 0, lift_m)).cast<float>();
     };
-    AddPart(
-        obstacle.mesh, 1e9f, [](const auto&) { return kObstacleColour; }, place_obstacle, opaque);
+    AddMesh(
+        obstacle.mesh, [](const auto&) { return kObstacleColour; }, place_obstacle, opaque);
   }
 
   if (in_world && request.measurement) {
@@ -432,7 +468,7 @@ absl::StatusOr<std::string> RenderView(const CoverageScene& scene, const ViewReq
           (laser.origin_m + length * laser.z_axis - half * laser.x_axis).cast<float>();
       const Eigen::Vector3f b =
           (laser.origin_m + length * laser.z_axis + half * laser.x_axis).cast<float>();
-      translucent.Triangle(source, a, b, kFanColour, kFanColour, kFanColour, /*shaded=*/false);
+      translucent.Triangle(source, a, b, kFanColour);
       const float axis = 0.25f * static_cast<float>(diagonal),
                   rod = 0.004f * static_cast<float>(diagonal);
       opaque.Rod(Eigen::Vector3f::Zero(), axis * Eigen::Vector3f::UnitX(), rod,

@@ -28,7 +28,7 @@ constexpr size_t kMaxPool = 4000;
 constexpr size_t kSamplePairs = 16384;
 constexpr int64_t kExchanges = 100'000;
 // Rounds of exchanging, polishing and searching anew from which the pace is taken.
-constexpr size_t kPaceRounds = 3;
+constexpr size_t kPaceRounds = 2;
 
 struct Scan {
   std::vector<double> x;
@@ -89,7 +89,7 @@ class RefinedPlanner {
         if (!least && FewerReach()) continue;
         if (auto status = Verify(); !status.ok()) return status;
         if (have_best_ && best_.size() == plan_.size()) {
-          if (least) break;
+          if (least || run_.request().draft) break;
           plan_ = waiting_;
         }
         continue;

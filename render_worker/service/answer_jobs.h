@@ -10,7 +10,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/job/job_store.h"
-#include "rpc_server/lru_store.h"
+#include "core/memo/lru_store.h"
 #include "sightline/v1/job_service.pb.h"
 
 namespace sightline {

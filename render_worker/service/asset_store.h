@@ -10,7 +10,7 @@
 #include <utility>
 
 #include "absl/status/statusor.h"
-#include "rpc_server/lru_store.h"
+#include "core/memo/lru_store.h"
 
 namespace sightline {
 

@@ -235,7 +235,10 @@ class Planning {
       if (auto status = FindBound({}, 1); !status.ok()) return status;
       request_.candidates = bound_->priced_scans;
     }
-    if (auto status = Plan(); !status.ok()) return status;
+    // The bound's scans are better than what a longer search finds without them.
+    PlannerRequest request = request_;
+    request.draft = bounded && !options_.pareto.front;
+    if (auto status = Plan(request); !status.ok()) return status;
     if (options_.pareto.front || !bounded || !GoesOn()) return absl::OkStatus();
     std::vector<Measurement> scans;
     for (const ChosenScan& scan : document_.scans) scans.push_back(scan.measurement);
@@ -305,11 +308,11 @@ class Planning {
     return absl::OkStatus();
   }
 
-  absl::Status Plan() {
+  absl::Status Plan(const PlannerRequest& request) {
     Enter(kPlanningPhase);
     const auto plan_start = std::chrono::steady_clock::now();
-    auto result = options_.pareto.front ? PlanFront(session_, request_, progress_, &options_.output)
-                                        : MakePlan(*session_.oracle, request_);
+    auto result = options_.pareto.front ? PlanFront(session_, request, progress_, &options_.output)
+                                        : MakePlan(*session_.oracle, request);
     progress_.Finish();
     if (!result.ok()) return result.status();
     result_ = *std::move(result);

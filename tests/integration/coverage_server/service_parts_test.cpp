@@ -8,13 +8,13 @@
 #include <set>
 #include <thread>
 
+#include "core/memo/lru_store.h"
 #include "coverage_server/service/evaluation_pool.h"
 #include "coverage_server/service/query_validation.h"
 #include "coverage_server/service/scene_spec.h"
 #include "google/rpc/error_details.pb.h"
 #include "google/rpc/status.pb.h"
 #include "proto/status/rpc_status.h"
-#include "rpc_server/lru_store.h"
 
 namespace sightline {
 namespace {
@@ -248,6 +248,44 @@ TEST(SceneSpec, EveryFieldChangesTheDigest) {
   add([](v1::SceneSpec* spec) {
     spec->mutable_measurement()->add_resting_orientations()->set_part_alpha_deg(90);
   });
+}
+
+// A scan measures the same points whatever its targets are and whatever else is asked of them.
+TEST(SceneSpec, GeometryIsAllButTargetsAndQuestions) {
+  const auto geometry = [](const std::function<void(v1::SceneSpec*)>& change) {
+    v1::SceneSpec spec = MinimalSpec();
+    change(&spec);
+    const auto parsed = ParseSceneSpec(spec);
+    EXPECT_TRUE(parsed.ok()) << parsed.status();
+    return parsed.ok() ? parsed->geometry_digest : "";
+  };
+  const std::string plain = geometry([](v1::SceneSpec*) {});
+  const std::set<std::string> same = {
+      geometry([](v1::SceneSpec* spec) { spec->mutable_targets()->set_seed(2); }),
+      geometry([](v1::SceneSpec* spec) { spec->mutable_targets()->set_spacing_m(0.007); }),
+      geometry([](v1::SceneSpec* spec) { spec->set_field_directions(1024); }),
+      geometry([](v1::SceneSpec* spec) { spec->mutable_measurement(); }),
+      geometry([](v1::SceneSpec* spec) { spec->mutable_uncertainty(); })};
+  EXPECT_EQ(same, std::set<std::string>{plain});
+  std::set<std::string> others = {plain};
+  for (const auto& change : std::vector<std::function<void(v1::SceneSpec*)>>{
+           [](v1::SceneSpec* spec) { spec->set_part_digest(std::string(64, 'b')); },
+           [](v1::SceneSpec* spec) { spec->mutable_camera()->set_columns_px(640); },
+           [](v1::SceneSpec* spec) { spec->mutable_laser()->set_distance_m(0.5); },
+           [](v1::SceneSpec* spec) { spec->mutable_rig()->set_scan_step_m(0.002); },
+           [](v1::SceneSpec* spec) {
+             spec->add_obstacles()->set_part_digest(std::string(64, 'c'));
+             spec->mutable_obstacles(0)->set_frame(v1::Obstacle::FRAME_STAGE);
+           },
+           [](v1::SceneSpec* spec) {
+             spec->mutable_part_placement()->mutable_centre_m()->set_x(0.01);
+           },
+           [](v1::SceneSpec* spec) { spec->mutable_targets()->set_max_depth_per_pixel_m(0.002); },
+           [](v1::SceneSpec* spec) {
+             spec->mutable_targets()->set_max_pixel_footprint_m(0.002);
+           }}) {
+    EXPECT_TRUE(others.insert(geometry(change)).second);
+  }
 }
 
 TEST(SceneSpec, ADomainIsWrittenOutWithoutNames) {
