@@ -185,8 +185,8 @@ std::string SideViewSvg(const DrawnScene& scene) {
   }
   canvas.Arc(kAngleRadius, laser_rad, camera_rad, "angle strong");
   label((camera_rad + laser_rad) / 2, kAngleRadius - 20, Degrees(camera_rad - laser_rad));
-  canvas.Text(0.72 * camera_m, 38 * apart, Millimetres(camera_m.norm()));
-  canvas.Text(0.72 * laser_m, -38 * apart, Millimetres(laser_m.norm()));
+  canvas.Text(0.9 * camera_m, 38 * apart, Millimetres(camera_m.norm()));
+  canvas.Text(0.9 * laser_m, -38 * apart, Millimetres(laser_m.norm()));
   return canvas.Svg("Camera, laser and part, seen along the laser line");
 }
 

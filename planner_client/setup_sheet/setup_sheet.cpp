@@ -194,7 +194,7 @@ class Sheet {
     const bool timed = plan_.cost().scan_time_s() > 0;
     std::string html =
         "<h3>Scans in order</h3>\n<table class=\"overview\"><thead><tr><th>scan</th>";
-    absl::StrAppend(&html, faces ? "<th class=\"words\">part lies on</th>" : "",
+    absl::StrAppend(&html, faces ? "<th class=\"words\">lies on</th>" : "",
                     "<th>part turned<br>\u03b1 / \u03b2 / \u03b3</th><th class=\"words\">camera"
                     "</th><th>triang.<br>angle</th><th>distance<br>mm</th><th>stage<br>mm</th>"
                     "<th>frames</th>",
@@ -211,7 +211,7 @@ class Sheet {
         absl::StrAppend(&html, "<td class=\"words\">", face ? FaceName(*face) : "\u2013", "</td>");
       }
       absl::StrAppend(&html, "<td>", Turn(m.part_alpha_deg()), " / ", Turn(m.part_beta_deg()),
-                      " / ", Turn(m.part_gamma_deg()), "</td><td class=\"words\">",
+                      " / ", Turn(m.part_gamma_deg()), "</td><td class=\"words direction\">",
                       PlaceInWords(frames_[static_cast<size_t>(i)].camera.translation()),
                       "</td><td>", Deg(m.triangulation_angle_deg()), "</td><td>",
                       Mm(m.camera_distance_m()), "</td><td>", StageMm(scan.stage_start_m()),

@@ -63,6 +63,31 @@ TEST(PricedPlanTest, SameSeedSamePlan) {
   }
 }
 
+// A draft costs less than a plan, reaches the goal, and what follows needs about as few scans.
+TEST(PricedPlanTest, ADraftIsEnoughToBeginWith) {
+  size_t from_drafts = 0, from_plans = 0;
+  int64_t drafts_cost = 0, plans_cost = 0;
+  for (int64_t seed = 1; seed <= 4; ++seed) {
+    FunctionOracle oracle = CastingOracle(300, static_cast<uint64_t>(seed));
+    const PlannerRequest request = SmallRequest(seed);
+    PlannerRequest draft = request;
+    draft.draft = true;
+    const Planned planned = PlanAndBound(oracle, request), drafted = PlanAndBound(oracle, draft);
+    EXPECT_EQ(drafted.plan.stop_reason, StopReason::kGoalReached);
+    EXPECT_GE(drafted.plan.score.Claimed(), 270);
+    drafts_cost += drafted.plan.evaluations;
+    plans_cost += planned.plan.evaluations;
+    const auto plan = PlanWithPricedScans(oracle, request, planned.plan, planned.bound);
+    const auto better = PlanWithPricedScans(oracle, request, drafted.plan, drafted.bound);
+    ASSERT_TRUE(plan.ok() && better.ok());
+    EXPECT_EQ(better->stop_reason, StopReason::kGoalReached);
+    from_plans += plan->scans.size();
+    from_drafts += better->scans.size();
+  }
+  EXPECT_LT(drafts_cost, plans_cost);
+  EXPECT_LE(from_drafts, from_plans + 2);  // of four plans together
+}
+
 // Nothing is asked of the oracle where nothing can be gained.
 TEST(PricedPlanTest, LeavesAlonePlansThatCannotBeImproved) {
   FunctionOracle oracle = CastingOracle(300, 1);
