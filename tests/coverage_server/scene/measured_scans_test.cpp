@@ -16,8 +16,10 @@ std::unique_ptr<CoverageScene> Scene(int64_t seed, const MeasuredScans& shared) 
   definition.part = SteppedPart();
   definition.sampling.seed = seed;
   definition.field_directions = 64;
-  auto scene =
-      CoverageScene::Build(std::move(definition), {.threads = 1, .measured_scans = shared});
+  SceneBuildOptions options;
+  options.threads = 1;
+  options.measured_scans = shared;
+  auto scene = CoverageScene::Build(std::move(definition), options);
   EXPECT_TRUE(scene.ok()) << scene.status();
   return scene.ok() ? *std::move(scene) : nullptr;
 }
