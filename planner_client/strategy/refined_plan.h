@@ -6,8 +6,10 @@
 //    of scans.
 // 3. Polishing: one scan after the other moves in the continuous parameters to cover most of what
 //    the others leave; the scan that contributes least is searched anew.
-// 4. When the plan reaches the goal (exactly evaluated), one scan is dropped, and 2 and 3 go on
-//    with the rest until the budget is used up.
+// 4. When the plan reaches the goal by the estimate, scans are dropped as long as 2 alone makes
+//    their loss good; the smallest such plan is evaluated exactly. If it reaches the goal, one more
+//    scan is dropped, and 2 and 3 go on with the rest until the budget is used up or the pace of
+//    the last rounds is too slow to reach the goal within it. A draft ends here.
 //
 // The budget is that of greedy planning: request().evaluations_per_scan times the number of scans
 // of the best plan so far, so a result with fewer scans than greedy has also used fewer
