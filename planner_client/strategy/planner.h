@@ -49,8 +49,8 @@ struct PlannerRequest {
   std::optional<int> scan_count;
   // Scans known to be good, which the refined strategy may use without searching them.
   std::vector<Measurement> candidates;
-  // The refined strategy stops at a plan that reaches the goal and that exchanges of scans alone make
-  // no smaller: another search with better candidates follows.
+  // The refined strategy stops at a plan that reaches the goal and that exchanges of scans alone
+  // make no smaller: another search with better candidates follows.
   bool draft = false;
   // Score the plan after each scan too (PlannerResult's curves); costs seconds where only plans can
   // be scored.

@@ -10,7 +10,7 @@ absl::StatusOr<PlannerResult> PlanWithPricedScans(GainOracle& oracle, const Plan
                                                   const ScanCountBoundResult& bound) {
   if (request.strategy != "refined" || request.scan_count ||
       plan.stop_reason != StopReason::kGoalReached ||
-      bound.scans >= static_cast<int>(plan.scans.size())) {
+      (bound.converged && bound.scans >= static_cast<int>(plan.scans.size()))) {
     return plan;
   }
   PlannerRequest again = request;

@@ -12,8 +12,8 @@ namespace sightline {
 // Plans again from `plan`, which `request` gave, with the bound's priced scans and all those that
 // the first search found as candidates, and another budget of the same size. Returns the plan with
 // fewer scans, `plan` itself if there is none that reaches the goal with fewer; its evaluations are
-// the sum of both. Without any change if the bound leaves no room, for strategies that use no
-// candidates, and for plans that do not reach the goal. Errors of the oracle.
+// the sum of both. Without any change if a converged bound leaves no room, for strategies that use
+// no candidates, and for plans that do not reach the goal. Errors of the oracle.
 absl::StatusOr<PlannerResult> PlanWithPricedScans(GainOracle& oracle, const PlannerRequest& request,
                                                   PlannerResult plan,
                                                   const ScanCountBoundResult& bound);

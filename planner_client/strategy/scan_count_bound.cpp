@@ -166,6 +166,35 @@ double SumOfSmallest(const TargetBits& measurable, const std::vector<double>& we
   return std::accumulate(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(count), 0.0);
 }
 
+// Shares of a feasible scan that count: more than a target needs does not.
+TargetShares CountingShares(const GainOracle& oracle, ScanCoverage scan) {
+  TargetShares shares = oracle.ScoresPlans() ? std::move(scan.shares) : FullShares(scan.covered);
+  for (float& share : shares.share) share = std::min(share, 1.0f);
+  return shares;
+}
+
+// The whole number and the words that follow from the rest of the result.
+void State(ScanCountBoundResult& result) {
+  result.scans = static_cast<int>(std::ceil(result.bound - 1e-6));
+  result.statement = absl::StrFormat(
+      "%s%d scans (%.2f) are needed to settle %d of %d targets, as far as the "
+      "pricing search could find: ",
+      result.converged ? "At least " : "Not a bound yet: some ", result.scans, result.bound,
+      result.goal_targets, result.judged_targets);
+  if (result.converged) {
+    absl::StrAppendFormat(
+        &result.statement,
+        "its last round of %d evaluations found no scan that covers more than %.1f %% above the "
+        "permitted weight (%d evaluations in all, fast estimates).",
+        result.last_round_evaluations, 100 * kTolerance, result.evaluations);
+  } else {
+    absl::StrAppendFormat(&result.statement,
+                          "improving scans were still found when its %d evaluations (fast "
+                          "estimates) were used up, so a longer search may change the number.",
+                          result.evaluations);
+  }
+}
+
 class BoundSearch {
  public:
   BoundSearch(GainOracle& oracle, const MeasurementDomain& domain, double goal, int64_t budget,
@@ -186,25 +215,10 @@ class BoundSearch {
     absl::Status status = Search(initial);
     if (!status.ok() && !Interrupted()) return status;
     result_.evaluations = Used();
-    result_.scans = static_cast<int>(std::ceil(result_.bound - 1e-6));
-    result_.statement = absl::StrFormat(
-        "%s%d scans (%.2f) are needed to settle %d of %d targets, as far as the "
-        "pricing search could find: ",
-        result_.converged ? "At least " : "Not a bound yet: some ", result_.scans, result_.bound,
-        goal_targets_, measurable_.Count());
-    if (result_.converged) {
-      absl::StrAppendFormat(
-          &result_.statement,
-          "its last round of %d evaluations found no scan that covers more than %.1f %% above the "
-          "permitted weight (%d evaluations in all, fast estimates).",
-          result_.last_round_evaluations, 100 * kTolerance, result_.evaluations);
-    } else {
-      absl::StrAppendFormat(
-          &result_.statement,
-          "it still found improving scans when its %d evaluations (fast estimates) were used up, "
-          "so a longer search may change the number.",
-          result_.evaluations);
-    }
+    result_.goal_targets = goal_targets_;
+    result_.judged_targets = measurable_.Count();
+    result_.weights = std::move(best_weights_);
+    State(result_);
     return result_;
   }
 
@@ -305,9 +319,7 @@ class BoundSearch {
     for (size_t i = 0; i < scans.size(); ++i) {
       ScanCoverage& c = (*coverage)[i];
       if (c.feasibility != ScanFeasibility::kFeasible) continue;
-      TargetShares shares = oracle_.ScoresPlans() ? std::move(c.shares) : FullShares(c.covered);
-      // More than a target needs does not count.
-      for (float& share : shares.share) share = std::min(share, 1.0f);
+      TargetShares shares = CountingShares(oracle_, std::move(c));
       if (shares.targets.empty()) continue;
       columns_.push_back(std::move(shares));
       result_.priced_scans.push_back(scans[i]);
@@ -412,6 +424,25 @@ absl::StatusOr<ScanCountBoundResult> BoundScanCount(
   }
   return BoundSearch(oracle, domain, goal, budget, seed, on_progress, interrupted)
       .Run(initial_scans);
+}
+
+absl::Status TakeIntoAccount(GainOracle& oracle, const MeasurementDomain& domain,
+                             std::span<const Measurement> plan, ScanCountBoundResult& bound) {
+  const bool inside = std::all_of(plan.begin(), plan.end(),
+                                  [&](const Measurement& scan) { return domain.Contains(scan); });
+  if (bound.weights.empty() || plan.empty() || !inside) return absl::OkStatus();
+  auto coverage = oracle.FastCoverage(plan);
+  if (!coverage.ok()) return coverage.status();
+  double heaviest = 1;
+  for (ScanCoverage& scan : *coverage) {
+    if (scan.feasibility != ScanFeasibility::kFeasible) continue;
+    heaviest = std::max(heaviest, WeightOf(CountingShares(oracle, std::move(scan)), bound.weights));
+  }
+  bound.converged = bound.converged && heaviest <= 1 + kTolerance;
+  bound.bound = std::min(bound.bound / heaviest, static_cast<double>(plan.size()));
+  for (double& weight : bound.weights) weight /= heaviest;
+  State(bound);
+  return absl::OkStatus();
 }
 
 }  // namespace sightline

@@ -43,7 +43,10 @@ struct ScanCountBoundResult {
   int64_t last_round_evaluations = 0;
   std::vector<Measurement> priced_scans;  // feasible ones that the weights were made from
   int rounds = 0;
-  std::string statement;  // the result in words, with what it rests on
+  int64_t goal_targets = 0;     // G
+  int64_t judged_targets = 0;   // measurable
+  std::vector<double> weights;  // pi, one for every target
+  std::string statement;        // the result in words, with what it rests on
 };
 
 struct ScanCountBoundProgress {
@@ -61,5 +64,12 @@ absl::StatusOr<ScanCountBoundResult> BoundScanCount(
     std::span<const Measurement> initial_scans, int64_t budget, int64_t seed,
     const std::function<void(const ScanCountBoundProgress&)>& on_progress = {},
     const std::atomic<bool>* interrupted = nullptr);
+
+// The same bound when the scans of a plan are known as well, which settle the goal exactly: weights
+// are divided by what the heaviest of them covers. More than the plan has scans it cannot be: where
+// it is by a little, fast and exact targets differ. Changes nothing if a scan lies outside
+// `domain`, of which the bound says nothing. Errors of the oracle.
+absl::Status TakeIntoAccount(GainOracle& oracle, const MeasurementDomain& domain,
+                             std::span<const Measurement> plan, ScanCountBoundResult& bound);
 
 }  // namespace sightline

@@ -246,7 +246,11 @@ class Planning {
                                ? document_.plan.uncertainty().admissible_fraction()
                                : document_.plan.coverage().coverage();
     if (auto status = FindBound(scans, settled); !status.ok()) return status;
-    return PlanWithBound();
+    if (auto status = PlanWithBound(); !status.ok() || InterruptFlag()) return status;
+    if (result_.stop_reason != StopReason::kGoalReached) return absl::OkStatus();
+    scans.clear();
+    for (const ChosenScan& scan : result_.scans) scans.push_back(scan.measurement);
+    return TakeIntoAccount(*session_.oracle, request_.domain, scans, *bound_);
   }
 
   // Every start of this part, one after the other. The best of all starts becomes the plan, unless

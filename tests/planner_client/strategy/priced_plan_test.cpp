@@ -96,6 +96,7 @@ TEST(PricedPlanTest, LeavesAlonePlansThatCannotBeImproved) {
   const int64_t evaluations = oracle.evaluations();
   ScanCountBoundResult tight = planned.bound;
   tight.scans = static_cast<int>(planned.plan.scans.size());
+  tight.converged = true;
   PlannerRequest greedy = request;
   greedy.strategy = "greedy-pso";
   PlannerResult stopped = planned.plan;

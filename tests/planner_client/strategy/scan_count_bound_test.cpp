@@ -67,6 +67,43 @@ TEST(ScanCountBoundTest, NeverExceedsAPlanAndSaysWhatItRestsOn) {
   EXPECT_EQ(result->statement.find("found no scan") != std::string::npos, result->converged);
 }
 
+// A search too short to find good scans takes too few to be possible; a plan shows that it is.
+TEST(ScanCountBoundTest, APlanThatWasFoundLaterIsTakenIntoAccount) {
+  int too_high = 0;
+  for (int64_t seed = 1; seed <= 5; ++seed) {
+    FunctionOracle oracle = CastingOracle(300, static_cast<uint64_t>(seed));
+    PlannerRequest request;
+    request.domain = NineParameterDomain();
+    request.goal.coverage = 0.9;
+    request.evaluations_per_scan = 1500;
+    const auto plan = MakePlan(oracle, request);
+    ASSERT_TRUE(plan.ok());
+    ASSERT_EQ(plan->stop_reason, StopReason::kGoalReached);
+    std::vector<Measurement> scans;
+    for (const auto& scan : plan->scans) scans.push_back(scan.measurement);
+    const auto before = BoundScanCount(oracle, request.domain, 0.9, {}, 200, seed);
+    ASSERT_TRUE(before.ok());
+    too_high += before->bound > static_cast<double>(scans.size()) ? 1 : 0;
+    ScanCountBoundResult after = *before;
+    ASSERT_TRUE(TakeIntoAccount(oracle, request.domain, scans, after).ok());
+    EXPECT_LE(after.bound, before->bound);
+    EXPECT_LE(after.scans, static_cast<int>(scans.size()));
+    EXPECT_GT(after.bound, 0);
+    EXPECT_NE(after.statement.find("Not a bound yet"), std::string::npos);
+    // Once known it changes nothing.
+    ScanCountBoundResult again = after;
+    ASSERT_TRUE(TakeIntoAccount(oracle, request.domain, scans, again).ok());
+    EXPECT_NEAR(again.bound, after.bound, 1e-9);
+    // Of scans outside the domain the bound says nothing.
+    std::vector<Measurement> outside = scans;
+    outside.back().offset_y_m = 9;
+    again = *before;
+    ASSERT_TRUE(TakeIntoAccount(oracle, request.domain, outside, again).ok());
+    EXPECT_EQ(again.bound, before->bound);
+  }
+  EXPECT_GT(too_high, 0);
+}
+
 TEST(ScanCountBoundTest, SameSeedSameBound) {
   FunctionOracle a = CastingOracle(200, 2), b = CastingOracle(200, 2);
   const auto first = BoundScanCount(a, NineParameterDomain(), 0.9, {}, 10000, 3);
