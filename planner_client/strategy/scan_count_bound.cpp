@@ -189,8 +189,8 @@ void State(ScanCountBoundResult& result) {
         result.last_round_evaluations, 100 * kTolerance, result.evaluations);
   } else {
     absl::StrAppendFormat(&result.statement,
-                          "improving scans were still found when its %d evaluations (fast "
-                          "estimates) were used up, so a longer search may change the number.",
+                          "after its %d evaluations (fast estimates) scans above the permitted "
+                          "weight are known, so a longer search may change the number.",
                           result.evaluations);
   }
 }
