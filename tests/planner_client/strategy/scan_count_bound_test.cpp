@@ -8,6 +8,21 @@
 namespace sightline {
 namespace {
 
+// A plan that covers nine tenths.
+std::vector<Measurement> PlannedScans(FunctionOracle& oracle) {
+  PlannerRequest request;
+  request.domain = NineParameterDomain();
+  request.goal.coverage = 0.9;
+  request.evaluations_per_scan = 1500;
+  const auto plan = MakePlan(oracle, request);
+  EXPECT_TRUE(plan.ok()) << plan.status();
+  std::vector<Measurement> scans;
+  if (!plan.ok()) return scans;
+  EXPECT_EQ(plan->stop_reason, StopReason::kGoalReached);
+  for (const auto& scan : plan->scans) scans.push_back(scan.measurement);
+  return scans;
+}
+
 TEST(ScanCountBoundTest, EqualsTheOptimumOfTheGreedyTrap) {
   FunctionOracle oracle = GreedyTrapOracle();
   const auto result = BoundScanCount(oracle, OffsetDomain(), 1.0, {}, 30000, 1);
@@ -46,20 +61,12 @@ TEST(ScanCountBoundTest, PartialGoalNeedsFewerScans) {
 
 TEST(ScanCountBoundTest, NeverExceedsAPlanAndSaysWhatItRestsOn) {
   FunctionOracle oracle = CastingOracle(300, 2);
-  PlannerRequest request;
-  request.domain = NineParameterDomain();
-  request.goal.coverage = 0.9;
-  request.evaluations_per_scan = 1500;
-  const auto plan = MakePlan(oracle, request);
-  ASSERT_TRUE(plan.ok());
-  ASSERT_EQ(plan->stop_reason, StopReason::kGoalReached);
-  std::vector<Measurement> scans;
-  for (const auto& scan : plan->scans) scans.push_back(scan.measurement);
+  const std::vector<Measurement> scans = PlannedScans(oracle);
   int reports = 0;
-  const auto result = BoundScanCount(oracle, request.domain, 0.9, scans, 20000, 3,
+  const auto result = BoundScanCount(oracle, NineParameterDomain(), 0.9, scans, 20000, 3,
                                      [&](const ScanCountBoundProgress&) { ++reports; });
   ASSERT_TRUE(result.ok());
-  EXPECT_LE(result->scans, static_cast<int>(plan->scans.size()));
+  EXPECT_LE(result->scans, static_cast<int>(scans.size()));
   EXPECT_GT(result->bound, 1);
   EXPECT_LE(result->evaluations, 20000);
   EXPECT_GT(reports, 0);
@@ -72,33 +79,25 @@ TEST(ScanCountBoundTest, APlanThatWasFoundLaterIsTakenIntoAccount) {
   int too_high = 0;
   for (int64_t seed = 1; seed <= 5; ++seed) {
     FunctionOracle oracle = CastingOracle(300, static_cast<uint64_t>(seed));
-    PlannerRequest request;
-    request.domain = NineParameterDomain();
-    request.goal.coverage = 0.9;
-    request.evaluations_per_scan = 1500;
-    const auto plan = MakePlan(oracle, request);
-    ASSERT_TRUE(plan.ok());
-    ASSERT_EQ(plan->stop_reason, StopReason::kGoalReached);
-    std::vector<Measurement> scans;
-    for (const auto& scan : plan->scans) scans.push_back(scan.measurement);
-    const auto before = BoundScanCount(oracle, request.domain, 0.9, {}, 200, seed);
+    const std::vector<Measurement> scans = PlannedScans(oracle);
+    const auto before = BoundScanCount(oracle, NineParameterDomain(), 0.9, {}, 200, seed);
     ASSERT_TRUE(before.ok());
     too_high += before->bound > static_cast<double>(scans.size()) ? 1 : 0;
     ScanCountBoundResult after = *before;
-    ASSERT_TRUE(TakeIntoAccount(oracle, request.domain, scans, after).ok());
+    ASSERT_TRUE(TakeIntoAccount(oracle, NineParameterDomain(), scans, after).ok());
     EXPECT_LE(after.bound, before->bound);
     EXPECT_LE(after.scans, static_cast<int>(scans.size()));
     EXPECT_GT(after.bound, 0);
     EXPECT_NE(after.statement.find("Not a bound yet"), std::string::npos);
     // Once known it changes nothing.
     ScanCountBoundResult again = after;
-    ASSERT_TRUE(TakeIntoAccount(oracle, request.domain, scans, again).ok());
+    ASSERT_TRUE(TakeIntoAccount(oracle, NineParameterDomain(), scans, again).ok());
     EXPECT_NEAR(again.bound, after.bound, 1e-9);
     // Of scans outside the domain the bound says nothing.
     std::vector<Measurement> outside = scans;
     outside.back().offset_y_m = 9;
     again = *before;
-    ASSERT_TRUE(TakeIntoAccount(oracle, request.domain, outside, again).ok());
+    ASSERT_TRUE(TakeIntoAccount(oracle, NineParameterDomain(), outside, again).ok());
     EXPECT_EQ(again.bound, before->bound);
   }
   EXPECT_GT(too_high, 0);
