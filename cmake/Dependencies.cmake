@@ -27,7 +27,7 @@ pkg_check_modules(OSMESA REQUIRED IMPORTED_TARGET osmesa)
 pkg_check_modules(CBC REQUIRED IMPORTED_TARGET osi-cbc cbc)
 # Robots: URDF, kinematics, collisions. The CMake configs of the first two set variables only, and
 # pkg-config of the third asks for an older language.
-pkg_check_modules(URDFDOM REQUIRED IMPORTED_TARGET urdfdom)
+pkg_check_modules(URDFDOM REQUIRED IMPORTED_TARGET urdfdom tinyxml)
 pkg_check_modules(KDL REQUIRED IMPORTED_TARGET orocos-kdl)
 find_package(fcl CONFIG REQUIRED)
 # The planning service: jobs in SQLite or PostgreSQL, HTTP by Beast, events by MQTT and webhooks.

@@ -1,6 +1,7 @@
 #include "planner_client/robot/urdf/urdf_file.h"
 
 #include <console_bridge/console.h>
+#include <tinyxml.h>
 #include <urdf_model/model.h>
 #include <urdf_parser/urdf_parser.h>
 
@@ -8,9 +9,11 @@
 #include <exception>
 #include <filesystem>
 #include <fstream>
+#include <map>
 #include <mutex>
 #include <sstream>
 #include <string_view>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "planner_client/rpc_client/sha256.h"
@@ -88,6 +91,49 @@ std::string Refuse(std::string_view xml) {
   return "";
 }
 
+// Why the links of a document that Refuse lets pass are no forest: empty if they are, or if the
+// document is not well formed, which urdfdom says. Links that own one another in a loop would never
+// be freed.
+std::string RefuseLoops(const std::string& xml) {
+  TiXmlDocument document;
+  document.Parse(xml.c_str());
+  const TiXmlElement* robot = document.RootElement();
+  if (document.Error() || robot == nullptr) return "";
+  std::map<std::string, std::string> parent_of;
+  const auto link_of = [](const TiXmlElement* end) {
+    const char* name = end != nullptr ? end->Attribute("link") : nullptr;
+    return std::string(name != nullptr ? name : "");
+  };
+  for (const TiXmlElement* joint = robot->FirstChildElement("joint"); joint != nullptr;
+       joint = joint->NextSiblingElement("joint")) {
+    const std::string child = link_of(joint->FirstChildElement("child"));
+    const std::string parent = link_of(joint->FirstChildElement("parent"));
+    if (child.empty() || parent.empty()) continue;
+    if (!parent_of.emplace(child, parent).second) {
+      return absl::StrCat("link ", child, " has two parents");
+    }
+  }
+  // Links from which walking up is known to end.
+  std::map<std::string, bool> ends;
+  for (const auto& [link, parent] : parent_of) {
+    std::vector<std::string> way;
+    std::string at = link;
+    while (!ends.contains(at)) {
+      ends[at] = false;
+      way.push_back(at);
+      const auto above = parent_of.find(at);
+      if (above == parent_of.end()) {
+        ends[at] = true;
+        break;
+      }
+      at = above->second;
+    }
+    if (!ends[at]) return absl::StrCat("link ", at, " is in a loop");
+    for (const std::string& passed : way) ends[passed] = true;
+  }
+  return "";
+}
+
 }  // namespace
 
 absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
@@ -111,6 +157,7 @@ absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
   if (!file || xml.size() > kMostBytes) return bad("cannot be read");
   if (xml.find('\0') != std::string::npos) return bad("is not XML: it holds zero bytes");
   if (const std::string reason = Refuse(xml); !reason.empty()) return bad(reason);
+  if (const std::string reason = RefuseLoops(xml); !reason.empty()) return bad(reason);
 
   UrdfFile result;
   // The console of urdfdom is one for the whole process.

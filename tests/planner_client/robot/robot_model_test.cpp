@@ -206,10 +206,13 @@ TEST_F(RobotModelTest, RefusesLoops) {
                 "in a loop");
   ExpectRefused(PlanarArm(R"(lower="-2" upper="2")", R"(
 <joint name="back" type="fixed"><parent link="tip"/><child link="base"/></joint>)"),
-                "");
+                "in a loop");
+  ExpectRefused(PlanarArm(R"(lower="-2" upper="2")", R"(
+<joint name="itself" type="fixed"><parent link="base"/><child link="base"/></joint>)"),
+                "link base is in a loop");
   ExpectRefused(PlanarArm(R"(lower="-2" upper="2")", R"(
 <joint name="second" type="fixed"><parent link="base"/><child link="tip"/></joint>)"),
-                "");
+                "link tip has two parents");
 }
 
 TEST_F(RobotModelTest, RefusesFilesThatAreMadeToHurt) {
