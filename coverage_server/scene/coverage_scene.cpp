@@ -235,7 +235,7 @@ class CoverageSceneImpl final : public CoverageScene {
 
   MeasuredScan MeasureForInference(const Measurement& measurement,
                                    const std::atomic<bool>* cancelled) const override {
-    if (const MeasuredScan known = cache_.Find(measurement);
+    if (MeasuredScan known = cache_.Find(measurement);
         known.points != nullptr || known.feasibility != Feasibility::kFeasible) {
       return known;
     }
