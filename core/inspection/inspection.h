@@ -38,7 +38,7 @@ struct ParameterDomain {
 struct RestingOrientation {
   double part_alpha_rad;
   double part_beta_rad;
-  std::string name{};  // for people: what the part lies on
+  std::string name = "";  // for people: what the part lies on
 };
 
 // Same order as Measurement; angles in radians.
