@@ -9,12 +9,12 @@
 
 #include "absl/status/statusor.h"
 #include "core/job/job_store.h"
+#include "core/memo/lru_store.h"
 #include "core/part/part_health.h"
 #include "coverage_server/scene/coverage_scene.h"
 #include "coverage_server/service/coverage_backend.h"
 #include "coverage_server/service/coverage_metrics.h"
 #include "coverage_server/service/scene_spec.h"
-#include "core/memo/lru_store.h"
 #include "sightline/v1/coverage_service.pb.h"
 
 namespace sightline {

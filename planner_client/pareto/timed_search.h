@@ -19,8 +19,8 @@
 #include "planner_client/pareto/plan_time.h"
 #include "planner_client/pareto/timed_choice.h"
 #include "planner_client/strategy/plan_run.h"
-#include "planner_client/strategy/scan_order.h"
 #include "planner_client/strategy/pool/scan_pool.h"
+#include "planner_client/strategy/scan_order.h"
 #include "planner_client/strategy/top_points.h"
 
 namespace sightline {
