@@ -222,7 +222,7 @@ absl::StatusOr<HeldPart> HoldPart(const TriangleMesh& part, Inspection* inspecti
       }
     }
   }
-  inspection->rig.part_hull_m =
+  inspection->rig.part_support_points_m =
       std::make_shared<const std::vector<Eigen::Vector3d>>(std::move(corners));
   return held;
 }

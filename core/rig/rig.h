@@ -102,9 +102,10 @@ struct Rig {
   std::vector<Body> laser_bodies = {BoxBody{{0, 0, -0.06}, {0.04, 0.04, 0.12}}};
   // Unset: not turned, about the centre of its bounding box.
   std::optional<PartPlacement> part_placement;
-  // Corners of the part's convex hull, from the centre that offsets refer to: what can touch a
-  // table. Null where nothing asks for the table's height.
-  std::shared_ptr<const std::vector<Eigen::Vector3d>> part_hull_m;
+  // Points of the part among which its lowest one is however it is turned, from the centre that
+  // offsets refer to: corners of its convex hull, or all its vertices where few scans are asked.
+  // Null where nothing asks for the height of a table under the part.
+  std::shared_ptr<const std::vector<Eigen::Vector3d>> part_support_points_m;
 };
 
 }  // namespace sightline

@@ -58,10 +58,10 @@ ScanGeometry MakeScanGeometry(const Rig& rig, const Measurement& m) {
                         .toRotationMatrix();
   if (rig.part_placement) g.part_rotation = g.part_rotation * rig.part_placement->rotation;
   g.part_offset_m = Eigen::Vector3d(0, m.offset_y_m, m.offset_z_m);
-  if (rig.part_hull_m != nullptr && !rig.part_hull_m->empty()) {
+  if (rig.part_support_points_m != nullptr && !rig.part_support_points_m->empty()) {
     const Eigen::Vector3d up = g.part_rotation.row(2);
     g.table_height_m = std::numeric_limits<double>::infinity();
-    for (const Eigen::Vector3d& corner : *rig.part_hull_m) {
+    for (const Eigen::Vector3d& corner : *rig.part_support_points_m) {
       g.table_height_m = std::min(g.table_height_m, up.dot(corner));
     }
   }

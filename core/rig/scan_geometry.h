@@ -36,7 +36,7 @@ struct ScanGeometry {
   Eigen::Matrix3d part_rotation;
   Eigen::Vector3d part_offset_m;
   // Of the part's lowest point over the centre that part_offset_m moves: upper face of a table
-  // under the part. 0 without Rig::part_hull_m.
+  // under the part. 0 without Rig::part_support_points_m.
   double table_height_m = 0;
 
   // Stage position at which the sheet passes through a part point that is at x_world with the

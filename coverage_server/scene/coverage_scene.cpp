@@ -343,12 +343,12 @@ class CoverageSceneImpl final : public CoverageScene {
         boxes_.push_back({obstacle.frame, box.min().cast<float>(), box.max().cast<float>()});
       }
     }
-    definition_.rig.part_hull_m.reset();
+    definition_.rig.part_support_points_m.reset();
     if (!on_table) return absl::OkStatus();
     auto corners = HullCorners(definition_.part.positions_m, cancelled);
     if (!corners.ok()) return corners.status();
     for (Eigen::Vector3d& corner : *corners) corner -= part_centre_m_;
-    definition_.rig.part_hull_m =
+    definition_.rig.part_support_points_m =
         std::make_shared<const std::vector<Eigen::Vector3d>>(*std::move(corners));
     return absl::OkStatus();
   }

@@ -69,7 +69,6 @@ StrategyComparison::Scans Summarise(std::vector<int> counts) {
 }
 
 int RunCompare(CompareOptions& options) {
-  const std::atomic<bool>& interrupted = InterruptFlag();
   for (const std::string& strategy : options.strategies) {
     if (absl::Status status = CheckStrategy(strategy); !status.ok()) return ReportError(status);
   }
@@ -93,6 +92,7 @@ int RunCompare(CompareOptions& options) {
   if (!out_lock.ok()) return ReportError(out_lock.status());
   auto session = OpenSession(options.session);
   if (!session.ok()) return ReportError(session.status());
+  const std::atomic<bool>& interrupted = InterruptFlag();
   if (!gains.empty() && !session->ForUncertainty()) {
     return ReportError(absl::InvalidArgumentError(
         absl::StrCat("--gains: ", options.session.inspection_file, " has no goal.admissible")));

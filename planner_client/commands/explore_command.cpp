@@ -177,7 +177,6 @@ absl::StatusOr<std::string> KeepUnsaved(const ExploreSession& session, const std
 }
 
 int RunExplore(ExploreOptions& options) {
-  const std::atomic<bool>& interrupted = InterruptFlag();
   // Errors in the inspection, the plan and the address are found before the scene is built.
   const auto inspection = ReadInspectionWithFiles(options.session.inspection_file);
   if (!inspection.ok()) return ReportError(inspection.status());
@@ -233,7 +232,7 @@ int RunExplore(ExploreOptions& options) {
   std::printf("page:   http://%s/\nplan:   %s (once it is saved)\nCtrl-C ends it.\n",
               (*server)->listening().address.c_str(), (fs::path(folder) / "plan.json").c_str());
   std::fflush(stdout);
-  while (!interrupted) std::this_thread::sleep_for(std::chrono::milliseconds(50));
+  while (!InterruptFlag()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
 
   (*explore)->Close();
   (*server)->Stop();

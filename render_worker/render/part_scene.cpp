@@ -9,7 +9,6 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "core/resting/convex_hull.h"
 
 namespace sightline {
 namespace {
@@ -67,11 +66,13 @@ absl::Status PartScene::Prepare() {
   part_centre_m_ = part_box_.center();
   if (std::any_of(inspection.obstacles.begin(), inspection.obstacles.end(),
                   [](const auto& o) { return o.frame == ObstacleFrame::kTable; })) {
-    auto hull = MakeConvexHull(input_.part.positions_m);
-    if (!hull.ok()) return hull.status();
-    for (Eigen::Vector3d& corner : hull->corners_m) corner -= part_centre_m_;
-    input_.inspection.rig.part_hull_m =
-        std::make_shared<const std::vector<Eigen::Vector3d>>(std::move(hull->corners_m));
+    // All vertices: looking through them takes less than a hull does, which nothing can stop.
+    auto points = std::make_shared<std::vector<Eigen::Vector3d>>();
+    points->reserve(input_.part.positions_m.size());
+    for (const Eigen::Vector3f& position : input_.part.positions_m) {
+      points->push_back(position.cast<double>() - part_centre_m_);
+    }
+    input_.inspection.rig.part_support_points_m = std::move(points);
   }
 
   // Surfaces of the part: one name for all if the file names none.

@@ -5,7 +5,8 @@
 
 namespace sightline {
 
-// Set once SIGINT or SIGTERM arrives. The first call installs the handlers.
+// Set once SIGINT or SIGTERM arrives. The first call installs the handlers: commands make it when
+// they have something to keep, since loading parts and hulls cannot be stopped otherwise.
 const std::atomic<bool>& InterruptFlag();
 
 }  // namespace sightline

@@ -19,8 +19,11 @@ using ::testing::HasSubstr;
 
 constexpr int kColumns = 96, kRows = 64;
 
-// A table of 0.2 x 0.2 m, its upper side at z = 0, in front of a camera of 96 x 64 px.
-std::unique_ptr<PartScene> TableScene(const std::string& more) {
+constexpr char kTable[] =
+    "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nf 1 2 3\nf 1 3 4\n";
+
+// A part in front of a camera of 96 x 64 px; obstacles are tables.
+std::unique_ptr<PartScene> SceneOf(const char* part, const std::string& more) {
   v1::Inspection message;
   absl::Status status = ParseStrictJson(absl::StrCat(R"({"part": {"file": "table.obj", "unit": "m"},
         "camera": {"sensor": {"sensor_type": "mono", "pixel_pitch_m": 5.3e-6,
@@ -39,13 +42,17 @@ std::unique_ptr<PartScene> TableScene(const std::string& more) {
   const auto inspection = ParseInspection(message, "inspection.json", "");
   EXPECT_TRUE(inspection.ok()) << inspection.status();
   input.inspection = *inspection;
-  input.part = *LoadPartFromMemory(
-      "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nf 1 2 3\nf 1 3 4\n", "obj", "m",
-      "table");
+  input.part = *LoadPartFromMemory(part, "obj", "m", "part");
+  for (size_t i = 0; i < input.inspection.obstacles.size(); ++i) {
+    input.obstacles.push_back(*LoadPartFromMemory(kTable, "obj", "m", "table"));
+  }
   auto scene = PartScene::Make(std::move(input));
   EXPECT_TRUE(scene.ok()) << scene.status();
   return *std::move(scene);
 }
+
+// A table of 0.2 x 0.2 m, its upper side at z = 0.
+std::unique_ptr<PartScene> TableScene(const std::string& more) { return SceneOf(kTable, more); }
 
 // Seen from above, laser at -30 degrees, the table raised by `height_m`.
 Measurement FromAbove(double height_m) {
@@ -98,6 +105,24 @@ TEST(PartFrame, LineIsWhereSheetAndSurfaceMeet) {
     const double x = height_m * std::tan(-std::numbers::pi / 6);
     const double row = kRows / 2 + 0.016 * x / (0.3 - height_m) / 5.3e-6;
     EXPECT_NEAR(LineRow(frame.image.mean_photo_electrons), row, 0.05) << height_m;
+  }
+}
+
+TEST(PartFrame, TableIsUnderTheLowestPointOfATiltedPart) {
+  // Two triangles of sheet metal, flat and without a hull, on both sides of what the camera sees.
+  const auto scene = SceneOf(
+      "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0 -0.05 0\nv -0.1 0.1 0\nv 0.1 0.1 0\nv 0 0.05 0\n"
+      "f 1 2 3\nf 5 4 6\n",
+      R"(, "obstacles": [{"file": "table.obj", "unit": "m", "frame": "FRAME_TABLE"}],
+                 "render": {"laser_interreflection": false, "speckle": false})");
+  for (const double tilt_rad : {0.0, 0.01, -0.02}) {
+    Measurement measurement = FromAbove(0);
+    measurement.part_alpha_rad = tilt_rad;
+    const double height_m = -0.1 * std::abs(std::sin(tilt_rad));
+    const double x = height_m * std::tan(-std::numbers::pi / 6);
+    const double row = kRows / 2 + 0.016 * x / (0.3 - height_m) / 5.3e-6;
+    EXPECT_NEAR(LineRow(Render(*scene, measurement).image.mean_photo_electrons), row, 0.05)
+        << tilt_rad;
   }
 }
 
