@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Feeds bad input to the real programs and shows what they answer."""
 
 import argparse

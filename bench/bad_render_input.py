@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Feeds bad input to `sightline render` and the real render worker and shows what they answer."""
 
 import argparse

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plans that `sightline new` and `sightline plan` make of eight parts without another word: whether a person
 can set them up (resting faces), scans, what the rig can measure and what is measured, whether the reasons of
 what is not add up, and time. CAD files that are not there are left out."""

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Fourier path of the optics against a direct diffraction sum, and what a frame of 1540 x 480
 // pixels costs at f/11 and at f/2 with the grid the pupil needs.
 #include <sys/wait.h>

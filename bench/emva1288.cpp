@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The EMVA 1288 procedure on simulated images of the catalogue's cameras: measured against what
 // their files say; and how long one frame takes.
 #include <CLI/CLI.hpp>

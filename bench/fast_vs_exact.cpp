@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Error of the fast evaluator against the exact one, in fractions of all targets.
 #include <CLI/CLI.hpp>
 #include <cstdio>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Gain queries per second: the fast evaluator in this process, through gRPC against a real server,
 // and Embree; time of an exact query. All on the same scans, taking turns.
 #include <CLI/CLI.hpp>

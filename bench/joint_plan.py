@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Geometry and optics planned together against geometry first and its optics then, on the example head
 with the same number of scans. Both plans are judged by fresh frames that neither was planned on: rendered,
 their lines detected, u over distance and angle learned from them, and the surface that each plan makes

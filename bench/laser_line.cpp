@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bias and spread of the laser line detectors on synthetic lines, and their lines on recorded
 // images.
 #include <png.h>

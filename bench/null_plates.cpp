@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The null model against recordings made by others from the same equations: every recording of a
 // set is simulated many times with the calibration deviations its truth.json states, only the
 // line's shift is fitted, once per plate position, and statistics are compared by Hotelling's test.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Optics of a whole plan: `sightline plan` on the example head with the example's camera, then
 `sightline optics --plan` on all its scans. Time, and settings per scan."""
 

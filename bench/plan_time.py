@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Wall time of `sightline plan` from process start, and scans it needs."""
 
 import argparse

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Number of scans of plans, before and after planning again with the scans that the lower bound was
 // priced from, against that bound, part by part. Exact numbers on the plan's own targets.
 #include <CLI/CLI.hpp>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scans that planning strategies need for 90 % and 95 %, on several parts (`sightline compare`)."""
 
 import argparse

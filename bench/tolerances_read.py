@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `sightline part FILE --tolerances` reads of the NIST AP242 models, and what it does not."""
 
 import argparse

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Error of light transport against a plain path tracer (next-event estimation and multiple
 // importance sampling, independent samples) at 9 x 1024 samples per pixel, on regions of the
 // cylinder head, and the time both need for them.

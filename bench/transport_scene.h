@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scene of thesis section 4.8 with the example cylinder head: laser line and room light.
 #pragma once
 

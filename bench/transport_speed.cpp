@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rays per second next to Embree alone on the same rays; cost of the cylinder head image, measured
 // on evenly spread crops, against image size, sub-pixels and triangles.
 #include <CLI/CLI.hpp>

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scans for the thesis's uncertainty task (Table 6.5) on several parts: this project's strategy and
 gain against relaxed admissibility with one long particle swarm per scan (Table 6.6), at equal gain
 evaluations per scan, and the lower bound."""

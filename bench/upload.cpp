@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A client that announces and sends a part of any size, for bench/bad_input. Prints the server's
 // status code and message and what was sent; exit code 0 if the part was accepted, else 2.
 #include <grpcpp/grpcpp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Time and memory of a scene's visibility data by rasterization, and how both grow with triangles
 // and targets; next to the same field from Embree rays.
 #include <meshoptimizer.h>

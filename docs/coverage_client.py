@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Asks a coverage server how many targets some random scans measure.
 
 Usage: coverage_client.py ADDRESS PART.glb

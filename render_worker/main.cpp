@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/process/out_of_memory.h"
 #include "core/version/version.h"
 #include "render_worker/service/server_main.h"

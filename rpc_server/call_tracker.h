@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What every call of a server has in common: admission, draining, time limits, metrics, logs,
 // status mapping.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files that servers send piece by piece: a header, then chunks.
 #pragma once
 

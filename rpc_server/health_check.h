@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server asked whether it serves, by the standard gRPC health protocol.
 #pragma once
 

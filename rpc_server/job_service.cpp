@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "rpc_server/job_service.h"
 
 #include "proto/status/rpc_status.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JobService over a JobStore.
 #pragma once
 

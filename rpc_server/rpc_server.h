@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What every server has around its services: address, TLS, health, reflection, metrics, drain.
 #pragma once
 

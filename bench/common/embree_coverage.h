@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Embree doing the fast evaluator's work with rays: the peer in benchmarks.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Times, CPU times, statistics and result files of benchmarks.
 #pragma once
 

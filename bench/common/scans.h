@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scans to ask about: random ones, good ones, and those of greedy plans.
 #pragma once
 

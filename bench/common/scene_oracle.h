@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A coverage scene in this process as what planners ask, without a server between.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A real coverage_server process to measure.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Do the statistics scatter as their covariance says, once the truth is known? Fits a set's true
 // effects and the known parameters from their true values and prints, by statistic, what is left;
 // and what the effects gain.

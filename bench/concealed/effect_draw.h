@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects drawn at random, with a strength that makes them as visible as wanted.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which effects the recordings of a set cannot tell from a given one.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sets of recordings with effects that are drawn by seed and written down apart, made by the whole
 // wave-optical chain (bench/concealed/README.md).
 //   make_concealed_sets OUT --seed 1 --nulls 200 --single 90 --pairs 20 --variants 40

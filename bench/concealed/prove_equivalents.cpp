@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How much of what a concealed set's effect changes the effects that were answered instead explain.
 //   prove_equivalents OUT ANSWERS: writes ANSWERS/equivalents.json
 #include <CLI/CLI.hpp>

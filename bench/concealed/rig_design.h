@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rigs and shot lists drawn at random, like those of the labelled sets of the recordings format but
 // with other numbers.
 #pragma once

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Runs `sightline diagnose` over concealed sets; the program sees a set's folder only.
 
     run_concealed.py OUT ANSWERS [--limit N] [--jobs 1] [--sightline PATH] [--timeout 600]

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Opens the truth of concealed sets and scores the answers given without it.
 
     score_concealed.py OUT ANSWERS [--json FILE] [--markdown FILE]

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Scorer and runner on made-up truth and answers; the generator's bytes."""
 
 import filecmp

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A concealed set and its truth, as make_concealed_sets wrote them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Physics that is in no module of render_worker/effects: other laws for what the modules describe.
 // A diagnosis that knows the modules only should say "unknown" at the stage of the law.
 #pragma once

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Time to equal error of our light transport and Blender Cycles, on a scene both can express."""
 
 import argparse

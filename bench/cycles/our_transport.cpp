@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Our side of the comparison with Cycles (cycles.py): the cylinder head in grey Lambert, one lamp
 // and constant ambient light, pinhole. Writes the scene for Blender, or the radiance of one
 // rendering.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Renders the scene of our_transport.cpp with Cycles; run by Blender.
 
     blender -b --factory-startup --python-exit-code 1 --python scene.py -- FOLDER --samples 64 --image OUT.pfm

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One frame's choice of f-number and exposure, phase by phase: light transport once, optics once
 // per f-number and realisation, sensor and detection per exposure; the search next to the full grid
 // of exposures; and what is promised of the chosen setting against images rendered afresh.

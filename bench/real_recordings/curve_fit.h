@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fits curves with prior beliefs about their parameters and compares models by evidence.
 #pragma once
 

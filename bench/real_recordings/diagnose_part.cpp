@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Diagnoses recordings of a part (format version 2) in this process:
 //   bench_diagnose_part SET_FOLDER PART_FILE OUT.json
 // The null model has no interreflection. Prints finding, ranking, fit and time.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The same speckle at several exposure times, 8 bits: which response explains how the raw numbers
 // grow?
 //   bench_exposure_series DATA_FOLDER OUT_FOLDER

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measured blur of an edge against distance (scanner-sim), explained by the product's optics:
 //   bench_focus_curve DATA_FOLDER OUT_FOLDER
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light between the lines of a multi-line laser on a board of printed circles, 8 bits: does it fall
 // on the board (the print modulates it) or does it come from the lens (it does not), and does it
 // come from the lines?

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measured fall-off of the image towards the corners (scanner-sim), against cos^4, another exponent
 // and a second rim:
 //   bench_vignetting DATA_FOLDER OUT_FOLDER

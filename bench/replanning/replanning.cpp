@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Planning again after the first half of a plan was measured, judged on a part whose truth is
 // known: it lies 2 mm and 1 degree off and has a bump of 1 mm.
 //

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Jobs of the planning service while random processes are killed.
 
 Submits jobs over HTTP, kills (SIGKILL) the server or any of its processes at random moments, starts

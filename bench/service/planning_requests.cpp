@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Requests per second and their latency at the doors of the planning service, by the number of
 // clients; beside gRPC's own health check on the same server, which does nothing.
 #include <curl/curl.h>

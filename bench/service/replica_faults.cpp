@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Gain queries while the replicas that answer them are killed: none lost, none wrong.
 //
 // Two coverage servers, some clients that know both addresses. A server is killed (SIGKILL) at

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """The same jobs on 1, 2 and 4 workers by each runner of the planning service, side by side.
 
 A worker is a job at a time with a processor of its own, as far as the machine has so many: a process

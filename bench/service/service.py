@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A planning service of one's own for the benchmarks: started, killed, started again; and what a
 client of its HTTP door needs. Standard library alone."""
 

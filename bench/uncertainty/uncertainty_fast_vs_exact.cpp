@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The fast estimate of what scans tell of the surface against exact inference on their points:
 // admissible targets of single scans and of growing plans, as fractions of the judged targets.
 #include <CLI/CLI.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // First-order propagation of the 14 error variables of laser triangulation against Monte Carlo over
 // the design space, and whether the second order notices where the first does not suffice.
 #include <CLI/CLI.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Gain queries by uncertainty beside those by coverage, of the same scans on the same part: in
 // process and through gRPC. And what exact inference costs by the number of scans and targets.
 #include <unistd.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Virtual measurement of parts whose truth is known: do the predicted uncertainties tell how far
 // the results are from it? Whole chain: a part that deviates from its model, scans with errors of
 // calibration and detection, triangulation with the nominal setup, inference of the surface at

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Asks a planning service for a plan of examples/cylinder_head with curl alone, follows it, and
 # saves report.html and plan.json.
 #

@@ -1,4 +1,5 @@
 #!/bin/bash
+# SPDX-License-Identifier: Apache-2.0
 # Prints the job events that a planning service (`sightline serve --mqtt`) publishes: topic and JSON.
 #
 #   listen.sh [TYPE]          accepted, progress, done, failed or cancelled; default: all

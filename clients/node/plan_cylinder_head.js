@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Asks a planning service for a plan of examples/cylinder_head, follows it, and saves report.html
 // and plan.json.
 //

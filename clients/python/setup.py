@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Generates the messages and stubs of proto/sightline/v1 into the package, then builds it."""
 import importlib.util
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reflection and the HTTP door for the service in memory, as far as the examples use them."""
 import email.parser
 import email.policy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A planning service in memory, to test clients against.
 
 Names, checks and errors are those of proto/sightline/v1/planning_service.proto. It plans nothing:

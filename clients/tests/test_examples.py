@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The examples as a user runs them: processes against the service in memory and a real broker.
 
 SIGHTLINE_NODE_MODULES: folder with the installed packages of clients/node.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The Python client against a service in memory; with SIGHTLINE_ADDRESS against a real one too."""
 import hashlib
 import importlib

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Cameras, lenses and lasers that can be bought, from a folder of their data sheets' numbers.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a camera and a lens of a catalogue see together, by geometry alone: a thin lens (of the
 // focal length f, focused at the distance z before it) whose image is at b behind it,
 //   1/f = 1/z + 1/b,   so   b = f z / (z - f)   and the magnification   m = b / z = f / (z - f).

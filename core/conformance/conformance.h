@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether a plan of scans can prove that a toleranced feature conforms, before anything is
 // measured.
 #pragma once

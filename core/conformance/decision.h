@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Deciding conformance with a tolerance by a measurement with uncertainty: acceptance zone and the
 // probabilities of deciding wrongly (ISO 14253-1:2017; JCGM 106:2012, clauses 7 to 9).
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Toleranced features of a part: what is measured of them, and the standard uncertainty with which
 // a plan of scans will know it (JCGM 100, GUM; JCGM 101, Monte Carlo; measurands after ISO 1101 and
 // ISO 14405-1).

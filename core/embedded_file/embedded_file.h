@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files inside the program: pages, styles and scripts that must be there whatever the folder it
 // runs in.
 //

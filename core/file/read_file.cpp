@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/file/read_file.h"
 
 #include <fcntl.h>

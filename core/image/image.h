@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A raster of values: images, irradiance maps, layers.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Readers of single formats, for ReadRawImageFile.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Raw numbers of cameras from image files: greyscale PNG (libpng) and TIFF (libtiff).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TIFF by libtiff, strip by strip: whether a strip has all its bytes is looked at here. Readers for
 // pictures fill what is missing with zeros, which would pass for dark pixels.
 #include <tiffio.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks of fields of a message with errors a person can act on: context (file), field, value,
 // range.
 #pragma once

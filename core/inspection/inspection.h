@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // inspection.json as validated values: SI units, radians, defaults filled in.
 #pragma once
 

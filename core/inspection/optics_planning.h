@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `optics` of an inspection asks for: the choice of camera and laser settings
 // (v1::OpticsPlanning).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What holds the part while it is scanned: a table it rests on, a fixture, or nothing.
 #pragma once
 

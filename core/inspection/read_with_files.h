@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An inspection whose files are there, for commands that will need them.
 #pragma once
 

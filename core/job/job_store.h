@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Long operations as jobs. One interface for every service; this store keeps them in memory.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How long work learns that nobody waits for it any longer.
 #pragma once
 

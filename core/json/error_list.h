@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All that is wrong with a file at once, so that people need not run a command once per mistake.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Comments in JSON files that people write.
 #pragma once
 

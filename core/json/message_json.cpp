@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/json/message_json.h"
 
 #include <google/protobuf/descriptor.h>

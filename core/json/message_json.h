@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Messages as JSON for programs: one line, nothing left out.
 #pragma once
 

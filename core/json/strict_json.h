@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // proto3 JSON files with errors a person can act on.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/laser_line/detect_laser_line.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sub-pixel position of laser lines in an image, column by column (thesis appendix A).
 #pragma once
 

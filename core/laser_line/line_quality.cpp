@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/laser_line/line_quality.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well a detected laser line agrees with where it is: the optical cost of thesis section 6.4.2.
 #pragma once
 

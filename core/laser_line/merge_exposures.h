@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laser line points of two exposures of the same scene taken together.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Centre of one bright line in a profile of values at integer places.
 #pragma once
 

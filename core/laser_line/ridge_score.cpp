@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/laser_line/ridge_score.h"
 
 #include <algorithm>

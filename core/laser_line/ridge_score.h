@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Saliency of bright ridges by Gaussian derivatives (Steger, IEEE PAMI 20(2), 1998; thesis A.1).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Values by key, limited in bytes; the longest unused go first.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Values of a pure function that is asked for the same again and again.
 #pragma once
 

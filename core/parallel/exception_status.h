@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an exception means to whoever asked for the work.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Threads of one piece of work; what one of them throws reaches the thread that waits for them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Triangle mesh of a part or obstacle.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Readers of single file formats, for LoadPart. Each takes the whole file in memory and never
 // allocates more than a small multiple of its size, whatever counts the file claims.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Health report of a part's mesh.
 #pragma once
 

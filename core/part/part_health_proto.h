@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The health report as a message.
 #pragma once
 

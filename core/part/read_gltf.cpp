@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // glTF 2.0 and GLB by tinygltf, which parses; everything an index or offset of the file points at
 // is checked here, because tinygltf checks little of it.
 #include <tiny_gltf.h>

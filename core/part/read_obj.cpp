@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Wavefront OBJ: vertices, faces and the names of their materials; other names, groups, normals and
 // texture coordinates are of no concern here, lines and points are no surface.
 #include <algorithm>

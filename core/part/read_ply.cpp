@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PLY: ASCII, binary little- and big-endian. Elements other than vertices and faces are stepped
 // over; so are their other properties.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // STL, binary and ASCII. Facet normals are ignored: the order of the corners says the same.
 #include <algorithm>
 #include <cctype>

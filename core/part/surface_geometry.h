@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small geometry of surfaces that several modules need.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Constants of nature. Exact by definition: SI Brochure, 9th edition (2019), section 2.2.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A folder of one process, which goes with it, also when it is killed.
 #pragma once
 

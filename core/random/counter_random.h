@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random numbers as a pure function of a seed and a place, so that images do not depend on the
 // order in which threads draw them. Philox 4x32-10 (Salmon et al., SC 2011) from Random123.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Random numbers one after the other, the same on every machine and standard library.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/random/seed.h"
 
 #include "core/random/counter_random.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings whose description is incomplete: what is not stated gets a usual value and a standard
 // uncertainty wide enough for anything usual, so that the recordings themselves determine it.
 #pragma once

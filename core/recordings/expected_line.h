@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the description of a plate recording promises, in closed form: enough to choose exposures
 // and to see that a recording is not what it is said to be. Images come from the renderer.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Are the numbers proportional to light? Two tests that need no model of the image.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Image files of recordings, and what their form alone says against them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/recordings/part_inspection.h"
 
 #include "absl/status/status.h"

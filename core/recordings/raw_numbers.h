@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the numbers of images alone tell about how they were made.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which recordings of a plate are worth taking to tell what the description of a rig leaves out.
 #pragma once
 

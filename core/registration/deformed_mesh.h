@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A mesh with its surface moved along its normals, to stand for a part as it was measured.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a part lies, from points measured on it: robust registration to the CAD model with the
 // covariance of the six parameters, and what of them the points do not tell.
 //

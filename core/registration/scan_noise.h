@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How uncertain the points of a scan are along a direction, from the rig that measured them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the surface of a registered part is: its deviation from the CAD model at targets, from the
 // points measured around them.
 #pragma once

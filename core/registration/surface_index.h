@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The point of a surface that is nearest to a measured one.
 //
 // A bounding-box hierarchy over the triangles. Libraries of nearest neighbours (nanoflann) search

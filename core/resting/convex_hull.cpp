@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/resting/convex_hull.h"
 
 // The C interface: headers of the C++ one do not compile as C++20.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Convex hull of a part (qhull: Barber, Dobkin, Huhdanpaa 1996, "The Quickhull algorithm for convex
 // hulls", ACM TOMS 22(4)).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How far two bodies reach into one another.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Faces on which a part lies by itself.
 #pragma once
 

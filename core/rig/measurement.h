@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The nine parameters of one linear scan (thesis section 2.4.1, Fig. 2.2, Table 2.1).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scanner: camera, laser line projector, linear stage and their solid bodies.
 #pragma once
 

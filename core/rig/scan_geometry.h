@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Poses of camera, laser sheet and part for one measurement (ARCHITECTURE of the rig: thesis
 // section 2.4.1 with the conventions of docs/architecture.md).
 //

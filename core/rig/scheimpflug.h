@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sensor tilt that brings a plane into focus (T. Scheimpflug, GB patent 1196, 1904).
 #pragma once
 

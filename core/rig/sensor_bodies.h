@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the bodies of camera and laser are in a scan, and whether there is room for both.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Convex solids that sum up segments: boxes, prisms, and what a move sweeps of them.
 #pragma once
 

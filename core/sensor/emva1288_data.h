@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The EMVA 1288 data file: which images of a camera under uniform light, and which in the dark,
 // were taken under which conditions. Lines, as the reference data sets of the standard have them:
 //

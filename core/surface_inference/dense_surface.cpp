@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The reference by dense matrices, and the length scale.
 #include <Eigen/Cholesky>
 #include <Eigen/Core>

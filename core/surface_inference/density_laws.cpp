@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Closed forms for surfaces on which the points lie densely.
 #include <algorithm>
 #include <cassert>

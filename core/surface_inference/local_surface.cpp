@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The posterior at a target in a finite basis.
 //
 // In units of the prior's standard deviation and length scale the covariance is a product of

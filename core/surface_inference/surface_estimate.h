@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the surface is, not only how well it is known: the posterior mean that belongs to
 // DenseSurfaceUncertainty, for analysing measured or simulated points.
 #pragma once

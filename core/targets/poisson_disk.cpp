@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Poisson-disk sampling in two steps.
 //  1. Dart throwing over a dense, shuffled, area-weighted sampling of the surface (Corsini,
 //     Cignoni, Scopigno: Efficient and Flexible Sampling with Blue Noise Properties of Triangular

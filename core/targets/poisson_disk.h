@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Blue-noise target points on a mesh.
 #pragma once
 

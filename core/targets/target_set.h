@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Target points on a part and bit sets over them.
 #pragma once
 

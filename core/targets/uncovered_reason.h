@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why a target is not covered, as the coverage server says it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/tolerance/face_surface.h"
 
 #include <Eigen/Geometry>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The triangulated faces of a part's model, and which of them a point of another mesh lies on.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tolerances of a QIF 3.0 file (ANSI/DMSC QIF 3.0, ISO 23952:2020).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part of a QIF document that is about tolerances, as a tree of elements with line numbers.
 #pragma once
 

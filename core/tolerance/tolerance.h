@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The drawing's tolerances as values: how wide each zone is, which datums it refers to, which faces
 // of the part it binds, and how uncertain a measurement may be that decides about it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/tolerance/tolerance_proto.h"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // ToleranceReport and faces from and to proto, so that they can be files (core/json).
 #pragma once
 

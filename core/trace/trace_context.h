@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which request a call, a job or a line of the log belongs to: W3C Trace Context
 // (https://www.w3.org/TR/trace-context/). Nothing is recorded here: what comes in goes out as it
 // was.

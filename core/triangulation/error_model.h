@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The triangulated point as a function of the error variables, for any number type: doubles give
 // the point, Taylor series its derivatives of any order (uncertainty_propagation.cpp).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laser triangulation of points and what 14 error variables do to them (thesis 1.2.1, 3.3, Table
 // 3.1; Haralick, Propagating covariance in computer vision, 1996).
 //

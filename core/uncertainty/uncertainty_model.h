@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is known of a measurement's errors and of the surface before it (thesis 3.3.3, 3.4), as
 // validated values: SI units, pixels, radians.
 #pragma once

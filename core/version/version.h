@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Version and git commit of this build. A library of its own: a new commit compiles one file and
 // links the programs, nothing else.
 #pragma once

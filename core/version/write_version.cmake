@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # cmake -D SOURCE_FOLDER= -D PROJECT_VERSION= -D GIVEN_COMMIT= -D IN= -D OUT= -P write_version.cmake
 #
 # Writes OUT from IN with the commit of SOURCE_FOLDER; an OUT that says it already stays untouched, so

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scans of a domain that aim at a place of the surface.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why targets are not covered: what stands in the way of the scans that come nearest to measuring
 // them.
 //

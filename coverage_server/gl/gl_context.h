@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Off-screen OpenGL 3.3 core context on the CPU. OSMesa today; an EGL surfaceless context can take
 // its place by providing another factory: nothing else in the tree names OSMesa.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // clang-format off
 // First: glcorearb.h leaves out types that gl.h (through osmesa.h) would have claimed.
 #include "coverage_server/gl/gl_context.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/occlusion/occluder_mesh.h"
 
 #include <meshoptimizer.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Triangles of part and obstacles as the visibility field draws them: simplified, in clusters.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/occlusion/triangle_bvh.h"
 
 #include <algorithm>
@@ -5,6 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <numeric>
+
+#include "core/cpu/function_clones.h"
 
 namespace sightline {
 namespace {
@@ -181,11 +184,9 @@ size_t TriangleBvh::bytes() const {
   return nodes_.capacity() * sizeof(Node) + triangles_.capacity() * sizeof(Triangle);
 }
 
-#if defined(__x86_64__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
-__attribute__((target_clones("avx2", "default")))
-#endif
-uint32_t
-TriangleBvh::Occluded(const Eigen::Vector3f& from, const Bundle& bundle, uint32_t active) const {
+SIGHTLINE_CLONES("avx2")
+uint32_t TriangleBvh::Occluded(const Eigen::Vector3f& from, const Bundle& bundle,
+                               uint32_t active) const {
   if (triangles_.empty() || active == 0) return 0;
   const Lanes dx = Load(bundle.to_x) - from.x();
   const Lanes dy = Load(bundle.to_y) - from.y();

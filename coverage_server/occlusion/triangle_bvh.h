@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bounding-volume hierarchy over a triangle mesh for the exact evaluator: any-hit segments, nearby
 // triangles, and overlap with convex bodies. Embree is kept out of the server so that the tests'
 // judge stays independent, and it knows neither swept bodies nor our bundles of rays.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/scan/collision.h"
 
 #include "core/rig/sensor_bodies.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hard constraints of a scan: nothing may touch along the travel that is used (thesis
 // section 2.4.2, "death penalty").
 #pragma once

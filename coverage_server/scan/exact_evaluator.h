@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Measured points of a scan, frame by frame (the thesis's definition, sections 3.2 and 4.5).
 //
 // Frame k is taken at stage position k * scan_step. A rendered frame shows the laser line where the

@@ -1,8 +1,11 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/scan/fast_evaluator.h"
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
+
+#include "core/cpu/function_clones.h"
 
 namespace sightline {
 
@@ -81,11 +84,8 @@ inline float Round(float x) {
 }
 
 // Which of a target's probes face camera and laser and lie in view, each at its own lit moment.
-#if defined(__x86_64__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
-__attribute__((target_clones("avx2", "default")))
-#endif
-uint8_t
-ProbesInView(const FloatScan& f, const FastEvaluator::TargetProbes& p) {
+SIGHTLINE_CLONES("avx2")
+uint8_t ProbesInView(const FloatScan& f, const FastEvaluator::TargetProbes& p) {
   int32_t passes[kProbesPerTarget];
   for (int k = 0; k < kProbesPerTarget; ++k) {
     const float s = f.gx * p.x[k] + f.gy * p.y[k] + f.gz * p.z[k] + f.lit_offset;
@@ -272,9 +272,7 @@ FastEvaluator::FastEvaluator(const TargetSet& targets, const TargetSampling& sam
   }
 }
 
-#if defined(__x86_64__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
-__attribute__((target_clones("avx512f", "avx2", "default")))
-#endif
+SIGHTLINE_CLONES("avx512f", "avx2")
 void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_side, Lanes& lanes) {
   for (int i = 0; i < kTargetsPerBlock; ++i) {
     const float x = block.x[i], y = block.y[i], z = block.z[i];

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Gain estimates from the visibility field.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Points that exact scans measured lately.
 #pragma once
 
@@ -21,6 +22,16 @@ struct MeasurementPoint {
   int32_t column_px;
 };
 
+// The numbers of a scan, bit by bit: the same for the same scan alone.
+inline std::string MeasurementKey(const Measurement& measurement) {
+  std::string key;
+  for (const double value : ToArray(measurement)) {
+    const auto bits = std::bit_cast<uint64_t>(value);
+    key.append(reinterpret_cast<const char*>(&bits), sizeof(bits));
+  }
+  return key;
+}
+
 // Scans are asked about again: for other targets on the same part, for their points, for a picture.
 // Points of one part on one rig among its obstacles, within the same limits on depth; scenes that
 // have all that in common share them. Answers do not depend on what is kept.
@@ -43,12 +54,7 @@ struct MeasuredScans {
 
  private:
   std::string KeyOf(const Measurement& measurement) const {
-    std::string key = geometry;
-    for (const double value : ToArray(measurement)) {
-      const auto bits = std::bit_cast<uint64_t>(value);
-      key.append(reinterpret_cast<const char*>(&bits), sizeof(bits));
-    }
-    return key;
+    return geometry + MeasurementKey(measurement);
   }
 };
 

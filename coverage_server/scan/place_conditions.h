@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Conditions that a place of the surface must meet in the frame that lights it. The exact evaluator
 // asks them of every measurement point; explanations name the one that fails.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One scan expressed in part coordinates: there every quantity is linear in the part point, and the
 // sensors move by -s X with the stage position s.
 #pragma once

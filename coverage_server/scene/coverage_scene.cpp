@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/scene/coverage_scene.h"
 
 #include <algorithm>
@@ -7,6 +8,7 @@
 #include <thread>
 
 #include "absl/strings/str_format.h"
+#include "core/memo/lru_store.h"
 #include "core/parallel/worker_threads.h"
 #include "core/targets/poisson_disk.h"
 #include "core/targets/target_regions.h"
@@ -18,7 +20,6 @@
 #include "coverage_server/scene/hull_corners.h"
 #include "coverage_server/uncertainty/exact_inference.h"
 #include "coverage_server/uncertainty/information_estimator.h"
-#include "coverage_server/uncertainty/scan_points_cache.h"
 #include "coverage_server/uncertainty/target_priors.h"
 #include "coverage_server/uncertainty/uncertainty_gain.h"
 #include "coverage_server/visibility/domain_measurability.h"
@@ -32,6 +33,10 @@ namespace {
 // Range of the triangulation angle (Table 2.1).
 constexpr double kMinTriangulationRad = 10 * std::numbers::pi / 180;
 constexpr double kMaxTriangulationRad = 80 * std::numbers::pi / 180;
+
+// Of scans whose points were asked for what they tell of the surface, the longest unused go first.
+constexpr int64_t kInferredScansBytes = int64_t{400} << 20;
+constexpr int64_t kBytesPerPoint = 24;  // of ScanPoints
 
 double SecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -235,10 +240,9 @@ class CoverageSceneImpl final : public CoverageScene {
 
   MeasuredScan MeasureForInference(const Measurement& measurement,
                                    const std::atomic<bool>* cancelled) const override {
-    if (MeasuredScan known = cache_.Find(measurement);
-        known.points != nullptr || known.feasibility != Feasibility::kFeasible) {
-      return known;
-    }
+    // A plan is asked about many times while it grows.
+    const std::string key = MeasurementKey(measurement);
+    if (const auto known = inferred_scans_.Get(key)) return *known;
     std::vector<MeasurementPoint> points;
     MeasuredScan scan;
     scan.feasibility = EvaluateExact(measurement, &points, cancelled).feasibility;
@@ -248,7 +252,10 @@ class CoverageSceneImpl final : public CoverageScene {
           MakeScanInPart(definition_.rig, part_centre_m_, measurement, Depth(measurement)),
           *definition_.uncertainty, points, static_cast<float>(priors_->largest_neighbourhood_m()));
     }
-    cache_.Add(measurement, scan);
+    // What holds a scan without points takes some hundred bytes.
+    const int64_t bytes =
+        512 + (scan.points ? kBytesPerPoint * static_cast<int64_t>(scan.points->size()) : 0);
+    inferred_scans_.Put(key, std::make_shared<MeasuredScan>(scan), bytes).IgnoreError();
     return scan;
   }
 
@@ -513,7 +520,7 @@ class CoverageSceneImpl final : public CoverageScene {
   // Only with an uncertainty model.
   std::optional<TargetPriors> priors_;
   std::unique_ptr<InformationEstimator> estimator_;
-  mutable ScanPointsCache cache_;
+  mutable LruStore<MeasuredScan> inferred_scans_{kInferredScansBytes};
   MeasuredScans measured_scans_;
   SceneTimings timings_;
 };

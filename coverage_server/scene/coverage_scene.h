@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A part on a rig with its targets: everything gain queries need.
 #pragma once
 

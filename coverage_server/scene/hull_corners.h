@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Corners of the convex hull of a part, which may have millions of vertices.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the service needs from the coverage engine. Tests put a formula in its place.
 #pragma once
 

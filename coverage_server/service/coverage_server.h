@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A running coverage server: gRPC services, health, reflection, metrics.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // CoverageService over a SceneRegistry.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries about what stands in the way of targets.
 #include <span>
 #include <vector>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Requests checked once, at the edge.
 #pragma once
 

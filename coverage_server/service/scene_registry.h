@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parts and scenes in memory, and the jobs that build scenes.
 #pragma once
 

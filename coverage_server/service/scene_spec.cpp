@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/service/scene_spec.h"
 
 #include <google/protobuf/io/coded_stream.h>

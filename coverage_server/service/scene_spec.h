@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a scene is made of: validation, normal form and digest of a SceneSpec.
 #pragma once
 

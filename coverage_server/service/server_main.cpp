@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/service/server_main.h"
 
 #include "coverage_server/service/coverage_server.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Command line, signals and life of a coverage server process.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Queries about how well scans make the surface known.
 #include <algorithm>
 #include <memory>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Variance along a surface normal that errors of calibration give all points of a scan.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well scans together make the surface known at targets: Gaussian-process regression on the
 // points that each scan measures (thesis 3.4, 6.3.1).
 #pragma once

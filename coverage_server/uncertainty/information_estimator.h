@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a scan tells of every target that it sees: the fast estimate.
 //
 // Points of a scan lie on the surface in a grid of frames and columns with the density

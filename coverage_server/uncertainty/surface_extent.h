@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the end of a target's surface costs: edges, corners and bends of the part.
 //
 // Only points on surface that faces the target's way tell of it (thesis 3.4.2), so near an edge of

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is believed of the surface at every target before any scan.
 #pragma once
 

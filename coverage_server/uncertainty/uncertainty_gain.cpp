@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/uncertainty/uncertainty_gain.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What knowing targets is worth, and what a scan adds to it (thesis eq. 3.1, 3.2, 6.1, 6.3).
 #pragma once
 

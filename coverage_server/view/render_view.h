@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rendered pictures of a scene as PNG.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which targets a rig with its table can measure, of those that can be measured in free space.
 #pragma once
 

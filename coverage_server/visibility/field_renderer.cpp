@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/visibility/field_renderer.h"
 
 #include <Eigen/Core>
@@ -8,6 +9,7 @@
 #include <glm/gtc/type_ptr.hpp>
 #include <vector>
 
+#include "core/cpu/function_clones.h"
 #include "core/part/surface_geometry.h"
 #include "coverage_server/gl/gl_context.h"
 #include "coverage_server/occlusion/occluder_mesh.h"
@@ -72,9 +74,7 @@ struct OrthographicView {
 };
 
 // Number of bits of depth tests: out[t] gets bit k set if probe k of target t is seen.
-#if defined(__x86_64__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
-__attribute__((target_clones("avx512f", "avx2", "default")))
-#endif
+SIGHTLINE_CLONES("avx512f", "avx2")
 void TestProbes(const float* __restrict x, const float* __restrict y, const float* __restrict z,
                 const float* __restrict nx, const float* __restrict ny, const float* __restrict nz,
                 size_t count, int bit, const OrthographicView& view, const float* __restrict depth,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Renders the directions of a visibility field; runs in worker processes on shared memory.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The process that renders a share of the visibility field's directions.
 #pragma once
 

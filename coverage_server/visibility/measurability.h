@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which targets can be measured at all (thesis section 6.1).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Equal-count grid of directions on the sphere (octahedral map; Cigolle et al. 2014, "A survey of
 // efficient representations for independent unit vectors", JCGT 3(2)).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/visibility/surface_probes.h"
 
 #include <cmath>

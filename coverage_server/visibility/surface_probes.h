@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Probe points around each target: where a measurement point would cover it.
 #pragma once
 

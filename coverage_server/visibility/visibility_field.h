@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Directional visibility field: which probes around which target are seen from which direction.
 //
 // For every cell of an octahedral map one orthographic depth image of the part is rendered; every

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "coverage_server/worker_process/shared_memory.h"
 
 #include <sys/mman.h>

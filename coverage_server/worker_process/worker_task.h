@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One long call of a library in a process of its own: libraries ask nobody whether to stop, a
 // process can be given up at any moment, and its memory goes with it.
 #pragma once

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command line of a program as its own --help describes it (the form of CLI11).
 
 Man pages and completions are made from this, so that they say what the program says. A line that

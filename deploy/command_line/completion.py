@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Completions of bash and zsh for a program and all its subcommands."""
 
 import shlex

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A man page, section 1, of a program and all its subcommands."""
 
 EXIT_CODES = [

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A Slurm cluster on this machine: munged, slurmctld and several slurmd on loopback, each with the
 processors it is told. Needs root, and Debian's munge, slurmctld, slurmd and slurm-client."""
 

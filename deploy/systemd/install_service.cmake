@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Included while installing, with SERVICE (a name), HERE (this folder) and WORK (a folder for what is
 # made): the unit and its file of options. Only now is the prefix known, which --prefix and cpack change.
 cmake_path(ABSOLUTE_PATH CMAKE_INSTALL_PREFIX NORMALIZE OUTPUT_VARIABLE prefix)

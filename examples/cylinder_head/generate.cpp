@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Models the example part, a four-cylinder sixteen-valve cylinder head, and writes it as
 // cylinder_head.step (B-rep) and cylinder_head.glb (triangles). All dimensions are in HeadDesign.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subcommands of `sightline`. Each adds its options to the application and returns what to run:
 // a function that returns the exit code.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which frames of a part a command is about: options, and what they mean.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // sightline: plans machine-vision inspection by simulation.
 #include <CLI/CLI.hpp>
 #include <cstdio>

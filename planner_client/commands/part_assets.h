@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The files an inspection needs, on their way to a render worker.
 #pragma once
 

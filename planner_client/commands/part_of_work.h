@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // --part K/N: commands that divide their work among processes or machines.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TLS between a command and servers that run elsewhere.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The render worker of a command: one of our own, or one that runs elsewhere.
 #pragma once
 

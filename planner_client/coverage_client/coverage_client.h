@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Client of a coverage server: one scene, asked for gains, coverage, points and views.
 #pragma once
 

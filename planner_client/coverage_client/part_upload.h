@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A mesh as a file that a coverage server takes.
 #pragma once
 

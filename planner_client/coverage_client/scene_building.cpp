@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a scene comes to be on a server: part uploaded, job watched, targets fetched.
 #include <grpcpp/grpcpp.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A scene on a coverage server, kept there: built, and built again by whoever finds it lost.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/diagnosis_client/answer_json.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The answer for a set in the form of the recordings format, section 5 (docs/diagnosis.md).
 #pragma once
 

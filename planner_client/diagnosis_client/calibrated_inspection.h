@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What was fitted on a plate, carried over to the inspection that uses the same camera, lens and
 // laser.
 #pragma once

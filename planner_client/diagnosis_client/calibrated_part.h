@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What was fitted on recordings of a part, carried over to the inspection they were made of.
 #pragma once
 

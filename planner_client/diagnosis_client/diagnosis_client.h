@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Client of a render worker's DiagnosisService: images go up, the answer comes back.
 #pragma once
 

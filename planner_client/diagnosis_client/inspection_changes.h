@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers of an inspection, changed within their ranges, with a record of it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Images that a description lists, read from its folder.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings of a flat plate as an inspection of it.
 #pragma once
 

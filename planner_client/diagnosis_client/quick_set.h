@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A few of many recordings, for a first answer.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/diagnosis_client/recorded_folder.h"
 
 #include <filesystem>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A set of recordings as a folder on disk.
 #pragma once
 

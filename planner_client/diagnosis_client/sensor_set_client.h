@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Client of a render worker's SensorService: flat-field and dark frames go up, the answer comes
 // back.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Flat-field and dark frames of a camera as a folder on disk.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/effect_list/effect_list.h"
 
 #include <nlohmann/json.hpp>

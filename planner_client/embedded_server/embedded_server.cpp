@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/embedded_server/embedded_server.h"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A server of one's own (coverage server, render worker): started, watched and ended by this
 // process.
 #pragma once

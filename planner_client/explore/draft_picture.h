@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A quick picture of what the camera would record: the renderer's image with fewer, larger pixels.
 #pragma once
 

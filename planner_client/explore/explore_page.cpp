@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/explore/explore_page.h"
 
 #include "core/embedded_file/embedded_file.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page of `sightline explore`: files that are handed out as they are.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the page of `sightline explore` sends: JSON objects, checked field by field.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The state behind the page of `sightline explore` and what the page may ask for: JSON in, JSON
 // out, no sockets.
 #pragma once

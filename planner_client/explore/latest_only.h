@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Long work of which only the latest request counts: a new one takes the place of the one before.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the 3-D view draws of a scan: poses of camera and laser, and their way.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A plan as files for stage controllers, robots and spreadsheets. Numbers are the shortest decimals
 // that read back as the same doubles; the same plan gives the same bytes.
 #pragma once

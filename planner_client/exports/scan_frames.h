@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where camera, laser and part of a planned scan are in the machine.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // JSON with comments that tell people what the fields are for.
 #pragma once
 

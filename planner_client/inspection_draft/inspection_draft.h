@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A first inspection.json for a part: what the engineer says, and for the rest values that follow
 // from the part's size.
 #pragma once

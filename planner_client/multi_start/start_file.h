@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Results of searches in files, for the process that chooses among those of several processes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One of several searches for the same plan that differ in their seeds alone, and which of them is
 // the best: strategies are random searches, so that some seeds need a scan less than others.
 #pragma once

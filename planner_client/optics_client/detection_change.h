@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the detection learned from images differs from the one that scans were planned for: when
 // planning geometry and optics in turn has come to rest.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Asks a render worker for the best setting of camera and laser.
 #pragma once
 

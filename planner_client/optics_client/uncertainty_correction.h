@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Expected uncertainty of the real camera, from a verification of the simulation (thesis
 // eq. 6.7, 6.8).
 #pragma once

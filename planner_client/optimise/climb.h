@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Local search: an evolution strategy around a point.
 #pragma once
 

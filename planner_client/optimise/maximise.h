@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Black-box maximisation over the unit cube with batched evaluations.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The free parameters of a scan as coordinates of a unit cube, for optimisers.
 #pragma once
 

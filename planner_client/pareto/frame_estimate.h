@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which frames of a scan yield points, fast and roughly: by the geometry of rig and part alone.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The trade-off between number of scans, seconds and settled surface of a task.
 //
 // By the epsilon-constraint method (Haimes, Lasdon, Wismer 1971): one objective is maximised while

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plans of which none is better than another in everything that counts: number of scans, seconds,
 // settled targets.
 #pragma once

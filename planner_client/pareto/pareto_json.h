@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // pareto.json: the front as a message, checked when it comes back, and the choice of a point.
 #pragma once
 

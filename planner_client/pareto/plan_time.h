@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Seconds that a plan takes to execute (thesis eq. 2.1).
 #pragma once
 

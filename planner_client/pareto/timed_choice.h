@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Choosing scans out of a pool so that targets are worth most within a number of seconds.
 #pragma once
 

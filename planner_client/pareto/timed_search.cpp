@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/pareto/timed_search.h"
 
 #include <algorithm>

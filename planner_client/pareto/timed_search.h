@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The plan that settles most within a number of seconds.
 //
 // As the refined strategy, with seconds in place of a number of scans: choice out of a pool of good

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Part files as people have them: what core/part reads, and STEP.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Another program as a child of this one.
 #pragma once
 

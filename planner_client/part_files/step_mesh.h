@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes of STEP files, made once and kept.
 #pragma once
 

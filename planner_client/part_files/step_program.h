@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The program that reads STEP files: OpenCASCADE, which brings X11 libraries, is not to be part of
 // this one.
 #pragma once

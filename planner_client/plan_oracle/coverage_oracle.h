@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plans for coverage, asked of a coverage server and scored on fresh targets too.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Answers of an oracle, kept in a file, so that planning that was broken off goes on where it was.
 //
 // A strategy is a deterministic function of what the oracle answers. Run again with the answers of

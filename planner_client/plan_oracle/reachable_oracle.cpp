@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/plan_oracle/reachable_oracle.h"
 
 #include <algorithm>

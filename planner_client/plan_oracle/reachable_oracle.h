@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scans that a robot cannot make are infeasible; they are found out before anything is asked of
 // them. Queries may come from several threads if the oracle asked allows that; Keep comes before.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plans for uncertainty, asked of a coverage server: a target is settled when its uncertainty is
 // admissible (thesis eq. 3.2), and a scan's share is the information it brings over what that
 // needs.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A raw image as people can look at it. Raw numbers of a laser line are dark on a screen: a few
 // bright pixels take the scale.
 #pragma once

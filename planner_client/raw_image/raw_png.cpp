@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/raw_image/raw_png.h"
 
 #include <png.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PNG files: raw numbers of sensors in, pictures for screens out.
 #pragma once
 

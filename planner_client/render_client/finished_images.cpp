@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/render_client/finished_images.h"
 
 #include <google/protobuf/io/coded_stream.h>

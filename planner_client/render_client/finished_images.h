@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Images of a request that are in a folder already: what a render that was broken off goes on from.
 #pragma once
 

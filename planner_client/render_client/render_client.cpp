@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/render_client/render_client.h"
 
 #include <grpcpp/grpcpp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Client of a render worker: one request, its files into a folder.
 #pragma once
 

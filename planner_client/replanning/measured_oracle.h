@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plans of which the first scans have been measured: what those settle is said by their points,
 // what the others would settle by simulation on the part as it was found.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part as points measured by the first scans of a plan show it: how it lies, where its surface
 // deviates from the CAD model, and the mesh that the remaining scans are planned on.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether a plan can prove that each toleranced feature conforms.
 #pragma once
 

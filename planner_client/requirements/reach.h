@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether the rig can know a surface as well as its tolerances ask, said before anything is
 // planned.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What an inspection asks of its surfaces: toleranced features, and the uncertainty that is
 // admissible at every target.
 #pragma once

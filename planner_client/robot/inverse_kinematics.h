@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Joint positions that bring the tip of a chain to a pose: Levenberg-Marquardt (KDL) from fixed
 // starts, so that the same pose has the same solutions.
 #pragma once

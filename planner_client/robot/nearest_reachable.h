@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scan next to one that an arm cannot reach.
 #pragma once
 

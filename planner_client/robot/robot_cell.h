@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The cell: an arm, what it carries, what stands around it, and whether it reaches a scan.
 //
 // An arm with the sensor head holds one pose for a whole scan, while the part travels on its stage

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether an arm touches itself or what stands around it (FCL).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The moves of an arm between scans: which of its positions it takes, and in which order.
 #pragma once
 

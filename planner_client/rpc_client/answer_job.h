@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A job of a render worker whose result is one message.
 #pragma once
 

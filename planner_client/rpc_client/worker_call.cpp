@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/rpc_client/worker_call.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One job of a render worker: assets, retries, progress, interrupt.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How finely and under which angles a scan measures the points that it measures: exact, from the
 // points and the poses of camera and laser. No noise is in these numbers; what they do to the
 // uncertainty of points is in core/triangulation.

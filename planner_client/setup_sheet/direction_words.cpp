@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/setup_sheet/direction_words.h"
 
 #include <cmath>

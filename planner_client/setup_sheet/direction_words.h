@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Directions of the machine in words that people use beside it. World axes: x the stage's travel, z
 // up.
 #pragma once

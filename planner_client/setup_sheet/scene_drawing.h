@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Line drawings of a scan: where camera, laser and part stand, with the lengths and angles that are
 // set.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The set-up sheet: pages to print and take to the machine, a first one over all scans and one for
 // each.
 #pragma once

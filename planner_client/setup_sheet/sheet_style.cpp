@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/setup_sheet/sheet_style.h"
 
 #include "core/embedded_file/embedded_file.h"

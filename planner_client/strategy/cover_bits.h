@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Counting kernels over target bit sets, compiled for CPUs with and without popcnt.
 #pragma once
 

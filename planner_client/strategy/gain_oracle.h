@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a planning strategy asks: what scans tell of the targets that are to be settled. The clients
 // of the coverage server implement it for coverage and for uncertainty; tests use analytic ones.
 #pragma once

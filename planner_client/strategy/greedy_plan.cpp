@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/strategy/greedy_plan.h"
 
 #include "absl/strings/str_cat.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Greedy next-best-scan planning (thesis algorithm 3).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/strategy/matrix_plan.h"
 
 #include "core/random/random.h"

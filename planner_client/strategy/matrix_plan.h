@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Planning with the measurability matrix (thesis section 2.2.1).
 #pragma once
 

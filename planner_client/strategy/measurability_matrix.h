@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The measurability matrix: coverage of many random scans (thesis section 2.2.1; Scott 2009).
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What all strategies share while they plan: limits, what scans tell, exact scores, progress, the
 // finished plan.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Planning strategies: which scans settle the targets of the part.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fewer scans by the scans that a lower bound was priced from. Pricing looks for the scans that
 // weigh most in the linear relaxation; among them are those that go well together, which planning
 // one scan at a time does not meet (price and branch: the integer problem over the columns of the

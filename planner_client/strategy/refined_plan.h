@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The project's own strategy: fewer scans than greedy planning for the same coverage.
 //
 // 1. A quick greedy plan with short swarm searches; the best different scans of every search go

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A lower bound on the number of scans that any plan needs.
 //
 // Let a_st in [0, 1] be the share that scan s brings of what target t needs, at most 1 (coverage: 1

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Times of scans and of the moves between them, and the order with the least moving (the cost
 // terms of thesis eq. 2.1).
 #pragma once

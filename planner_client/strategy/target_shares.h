@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What scans tell of targets, as parts of what the targets need.
 //
 // A share of 1 settles a target; shares of several scans add up. Covering is the case in which

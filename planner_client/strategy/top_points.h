@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The best few clearly different points a search has seen.
 #pragma once
 

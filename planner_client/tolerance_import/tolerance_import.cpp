@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/tolerance_import/tolerance_import.h"
 
 #include <filesystem>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tolerances of a drawing from the file that holds them: STEP (AP242) or QIF 3.0.
 #pragma once
 

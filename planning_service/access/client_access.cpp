@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/access/client_access.h"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Who may ask for what: the clients file of `sightline serve --clients`.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/access/clients_file.h"
 
 #include <openssl/sha.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/artefact_store/artefact_store.h"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files by the SHA-256 of their bytes, in a folder.
 //
 // A file is written under another name, flushed to disk and renamed: under its digest it is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Backup of the planning service's data folder while the service runs.
 #pragma once
 

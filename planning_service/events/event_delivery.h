@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Brings every job event to every receiver: in order, at least once, through restarts.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/events/event_json.h"
 
 #include <nlohmann/json.hpp>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A job event as receivers get it.
 #pragma once
 

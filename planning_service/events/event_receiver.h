@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Something outside that is told of job events.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A connection to an MQTT broker (3.1.1), over Eclipse Paho's asynchronous client.
 #pragma once
 

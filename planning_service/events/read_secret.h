@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Secrets come from files, never from a command line that every user of the machine can read.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/events/webhook_receiver.h"
 
 #include <curl/curl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Job events by HTTP POST.
 #pragma once
 

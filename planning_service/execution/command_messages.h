@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a `sightline --progress=json` command says on stderr.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the planning service does beside answering and running: its clock, orphans, retention.
 #pragma once
 

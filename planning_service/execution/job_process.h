@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One attempt of a job, as a process of its own: what goes wrong in it stays in it, its memory and
 // time are limited, and it ends with this process, however that ends.
 #pragma once

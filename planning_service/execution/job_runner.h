@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Runs queued jobs, each in processes and a folder of its own.
 #pragma once
 

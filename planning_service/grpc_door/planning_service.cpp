@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/grpc_door/planning_service.h"
 
 #include <algorithm>

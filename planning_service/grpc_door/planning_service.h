@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // v1::PlanningService over PlanningJobs: who asks, and messages in and out.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Keeps pages of other sites, opened in a browser that reaches this server, from using it.
 #pragma once
 

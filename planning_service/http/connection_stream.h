@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bytes of one connection, plain or TLS, with deadlines.
 #pragma once
 

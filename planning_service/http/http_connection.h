@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // HTTP/1.1 on one connection: framing by Boost.Beast, limits and deadlines here.
 #pragma once
 

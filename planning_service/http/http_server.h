@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Takes connections on a TCP address and has the requests on them answered, a thread each.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/http/listening_socket.h"
 
 #include <arpa/inet.h>

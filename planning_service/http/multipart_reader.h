@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bodies of type multipart/form-data (RFC 7578), piece by piece.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Targets of HTTP requests: "/v1/jobs/ID?page_size=10".
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/http/tls_server_context.h"
 
 #include <arpa/inet.h>

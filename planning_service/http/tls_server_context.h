@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TLS of the HTTP door, with certificates that may change while it runs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Events of a job as text/event-stream (HTML standard, "Server-sent events").
 #pragma once
 

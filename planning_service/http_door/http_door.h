@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The HTTP door of the planning service: jobs, results, events and the web page.
 //
 // The contract is openapi.json beside this file, served at /v1/openapi.json.

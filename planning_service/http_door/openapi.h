@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Description of the HTTP contract for programs.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bodies of requests that describe a job or a recipe.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/http_door/result_reply.h"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files in answers: caching, ranges and types.
 #pragma once
 

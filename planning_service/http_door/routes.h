@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What each path and method of the HTTP door does.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What happens to a job, with the event that tells of it.
 #pragma once
 

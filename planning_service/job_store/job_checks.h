@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Quotas and names that a job store refuses.
 #pragma once
 

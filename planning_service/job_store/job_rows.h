@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows of the job tables as values, and the statements that fetch them.
 #pragma once
 

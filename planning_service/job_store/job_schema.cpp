@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/job_store/job_schema.h"
 
 #include <cstdint>

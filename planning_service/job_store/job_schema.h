@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tables of the job store and how older ones become newer ones.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/job_store/plain_text.h"
 
 #include <cstdint>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Text that every database takes: valid UTF-8 without NUL.
 #pragma once
 

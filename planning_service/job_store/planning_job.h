@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A planning job as it is kept.
 #pragma once
 

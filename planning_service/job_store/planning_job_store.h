@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Jobs, recipes, uploads and events of the planning service, kept through the end of any process.
 //
 // Every method is one transaction: what it returned is on disk, and what it did not return either

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/job_store/postgres_database.h"
 
 #include <endian.h>

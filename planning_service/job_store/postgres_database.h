@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // PostgreSQL behind the interface of SQL databases.
 #pragma once
 

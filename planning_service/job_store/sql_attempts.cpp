@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What runs of jobs tell: claims, progress, ends.
 #include <algorithm>
 #include <chrono>

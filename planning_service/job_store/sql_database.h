@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part of SQL databases that the job store needs, so that its logic is written once.
 //
 // Statements are those that SQLite and PostgreSQL both understand, with parameters $1, $2, …; no

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Events and how far their receivers have come.
 #include <algorithm>
 #include <map>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recipes, uploads, and which files are still named.
 #include <optional>
 #include <set>

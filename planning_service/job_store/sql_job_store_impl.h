@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The job store over a SQL database, for the files that implement it: sql_*.cpp.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What clients ask about jobs.
 #include <algorithm>
 #include <map>

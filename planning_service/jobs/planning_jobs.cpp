@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/jobs/planning_jobs.h"
 
 #include <spdlog/spdlog.h>

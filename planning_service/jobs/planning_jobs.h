@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a client can ask of the planning service, whatever door it came through: checks of task and
 // client, then store and artefacts.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Prometheus metrics of the planning service: what waits, what runs, how jobs ended.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/server/planning_server.h"
 
 #include <grpcpp/grpcpp.h>

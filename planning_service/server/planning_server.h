@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All of the planning service in one process: stores, doors, execution, events.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a planning task asks: whether it can be answered, which files it needs, and the command that
 // answers it.
 #pragma once

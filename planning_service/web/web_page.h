@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The web page of `sightline serve`: files that the HTTP door hands out as they are.
 #pragma once
 

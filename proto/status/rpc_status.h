@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // absl::Status on both ends of an RPC, with google.rpc details (https://google.aip.dev/193).
 //
 // Details travel inside an absl::Status as payloads keyed by their type URL, so code between the

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From a set of recordings to what its nominal description leaves out (docs/diagnosis.md).
 #pragma once
 

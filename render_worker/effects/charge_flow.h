@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charge that moves between neighbouring pixels.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Base of all effects: holds the description.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Physical effects as modules that plug into one stage of the image chain. The renderer switches
 // them on, the diagnosis fits them: the same code.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/effects/independent_patterns.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Speckle that is the sum of independent patterns.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Patterns that are fixed on the sensor.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A function of the plate, tabulated across the line so that it can be spread.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names of the stages of image formation, as files and reports have them.
 #pragma once
 

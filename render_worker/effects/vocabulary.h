@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The effects, one function each; its physics stands in the file named after it.
 #pragma once
 

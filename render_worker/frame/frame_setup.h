@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Everything of one frame that is a number: what the effects of the setup stage change.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What geometric optics puts on the sensor: the end of light transport, the start of wave optics.
 #pragma once
 

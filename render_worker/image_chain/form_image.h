@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The chain after light transport: ideal image -> optics -> sensor -> raw numbers, with effects.
 #pragma once
 

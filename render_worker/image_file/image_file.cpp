@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/image_file/image_file.h"
 
 // clang-format off: before OpenImageIO, whose macros of byte order would hide what protobuf needs.

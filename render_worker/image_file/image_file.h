@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Images as files, by OpenImageIO; core/image/read_raw_image.h reads raw ones back. Every file is
 // written under another name and then renamed: no half-written file is ever seen. The same image
 // and text give the same bytes.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Samples the pixels of an image until their standard error meets a target.
 #pragma once
 

@@ -1,9 +1,12 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/light_transport/feature_filter.h"
 
 #include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
+
+#include "core/cpu/function_clones.h"
 
 namespace sightline {
 namespace {
@@ -32,9 +35,7 @@ using Moments = std::array<std::array<double, 5>, 5>;
 // Value of the fit at x = y = 0 is the sum of w (k0 + k1 x + ...) value.
 using Coefficients = std::array<float, kTerms>;
 
-#if defined(__x86_64__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
-__attribute__((target_clones("avx2", "default")))
-#endif
+SIGHTLINE_CLONES("avx2")
 void Weights(const FeatureFilter::Layout& layout, const Window& window, float* weights,
              Moments& moments) {
   const int vectors = (2 * window.radius + kLanes) / kLanes;
@@ -100,9 +101,7 @@ void Weights(const FeatureFilter::Layout& layout, const Window& window, float* w
   }
 }
 
-#if defined(__x86_64__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
-__attribute__((target_clones("avx2", "default")))
-#endif
+SIGHTLINE_CLONES("avx2")
 void Apply(const FeatureFilter::Layout& layout, const Window& window, const float* weights,
            const Coefficients& linear, const Coefficients& square, float* plane,
            float* paraboloid) {

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Smooths noise of slowly varying light within one surface.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light transport in a part's scene: laser and other light apart, by ray casting with Embree.
 #pragma once
 

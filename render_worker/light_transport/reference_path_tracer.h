@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A plain path tracer: the peer for tests and benchmarks.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Low-discrepancy sample points: Owen-scrambled Sobol sequences, in groups of four dimensions.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Surfaces and lamps of a scene, for ray casting with Embree.
 #pragma once
 

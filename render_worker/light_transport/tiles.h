@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Work on the tiles of an image from several threads.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "render_worker/material/material.h"

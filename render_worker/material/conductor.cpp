@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rough metal: GGX facets with the exact Fresnel reflectance of a measured refractive index n + ik.
 // Light reflected more than once between facets is left out, so rough metals come out a little dark
 // (at alpha 0.4 a few per cent); the diffuse share can stand for it.

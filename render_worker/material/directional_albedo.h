@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Share of the light from one direction that a surface reflects, as a function of its cosine.
 #pragma once
 

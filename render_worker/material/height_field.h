@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A measured height field as a map of slopes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Distribution of facet normals of a rough surface: GGX (Walter et al., EGSR 2007), anisotropic,
 // with height-correlated Smith masking (Heitz, JCGT 2014). Directions are in the local frame (z:
 // normal).

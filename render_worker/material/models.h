@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The models of material.h, each from its own message.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Chooses the setting with which a group of frames is detected best.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well the line is detected as a function of from where a point of it is seen, learned from
 // rendered images of one setting: what planning of the geometry needs to know of the optics.
 //

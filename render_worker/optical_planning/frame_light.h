@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light of one frame before any lens: what does not depend on f-number, focus and exposure, and so
 // is traced once for all settings.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The light of a frame through a lens: one image per realisation of the speckle.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the light on the pixels to how well the laser line is found: sensor and detection.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Settings for a frame, a scan or a whole plan: from the frames asked for to the answer.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Frames that stand for all frames of a scan.
 #pragma once
 

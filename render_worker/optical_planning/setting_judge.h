@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Judges camera settings by the images that a group of frames would give.
 #pragma once
 

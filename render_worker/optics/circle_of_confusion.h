@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Defocus of incoherent light by geometric optics.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/optics/clear_fraction_map.h"
 
 #include "render_worker/optics/parallel_rows.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Vignetting over the field.
 #pragma once
 

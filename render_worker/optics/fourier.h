@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One-dimensional Fourier transforms in single precision. The only place that knows FFTW.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/optics/image_optics.h"
 
 #include "render_worker/optics/incoherent_imaging.h"

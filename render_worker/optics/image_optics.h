@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the ideal image to the irradiance of the pixels: diffraction, defocus, speckle, pixels.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laser light through the lens, block by block.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/optics/optical_transfer.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Incoherent optical transfer function of a pupil as a table, for images.
 #pragma once
 

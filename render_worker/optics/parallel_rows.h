@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Work on many independent rows by a few threads.
 #pragma once
 

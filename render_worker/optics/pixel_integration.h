@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Exact means over pixels of a band-limited signal given at sub-pixels.
 #pragma once
 

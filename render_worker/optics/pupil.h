@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The lens's exit pupil: shape and wavefront error, and what follows for diffraction.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The generalised pupil on the frequencies of a transform.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/plate/line_width.h"
 
 #include <cmath>

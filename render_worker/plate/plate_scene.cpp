@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/plate/plate_scene.h"
 
 #include <algorithm>

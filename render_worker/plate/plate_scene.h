@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The flat plate of the recordings format (docs/recordings.md), as functions of the place on it.
 #pragma once
 

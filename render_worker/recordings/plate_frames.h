@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From the description of a plate recording to the frame that is simulated.
 #pragma once
 

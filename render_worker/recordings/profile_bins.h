@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows of a recording that belong together: by distance from the nominal line.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A set of recordings in memory, as the diagnosis looks at it.
 #pragma once
 

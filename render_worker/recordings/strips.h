@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Blocks along the line, and the narrow strips the model is evaluated on.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One image of a part: light transport, perfect image, optics, sensor.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An inspection as a request brings it: self-contained, its other files among the request's assets.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A part with its surroundings, from the inspection to what light transport takes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Geometry of a part's frame, and what light transport's radiances become on the sensor.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/render/render_task.h"
 
 #include <openssl/evp.h>

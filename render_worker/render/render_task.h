@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All images of one request, written into a folder as a set of recordings.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Means over square blocks of pixels, recorded and expected: what a model without the realisation
 // of speckle can predict.
 #pragma once

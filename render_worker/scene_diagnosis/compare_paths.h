@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which of the light paths that the null model leaves out explains recordings.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From recordings of a part to the light its nominal model leaves out (docs/diagnosis.md).
 #pragma once
 

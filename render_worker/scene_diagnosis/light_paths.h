@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The expected image taken apart by the way the light came: each part rendered once by light
 // transport and optics, without speckle and noise. Recorded light is a sum of these with unknown
 // factors.

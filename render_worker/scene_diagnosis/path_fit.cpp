@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/scene_diagnosis/path_fit.h"
 
 #include <Eigen/Cholesky>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Factors of light paths from block means, with their evidence.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings of a part (format version 2) with all that its nominal model is computed from.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The EMVA 1288 procedure carried out on the simulated sensor: what a data sheet of it would say.
 #pragma once
 

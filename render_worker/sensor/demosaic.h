@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Colour images from raw Bayer images.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/sensor/emva1288_measurement.h"
 
 #include <algorithm>

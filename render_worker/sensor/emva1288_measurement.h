@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The measurement procedure of EMVA 1288 (Release 4.0 Linear, sections 6 to 8), on images of a
 // camera under uniform light. Evaluates images only: it does not know where they come from.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // EMVA 1288 linear camera model, from irradiance to raw numbers (EMVA 1288 R4.0, section 2; thesis
 // eq. 4.26-4.29 with electrons drawn as Poisson(eta mu_p)).
 #pragma once

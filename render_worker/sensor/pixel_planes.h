@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The interleaved planes of a sensor's image: every one holds pixels of one colour.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Poisson numbers of any mean, exact, from a counter-based stream.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A departure from the linear camera model of EMVA 1288 that was looked for in a sensor set.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Says from flat-field and dark frames what a camera is, by maximum likelihood and by the
 // definitions of EMVA 1288, and which physics the linear model leaves out (docs/sensor-sets.md).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The pattern that every frame of a camera has: columns, rows, periods, single pixels. It is looked
 // for in averages of many frames (EMVA 1288 R4.0, clause 8), of which the smooth course of light or
 // dark current is taken off first.

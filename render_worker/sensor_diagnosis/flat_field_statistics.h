@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the frames of one step of a sensor set (uniform light or dark) come down to: means, temporal
 // noise and its correlations, and the averaged frame. Frames are taken one by one, so that memory
 // does not grow with their number.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What changes from frame to frame, or ties the noise of pixels together: light that flickers or
 // drifts, a black level that wanders, lag, noise of whole rows and columns, charge that pixels
 // share; and what the converter does to numbers.

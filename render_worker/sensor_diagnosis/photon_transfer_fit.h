@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Maximum likelihood of the photon transfer: means and temporal variances of all steps below
 // saturation against the linear model of EMVA 1288 (Release 4.0 Linear, section 2) and what may
 // extend it. With e = eta p + I t electrons in a step of p photons and t seconds:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Jobs whose result is one message, kept until newer answers need its room.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Assets of one request under the names that the request gives them.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/service/asset_store.h"
 
 #include <google/protobuf/io/coded_stream.h>

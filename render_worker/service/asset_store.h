@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Uploaded files on disk, by digest, limited in bytes; the longest unused go first.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // DiagnosisService: sets of recordings, compared with the model as jobs.
 #pragma once
 

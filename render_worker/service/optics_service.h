@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // OpticsService: choices of camera and laser settings, as jobs.
 #pragma once
 

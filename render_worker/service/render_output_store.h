@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Finished files of render jobs on disk, until they are too many.
 #pragma once
 

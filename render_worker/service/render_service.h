@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // RenderService: assets, render jobs, their files.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // SensorService: diagnoses of flat-field and dark frames, as jobs.
 #pragma once
 

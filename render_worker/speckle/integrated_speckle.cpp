@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/speckle/integrated_speckle.h"
 
 #include <algorithm>

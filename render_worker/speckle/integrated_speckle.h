@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The law of speckle that is integrated over a pixel.
 #pragma once
 

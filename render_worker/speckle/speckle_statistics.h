@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Second-order statistics of fully developed speckle on pixels (Goodman, Speckle Phenomena in
 // Optics, 2nd ed., sections 4.4 and 4.7).
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Relative spectral power of standard light sources.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Spectra of incoherent light in bins of 10 nm from 360 to 830 nm.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What chapter 5 of the thesis measures in an image of a laser line.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings next to their simulation, as chapter 5 of the thesis does it; nothing is fitted.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small parts with known geometry, random scans, and shortcuts for tests of the coverage engine.
 #pragma once
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Man pages and completions say what --help says, and an unknown form of help is an error."""
 
 import os

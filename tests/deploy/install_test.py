@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """install_test.py CMAKE BUILD SOURCE: what `cmake --install` puts into a prefix works from there."""
 
 import gzip

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the command `sightline` reads: plans, fronts, journals, robots, requests of its page.
 #include <memory>
 #include <vector>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every seed of the fuzzers, also those they found, within limits of time and memory.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // libFuzzer on one reader: fuzz_parsers --target=NAME CORPUS_FOLDER [options of libFuzzer].
 #include <cstdint>
 #include <cstdio>

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Makes the seeds of the fuzzers.
 
 make_corpus.py            small seeds, into corpus/ beside this script

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What servers read: requests by HTTP and gRPC, their files, what their commands say.
 #include <sys/eventfd.h>
 #include <sys/socket.h>

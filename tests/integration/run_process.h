@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Programs of the build as processes, run by a shell.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Work on input made to be expensive, in a process of its own with limits.
 #pragma once
 

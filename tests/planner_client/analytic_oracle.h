@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Gain oracles with coverage given by formulas, for testing planners without a server.
 #pragma once
 

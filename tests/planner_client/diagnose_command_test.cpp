@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline diagnose` and `sightline verify` with a worker in this process whose findings are
 // injected.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline diagnose` of flat-field and dark frames, with a worker in this process that finds the
 // same whatever the images are.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Planning that is broken off and run again with its journal makes the plan of an unbroken run.
 #include "planner_client/plan_oracle/journalled_oracle.h"
 

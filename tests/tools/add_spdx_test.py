@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/add-spdx puts the licence where it belongs, once."""
 
 import importlib.machinery

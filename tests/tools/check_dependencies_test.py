@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/check_dependencies finds what is planted in a working tree."""
 
 import copy

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/check_docs finds what is planted in pages."""
 
 import importlib.machinery

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """tools/check_secrets finds what is planted in a working tree, and nothing else."""
 
 import base64

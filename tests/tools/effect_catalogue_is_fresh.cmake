@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 # Makes the catalogue anew and compares its text with the one in the tree; every effect has a picture.
 file(MAKE_DIRECTORY ${OUT})
 execute_process(COMMAND ${PROGRAM} ${OUT} RESULT_VARIABLE failed)

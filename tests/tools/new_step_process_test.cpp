@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline new`, `part` and `plan` of a STEP file, with the importer beside the program.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Tolerances of STEP files: from hand-written entities, on shapes that OpenCASCADE writes, through
 // the program, and of whole files.
 #include <gmock/gmock.h>

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes the API reference from the contract: one Markdown page per proto file, and an index.
 
 Needs python3-protobuf. The descriptor set is made by

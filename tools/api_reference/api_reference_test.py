@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Tests of the API reference on a contract of their own, and of the list of reasons."""
 import pathlib
 import subprocess

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Says which reasons of errors in the code docs/errors.md and docs/coverage-service.md leave out,
 and which docs/errors.md has that the code does not.
 

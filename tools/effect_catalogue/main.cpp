@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Writes the catalogue of effects from the registry: docs/effects.md with a picture of each, and
 // docs/effects.json for programs. What the renderer can switch on and the diagnosis can name.
 #include <algorithm>

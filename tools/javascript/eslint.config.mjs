@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rules for the JavaScript of the web pages, their tests and the Node.js client: mistakes, not style.
 import js from '@eslint/js';
 import globals from 'globals';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/step_import/glb_writer.h"
 
 #include <tiny_gltf.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // sightline_step_import: STEP to GLB, one node per solid, metres, coordinates as modelled; and the
 // file's tolerances with the faces they bind, as JSON (proto/sightline/v1/tolerance.proto).
 // Exit codes: 0 done; 1 failed while running; 2 the input is wrong.

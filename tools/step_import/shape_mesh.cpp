@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/step_import/shape_mesh.h"
 
 #include <BRepMesh_IncrementalMesh.hxx>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/recordings/check/check_recordings.h"
 
 #include <cstdint>

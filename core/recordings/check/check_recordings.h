@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bad input recognised before anything is concluded from it: wrong files, wrong regions, numbers
 // that are not raw, recordings that are not what they are said to be.
 #pragma once

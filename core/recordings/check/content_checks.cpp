@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a set is too small to say.
 #include <algorithm>
 #include <map>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether the line is there, as bright as described and where it should be, with its speckle.
 #include <algorithm>
 #include <cmath>

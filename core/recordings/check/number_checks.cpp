@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether the numbers are raw: bits, stretched or compressed values, copies.
 #include <algorithm>
 #include <cmath>

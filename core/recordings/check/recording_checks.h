@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the checks of recordings share: the set, what was seen of it so far, and what was found.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether it is the camera that is described: colours, dark level, response.
 #include <algorithm>
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What can be used of a set with errors.
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,5 @@
 #!/usr/bin/python3
+# SPDX-License-Identifier: Apache-2.0
 """Checks what kustomize made of deploy/kubernetes.
 
     check.py NAME MANIFESTS FOLDER [--programs FOLDER]

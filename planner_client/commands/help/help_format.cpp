@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/commands/help/help_format.h"
 
 #include "absl/strings/str_replace.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The form of --help: at most 80 columns, defaults shown, flags as they are typed.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How wide the reader's window is, and text that fits into it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Camera, lens and laser from a catalogue: which combination serves an inspection best.
 #pragma once
 

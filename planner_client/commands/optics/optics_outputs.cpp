@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/commands/optics/optics_outputs.h"
 
 #include "core/json/strict_json.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What commands write of an optical plan besides its report.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a render worker is asked when a setting of camera and laser is looked for.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline plan ... --measured FILE`: planning goes on from scans that have been measured.
 #pragma once
 

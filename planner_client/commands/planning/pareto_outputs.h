@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline plan --pareto` and `--pick`: the front of a task, and the plan of one of its points.
 #pragma once
 

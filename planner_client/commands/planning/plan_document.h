@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From chosen scans to the plan: poses, travel, numbers; and back from a plan file.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The files of a plan: plan.json and what stands beside it.
 #pragma once
 

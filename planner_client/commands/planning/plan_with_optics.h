@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Geometry and optics planned together: scans for a detection of the line, the setting for these
 // scans, the detection learned with that setting, and again until neither changes. The step that
 // thesis 7.2 names as future work.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What every planning command starts with: the inspection, its part, and a coverage server that
 // knows them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot of an inspection: its cell for a planning session, and what plans say of it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How an engineer sets up a plan's scans: what the part lies on, and what is unusual about a scan.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What people and machines need to set up the scans of a plan: how well each measures, the set-up
 // sheet and the exports.
 #pragma once

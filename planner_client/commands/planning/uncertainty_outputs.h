@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a plan for uncertainty leaves besides plan.json: maps on the part, files for other programs.
 #pragma once
 

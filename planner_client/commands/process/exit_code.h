@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Exit codes of the sightline command and how errors become them.
 #pragma once
 

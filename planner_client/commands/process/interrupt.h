@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ctrl-C: the first asks the running command to stop and keep what it has, the second ends it.
 #pragma once
 

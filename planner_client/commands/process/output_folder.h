@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Folders for what commands write.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Ends this process with the one that started it.
 #pragma once
 

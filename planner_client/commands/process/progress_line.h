@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Progress on stderr: one line redrawn in place on a terminal, a line now and then elsewhere, lines
 // of JSON for programs that asked for them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline diagnose` of flat-field and dark frames: what the camera is, and which physics the
 // linear model of EMVA 1288 leaves out.
 #pragma once

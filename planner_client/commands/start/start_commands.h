@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The subcommands that a new user begins with; as those of commands.h.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline plan --starts`: the best of several searches, in one process or divided among several.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/commands/starts/search_checkpoint.h"
 
 #include <filesystem>

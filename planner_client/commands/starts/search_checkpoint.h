@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `sightline plan --checkpoint` keeps, so that the same command goes on after its process was
 // ended.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Requests to the explorer's server.
 
 /** An answer other than 2xx: `reason` and `fields` as the server says. */

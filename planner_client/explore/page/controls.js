@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sliders and number fields of the nine parameters and of the lens's settings.
 import {allowedText, isAllowed, nearestAllowed, ratioPlace, ratioValue, tidy} from './parameter.js';
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The explorer's page: sliders to the server, its numbers, picture and plan to the screen.
 import {get, getText, post} from './api.js';
 import {Controls} from './controls.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The scans of the plan, each with what can be done with it.
 import {tidy} from './parameter.js';
 

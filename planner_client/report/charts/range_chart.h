@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Named quantities one below the other, each with its values and intervals, as a drawing.
 #pragma once
 

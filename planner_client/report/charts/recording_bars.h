@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One group of bars for every recording, on a logarithmic scale about 1, as a drawing.
 #pragma once
 

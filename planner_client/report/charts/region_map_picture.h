@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Map of standardised residuals over the image as a drawing.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lines and dots over an abscissa as a drawing.
 #pragma once
 

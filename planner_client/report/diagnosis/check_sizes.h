@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether a diagnosis's fields fit each other.
 #pragma once
 

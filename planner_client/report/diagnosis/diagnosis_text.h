@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How a diagnosis's report words and draws single numbers.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What every section of a diagnosis's report asks: the diagnosis itself and how it is spoken of.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sections on explanations: how probable each is, what would tell them apart, and what could have
 // been found at all.
 #pragma once

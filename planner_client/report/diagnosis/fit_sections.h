@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sections on how well the model fits, and what it made of the set-up.
 #pragma once
 

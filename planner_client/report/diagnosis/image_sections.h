@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sections on what the recordings show: profiles across the line, and maps over the image.
 #pragma once
 

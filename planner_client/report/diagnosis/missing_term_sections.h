@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sections on what is missing, whether or not it has a name: at which stage of the chain, what it
 // grows with, and the term itself.
 #pragma once

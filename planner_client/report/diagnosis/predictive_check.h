@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether recordings that were not fitted are predicted, kind by kind and setting by setting.
 #pragma once
 

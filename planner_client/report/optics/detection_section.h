@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sections of the optical report about what planning of the geometry takes from it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charts of an optical plan: what every f-number can do (thesis, Figs. 6.10 and 6.12 to 6.14), and
 // cost against exposure time.
 #pragma once

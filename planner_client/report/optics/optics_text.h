@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Optical settings and what they achieve, in words.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/report/page/html.h"
 
 #include "absl/strings/escaping.h"

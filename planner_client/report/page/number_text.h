@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers as people read them: rounded, with a unit of fitting size. Unicode text, not escaped.
 #pragma once
 

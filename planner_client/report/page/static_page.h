@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Frame of the reports that are read, not played with: the look of the plan's report, no script.
 #pragma once
 

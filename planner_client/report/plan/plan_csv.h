@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A plan as a table for spreadsheets and stage controllers.
 #pragma once
 

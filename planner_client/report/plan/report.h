@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The report of a plan: one HTML file that needs nothing else, not even a network.
 #pragma once
 

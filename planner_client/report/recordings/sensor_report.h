@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The report on a camera from its flat-field and dark frames: one HTML file that needs nothing
 // else, not even a network. Charts are drawn without a script, so that they print.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The report of a verification (thesis, chapter 5): one HTML file that needs nothing else, not even
 // a network. Charts are drawn without a script, so that they print.
 #pragma once

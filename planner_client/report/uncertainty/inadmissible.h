@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why toleranced surface is not known well enough: what limits the uncertainty of its targets.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A plan and the tolerances it is for as a QIF 3.0 document (ANSI/DMSC QIF 3.0, ISO 23952:2020),
 // for programs of quality management and coordinate metrology.
 //

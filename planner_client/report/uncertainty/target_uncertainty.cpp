@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/report/uncertainty/target_uncertainty.h"
 
 #include <cmath>

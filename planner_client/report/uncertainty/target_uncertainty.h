@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well a plan makes each target known, as values that reports and files show.
 #pragma once
 

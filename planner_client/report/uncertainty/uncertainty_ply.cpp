@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/report/uncertainty/uncertainty_ply.h"
 
 #include <Eigen/Eigenvalues>

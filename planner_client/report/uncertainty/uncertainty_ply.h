@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Targets with their uncertainties, and error ellipsoids, as PLY files that point-cloud viewers
 // read. Binary, little endian; metres, part coordinates.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the report of a plan for uncertainty shows besides coverage: how much of the surface is
 // known well enough, which tolerances can be proven, and why not.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads the numbers that viewer_data.cpp wrote.
 
 function bytes(text) {

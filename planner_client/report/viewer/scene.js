@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part, the scanner and the laser line in three.js; coordinates of the CAD part, metres, z up.
 import {
   Box3, Box3Helper, BoxGeometry, BufferAttribute, BufferGeometry, Color, CylinderGeometry, DataTexture, DoubleSide,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What stands around the part: obstacles, the table, and the boxes of regions of interest.
 import {
   Box3, Box3Helper, BufferAttribute, BufferGeometry, CanvasTexture, DoubleSide, EdgesGeometry, Group,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The report page: controls of the 3-D view, tables that steer it, pictures that enlarge.
 import {Color, Vector3} from 'three';
 import {dominatingParts, firstScans, hasBit, readViewerData} from './data.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A serial arm or table: links, their solids, and the joints between its base and its tip.
 #pragma once
 

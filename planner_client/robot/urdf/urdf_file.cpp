@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/robot/urdf/urdf_file.h"
 
 #include <console_bridge/console.h>

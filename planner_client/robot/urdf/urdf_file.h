@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A URDF file read by urdfdom, which trusts its input: what it cannot be given is refused before.
 #pragma once
 

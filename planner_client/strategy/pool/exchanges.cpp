@@ -1,23 +1,18 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/strategy/pool/exchanges.h"
 
 #include <algorithm>
 #include <bit>
 #include <utility>
 
-#if defined(__x86_64__) && defined(__GNUC__) && !defined(SIGHTLINE_NO_TARGET_CLONES)
-#define SIGHTLINE_VECTOR_CLONES __attribute__((target_clones("avx2", "default")))
-#define SIGHTLINE_POPCNT_CLONES __attribute__((target_clones("popcnt", "default")))
-#else
-#define SIGHTLINE_VECTOR_CLONES
-#define SIGHTLINE_POPCNT_CLONES
-#endif
+#include "core/cpu/function_clones.h"
 
 namespace sightline {
 namespace {
 
 // Number of places at which sum - out + in reaches what is needed.
-SIGHTLINE_VECTOR_CLONES int64_t CountExchanged(const uint16_t* sum, const uint8_t* out,
-                                               const uint8_t* in, size_t size) {
+SIGHTLINE_CLONES("avx2")
+int64_t CountExchanged(const uint16_t* sum, const uint8_t* out, const uint8_t* in, size_t size) {
   // As in CountReached.
   constexpr size_t kRun = 8192;
   int64_t count = 0;
@@ -34,9 +29,9 @@ SIGHTLINE_VECTOR_CLONES int64_t CountExchanged(const uint16_t* sum, const uint8_
 }
 
 // Number of targets that `in` settles or a scan other than `out`.
-SIGHTLINE_POPCNT_CLONES int64_t CountSettledWith(const uint64_t* once, const uint64_t* twice,
-                                                 const uint64_t* out, const uint64_t* in,
-                                                 size_t words) {
+SIGHTLINE_CLONES("popcnt")
+int64_t CountSettledWith(const uint64_t* once, const uint64_t* twice, const uint64_t* out,
+                         const uint64_t* in, size_t words) {
   int64_t count = 0;
   for (size_t i = 0; i < words; ++i) {
     count += std::popcount((once[i] & (~out[i] | twice[i])) | in[i]);
@@ -45,8 +40,8 @@ SIGHTLINE_POPCNT_CLONES int64_t CountSettledWith(const uint64_t* once, const uin
 }
 
 // Adds what one scan more settles.
-SIGHTLINE_VECTOR_CLONES void CountScan(const uint64_t* scan, uint64_t* once, uint64_t* twice,
-                                       size_t words) {
+SIGHTLINE_CLONES("avx2")
+void CountScan(const uint64_t* scan, uint64_t* once, uint64_t* twice, size_t words) {
   for (size_t i = 0; i < words; ++i) {
     twice[i] |= once[i] & scan[i];
     once[i] |= scan[i];
@@ -55,8 +50,8 @@ SIGHTLINE_VECTOR_CLONES void CountScan(const uint64_t* scan, uint64_t* once, uin
 
 }  // namespace
 
-SIGHTLINE_VECTOR_CLONES int64_t CountReached(const uint8_t* need, const uint8_t* added,
-                                             size_t size) {
+SIGHTLINE_CLONES("avx2")
+int64_t CountReached(const uint8_t* need, const uint8_t* added, size_t size) {
   // Counts of up to 128 fit into a byte, which keeps all lanes of a vector busy.
   constexpr size_t kRun = 128;
   int64_t count = 0;

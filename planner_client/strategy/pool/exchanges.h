@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a plan is worth when one of its scans gives way to another of the pool.
 //
 // Two ways to know it: by sums of shares, and, where every scan settles a target or tells nothing

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An array of tasks on a cluster, as its workload manager sees it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Commands of jobs as arrays of a cluster's workload manager.
 #pragma once
 

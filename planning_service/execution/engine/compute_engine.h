@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the commands of jobs run: on this machine, or on the machines of a cluster.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the service and the commands of a job on other machines tell each other: files in a folder
 // that all of them see.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The service's HTTP interface. Addresses are relative, so that the page also works behind a proxy
 // that puts the service below a folder.
 import {ServiceError, errorOfAnswer} from './field_errors.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files and folders from a drop or a file button.
 
 const MAX_FILES = 5000;

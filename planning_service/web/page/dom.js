@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Elements without markup in strings: what came from elsewhere is always text.
 
 // An element with properties (`class`, `on…` handlers, `aria-…` and other attributes) and children

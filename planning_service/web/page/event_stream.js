@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Server-sent events read from a fetch: unlike EventSource it can send a token.
 
 const MAX_EVENT_CHARS = 4 << 20;

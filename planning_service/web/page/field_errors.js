@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Errors of the service, and where in the form they belong.
 import {humanNumber} from './units.js';
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The form: sections and their fields, by path in the task. Defaults and limits are those of
 // docs/plan-a-part.md; limits are the service's to check.
 //

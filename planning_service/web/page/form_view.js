@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The form of one task: inputs made from the table of fields.
 import {FIELD_BY_PATH, SECTIONS} from './fields.js';
 import {h} from './dom.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Files of a job: which ones the task names, under which names they are sent, and which of the
 // chosen files they are.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // All jobs, newest first, page by page.
 import {listJobs} from './api.js';
 import {h, kindTitle, STATES, stateBadge, timeText} from './dom.js';

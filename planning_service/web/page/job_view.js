@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One job: state, progress, results.
 import {cancelJob, getJob, openEvents, resultPath, token} from './api.js';
 import {confirmDialog, h, kindTitle, stateBadge, timeText} from './dom.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page of the planning service: routes, and the token where the service wants one.
 //
 //   #/new[?kind=…&plan=…]   a new job

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A new job: kind, files, form, JSON and submission of one task.
 import {createJob, listJobs, newIdempotencyKey} from './api.js';
 import {droppedFiles, filesOfInput} from './chosen_files.js';

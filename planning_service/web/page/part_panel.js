@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The stage with the part, and what is known of its size.
 import {h} from './dom.js';
 import {PartView} from './part_view.js';

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Worker: reads a mesh file into bare triangles, so that the page stays alive meanwhile.
 import {BufferAttribute, BufferGeometry, EdgesGeometry, Matrix3, MeshBasicMaterial, Vector3} from 'three';
 import {GLTFLoader} from 'three/examples/jsm/loaders/GLTFLoader.js';

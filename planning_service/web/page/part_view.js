@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The part in three dimensions with the lengths of its bounding box. Axes of the file, z up.
 import {
   BoxGeometry, BufferAttribute, BufferGeometry, Color, DirectionalLight, DoubleSide, EdgesGeometry, HemisphereLight,

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Results of jobs where requests carry a token, which links of a page cannot.
 import {request} from './api.js';
 

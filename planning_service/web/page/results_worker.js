@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Service worker: adds the token of an open page to requests for results that a tab makes by itself.
 // The token stays in the page's session storage; it is asked for each time.
 self.addEventListener('install', () => self.skipWaiting());

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The task as the service takes it (v1::PlanningTask), read and written by path. Form and JSON both
 // show this one object, so that what the form does not know is kept.
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers as people write them (mm, µm, %) and as the service takes them (m, fractions).
 //
 // The units differ by powers of ten only, so the decimal point is moved in the text: 5.5 µm become

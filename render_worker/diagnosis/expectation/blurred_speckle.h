@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Speckle of an image that is blurred as a whole after it has formed (by glare, a reflection,
 // movement during the exposure): less contrast, longer correlation.
 #pragma once

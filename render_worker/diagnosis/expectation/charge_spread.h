@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Speckle of charge that has moved between pixels: less contrast, longer correlation.
 #pragma once
 

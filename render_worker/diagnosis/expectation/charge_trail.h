@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charge that comes from elsewhere in its column (smear, blooming), and how it scatters.
 #pragma once
 

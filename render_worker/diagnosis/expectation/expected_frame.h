@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a recording of the plate shows on average over speckle and noise, computed without drawing
 // either: fast enough to be evaluated thousands of times.
 //

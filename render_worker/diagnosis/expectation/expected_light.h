@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mean light on the pixels of a strip of a recording, before the sensor: a long line through the
 // lens is a convolution in one dimension.
 #pragma once

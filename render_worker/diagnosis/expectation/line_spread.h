@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Image of a long straight line through the lens.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mean numbers that a sensor gives for noisy charge: rounded, cut off at both ends, converted.
 #pragma once
 

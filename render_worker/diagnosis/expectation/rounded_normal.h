@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Moments of a normal number after rounding to whole numbers. Where its standard deviation is above
 // 0.7 of a step, rounding adds a variance of 1/12 and nothing else to better than 10^-4 (the first
 // term of the Fourier series of the rounding error is exp(-2 pi^2 sigma^2) / pi; Widrow and Kollar,

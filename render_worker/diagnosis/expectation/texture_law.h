@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What reflectance that is a random field along the plate does to blocks of the line.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The nominal description with what was found.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well a fitted model describes and predicts a set, in the words of the answer.
 #pragma once
 

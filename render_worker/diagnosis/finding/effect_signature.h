@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where an effect shows, and what it grows with: in the words of the recordings format.
 #pragma once
 

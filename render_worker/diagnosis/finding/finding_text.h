@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The finding in one sentence, for people.
 #pragma once
 

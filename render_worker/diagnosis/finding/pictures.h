@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Numbers of the report's pictures: profiles across the line, maps of residuals.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the null model's residual grows with.
 #pragma once
 

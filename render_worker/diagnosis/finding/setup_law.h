@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // By what law something grows with the set-up of the recordings.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Derivatives that follow what was seen, so that they need not be computed anew at every step.
 #pragma once
 

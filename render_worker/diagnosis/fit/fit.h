@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Fits the parameters of a set's model to its recordings: nominal values within their uncertainties
 // first, effects on top.
 #pragma once

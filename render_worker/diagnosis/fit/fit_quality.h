@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well a fitted model predicts recordings that it was not fitted to.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A fit's neighbourhood, linearised: what a small change of the expectation is worth after the
 // parameters fitted have moved to absorb what they can of it.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well the model itself is known: what its errors may be taken for.
 #pragma once
 

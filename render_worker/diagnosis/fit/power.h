@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a set of recordings could show before it is looked at, or taken.
 #pragma once
 

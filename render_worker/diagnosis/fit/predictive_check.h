@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Posterior predictive checks: whether a fitted model predicts recordings that it was not fitted
 // to, kind of observable by kind and setting by setting.
 #pragma once

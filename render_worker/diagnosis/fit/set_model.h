@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Model of a whole set: parameters in, expected statistics out.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/diagnosis/free_form/free_form.h"
 
 #include <cassert>

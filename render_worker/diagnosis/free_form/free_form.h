@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Terms that stand for physics nobody has named: one for each way a stage of the chain could differ
 // from its model, with a few coefficients in which the image is linear near 0.
 //

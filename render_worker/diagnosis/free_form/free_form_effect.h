@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Base of the free-form terms, and what they share.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free-form terms of the geometry: where camera, projector and line are, how the sensor lies to
 // them. What scale the image has is the lens's doing.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free-form terms of the illumination: profile, course along the line and over time of the laser,
 // other light, coherence.
 #include <array>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free-form terms of the lens: halos, wavefront, amount of light against aperture and field,
 // distortion.
 #include <array>

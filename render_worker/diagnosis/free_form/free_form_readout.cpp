@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free-form terms of what the sensor's readout adds: noise of pixels, rows and columns, pixels far
 // out of line, codes that do not occur.
 #include <array>

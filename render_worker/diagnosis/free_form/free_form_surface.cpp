@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free-form terms of the surface: light that spreads on the plate, reflectance by direction.
 #include <array>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free-form terms of time: what amount of exposure a set time gives, and what drifts.
 #include <array>
 #include <cmath>

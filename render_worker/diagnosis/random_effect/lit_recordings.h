@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings with laser light, in slots: those of a slot are of different plate positions, so what
 // is changed about each of them shows in different entries and can be tried at once.
 #pragma once

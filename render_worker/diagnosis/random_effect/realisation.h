@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What single recordings have drawn (light, movement), besides what all have in common.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects whose realisation is drawn anew for every recording (power noise, exposure jitter,
 // vibration, free-form scatters of the power, the exposure and the place) or every place on the
 // plate (texture, a free-form scatter of the reflectance): they say nothing about the expectation

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // One effect as an explanation of how recordings scatter.
 #include "render_worker/diagnosis/random_effect/scatter_evaluation.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well a law of what is drawn explains how recordings scatter; for the files that implement it.
 #pragma once
 

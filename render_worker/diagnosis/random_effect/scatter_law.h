@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How recordings scatter about their expectation by effects that are drawn anew for each of them.
 #pragma once
 

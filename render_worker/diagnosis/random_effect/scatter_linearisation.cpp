@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What amplitudes change about a realisation, whitened and with the known parameters taken off.
 #include <Eigen/Cholesky>
 #include <Eigen/Core>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The evidence of a law over its parameters, and what it has most probably drawn.
 #include <Eigen/Cholesky>
 #include <Eigen/Core>

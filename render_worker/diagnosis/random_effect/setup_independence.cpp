@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/diagnosis/random_effect/setup_independence.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whether what recordings are said to have drawn by chance follows how they were taken.
 #pragma once
 

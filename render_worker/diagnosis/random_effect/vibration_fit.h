@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a vibration of the image, A sin(2 pi f t + phase) with a phase drawn for every recording,
 // leaves in each of them: a displacement and a blur. Both follow from the phase, so neither is
 // normal, and a blur is small where the displacement is largest.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A vibration of the image that is seen in single recordings, with the phase that each of them
 // drew: how an exposure's displacements are distributed follows from it exactly, skew and all.
 #pragma once

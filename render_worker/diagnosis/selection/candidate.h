@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An explanation of a set, its evidence, and how probable it is among others.
 #pragma once
 

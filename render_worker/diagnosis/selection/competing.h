@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Explanations that compete, from the screening to the names; for the files that implement it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which effects, singly and together, explain a set best.
 #pragma once
 

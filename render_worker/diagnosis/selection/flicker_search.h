@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // At which frequency other light flickers in recordings minutes apart: hundreds of thousands of
 // them are told apart, and a fit that starts at another one does not find it.
 #pragma once

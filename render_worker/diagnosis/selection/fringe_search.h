@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where straight fringes that stay on the sensor show in recordings: a fit that starts elsewhere
 // does not find them.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects besides effects: what is expected of them together.
 #include <Eigen/Core>
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Names are given to what predicts recordings that were not fitted.
 #include <Eigen/Core>
 #include <algorithm>

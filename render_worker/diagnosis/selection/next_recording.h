@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which further recording would tell two explanations apart.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What scatters between recordings, by itself and besides effects.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What single effects can do to a set's expectation, from a fit linearised: where the competition
 // starts from.
 #pragma once

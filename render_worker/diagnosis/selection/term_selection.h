@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which coefficients of a free-form term a set of recordings asks for.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free-form terms besides the best effect, and with as few coefficients as they need.
 #include <Eigen/Cholesky>
 #include <Eigen/Core>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a frame leaves in the next one of the same burst.
 #pragma once
 

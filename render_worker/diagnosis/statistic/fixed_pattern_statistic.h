@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Patterns that stay on the sensor while speckle and noise change: mean products of the residuals
 // of different recordings at the same or neighbouring pixels.
 #pragma once

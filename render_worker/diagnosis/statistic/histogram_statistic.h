@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which raw numbers occur: converters with stuck bits, pixels that are full before the converter
 // is, black that is cut off.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Single pixels far out of line: a few spoil every variance, so they are looked at by themselves.
 #pragma once
 

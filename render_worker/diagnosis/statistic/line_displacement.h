@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Where the line is and how wide, before anything is fitted.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What profiles do not show: scatter. Spatial variance and correlation of speckle, temporal noise
 // between repeats, dark frames.
 #pragma once

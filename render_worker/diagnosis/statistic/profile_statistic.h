@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Mean profile across the line, in blocks along it: the observable most effects show in. Recordings
 // of one plate position share their speckle, so they are compared together, with the covariance
 // that speckle and noise give their means.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/diagnosis/statistic/relative_residuals.h"
 
 #include <cmath>

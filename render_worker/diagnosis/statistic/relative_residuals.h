@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How pixels differ from their neighbours on the line, relative to its light.
 #pragma once
 

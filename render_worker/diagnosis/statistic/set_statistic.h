@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A kind of observable of a set: the same numbers from recordings and from the model.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings of one plate position share their speckle: pixel by pixel, one exposure predicts the
 // other, and what remains is temporal noise. Speckle, the profile of the line and its width cancel,
 // so the response of the sensor and the exposure times show as in a photon transfer measurement.

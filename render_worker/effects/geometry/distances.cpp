@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Distances and angle of the plate's set-up beyond their uncertainty.
 #include <numbers>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Line not along the rows. The camera turns about its optical axis; the laser's line turns on the
 // plate about its middle (X = 0, s = s0). Both angles are those of the line to the rows in the
 // image, positive from +u to +v, so that they can be compared.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sensor turned about its columns' direction: its distance to the lens is b + u tan(tilt), so focus
 // varies along the line. (The keystone it also makes, a relative change of scale by u tan(tilt)/b,
 // is left out: a part in a thousand for a degree at 1 mm.)

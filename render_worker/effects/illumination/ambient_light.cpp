@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Other light on the plate: its radiance towards the camera, as photons of the laser's wavelength,
 // with a linear gradient over the sensor; and the same from lamps on alternating current.
 #include <algorithm>

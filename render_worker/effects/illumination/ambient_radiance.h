@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is believed of the radiance of other light before any recording.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Profile across the line that is not Gaussian: exp(-2 |x/w|^n) of the same power.
 #include <cmath>
 #include <numbers>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Second, weaker line by double reflection in the projector's window or lens: the same profile, off
 // by a fixed angle, so the offset across the beam grows with distance; stated at 0.4 m. Both lines
 // share the laser's power.

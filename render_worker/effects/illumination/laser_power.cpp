@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Power of the laser: wrong, warming up, or different from recording to recording.
 #include <algorithm>
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Curved line: at the ends of the fan (X = L/2) it lies `bow` off its place in the middle.
 #include <cmath>
 

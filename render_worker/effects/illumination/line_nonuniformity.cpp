@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Powell lens that spreads the light unevenly: a slope along the line and a ripple in fan angle.
 // The place on the line is X/(L/2), 1 at its end, L = 2 d tan(fan/2).
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Seidel aberrations of the wavefront, in waves at the rim of the full pupil (R at f/1.4) and at
 // the image height 5 mm. The axis of coma and astigmatism is the direction from the principal
 // point.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The diaphragm: its diameter, its shape, and what the lens lets through.
 #include <cmath>
 

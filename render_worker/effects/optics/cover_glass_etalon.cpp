@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Interference between the faces of the cover glass: straight fringes fixed on the sensor, in laser
 // light only (other light is too broad-band). 1 + V cos(2 pi (u cos a + v sin a)/period + phase),
 // averaged over the pixel. The phase is drawn for a camera; the parameter is added to it, which is

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Distortion of the image: where a point of the ideal image (r) lies on the sensor (r'), radii in
 // units of 5 mm. The plate is looked up by the inverse; parts are rendered through
 // lens.distortion (Brown and Conrady), which gets the same coefficients in units of the image

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Dust on the cover glass: Gaussian shadows at random places of the sensor, fixed for a rig; radius
 // 2 to 12 px (1/e), 10 to 60 % deep. The count is of the whole sensor; a fraction of a spot is one
 // that is less deep, so that the image changes continuously.

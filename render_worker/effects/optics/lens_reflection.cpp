@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Two reflections, between cover glass and sensor or at a plane filter: a sharp copy of the image,
 // displaced the same everywhere. Copy and image share the light.
 #include <cmath>

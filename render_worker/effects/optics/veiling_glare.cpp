@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light scattered by lenses and housing: a part g in a halo exp(-r/r0)/(2 pi r0^2), the rest stays.
 // No light is lost. The halo's transform is (1 + (2 pi q r0)^2)^(-3/2).
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light lost off axis: a second rim that cuts the pupil, or a fall-off beyond cos^4.
 #include <cmath>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charge above a threshold overflows along the column: a part f of the surplus leaves its pixel,
 // half up and half down, with exp(-distance/reach). What would come to rest beyond the image's rim
 // is lost.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charge collected repels charge to come: pixel boundaries move towards the fuller pixel, and
 // between two neighbours flows a q_mean (q_i - q_j)/2, q_mean = (q_i + q_j)/2. It acts on the
 // charge that has come, noise included: that is why the variance of flat fields bends below the

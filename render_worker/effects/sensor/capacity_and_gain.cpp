@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // From charge to numbers: capacity and gain.
 #include <algorithm>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Analogue-to-digital converter: lowest bits stuck at 0, integral nonlinearity. The nonlinearity
 // A sin(2 pi c y/y_max) is added before rounding, where it varies continuously with A.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Photo-electrons that diffuse into each of the four neighbours, a fraction c each. It acts on the
 // means: every electron goes its own way, so the pixels' numbers stay independent Poisson numbers.
 #include "render_worker/effects/charge_flow.h"

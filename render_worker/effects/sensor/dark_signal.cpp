@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Signal without light: dark current, offset, and its drift over a set.
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"

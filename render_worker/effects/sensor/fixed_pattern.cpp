@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What differs from pixel to pixel and stays: sensitivity and offset. The pixels' own patterns are
 // drawn by the sensor model (EMVA 1288); independent variances add.
 #include <cmath>

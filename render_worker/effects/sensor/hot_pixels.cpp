@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Few pixels with high dark current, exponentially distributed with the mean 5000 electrons a
 // second at the reference temperature, doubling as dark current does. Which ones is fixed for a
 // camera: a pixel is hot if its own random number lies below the fraction.

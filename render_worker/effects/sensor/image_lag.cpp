@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charge left behind at readout comes with the next frame: c_n = q_n + l c_(n-1), of which 1 - l is
 // read out. In terms of what was read out before: (1 - l) q_n + l previous. Without a frame before,
 // the pixel was empty.

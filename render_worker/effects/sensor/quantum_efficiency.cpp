@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Quantum efficiency not as stated, of all colours or of their ratio. On a mono sensor only
 // qe_factor counts; on a Bayer sensor it is red's.
 #include "render_worker/effects/described_effect.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Temporal noise of the readout: of pixels, and common to a row.
 #include "core/random/counter_random.h"
 #include "render_worker/effects/described_effect.h"

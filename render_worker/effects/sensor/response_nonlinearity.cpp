@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Response that bends: e (1 - beta e/e_full), e_full = (2^bits - 1)/K. Beyond its largest value, at
 // e_full/(2 beta), it stays constant.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rows exposed one after another, each as long as the others. Steady light and a plate at rest look
 // the same at every moment: it shows only together with flickering light, as bands.
 #include "render_worker/effects/described_effect.h"

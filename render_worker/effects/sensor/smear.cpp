@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Charge gathered while the image is shifted along the columns for readout. All pixels of a column
 // pass under all its light: each gains r times the mean of the column over the whole sensor, r the
 // time of readout over that of exposure. (The light outside the region of interest counts as none:

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reflectance that varies with the place on the plate: 1 + rms g(X, s), g a normal random field of
 // correlation exp(-r^2/l^2). The field belongs to the plate (drawn once a rig); recordings of
 // another plate position see another part of it.

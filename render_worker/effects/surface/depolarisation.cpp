@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Multiple scattering leaves light of degree of polarisation P: two independent patterns with the
 // shares (1 + P)/2 and (1 - P)/2, contrast sqrt((1 + P^2)/2).
 #include "render_worker/effects/described_effect.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light at another wavelength, excited by the laser: the line's own profile without speckle. Its
 // strength is the ratio of what a sensor sees of it to what it sees of the laser, so photons count
 // as those of the laser's wavelength. The plate's other light is sampled a pixel apart and without

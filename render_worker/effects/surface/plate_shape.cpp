@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plate that is tilted (about the axis across the line) or curved. A place raised by h towards the
 // camera is nearer to camera and laser, and the sheet, which comes from the side of positive s,
 // meets it h tan(theta) farther on that side: that is what triangulation measures.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reflectance: amount and lobe.
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Light that enters the surface and leaves it beside: across the line a part f spreads as
 // exp(-|s|/l)/(2 l), the rest stays.
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Exposure time not as set: always by the same, or scattered from frame to frame. Never below 0.
 #include <algorithm>
 

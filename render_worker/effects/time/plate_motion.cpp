@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Plate that creeps along the line. The line stays, the scatterers move: by m v t since the start,
 // so that recordings of one plate position see displaced speckle, and during the exposure, which
 // averages over moments a third of a speckle apart (at most 32 of them).

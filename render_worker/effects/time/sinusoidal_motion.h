@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Transfer function of an image that moves across the line as A sin(2 pi f t + phase) while it is
 // exposed: the mean of exp(-2 pi i q displacement) over the exposure. Whole periods give
 // J0(2 pi q A), what is left over is summed up (Goodman, Introduction to Fourier Optics, 4th ed.,

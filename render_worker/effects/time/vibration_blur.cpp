@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Image that moves across the line as A sin(2 pi f t + phase) during the exposure; the phase is
 // random for every recording.
 #include <numbers>

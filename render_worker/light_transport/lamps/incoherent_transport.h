@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lamps and ambient over a sub-pixel grid.
 #pragma once
 

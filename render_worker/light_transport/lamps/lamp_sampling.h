@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sampling of rectangular lamps by the solid angle they fill.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/light_transport/lamps/path_tracer.h"
 
 #include <algorithm>

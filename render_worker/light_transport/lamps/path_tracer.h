@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Paths of incoherent light: lamps and ambient.
 #pragma once
 

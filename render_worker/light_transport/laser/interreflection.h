@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laser light that was reflected before it reaches a surface the camera sees.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The laser line projector's light: a Gaussian beam spread into a fan (thesis eq. 5.1-5.4).
 #pragma once
 

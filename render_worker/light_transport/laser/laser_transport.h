@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Laser light over a sub-pixel grid.
 #pragma once
 

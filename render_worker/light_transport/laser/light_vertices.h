@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Places the laser's light reaches directly or after reflections: the far ends of camera paths.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Isotropic BRDF measured by a gonioreflectometer over theta_l (laser), theta_d and phi_d
 // (detector), thesis 5.3.1: steps of 2 degrees, phi_d within +-134 degrees because laser and
 // detector arms would collide beyond. phi_d = 0 is the plane of mirror reflection, phi_d = 180

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MERL 100 BRDF binary (Matusik et al., "A data-driven reflectance model", SIGGRAPH 2003): three
 // 32-bit sizes (90 half angles theta_h in steps growing as a square, 90 theta_d, 180 phi_d), then
 // three colours of that many doubles. The file holds phi_d in [0, pi), which is Helmholtz

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An isotropic BRDF from measurements, made energy-conserving.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Draws directions in proportion to an isotropic BRDF times the cosine, from a table.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Inspections of which a test gives the fields that matter to it.
 #pragma once
 

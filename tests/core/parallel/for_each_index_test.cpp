@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/parallel/for_each_index.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/parallel/worker_threads.h"
 
 #include <gtest/gtest.h>

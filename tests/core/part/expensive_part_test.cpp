@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Part files made to take long, or much memory, or to read what they should not.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

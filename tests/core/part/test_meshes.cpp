@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/core/part/test_meshes.h"
 
 #include <cmath>

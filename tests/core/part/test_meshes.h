@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small meshes with known area, volume and topology, and where shared test data lies.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/process/start_process.h"
 
 #include <fcntl.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Same seed, same bytes: numbers as an implementation in another language gives them, which agrees
 // with the known answers of Random123 (philox4x32-10 of zeros begins with 6627e8d5) and SplitMix64.
 #include "core/random/seed.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parts and points on them for tests of registration.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/inspection/part_holding.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/targets/poisson_disk.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "core/surface_inference/surface_inference.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Why targets are not covered: parts made so that one condition fails, exact evaluation of the
 // scans that are said to measure a target, and Embree as the judge of what is hidden.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/coverage_server/reference/embree_judge.h"
 
 #include <Eigen/Geometry>

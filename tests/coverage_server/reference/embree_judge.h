@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The same definitions decided by Embree's rays: an independent judge that shares no code with the
 // engine's occlusion, cutting and visibility.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The engine against Embree: occlusion, whole scans, visibility data and measurability.
 #include "tests/coverage_server/reference/embree_judge.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/coverage_server/reference/literal_frames.h"
 
 #include <Eigen/Geometry>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The thesis's definition of measurement points taken literally: every frame is rendered, the laser
 // line is found in the picture, and its sub-pixel positions are reconstructed on the laser sheet.
 // Slow, and written from the rig's equations without the engine's geometry or cutting code: the

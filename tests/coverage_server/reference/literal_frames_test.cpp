@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The exact evaluator against the definition it stands for: rendered frames, one after the other.
 #include "tests/coverage_server/reference/literal_frames.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scans whose result can be written down.
 #include <gtest/gtest.h>
 

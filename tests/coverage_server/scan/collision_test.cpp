@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Hard constraints: bodies against part, fixtures and table.
 #include "coverage_server/scan/collision.h"
 

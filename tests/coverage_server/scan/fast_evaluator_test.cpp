@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The visibility field's estimates: how far from exact, and always the same.
 #include "coverage_server/scan/fast_evaluator.h"
 

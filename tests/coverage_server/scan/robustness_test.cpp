@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Meshes that a planner meets in practice: broken, open, tiny, huge.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Scenes that differ in their targets alone share the points that scans measure.
 #include "coverage_server/scan/measured_scans.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Parts on a table: what hides behind it, what cannot be measured on it, and limits of scans.
 #include <gtest/gtest.h>
 

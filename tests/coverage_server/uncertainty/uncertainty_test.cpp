@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How well scans make a surface known: exact inference against the dense reference and the spectral
 // law, the fast estimate against exact inference, and what gains are made of.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Rendered pictures: decode the PNG and look.
 #include "coverage_server/view/render_view.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small building blocks: probes, direction grid, target look-up.
 #include <gtest/gtest.h>
 

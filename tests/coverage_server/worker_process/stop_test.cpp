@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Whoever cancels a scene of a part of millions of triangles waits for no more than 100 ms of work.
 #include <gtest/gtest.h>
 #include <sys/resource.h>

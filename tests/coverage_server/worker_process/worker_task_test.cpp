@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Work in other processes gives what it gives here, also after some were killed.
 #include <gtest/gtest.h>
 #include <signal.h>

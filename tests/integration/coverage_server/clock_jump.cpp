@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Preloaded into a process: its wall clock is ahead by the seconds that the file named by
 // SIGHTLINE_CLOCK_JUMP_FILE holds, as it is at the moment. Monotonic clocks are as they are.
 #include <dlfcn.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A real server in this process, over TCP and unix sockets, around the fake engine.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

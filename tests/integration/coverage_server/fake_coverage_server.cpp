@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The real server process around the fake engine. SIGHTLINE_FAKE_QUERY_MS, SIGHTLINE_FAKE_BUILD_MS:
 // time of one query and of one build. SIGHTLINE_FAKE_DEAF: builds do not listen when they are
 // cancelled.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/integration/coverage_server/fake_scene.h"
 
 #include <chrono>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A coverage engine that is a formula: fast, deterministic, and as slow as a test wants it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Real servers: TLS whose files are replaced, addresses that need it, and a server without jobs.
 #include "rpc_server/rpc_server.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Coverage servers as processes while parts of the world fail: workers, clients, memory, network,
 // clocks. Afterwards nothing accepted is lost, and the same request succeeds.
 #include <gmock/gmock.h>

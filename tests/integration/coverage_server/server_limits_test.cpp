@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What clients that want too much, or nothing at all, can do to a server: nothing to the others.
 #include <arpa/inet.h>
 #include <gmock/gmock.h>

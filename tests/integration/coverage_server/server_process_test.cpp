@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The server as a process of its own: life, death, command line.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

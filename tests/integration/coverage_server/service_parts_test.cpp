@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The pieces of the service, each alone.
 #include <gmock/gmock.h>
 #include <grpcpp/support/status.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A network between a client and a server on a unix socket: slow, and cut when a test wants it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline` as a process on a box, in a folder of its own.
 #pragma once
 

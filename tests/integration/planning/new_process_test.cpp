@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline new` and then `sightline plan`, as a new user runs them.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What `sightline` leaves in its output folder, and which files it does not read, as processes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline plan --pareto` and `--pick` as processes, with the server they start.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline plan`, `evaluate` and `compare` for uncertainty as processes, with the server they
 // start.
 #include <gmock/gmock.h>

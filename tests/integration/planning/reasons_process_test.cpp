@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline evaluate` as a process: why targets are not covered.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline plan` and `evaluate` of a part that rests on a table, as processes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

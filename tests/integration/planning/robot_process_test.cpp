@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline plan` and `evaluate` with a robot as processes, with the server they start.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline plan --starts` as processes: the best of several seeds, in one process or in parts.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

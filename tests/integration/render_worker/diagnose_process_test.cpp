@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline diagnose` and `sightline verify` as processes, with the worker they start.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Render workers as processes whose disk is full, whose queue is full, or who are killed.
 #include <gmock/gmock.h>
 #include <grpcpp/grpcpp.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Render worker and `sightline render` as processes of their own.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

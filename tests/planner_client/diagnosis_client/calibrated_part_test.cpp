@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Findings as inspections: of a part, and of the plate itself.
 #include "planner_client/diagnosis_client/calibrated_part.h"
 

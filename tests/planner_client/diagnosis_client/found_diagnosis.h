@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Findings to calibrate with, and the camera of the inspections that are calibrated.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The explorer's page in headless Chromium, by real clicks and keys, on a running `sightline explore`.
 //
 // SIGHTLINE_BIN_DIR, SIGHTLINE_SOURCE_DIR: programs and examples. SIGHTLINE_TEST_PACKAGES: folder with node_modules.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A session about a plate with targets on a line, whose coverage is a formula.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 import assert from 'node:assert/strict';
 import {test} from 'node:test';
 import {allowedText, isAllowed, nearestAllowed, ratioPlace, ratioValue, tidy} from '../../../planner_client/explore/page/parameter.js';

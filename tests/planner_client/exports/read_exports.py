@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Reads every export of a plan with a parser of its own and checks it against plan.json.
 
 read_exports.py FOLDER [LASER_DISTANCE_M]   FOLDER has plan.json and exports/. Poses are also made

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/planner_client/exports/sample_plan.h"
 
 #include "core/inspection/inspection.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A plan as `sightline plan` writes it: poses by core/rig.
 #pragma once
 

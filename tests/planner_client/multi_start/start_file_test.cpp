@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Results of searches pass through files without losing a bit, or not at all.
 #include "planner_client/multi_start/start_file.h"
 

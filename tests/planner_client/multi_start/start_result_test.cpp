@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Which of several searches is the best.
 #include "planner_client/multi_start/start_result.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What every page must be, whatever it says, and how tests look into one.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A box on a stage under the arm of the examples, and a box on a turntable that rides on a stage.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // URDF files in a folder of their own, and the arm of the examples.
 #pragma once
 

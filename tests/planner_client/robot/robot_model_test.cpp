@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/robot/urdf/robot_model.h"
 
 #include <gmock/gmock.h>

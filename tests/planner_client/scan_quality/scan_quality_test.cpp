@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/scan_quality/scan_quality.h"
 
 #include <gtest/gtest.h>

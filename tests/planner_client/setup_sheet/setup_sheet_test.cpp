@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/setup_sheet/setup_sheet.h"
 
 #include <gmock/gmock.h>

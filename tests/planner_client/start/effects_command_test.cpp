@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline effects` and the list inside the program.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

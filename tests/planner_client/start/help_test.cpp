@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What --help says, and what is said of command lines that are wrong.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // `sightline new` and the inspections that it writes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // STEP files through an importer that a script stands for.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

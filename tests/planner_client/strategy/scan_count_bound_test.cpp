@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/strategy/scan_count_bound.h"
 
 #include <gtest/gtest.h>

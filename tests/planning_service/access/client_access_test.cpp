@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Clients files: what they allow, what is wrong with them, and how they change under a running
 // service.
 #include "planning_service/access/client_access.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Delivery by itself: receivers and a store that fail as they are told.
 #include "planning_service/events/event_delivery.h"
 

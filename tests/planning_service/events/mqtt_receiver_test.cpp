@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // MQTT against a real broker, with a listener of another make.
 #include "planning_service/events/mqtt_receiver.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Jobs in a real store, and what the tests of receivers share.
 #pragma once
 

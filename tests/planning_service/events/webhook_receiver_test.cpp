@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Webhooks against a real HTTP server.
 #include "planning_service/events/webhook_receiver.h"
 

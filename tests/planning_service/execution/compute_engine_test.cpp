@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Attempts on engines of every kind. Shell commands stand in for `sightline`, and processes of this
 // machine for a cluster (fake_cluster.py).
 #include "planning_service/execution/engine/compute_engine.h"

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stands in for the commands of Slurm and Kubernetes: arrays of processes on this machine.
 
   fake_cluster.py sbatch|squeue|scancel|kubectl ARGUMENTS

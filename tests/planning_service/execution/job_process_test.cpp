@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Attempts as processes: shell scripts stand in for the command.
 #include "planning_service/execution/job_process.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Jobs from the queue to their results, with a shell script for the command.
 #include "planning_service/execution/job_runner.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The gRPC door, called by clients of two names; a test stands in for the runner.
 #include "planning_service/grpc_door/planning_service.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // An HTTP door over a real job store and artefact store in a temporary folder.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Jobs, events and recipes over HTTP.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the door does with clients that send too much, too slowly, or nonsense.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Results and the web page over HTTP.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // TLS: who a client is by its certificate, and certificates that change under a running door.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bytes to and from a server, for what no proper client would send.
 #pragma once
 

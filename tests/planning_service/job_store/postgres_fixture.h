@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A real PostgreSQL for tests, in a temporary folder, reachable by a unix socket alone.
 #pragma once
 

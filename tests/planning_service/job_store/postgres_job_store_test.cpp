@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is peculiar to a database that several processes share.
 #include <map>
 #include <mutex>

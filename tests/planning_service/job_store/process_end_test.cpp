@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Processes that end in the middle of things.
 #include <unistd.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What is peculiar to the embedded database.
 #include <sys/stat.h>
 #include <unistd.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/planning_service/job_store/store_fixture.h"
 
 #include <signal.h>

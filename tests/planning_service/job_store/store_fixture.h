@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Job stores over both databases, for tests.
 #pragma once
 

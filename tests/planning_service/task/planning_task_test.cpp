@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planning_service/task/planning_task.h"
 
 #include <gmock/gmock.h>

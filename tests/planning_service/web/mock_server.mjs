@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small stand-in for `sightline serve`, after its HTTP contract: the page can be worked on and
 // tested without the service. What it plans is made up.
 //

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The page in headless Chromium, by real clicks and keys.
 //
 // SIGHTLINE_WEB_PAGE: folder of the page's files, served by the stand-in mock_server.mjs.

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small parts for the tests.
 
 // Binary STL of a block with a step: 120 x 80 x 40 in the file's unit.

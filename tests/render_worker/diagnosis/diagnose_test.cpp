@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What a diagnosis refuses.
 #include "render_worker/diagnosis/diagnose.h"
 

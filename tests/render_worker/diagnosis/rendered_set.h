@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Small sets for the tests: a dozen plate positions, rendered with the full chain.
 #pragma once
 

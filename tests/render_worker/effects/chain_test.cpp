@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects through the whole chain of a plate: off is bit-identical, on shows in the numbers where
 // the physics says so.
 #include <gtest/gtest.h>

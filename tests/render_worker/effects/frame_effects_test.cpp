@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects that change numbers of the frame: sign and size.
 #include <gtest/gtest.h>
 

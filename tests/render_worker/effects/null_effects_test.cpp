@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every hook of every effect at its null parameters leaves what it is given bit-identical; a small
 // parameter changes it little, and some parameter changes it at all.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects on pupil, transfer functions, speckle and fixed patterns of light.
 #include <gtest/gtest.h>
 

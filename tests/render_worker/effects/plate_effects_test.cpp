@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects on the plate's functions: closed forms, conservation of light.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Effects of the sensor: conservation of charge, closed forms, statistics.
 #include <gtest/gtest.h>
 

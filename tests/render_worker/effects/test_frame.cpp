@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/render_worker/effects/test_frame.h"
 
 #include <algorithm>

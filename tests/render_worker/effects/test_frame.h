@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A frame and the arguments of all hooks, filled with random data.
 #pragma once
 

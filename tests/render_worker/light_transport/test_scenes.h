@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Materials and shapes of known behaviour.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Every material of examples/catalogue/materials loads and is physical.
 #include <gtest/gtest.h>
 

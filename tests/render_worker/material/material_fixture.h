@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Materials and directions for the tests of this folder.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Properties every model must have: reciprocity, energy, densities that are what they say.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/render_worker/material/write_png16.h"
 
 #include <OpenImageIO/imageio.h>

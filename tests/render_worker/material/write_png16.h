@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // 16-bit greyscale PNG for tests. (In a file of its own: headers of OpenImageIO and protobuf 3.21
 // do not go together in this order.)
 #pragma once

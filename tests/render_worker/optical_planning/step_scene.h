@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Two plates of different height under a laser line, with room light: small enough to be imaged
 // often.
 #pragma once

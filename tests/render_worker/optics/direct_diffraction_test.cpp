@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The Fourier path against a direct sum: every scatterer's wave through every sample of the pupil
 // to every point of the pixels, in double precision and without any fast transform.
 #include <gtest/gtest.h>

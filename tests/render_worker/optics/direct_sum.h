@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The image of coherent light as a direct sum: every scatterer's wave through every sample of the
 // pupil to every point of the pixels, in double precision and without any fast transform.
 #pragma once

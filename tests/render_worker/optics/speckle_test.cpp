@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Statistics of fully developed speckle against closed forms. Bounds are four standard errors of
 // the mean over independent realisations unless said otherwise: a false alarm once in 16 000.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lenses, images and closed forms shared by the optics tests.
 #pragma once
 

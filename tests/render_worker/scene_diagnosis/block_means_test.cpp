@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Statistics of block means against many renderings with other speckle and noise.
 #include "render_worker/scene_diagnosis/block_means.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings of a groove by the renderer, with light that the model lacks, and without.
 #include "render_worker/scene_diagnosis/diagnose_scene.h"
 

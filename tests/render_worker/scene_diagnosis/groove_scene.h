@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A V-shaped groove of matt material under a laser line: light goes from one flank to the other.
 #pragma once
 

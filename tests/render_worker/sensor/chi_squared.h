@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Goodness of fit for tests.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Dark frames of null recordings, made by another simulator from the same equations, against ours;
 // where they lie beside the tree.
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/sensor_diagnosis/diagnose_sensor.h"
 
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // DiagnosisService and its client over a real socket; what it runs is injected.
 #include "render_worker/service/diagnosis_service.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Images of a part against closed forms: where the line is, how bright ambient light is, what
 // motion does.
 #include "render_worker/render/part_frame.h"

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the client leaves out of an inspection is what the renderer refuses for parts.
 #include <gtest/gtest.h>
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small plate for tests of the services.
 #pragma once
 

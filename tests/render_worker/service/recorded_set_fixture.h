@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A render worker that is asked about a set of recordings, which another one has rendered before.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The service in this process, over a real socket.
 #include "render_worker/service/render_service.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings of a part through DiagnosisService and its client, over a real socket.
 #include <gmock/gmock.h>
 #include <grpcpp/grpcpp.h>

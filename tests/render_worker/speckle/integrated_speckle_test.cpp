@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Levels of integrated speckle stand for what pixels of simulated fields show.
 #include "render_worker/speckle/integrated_speckle.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Recordings of others where they lie beside the tree: they are as they are said to be, most of
 // them with physics that the description leaves out, and are not accused.
 #include <gmock/gmock.h>

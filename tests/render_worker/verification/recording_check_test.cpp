@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Bad input: every way to spoil a clean set is recognised, and neither a clean set nor physics that
 // the description leaves out is refused.
 #include <gmock/gmock.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Shot lists: complete, within the rig's bounds, exposed well, and accepted once recorded.
 #include "core/recordings/shot_list.h"
 

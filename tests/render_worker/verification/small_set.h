@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small clean set of plate recordings, rendered.
 #pragma once
 

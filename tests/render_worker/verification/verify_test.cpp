@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Chapter 5 of the thesis on images whose errors are known.
 #include "render_worker/verification/verify.h"
 

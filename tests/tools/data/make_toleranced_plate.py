@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes toleranced_plate.stp: a plate with two holes and a slanted end, and its drawing as semantic PMI.
 
     make_toleranced_plate.py > toleranced_plate.stp

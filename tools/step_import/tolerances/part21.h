@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The entities of a STEP file as they are written (ISO 10303-21, clear text encoding), whatever
 // their schema. Independent of OpenCASCADE, so that what that does not translate can be found.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Datums, their targets, and systems of them.
 #include <algorithm>
 #include <cstdint>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sizes and distances with their limits.
 #include <algorithm>
 #include <cmath>

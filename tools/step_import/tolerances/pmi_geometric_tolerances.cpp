@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Geometric tolerances with their zones and modifiers.
 #include <array>
 #include <cstdint>

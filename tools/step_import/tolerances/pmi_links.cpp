@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What aspects, annotations, zones and dimensions say of one another.
 #include <algorithm>
 #include <cstdint>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Lengths and angles with their units.
 #include <algorithm>
 #include <array>

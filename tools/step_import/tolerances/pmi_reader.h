@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reads PMI entity by entity; what an entity says of others is indexed first.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Values and kinds of the entities that PMI consists of.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Semantic PMI of a STEP file (ISO 10303-242; its parts also in AP203 and AP214): dimensions,
 // geometric tolerances and datums, with the entities that they bind, read from the file's entities.
 #pragma once

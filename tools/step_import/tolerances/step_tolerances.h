@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The tolerances of a STEP file bound to the faces of its imported shapes.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tools/step_import/tolerances/xcaf_check.h"
 
 #include <Standard_Version.hxx>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A second reading of a STEP file's tolerances, OpenCASCADE's own (XCAF), to compare with.
 #pragma once
 

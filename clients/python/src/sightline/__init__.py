@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Client of Sightline's planning service: `Client(address).plan("inspection.json").wait()`."""
 from .client import Client
 from .errors import (AlreadyExists, DeadlineExceeded, FailedPrecondition, FieldViolation,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Asks a planning service for jobs."""
 from __future__ import annotations
 

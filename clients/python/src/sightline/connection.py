@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A channel to the service, and calls that are tried again while it restarts."""
 from __future__ import annotations
 

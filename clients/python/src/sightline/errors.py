@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What can go wrong, as exceptions with code, reason and fields."""
 from __future__ import annotations
 

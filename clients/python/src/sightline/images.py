@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Images of results as numpy arrays."""
 from __future__ import annotations
 

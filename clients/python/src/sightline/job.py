@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A job of the service: its state, its end, its results."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A plan as plain values and numpy arrays."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Points and meshes as PLY, to and from numpy arrays."""
 from __future__ import annotations
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads inspections and recordings, and finds the files that they name.
 
 A task names its files by paths below a folder of the job. Files keep their places relative to each

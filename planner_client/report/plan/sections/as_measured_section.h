@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Section of a plan's report on what measured points told of the part.
 #pragma once
 

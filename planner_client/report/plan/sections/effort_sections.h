@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sections on what a plan costs: to execute, to compute, and with other strategies.
 #pragma once
 

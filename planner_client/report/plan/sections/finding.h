@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the report of a plan says first: the answer, its figures, and coverage over scans.
 #pragma once
 

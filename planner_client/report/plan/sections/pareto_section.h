@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The trade-off between scans, seconds and settled surface, as a drawing and a section of the
 // report.
 #pragma once

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the report of a plan words numbers and builds its sections.
 #pragma once
 

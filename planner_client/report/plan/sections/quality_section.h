@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How finely and under which angles each scan measures.
 #pragma once
 

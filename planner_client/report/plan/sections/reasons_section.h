@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The report's section about why places are not measured.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The robot of a plan: a section of the report, and what the viewer draws of it.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/report/plan/sections/scans_section.h"
 
 #include <algorithm>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // How the part lies in each scan, as a section of the report.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Sections on the part and its surface: what stays unmeasured, what can be measured at all.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "planner_client/report/plan/surface/display_mesh.h"
 
 #include <meshoptimizer.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A part's mesh made fit for colouring in a browser.
 #pragma once
 

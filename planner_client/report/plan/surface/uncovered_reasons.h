@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Reasons why targets are not covered, counted and in words.
 #pragma once
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Connected regions of the surface that a plan leaves unmeasured.
 #pragma once
 

@@ -1,4 +1,5 @@
 #!/usr/bin/env python3
+# SPDX-License-Identifier: Apache-2.0
 """Writes flange.obj and flange.stl beside itself: a flange with a hub, as CAD systems export meshes.
 
 The OBJ has groups, polygons of four corners with normals, comments and CRLF; the STL is binary with a header that

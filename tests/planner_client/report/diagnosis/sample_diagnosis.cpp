@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "tests/planner_client/report/diagnosis/sample_diagnosis.h"
 
 #include <cmath>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Diagnosis of a camera as it might come back: made up, but with every field filled.
 #pragma once
 

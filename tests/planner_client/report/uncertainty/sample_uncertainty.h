@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // A small made-up plan for uncertainty.
 #pragma once
 

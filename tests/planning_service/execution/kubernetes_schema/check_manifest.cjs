@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Checks manifests of batch/v1 Jobs against the schemas of Kubernetes; fields that these do not have
 // are errors.
 //   NODE_PATH=.../node_modules node check_manifest.cjs FILE...

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The line's transfer function against closed forms and a direct sum over the pupil.
 #include "render_worker/diagnosis/expectation/line_spread.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What the report draws.
 #include "render_worker/diagnosis/finding/pictures.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // The fit finds what the renderer was given.
 #include "render_worker/diagnosis/fit/fit.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What recordings could show before they are looked at.
 #include "render_worker/diagnosis/fit/power.h"
 

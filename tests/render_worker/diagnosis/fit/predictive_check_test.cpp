@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Models that are true predict recordings that were not fitted, others do not.
 #include "render_worker/diagnosis/fit/predictive_check.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Free-form terms: nothing at null, light conserved, the same in the renderer and in the
 // expectation, and laws of no vocabulary approximated.
 #include "render_worker/diagnosis/free_form/free_form.h"

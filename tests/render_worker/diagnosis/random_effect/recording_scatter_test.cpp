@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What recordings draw anew is told from what all have in common, by how they scatter.
 #include "render_worker/diagnosis/random_effect/recording_scatter.h"
 

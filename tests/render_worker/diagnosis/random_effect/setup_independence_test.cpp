@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // What chance has drawn does not follow the set-up, and what follows it is not chance.
 #include "render_worker/diagnosis/random_effect/setup_independence.h"
 

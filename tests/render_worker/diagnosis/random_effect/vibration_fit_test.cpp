@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 #include "render_worker/diagnosis/random_effect/vibration_fit.h"
 
 #include <gtest/gtest.h>

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Explanations are told apart by what their effects do.
 #include "render_worker/diagnosis/selection/candidate.h"
 

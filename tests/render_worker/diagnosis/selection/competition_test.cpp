@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Explanations compete fairly.
 #include "render_worker/diagnosis/selection/competition.h"
 

@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Covariances of profiles; hot pixels.
 #include "render_worker/diagnosis/statistic/profile_statistic.h"
 

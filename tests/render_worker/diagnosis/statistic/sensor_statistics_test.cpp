@@ -1,3 +1,4 @@
+// SPDX-License-Identifier: Apache-2.0
 // Statistics of the sensor's behaviour: on rendered recordings without effects they scatter as
 // their covariance says; with an effect the null model is refuted and the model with the effect is
 // not.
