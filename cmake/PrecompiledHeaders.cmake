@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 # Headers of libraries that most files include, compiled once for each kind of target: reading them
 # anew costs a file two to three seconds. Files still include what they use; builds with sanitizers
-# have no precompiled headers and find what is missing.
+# have no precompiled headers and find what is missing. GCC compiles a precompiled header out of the one that stands
+# in its place: after a change of headers or flags delete build/release/**/*.gch, or other checkouts miss the compiler
+# cache.
 set(sightline_library_headers
   <algorithm> <array> <atomic> <cassert> <chrono> <cmath> <cstdint> <cstdio> <cstdlib> <cstring> <filesystem> <fstream>
   <functional> <limits> <map> <memory> <mutex> <numbers> <numeric> <optional> <set> <span> <sstream> <string>
