@@ -73,6 +73,12 @@ constexpr std::array<CharacteristicName, 18> kDimensional = {{
 
 constexpr const char* kDefinition = "CharacteristicDefinition";
 
+// Elements may refer to the same others as often as they like, so that a short file could ask for
+// any amount of text. Elements looked at and bytes of text together: some seconds and 100 MB.
+constexpr size_t kMostWork = 100'000'000;
+// Entities of a feature that its description names.
+constexpr size_t kEntitiesNamed = 16;
+
 std::string Number(double value) {
   std::array<char, 32> text;
   std::snprintf(text.data(), text.size(), "%.6g", value);
@@ -169,7 +175,15 @@ class QifReader {
     if (found == index.end()) {
       Break(from, absl::StrCat("refers to ", what, " ", id, ", which is not in the file"));
     }
+    Count(from, 1 + found->second->children.size());
     return *found->second;
+  }
+
+  void Count(const QifElement& from, size_t work) const {
+    work_ += work;
+    if (work_ > kMostWork) {
+      Break(from, "the elements of this file refer to each other so often that it cannot be read");
+    }
   }
 
   // Texts of the <Id> children of `list` of `element`.
@@ -252,10 +266,18 @@ class QifReader {
     if (item_name != feature_names_.end()) name = item_name->second;
     if (!name.empty()) absl::StrAppend(&text, " ", name);
     absl::StrAppend(&text, " (feature ", Id(nominal));
-    const std::vector<std::string> entities = Ids(nominal, "EntityInternalIds");
-    for (size_t i = 0; i < entities.size(); ++i) {
-      absl::StrAppend(&text, i == 0 ? ", entities " : ", ", entities[i]);
+    size_t entities = 0;
+    if (const QifElement* list = nominal.Child("EntityInternalIds")) {
+      Count(nominal, list->children.size());
+      for (const QifElement& id : list->children) {
+        if (id.name != "Id" || ++entities > kEntitiesNamed) continue;
+        absl::StrAppend(&text, entities == 1 ? ", entities " : ", ", id.text);
+      }
     }
+    if (entities > kEntitiesNamed) {
+      absl::StrAppend(&text, " and ", entities - kEntitiesNamed, " more");
+    }
+    Count(nominal, text.size());
     return text + ")";
   }
 
@@ -295,8 +317,9 @@ class QifReader {
   }
 
   // All texts of elements `name` anywhere below.
-  static void Collect(const QifElement& element, const std::string& name,
-                      std::vector<std::string>& out) {
+  void Collect(const QifElement& element, const std::string& name,
+               std::vector<std::string>& out) const {
+    Count(element, element.children.size());
     for (const QifElement& child : element.children) {
       if (child.name == name) out.push_back(child.text);
       Collect(child, name, out);
@@ -318,6 +341,7 @@ class QifReader {
         const QifElement& definition = Follow(datum_definitions_, datum, id, "datum definition");
         absl::StrAppend(&text, text.empty() ? "" : "-", definition.ChildText("DatumLabel"));
       }
+      Count(datum, text.size());
       if (!materials.empty() && materials[0] == "MAXIMUM") text += "(M)";
       if (!materials.empty() && materials[0] == "LEAST") text += "(L)";
       const std::string first = precedence.empty() ? "" : precedence[0];
@@ -543,6 +567,7 @@ class QifReader {
       definitions_, nominals_, items_;
   std::map<const Elements*, std::vector<const QifElement*>> order_;  // as in the file
   std::map<std::string, std::string> feature_names_;                 // of a nominal, by its item
+  mutable size_t work_ = 0;                                          // of kMostWork
 };
 
 }  // namespace

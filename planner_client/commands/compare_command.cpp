@@ -128,9 +128,11 @@ int RunCompare(CompareOptions& options) {
       static_cast<UncertaintyOracle&>(*session->oracle).set_weights(*variant.gain);
     }
     Run run{variant.label, std::vector<std::vector<int>>(options.goals.size()), {}, 0};
-    // Greedy plans grow scan by scan: one run to the highest goal holds the answer for all. Other
+    // One run to the highest goal holds the answer for all if plans grow scan by scan. Other
     // strategies are told the goal they are to reach.
-    const bool greedy = strategy != "refined";
+    const bool greedy = std::any_of(
+        Strategies().begin(), Strategies().end(),
+        [&](const auto& known) { return known.name == strategy && known.scan_by_scan; });
     for (int seed = 1; seed <= options.seeds && !interrupted.load(); ++seed) {
       for (size_t g = greedy ? options.goals.size() - 1 : 0;
            g < options.goals.size() && !interrupted.load(); ++g) {
@@ -151,6 +153,8 @@ int RunCompare(CompareOptions& options) {
         const auto start = std::chrono::steady_clock::now();
         auto result = MakePlan(*session->oracle, request);
         if (!result.ok()) return ReportError(result.status());
+        // A plan that was broken off says nothing of the strategy.
+        if (result->stop_reason == StopReason::kInterrupted) break;
         const double seconds =
             std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         run.seconds.push_back(seconds);
@@ -179,7 +183,7 @@ int RunCompare(CompareOptions& options) {
         }
       }
     }
-    runs.push_back(std::move(run));
+    if (!run.seconds.empty()) runs.push_back(std::move(run));
   }
   progress.Finish();
 
@@ -188,7 +192,8 @@ int RunCompare(CompareOptions& options) {
   for (const double goal : options.goals) std::printf("  scans for %4.4g %%  ", 100 * goal);
   std::printf("  time per plan\n");
   for (const Run& run : runs) {
-    StrategyComparison row{run.strategy, options.seeds, {}};
+    const auto seeds = static_cast<int>(run.scans.front().size());
+    StrategyComparison row{run.strategy, seeds, {}};
     std::printf("%-14s", run.strategy.c_str());
     for (const auto& counts : run.scans) {
       row.scans.push_back(Summarise(counts));
@@ -196,12 +201,12 @@ int RunCompare(CompareOptions& options) {
       if (s.seeds_reached == 0) {
         std::printf("  %-18s", "not reached");
       } else {
-        std::printf("  %-18s",
-                    absl::StrFormat("%g (%d-%d)%s", s.median, s.min, s.max,
-                                    s.seeds_reached < options.seeds
-                                        ? absl::StrFormat(" %d/%d", s.seeds_reached, options.seeds)
-                                        : "")
-                        .c_str());
+        std::printf(
+            "  %-18s",
+            absl::StrFormat(
+                "%g (%d-%d)%s", s.median, s.min, s.max,
+                s.seeds_reached < seeds ? absl::StrFormat(" %d/%d", s.seeds_reached, seeds) : "")
+                .c_str());
       }
     }
     double total = 0;

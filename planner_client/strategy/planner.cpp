@@ -58,22 +58,63 @@ PlannerRequest AimAtAllTargets(PlannerRequest request) {
   return request;
 }
 
+using PlanFunction = absl::StatusOr<PlannerResult> (*)(PlanRun&);
+
+struct Strategy {
+  StrategyDescription description;
+  PlanFunction plan;
+};
+
+absl::StatusOr<PlannerResult> PlanWithAnnealing(PlanRun& run) {
+  GreedySearch search;
+  search.method = Method::kSimulatedAnnealing;
+  search.options.step = 0.1;
+  // Table 6.1: k_B T_start = 5520 targets, of 19 080.
+  search.options.start_temperature =
+      5520.0 / 19080.0 * static_cast<double>(std::max<int64_t>(1, run.measurable()));
+  return PlanGreedily(run, SearchWith(run, search));
+}
+
+template <Method method, int restarts>
+absl::StatusOr<PlannerResult> PlanGreedilyBy(PlanRun& run) {
+  GreedySearch search;
+  search.method = method;
+  search.options.restarts = restarts;
+  return PlanGreedily(run, SearchWith(run, search));
+}
+
+const std::vector<Strategy>& KnownStrategies() {
+  static const std::vector<Strategy> strategies = {
+      {{"refined", "pool of scans, exchange, continuous polishing, dropping scans", false},
+       PlanRefined},
+      {{"greedy-pso", "greedy next best scan, particle swarm, five restarts", true},
+       PlanGreedilyBy<Method::kParticleSwarm, 5>},
+      {{"greedy-pso-1", "greedy next best scan, one long particle swarm", true},
+       PlanGreedilyBy<Method::kParticleSwarm, 1>},
+      {{"greedy-ga", "greedy next best scan, genetic algorithm", true},
+       PlanGreedilyBy<Method::kGeneticAlgorithm, 1>},
+      {{"greedy-sa", "greedy next best scan, simulated annealing", true}, PlanWithAnnealing},
+      {{"greedy-cmaes", "greedy next best scan, CMA-ES, five restarts", true},
+       PlanGreedilyBy<Method::kCmaEs, 5>},
+      {{"greedy-de", "greedy next best scan, self-adaptive differential evolution", true},
+       PlanGreedilyBy<Method::kDifferentialEvolution, 1>},
+      {{"matrix", "measurability matrix of random scans, lazy greedy choice", true},
+       PlanWithMatrix},
+  };
+  return strategies;
+}
+
 }  // namespace
 
 double GoalFraction(const PlanningGoal& goal) { return goal.admissible.value_or(goal.coverage); }
 
 const std::vector<StrategyDescription>& Strategies() {
-  static const std::vector<StrategyDescription> strategies = {
-      {"refined", "pool of scans, exchange, continuous polishing, dropping scans"},
-      {"greedy-pso", "greedy next best scan, particle swarm, five restarts"},
-      {"greedy-pso-1", "greedy next best scan, one long particle swarm"},
-      {"greedy-ga", "greedy next best scan, genetic algorithm"},
-      {"greedy-sa", "greedy next best scan, simulated annealing"},
-      {"greedy-cmaes", "greedy next best scan, CMA-ES, five restarts"},
-      {"greedy-de", "greedy next best scan, self-adaptive differential evolution"},
-      {"matrix", "measurability matrix of random scans, lazy greedy choice"},
-  };
-  return strategies;
+  static const std::vector<StrategyDescription> descriptions = [] {
+    std::vector<StrategyDescription> all;
+    for (const Strategy& strategy : KnownStrategies()) all.push_back(strategy.description);
+    return all;
+  }();
+  return descriptions;
 }
 
 absl::Status CheckStrategy(const std::string& name) {
@@ -97,26 +138,10 @@ absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest&
     }
   }
 
-  if (request.strategy == "refined") return PlanRefined(run);
-  if (request.strategy == "matrix") return PlanWithMatrix(run);
-  GreedySearch search;
-  if (request.strategy == "greedy-pso") {
-    search.options.restarts = 5;
-  } else if (request.strategy == "greedy-ga") {
-    search.method = Method::kGeneticAlgorithm;
-  } else if (request.strategy == "greedy-sa") {
-    search.method = Method::kSimulatedAnnealing;
-    search.options.step = 0.1;
-    // Table 6.1: k_B T_start = 5520 targets, of 19 080.
-    search.options.start_temperature =
-        5520.0 / 19080.0 * static_cast<double>(std::max<int64_t>(1, run.measurable()));
-  } else if (request.strategy == "greedy-cmaes") {
-    search.method = Method::kCmaEs;
-    search.options.restarts = 5;
-  } else if (request.strategy == "greedy-de") {
-    search.method = Method::kDifferentialEvolution;
-  }
-  return PlanGreedily(run, SearchWith(run, search));
+  const auto& known = KnownStrategies();
+  return std::find_if(known.begin(), known.end(),
+                      [&](const Strategy& s) { return s.description.name == request.strategy; })
+      ->plan(run);
 }
 
 }  // namespace sightline

@@ -80,6 +80,8 @@ double GoalFraction(const PlanningGoal& goal);
 struct StrategyDescription {
   std::string name;
   std::string description;
+  // Its plan for a lower goal is the beginning of that for a higher one.
+  bool scan_by_scan;
 };
 const std::vector<StrategyDescription>& Strategies();
 

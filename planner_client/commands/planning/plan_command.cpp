@@ -10,6 +10,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_join.h"
 #include "core/json/strict_json.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/help/terminal.h"
@@ -469,8 +470,9 @@ Command AddPlanCommand(CLI::App& app) {
   app.add_option("inspection", options->session.inspection_file, "inspection.json")->required();
   app.add_option("--out", options->output.folder, "folder for plan.json, report.html, ...")
       ->required();
-  app.add_option("--strategy", options->strategy,
-                 "refined, greedy-pso, greedy-ga, greedy-sa, matrix, ...");
+  std::vector<std::string> strategies;
+  for (const StrategyDescription& known : Strategies()) strategies.push_back(known.name);
+  app.add_option("--strategy", options->strategy, absl::StrJoin(strategies, ", "));
   app.add_option("--seed", options->seed, "same seed, same plan");
   app.add_option("--goal", options->goal,
                  "fraction of the targets to be covered (or known admissibly, if the inspection's "

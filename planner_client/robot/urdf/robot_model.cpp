@@ -280,8 +280,7 @@ class Reader {
                                      const std::string& where) const {
     // Files in millimetres have a scale of 0.001: looked at by size only after scaling.
     const bool millimetres = (scale - Eigen::Vector3d::Constant(1e-3)).norm() < 1e-9;
-    const bool has_unit = absl::EndsWithIgnoreCase(path.string(), ".glb") ||
-                          absl::EndsWithIgnoreCase(path.string(), ".gltf");
+    const bool has_unit = CheckPartUnit(path.string(), "").ok();
     auto loaded = LoadPart(path.string(), has_unit ? "" : millimetres ? "mm" : "m");
     if (!loaded.ok()) {
       return absl::Status(loaded.status().code(), absl::StrCat(mount_.urdf_file, ": ", where, ": ",

@@ -519,9 +519,10 @@ TEST(ObjFile, FacesKeepTheNamesOfTheirMaterials) {
 }
 
 TEST(Glb, TheExampleHeadHasThreeSurfaces) {
-  const auto mesh = LoadPart(std::string(std::getenv("SIGHTLINE_SOURCE_DIR")) +
-                                 "/examples/cylinder_head/cylinder_head.glb",
-                             "");
+  const char* folder = std::getenv("SIGHTLINE_SOURCE_DIR");
+  const auto mesh = LoadPart(
+      std::string(folder == nullptr ? "." : folder) + "/examples/cylinder_head/cylinder_head.glb",
+      "");
   ASSERT_TRUE(mesh.ok()) << mesh.status();
   EXPECT_THAT(mesh->material_names, testing::ElementsAre("machined", "cast_outer", "sand_cast"));
   ASSERT_EQ(mesh->triangle_material.size(), mesh->triangles.size());

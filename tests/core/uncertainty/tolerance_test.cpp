@@ -20,6 +20,7 @@
 #include "core/tolerance/face_surface.h"
 #include "core/tolerance/qif_reader.h"
 #include "core/tolerance/tolerance_proto.h"
+#include "tests/limits/within_limits.h"
 
 namespace sightline {
 namespace {
@@ -570,6 +571,51 @@ TEST_F(QifTest, DeepNestingIsRefused) {
     close += "</d>";
   }
   EXPECT_THAT(ErrorOf(With("read past", open + close)), HasSubstr("nested more than"));
+}
+
+// One feature of many entities, or with a long name, to which many characteristics refer: what is
+// told of them must not grow as the product.
+TEST_F(QifTest, ReferencesDoNotMultiplyWhatIsRead) {
+  const auto document = [](const std::string& feature, int characteristics) {
+    std::string text = absl::StrCat(
+        R"(<QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">
+  <FileUnits><PrimaryUnits><LinearUnit><SIUnitName>meter</SIUnitName></LinearUnit></PrimaryUnits></FileUnits>
+  <Features><FeatureNominals><PlaneFeatureNominal id="f">)",
+        feature, R"(</PlaneFeatureNominal></FeatureNominals></Features><Characteristics>
+  <CharacteristicDefinitions><FlatnessCharacteristicDefinition id="d"><ToleranceValue>1e-4</ToleranceValue>
+  </FlatnessCharacteristicDefinition></CharacteristicDefinitions><CharacteristicNominals>)");
+    for (int i = 0; i < characteristics; ++i) {
+      absl::StrAppend(&text, "<FlatnessCharacteristicNominal id=\"n", i,
+                      "\"><CharacteristicDefinitionId>d</CharacteristicDefinitionId>"
+                      "<FeatureNominalIds><Id>f</Id></FeatureNominalIds>"
+                      "</FlatnessCharacteristicNominal>\n");
+    }
+    return text + "</CharacteristicNominals></Characteristics></QIFDocument>";
+  };
+  std::string entities;
+  for (int i = 0; i < 20'000; ++i) absl::StrAppend(&entities, "<Id>", 100'000 + i, "</Id>");
+  entities = "<EntityInternalIds>" + entities + "</EntityInternalIds>";
+
+  const auto one = ReadQif(Write(document(entities, 1)));
+  ASSERT_TRUE(one.ok()) << one.status();
+  EXPECT_THAT(one->read.at(0).features.at(0), HasSubstr("100015 and 19984 more)"));
+  const std::string many = Write(document(entities, 20'000));
+  EXPECT_THAT(WithinLimits({.cpu_time_s = 20, .memory_bytes = int64_t{512} << 20},
+                           [&] { return std::string(ReadQif(many).status().message()); }),
+              HasSubstr("refer to each other so often"));
+  const std::string long_name =
+      Write(document("<Name>" + std::string(4000, 'a') + "</Name>", 100'000));
+  EXPECT_THAT(WithinLimits({.cpu_time_s = 20, .memory_bytes = int64_t{1} << 30},
+                           [&] { return std::string(ReadQif(long_name).status().message()); }),
+              HasSubstr("refer to each other so often"));
+  // Much, but only as much as the file says.
+  const std::string large = Write(document("<Name>top</Name>", 50'000));
+  EXPECT_EQ(WithinLimits({.cpu_time_s = 20},
+                         [&] {
+                           const auto report = ReadQif(large);
+                           return report.ok() ? absl::StrCat(report->read.size()) : "refused";
+                         }),
+            "50000");
 }
 
 // Cut and flipped bytes: an error or a report whose numbers are finite, never a crash.
