@@ -31,7 +31,8 @@ std::pair<std::string, size_t> Nearest(const std::string& name,
   std::pair<std::string, size_t> best{"", std::numeric_limits<size_t>::max()};
   const std::string head = name.substr(0, kMaxNameBytes);
   for (const std::string& candidate : known) {
-    const size_t distance = EditDistance(head, candidate);
+    // What is most often left out is the unit.
+    const size_t distance = candidate.starts_with(head + "_") ? 1 : EditDistance(head, candidate);
     if (distance < best.second) best = {candidate, distance};
   }
   return best;

@@ -8,7 +8,8 @@
 namespace sightline {
 
 // The name of `known` with the fewest letters inserted, left out or replaced (Levenshtein), the
-// first of equal ones; empty if there is none. Only the first 100 bytes of `name` are looked at.
+// first of equal ones; words left out at the end (dark_noise of dark_noise_electrons) count as one.
+// Empty if there is none. Only the first 100 bytes of `name` are looked at.
 std::string NearestName(const std::string& name, const std::vector<std::string>& known);
 
 // The same, but empty where `name` is not like any: more than a third of its letters, and more than

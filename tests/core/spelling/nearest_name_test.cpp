@@ -11,6 +11,7 @@ TEST(NearestName, CountsLettersThatDiffer) {
   EXPECT_EQ(NearestName("anything", {}), "");
   // The first of equally near ones.
   EXPECT_EQ(NearestName("ac", {"ab", "ad"}), "ab");
+  EXPECT_EQ(LikelyName("dark_noise", {"name", "dark_noise_electrons"}), "dark_noise_electrons");
   EXPECT_EQ(NearestName(std::string(100000, 'x'), {"a", "b"}), "a");
 }
 
