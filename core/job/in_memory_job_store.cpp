@@ -18,6 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/job/job_store.h"
+#include "core/json/printable.h"
 #include "core/parallel/exception_status.h"
 #include "core/trace/trace_context.h"
 
@@ -175,7 +176,7 @@ class InMemoryJobStore : public JobStore {
   };
 
   static absl::Status Unknown(const std::string& job_id) {
-    return absl::NotFoundError(absl::StrCat("no job \"", job_id, "\""));
+    return absl::NotFoundError(absl::StrCat("no job \"", Printable(job_id.substr(0, 64)), "\""));
   }
 
   // Random, so that an id from before a restart never names another job.

@@ -17,8 +17,8 @@
 #include <limits>
 #include <map>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <string_view>
-#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -246,7 +246,8 @@ class Walker {
       Expected(path, absl::StrCat("an object", ObjectInstead(node, type)), node);
       return;
     }
-    std::unordered_set<std::string_view> seen;
+    // Ordered: keys could be made to have the same hash.
+    std::set<std::string_view> seen;
     std::vector<std::pair<const google::protobuf::OneofDescriptor*, std::string>> oneofs;
     for (const auto& [key, value] : node.members) {
       if (errors_.full()) return;
@@ -307,7 +308,13 @@ class Walker {
   // Keys are strings; that is all our messages need.
   void CheckMap(const JsonNode& node, const FieldDescriptor& field, const std::string& path) {
     if (node.type != JsonNode::Type::kObject) return Expected(path, "an object", node);
-    std::unordered_set<std::string_view> seen;
+    // protobuf looks keys up by their hash, and they could be made to have the same.
+    constexpr size_t kMaxEntries = 1000;
+    if (node.members.size() > kMaxEntries) {
+      return Error(path, absl::StrCat("has ", node.members.size(), " entries, must have at most ",
+                                      kMaxEntries));
+    }
+    std::set<std::string_view> seen;
     for (const auto& [key, value] : node.members) {
       if (errors_.full()) return;
       const std::string entry = Shorten(absl::StrCat(path, ".", key));

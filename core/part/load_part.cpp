@@ -9,6 +9,7 @@
 #include <iterator>
 #include <limits>
 #include <optional>
+#include <random>
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
@@ -134,11 +135,13 @@ class Welder {
     return cell;
   }
   size_t SlotOf(const Cell& cell) const {
-    uint64_t hash = 0;
-    for (const int32_t c : cell) {
-      hash = (hash ^ static_cast<uint64_t>(static_cast<int64_t>(c))) * 0x9e3779b97f4a7c15u;
-      hash ^= hash >> 29;
-    }
+    uint64_t hash = 0;  // 20 bits for each axis
+    for (const int32_t c : cell) hash = (hash << 20) | (static_cast<uint32_t>(c) & 0xfffffu);
+    hash += seed_;
+    // Finalizer of SplitMix64 (Steele, Lea, Flood 2014).
+    hash = (hash ^ (hash >> 30)) * 0xbf58476d1ce4e5b9u;
+    hash = (hash ^ (hash >> 27)) * 0x94d049bb133111ebu;
+    hash ^= hash >> 31;
     const size_t mask = table_.size() - 1;
     size_t slot = hash & mask;
     while (table_[slot].first != kNone && table_[slot].cell != cell) slot = (slot + 1) & mask;
@@ -155,6 +158,9 @@ class Welder {
 
   std::vector<Eigen::Vector3f>& positions_;
   float tolerance_m_;
+  // Another for every part, so that no file can be made whose cells share slots. Numbers do not
+  // depend on it.
+  const uint64_t seed_ = (uint64_t{std::random_device{}()} << 32) | std::random_device{}();
   std::vector<Slot> table_;
   size_t used_ = 0;
   std::vector<uint32_t> next_;

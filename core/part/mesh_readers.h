@@ -10,9 +10,9 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstdint>
+#include <map>
 #include <string>
 #include <string_view>
-#include <unordered_map>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -36,7 +36,7 @@ struct RawMesh {
   void SetMaterialOfNewTriangles(const std::string& name);
 
  private:
-  std::unordered_map<std::string, uint16_t> material_of_name_;
+  std::map<std::string, uint16_t> material_of_name_;
 };
 
 // A larger file is refused; of glTF, all its buffers together.

@@ -6,6 +6,7 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
+#include "core/json/printable.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -63,9 +64,9 @@ absl::StatusOr<std::shared_ptr<const StoredPart>> SceneRegistry::FindPart(
     const std::string& digest) {
   auto part = parts_.Get(digest);
   if (part == nullptr) {
-    return WithErrorInfo(
-        absl::NotFoundError(absl::StrCat("part ", digest, " is not on this server: upload it")),
-        kReasonPartUnknown, {{"part_digest", digest}});
+    return WithErrorInfo(absl::NotFoundError(absl::StrCat("part ", Printable(digest.substr(0, 64)),
+                                                          " is not on this server: upload it")),
+                         kReasonPartUnknown, {{"part_digest", digest}});
   }
   return part;
 }
@@ -74,9 +75,10 @@ absl::StatusOr<std::shared_ptr<const StoredScene>> SceneRegistry::FindScene(
     const std::string& digest) {
   auto scene = scenes_.Get(digest);
   if (scene == nullptr) {
-    return WithErrorInfo(absl::NotFoundError(absl::StrCat("scene '", digest.substr(0, 64),
-                                                          "' is not on this server: create it")),
-                         kReasonSceneUnknown, {{"scene_digest", digest.substr(0, 64)}});
+    return WithErrorInfo(
+        absl::NotFoundError(absl::StrCat("scene '", Printable(digest.substr(0, 64)),
+                                         "' is not on this server: create it")),
+        kReasonSceneUnknown, {{"scene_digest", digest.substr(0, 64)}});
   }
   return scene;
 }

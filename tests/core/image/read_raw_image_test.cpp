@@ -225,8 +225,9 @@ TEST_F(RawImageTest, WhatIsNotRawIsRefused) {
   EXPECT_THAT(ErrorOf("/dev/zero"), HasSubstr("no regular file"));
 }
 
-// 16-bit grey of nothing but zeros.
-void WriteLargePng(const std::string& path, uint32_t columns, uint32_t rows) {
+// 16-bit grey of nothing but zeros; with compressed texts of zeros in front, in as many chunks.
+void WriteLargePng(const std::string& path, uint32_t columns, uint32_t rows, int texts = 0,
+                   size_t text_bytes = 0) {
   std::FILE* file = std::fopen(path.c_str(), "wb");
   png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, nullptr, nullptr, nullptr);
   png_infop info = png_create_info_struct(png);
@@ -234,6 +235,13 @@ void WriteLargePng(const std::string& path, uint32_t columns, uint32_t rows) {
   png_set_compression_level(png, 1);
   png_set_IHDR(png, info, columns, rows, 16, PNG_COLOR_TYPE_GRAY, PNG_INTERLACE_NONE,
                PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
+  std::string key = "Comment", zeros(text_bytes, '0');
+  png_text text{};
+  text.compression = PNG_TEXT_COMPRESSION_zTXt;
+  text.key = key.data();
+  text.text = zeros.data();
+  text.text_length = zeros.size();
+  for (int i = 0; i < texts; ++i) png_set_text(png, info, &text, 1);
   png_write_info(png, info);
   const std::vector<png_byte> row(size_t{2} * columns);
   for (uint32_t i = 0; i < rows; ++i) png_write_row(png, row.data());
@@ -254,6 +262,18 @@ TEST_F(RawImageTest, TheSizeIsLookedAtBeforeAnythingIsMade) {
               HasSubstr("at most 65536 a side"));
   WriteLargePng(Path("a.png"), 20'000, 10'000);
   EXPECT_THAT(ErrorOf(Path("a.png"), must_be_small), HasSubstr("a.png: is 20000 x 10000"));
+}
+
+// A text of zeros is a thousandth of its size in the file.
+TEST_F(RawImageTest, TextsInPngAreNotUnpacked) {
+  WriteLargePng(Path("a.png"), 40, 30, 100, 7'000'000);
+  ASSERT_LT(std::filesystem::file_size(Path("a.png")), 8'000'000u);
+  EXPECT_EQ(WithinLimits({.cpu_time_s = 2, .memory_bytes = int64_t{100} << 20},
+                         [&] {
+                           const auto image = ReadRawImageFile(Path("a.png"), {}, {});
+                           return image.ok() ? "read" : image.status().ToString();
+                         }),
+            "read");
 }
 
 TEST_F(RawImageTest, ReadingEndsWhenNobodyWaits) {
