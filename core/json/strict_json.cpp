@@ -308,8 +308,9 @@ class Walker {
   // Keys are strings; that is all our messages need.
   void CheckMap(const JsonNode& node, const FieldDescriptor& field, const std::string& path) {
     if (node.type != JsonNode::Type::kObject) return Expected(path, "an object", node);
-    // protobuf looks keys up by their hash, and they could be made to have the same.
-    constexpr size_t kMaxEntries = 1000;
+    // protobuf's reader takes seconds for many keys that were made to have the same hash. Effects,
+    // the only ones with maps, have at most five parameters.
+    constexpr size_t kMaxEntries = 100;
     if (node.members.size() > kMaxEntries) {
       return Error(path, absl::StrCat("has ", node.members.size(), " entries, must have at most ",
                                       kMaxEntries));

@@ -74,7 +74,7 @@ constexpr std::array<CharacteristicName, 18> kDimensional = {{
 constexpr const char* kDefinition = "CharacteristicDefinition";
 
 // Elements may refer to the same others as often as they like, so that a short file could ask for
-// any amount of text. Elements looked at and bytes of text together: some seconds and 100 MB.
+// any amount of text. Elements looked at and bytes of text together: about a second and 100 MB.
 constexpr size_t kMostWork = 100'000'000;
 // Entities of a feature that its description names.
 constexpr size_t kEntitiesNamed = 16;

@@ -36,7 +36,6 @@ constexpr double kMaxTriangulationRad = 80 * std::numbers::pi / 180;
 
 // Of scans whose points were asked for what they tell of the surface, the longest unused go first.
 constexpr int64_t kInferredScansBytes = int64_t{400} << 20;
-constexpr int64_t kBytesPerPoint = 24;  // of ScanPoints
 
 double SecondsSince(std::chrono::steady_clock::time_point start) {
   return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
@@ -253,8 +252,7 @@ class CoverageSceneImpl final : public CoverageScene {
           *definition_.uncertainty, points, static_cast<float>(priors_->largest_neighbourhood_m()));
     }
     // What holds a scan without points takes some hundred bytes.
-    const int64_t bytes =
-        512 + (scan.points ? kBytesPerPoint * static_cast<int64_t>(scan.points->size()) : 0);
+    const int64_t bytes = 512 + (scan.points ? scan.points->bytes() : 0);
     inferred_scans_.Put(key, std::make_shared<MeasuredScan>(scan), bytes).IgnoreError();
     return scan;
   }

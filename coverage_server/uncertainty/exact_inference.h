@@ -45,7 +45,8 @@ class ScanPoints {
   // of one at the place itself: what the scan is likely to tell there. 0: nothing.
   double LikelyInformation(const Eigen::Vector3f& place_m, const Eigen::Vector3f& normal) const;
 
-  size_t size() const { return points_.size(); }
+  // Of the points, which are nearly all that it holds.
+  int64_t bytes() const { return static_cast<int64_t>(points_.size() * sizeof(Point)); }
 
  private:
   // Calls visit(begin, end) for the points of every cell about a place.

@@ -130,11 +130,11 @@ int RunCompare(CompareOptions& options) {
     Run run{variant.label, std::vector<std::vector<int>>(options.goals.size()), {}, 0};
     // One run to the highest goal holds the answer for all if plans grow scan by scan. Other
     // strategies are told the goal they are to reach.
-    const bool greedy = std::any_of(
+    const bool scan_by_scan = std::any_of(
         Strategies().begin(), Strategies().end(),
         [&](const auto& known) { return known.name == strategy && known.scan_by_scan; });
     for (int seed = 1; seed <= options.seeds && !interrupted.load(); ++seed) {
-      for (size_t g = greedy ? options.goals.size() - 1 : 0;
+      for (size_t g = scan_by_scan ? options.goals.size() - 1 : 0;
            g < options.goals.size() && !interrupted.load(); ++g) {
         PlannerRequest request;
         request.domain = session->inspection.domain;
@@ -159,7 +159,7 @@ int RunCompare(CompareOptions& options) {
             std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
         run.seconds.push_back(seconds);
         run.evaluations += result->evaluations;
-        for (size_t k = greedy ? 0 : g; k <= g; ++k) {
+        for (size_t k = scan_by_scan ? 0 : g; k <= g; ++k) {
           const auto& curve = result->coverage_curve;
           const auto reached = std::find_if(curve.begin(), curve.end(),
                                             [&](double c) { return c >= options.goals[k]; });

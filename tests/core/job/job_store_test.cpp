@@ -151,6 +151,8 @@ TEST(JobStore, ConcurrentCreatesOfOneRequestMakeOneJob) {
 TEST(JobStore, UnknownJobIsNotFound) {
   const auto store = MakeInMemoryJobStore(1);
   EXPECT_EQ(store->Get("nothing").status().code(), absl::StatusCode::kNotFound);
+  // A terminal would obey what somebody named.
+  EXPECT_EQ(store->Get("\x1b[31m").status().message(), "no job \"\\x1b[31m\"");
   EXPECT_EQ(store->Cancel("nothing").status().code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(store->WaitForChange("nothing", 0, absl::Seconds(1)).status().code(),
             absl::StatusCode::kNotFound);

@@ -15,6 +15,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health.h"
+#include "tests/limits/same_hash.h"
 #include "tests/limits/within_limits.h"
 
 namespace sightline {
@@ -241,6 +242,55 @@ std::string Glb(std::string json) {
     return bytes;
   };
   return absl::StrCat("glTF", word(2), word(20 + json.size()), word(json.size()), "JSON", json);
+}
+
+// Cells of a grid of 2^-18 m that one multiplicative hash without a seed sends to the same few
+// slots of tables of up to 2^18: with linear probing every vertex would look at all before it.
+TEST(StlFiles, CornersThatShareSlotsOfATableTakeNoTime) {
+  constexpr size_t kCorners = 60'000;
+  const auto mixed = [](uint64_t hash, int coordinate) {
+    hash = (hash ^ static_cast<uint64_t>(coordinate)) * 0x9e3779b97f4a7c15u;
+    return hash ^ (hash >> 29);
+  };
+  std::vector<float> corners = {1, 1, 1};  // the largest, which the grid follows from
+  for (int x = 0; corners.size() < 3 * kCorners; ++x) {
+    for (int y = 0; y < 262'144 && corners.size() < 3 * kCorners; ++y) {
+      for (int z = 0; z < 512; ++z) {
+        if ((mixed(mixed(mixed(0, x), y), z) & 0x3ffffu) >= 256) continue;
+        for (const int cell : {x, y, z})
+          corners.push_back((static_cast<float>(cell) + 0.5f) * 0x1p-18f);
+      }
+    }
+  }
+  const auto triangles = static_cast<uint32_t>(corners.size() / 9);
+  std::string bytes(80, '\0');
+  bytes.append(reinterpret_cast<const char*>(&triangles), 4);
+  for (uint32_t t = 0; t < triangles; ++t) {
+    bytes.append(12, '\0');
+    bytes.append(reinterpret_cast<const char*>(&corners[size_t{9} * t]), 36);
+    bytes.append(2, '\0');
+  }
+  EXPECT_EQ(WithinLimits({.cpu_time_s = 2},
+                         [&] {
+                           const auto mesh = LoadPartFromMemory(bytes, "stl", "m", "part.stl");
+                           return mesh.ok() ? absl::StrCat(mesh->positions_m.size())
+                                            : std::string(mesh.status().message());
+                         }),
+            absl::StrCat(size_t{3} * triangles));
+}
+
+TEST(ObjFiles, MaterialsWithTheSameHashTakeNoTime) {
+  std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+  const std::vector<std::string> names = SameHash(30'000);
+  ASSERT_EQ(std::hash<std::string>()(names.front()), std::hash<std::string>()(names.back()));
+  for (const std::string& name : names) absl::StrAppend(&text, "usemtl ", name, "\nf 1 2 3\n");
+  EXPECT_EQ(WithinLimits({.cpu_time_s = 1},
+                         [&] {
+                           const auto mesh = LoadPartFromMemory(text, "obj", "m", "part.obj");
+                           return mesh.ok() ? absl::StrCat(mesh->material_names.size())
+                                            : std::string(mesh.status().message());
+                         }),
+            "30000");
 }
 
 TEST(GltfFiles, JsonThatWouldFillTheMemoryIsRefused) {

@@ -262,6 +262,12 @@ TEST_F(CoverageServiceTest, UnknownDigestsSayWhatToDo) {
   EXPECT_EQ(scene.code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(ErrorReason(scene), "SCENE_UNKNOWN");
   EXPECT_EQ(ErrorMetadata(scene).at("scene_digest"), std::string(64, 'b'));
+  // A terminal would obey what somebody named.
+  spec.set_part_digest("\x1b[31m");
+  EXPECT_THAT(std::string(connection_->CreateScene(spec).status().message()),
+              Not(HasSubstr("\x1b")));
+  EXPECT_THAT(std::string(connection_->Gains(GainsRequest("\x1b[31m", 1), &gains).message()),
+              HasSubstr("scene '\\x1b[31m' is not on this server"));
 }
 
 TEST_F(CoverageServiceTest, ScenesBeyondTheMemoryLimitAreDropped) {
