@@ -105,8 +105,4 @@ grpc::Status JobServiceImpl::WatchJob(grpc::ServerContext* context,
   return calls_->Run("WatchJob", context, watch, CallKind::kStream);
 }
 
-absl::Status JobNotCreated(const absl::Status& status) {
-  return absl::IsResourceExhausted(status) ? WithErrorInfo(status, "QUEUE_FULL") : status;
-}
-
 }  // namespace sightline

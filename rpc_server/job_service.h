@@ -10,9 +10,6 @@ namespace sightline {
 
 v1::Job JobToProto(const JobRecord& record);
 
-// What JobStore::Create said, with a reason that clients know (QUEUE_FULL).
-absl::Status JobNotCreated(const absl::Status& status);
-
 class JobServiceImpl final : public v1::JobService::Service {
  public:
   JobServiceImpl(JobStore* jobs, CallTracker* calls) : jobs_(jobs), calls_(calls) {}

@@ -48,12 +48,15 @@ inline constexpr size_t kMaxTriangles = 20'000'000;
 // some 200 bytes, whatever it says.
 inline constexpr size_t kMaxGltfJsonBytes = size_t{64} << 20;
 inline constexpr size_t kMaxGltfJsonValues = 2'000'000;
+// Of glTF, memory for its materials, nodes, meshes and the like: an empty material of 3 bytes of
+// JSON takes some 2.5 kB. Enough for 100 000 materials or 500 000 nodes.
+inline constexpr size_t kMaxGltfElementBytes = size_t{256} << 20;
 
 // Steps of a reader's loop between two looks at its StopCheck: some milliseconds.
 inline constexpr size_t kStepsPerStopCheck = 1 << 16;
 
 // Messages of the returned errors are the reason only, without the file's name; INVALID_ARGUMENT,
-// or RESOURCE_EXHAUSTED for more JSON than the limits above, or what `stop` says.
+// or RESOURCE_EXHAUSTED for more JSON or elements than the limits above, or what `stop` says.
 absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes, const StopCheck& stop);
 // `bytes` are the JSON of the file at `path`, whose folder external buffers are read from.
 absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path,

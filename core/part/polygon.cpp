@@ -109,6 +109,15 @@ void Fan(std::span<const uint32_t> corners, RawMesh* mesh) {
 absl::Status PolygonCutter::Add(std::span<const uint32_t> corners, RawMesh* mesh) {
   const auto& p = mesh->positions;
   const size_t n = corners.size();
+  // Both before anything is allocated for the corners.
+  if (n > kMostCorners) {
+    return absl::InvalidArgumentError(absl::StrCat("a face has ", n, " corners, at most ",
+                                                   kMostCorners, " can be cut into triangles"));
+  }
+  if (n > 2 && n - 2 > kMaxTriangles - std::min(kMaxTriangles, mesh->triangles.size())) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("too many triangles, at most ", kMaxTriangles, " can be read"));
+  }
   if (n <= 3) {
     Fan(corners, mesh);
     return absl::OkStatus();

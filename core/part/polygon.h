@@ -22,12 +22,16 @@ class PolygonCutter {
   // `kFewCorners` corners of one file: some five seconds.
   static constexpr int64_t kMostSteps = 1'000'000'000;
   static constexpr size_t kFewCorners = 32;
+  // Corners of one face. Cutting takes some 60 bytes for each, and no outline that was drawn or
+  // tessellated has as many.
+  static constexpr size_t kMostCorners = 1'000'000;
 
   explicit PolygonCutter(const StopCheck& stop) : stop_(stop) {}
 
   // Adds the triangles of a planar polygon given by indices into mesh->positions. Fewer than 3
   // corners add nothing; of one that crosses itself, what has no ear is fanned. INVALID_ARGUMENT:
-  // the file's polygons are too much work; or what `stop` says.
+  // more than kMostCorners corners, more than kMaxTriangles triangles with those of `mesh`, or the
+  // file's polygons are too much work; or what `stop` says.
   absl::Status Add(std::span<const uint32_t> corners, RawMesh* mesh);
 
  private:

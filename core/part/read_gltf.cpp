@@ -94,6 +94,49 @@ bool StaysInFolder(const std::string& file) {
                       [](const std::filesystem::path& step) { return step == ".."; });
 }
 
+// Memory that tinygltf takes for the elements of a list of `owner`, as far as their types say.
+size_t BytesOfList(const nlohmann::json& owner, const char* list, size_t element_bytes) {
+  const auto found = owner.is_object() ? owner.find(list) : owner.end();
+  return found != owner.end() && found->is_array() ? found->size() * element_bytes : 0;
+}
+
+// Memory that tinygltf takes for the elements of a glTF file, whatever they hold. Values of 200
+// bytes and less (extras, extensions, numbers) are limited by their count.
+size_t BytesOfElements(const nlohmann::json& root) {
+  size_t bytes = BytesOfList(root, "accessors", sizeof(tinygltf::Accessor)) +
+                 BytesOfList(root, "animations", sizeof(tinygltf::Animation)) +
+                 BytesOfList(root, "bufferViews", sizeof(tinygltf::BufferView)) +
+                 BytesOfList(root, "buffers", sizeof(tinygltf::Buffer)) +
+                 BytesOfList(root, "cameras", sizeof(tinygltf::Camera)) +
+                 BytesOfList(root, "images", sizeof(tinygltf::Image)) +
+                 BytesOfList(root, "materials", sizeof(tinygltf::Material)) +
+                 BytesOfList(root, "meshes", sizeof(tinygltf::Mesh)) +
+                 BytesOfList(root, "nodes", sizeof(tinygltf::Node)) +
+                 BytesOfList(root, "samplers", sizeof(tinygltf::Sampler)) +
+                 BytesOfList(root, "scenes", sizeof(tinygltf::Scene)) +
+                 BytesOfList(root, "skins", sizeof(tinygltf::Skin)) +
+                 BytesOfList(root, "textures", sizeof(tinygltf::Texture));
+  const auto for_each = [&](const char* list, const auto& add) {
+    const auto found = root.find(list);
+    if (found == root.end() || !found->is_array()) return;
+    for (const nlohmann::json& element : *found) add(element);
+  };
+  for_each("meshes", [&](const nlohmann::json& mesh) {
+    bytes += BytesOfList(mesh, "primitives", sizeof(tinygltf::Primitive));
+  });
+  for_each("animations", [&](const nlohmann::json& animation) {
+    bytes += BytesOfList(animation, "channels", sizeof(tinygltf::AnimationChannel)) +
+             BytesOfList(animation, "samplers", sizeof(tinygltf::AnimationSampler));
+  });
+  if (const auto extensions = root.find("extensions");
+      extensions != root.end() && extensions->is_object()) {
+    if (const auto lights = extensions->find("KHR_lights_punctual"); lights != extensions->end()) {
+      bytes += BytesOfList(*lights, "lights", sizeof(tinygltf::Light));
+    }
+  }
+  return bytes;
+}
+
 // What has to be known before tinygltf may see the JSON. `buffer_files`: where to put the names of
 // the files that buffers are in; nullptr for a GLB, which has them in itself.
 absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_files) {
@@ -117,6 +160,11 @@ absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_f
                                   : nlohmann::json(nlohmann::json::value_t::discarded);
   if (root.is_discarded() || !root.is_object()) {
     return Refuse("truncated or damaged: its JSON does not parse");
+  }
+  if (BytesOfElements(root) > kMaxGltfElementBytes) {
+    return absl::ResourceExhaustedError(
+        absl::StrCat("its JSON has more materials, nodes and other elements than the ",
+                     kMaxGltfElementBytes >> 20, " MiB that can be read"));
   }
   // Only the first buffer may be the GLB's own; each further one would copy it once more.
   const bool binary = buffer_files == nullptr;
@@ -171,12 +219,31 @@ struct BufferFiles {
   }
 };
 
+// Whether `path` is in `folder` or below it once links are followed.
+bool LeadsIntoFolder(const std::filesystem::path& path, const std::string& folder) {
+  namespace fs = std::filesystem;
+  std::error_code error;
+  const fs::path real_folder = fs::canonical(folder.empty() ? "." : folder, error);
+  if (error) return false;
+  const fs::path real = fs::canonical(path, error);
+  if (error) return false;
+  return std::mismatch(real_folder.begin(), real_folder.end(), real.begin(), real.end()).first ==
+         real_folder.end();
+}
+
 bool IsBufferFile(const std::string& path, void* files) {
   return static_cast<const BufferFiles*>(files)->Has(path);
 }
 bool ReadBufferFile(std::vector<unsigned char>* bytes, std::string* error, const std::string& path,
                     void* context) {
   auto& files = *static_cast<BufferFiles*>(context);
+  if (std::error_code missing;
+      std::filesystem::exists(path, missing) && !LeadsIntoFolder(path, files.folder)) {
+    if (error != nullptr) {
+      absl::StrAppend(error, path, ": is a link out of the folder of the part, which is not read");
+    }
+    return false;
+  }
   const absl::StatusOr<std::string> read = ReadRegularFile(path, files.bytes_left);
   if (!read.ok()) {
     if (error != nullptr) absl::StrAppend(error, read.status().message());

@@ -65,12 +65,13 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop) {
                                     " vertices so far"));
         }
         corners.push_back(static_cast<uint32_t>(resolved));
+        // One more than the cutter takes, so that it is the cutter that refuses.
+        if (corners.size() > PolygonCutter::kMostCorners) break;
       }
       if (corners.size() < 3) return error("truncated: a face needs at least 3 vertices");
       if (absl::Status status = cutter.Add(corners, &mesh); !status.ok()) {
         return absl::IsInvalidArgument(status) ? error(std::string(status.message())) : status;
       }
-      if (mesh.triangles.size() > kMaxTriangles) return error("too many triangles");
     } else if (keyword == "usemtl") {
       mesh.SetMaterialOfNewTriangles(material);
       material = std::string(next_word());

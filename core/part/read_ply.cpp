@@ -171,7 +171,6 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
   Body body(bytes.substr(header.position()), *encoding);
   RawMesh mesh;
   PolygonCutter cutter(stop);
-  std::vector<double> indices;
   std::vector<uint32_t> corners;
   bool vertices_read = false;
   for (const Element& element : elements) {
@@ -237,18 +236,21 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
         double count = 0;
         if (!body.Read(*property.count_type, &count)) return truncated(i);
         if (!(count >= 0 && count <= static_cast<double>(body.Left()))) return truncated(i);
-        indices.clear();
-        for (uint64_t n = 0; n < static_cast<uint64_t>(count); ++n) {
-          if (!body.Read(property.type, &value)) return truncated(i);
-          indices.push_back(value);
-        }
-        if (!is_face || static_cast<int>(k) != list_of_face) continue;
-        if (indices.size() < 3) {
+        const bool is_outline = is_face && static_cast<int>(k) == list_of_face;
+        if (is_outline && count < 3) {
           return absl::InvalidArgumentError(
-              absl::StrCat("face ", i, " has ", indices.size(), " vertices, needs at least 3"));
+              absl::StrCat("face ", i, " has ", count, " vertices, needs at least 3"));
+        }
+        if (is_outline && count > PolygonCutter::kMostCorners) {
+          return absl::InvalidArgumentError(
+              absl::StrCat("face ", i, " has ", static_cast<uint64_t>(count), " corners, at most ",
+                           PolygonCutter::kMostCorners, " can be cut into triangles"));
         }
         corners.clear();
-        for (double index : indices) {
+        for (uint64_t n = 0; n < static_cast<uint64_t>(count); ++n) {
+          double index = 0;
+          if (!body.Read(property.type, &index)) return truncated(i);
+          if (!is_outline) continue;
           if (!(index >= 0 && index < static_cast<double>(mesh.positions.size())) ||
               index != static_cast<double>(static_cast<uint32_t>(index))) {
             return absl::InvalidArgumentError(absl::StrCat("face ", i, " has vertex index ", index,
@@ -260,9 +262,6 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
         if (absl::Status status = cutter.Add(corners, &mesh); !status.ok()) {
           if (!absl::IsInvalidArgument(status)) return status;
           return absl::InvalidArgumentError(absl::StrCat("face ", i, ": ", status.message()));
-        }
-        if (mesh.triangles.size() > kMaxTriangles) {
-          return absl::InvalidArgumentError("has too many triangles");
         }
       }
       if (is_vertex) mesh.positions.push_back(position);

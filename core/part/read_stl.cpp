@@ -101,7 +101,6 @@ absl::StatusOr<RawMesh> ReadAscii(std::string_view bytes, const StopCheck& stop)
       if (absl::Status status = cutter.Add(loop, &mesh); !status.ok()) {
         return absl::IsInvalidArgument(status) ? error(std::string(status.message())) : status;
       }
-      if (mesh.triangles.size() > kMaxTriangles) return error("too many triangles");
       in_loop = false;
     } else if (word == "endfacet") {
       if (in_loop) return error("\"endfacet\" inside a loop");

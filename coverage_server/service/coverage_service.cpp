@@ -103,6 +103,8 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
   absl::StatusOr<ReceivedFile> file =
       ReceiveChunks(p_.calls, context, reader, header.size_bytes(), &upload_memory_);
   if (!file.ok()) return file.status();
+  auto turn = reading_turns_.Wait(PeerOf(*context), [&] { return p_.calls->CheckStop(context); });
+  if (!turn.ok()) return turn.status();
   absl::StatusOr<TriangleMesh> mesh =
       LoadPartFromMemory(file->bytes, header.format(), header.unit(), name,
                          [&] { return p_.calls->CheckStop(context); });

@@ -8,6 +8,7 @@
 #include "coverage_server/service/query_validation.h"
 #include "coverage_server/service/scene_registry.h"
 #include "rpc_server/call_tracker.h"
+#include "rpc_server/peer_turns.h"
 #include "rpc_server/rpc_server.h"
 #include "rpc_server/upload.h"
 #include "sightline/v1/coverage_service.grpc.pb.h"
@@ -80,6 +81,9 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
 
   const Parts p_;
   UploadMemory upload_memory_;
+  // Parts that are read: a mesh of 20 million triangles takes some 4 GB until it is welded, and a
+  // small glTF file can repeat its geometry to as many.
+  PeerTurns reading_turns_{2};
 };
 
 }  // namespace sightline

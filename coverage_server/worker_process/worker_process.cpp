@@ -11,11 +11,31 @@
 #include <cstring>
 #include <filesystem>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 
 extern char** environ;
 
 namespace sightline {
+namespace {
+
+// In a worker's environment: the process that started it.
+constexpr char kParentPid[] = "SIGHTLINE_PARENT_PID";
+
+// The environment of a worker: this one's, with the variable of its own.
+std::vector<char*> WorkerEnvironment(std::string& parent_pid) {
+  std::vector<char*> variables = {parent_pid.data()};
+  const size_t name_bytes = sizeof(kParentPid);  // with the '=' behind the name
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    if (std::strncmp(*variable, parent_pid.c_str(), name_bytes) != 0) {
+      variables.push_back(*variable);
+    }
+  }
+  variables.push_back(nullptr);
+  return variables;
+}
+
+}  // namespace
 
 std::string WorkerProgram() {
   std::error_code ignored;
@@ -40,8 +60,10 @@ absl::StatusOr<WorkerProcess> WorkerProcess::Start(const std::string& program,
   std::vector<char*> argv = {name.data()};
   for (std::string& argument : arguments) argv.push_back(argument.data());
   argv.push_back(nullptr);
+  std::string parent_pid = absl::StrCat(kParentPid, "=", getpid());
   pid_t pid = 0;
-  const int error = posix_spawn(&pid, program.c_str(), &actions, nullptr, argv.data(), environ);
+  const int error = posix_spawn(&pid, program.c_str(), &actions, nullptr, argv.data(),
+                                WorkerEnvironment(parent_pid).data());
   posix_spawn_file_actions_destroy(&actions);
   if (error != 0) {
     return absl::ResourceExhaustedError(
@@ -63,6 +85,13 @@ std::optional<int> WorkerProcess::Ended() {
   return state;
 }
 
-void EndWithParent() { prctl(PR_SET_PDEATHSIG, SIGKILL); }
+void EndWithParent() {
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  // Of a parent that went before, no signal comes any more: this process belongs to another by now.
+  // The order matters, or the parent could go between the two.
+  const char* const parent = std::getenv(kParentPid);
+  pid_t pid = 0;
+  if (parent != nullptr && absl::SimpleAtoi(parent, &pid) && pid != getppid()) raise(SIGKILL);
+}
 
 }  // namespace sightline

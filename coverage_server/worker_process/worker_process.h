@@ -20,7 +20,8 @@ std::string WorkerProgram();
 // One process, killed if it still runs when this goes: nobody wants what it would still finish.
 class WorkerProcess {
  public:
-  // `arguments` without the program; it keeps the descriptors, under their numbers.
+  // `arguments` without the program; it keeps the descriptors, under their numbers. The thread that
+  // calls must outlive the process: the kernel ends it with that thread, see EndWithParent().
   // RESOURCE_EXHAUSTED: the system gives no more processes.
   static absl::StatusOr<WorkerProcess> Start(const std::string& program,
                                              std::vector<std::string> arguments,
@@ -40,7 +41,8 @@ class WorkerProcess {
   pid_t pid_;
 };
 
-// For the process itself: it ends with whoever started it.
+// For the process itself, first of all that it does: it is killed when the thread ends that started
+// it, at once if its parent is gone already.
 void EndWithParent();
 
 }  // namespace sightline

@@ -3,15 +3,20 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <limits>
 #include <numbers>
 #include <regex>
+#include <span>
+#include <string_view>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/file/read_file.h"
 #include "core/part/load_part.h"
+#include "core/part/mesh_readers.h"
 #include "core/registration/deformed_mesh.h"
 #include "core/targets/poisson_disk.h"
 
@@ -54,6 +59,45 @@ v1::Vector3 ToProto(const Eigen::Vector3d& vector) {
   message.set_y(vector.y());
   message.set_z(vector.z());
   return message;
+}
+
+// Of a PLY file; lists of properties and comments take some thousand.
+constexpr size_t kMostHeaderBytes = size_t{1} << 20;
+
+// Whether a file with so many points can be used after others with `before`.
+absl::Status CheckPointCount(const std::string& path, int64_t points, int64_t before) {
+  if (points <= kMostMeasuredPoints - before) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": has ", points, " points", before > 0 ? ", besides " : "",
+                   before > 0 ? absl::StrCat(before, " of the files before it") : "", "; at most ",
+                   kMostMeasuredPoints,
+                   " measured points can be used, all files together: thin them out evenly"));
+}
+
+// The same by the file's header, before its points take memory. What is no PLY file, or a damaged
+// one, is for LoadPoints to refuse.
+absl::Status CheckAnnouncedPoints(const std::string& path, int64_t before) {
+  const absl::StatusOr<File> file = OpenRegularFile(path);
+  if (!file.ok()) return file.status();
+  std::string start(kMostHeaderBytes, '\0');
+  start.resize(std::fread(start.data(), 1, start.size(), file->get()));
+  TextScanner header(start);
+  if (header.WordInLine() != "ply") return absl::OkStatus();
+  int64_t points = 0;
+  while (header.NextLine()) {
+    const std::string_view keyword = header.WordInLine();
+    if (keyword == "end_header") return absl::OkStatus();
+    if (keyword != "element" || header.WordInLine() != "vertex") continue;
+    int64_t count = 0;
+    if (!ParseInteger(header.WordInLine(), &count) || count < 0) continue;
+    // There may be several: first one by itself, so that the sum does not overflow.
+    if (absl::Status status = CheckPointCount(path, count, before); !status.ok()) return status;
+    points += count;
+    if (absl::Status status = CheckPointCount(path, points, before); !status.ok()) return status;
+  }
+  if (start.size() < kMostHeaderBytes) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat(path, ": its header has more than ", kMostHeaderBytes >> 20, " MiB"));
 }
 
 // How far the points of a file are from the part where the plan supposes it.
@@ -290,11 +334,18 @@ absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
   registering.prior = options.prior;
   const double size_m = model.BoundingBox().sizes().norm();
   registering.correlation_length_m = size_m / 40;
-  std::vector<PointCloud> clouds;
+  // Of all files; normals: empty if none has them, zero for the points of a file that has none.
   std::vector<Eigen::Vector3d> points_m, normals;
+  std::vector<size_t> end_of_file;
   for (const MeasuredFile& file : files) {
+    const auto before = static_cast<int64_t>(points_m.size());
+    if (absl::Status status = CheckAnnouncedPoints(file.path, before); !status.ok()) return status;
     auto cloud = LoadPoints(file.path);
     if (!cloud.ok()) return cloud.status();
+    const auto count = static_cast<int64_t>(cloud->positions_m.size());
+    if (absl::Status status = CheckPointCount(file.path, count, before); !status.ok()) {
+      return status;
+    }
     int64_t near = 0;
     const size_t stride = cloud->positions_m.size() / 200 + 1;
     for (size_t i = 0; i < cloud->positions_m.size(); i += stride) {
@@ -305,27 +356,29 @@ absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
       return TooFar(file.path, *cloud, index, registering.reach_m);
     }
     // Where one file has no normals those of the others count nonetheless.
+    if (!cloud->normals.empty()) {
+      normals.resize(points_m.size(), Eigen::Vector3d::Zero());
+      normals.insert(normals.end(), cloud->normals.begin(), cloud->normals.end());
+    }
     points_m.insert(points_m.end(), cloud->positions_m.begin(), cloud->positions_m.end());
-    normals.insert(normals.end(), cloud->normals.begin(), cloud->normals.end());
-    normals.resize(points_m.size(), Eigen::Vector3d::Zero());
-    clouds.push_back(*std::move(cloud));
+    end_of_file.push_back(points_m.size());
   }
+  if (!normals.empty()) normals.resize(points_m.size(), Eigen::Vector3d::Zero());
 
   // The part lies nearly where it is supposed: near enough to say how noisy its points are.
   const UncertaintyModel uncertainty = inspection.uncertainty.value_or(UncertaintyModel{});
   std::vector<ScanNoise> noise_of_file;
-  std::vector<size_t> end_of_file;
   for (size_t f = 0; f < files.size(); ++f) {
     noise_of_file.emplace_back(inspection.rig, scans[static_cast<size_t>(files[f].scan)],
                                model.BoundingBox().center(), uncertainty);
-    end_of_file.push_back(clouds[f].positions_m.size() + (f > 0 ? end_of_file.back() : 0));
   }
   registering.noise_m2 = [&](size_t i) {
     const auto file = std::upper_bound(end_of_file.begin(), end_of_file.end(), i);
     const ScanNoise& noise = noise_of_file[static_cast<size_t>(file - end_of_file.begin())];
-    if (!normals[i].isZero(0)) return noise.DetectionCovariance(points_m[i], normals[i]);
-    const auto on = index.Nearest(points_m[i], normals[i], registering.reach_m);
-    return noise.DetectionCovariance(points_m[i], on ? on->normal : normals[i]);
+    const Eigen::Vector3d normal = normals.empty() ? Eigen::Vector3d::Zero().eval() : normals[i];
+    if (!normal.isZero(0)) return noise.DetectionCovariance(points_m[i], normal);
+    const auto on = index.Nearest(points_m[i], normal, registering.reach_m);
+    return noise.DetectionCovariance(points_m[i], on ? on->normal : normal);
   };
   auto registration = RegisterPoints(index, points_m, normals, registering);
   if (!registration.ok()) {
@@ -342,13 +395,17 @@ absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
   rig.part_placement = part.placement;
   const Eigen::Isometry3d to_model = pose.Matrix().inverse();
   for (size_t f = 0; f < files.size(); ++f) {
-    PointCloud& cloud = clouds[f];
-    for (Eigen::Vector3d& position : cloud.positions_m) position = to_model * position;
-    for (Eigen::Vector3d& normal : cloud.normals) normal = to_model.linear() * normal;
+    const size_t begin = f > 0 ? end_of_file[f - 1] : 0, count = end_of_file[f] - begin;
+    const auto of_file = [&](std::vector<Eigen::Vector3d>& all) {
+      return all.empty() ? std::span<Eigen::Vector3d>() : std::span(all).subspan(begin, count);
+    };
+    const std::span<Eigen::Vector3d> positions_m = of_file(points_m), facing = of_file(normals);
+    for (Eigen::Vector3d& position : positions_m) position = to_model * position;
+    for (Eigen::Vector3d& normal : facing) normal = to_model.linear() * normal;
     const ScanNoise noise(rig, scans[static_cast<size_t>(files[f].scan)], part.placement.centre_m,
                           uncertainty);
-    PointsOnModel on_model = ProjectOntoModel(index, cloud.positions_m, cloud.normals, &noise,
-                                              options.reach_m, options.threads);
+    PointsOnModel on_model =
+        ProjectOntoModel(index, positions_m, facing, &noise, options.reach_m, options.threads);
     const double upper_m = QuantileOf(on_model.distances_m, on_model.off_model, 0.75);
     const double noise_m = kUpperQuartile * TypicalNoise(on_model, noise);
     if (!(upper_m <= options.tolerated_distance_m + noise_m)) {
@@ -366,7 +423,7 @@ absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
     message.set_file(FileName(files[f].path));
     message.set_scan(static_cast<int>(f) + 1);
     message.set_earlier_scan(files[f].scan + 1);
-    message.set_points(static_cast<int64_t>(cloud.positions_m.size()));
+    message.set_points(static_cast<int64_t>(count));
     message.set_median_distance_m(QuantileOf(on_model.distances_m, on_model.off_model, 0.5));
     message.set_upper_quartile_distance_m(upper_m);
     part.scans.push_back(std::make_unique<IndexedScan>(std::move(on_model), noise));

@@ -6,6 +6,7 @@
 // shifts holder and part together.
 #pragma once
 
+#include <cstdint>
 #include <memory>
 #include <string>
 #include <vector>
@@ -18,6 +19,13 @@
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {
+
+// Points of all files together. Each takes some 250 bytes at the most: position and normal (48)
+// while the pose is sought, the nearest place of the model (104) while its file is projected onto
+// that, what is kept of it there (33 to 66), and its place in the tree (some 25); all of them 5 GB.
+// They are a point every 0.1 mm on a fifth of a square metre: finer than what scanners resolve,
+// and ten for each target of the largest inspection. The pose is found by 20 000 of them.
+inline constexpr int64_t kMostMeasuredPoints = 20'000'000;
 
 // A file of measured points and the scan that measured them, counted from 0.
 struct MeasuredFile {
@@ -65,8 +73,9 @@ struct MeasuredPart {
 };
 
 // `scans`: of the plan, those that `files` refer to. Errors name the file: INVALID_ARGUMENT for
-// points that LoadPoints refuses, that lie too far from the part wherever it may lie, and for a
-// part that lies farther off than four standard deviations of the prior.
+// points that LoadPoints refuses, more than kMostMeasuredPoints, points that lie too far from the
+// part wherever it may lie, and for a part that lies farther off than four standard deviations of
+// the prior.
 absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
                                               const Inspection& inspection,
                                               const std::vector<MeasuredFile>& files,

@@ -309,10 +309,13 @@ void ServeHttpConnection(ConnectionStream* stream, const HttpConnectionLimits& l
                          const std::function<void(HttpExchange&)>& handle) {
   const std::chrono::nanoseconds timeout = absl::ToChronoNanoseconds(limits.request_timeout);
   boost::beast::flat_buffer buffer(2 * kPieceBytes);
+  std::chrono::nanoseconds patience =
+      std::min(timeout, absl::ToChronoNanoseconds(limits.first_request_timeout));
   for (;;) {
-    if (buffer.size() == 0 && stream->WaitForRequest(Clock::now() + timeout) != Outcome::kDone) {
+    if (buffer.size() == 0 && stream->WaitForRequest(Clock::now() + patience) != Outcome::kDone) {
       return;
     }
+    patience = timeout;
     const Clock::time_point begin = Clock::now();
     Exchange exchange(stream, &buffer, limits);
     const absl::Status head = exchange.ReadHead();

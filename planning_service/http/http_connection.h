@@ -14,6 +14,8 @@ namespace sightline {
 struct HttpConnectionLimits {
   int64_t max_request_bytes = 0;
   absl::Duration request_timeout;
+  // How long a connection may be silent before its first request, if that is shorter.
+  absl::Duration first_request_timeout = absl::Seconds(10);
 };
 
 // Answers requests until either side closes the connection. `handle` must begin and end an answer

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planning_service/http/http_server.h"
 
+#include <arpa/inet.h>
 #include <netinet/in.h>
 #include <netinet/tcp.h>
 #include <poll.h>
@@ -10,16 +11,20 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <chrono>
+#include <condition_variable>
 #include <csignal>
 #include <list>
+#include <map>
+#include <mutex>
+#include <string>
 #include <system_error>
 #include <thread>
 #include <utility>
 
-#include "absl/base/thread_annotations.h"
-#include "absl/synchronization/mutex.h"
+#include "absl/strings/str_cat.h"
 #include "planning_service/http/connection_stream.h"
 #include "planning_service/http/http_connection.h"
 #include "planning_service/http/http_reply.h"
@@ -30,7 +35,7 @@ namespace {
 
 using Clock = ConnectionStream::Clock;
 
-// Connections above the limit that are told so at a time; what comes then is closed without a word.
+// Connections above a limit that are told so at a time; what comes then is closed without a word.
 constexpr int kMaxRefusals = 8;
 constexpr absl::Duration kRefusalTimeout = absl::Seconds(2);
 constexpr absl::Duration kStopGrace = absl::Seconds(10);
@@ -44,6 +49,9 @@ absl::Status CheckOptions(const HttpServerOptions& options) {
     return absl::InvalidArgumentError(
         "max_request_bytes must be positive, request_timeout in (0, 24 h]");
   }
+  if (options.first_request_timeout <= absl::ZeroDuration()) {
+    return absl::InvalidArgumentError("first_request_timeout must be positive");
+  }
   if (options.tls.certificate.empty() != options.tls.key.empty()) {
     return absl::InvalidArgumentError("--tls-cert and --tls-key belong together");
   }
@@ -53,11 +61,25 @@ absl::Status CheckOptions(const HttpServerOptions& options) {
   return absl::OkStatus();
 }
 
-void RefuseConnection(HttpExchange& exchange) {
-  ReplyError(
-      exchange,
-      WithErrorInfo(absl::ResourceExhaustedError("the server has as many connections as it takes"),
-                    "TOO_MANY_CONNECTIONS"));
+absl::Status TooManyConnections(const std::string& message) {
+  return WithErrorInfo(absl::ResourceExhaustedError(message), "TOO_MANY_CONNECTIONS");
+}
+
+// Who is at the other end: its address without the port. One that speaks IPv4 to a socket for IPv6
+// is the same peer.
+std::string PeerAddress(const sockaddr_storage& address) {
+  char text[INET6_ADDRSTRLEN] = "";
+  if (address.ss_family == AF_INET) {
+    inet_ntop(AF_INET, &reinterpret_cast<const sockaddr_in&>(address).sin_addr, text, sizeof(text));
+  } else if (address.ss_family == AF_INET6) {
+    const in6_addr& v6 = reinterpret_cast<const sockaddr_in6&>(address).sin6_addr;
+    if (IN6_IS_ADDR_V4MAPPED(&v6)) {
+      inet_ntop(AF_INET, &v6.s6_addr[12], text, sizeof(text));
+    } else {
+      inet_ntop(AF_INET6, &v6, text, sizeof(text));
+    }
+  }
+  return text;
 }
 
 // Writing to a connection that the peer has closed must give an error, not end the process; OpenSSL
@@ -76,14 +98,18 @@ struct HttpServer::Impl {
        std::unique_ptr<TlsServerContext> tls_context)
       : listening(std::move(listening_socket)),
         tls(std::move(tls_context)),
-        max_connections(options.max_connections),
+        max_connections_of_peer(options.max_connections),
         limits{.max_request_bytes = options.max_request_bytes,
-               .request_timeout = options.request_timeout},
+               .request_timeout = options.request_timeout,
+               .first_request_timeout = options.first_request_timeout},
         stop_event(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
 
   struct Connection {
-    Connection(FileDescriptor socket, int stop) : stream(std::move(socket), stop) {}
+    Connection(FileDescriptor socket, int stop, std::string address, absl::Status refusal)
+        : stream(std::move(socket), stop), peer(std::move(address)), refused(std::move(refusal)) {}
     ConnectionStream stream;
+    const std::string peer;
+    const absl::Status refused;  // what it is told instead of being served; OK: it is served
     std::thread thread;
     bool done = false;  // guarded by the mutex below
   };
@@ -92,45 +118,82 @@ struct HttpServer::Impl {
   // Whether accepting should go on at once.
   bool AcceptOne();
   void RemoveFinished();
-  void Serve(Connection* connection, const std::shared_ptr<SSL_CTX>& context, bool refuse);
+  // Both with the mutex held. Counts a connection to be served. RESOURCE_EXHAUSTED: why it cannot
+  // be.
+  absl::Status TakePlace(const std::string& peer);
+  void GiveBack(const Connection& connection);
+  void Serve(Connection* connection, const std::shared_ptr<SSL_CTX>& context);
 
   ListeningSocket listening;
   const std::unique_ptr<TlsServerContext> tls;  // null: plain
-  const int max_connections;
+  const int max_connections_of_peer;
   const HttpConnectionLimits limits;
   Handler handle;
   const FileDescriptor stop_event;
   std::thread acceptor;
   std::list<Connection> connections;  // of the acceptor; of Stop() once that has ended
-  absl::Mutex mutex;
-  int running ABSL_GUARDED_BY(mutex) = 0;
+  // std::mutex rather than absl::Mutex: the thread sanitizer sees into it without a rebuilt
+  // library. It guards what follows.
+  std::mutex mutex;
+  std::condition_variable ended;  // a connection has
+  int serving = 0;
+  int refusing = 0;
+  std::map<std::string, int> serving_of_peer;
 };
 
-void HttpServer::Impl::Serve(Connection* connection, const std::shared_ptr<SSL_CTX>& context,
-                             bool refuse) {
+absl::Status HttpServer::Impl::TakePlace(const std::string& peer) {
+  // Twice max_connections, which may be any int.
+  if (serving / 2 >= max_connections_of_peer) {
+    return TooManyConnections("the server has as many connections as it takes");
+  }
+  const auto of_peer = serving_of_peer.find(peer);
+  if (of_peer != serving_of_peer.end() && of_peer->second >= max_connections_of_peer) {
+    return TooManyConnections(absl::StrCat(peer, " has ", of_peer->second,
+                                           " connections already, more are not allowed at a time"));
+  }
+  ++serving_of_peer[peer];
+  ++serving;
+  return absl::OkStatus();
+}
+
+void HttpServer::Impl::GiveBack(const Connection& connection) {
+  if (!connection.refused.ok()) {
+    --refusing;
+    return;
+  }
+  --serving;
+  const auto of_peer = serving_of_peer.find(connection.peer);
+  if (--of_peer->second == 0) serving_of_peer.erase(of_peer);
+}
+
+void HttpServer::Impl::Serve(Connection* connection, const std::shared_ptr<SSL_CTX>& context) {
   BlockBrokenPipeSignal();
+  const absl::Status& refused = connection->refused;
   HttpConnectionLimits mine = limits;
-  if (refuse) mine.request_timeout = std::min(mine.request_timeout, kRefusalTimeout);
-  const Clock::time_point deadline = Clock::now() + absl::ToChronoNanoseconds(mine.request_timeout);
+  if (!refused.ok()) mine.request_timeout = std::min(mine.request_timeout, kRefusalTimeout);
+  const absl::Duration patience = std::min(mine.request_timeout, mine.first_request_timeout);
+  const Clock::time_point deadline = Clock::now() + absl::ToChronoNanoseconds(patience);
   if (context == nullptr ||
       connection->stream.StartTls(context.get(), deadline) == ConnectionStream::Outcome::kDone) {
-    if (refuse) {
-      ServeHttpConnection(&connection->stream, mine, RefuseConnection);
-    } else {
+    if (refused.ok()) {
       ServeHttpConnection(&connection->stream, mine, handle);
+    } else {
+      ServeHttpConnection(&connection->stream, mine,
+                          [&](HttpExchange& exchange) { ReplyError(exchange, refused); });
     }
   }
   connection->stream.CutOff();
-  absl::MutexLock lock(&mutex);
+  const std::lock_guard lock(mutex);
   connection->done = true;
-  --running;
+  GiveBack(*connection);
+  ended.notify_all();
 }
 
 void HttpServer::Impl::RemoveFinished() {
   for (auto entry = connections.begin(); entry != connections.end();) {
     bool done = false;
     {
-      absl::MutexLock lock(&mutex);
+      const std::lock_guard lock(mutex);
       done = entry->done;
     }
     if (!done) {
@@ -143,8 +206,10 @@ void HttpServer::Impl::RemoveFinished() {
 }
 
 bool HttpServer::Impl::AcceptOne() {
-  FileDescriptor socket(
-      accept4(listening.descriptor.get(), nullptr, nullptr, SOCK_NONBLOCK | SOCK_CLOEXEC));
+  sockaddr_storage address{};
+  socklen_t address_bytes = sizeof(address);
+  FileDescriptor socket(accept4(listening.descriptor.get(), reinterpret_cast<sockaddr*>(&address),
+                                &address_bytes, SOCK_NONBLOCK | SOCK_CLOEXEC));
   if (socket.get() < 0) {
     // Without descriptors or memory the next attempt would fail at once, too.
     return errno != EMFILE && errno != ENFILE && errno != ENOBUFS && errno != ENOMEM;
@@ -153,23 +218,28 @@ bool HttpServer::Impl::AcceptOne() {
   const int on = 1;
   setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
   RemoveFinished();
-  int now = 0;
+  const std::string peer = PeerAddress(address);
+  absl::Status refused;
   {
-    absl::MutexLock lock(&mutex);
-    if (running >= max_connections + kMaxRefusals) return true;  // closes it
-    now = ++running;
+    const std::lock_guard lock(mutex);
+    refused = TakePlace(peer);
+    if (!refused.ok() && ++refusing > kMaxRefusals) {
+      --refusing;
+      return true;  // closes it
+    }
   }
   const std::shared_ptr<SSL_CTX> context = tls == nullptr ? nullptr : tls->Current();
-  Connection* connection = &connections.emplace_back(std::move(socket), stop_event.get());
+  Connection* connection =
+      &connections.emplace_back(std::move(socket), stop_event.get(), peer, std::move(refused));
   try {
-    connection->thread = std::thread([this, connection, context, refuse = now > max_connections] {
-      Serve(connection, context, refuse);
-    });
+    connection->thread = std::thread([this, connection, context] { Serve(connection, context); });
   } catch (const std::system_error& e) {
     spdlog::warn("event=connection_dropped reason={:?}", e.what());
+    {
+      const std::lock_guard lock(mutex);
+      GiveBack(*connection);
+    }
     connections.pop_back();
-    absl::MutexLock lock(&mutex);
-    --running;
   }
   return true;
 }
@@ -226,11 +296,9 @@ void HttpServer::Stop() {
   impl_->acceptor.join();
   impl_->listening.descriptor = FileDescriptor();
   {
-    absl::MutexLock lock(&impl_->mutex);
-    const auto idle = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(impl_->mutex) {
-      return impl_->running == 0;
-    };
-    impl_->mutex.AwaitWithTimeout(absl::Condition(&idle), kStopGrace);
+    std::unique_lock lock(impl_->mutex);
+    impl_->ended.wait_for(lock, absl::ToChronoNanoseconds(kStopGrace),
+                          [this] { return impl_->serving == 0 && impl_->refusing == 0; });
   }
   for (Impl::Connection& connection : impl_->connections) connection.stream.CutOff();
   for (Impl::Connection& connection : impl_->connections) connection.thread.join();

@@ -21,11 +21,16 @@ struct HttpServerOptions {
   std::string listen;             // HOST:PORT, [IPv6]:PORT; port 0: any free one
   TlsFiles tls;                   // no certificate: plain
   absl::Duration tls_check_interval = absl::Seconds(2);
-  int max_connections = 128;  // at least 1; further ones get 503
+  // Of one peer: an address, whatever the port; all clients behind a proxy are one. At least 1. All
+  // peers together have twice as many, so that one leaves half to the others. Further ones get 503.
+  int max_connections = 128;
   int64_t max_request_bytes = 0;
   // Longest time in which a peer neither sends nor takes anything, and in which the head of a
   // request must be complete; in (0, 24 h].
   absl::Duration request_timeout = absl::Seconds(30);
+  // How long a new connection may take to agree on TLS, and then to begin its first request; at
+  // most request_timeout counts. Positive.
+  absl::Duration first_request_timeout = absl::Seconds(10);
 };
 
 class HttpServer {

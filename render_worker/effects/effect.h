@@ -35,12 +35,25 @@ struct EffectParameter {
   double decades = 0;
 };
 
+// How an effect moves charge between neighbouring pixels.
+enum class ChargeTransport {
+  kNone,
+  kProportional,     // a fixed share of the charge
+  kGrowsWithCharge,  // a larger share the more charge there is
+};
+
 struct EffectDescription {
   std::string_view id;  // "optics.veiling_glare"
   Stage stage;
+  // Its realisation is drawn by chance and cannot be known: it does not change the expectation of a
+  // pixel, only how pixels or recordings scatter.
+  bool is_drawn = false;
+  ChargeTransport charge_transport = ChargeTransport::kNone;
   std::string_view summary;    // one line of physics
   std::string_view reference;  // paper, standard clause or book
   std::vector<EffectParameter> parameters;
+
+  bool MovesCharge() const { return charge_transport != ChargeTransport::kNone; }
 };
 
 // What an effect does, by place in the chain. Every hook gets the parameters in the order of the

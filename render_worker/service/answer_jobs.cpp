@@ -8,9 +8,7 @@
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "proto/status/rpc_status.h"
-#include "render_worker/service/asset_store.h"
 #include "render_worker/service/without_folders.h"
-#include "rpc_server/job_service.h"
 #include "rpc_server/rpc_server.h"
 
 namespace sightline {
@@ -22,12 +20,13 @@ constexpr size_t kMostAnswerBytes = kMaxMessageBytes - (1 << 20);
 
 }  // namespace
 
-absl::StatusOr<v1::Job> AnswerJobs::Create(const std::string& kind, const std::string& request_id,
-                                           const std::string& request_digest, const JobShare& share,
-                                           Work work) {
+absl::StatusOr<v1::Job> AnswerJobs::Queue(const std::string& kind, const std::string& request_id,
+                                          const std::string& request_digest,
+                                          std::shared_ptr<const JobRoom> room, Work work) {
   absl::StatusOr<JobRecord> job = jobs_->Create(
       kind, request_id, request_digest,
-      [this, work = std::move(work)](JobContext& context) -> absl::StatusOr<std::string> {
+      [this, room = std::move(room),
+       work = std::move(work)](JobContext& context) -> absl::StatusOr<std::string> {
         // Every report wakes all who watch.
         std::optional<std::chrono::steady_clock::time_point> reported;
         const Progress progress = [&](double fraction, const std::string& what) {
@@ -51,9 +50,8 @@ absl::StatusOr<v1::Job> AnswerJobs::Create(const std::string& kind, const std::s
             results_.Put(key, std::make_shared<const std::string>(*std::move(bytes)), size);
         if (!kept.ok()) return kept;
         return key;
-      },
-      share);
-  if (!job.ok()) return JobNotCreated(job.status());
+      });
+  if (!job.ok()) return job.status();
   return JobToProto(*job);
 }
 

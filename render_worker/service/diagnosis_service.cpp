@@ -249,30 +249,30 @@ absl::StatusOr<v1::Diagnosis> DiagnosisServiceImpl::RunScene(CheckedScene& work,
 }
 
 template <typename Request, typename Work>
-absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(const std::string& peer,
+absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(std::shared_ptr<const JobRoom> room,
                                                         const std::string& kind,
                                                         const Request& request,
                                                         std::vector<std::string> warnings,
                                                         Work work) {
-  Request asked = request;
-  asked.clear_request_id();
-  return answers_.Create(
-      kind, request.request_id(), MessageDigest(asked), {peer, MemoryOf(request)},
-      [warnings = std::move(warnings), work = std::move(work)](
-          const AnswerJobs::Progress& progress,
-          JobContext& context) -> absl::StatusOr<std::string> {
-        auto answer =
-            work([&](double fraction,
-                     std::string_view what) { return progress(fraction, std::string(what)); },
-                 context.cancelled());
-        if (!answer.ok()) return answer.status();
-        for (const std::string& warning : warnings) answer->add_warnings(warning);
-        return answer->SerializeAsString();
-      });
+  return answers_.Create(kind, request, std::move(room),
+                         [warnings = std::move(warnings), work = std::move(work)](
+                             const AnswerJobs::Progress& progress,
+                             JobContext& context) -> absl::StatusOr<std::string> {
+                           auto answer = work(
+                               [&](double fraction, std::string_view what) {
+                                 return progress(fraction, std::string(what));
+                               },
+                               context.cancelled());
+                           if (!answer.ok()) return answer.status();
+                           for (const std::string& warning : warnings)
+                             answer->add_warnings(warning);
+                           return answer->SerializeAsString();
+                         });
 }
 
 absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
-    const std::string& peer, const v1::CreateDiagnosisRequest& request, const StopCheck& stop) {
+    std::shared_ptr<const JobRoom> room, const v1::CreateDiagnosisRequest& request,
+    const StopCheck& stop) {
   if (!p_.functions.diagnose) return absl::UnimplementedError("this worker does not diagnose");
   for (const auto& [given, name] : {std::pair(request.has_inspection(), "inspection"),
                                     std::pair(!request.assets().empty(), "assets")}) {
@@ -284,7 +284,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
   if (!status.ok()) return status;
   auto work = CheckPlate(request.source(), Missing::kAssume, stop);
   if (!work.ok()) return work.status();
-  return CreateJob(peer, kDiagnose, request, (*work)->source->warnings,
+  return CreateJob(std::move(room), kDiagnose, request, (*work)->source->warnings,
                    [this, settings = CommonSettings<DiagnosisSettings>(request, p_.threads),
                     work = *work](const DiagnosisProgress& progress, const std::atomic<bool>&) {
                      return p_.functions.diagnose(work->set, settings, progress);
@@ -292,7 +292,8 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
 }
 
 absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
-    const std::string& peer, const v1::CreateDiagnosisRequest& request, const StopCheck& stop) {
+    std::shared_ptr<const JobRoom> room, const v1::CreateDiagnosisRequest& request,
+    const StopCheck& stop) {
   if (!p_.functions.diagnose_scene) {
     return absl::UnimplementedError("this worker does not diagnose recordings of parts");
   }
@@ -308,7 +309,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
   if (!work.ok()) return work.status();
   auto settings = CommonSettings<SceneDiagnosisSettings>(request, p_.threads);
   settings.max_image_bytes = p_.max_image_bytes;
-  return CreateJob(peer, kDiagnose, request, (*work)->source->warnings,
+  return CreateJob(std::move(room), kDiagnose, request, (*work)->source->warnings,
                    [this, settings, work = *work](
                        const DiagnosisProgress& progress,
                        const std::atomic<bool>& cancelled) -> absl::StatusOr<v1::Diagnosis> {
@@ -322,9 +323,15 @@ absl::Status DiagnosisServiceImpl::Diagnosis(const std::string& peer,
                                              const v1::CreateDiagnosisRequest& request,
                                              v1::CreateDiagnosisResponse* response,
                                              const StopCheck& stop) {
+  auto admission = answers_.Admit(kDiagnose, peer, request);
+  if (!admission.ok()) return admission.status();
+  if (admission->known) {
+    *response->mutable_job() = *std::move(admission->known);
+    return absl::OkStatus();
+  }
   auto job = request.source().recordings().format_version() == 2
-                 ? CreateSceneDiagnosis(peer, request, stop)
-                 : CreatePlateDiagnosis(peer, request, stop);
+                 ? CreateSceneDiagnosis(std::move(admission->room), request, stop)
+                 : CreatePlateDiagnosis(std::move(admission->room), request, stop);
   if (!job.ok()) return job.status();
   *response->mutable_job() = *std::move(job);
   return absl::OkStatus();
@@ -335,13 +342,19 @@ absl::Status DiagnosisServiceImpl::Verification(const std::string& peer,
                                                 v1::CreateVerificationResponse* response,
                                                 const StopCheck& stop) {
   if (!p_.functions.verify) return absl::UnimplementedError("this worker does not verify");
+  auto admission = answers_.Admit(kVerify, peer, request);
+  if (!admission.ok()) return admission.status();
+  if (admission->known) {
+    *response->mutable_job() = *std::move(admission->known);
+    return absl::OkStatus();
+  }
   VerificationSettings settings;
   settings.seed = request.has_seed() ? static_cast<uint64_t>(request.seed()) : 1;
   settings.threads = p_.threads;
   auto work = CheckPlate(request.source(), Missing::kError, stop);
   if (!work.ok()) return work.status();
   auto job = CreateJob(
-      peer, kVerify, request, (*work)->source->warnings,
+      std::move(admission->room), kVerify, request, (*work)->source->warnings,
       [this, settings, work = *work](const DiagnosisProgress& progress, const std::atomic<bool>&) {
         return p_.functions.verify(work->set, settings, progress);
       });

@@ -36,6 +36,12 @@ grpc::Status OpticsServiceImpl::CreateOptics(grpc::ServerContext* context,
 absl::Status OpticsServiceImpl::Create(const std::string& peer,
                                        const v1::CreateOpticsRequest& request,
                                        v1::CreateOpticsResponse* response) {
+  auto admission = answers_.Admit(kJobKind, peer, request);
+  if (!admission.ok()) return admission.status();
+  if (admission->known) {
+    *response->mutable_job() = *std::move(admission->known);
+    return absl::OkStatus();
+  }
   auto work =
       std::make_shared<OpticsWork>(absl::StrCat(p_.spool_folder, "/optics-input-", next_folder_++));
   auto inspection = ParsePartInspection(request.inspection(), "inspection");
@@ -59,10 +65,8 @@ absl::Status OpticsServiceImpl::Create(const std::string& peer,
     if (work->assets.Has(file)) continue;
     return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
   }
-  v1::CreateOpticsRequest asked = request;
-  asked.clear_request_id();
   auto job = answers_.Create(
-      kJobKind, request.request_id(), MessageDigest(asked), {peer, MemoryOf(request)},
+      kJobKind, request, std::move(admission->room),
       [this, work](const AnswerJobs::Progress& progress,
                    JobContext& context) -> absl::StatusOr<std::string> {
         auto scene = LoadPartScene(

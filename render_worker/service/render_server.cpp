@@ -38,15 +38,16 @@ class RenderServerImpl final : public RenderServer {
         calls_(&metrics_),
         assets_(spool_.path(), options.max_asset_store_bytes),
         outputs_(options.max_output_bytes),
-        jobs_(MakeInMemoryJobStore(options.render_workers, JobLimitsOf(options))),
-        service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &calls_,
+        queue_(JobLimitsOf(options)),
+        jobs_(MakeInMemoryJobStore(options.render_workers)),
+        service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &queue_, &calls_,
                   Threads(options.threads), options.max_asset_bytes, options.max_image_bytes}),
-        diagnosis_service_({spool_.path(), &assets_, jobs_.get(), &calls_, std::move(functions),
-                            Threads(options.threads), options.max_image_bytes,
+        diagnosis_service_({spool_.path(), &assets_, jobs_.get(), &queue_, &calls_,
+                            std::move(functions), Threads(options.threads), options.max_image_bytes,
                             options.max_set_bytes}),
-        optics_service_({spool_.path(), &assets_, jobs_.get(), &calls_, Threads(options.threads),
-                         options.max_image_bytes}),
-        sensor_service_({spool_.path(), &assets_, jobs_.get(), &calls_}),
+        optics_service_({spool_.path(), &assets_, jobs_.get(), &queue_, &calls_,
+                         Threads(options.threads), options.max_image_bytes}),
+        sensor_service_({spool_.path(), &assets_, jobs_.get(), &queue_, &calls_}),
         server_("render_worker", &metrics_, &calls_, jobs_.get()) {}
 
   ~RenderServerImpl() override { Drain(absl::ZeroDuration()); }
@@ -79,6 +80,7 @@ class RenderServerImpl final : public RenderServer {
   CallTracker calls_;
   AssetStore assets_;
   RenderOutputStore outputs_;
+  JobQueue queue_;  // jobs have room in it
   std::unique_ptr<JobStore> jobs_;
   RenderServiceImpl service_;
   DiagnosisServiceImpl diagnosis_service_;

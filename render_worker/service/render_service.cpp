@@ -33,6 +33,7 @@ struct RenderWork {
   std::unique_ptr<RenderTask> task;
   AssetFolder assets;
   std::shared_ptr<RenderOutput> output;
+  std::shared_ptr<const JobRoom> room;
 };
 
 }  // namespace
@@ -94,23 +95,36 @@ grpc::Status RenderServiceImpl::CreateRender(grpc::ServerContext* context,
 absl::Status RenderServiceImpl::Create(const std::string& peer,
                                        const v1::CreateRenderRequest& request,
                                        v1::CreateRenderResponse* response) {
+  const auto known = KnownJob(p_.jobs, kJobKind, request.request_id(),
+                              [&] { return MessageDigest(request.spec()); });
+  if (!known.ok()) return known.status();
+  if (known->has_value()) {
+    // By then whoever has made it has kept its output.
+    const std::lock_guard lock(create_mutex_);
+    *response->mutable_job() = JobToProto(**known);
+    return absl::OkStatus();
+  }
+  auto room = p_.queue->Reserve(peer, [&] { return MemoryOf(request); });
+  if (!room.ok()) return room.status();
   auto task = RenderTask::Parse(request.spec(), p_.max_image_bytes);
   if (!task.ok()) return task.status();
   const int64_t number = next_folder_++;
   auto work = std::make_shared<RenderWork>(absl::StrCat(p_.spool_folder, "/render-input-", number));
   work->task = *std::move(task);
+  work->room = *std::move(room);
   absl::Status added = work->assets.Add(request.spec().part().assets(), "part.assets", p_.assets);
   if (!added.ok()) return added;
   for (const std::string& file : work->task->AssetFiles()) {
     if (work->assets.Has(file)) continue;
     return InvalidFields({{"part.assets", absl::StrCat("has no entry for ", file)}});
   }
+  const std::string digest = MessageDigest(request.spec());
   std::lock_guard lock(create_mutex_);
   const std::string folder = absl::StrCat(p_.spool_folder, "/job-", number);
   work->output = std::make_shared<RenderOutput>(folder);
   const auto output = work->output;
   absl::StatusOr<JobRecord> job = p_.jobs->Create(
-      kJobKind, request.request_id(), MessageDigest(request.spec()),
+      kJobKind, request.request_id(), digest,
       [this, work](JobContext& job_context) -> absl::StatusOr<std::string> {
         const std::vector<std::string> folders = {work->output->folder(), p_.spool_folder};
         absl::Status made = work->output->MakeFolder();
@@ -148,9 +162,8 @@ absl::Status RenderServiceImpl::Create(const std::string& peer,
         p_.outputs->Trim();
         if (!status.ok()) return WithoutFolders(work->assets.WithoutFolder(status), folders);
         return std::string();
-      },
-      {peer, MemoryOf(request)});
-  if (!job.ok()) return JobNotCreated(job.status());
+      });
+  if (!job.ok()) return job.status();
   // A job that was there already keeps its output.
   p_.outputs->Add(job->job_id, output);
   *response->mutable_job() = JobToProto(*job);

@@ -13,6 +13,7 @@
 #include "render_worker/service/asset_store.h"
 #include "render_worker/service/render_output_store.h"
 #include "rpc_server/call_tracker.h"
+#include "rpc_server/job_queue.h"
 #include "rpc_server/upload.h"
 #include "sightline/v1/render_service.grpc.pb.h"
 
@@ -25,6 +26,7 @@ class RenderServiceImpl final : public v1::RenderService::Service {
     AssetStore* assets;
     RenderOutputStore* outputs;
     JobStore* jobs;
+    JobQueue* queue;
     CallTracker* calls;
     int threads = 1;  // of one job
     int64_t max_asset_bytes = 0;

@@ -29,6 +29,12 @@ struct SensorWork {
 absl::Status SensorServiceImpl::Create(const std::string& peer,
                                        const v1::CreateSensorDiagnosisRequest& request,
                                        v1::CreateSensorDiagnosisResponse* response) {
+  auto admission = answers_.Admit(kJobKind, peer, request);
+  if (!admission.ok()) return admission.status();
+  if (admission->known) {
+    *response->mutable_job() = *std::move(admission->known);
+    return absl::OkStatus();
+  }
   if (absl::Status status = CheckSensorSet(request.set(), "set"); !status.ok()) return status;
   auto work =
       std::make_shared<SensorWork>(absl::StrCat(p_.spool_folder, "/sensor-input-", next_folder_++));
@@ -42,10 +48,8 @@ absl::Status SensorServiceImpl::Create(const std::string& peer,
           {{"images", absl::StrCat("has no entry for ", file, ", set.steps[", i, "]")}});
     }
   }
-  v1::CreateSensorDiagnosisRequest asked = request;
-  asked.clear_request_id();
   auto job = answers_.Create(
-      kJobKind, request.request_id(), MessageDigest(asked), {peer, MemoryOf(request)},
+      kJobKind, request, std::move(admission->room),
       [work](const AnswerJobs::Progress& progress,
              JobContext& context) -> absl::StatusOr<std::string> {
         SensorDiagnosisHooks hooks;

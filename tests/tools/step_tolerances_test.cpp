@@ -34,6 +34,7 @@
 #include "core/part/mesh.h"
 #include "core/tolerance/face_surface.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
+#include "tests/limits/within_limits.h"
 #include "tools/step_import/glb_writer.h"
 #include "tools/step_import/shape_mesh.h"
 #include "tools/step_import/step_reader.h"
@@ -168,6 +169,14 @@ TEST(Part21Test, FaultsAreNamed) {
     EXPECT_THAT(error(bad), HasSubstr("test.stp: #1")) << bad;
   }
   EXPECT_THAT(error("#1=A(" + std::string(100000, '(') + ";"), HasSubstr("nests too deeply"));
+  std::string values, types;
+  for (int i = 0; i < 1'000'000; ++i) values += "1,";
+  for (int i = 0; i < 100; ++i) types += "A()";
+  EXPECT_EQ(error("#1=A(" + values.substr(2) + "1);"), "accepted");
+  EXPECT_THAT(error("#1=A(" + values + "1);"), HasSubstr("#1 has more than 1000000 values"));
+  EXPECT_EQ(error("#1=(" + types + ");"), "accepted");
+  EXPECT_THAT(error("#1=(" + types + "B());"), HasSubstr("#1 has more than 100 types"));
+  EXPECT_THAT(error("#1=" + std::string(201, 'A') + "(1);"), HasSubstr("more than 200 characters"));
 }
 
 TEST(StepPmiTest, ReadsGeometricTolerances) {
@@ -361,6 +370,135 @@ TEST(StepPmiTest, ReferencesInACircleEnd) {
   EXPECT_THAT(Reasons(report), AllOf(HasSubstr("Loop"), HasSubstr("itself")));
 }
 
+// "(#500001,#500002,...)", or the same entity so many times.
+std::string References(int count) {
+  std::string text;
+  for (int i = 0; i < count; ++i) text += (i > 0 ? ",#" : "(#") + std::to_string(500'001 + i);
+  return text + ")";
+}
+std::string References(int count, const std::string& id) {
+  std::string text;
+  for (int i = 0; i < count; ++i) text += (i > 0 ? "," : "(") + id;
+  return text + ")";
+}
+
+void AddItems(Entities& e, const std::string& aspect, const std::string& items) {
+  e.Add("GEOMETRIC_ITEM_SPECIFIC_USAGE('',''," + aspect + ",#900001," + items + ")");
+}
+
+// Tolerances of the files below refer to one thing that is large: what is read must not grow as the
+// product. The error, or how many tolerances and datums there are.
+std::string ReadWithinLimits(const Entities& entities) {
+  const std::string text = entities.File();
+  return WithinLimits({.cpu_time_s = 20, .memory_bytes = int64_t{1} << 30}, [&]() -> std::string {
+    try {
+      const StepPmi pmi = ReadStepPmi(Part21File(text, "test.stp"));
+      return std::to_string(pmi.read.size()) + " and " + std::to_string(pmi.datums.size());
+    } catch (const StepInputError& error) {
+      return error.what();
+    }
+  });
+}
+
+TEST(StepPmiTest, ReferencesDoNotMultiplyItems) {
+  const auto refused = AllOf(HasSubstr("test.stp: #"), HasSubstr("refer to each other so often"));
+  constexpr int kItems = 30'000, kTolerances = 3000;
+  Entities one, geometric, unread, dimensions, datums, sets;
+  for (Entities* e : {&one, &geometric, &unread, &dimensions, &datums, &sets}) {
+    const std::string mm = e->Millimetre(), aspect = e->Aspect();
+    const std::string length = e->Length(e == &unread ? 0 : 0.1, mm);
+    if (e != &sets) AddItems(*e, aspect, References(kItems));
+    const std::string set = e->Add("COMPOUND_REPRESENTATION_ITEM('',SET_REPRESENTATION_ITEM(" +
+                                   References(kItems) + "))");
+    for (int i = 0; i < kTolerances; ++i) {
+      if (e == &one && i > 0) break;
+      if (e == &dimensions) {
+        e->Add("DIMENSIONAL_SIZE(" + aspect + ",'diameter')");
+      } else if (e == &datums) {
+        const std::string datum = e->Add("DATUM('','',#900000,.F.,'A')");
+        e->Add("SHAPE_ASPECT_RELATIONSHIP('',''," + aspect + "," + datum + ")");
+      } else if (e == &sets) {
+        AddItems(*e, e->Aspect(), set);
+        e->Add("FLATNESS_TOLERANCE('',''," + length + ",#" + std::to_string(4 + 3 * i + 1) + ")");
+      } else {
+        e->Add("FLATNESS_TOLERANCE('',''," + length + "," + aspect + ")");
+      }
+    }
+  }
+  EXPECT_EQ(ReadWithinLimits(one), "1 and 0");
+  EXPECT_THAT(ReadStepPmi(Part21File(one.File(), "test.stp")).read.at(0).items, SizeIs(kItems));
+  EXPECT_THAT(ReadWithinLimits(geometric), refused);
+  EXPECT_THAT(ReadWithinLimits(unread), refused);
+  EXPECT_THAT(ReadWithinLimits(dimensions), refused);
+  EXPECT_THAT(ReadWithinLimits(datums), refused);
+  EXPECT_THAT(ReadWithinLimits(sets), refused);
+}
+
+TEST(StepPmiTest, ReferencesDoNotMultiplyTexts) {
+  const auto refused = AllOf(HasSubstr("test.stp: #"), HasSubstr("refer to each other so often"));
+  constexpr int kTolerances = 3000;
+  Entities systems, nested, forms;
+  for (Entities* e : {&systems, &nested, &forms}) {
+    const std::string mm = e->Millimetre(), aspect = e->Aspect(), length = e->Length(0.1, mm);
+    const std::string datum = e->Add("DATUM('','',#900000,.F.,'A')");
+    std::string datum_system;
+    if (e == &systems) {
+      const std::string compartment =
+          e->Add("DATUM_REFERENCE_COMPARTMENT('',$,#900000,.F.," + datum + ",$)");
+      datum_system =
+          e->Add("DATUM_SYSTEM('',$,#900000,.F.," + References(20'000, compartment) + ")");
+    } else {
+      // Every compartment has the one before 300 times.
+      datum_system = datum;
+      for (int depth = 0; depth < 4; ++depth) {
+        datum_system = e->Add("DATUM_REFERENCE_COMPARTMENT('',$,#900000,.F.," +
+                              References(300, datum_system) + ",$)");
+      }
+    }
+    std::string tolerances;
+    for (int i = 0; i < kTolerances; ++i) {
+      const std::string datums = e == &forms ? "" : ",(" + datum_system + ")";
+      const std::string id =
+          e->Add("PARALLELISM_TOLERANCE('',''," + length + "," + aspect + datums + ")");
+      tolerances += (i > 0 ? "," : "") + id;
+    }
+    if (e != &forms) continue;
+    const std::string form = e->Add("TOLERANCE_ZONE_FORM('" + std::string(1 << 20, 'a') + "')");
+    e->Add("TOLERANCE_ZONE('','',#900000,.F.,(" + tolerances + ")," + form + ")");
+  }
+  EXPECT_THAT(ReadWithinLimits(systems), refused);
+  EXPECT_THAT(ReadWithinLimits(nested), refused);
+  EXPECT_THAT(ReadWithinLimits(forms), refused);
+}
+
+// Much, but only as much as the file says.
+TEST(StepPmiTest, LargeFilesAreRead) {
+  Entities e;
+  const std::string mm = e.Millimetre();
+  for (int i = 0; i < 20'000; ++i) {
+    const std::string aspect = e.Aspect();
+    AddItems(e, aspect, References(10));
+    e.Add("FLATNESS_TOLERANCE('flat',''," + e.Length(0.1, mm) + "," + aspect + ")");
+  }
+  EXPECT_EQ(ReadWithinLimits(e), "20000 and 0");
+  // A datum of many features.
+  Entities features;
+  const std::string datum = features.Add("DATUM('','',#900000,.F.,'A')");
+  for (int i = 0; i < 3000; ++i) {
+    const std::string feature = features.Add("DATUM_FEATURE('','',#900000,.T.)");
+    features.Add("SHAPE_ASPECT_RELATIONSHIP('',''," + feature + "," + datum + ")");
+    std::string items;
+    for (int k = 0; k < 100; ++k) {
+      items += (k > 0 ? ",#" : "(#") + std::to_string(500'001 + 100 * i + k);
+    }
+    AddItems(features, feature, items + ")");
+  }
+  EXPECT_EQ(ReadWithinLimits(features), "0 and 1");
+  const StepPmi pmi = ReadStepPmi(Part21File(features.File(), "test.stp"));
+  EXPECT_EQ(pmi.datums.at(0).items.size(), 300'000u);
+  EXPECT_TRUE(std::ranges::is_sorted(pmi.datums.at(0).items));
+}
+
 TEST(StepPmiTest, DrawnAnnotationsAreNoTolerances) {
   Entities e;
   e.Add("DRAUGHTING_CALLOUT('Flatness.1',())");
@@ -487,6 +625,68 @@ TEST_F(StepShapeTest, EachToleranceBindsItsFace) {
   // OpenCASCADE's own reading agrees.
   EXPECT_THAT(report.notes, Contains(HasSubstr("finds 6 on the same faces, 6 of them with the "
                                                "same width")));
+}
+
+// What a tolerance binds besides faces: some are named, all count.
+TEST_F(StepShapeTest, ManyEntitiesAreNotAllNamed) {
+  const std::string path = WriteShape(BRepPrimAPI_MakeBox(40, 30, 20).Shape(), "box.stp");
+  const std::string text = Text(path);
+  std::vector<int64_t> points, shapes, representations;
+  {
+    const Part21File file(text, path);
+    points = file.Find([](std::string_view t) { return t == "CARTESIAN_POINT"; });
+    shapes = file.Find([](std::string_view t) { return t == "PRODUCT_DEFINITION_SHAPE"; });
+    representations =
+        file.Find([](std::string_view t) { return t == "ADVANCED_BREP_SHAPE_REPRESENTATION"; });
+  }
+  ASSERT_GT(points.size(), 20u);
+  // `times` times all points, to which so many tolerances refer.
+  const auto write = [&](int times, int tolerances) {
+    Entities e(800000);
+    const std::string length = e.Length(0.1, e.Millimetre());
+    const std::string aspect =
+        e.Add("SHAPE_ASPECT('','',#" + std::to_string(shapes.at(0)) + ",.T.)");
+    std::string items;
+    for (int i = 0; i < times; ++i) {
+      for (const int64_t point : points) {
+        items += (items.empty() ? "#" : ",#") + std::to_string(point);
+      }
+    }
+    e.Add("GEOMETRIC_ITEM_SPECIFIC_USAGE('',''," + aspect + ",#" +
+          std::to_string(representations.at(0)) + ",(" + items + "))");
+    for (int i = 0; i < tolerances; ++i) {
+      e.Add("FLATNESS_TOLERANCE('F',''," + length + "," + aspect + ")");
+    }
+    std::string out = text;
+    out.insert(out.rfind("ENDSEC;"), e.text());
+    std::ofstream(path, std::ios::binary | std::ios::trunc) << out;
+  };
+  write(1, 1);
+  const ToleranceReport few = ReadStep(path, true).tolerances.value();
+  ASSERT_THAT(few.read, SizeIs(1)) << Reasons(few);
+  ASSERT_THAT(few.read[0].features, SizeIs(17));
+  EXPECT_EQ(few.read[0].features[0], "CARTESIAN_POINT #" + std::to_string(points[0]));
+  EXPECT_EQ(few.read[0].features[16], "and " + std::to_string(points.size() - 16) + " more");
+  EXPECT_THAT(few.notes, Contains(HasSubstr("compared with OpenCASCADE ")));
+
+  const int times = static_cast<int>(30'000 / points.size());
+  write(times, 5);
+  const ToleranceReport more = ReadStep(path, true).tolerances.value();
+  ASSERT_THAT(more.read, SizeIs(5)) << Reasons(more);
+  EXPECT_THAT(more.read[4].features, SizeIs(17));
+  EXPECT_THAT(more.notes, Contains(HasSubstr("not compared with OpenCASCADE")));
+
+  write(times, 3000);
+  EXPECT_THAT(WithinLimits({.cpu_time_s = 30, .memory_bytes = int64_t{1} << 30},
+                           [&]() -> std::string {
+                             try {
+                               ReadStep(path, true);
+                               return "read";
+                             } catch (const StepInputError& error) {
+                               return error.what();
+                             }
+                           }),
+              AllOf(HasSubstr("box.stp: #"), HasSubstr("refer to each other so often")));
 }
 
 TEST_F(StepShapeTest, AnAssemblyBindsAFaceAtEveryPlace) {

@@ -28,6 +28,7 @@
 #include <algorithm>
 #include <cctype>
 #include <fstream>
+#include <optional>
 #include <set>
 #include <string_view>
 
@@ -192,7 +193,6 @@ StepModel ReadStep(const std::filesystem::path& file, bool with_tolerances) {
   reader.SetColorMode(false);
   reader.SetLayerMode(false);
   reader.SetPropsMode(false);
-  reader.SetGDTMode(with_tolerances);
   if (reader.ReadFile(file.c_str()) != IFSelect_RetDone) {
     throw StepInputError(file.string() + ": not a STEP file that can be parsed");
   }
@@ -200,6 +200,9 @@ StepModel ReadStep(const std::filesystem::path& file, bool with_tolerances) {
   if (reader.NbRootsForTransfer() == 0) {
     throw StepInputError(file.string() + ": no shape in it");
   }
+  std::optional<StepTolerances> tolerances;
+  if (with_tolerances) tolerances.emplace(file);
+  reader.SetGDTMode(tolerances && tolerances->compared());
   Handle(TDocStd_Document) document = new TDocStd_Document("sightline");
   if (!reader.Transfer(document)) {
     throw StepInputError(file.string() + ": its shapes cannot be translated");
@@ -210,10 +213,10 @@ StepModel ReadStep(const std::filesystem::path& file, bool with_tolerances) {
   XCAFDoc_DocumentTool::ShapeTool(document->Main())->GetFreeShapes(roots);
   for (const TDF_Label& root : roots) AppendBodies(root, TopLoc_Location(), "body", model.bodies);
   if (model.bodies.empty()) throw StepInputError(file.string() + ": no solids and no faces in it");
-  if (with_tolerances) {
+  if (tolerances) {
     std::vector<TopoDS_Shape> bodies;
     for (const StepBody& body : model.bodies) bodies.push_back(body.shape);
-    model.tolerances = ReadStepTolerances(file, reader, document, bodies);
+    model.tolerances = tolerances->Bind(reader, document, bodies);
   }
   return model;
 }

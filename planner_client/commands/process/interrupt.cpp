@@ -1,7 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/commands/process/interrupt.h"
 
+#include <unistd.h>
+
 #include <csignal>
+#include <string_view>
 
 namespace sightline {
 namespace {
@@ -9,7 +12,12 @@ namespace {
 std::atomic<bool> interrupted{false};
 
 void OnSignal(int signal) {
-  interrupted.store(true);
+  // Of what is allowed in a handler: write, not stdio.
+  constexpr std::string_view kMessage =
+      "\ninterrupted: what there is so far is kept; once more ends at once\n";
+  if (!interrupted.exchange(true)) {
+    [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kMessage.data(), kMessage.size());
+  }
   std::signal(signal, SIG_DFL);
 }
 

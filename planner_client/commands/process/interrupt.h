@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C: the first asks the running command to stop and keep what it has, the second ends it.
+// Ctrl-C: the first asks the running command to stop and keep what it has, and says so on stderr;
+// the second ends it.
 #pragma once
 
 #include <atomic>

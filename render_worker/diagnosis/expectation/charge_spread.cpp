@@ -75,17 +75,6 @@ std::shared_ptr<const LineSpeckle> OfCell(const LineSpeckle& speckle, int cell,
 
 }  // namespace
 
-bool SpreadsCharge(const Effect& effect) {
-  const std::string_view id = effect.description().id;
-  return id == "sensor.crosstalk" || id == "sensor.brighter_fatter" ||
-         id == "unknown.charge_spread" || id == "unknown.charge_flow";
-}
-
-bool SpreadsByCharge(const Effect& effect) {
-  const std::string_view id = effect.description().id;
-  return id == "sensor.brighter_fatter" || id == "unknown.charge_flow";
-}
-
 NeighboursOfLevel::NeighboursOfLevel(Image<double> laser, Image<double> steady,
                                      const LineSpeckle& speckle, const FrameSetup& frame,
                                      double pattern_share, double full_electrons)
@@ -160,7 +149,7 @@ std::array<std::shared_ptr<const LineSpeckle>, 4> AfterChargeSpread(
   std::array<std::shared_ptr<const LineSpeckle>, 4> of_cell;
   std::vector<ActiveEffect> spreading;
   for (const ActiveEffect& active : effects) {
-    if (SpreadsCharge(*active.effect)) spreading.push_back(active);
+    if (active.effect->description().MovesCharge()) spreading.push_back(active);
   }
   if (spreading.empty()) return of_cell;
   const bool colour = frame.sensor.colour_filter != ColourFilter::kMono;

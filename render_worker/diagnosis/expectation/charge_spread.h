@@ -13,12 +13,6 @@
 
 namespace sightline {
 
-// True for effects that move charge between neighbouring pixels.
-bool SpreadsCharge(const Effect& effect);
-// True for those of them that move the more the more charge there is: to these neighbours are not
-// as bright as the pixel itself.
-bool SpreadsByCharge(const Effect& effect);
-
 // Charge around the pixels of a strip of one column or of even width whose speckle is at a given
 // level: f times the mean light. A neighbour's light is then not f times its mean: of bivariate
 // gamma numbers of contrast squared c and correlation r the other's mean is 1 + r (f - 1), its

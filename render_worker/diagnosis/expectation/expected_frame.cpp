@@ -64,6 +64,11 @@ std::vector<ActiveEffect> OfEveryFrame(std::span<const ActiveEffect> effects) {
   return kept;
 }
 
+// To effects that move more charge the more there is, neighbours are not as bright as the pixel.
+bool GrowsWithCharge(const Effect& effect) {
+  return effect.description().charge_transport == ChargeTransport::kGrowsWithCharge;
+}
+
 // Equally likely levels of speckle, over the mean, of every pixel of a strip.
 class LevelFactors {
  public:
@@ -220,7 +225,8 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
   expected.frame = ApplyFrameEffects(nominal, OfEveryFrame(all_effects));
   AddScatter(nominal, all_effects, block_columns_px, expected);
   std::vector<ActiveEffect> effects(all_effects.begin(), all_effects.end());
-  std::erase_if(effects, [](const ActiveEffect& active) { return IsDrawn(*active.effect); });
+  std::erase_if(effects,
+                [](const ActiveEffect& active) { return active.effect->description().is_drawn; });
   const FrameSetup& frame = expected.frame;
   const ExpectedLight light =
       ExpectLight(frame, effects, std::move(known_imaging), block_columns_px);
@@ -249,7 +255,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     // Levels of what spreads by charge follow from the flow at each of them.
     std::vector<ActiveEffect> but_by_charge = effects;
     std::erase_if(but_by_charge,
-                  [](const auto& active) { return SpreadsByCharge(*active.effect); });
+                  [](const auto& active) { return GrowsWithCharge(*active.effect); });
     const bool by_charge = but_by_charge.size() < effects.size();
     auto speckle_of_levels = by_charge ? AfterChargeSpread(*optical, total, frame, but_by_charge)
                                        : expected.speckle_of_cell;
@@ -304,7 +310,7 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
       }
     }
     for (const ActiveEffect& active : effects) {
-      if (neighbours && SpreadsByCharge(*active.effect)) {
+      if (neighbours && GrowsWithCharge(*active.effect)) {
         electrons = neighbours->After(active, frame, electrons, factor);
       } else {
         active.effect->OnElectrons(electrons, frame, active.parameters);
@@ -318,16 +324,6 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
 }
 
 }  // namespace
-
-bool IsDrawn(const Effect& effect) {
-  static constexpr std::array<std::string_view, 10> kDrawn = {
-      "illumination.power_noise",   "time.exposure_jitter",
-      "surface.albedo_texture",     "optics.dust",
-      "sensor.row_noise",           "sensor.hot_pixels",
-      "sensor.dsnu_column_pattern", "sensor.prnu",
-      "unknown.line_noise",         "unknown.pixel_tail"};
-  return std::find(kDrawn.begin(), kDrawn.end(), effect.description().id) != kDrawn.end();
-}
 
 const SpecklePixelCovariance& ExpectedFrame::SpeckleAt(int row, int column) const {
   const LineSpeckle* of_cell = speckle_of_cell[2 * (row % 2) + column % 2].get();

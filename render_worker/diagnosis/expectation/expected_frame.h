@@ -56,10 +56,6 @@ struct ExpectedFrame {
   const SpecklePixelCovariance& SpeckleAt(int row, int column = 0) const;
 };
 
-// True for effects whose realisation is drawn by chance and cannot be known: they do not change the
-// expectation of a pixel, only how pixels or recordings scatter.
-bool IsDrawn(const Effect& effect);
-
 // `frame`: nominal with deviations applied; its region of interest is narrow enough that the line's
 // profile is that of its middle column. `previous`: mean electrons of the frame before in the
 // burst, or nullptr. `imaging`: of another strip of the frame, or null; taken over as far as the

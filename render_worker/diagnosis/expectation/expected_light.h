@@ -38,7 +38,7 @@ struct ExpectedLight {
   double pattern_share = 0;  // contrast squared of all speckle patterns over that of one
 };
 
-// `frame`: as effects of the setup leave it. `effects`: without those that are drawn (IsDrawn).
+// `frame`: as effects of the setup leave it. `effects`: without those whose is_drawn holds.
 // `imaging`: of another strip of the frame, or null; taken over as far as the optics are the same
 // all over the field, and its speckle always. `block_columns_px`: of the block that the strip is
 // the middle of and whose mean it stands for; 0: for itself.

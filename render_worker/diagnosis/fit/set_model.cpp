@@ -6,7 +6,6 @@
 #include <string_view>
 
 #include "core/parallel/worker_threads.h"
-#include "render_worker/diagnosis/expectation/charge_spread.h"
 #include "render_worker/diagnosis/statistic/burst_statistic.h"
 #include "render_worker/diagnosis/statistic/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/statistic/histogram_statistic.h"
@@ -103,9 +102,9 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
   const bool colour =
       frames > 0 && set_.frames[0].nominal.sensor.colour_filter != ColourFilter::kMono;
   // On a colour sensor charge goes to the neighbours of a narrow strip's edges too.
-  const bool spreads =
-      std::any_of(parameters.effects.begin(), parameters.effects.end(),
-                  [](const ActiveEffect& active) { return SpreadsCharge(*active.effect); });
+  const bool spreads = std::any_of(
+      parameters.effects.begin(), parameters.effects.end(),
+      [](const ActiveEffect& active) { return active.effect->description().MovesCharge(); });
   const int margin_px = colour && spreads ? 2 : 0;
   std::vector<FrameSetup> setups(frames);
   expected.strips.assign(blocks, std::vector<ExpectedFrame>(frames));

@@ -56,6 +56,7 @@ class LineNoiseTerm final : public FreeFormEffect {
       : FreeFormEffect("noise",
                        {.id = "unknown.line_noise",
                         .stage = Stage::kSensor,
+                        .is_drawn = true,
                         .summary = "offsets of rows, drawn anew for every frame, and of columns, "
                                    "drawn once, normally distributed",
                         .reference = "EMVA 1288 R4.0 Linear, section 4 (row and column variation)",
@@ -75,6 +76,7 @@ class PixelTailTerm final : public FreeFormEffect {
       : FreeFormEffect("offset",
                        {.id = "unknown.pixel_tail",
                         .stage = Stage::kSensor,
+                        .is_drawn = true,
                         .summary = "parts of the pixels have exponentially distributed charge "
                                    "more, of these means",
                         .reference = "EMVA 1288 R4.0 Linear, section 4 (defect pixels)",

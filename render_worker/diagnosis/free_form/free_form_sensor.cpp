@@ -220,6 +220,7 @@ class ChargeSpreadTerm final : public FreeFormEffect {
       : FreeFormEffect("point_spread",
                        {.id = "unknown.charge_spread",
                         .stage = Stage::kSensor,
+                        .charge_transport = ChargeTransport::kProportional,
                         .summary = "part of the difference of neighbours flows: across rows, "
                                    "across columns",
                         .reference = "EMVA 1288 R4.0 Linear, section 2.1 (pixels independent)",
@@ -243,6 +244,7 @@ class ChargeFlowTerm final : public FreeFormEffect {
             "point_spread",
             {.id = "unknown.charge_flow",
              .stage = Stage::kSensor,
+             .charge_transport = ChargeTransport::kGrowsWithCharge,
              .summary = "part of the difference of neighbours flows, in proportion to their mean "
                         "over full scale: across rows, across columns",
              .reference = "Antilogus et al., JINST 9 (2014) C03048",

@@ -581,8 +581,9 @@ Eigen::VectorXd FixedPatternStatistic::ObservedDark(const RecordedSet& set,
 FixedPatternStatistic::DarkPattern FixedPatternStatistic::DarkPatternOf(const ExpectedSet& expected,
                                                                         const Entry& entry) const {
   DarkPattern pattern;
-  if (std::none_of(expected.effects.begin(), expected.effects.end(),
-                   [](const ActiveEffect& active) { return IsDrawn(*active.effect); })) {
+  if (std::none_of(
+          expected.effects.begin(), expected.effects.end(),
+          [](const ActiveEffect& active) { return active.effect->description().is_drawn; })) {
     return pattern;
   }
   for (int f : entry.frames) {

@@ -42,6 +42,7 @@ class PowerNoiseEffect final : public DescribedEffect {
   PowerNoiseEffect()
       : DescribedEffect({.id = "illumination.power_noise",
                          .stage = Stage::kIllumination,
+                         .is_drawn = true,
                          .summary = "power differs between recordings at random, normally",
                          .reference = "ISO 11554:2017 (relative power fluctuation)",
                          .parameters = {{"power_noise_relative", 0, 0, 0.5, 0.03}}}) {}

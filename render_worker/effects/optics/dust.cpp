@@ -23,6 +23,7 @@ class DustEffect final : public DescribedEffect {
   DustEffect()
       : DescribedEffect({.id = "optics.dust",
                          .stage = Stage::kOptics,
+                         .is_drawn = true,
                          .summary = "dark spots fixed on the sensor",
                          .reference = "EMVA 1288 R4.0 Linear, section 4 (spatial nonuniformity)",
                          .parameters = {{"spots", 0, 0, 1000, 20}}}) {}

@@ -16,6 +16,7 @@ class PrnuEffect final : public DescribedEffect {
   PrnuEffect()
       : DescribedEffect({.id = "sensor.prnu",
                          .stage = Stage::kSensor,
+                         .is_drawn = true,
                          .summary = "standard deviation of the pixels' sensitivity",
                          .reference = "EMVA 1288 R4.0 Linear, section 4 (PRNU1288)",
                          .parameters = {{"prnu_relative", 0, 0, 0.5, 0.01}}}) {}
@@ -30,6 +31,7 @@ class DsnuColumnPatternEffect final : public DescribedEffect {
   DsnuColumnPatternEffect()
       : DescribedEffect({.id = "sensor.dsnu_column_pattern",
                          .stage = Stage::kSensor,
+                         .is_drawn = true,
                          .summary = "fixed offsets of columns and pixels, standard deviations",
                          .reference = "EMVA 1288 R4.0 Linear, section 4 (DSNU1288, column part)",
                          .parameters = {{"column_offset_electrons", 0, 0, 1000, 5},

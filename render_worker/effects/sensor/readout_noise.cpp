@@ -26,6 +26,7 @@ class RowNoiseEffect final : public DescribedEffect {
   RowNoiseEffect()
       : DescribedEffect({.id = "sensor.row_noise",
                          .stage = Stage::kSensor,
+                         .is_drawn = true,
                          .summary = "rows jump from frame to frame, normally distributed",
                          .reference = "EMVA 1288 R4.0 Linear, section 4 (row variation)",
                          .parameters = {{"row_noise_electrons", 0, 0, 1000, 3}}}) {}

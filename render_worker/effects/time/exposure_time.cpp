@@ -30,6 +30,7 @@ class ExposureJitterEffect final : public DescribedEffect {
   ExposureJitterEffect()
       : DescribedEffect({.id = "time.exposure_jitter",
                          .stage = Stage::kTime,
+                         .is_drawn = true,
                          .summary = "exposure time scatters normally",
                          .reference = kReference,
                          .parameters = {{"exposure_jitter_s", 0, 0, 0.1, 5e-5}}}) {}

@@ -375,6 +375,12 @@ TEST(StrictJson, ControlCharactersInKeysAreShownAsEscapes) {
   EXPECT_THAT(ErrorOf(R"({"name": "a", "rig": {"\u001b]0;x\u0007": 1}})"),
               HasSubstr("rig.\\x1b]0;x\\x07: unknown field"));
   EXPECT_EQ(Printable("\x1b a\tb\nc \x7f ä \xc2\x85"), "\\x1b a\tb\nc \\x7f ä \\x85");
+  // Characters that turn the writing direction, and neighbours that do not.
+  EXPECT_EQ(Printable("a\u202egnp.exe \u2066b\u2069 \u200f \u061c"),
+            "a\\u202egnp.exe \\u2066b\\u2069 \\u200f \\u061c");
+  EXPECT_EQ(Printable("\u200d \u2029 \u202f \u2065 \u206a \u061b"),
+            "\u200d \u2029 \u202f \u2065 \u206a \u061b");
+  EXPECT_EQ(Printable("cut off \xe2\x80"), "cut off \xe2\x80");
 }
 
 TEST(StrictJson, FilesAreRegularAndOfBoundedSize) {

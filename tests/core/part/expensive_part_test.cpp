@@ -231,6 +231,36 @@ TEST(PartHealth, ManyComponentsTakeSeconds) {
             "100000 0");
 }
 
+// One outline of 20 million corners: the limit on triangles alone would come too late.
+TEST(PlyFiles, AFaceOfTooManyCornersIsRefusedBeforeItIsCut) {
+  constexpr size_t kCorners = 20'000'000;
+  std::string bytes = absl::StrCat(
+      "ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty char x\n"
+      "property char y\nproperty char z\nelement face 1\n"
+      "property list int uchar vertex_indices\nend_header\n");
+  bytes += std::string("\0\0\0\1\0\0\0\1\0", 9);
+  const auto count = static_cast<uint32_t>(kCorners);
+  bytes.append(reinterpret_cast<const char*>(&count), 4);
+  for (size_t i = 0; i < kCorners; ++i) bytes.push_back(static_cast<char>(i % 3));
+  EXPECT_THAT(
+      WithinLimits(
+          {.cpu_time_s = 2, .memory_bytes = int64_t{64} << 20},
+          [&] { return LoadPartFromMemory(bytes, "ply", "m", "part.ply").status().ToString(); }),
+      testing::AllOf(StartsWith("INVALID_ARGUMENT: part.ply: face 0 has 20000000 corners"),
+                     HasSubstr("at most 1000000")));
+}
+
+TEST(ObjFiles, AFaceOfTooManyCornersIsRefusedBeforeItIsCut) {
+  std::string text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf";
+  for (int i = 0; i < 10'000'000; ++i) text += " 1 2 3";
+  EXPECT_THAT(
+      WithinLimits(
+          {.cpu_time_s = 2, .memory_bytes = int64_t{64} << 20},
+          [&] { return LoadPartFromMemory(text, "obj", "m", "part.obj").status().ToString(); }),
+      testing::AllOf(StartsWith("INVALID_ARGUMENT: part.obj: line 4: a face has"),
+                     HasSubstr("at most 1000000")));
+}
+
 // --- glTF ---------------------------------------------------------------------------------------
 
 std::string Glb(std::string json) {
@@ -323,6 +353,43 @@ TEST(GltfFiles, AsMuchJsonAsIsAllowedNeedsLessThanAGigabyte) {
       HasSubstr("INVALID_ARGUMENT: part.glb: has no triangles"));
 }
 
+// A list of `count` elements.
+std::string ListOf(size_t count, const std::string& element) {
+  std::string list = "[" + element;
+  list.reserve(count * (element.size() + 1) + 2);
+  for (size_t i = 1; i < count; ++i) list += "," + element;
+  return list + "]";
+}
+
+std::string LoadGlb(const std::string& members) {
+  const std::string bytes = Glb(absl::StrCat(R"({"asset": {"version": "2.0"}, )", members, "}"));
+  return WithinLimits({.cpu_time_s = 10, .memory_bytes = int64_t{1} << 30}, [&] {
+    return LoadPartFromMemory(bytes, "glb", "", "part.glb").status().ToString();
+  });
+}
+
+// Read, an empty element takes a hundred to a thousand times its two or three bytes.
+TEST(GltfFiles, ElementsThatWouldFillTheMemoryAreRefused) {
+  for (const std::string list : {"accessors", "bufferViews", "materials", "nodes", "samplers",
+                                 "textures", "scenes", "skins", "images", "cameras"}) {
+    EXPECT_THAT(LoadGlb(absl::StrCat("\"", list, "\": ", ListOf(1'900'000, "{}"))),
+                testing::AllOf(StartsWith("RESOURCE_EXHAUSTED"), HasSubstr("other elements")))
+        << list;
+  }
+  EXPECT_THAT(LoadGlb(absl::StrCat(R"("meshes": [{"primitives": )",
+                                   ListOf(1'900'000, "{\"attributes\":{}}"), "}]")),
+              StartsWith("RESOURCE_EXHAUSTED"));
+}
+
+TEST(GltfFiles, AsManyElementsAsAreAllowedNeedLessThanAGigabyte) {
+  for (const auto& [list, count] :
+       {std::pair("materials", 125'000), {"nodes", 580'000}, {"samplers", 850'000}}) {
+    EXPECT_THAT(LoadGlb(absl::StrCat("\"", list, "\": ", ListOf(count, "{}"))),
+                HasSubstr("INVALID_ARGUMENT: part.glb: has no triangles"))
+        << list;
+  }
+}
+
 class GltfFolderTest : public ::testing::Test {
  protected:
   void SetUp() override {
@@ -365,6 +432,17 @@ TEST_F(GltfFolderTest, OnlyFilesOfThePartsFolderAreRead) {
         << uri;
   }
   EXPECT_THAT(Load("pipe"), HasSubstr("no regular file"));
+}
+
+TEST_F(GltfFolderTest, LinksOutOfTheFolderAreNotFollowed) {
+  fs::create_symlink("../outside.bin", folder_ / "part" / "out.bin");
+  fs::create_directory_symlink("..", folder_ / "part" / "up");
+  fs::create_symlink("a b.bin", folder_ / "part" / "in.bin");
+  EXPECT_EQ(Load("in.bin"), "OK");
+  for (const std::string uri : {"out.bin", "up/outside.bin"}) {
+    EXPECT_THAT(Load(uri), testing::AllOf(StartsWith("INVALID_ARGUMENT"), HasSubstr("link out of")))
+        << uri;
+  }
 }
 
 // tinygltf looks into the working folder as well.

@@ -2,6 +2,10 @@
 // Work in other processes gives what it gives here, also after some were killed.
 #include <gtest/gtest.h>
 #include <signal.h>
+#include <stdlib.h>
+#include <sys/prctl.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
 #include <unistd.h>
 
 #include <algorithm>
@@ -12,6 +16,8 @@
 #include <fstream>
 #include <iterator>
 #include <numbers>
+#include <optional>
+#include <string>
 #include <thread>
 
 #include "core/resting/convex_hull.h"
@@ -128,6 +134,69 @@ TEST(WorkerTask, IsDoneAgainIfItsProcessIsKilledButNotForEver) {
       EXPECT_EQ(kills, 3);
     }
   }
+}
+
+// A worker that is slow to begin: it waits for a file before it becomes the program, which does not
+// know the task and ends with exit code 2.
+class SlowWorkerTest : public ::testing::Test {
+ protected:
+  void SetUp() override {
+    ASSERT_NE(mkdtemp(folder_.data()), nullptr);
+    std::ofstream(script()) << "#!/bin/sh\nwhile [ ! -e " << go()
+                            << " ]; do sleep 0.01; done\nexec " << WorkerProgram() << " \"$@\"\n";
+    ASSERT_EQ(chmod(script().c_str(), 0700), 0);
+  }
+  void TearDown() override { fs::remove_all(folder_); }
+
+  std::string script() const { return folder_ + "/worker"; }
+  std::string go() const { return folder_ + "/go"; }
+  absl::StatusOr<WorkerProcess> Start() const {
+    return WorkerProcess::Start(script(), {"--worker-task", "no such task", "0", "1"}, {});
+  }
+  // The first state that `look` finds.
+  template <typename Look>
+  static std::optional<int> WaitFor(const Look& look) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
+    std::optional<int> state;
+    while (!(state = look()) && std::chrono::steady_clock::now() < end) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+    }
+    return state;
+  }
+
+  std::string folder_ = "/tmp/sightline-worker-XXXXXX";
+};
+
+TEST_F(SlowWorkerTest, WorksForAParentThatIsThere) {
+  auto worker = Start();
+  ASSERT_TRUE(worker.ok()) << worker.status();
+  std::ofstream(go()).flush();
+  const auto state = WaitFor([&] { return worker->Ended(); });
+  ASSERT_TRUE(state);
+  EXPECT_TRUE(WIFEXITED(*state) && WEXITSTATUS(*state) == 2) << *state;
+}
+
+TEST_F(SlowWorkerTest, EndsAtOnceIfItsParentWentBefore) {
+  // Orphans become our children, so that we can see how they end.
+  ASSERT_EQ(prctl(PR_SET_CHILD_SUBREAPER, 1), 0);
+  const pid_t parent = fork();
+  ASSERT_GE(parent, 0);
+  if (parent == 0) {
+    const auto worker = Start();
+    _exit(worker.ok() ? 0 : 1);  // as if killed: nothing is cleaned up
+  }
+  int parent_state = 0;
+  ASSERT_EQ(waitpid(parent, &parent_state, 0), parent);
+  ASSERT_EQ(parent_state, 0);
+  std::ofstream(go()).flush();
+  const auto state = WaitFor([]() -> std::optional<int> {
+    int orphan_state = 0;
+    if (waitpid(-1, &orphan_state, WNOHANG) <= 0) return std::nullopt;
+    return orphan_state;
+  });
+  prctl(PR_SET_CHILD_SUBREAPER, 0);
+  ASSERT_TRUE(state);
+  EXPECT_TRUE(WIFSIGNALED(*state) && WTERMSIG(*state) == SIGKILL) << *state;
 }
 
 TEST(SharedMemory, WhatIsCutIsNotTakenForWhole) {

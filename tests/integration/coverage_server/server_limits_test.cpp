@@ -8,15 +8,18 @@
 #include <sys/socket.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <atomic>
 #include <memory>
 #include <new>
 #include <string>
+#include <thread>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "rpc_server/health_check.h"
+#include "rpc_server/peer_turns.h"
 #include "rpc_server/upload.h"
 #include "tests/integration/coverage_server/fake_scene.h"
 #include "tests/integration/coverage_server/service_fixture.h"
@@ -174,6 +177,35 @@ TEST(UploadMemoryTest, CountsWhatCameByPeerAndInAll) {
   UploadMemory::Share moved(std::move(first));
   EXPECT_TRUE(moved.Grow(10).ok());
   EXPECT_EQ(memory.bytes(), 60);
+}
+
+TEST(PeerTurnsTest, APeerHasOneAtATimeAndTheOthersWait) {
+  PeerTurns turns(2);
+  const auto go_on = [] { return absl::OkStatus(); };
+  const auto stop = [] { return absl::CancelledError("stop"); };
+  auto first = turns.Wait("a", stop);
+  ASSERT_TRUE(first.ok());  // a free turn does not ask
+  EXPECT_TRUE(absl::IsCancelled(turns.Wait("a", stop).status()));
+  {
+    auto other = turns.Wait("b", go_on);
+    ASSERT_TRUE(other.ok());
+    EXPECT_TRUE(absl::IsCancelled(turns.Wait("c", stop).status()));
+  }
+  EXPECT_TRUE(turns.Wait("c", go_on).ok());
+  // Who waits is woken, and nobody has the turn of a peer while it has it.
+  std::atomic<int> at_work{0}, most{0};
+  std::vector<std::thread> threads;
+  for (int i = 0; i < 8; ++i) {
+    threads.emplace_back([&] {
+      for (int k = 0; k < 100; ++k) {
+        auto turn = turns.Wait("b", go_on);
+        most = std::max(most.load(), ++at_work);
+        --at_work;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(most, 1);
 }
 
 TEST_F(ServerLimitsTest, IdleStreamsOfOnePeerLeaveRoomForTheOthers) {

@@ -91,6 +91,58 @@ TEST_F(ServerProcessTest, LogNamesTheRequestOfTheCaller) {
   EXPECT_THAT(line, ::testing::Not(HasSubstr("0af7651916cd43dd8448eb211c80319c")));
 }
 
+// Most memory that a process had so far.
+int64_t PeakMemoryBytes(pid_t pid) {
+  std::ifstream file(absl::StrCat("/proc/", pid, "/status"));
+  std::string word;
+  int64_t kib = 0;
+  while (file >> word) {
+    if (word == "VmHWM:" && file >> kib) break;
+  }
+  return kib * 1024;
+}
+
+// A message of zeros is a thousandth of its size when it is packed.
+TEST_F(ServerProcessTest, PackedMessagesAreRefusedAndNotUnpacked) {
+  Start();
+  Connection connection(server_->address());
+  v1::UploadPartRequest zeros;
+  zeros.set_chunk(std::string(192 << 20, '\0'));
+  v1::CreateSceneRequest large;
+  large.set_request_id(zeros.chunk());
+  const int64_t before = PeakMemoryBytes(server_->pid());
+  ASSERT_GT(before, 0);
+  for (const auto algorithm : {GRPC_COMPRESS_GZIP, GRPC_COMPRESS_DEFLATE}) {
+    grpc::ClientContext unary;
+    Connection::SetTimeout(&unary, 60000);
+    unary.set_compression_algorithm(algorithm);
+    v1::CreateSceneResponse ignored;
+    const grpc::Status created = connection.coverage->CreateScene(&unary, large, &ignored);
+    EXPECT_EQ(created.error_code(), grpc::StatusCode::UNIMPLEMENTED) << created.error_message();
+
+    grpc::ClientContext stream;
+    Connection::SetTimeout(&stream, 60000);
+    stream.set_compression_algorithm(algorithm);
+    v1::UploadPartResponse nothing;
+    auto writer = connection.coverage->UploadPart(&stream, &nothing);
+    writer->Write(zeros);
+    writer->WritesDone();
+    const grpc::Status uploaded = writer->Finish();
+    EXPECT_EQ(uploaded.error_code(), grpc::StatusCode::UNIMPLEMENTED) << uploaded.error_message();
+  }
+  EXPECT_LT(PeakMemoryBytes(server_->pid()) - before, int64_t{64} << 20);
+  // Small ones neither; as they are, messages are taken.
+  grpc::ClientContext small;
+  Connection::SetTimeout(&small);
+  small.set_compression_algorithm(GRPC_COMPRESS_GZIP);
+  v1::ListJobsResponse jobs;
+  EXPECT_EQ(connection.jobs->ListJobs(&small, {}, &jobs).error_code(),
+            grpc::StatusCode::UNIMPLEMENTED);
+  grpc::ClientContext plain;
+  Connection::SetTimeout(&plain);
+  EXPECT_TRUE(connection.jobs->ListJobs(&plain, {}, &jobs).ok());
+}
+
 TEST_F(ServerProcessTest, EmbeddedServerIsPrivateAndCleansUp) {
   Start();
   const std::string socket = server_->address().substr(5);

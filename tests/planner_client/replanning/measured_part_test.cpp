@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
 #include "tests/core/registration/measured_shapes.h"
+#include "tests/limits/within_limits.h"
 
 namespace sightline {
 namespace {
@@ -211,6 +212,54 @@ TEST_F(MeasuredPartTest, EmptyAndDamagedFilesAreRefused) {
   const auto few = Find(WriteText("few.ply", header + "2\n" + properties + "0 0 0\n0 0.01 0\n"));
   EXPECT_TRUE(Says(few.status(), "few.ply")) << few.status();
   EXPECT_EQ(Find((folder_ / "none.ply").string()).status().code(), absl::StatusCode::kNotFound);
+}
+
+// By what headers announce, before points take memory.
+TEST_F(MeasuredPartTest, TooManyPointsAreRefusedBeforeTheyAreRead) {
+  const auto ply = [&](const std::string& name, const std::string& elements, uint64_t data_bytes) {
+    const std::string path = WriteText(
+        name, absl::StrCat("ply\nformat binary_little_endian 1.0\n", elements,
+                           "property char x\nproperty char y\nproperty char z\n", "end_header\n"));
+    std::filesystem::resize_file(path, std::filesystem::file_size(path) + data_bytes);
+    return path;
+  };
+  const auto said = [&](const std::vector<MeasuredFile>& files) {
+    return WithinLimits({.cpu_time_s = 5, .memory_bytes = int64_t{64} << 20}, [&] {
+      const std::vector<Measurement> scans(files.size(), scan_);
+      return std::string(
+          FindMeasuredPart(model_, inspection_, files, scans, {}).status().message());
+    });
+  };
+  const auto has = [](const std::string& text, const std::string& part) {
+    return text.find(part) != std::string::npos;
+  };
+  const std::string many =
+      said({{ply("many.ply", "element vertex 30000000\n", uint64_t{90'000'000}), 0}});
+  EXPECT_TRUE(has(many, "many.ply: has 30000000 points; at most 20000000 ")) << many;
+  const std::string first = Write("first.ply", Measured(model_, truth_, 8));
+  const std::string together =
+      said({{first, 0}, {ply("second.ply", "element vertex 19999999\n", uint64_t{60'000'000}), 1}});
+  EXPECT_TRUE(has(together, "second.ply: has 19999999 points, besides 8000 of")) << together;
+  const std::string twice =
+      said({{ply("twice.ply",
+                 "element vertex 19000000\nproperty char x\nproperty char y\nproperty char z\n"
+                 "element vertex 19000000\n",
+                 uint64_t{114'000'000}),
+             0}});
+  EXPECT_TRUE(has(twice, "twice.ply: has 38000000 points")) << twice;
+  const std::string claims =
+      said({{ply("claims.ply",
+                 "element vertex 9223372036854775807\nelement vertex 9223372036854775807\n", 9),
+             0}});
+  EXPECT_TRUE(has(claims, "claims.ply: has 9223372036854775807 points")) << claims;
+  std::string comments;
+  while (comments.size() < (1u << 20)) comments += "comment " + std::string(1000, 'a') + "\n";
+  const std::string hidden =
+      said({{ply("hidden.ply", comments + "element vertex 30000000\n", uint64_t{90'000'000}), 0}});
+  EXPECT_TRUE(has(hidden, "hidden.ply: its header has more than 1 MiB")) << hidden;
+  // As many as there may be, but they are not there.
+  const std::string cut = said({{ply("cut.ply", "element vertex 20000000\n", 300), 0}});
+  EXPECT_TRUE(has(cut, "cut.ply: truncated")) << cut;
 }
 
 // ASCII without normals as other programs write it.

@@ -18,7 +18,10 @@
 #include "proto/status/rpc_status.h"
 #include "render_worker/image_file/image_file.h"
 #include "render_worker/service/render_server.h"
+#include "sightline/v1/diagnosis_service.grpc.pb.h"
 #include "sightline/v1/job_service.grpc.pb.h"
+#include "sightline/v1/optics_service.grpc.pb.h"
+#include "sightline/v1/sensor_service.grpc.pb.h"
 #include "tests/render_worker/service/plate_spec.h"
 
 namespace sightline {
@@ -63,7 +66,7 @@ class RenderServiceTest : public ::testing::Test {
     fs::remove_all(folder_);
   }
 
-  void Start(int threads) {
+  void Start(int threads, int64_t max_queued_jobs = 64) {
     server_.reset();
     fs::create_directories(folder_ + "/spool");
     RenderServerOptions options;
@@ -72,15 +75,16 @@ class RenderServiceTest : public ::testing::Test {
     options.threads = threads;
     options.max_asset_bytes = 1 << 20;
     options.max_image_bytes = int64_t{1} << 30;
+    options.max_queued_jobs = max_queued_jobs;
     auto server = RenderServer::Start(options);
     ASSERT_TRUE(server.ok()) << server.status();
     server_ = *std::move(server);
     grpc::ChannelArguments arguments;
     arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
-    const auto channel = grpc::CreateCustomChannel(server_->address(),
-                                                   grpc::InsecureChannelCredentials(), arguments);
-    render_ = v1::RenderService::NewStub(channel);
-    jobs_ = v1::JobService::NewStub(channel);
+    channel_ = grpc::CreateCustomChannel(server_->address(), grpc::InsecureChannelCredentials(),
+                                         arguments);
+    render_ = v1::RenderService::NewStub(channel_);
+    jobs_ = v1::JobService::NewStub(channel_);
   }
 
   static void SetTimeout(grpc::ClientContext* context) {
@@ -158,6 +162,7 @@ class RenderServiceTest : public ::testing::Test {
 
   std::string folder_ = "/tmp/sightline-render-test-XXXXXX";
   std::unique_ptr<RenderServer> server_;
+  std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::RenderService::Stub> render_;
   std::unique_ptr<v1::JobService::Stub> jobs_;
 };
@@ -237,6 +242,54 @@ TEST_F(RenderServiceTest, SameRequestIdSameJob) {
   const auto third = Create(PlateSpec(), "b");
   ASSERT_TRUE(third.ok());
   EXPECT_NE(first->job_id(), third->job_id());
+}
+
+void ExpectQueueFull(const absl::Status& status) {
+  EXPECT_TRUE(absl::IsResourceExhausted(status)) << status;
+  EXPECT_EQ(ErrorReason(status), "QUEUE_FULL") << status;
+}
+
+// What an empty request gets.
+template <typename Request, typename Response, typename Call>
+absl::Status CallWithNothing(const Call& call) {
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(20));
+  Response response;
+  return FromGrpcStatus(call(&context, Request(), &response));
+}
+
+TEST_F(RenderServiceTest, AFullQueueIsSeenBeforeTheRequest) {
+  Start(/*threads=*/2, /*max_queued_jobs=*/4);  // half of them for one peer
+  const v1::RenderSpec nothing;
+  ASSERT_TRUE(absl::IsInvalidArgument(Create(nothing).status()));
+  const auto first = Create(PlateSpec(3000), "a");
+  const auto second = Create(PlateSpec(3000), "b");
+  ASSERT_TRUE(first.ok() && second.ok()) << first.status() << second.status();
+  // Requests that are wrong would be told so by whoever looks at them.
+  ExpectQueueFull(Create(nothing, "c").status());
+  ExpectQueueFull(Create(nothing).status());
+  const auto optics = v1::OpticsService::NewStub(channel_);
+  const auto sensor = v1::SensorService::NewStub(channel_);
+  const auto diagnosis = v1::DiagnosisService::NewStub(channel_);
+  ExpectQueueFull(CallWithNothing<v1::CreateOpticsRequest, v1::CreateOpticsResponse>(
+      [&](auto... arguments) { return optics->CreateOptics(arguments...); }));
+  ExpectQueueFull(
+      CallWithNothing<v1::CreateSensorDiagnosisRequest, v1::CreateSensorDiagnosisResponse>(
+          [&](auto... arguments) { return sensor->CreateSensorDiagnosis(arguments...); }));
+  ExpectQueueFull(CallWithNothing<v1::CreateDiagnosisRequest, v1::CreateDiagnosisResponse>(
+      [&](auto... arguments) { return diagnosis->CreateDiagnosis(arguments...); }));
+  // What was made before is found all the same.
+  const auto again = Create(PlateSpec(3000), "b");
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(again->job_id(), second->job_id());
+  EXPECT_TRUE(absl::IsAlreadyExists(Create(nothing, "b").status()));
+  // Room comes back with the end of a job, and what is refused keeps none.
+  ASSERT_TRUE(Cancel(second->job_id()).ok());
+  for (int i = 0; i < 5; ++i) EXPECT_TRUE(absl::IsInvalidArgument(Create(nothing).status()));
+  const auto third = Create(PlateSpec(3000), "d");
+  EXPECT_TRUE(third.ok()) << third.status();
+  ExpectQueueFull(Create(nothing).status());
+  ASSERT_TRUE(Cancel(first->job_id()).ok());
 }
 
 TEST_F(RenderServiceTest, CancelledJobEndsSoonAndItsStreamSaysSo) {

@@ -16,6 +16,13 @@ namespace {
 constexpr std::streamoff kMaxBytes = std::streamoff{1} << 31;
 // Aggregates and typed values inside one another; schemas nest a handful.
 constexpr int kMaxDepth = 64;
+// Values of one instance, which take 80 bytes each once they are parsed, whatever they say. A set
+// of all faces of a part has some ten thousand.
+constexpr size_t kMaxValues = 1'000'000;
+// Types of one instance and characters of a type, which are looked at wherever the instance is
+// referred to; those of the standard have less than ten and less than 80.
+constexpr size_t kMaxTypes = 100;
+constexpr size_t kMaxTypeCharacters = 200;
 
 bool IsWordStart(char c) { return std::isupper(static_cast<unsigned char>(c)) || c == '_'; }
 bool IsWord(char c) {
@@ -195,6 +202,9 @@ class Parser {
       return values;
     }
     while (true) {
+      if (++value_count_ > kMaxValues) {
+        Fail("has more than " + std::to_string(kMaxValues) + " values");
+      }
       values.push_back(Value(depth));
       Skip();
       const char c = Peek();
@@ -256,6 +266,7 @@ class Parser {
   std::string_view text_;
   std::string where_;
   size_t at_ = 0;
+  size_t value_count_ = 0;
 };
 
 // Types of the right-hand side of an instance: words followed by a bracket at the outermost level.
@@ -277,7 +288,8 @@ std::vector<std::string_view> OuterTypes(std::string_view text) {
       const size_t begin = at;
       while (at < text.size() && IsWord(text[at])) ++at;
       types.push_back(text.substr(begin, at - begin));
-      if (!complex) break;
+      // One more than there may be is enough to tell.
+      if (!complex || types.size() > kMaxTypes) break;
     } else {
       ++at;
     }
@@ -327,6 +339,14 @@ Part21File::Part21File(std::string text, std::string name)
       instance.begin = equals + 1;
       instance.end = end;
       instance.types = OuterTypes(all.substr(equals + 1, end - equals - 1));
+      if (instance.types.size() > kMaxTypes ||
+          std::ranges::any_of(instance.types, [](std::string_view type) {
+            return type.size() > kMaxTypeCharacters;
+          })) {
+        throw StepInputError(name_ + ": #" + std::to_string(id) + " has more than " +
+                             std::to_string(kMaxTypes) + " types, or a type of more than " +
+                             std::to_string(kMaxTypeCharacters) + " characters");
+      }
       if (!instances_.emplace(id, std::move(instance)).second) {
         throw StepInputError(name_ + ": #" + std::to_string(id) + " is there twice");
       }
@@ -347,6 +367,11 @@ bool Part21File::IsA(int64_t id, std::string_view type) const {
   if (found == instances_.end()) return false;
   return std::find(found->second.types.begin(), found->second.types.end(), type) !=
          found->second.types.end();
+}
+
+size_t Part21File::Bytes(int64_t id) const {
+  const auto found = instances_.find(id);
+  return found == instances_.end() ? 0 : found->second.end - found->second.begin;
 }
 
 std::vector<Part21Record> Part21File::Records(int64_t id) const {

@@ -40,8 +40,8 @@ struct Part21Record {
 // A file held in memory; instances are parsed when they are asked for.
 class Part21File {
  public:
-  // Throws StepInputError naming the file if it cannot be read, is larger than 2 GiB or has no
-  // instance.
+  // Throws StepInputError naming the file if it cannot be read, is larger than 2 GiB, has no
+  // instance, or one of more than 100 types or with a type of more than 200 characters.
   static Part21File Read(const std::filesystem::path& file);
   // The same from text; `name` is what messages call it.
   Part21File(std::string text, std::string name);
@@ -67,10 +67,15 @@ class Part21File {
   // Types of an instance, one if it is simple; none if there is no such instance.
   std::vector<std::string_view> Types(int64_t id) const;
   bool IsA(int64_t id, std::string_view type) const;
-  // Its records. Throws StepInputError naming the instance if it is missing or malformed.
+  // Its records. Throws StepInputError naming the instance if it is missing, malformed, or has more
+  // than a million values.
   std::vector<Part21Record> Records(int64_t id) const;
   // First of FILE_SCHEMA in the header, e.g. "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF...".
   const std::string& schema() const { return schema_; }
+  // What messages call the file.
+  const std::string& name() const { return name_; }
+  // Of text that an instance takes; 0 if there is no such instance.
+  size_t Bytes(int64_t id) const;
 
  private:
   struct Instance {

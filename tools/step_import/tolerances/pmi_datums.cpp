@@ -23,15 +23,15 @@ void PmiReader::ReadDatums() {
       Datum datum;
       datum.id = Label(id);
       datum.letter = DatumLetter(id);
-      PmiBinding binding;
+      // Some programs identify the datum itself with the faces.
+      std::vector<int64_t> aspects = {id};
       const auto [first, last] = wholes_.equal_range(id);
       for (auto it = first; it != last; ++it) {
         established.insert(it->second);
         if (std::ranges::any_of(file_.Types(it->second), IsDatumTarget)) continue;
-        Merge(Resolve(it->second), binding);
+        aspects.push_back(it->second);
       }
-      // Some programs identify the datum itself with the faces.
-      Merge(Resolve(id), binding);
+      PmiBinding binding = Resolve(aspects);
       pmi_.report.datums.push_back(std::move(datum));
       pmi_.datums.push_back(std::move(binding));
     });
@@ -51,10 +51,11 @@ void PmiReader::ReadDatums() {
       datum.id = Label(id);
       datum.letter = letter + number;
       datum.target = true;
-      PmiBinding binding = Resolve(id);
+      PmiBinding binding = Resolve({id});
       // The feature on which it lies refers to it.
       const auto [from, to] = wholes_.equal_range(id);
-      for (auto it = from; it != to; ++it) Merge(ResolveOnly(it->second), binding);
+      for (auto it = from; it != to; ++it) AddItems(it->second, binding.items);
+      EachOnce(binding.items);
       pmi_.report.datums.push_back(std::move(datum));
       pmi_.datums.push_back(std::move(binding));
     });

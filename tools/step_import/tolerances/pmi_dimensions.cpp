@@ -24,10 +24,9 @@ void PmiReader::ReadDimension(int64_t id) {
   Tolerance tolerance;
   tolerance.id = Label(id);
   const std::string own = OwnName(id);
-  PmiBinding binding;
   const std::vector<int64_t> aspects = DimensionedAspects(id);
   if (aspects.empty()) throw Unreadable{"it does not say what it dimensions"};
-  for (const int64_t aspect : aspects) Merge(Resolve(aspect), binding);
+  PmiBinding binding = Resolve(aspects);
 
   std::optional<Measure> nominal, lower, upper;
   std::vector<std::string> notes;
@@ -62,7 +61,7 @@ void PmiReader::ReadDimension(int64_t id) {
       throw Unreadable{"it has one limit only (" + tolerance.text + "): no zone"};
     }
     pmi_.report.untoleranced.push_back(std::move(tolerance));
-    pmi_.untoleranced.push_back(binding);
+    pmi_.untoleranced.push_back(std::move(binding));
     return;
   }
   const double width = upper->value - lower->value;
@@ -71,7 +70,7 @@ void PmiReader::ReadDimension(int64_t id) {
   }
   (angle ? tolerance.zone_width_rad : tolerance.zone_width_m) = width;
   pmi_.report.read.push_back(std::move(tolerance));
-  pmi_.read.push_back(binding);
+  pmi_.read.push_back(std::move(binding));
 }
 
 void PmiReader::ReadValues(int64_t id, std::optional<Measure>& nominal,
@@ -82,6 +81,7 @@ void PmiReader::ReadValues(int64_t id, std::optional<Measure>& nominal,
     const Values values = Base(Records(it->second), "REPRESENTATION");
     std::vector<int64_t> items;
     CollectReferences(At(values, 1, "item"), items);
+    Count(it->second, kBytesOfLink * items.size());
     for (const int64_t item : items) {
       if (file_.IsA(item, "DESCRIPTIVE_REPRESENTATION_ITEM")) {
         const Values text = Base(Records(item), "DESCRIPTIVE_REPRESENTATION_ITEM");

@@ -51,6 +51,10 @@ void PmiReader::ReadGeometricTolerance(int64_t id) {
   if (!known) throw Unreadable{"the kind of tolerance " + TypeText(id) + " is unknown"};
   const Values base = Base(records, "GEOMETRIC_TOLERANCE");
   tolerance.name = OwnName(id);
+  // First, so that what it binds counts even where it turns out that it cannot be read: OpenCASCADE
+  // binds it all the same.
+  PmiBinding binding;
+  if (base.size() > 3 && base[3].kind == Kind::kReference) binding = Resolve({base[3].reference});
   const std::string kind_name(ToleranceKindName(tolerance.kind));
   if (tolerance.name.empty()) tolerance.name = kind_name;
 
@@ -61,7 +65,9 @@ void PmiReader::ReadGeometricTolerance(int64_t id) {
     throw Unreadable{"its zone width is " + Millimetres(tolerance.zone_width_m) +
                      " mm (0 is meant to grow with the departure from maximum material)"};
   }
-  const PmiBinding binding = Resolve(ReferenceAt(base, 3, "toleranced aspect"));
+  if (base.size() <= 3 || base[3].kind != Kind::kReference) {
+    throw Unreadable{"its toleranced aspect is not given"};
+  }
 
   if (records.size() == 1 && base.size() > 4) {
     if (base[4].kind == Kind::kList) tolerance.datums = DatumSystem(base[4]);
@@ -86,7 +92,7 @@ void PmiReader::ReadGeometricTolerance(int64_t id) {
   for (const std::string& modifier : tolerance.modifiers) tolerance.text += " " + modifier;
   for (const std::string& datum : tolerance.datums) tolerance.text += " | " + datum;
   pmi_.report.read.push_back(std::move(tolerance));
-  pmi_.read.push_back(binding);
+  pmi_.read.push_back(std::move(binding));
 }
 
 void PmiReader::ReadModifiers(const std::vector<Part21Record>& records,
@@ -125,6 +131,7 @@ void PmiReader::ReadModifiers(const std::vector<Part21Record>& records,
 void PmiReader::ReadZone(int64_t zone, Tolerance& tolerance) const {
   const auto [first, last] = zone_definitions_.equal_range(zone);
   for (auto it = first; it != last; ++it) {
+    Count(it->second, kBytesOfLink);
     if (file_.IsA(it->second, "NON_UNIFORM_ZONE_DEFINITION")) {
       throw Unreadable{"its zone is not of one width"};
     }

@@ -49,6 +49,7 @@ void PmiReader::IndexAspects() {
       const int64_t aspect = ReferenceAt(values, 2, "definition");
       std::vector<int64_t> items;
       CollectReferences(At(values, 4, "item"), items);
+      Count(id, kBytesOfLink * items.size());
       for (const int64_t item : items) items_.emplace(aspect, item);
     } catch (const Unreadable&) {
       ++broken_links_;
@@ -170,17 +171,18 @@ std::string PmiReader::OwnName(int64_t id) const {
   return own.empty() ? callout->second : callout->second + " (" + own + ")";
 }
 
-PmiBinding PmiReader::Resolve(int64_t aspect) const {
+PmiBinding PmiReader::Resolve(const std::vector<int64_t>& aspects) const {
   PmiBinding binding;
-  std::set<int64_t> items, seen = {aspect};
-  std::vector<int64_t> open = {aspect};
+  std::set<int64_t> seen(aspects.begin(), aspects.end());
+  std::vector<int64_t> open(seen.begin(), seen.end());
   while (!open.empty()) {
     const int64_t next = open.back();
     open.pop_back();
+    Count(next, kBytesOfLink);
     if (file_.IsA(next, "PRODUCT_DEFINITION_SHAPE")) binding.whole_part = true;
-    const auto [first, last] = items_.equal_range(next);
-    for (auto it = first; it != last; ++it) Flatten(it->second, items);
+    AddItems(next, binding.items);
     const auto follow = [&](int64_t to) {
+      Count(next, kBytesOfLink);
       // A datum is what its feature establishes, not a part of it.
       if (file_.IsA(to, "DATUM") || seen.size() > kMaxAspects) return;
       if (seen.insert(to).second) open.push_back(to);
@@ -192,24 +194,31 @@ PmiBinding PmiReader::Resolve(int64_t aspect) const {
       for (const int64_t dimensioned : DimensionedAspects(next)) follow(dimensioned);
     }
   }
-  binding.items.assign(items.begin(), items.end());
+  EachOnce(binding.items);
   return binding;
 }
 
-void PmiReader::Flatten(int64_t item, std::set<int64_t>& items) const {
+void PmiReader::AddItems(int64_t aspect, std::vector<int64_t>& items) const {
+  const auto [first, last] = items_.equal_range(aspect);
+  for (auto it = first; it != last; ++it) Flatten(it->second, items);
+}
+
+void PmiReader::Flatten(int64_t item, std::vector<int64_t>& items) const {
   if (file_.IsA(item, "COMPOUND_REPRESENTATION_ITEM")) {
     try {
       std::vector<int64_t> inner;
       for (const Part21Record& record : Records(item)) {
         for (const Part21Value& value : record.values) CollectReferences(value, inner);
       }
-      items.insert(inner.begin(), inner.end());
+      Count(item, kBytesOfLink * inner.size());
+      items.insert(items.end(), inner.begin(), inner.end());
       return;
     } catch (const Unreadable&) {
       // Kept as it is.
     }
   }
-  items.insert(item);
+  Count(item, kBytesOfLink);
+  items.push_back(item);
 }
 
 std::vector<int64_t> PmiReader::DimensionedAspects(int64_t id) const {
@@ -232,20 +241,9 @@ std::vector<int64_t> PmiReader::DimensionedAspects(int64_t id) const {
   return aspects;
 }
 
-void PmiReader::Merge(const PmiBinding& from, PmiBinding& into) {
-  std::set<int64_t> all(into.items.begin(), into.items.end());
-  all.insert(from.items.begin(), from.items.end());
-  into.items.assign(all.begin(), all.end());
-  into.whole_part = into.whole_part || from.whole_part;
-}
-
-PmiBinding PmiReader::ResolveOnly(int64_t aspect) const {
-  std::set<int64_t> items;
-  const auto [first, last] = items_.equal_range(aspect);
-  for (auto it = first; it != last; ++it) Flatten(it->second, items);
-  PmiBinding binding;
-  binding.items.assign(items.begin(), items.end());
-  return binding;
+void PmiReader::EachOnce(std::vector<int64_t>& items) {
+  std::sort(items.begin(), items.end());
+  items.erase(std::unique(items.begin(), items.end()), items.end());
 }
 
 }  // namespace sightline::step_pmi

@@ -2,10 +2,10 @@
 // Reads PMI entity by entity; what an entity says of others is indexed first.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 #include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -24,6 +24,12 @@ class PmiReader {
   StepPmi Read();
 
  private:
+  // Looking up an instance and parsing the shortest takes as long as so many bytes of it.
+  static constexpr size_t kBytesOfLook = 16;
+
+  // StepInputError, naming the entity, once all that was counted is more than kMostWork.
+  void Count(int64_t id, size_t work) const;
+
   // Records of an instance.
   std::vector<Part21Record> Records(int64_t id) const;
   static const Values* Partial(const std::vector<Part21Record>& records, std::string_view type);
@@ -59,14 +65,17 @@ class PmiReader {
   // Name of a tolerance or dimension: its own or its annotation's.
   std::string OwnName(int64_t id) const;
 
-  // Everything that the aspect, or what it consists of or is derived from, is identified with.
-  PmiBinding Resolve(int64_t aspect) const;
+  // Everything that the aspects, or what they consist of or are derived from, are identified with.
+  PmiBinding Resolve(const std::vector<int64_t>& aspects) const;
+
+  // Adds the aspect's own items, without those of its parts, in any order.
+  void AddItems(int64_t aspect, std::vector<int64_t>& items) const;
 
   // An item may be a set of items.
-  void Flatten(int64_t item, std::set<int64_t>& items) const;
+  void Flatten(int64_t item, std::vector<int64_t>& items) const;
 
   std::vector<int64_t> DimensionedAspects(int64_t id) const;
-  static void Merge(const PmiBinding& from, PmiBinding& into);
+  static void EachOnce(std::vector<int64_t>& items);
 
   // Measures: pmi_measures.cpp.
   struct Unit {
@@ -80,8 +89,6 @@ class PmiReader {
   // Datums: pmi_datums.cpp.
   void ReadDatums();
 
-  // The aspect's own items, without those of its parts.
-  PmiBinding ResolveOnly(int64_t aspect) const;
   std::string DatumLetter(int64_t id) const;
 
   // "A", "C-D" with modifiers: "B(M)". `values`: of a datum, compartment, element or reference.
@@ -113,6 +120,7 @@ class PmiReader {
 
   const Part21File& file_;
   StepPmi pmi_;
+  mutable size_t work_ = 0;  // of kMostWork
   int broken_links_ = 0;
   std::multimap<int64_t, int64_t> parts_, wholes_;  // aspect to its parts, and back
   std::multimap<int64_t, int64_t> items_;           // aspect to identified items

@@ -39,10 +39,20 @@ StepPmi PmiReader::Read() {
     report.notes.push_back(std::to_string(targets) +
                            " datum targets: their places and sizes are not read");
   }
+  pmi_.work = work_;
   return std::move(pmi_);
 }
 
+void PmiReader::Count(int64_t id, size_t work) const {
+  work_ += work;
+  if (work_ <= kMostWork) return;
+  throw StepInputError(file_.name() + ": " + Label(id) +
+                       ": the entities of this file refer to each other so often that its "
+                       "tolerances cannot be read");
+}
+
 std::vector<Part21Record> PmiReader::Records(int64_t id) const {
+  Count(id, kBytesOfLook + file_.Bytes(id));
   try {
     return file_.Records(id);
   } catch (const StepInputError& error) {
@@ -75,6 +85,7 @@ std::string PmiReader::TypeText(int64_t id) const {
     if (!text.empty()) text += "+";
     text += type;
   }
+  Count(id, text.size());
   return text;
 }
 

@@ -17,7 +17,9 @@
 #include <map>
 #include <set>
 #include <string>
+#include <utility>
 
+#include "tools/step_import/step_input_error.h"
 #include "tools/step_import/tolerances/part21.h"
 #include "tools/step_import/tolerances/step_pmi.h"
 #include "tools/step_import/tolerances/xcaf_check.h"
@@ -62,64 +64,89 @@ std::vector<TopoDS_Face> FacesInOrder(const std::vector<TopoDS_Shape>& bodies) {
   return faces;
 }
 
-ToleranceReport ReadStepTolerances(const std::filesystem::path& file, STEPCAFControl_Reader& reader,
-                                   const Handle(TDocStd_Document) & document,
-                                   const std::vector<TopoDS_Shape>& bodies) {
-  const Part21File entities = Part21File::Read(file);
-  StepPmi pmi = ReadStepPmi(entities);
-  pmi.report.file = file.filename().string();
+StepTolerances::StepTolerances(const std::filesystem::path& file)
+    : entities_(Part21File::Read(file)), pmi_(ReadStepPmi(entities_)) {
+  pmi_.report.file = file.filename().string();
+}
 
+ToleranceReport StepTolerances::Bind(STEPCAFControl_Reader& reader,
+                                     const Handle(TDocStd_Document) & document,
+                                     const std::vector<TopoDS_Shape>& bodies) {
   const std::vector<TopoDS_Face> faces = FacesInOrder(bodies);
   FaceNumbers numbers;
   for (size_t i = 0; i < faces.size(); ++i) {
-    numbers[faces[i].TShape().get()].insert(static_cast<int>(i + 1));
+    numbers[faces[i].TShape().get()].push_back(static_cast<int>(i + 1));
   }
   std::set<int64_t> wanted;
-  for (const auto* bindings : {&pmi.read, &pmi.untoleranced, &pmi.datums}) {
+  for (const auto* bindings : {&pmi_.read, &pmi_.untoleranced, &pmi_.datums}) {
     for (const PmiBinding& binding : *bindings) {
       wanted.insert(binding.items.begin(), binding.items.end());
     }
   }
   const ShapeFinder finder(reader, wanted);
+  size_t bound_faces = 0;
+  const auto count = [&](size_t more) {
+    bound_faces += more;
+    if (bound_faces <= kMostBoundFaces) return;
+    throw StepInputError(entities_.name() + ": its tolerances and datums bind more than " +
+                         std::to_string(kMostBoundFaces) + " faces, all together");
+  };
+  std::map<int64_t, std::vector<int>> faces_of_item;
+  const auto faces_of = [&](int64_t item) -> const std::vector<int>& {
+    const auto [place, is_new] = faces_of_item.try_emplace(item);
+    if (is_new) place->second = NumbersOf(finder.Find(item), numbers);
+    return place->second;
+  };
   const auto bind = [&](const PmiBinding& binding, std::vector<int>& bound,
                         std::vector<std::string>& features) {
-    std::set<int> all;
     if (binding.whole_part) {
-      for (size_t i = 0; i < faces.size(); ++i) all.insert(static_cast<int>(i + 1));
+      count(faces.size());
+      for (size_t i = 0; i < faces.size(); ++i) bound.push_back(static_cast<int>(i + 1));
       features.emplace_back("the whole part");
     }
+    size_t no_faces = 0;
     for (const int64_t item : binding.items) {
-      const std::set<int> found = NumbersOf(finder.Find(item), numbers);
-      all.insert(found.begin(), found.end());
-      if (!found.empty()) continue;
-      const auto types = entities.Types(item);
+      const std::vector<int>& found = faces_of(item);
+      count(found.size());
+      bound.insert(bound.end(), found.begin(), found.end());
+      if (!found.empty() || ++no_faces > kEntitiesNamed) continue;
+      const auto types = entities_.Types(item);
       features.push_back((types.empty() ? "missing entity" : std::string(types[0])) + " #" +
                          std::to_string(item));
     }
-    bound.assign(all.begin(), all.end());
+    if (no_faces > kEntitiesNamed) {
+      features.push_back("and " + std::to_string(no_faces - kEntitiesNamed) + " more");
+    }
+    std::sort(bound.begin(), bound.end());
+    bound.erase(std::unique(bound.begin(), bound.end()), bound.end());
+    bound.shrink_to_fit();
   };
-  for (size_t i = 0; i < pmi.read.size(); ++i) {
-    bind(pmi.read[i], pmi.report.read[i].faces, pmi.report.read[i].features);
+  ToleranceReport& report = pmi_.report;
+  for (size_t i = 0; i < pmi_.read.size(); ++i) {
+    bind(pmi_.read[i], report.read[i].faces, report.read[i].features);
   }
-  for (size_t i = 0; i < pmi.untoleranced.size(); ++i) {
-    Tolerance& tolerance = pmi.report.untoleranced[i];
-    bind(pmi.untoleranced[i], tolerance.faces, tolerance.features);
+  for (size_t i = 0; i < pmi_.untoleranced.size(); ++i) {
+    bind(pmi_.untoleranced[i], report.untoleranced[i].faces, report.untoleranced[i].features);
   }
-  for (size_t i = 0; i < pmi.datums.size(); ++i) {
-    bind(pmi.datums[i], pmi.report.datums[i].faces, pmi.report.datums[i].features);
+  for (size_t i = 0; i < pmi_.datums.size(); ++i) {
+    bind(pmi_.datums[i], report.datums[i].faces, report.datums[i].features);
   }
   const auto faceless = std::ranges::count_if(
-      pmi.report.read, [](const Tolerance& tolerance) { return tolerance.faces.empty(); });
+      report.read, [](const Tolerance& tolerance) { return tolerance.faces.empty(); });
   if (faceless > 0) {
-    pmi.report.notes.push_back(std::to_string(faceless) +
-                               " tolerances bind no face: no points of the surface are theirs");
+    report.notes.push_back(std::to_string(faceless) +
+                           " tolerances bind no face: no points of the surface are theirs");
   }
-  if (pmi.report.entity_count > 0) {
-    for (std::string& note : CompareWithXcaf(document, numbers, pmi.report)) {
-      pmi.report.notes.push_back(std::move(note));
+  if (!compared()) {
+    report.notes.push_back(
+        "not compared with OpenCASCADE's own reading: the file's tolerances and what they bind are "
+        "too many");
+  } else if (report.entity_count > 0) {
+    for (std::string& note : CompareWithXcaf(document, numbers, report)) {
+      report.notes.push_back(std::move(note));
     }
   }
-  return std::move(pmi.report);
+  return std::move(report);
 }
 
 }  // namespace sightline

@@ -9,6 +9,8 @@
 #include <vector>
 
 #include "core/tolerance/tolerance.h"
+#include "tools/step_import/tolerances/part21.h"
+#include "tools/step_import/tolerances/step_pmi.h"
 
 class STEPCAFControl_Reader;
 class TDocStd_Document;
@@ -18,13 +20,27 @@ namespace sightline {
 // Faces of all bodies in the order of the import, in which they are counted from 1.
 std::vector<TopoDS_Face> FacesInOrder(const std::vector<TopoDS_Shape>& bodies);
 
-// Tolerances of `file`, which `reader` has read with its GD&T mode on and translated into
-// `document` and `bodies`. Values come from the file's entities (step_pmi.h); OpenCASCADE's own
-// reading of them (XCAF) is compared with it, since it loses values and mixes units, and what
-// differs is in the notes. A face that stands in an assembly several times is bound at each place.
-// Throws StepInputError if the file cannot be read.
-ToleranceReport ReadStepTolerances(const std::filesystem::path& file, STEPCAFControl_Reader& reader,
-                                   const Handle(TDocStd_Document) & document,
-                                   const std::vector<TopoDS_Shape>& bodies);
+// Values come from the file's entities (step_pmi.h); OpenCASCADE's own reading of them (XCAF) is
+// compared with it, since it loses values and mixes units, and what differs is in the notes.
+class StepTolerances {
+ public:
+  // Reads the entities of `file`, before OpenCASCADE follows their references with more memory for
+  // each. Throws StepInputError as Part21File and ReadStepPmi do.
+  explicit StepTolerances(const std::filesystem::path& file);
+
+  // Whether OpenCASCADE is to read them too (its GD&T mode), which takes far longer: of files whose
+  // tolerances and bound entities are not unusually many.
+  bool compared() const { return pmi_.work <= kMostWork / 10; }
+
+  // Binds them to the shapes that `reader`, with GD&T mode if compared(), has translated into
+  // `document` and `bodies`. A face that stands in an assembly several times is bound at each
+  // place. Once only. Throws StepInputError if they bind more than kMostBoundFaces.
+  ToleranceReport Bind(STEPCAFControl_Reader& reader, const Handle(TDocStd_Document) & document,
+                       const std::vector<TopoDS_Shape>& bodies);
+
+ private:
+  Part21File entities_;
+  StepPmi pmi_;
+};
 
 }  // namespace sightline

@@ -14,9 +14,14 @@
 #include <XCAFDoc_DocumentTool.hxx>
 #include <XCAFDoc_GeomTolerance.hxx>
 #include <XCAFDoc_ShapeTool.hxx>
+#include <algorithm>
 #include <cmath>
+#include <initializer_list>
+#include <map>
 #include <numbers>
 #include <optional>
+#include <set>
+#include <utility>
 
 namespace sightline {
 namespace {
@@ -65,67 +70,86 @@ std::optional<ToleranceKind> KindOf(XCAFDimTolObjects_GeomToleranceType type) {
 struct Found {
   std::string name;
   std::optional<ToleranceKind> kind;  // of geometric tolerances only
-  std::set<int> faces;
-  double width_mm = 0;  // 0: it has none. Angles in degrees.
+  std::vector<int> faces;             // ascending, each once
+  double width_mm = 0;                // 0: it has none. Angles in degrees.
 };
 
 std::string Text(const Handle(TCollection_HAsciiString) & name) {
   return name.IsNull() ? "" : name->ToCString();
 }
 
-std::set<int> FacesOf(const TDF_LabelSequence& labels, const FaceNumbers& numbers) {
-  std::set<int> faces;
-  for (const TDF_Label& label : labels) {
-    const std::set<int> some = NumbersOf(XCAFDoc_ShapeTool::GetShape(label), numbers);
-    faces.insert(some.begin(), some.end());
-  }
-  return faces;
-}
+// Tolerances and dimensions of XCAF, with their faces.
+class XcafReading {
+ public:
+  XcafReading(const Handle(XCAFDoc_DimTolTool) & tool, const FaceNumbers& numbers)
+      : tool_(tool), numbers_(numbers) {}
 
-std::vector<Found> GeometricTolerances(const Handle(XCAFDoc_DimTolTool) & tool,
-                                       const FaceNumbers& numbers) {
-  std::vector<Found> all;
-  TDF_LabelSequence labels, first, second;
-  tool->GetGeomToleranceLabels(labels);
-  for (const TDF_Label& label : labels) {
-    Handle(XCAFDoc_GeomTolerance) attribute;
-    if (!label.FindAttribute(XCAFDoc_GeomTolerance::GetID(), attribute)) continue;
-    const Handle(XCAFDimTolObjects_GeomToleranceObject) object = attribute->GetObject();
-    if (object.IsNull()) continue;
-    tool->GetRefShapeLabel(label, first, second);
-    all.push_back({Text(object->GetSemanticName()), KindOf(object->GetType()),
-                   FacesOf(first, numbers), object->GetValue()});
+  std::vector<Found> GeometricTolerances() {
+    std::vector<Found> all;
+    TDF_LabelSequence labels, first, second;
+    tool_->GetGeomToleranceLabels(labels);
+    for (const TDF_Label& label : labels) {
+      Handle(XCAFDoc_GeomTolerance) attribute;
+      if (!label.FindAttribute(XCAFDoc_GeomTolerance::GetID(), attribute)) continue;
+      const Handle(XCAFDimTolObjects_GeomToleranceObject) object = attribute->GetObject();
+      if (object.IsNull()) continue;
+      tool_->GetRefShapeLabel(label, first, second);
+      all.push_back({Text(object->GetSemanticName()), KindOf(object->GetType()), FacesOf({&first}),
+                     object->GetValue()});
+    }
+    return all;
   }
-  return all;
-}
 
-std::vector<Found> Dimensions(const Handle(XCAFDoc_DimTolTool) & tool, const FaceNumbers& numbers) {
-  std::vector<Found> all;
-  TDF_LabelSequence labels, first, second;
-  tool->GetDimensionLabels(labels);
-  for (const TDF_Label& label : labels) {
-    Handle(XCAFDoc_Dimension) attribute;
-    if (!label.FindAttribute(XCAFDoc_Dimension::GetID(), attribute)) continue;
-    const Handle(XCAFDimTolObjects_DimensionObject) object = attribute->GetObject();
-    if (object.IsNull()) continue;
-    // Pictures and labels, not dimensions.
-    if (object->GetType() == XCAFDimTolObjects_DimensionType_DimensionPresentation ||
-        object->GetType() == XCAFDimTolObjects_DimensionType_CommonLabel) {
-      continue;
+  std::vector<Found> Dimensions() {
+    std::vector<Found> all;
+    TDF_LabelSequence labels, first, second;
+    tool_->GetDimensionLabels(labels);
+    for (const TDF_Label& label : labels) {
+      Handle(XCAFDoc_Dimension) attribute;
+      if (!label.FindAttribute(XCAFDoc_Dimension::GetID(), attribute)) continue;
+      const Handle(XCAFDimTolObjects_DimensionObject) object = attribute->GetObject();
+      if (object.IsNull()) continue;
+      // Pictures and labels, not dimensions.
+      if (object->GetType() == XCAFDimTolObjects_DimensionType_DimensionPresentation ||
+          object->GetType() == XCAFDimTolObjects_DimensionType_CommonLabel) {
+        continue;
+      }
+      tool_->GetRefShapeLabel(label, first, second);
+      Found found{Text(object->GetSemanticName()), std::nullopt, FacesOf({&first, &second}), 0};
+      if (object->IsDimWithPlusMinusTolerance()) {
+        // Both as magnitudes, in millimetres whatever the unit of the nominal value.
+        found.width_mm = object->GetUpperTolValue() + object->GetLowerTolValue();
+      } else if (object->IsDimWithRange()) {
+        found.width_mm = object->GetUpperBound() - object->GetLowerBound();
+      }
+      all.push_back(std::move(found));
     }
-    tool->GetRefShapeLabel(label, first, second);
-    Found found{Text(object->GetSemanticName()), std::nullopt, FacesOf(first, numbers), 0};
-    found.faces.merge(FacesOf(second, numbers));
-    if (object->IsDimWithPlusMinusTolerance()) {
-      // Both as magnitudes, in millimetres whatever the unit of the nominal value.
-      found.width_mm = object->GetUpperTolValue() + object->GetLowerTolValue();
-    } else if (object->IsDimWithRange()) {
-      found.width_mm = object->GetUpperBound() - object->GetLowerBound();
-    }
-    all.push_back(found);
+    return all;
   }
-  return all;
-}
+
+  // More faces than are looked at: some lack theirs.
+  bool cut() const { return bound_faces_ > kMostBoundFaces; }
+
+ private:
+  std::vector<int> FacesOf(std::initializer_list<const TDF_LabelSequence*> sequences) {
+    std::vector<int> faces;
+    for (const TDF_LabelSequence* labels : sequences) {
+      for (const TDF_Label& label : *labels) {
+        if (cut()) return {};
+        const std::vector<int> some = NumbersOf(XCAFDoc_ShapeTool::GetShape(label), numbers_);
+        bound_faces_ += some.size();
+        faces.insert(faces.end(), some.begin(), some.end());
+      }
+    }
+    std::sort(faces.begin(), faces.end());
+    faces.erase(std::unique(faces.begin(), faces.end()), faces.end());
+    return faces;
+  }
+
+  Handle(XCAFDoc_DimTolTool) tool_;
+  const FaceNumbers& numbers_;
+  size_t bound_faces_ = 0;
+};
 
 std::string Number(double value) {
   std::string text = std::to_string(value);
@@ -144,18 +168,24 @@ double WidthMm(const Tolerance& tolerance) {
 void Compare(const std::string& what, const std::vector<const Tolerance*>& ours,
              const std::vector<Found>& theirs, std::vector<std::string>& notes) {
   std::vector<const Tolerance*> partner(theirs.size(), nullptr);
-  std::set<const Tolerance*> paired;
+  // Those without a partner, by their faces.
+  std::map<std::vector<int>, std::vector<const Tolerance*>> single;
+  for (const Tolerance* tolerance : ours) single[tolerance->faces].push_back(tolerance);
+  size_t paired = 0;
   for (const bool same_width : {true, false}) {
     for (size_t i = 0; i < theirs.size(); ++i) {
-      for (const Tolerance* tolerance : ours) {
-        const bool fits =
-            (!theirs[i].kind || theirs[i].kind == tolerance->kind) &&
-            std::set<int>(tolerance->faces.begin(), tolerance->faces.end()) == theirs[i].faces &&
-            (!same_width || std::abs(theirs[i].width_mm - WidthMm(*tolerance)) < kSameWidthMm);
-        if (partner[i] != nullptr || !fits || paired.contains(tolerance)) continue;
-        partner[i] = tolerance;
-        paired.insert(tolerance);
-      }
+      const auto on_same_faces = single.find(theirs[i].faces);
+      if (partner[i] != nullptr || on_same_faces == single.end()) continue;
+      std::vector<const Tolerance*>& candidates = on_same_faces->second;
+      const auto fits = [&](const Tolerance* tolerance) {
+        return (!theirs[i].kind || theirs[i].kind == tolerance->kind) &&
+               (!same_width || std::abs(theirs[i].width_mm - WidthMm(*tolerance)) < kSameWidthMm);
+      };
+      const auto found = std::find_if(candidates.begin(), candidates.end(), fits);
+      if (found == candidates.end()) continue;
+      partner[i] = *found;
+      candidates.erase(found);
+      ++paired;
     }
   }
   int same = 0, without = 0;
@@ -179,20 +209,24 @@ void Compare(const std::string& what, const std::vector<const Tolerance*>& ours,
   }
   notes.push_back("compared with OpenCASCADE " OCC_VERSION_COMPLETE ": of " +
                   std::to_string(ours.size()) + " " + what + "s it finds " +
-                  std::to_string(paired.size()) + " on the same faces, " + std::to_string(same) +
+                  std::to_string(paired) + " on the same faces, " + std::to_string(same) +
                   " of them with the same width, " + std::to_string(without) + " without");
   notes.insert(notes.end(), remarks.begin(), remarks.end());
 }
 
 }  // namespace
 
-std::set<int> NumbersOf(const TopoDS_Shape& shape, const FaceNumbers& numbers) {
-  std::set<int> all;
+std::vector<int> NumbersOf(const TopoDS_Shape& shape, const FaceNumbers& numbers) {
+  std::vector<int> all;
   if (shape.IsNull()) return all;
+  std::set<const TopoDS_TShape*> seen;
   for (TopExp_Explorer it(shape, TopAbs_FACE); it.More(); it.Next()) {
-    const auto found = numbers.find(it.Current().TShape().get());
-    if (found != numbers.end()) all.insert(found->second.begin(), found->second.end());
+    const TopoDS_TShape* face = it.Current().TShape().get();
+    const auto found = numbers.find(face);
+    if (found == numbers.end() || !seen.insert(face).second) continue;
+    all.insert(all.end(), found->second.begin(), found->second.end());
   }
+  std::sort(all.begin(), all.end());
   return all;
 }
 
@@ -206,9 +240,13 @@ std::vector<std::string> CompareWithXcaf(const Handle(TDocStd_Document) & docume
       (IsDimension(tolerance.kind) ? dimensions : tolerances).push_back(&tolerance);
     }
   }
+  XcafReading xcaf(tool, numbers);
+  const std::vector<Found> their_tolerances = xcaf.GeometricTolerances();
+  const std::vector<Found> their_dimensions = xcaf.Dimensions();
+  if (xcaf.cut()) return {"not compared with OpenCASCADE's own reading: it binds too many faces"};
   std::vector<std::string> notes;
-  Compare("geometric tolerance", tolerances, GeometricTolerances(tool, numbers), notes);
-  Compare("dimension", dimensions, Dimensions(tool, numbers), notes);
+  Compare("geometric tolerance", tolerances, their_tolerances, notes);
+  Compare("dimension", dimensions, their_dimensions, notes);
   return notes;
 }
 
