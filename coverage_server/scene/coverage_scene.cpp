@@ -158,6 +158,8 @@ class CoverageSceneImpl final : public CoverageScene {
                      const std::atomic<bool>* cancelled) const override {
     std::vector<FastCoverage> coverages(measurements.size());
     EvaluateFastCoverage(measurements, coverages, cancelled);
+    // What was broken off has no targets.
+    if (cancelled != nullptr && cancelled->load()) return;
     for (size_t i = 0; i < measurements.size(); ++i) {
       FastGain& gain = gains[i];
       gain = {.feasibility = coverages[i].feasibility};

@@ -256,8 +256,10 @@ absl::Status CoverageServiceImpl::Gains(grpc::ServerContext* context,
           return;
         }
         for (size_t i = begin; i < end; ++i) {
-          gains[i] = GainOfCoverage(scene, scene.EvaluateExact(inside[i], nullptr, &cancelled),
-                                    covered_bits, weights);
+          const ExactCoverage coverage = scene.EvaluateExact(inside[i], nullptr, &cancelled);
+          // Of a scan that was broken off nothing is known, not even for how many targets.
+          if (cancelled) return;
+          gains[i] = GainOfCoverage(scene, coverage, covered_bits, weights);
         }
       });
   if (!status.ok()) return status;
