@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "rpc_server/job_service.h"
 
+#include <utility>
+
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -28,6 +30,24 @@ absl::StatusOr<JobRecord> Known(absl::StatusOr<JobRecord> job) {
 }
 
 }  // namespace
+
+absl::StatusOr<JobAdmission> AdmitJob(JobStore* jobs, const std::string& kind,
+                                      const std::string& request_id,
+                                      const std::function<std::string()>& fingerprint,
+                                      const std::string& peer,
+                                      const std::function<int64_t()>& bytes) {
+  JobAdmission admission;
+  const absl::StatusOr<std::optional<JobRecord>> known = jobs->Find(kind, request_id, fingerprint);
+  if (!known.ok()) return known.status();
+  if (known->has_value()) {
+    admission.known = JobToProto(**known);
+    return admission;
+  }
+  absl::StatusOr<std::unique_ptr<JobRoom>> room = jobs->Reserve(peer, bytes);
+  if (!room.ok()) return WithErrorInfo(room.status(), "QUEUE_FULL");
+  admission.room = *std::move(room);
+  return admission;
+}
 
 v1::Job JobToProto(const JobRecord& record) {
   v1::Job job;

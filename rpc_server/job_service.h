@@ -1,7 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
-// JobService over a JobStore.
+// JobService over a JobStore, and what the services that make jobs in it share.
 #pragma once
 
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "absl/status/statusor.h"
 #include "core/job/job_store.h"
 #include "rpc_server/call_tracker.h"
 #include "sightline/v1/job_service.grpc.pb.h"
@@ -9,6 +16,20 @@
 namespace sightline {
 
 v1::Job JobToProto(const JobRecord& record);
+
+// One of them is there.
+struct JobAdmission {
+  std::optional<v1::Job> known;  // the job that the same request made before
+  std::unique_ptr<JobRoom> room;
+};
+// To be called before a request is looked at; `fingerprint` and `bytes` are JobStore's.
+// ALREADY_EXISTS: its `request_id` was used for another; RESOURCE_EXHAUSTED (QUEUE_FULL): as much
+// waits already as may.
+absl::StatusOr<JobAdmission> AdmitJob(JobStore* jobs, const std::string& kind,
+                                      const std::string& request_id,
+                                      const std::function<std::string()>& fingerprint,
+                                      const std::string& peer,
+                                      const std::function<int64_t()>& bytes);
 
 class JobServiceImpl final : public v1::JobService::Service {
  public:

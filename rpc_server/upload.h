@@ -7,60 +7,26 @@
 
 #include <chrono>
 #include <cstdint>
-#include <map>
-#include <mutex>
 #include <string>
-#include <utility>
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "core/admission/shared_limit.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/call_tracker.h"
 
 namespace sightline {
 
-// Memory of all files that are being received. Taken as bytes come, not as they are announced: who
-// announces much and sends nothing takes nothing. Thread-safe.
-class UploadMemory {
- public:
-  // `max_bytes_per_peer`: so that one peer cannot take all.
-  UploadMemory(int64_t max_bytes, int64_t max_bytes_per_peer)
-      : max_bytes_(max_bytes), max_bytes_per_peer_(max_bytes_per_peer) {}
-
-  // What one upload holds; given back with it.
-  class Share {
-   public:
-    Share(UploadMemory* memory, std::string peer) : memory_(memory), peer_(std::move(peer)) {}
-    Share(Share&& other) noexcept
-        : memory_(std::exchange(other.memory_, nullptr)),
-          peer_(std::move(other.peer_)),
-          bytes_(std::exchange(other.bytes_, 0)) {}
-    Share& operator=(Share&&) = delete;
-    ~Share();
-    // UNAVAILABLE (OVERLOADED): there is no room now.
-    absl::Status Grow(int64_t bytes);
-
-   private:
-    UploadMemory* memory_;
-    std::string peer_;
-    int64_t bytes_ = 0;
-  };
-
-  int64_t bytes() const;
-
- private:
-  const int64_t max_bytes_;
-  const int64_t max_bytes_per_peer_;
-  mutable std::mutex mutex_;
-  int64_t bytes_ = 0;
-  std::map<std::string, int64_t> bytes_of_peer_;
-};
-
 struct ReceivedFile {
   std::string bytes;
-  UploadMemory::Share memory;  // for as long as the bytes are there
+  SharedLimit::Share memory;  // for as long as the bytes are there
 };
+
+// Takes memory for bytes that came; who announces much and sends nothing takes nothing.
+// UNAVAILABLE (OVERLOADED): `peer`, whose share it is, or all peers together are uploading too
+// much.
+absl::Status GrowUpload(SharedLimit::Share* memory, const std::string& peer, int64_t bytes);
 
 inline constexpr size_t kMaxUploadChunkBytes = 1 << 20;
 // Slower uploads are ended, once the idle timeout has passed: many small messages must not keep
@@ -108,14 +74,16 @@ absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
   return absl::OkStatus();
 }
 
-// The same chunks in memory. Errors of ForEachChunk; UNAVAILABLE: too much at a time.
+// The same chunks in memory, of which `memory` limits the bytes. Errors of ForEachChunk;
+// UNAVAILABLE: too much at a time.
 template <typename Request>
 absl::StatusOr<ReceivedFile> ReceiveChunks(CallTracker* calls, grpc::ServerContext* context,
                                            grpc::ServerReader<Request>* reader, int64_t size,
-                                           UploadMemory* memory) {
-  ReceivedFile file{"", UploadMemory::Share(memory, PeerOf(*context))};
+                                           const SharedLimit& memory) {
+  const std::string peer = PeerOf(*context);
+  ReceivedFile file{"", memory.Of(peer)};
   const auto keep = [&](const std::string& chunk) -> absl::Status {
-    absl::Status room = file.memory.Grow(static_cast<int64_t>(chunk.size()));
+    absl::Status room = GrowUpload(&file.memory, peer, static_cast<int64_t>(chunk.size()));
     if (room.ok()) file.bytes += chunk;
     return room;
   };

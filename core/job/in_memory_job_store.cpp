@@ -9,6 +9,7 @@
 #include <memory>
 #include <mutex>
 #include <new>
+#include <optional>
 #include <random>
 #include <string>
 #include <thread>
@@ -17,6 +18,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/admission/shared_limit.h"
 #include "core/job/job_store.h"
 #include "core/json/printable.h"
 #include "core/parallel/exception_status.h"
@@ -25,10 +27,34 @@
 namespace sightline {
 namespace {
 
+template <typename... Text>
+absl::Status QueueFull(const Text&... text) {
+  return absl::ResourceExhaustedError(absl::StrCat("the queue is full", text...));
+}
+
+absl::Status TooManyJobs(const std::string& owner, const Shortage& shortage) {
+  return QueueFull(shortage.of_owner ? absl::StrCat(" for ", owner) : "", ": ", shortage.held,
+                   shortage.of_owner ? " of its jobs" : " jobs", " wait or run, at most ",
+                   shortage.limit, " may");
+}
+
+absl::Status TooManyBytes(const std::string& owner, int64_t bytes, const Shortage& shortage) {
+  return QueueFull(shortage.of_owner ? absl::StrCat(" for ", owner, ": its") : ": the",
+                   " jobs that wait or run hold ", shortage.held, " bytes, this one ", bytes,
+                   " more, at most ", shortage.limit, " may");
+}
+
+struct Room : JobRoom {
+  SharedLimit::Share job;
+  SharedLimit::Share bytes;
+};
+
 // std::mutex rather than absl::Mutex: the thread sanitizer sees into it without a rebuilt library.
 class InMemoryJobStore : public JobStore {
  public:
-  InMemoryJobStore(int workers, const JobLimits& limits) : limits_(limits) {
+  InMemoryJobStore(int workers, const JobLimits& limits)
+      : jobs_limit_(limits.max_jobs, limits.max_jobs_of_owner),
+        bytes_limit_(limits.max_bytes, limits.max_bytes_of_owner) {
     assert(workers > 0);
     for (int i = 0; i < std::max(workers, 1); ++i) threads_.emplace_back([this] { Work(); });
   }
@@ -49,48 +75,48 @@ class InMemoryJobStore : public JobStore {
     for (std::thread& thread : threads_) thread.join();
   }
 
+  absl::StatusOr<std::unique_ptr<JobRoom>> Reserve(const std::string& owner,
+                                                   const std::function<int64_t()>& bytes) override {
+    auto room = std::make_unique<Room>();
+    room->job = jobs_limit_.Of(owner);
+    if (const auto shortage = room->job.Grow(1)) return TooManyJobs(owner, *shortage);
+    room->bytes = bytes_limit_.Of(owner);
+    const int64_t wanted = bytes();
+    if (const auto shortage = room->bytes.Grow(wanted)) {
+      return TooManyBytes(owner, wanted, *shortage);
+    }
+    return room;
+  }
+
+  absl::StatusOr<std::optional<JobRecord>> Find(
+      const std::string& kind, const std::string& request_id,
+      const std::function<std::string()>& fingerprint) const override {
+    std::shared_ptr<const Job> job;
+    {
+      const std::lock_guard lock(mutex_);
+      job = KnownLocked(kind, request_id);
+    }
+    if (job == nullptr) return std::nullopt;
+    // Takes time: without the mutex.
+    if (absl::Status same = CheckSame(*job, fingerprint()); !same.ok()) return same;
+    const std::lock_guard lock(mutex_);
+    return job->record;
+  }
+
   absl::StatusOr<JobRecord> Create(const std::string& kind, const std::string& request_id,
                                    const std::string& fingerprint, JobWork work,
-                                   const JobShare& share) override {
+                                   std::unique_ptr<JobRoom> room) override {
     std::lock_guard lock(mutex_);
-    if (!request_id.empty()) {
-      const auto known = requests_.find({kind, request_id});
-      if (known != requests_.end()) {
-        const Job& job = *jobs_.at(known->second);
-        if (job.fingerprint != fingerprint) {
-          return absl::AlreadyExistsError(
-              absl::StrCat("request_id \"", request_id, "\" was used for another ", kind));
-        }
-        return job.record;
-      }
+    if (const auto known = KnownLocked(kind, request_id); known != nullptr) {
+      if (absl::Status same = CheckSame(*known, fingerprint); !same.ok()) return same;
+      return known->record;
     }
     if (stopping_) return absl::UnavailableError("the job store is shutting down");
-    const int64_t unfinished = static_cast<int64_t>(order_.size() - finished_.size());
-    if (unfinished >= limits_.max_jobs) {
-      return absl::ResourceExhaustedError(absl::StrCat("the queue is full: ", unfinished,
-                                                       " jobs wait or run, at most ",
-                                                       limits_.max_jobs, " may"));
-    }
-    const auto of_owner = unfinished_of_owner_.find(share.owner);
-    if (!share.owner.empty() && of_owner != unfinished_of_owner_.end() &&
-        of_owner->second >= limits_.max_jobs_of_owner) {
-      return absl::ResourceExhaustedError(
-          absl::StrCat("the queue is full for ", share.owner, ": ", of_owner->second,
-                       " of its jobs wait or run, at most ", limits_.max_jobs_of_owner, " may"));
-    }
-    // A job that is too large for the limit alone can be done while nothing else waits.
-    if (unfinished > 0 && unfinished_bytes_ + share.bytes > limits_.max_bytes) {
-      return absl::ResourceExhaustedError(absl::StrCat(
-          "the queue is full: the jobs that wait or run hold ", unfinished_bytes_,
-          " bytes, this one ", share.bytes, " more, at most ", limits_.max_bytes, " may"));
-    }
     auto job = std::make_shared<Job>();
     job->number = next_number_++;
     job->fingerprint = fingerprint;
     job->work = std::move(work);
-    job->share = share;
-    unfinished_bytes_ += share.bytes;
-    ++unfinished_of_owner_[share.owner];
+    job->room = std::move(room);
     job->traceparent = CurrentTraceparent();
     job->record.kind = kind;
     job->record.request_id = request_id;
@@ -152,7 +178,7 @@ class InMemoryJobStore : public JobStore {
     int64_t number = 0;
     std::string fingerprint;
     JobWork work;
-    JobShare share;
+    std::unique_ptr<JobRoom> room;
     std::string traceparent;  // of the request that made it
     JobRecord record;
     std::atomic<bool> cancelled{false};
@@ -179,12 +205,26 @@ class InMemoryJobStore : public JobStore {
     return absl::NotFoundError(absl::StrCat("no job \"", Printable(job_id.substr(0, 64)), "\""));
   }
 
+  static absl::Status CheckSame(const Job& job, const std::string& fingerprint) {
+    if (job.fingerprint == fingerprint) return absl::OkStatus();
+    return absl::AlreadyExistsError(absl::StrCat("request_id \"", job.record.request_id,
+                                                 "\" was used for another ", job.record.kind));
+  }
+
   // Random, so that an id from before a restart never names another job.
   std::string NewId(const std::string& kind) {
     return absl::StrFormat("%s-%08x%08x%08x", kind, random_(), random_(), random_());
   }
 
   // The functions below are called with the mutex held.
+
+  // Null: (kind, request_id) has made no job that is remembered.
+  std::shared_ptr<Job> KnownLocked(const std::string& kind, const std::string& request_id) const {
+    if (request_id.empty()) return nullptr;
+    const auto known = requests_.find({kind, request_id});
+    return known == requests_.end() ? nullptr : jobs_.at(known->second);
+  }
+
   void Changed(Job& job) {
     ++job.record.revision;
     changed_.notify_all();
@@ -204,9 +244,7 @@ class InMemoryJobStore : public JobStore {
 
   void Finish(Job& job, const absl::StatusOr<std::string>& result) {
     job.work = nullptr;
-    unfinished_bytes_ -= job.share.bytes;
-    const auto of_owner = unfinished_of_owner_.find(job.share.owner);
-    if (--of_owner->second == 0) unfinished_of_owner_.erase(of_owner);
+    job.room = nullptr;
     if (job.cancelled) {
       job.record.state = JobState::kCancelled;
       job.record.error = absl::CancelledError("cancelled");
@@ -263,9 +301,8 @@ class InMemoryJobStore : public JobStore {
   mutable std::condition_variable changed_;
   mutable int waiting_ = 0;
   bool stopping_ = false;
-  const JobLimits limits_;
-  int64_t unfinished_bytes_ = 0;
-  std::map<std::string, int64_t> unfinished_of_owner_;
+  SharedLimit jobs_limit_;
+  SharedLimit bytes_limit_;
   int64_t next_number_ = 0;
   std::random_device random_;
   std::map<std::string, std::shared_ptr<Job>> jobs_;

@@ -7,6 +7,7 @@
 #include <functional>
 #include <limits>
 #include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -43,24 +44,34 @@ class JobContext {
 // Returns the result key; if cancelled, CANCELLED or that of what it has so far.
 using JobWork = std::function<absl::StatusOr<std::string>(JobContext&)>;
 
-// What an unfinished job takes of the limits of its store.
-struct JobShare {
-  // Whoever asked for it, e.g. a peer. Empty: nobody in particular, only the common limits count.
-  std::string owner;
-  // Memory that the work holds on to until it is finished.
-  int64_t bytes = 0;
+// Room for one job, from before its request is parsed until it is finished. Given back when it
+// goes.
+class JobRoom {
+ public:
+  virtual ~JobRoom() = default;
 };
 
 class JobStore {
  public:
   virtual ~JobStore() = default;
+  // Room for one job of `owner`, e.g. a peer, whose work holds on to `bytes()` of memory; that is
+  // only asked if the number of jobs allows one more. What a request costs before Create, its
+  // parsing and hashing, is only spent on those that have room. RESOURCE_EXHAUSTED: there is none;
+  // jobs that are being made count as those that wait or run.
+  virtual absl::StatusOr<std::unique_ptr<JobRoom>> Reserve(
+      const std::string& owner, const std::function<int64_t()>& bytes) = 0;
+  // The job that (kind, request_id) has made; it needs no room again. Nothing for a new or empty
+  // id. ALREADY_EXISTS: that job was of another `fingerprint()`, which is only asked of ids that
+  // are known.
+  virtual absl::StatusOr<std::optional<JobRecord>> Find(
+      const std::string& kind, const std::string& request_id,
+      const std::function<std::string()>& fingerprint) const = 0;
   // Queues `work` and returns at once. A known (kind, request_id) returns that job and drops
   // `work`; ALREADY_EXISTS if it was made with another `fingerprint`. An empty request_id is
-  // always new. RESOURCE_EXHAUSTED: more jobs, or more bytes of them, would be unfinished than the
-  // store may hold, or than one owner may have.
+  // always new. The job keeps its `room`; without one it counts towards no limit.
   virtual absl::StatusOr<JobRecord> Create(const std::string& kind, const std::string& request_id,
                                            const std::string& fingerprint, JobWork work,
-                                           const JobShare& share = {}) = 0;
+                                           std::unique_ptr<JobRoom> room = nullptr) = 0;
   virtual absl::StatusOr<JobRecord> Get(const std::string& job_id) const = 0;
   // In order of creation; empty kind: all.
   virtual std::vector<JobRecord> List(const std::string& kind) const = 0;
@@ -73,11 +84,13 @@ class JobStore {
 // Finished jobs that a store remembers.
 inline constexpr int kKeptFinishedJobs = 1000;
 
-// What may be unfinished, that is queued or running, at a time.
+// What may have room at a time.
 struct JobLimits {
   int64_t max_jobs = std::numeric_limits<int64_t>::max();
   int64_t max_jobs_of_owner = std::numeric_limits<int64_t>::max();
+  // A job that alone exceeds them has room while no other has.
   int64_t max_bytes = std::numeric_limits<int64_t>::max();
+  int64_t max_bytes_of_owner = std::numeric_limits<int64_t>::max();
 };
 
 // Runs at most `workers` jobs at a time. Keeps the last kKeptFinishedJobs finished jobs. Work that

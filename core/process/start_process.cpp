@@ -4,19 +4,38 @@
 #include <fcntl.h>
 #include <signal.h>
 #include <spawn.h>
+#include <sys/prctl.h>
 #include <unistd.h>
 
 #include <algorithm>
 #include <cerrno>
+#include <cstdlib>
 #include <cstring>
 
 #include "absl/cleanup/cleanup.h"
+#include "absl/strings/match.h"
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 
 extern char** environ;
 
 namespace sightline {
 namespace {
+
+// In the environment of a program that ends with us: this process.
+constexpr char kParentPid[] = "SIGHTLINE_PARENT_PID";
+
+// This process's environment, in which only `parent_pid`, if any, says who started it.
+std::vector<char*> EnvironmentWith(std::string* parent_pid) {
+  std::vector<char*> variables;
+  const std::string name = absl::StrCat(kParentPid, "=");
+  for (char** variable = environ; *variable != nullptr; ++variable) {
+    if (!absl::StartsWith(*variable, name)) variables.push_back(*variable);
+  }
+  if (parent_pid != nullptr) variables.push_back(parent_pid->data());
+  variables.push_back(nullptr);
+  return variables;
+}
 
 absl::Status CannotStart(const ProcessStart& start, int error) {
   return absl::UnavailableError(
@@ -67,13 +86,27 @@ absl::StatusOr<pid_t> StartProcess(const ProcessStart& start) {
   posix_spawnattr_setsigmask(&attributes, &none);
   posix_spawnattr_setsigdefault(&attributes, &all);
   posix_spawnattr_setpgroup(&attributes, 0);
-  posix_spawnattr_setflags(&attributes,
-                           POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | POSIX_SPAWN_SETPGROUP);
+  const int group = start.in_our_group ? 0 : POSIX_SPAWN_SETPGROUP;
+  posix_spawnattr_setflags(
+      &attributes, static_cast<short>(POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | group));
+  std::string parent_pid = absl::StrCat(kParentPid, "=", getpid());
+  const std::vector<char*> environment =
+      EnvironmentWith(start.ends_with_us ? &parent_pid : nullptr);
   pid_t pid = -1;
-  const int error = (start.in_path ? posix_spawnp : posix_spawn)(&pid, argv[0], &actions,
-                                                                 &attributes, argv.data(), environ);
+  const int error = (start.in_path ? posix_spawnp : posix_spawn)(
+      &pid, argv[0], &actions, &attributes, argv.data(), environment.data());
   if (error != 0) return CannotStart(start, error);
   return pid;
+}
+
+void EndWithParent() {
+  const char* const parent = std::getenv(kParentPid);
+  pid_t pid = 0;
+  if (parent == nullptr || !absl::SimpleAtoi(parent, &pid)) return;
+  prctl(PR_SET_PDEATHSIG, SIGKILL);
+  // Of a parent that went before, no signal comes any more: this process belongs to another by now.
+  // The order matters, or the parent could go between the two.
+  if (pid != getppid()) raise(SIGKILL);
 }
 
 }  // namespace sightline

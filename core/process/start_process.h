@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Starts another program.
+// Starts another program; and how such a program ends with the one that started it.
 #pragma once
 
 #include <sys/types.h>
@@ -28,11 +28,22 @@ struct ProcessStart {
     int flags = 0;
   };
   std::vector<Descriptor> descriptors = {};
+
+  // It stays in this process's group: what a terminal sends, as on Ctrl-C, reaches it too.
+  bool in_our_group = false;
+  // It is one of our programs, which calls EndWithParent(): the thread that starts it must outlive
+  // it, for the kernel ends it with that thread.
+  bool ends_with_us = false;
 };
 
-// The new process leads a process group of its own, so that signals of a terminal do not reach it
-// and kill(-pid, ...) ends it with its children; it blocks and ignores no signal. Whoever calls
-// waits for it. UNAVAILABLE: it cannot be started, and why.
+// The new process leads a process group of its own unless asked otherwise, so that signals of a
+// terminal do not reach it and kill(-pid, ...) ends it with its children; it blocks and ignores no
+// signal. Whoever calls waits for it. UNAVAILABLE: it cannot be started, and why.
 absl::StatusOr<pid_t> StartProcess(const ProcessStart& start);
+
+// For a program that was started with `ends_with_us`, first of all that it does: it is killed when
+// the thread ends that started it, at once if its parent is gone already. Nothing for one that was
+// started otherwise.
+void EndWithParent();
 
 }  // namespace sightline

@@ -20,7 +20,8 @@ class CoverageServerImpl final : public CoverageServer {
       : calls_(&metrics_),
         jobs_(MakeInMemoryJobStore(
             options.scene_workers,
-            {.max_jobs_of_owner = std::max<int64_t>(
+            {.max_jobs = kMaxUnfinishedScenes,
+             .max_jobs_of_owner = std::max<int64_t>(
                  1, static_cast<int64_t>(options.peer_share * kMaxUnfinishedScenes))})),
         registry_(backend, jobs_.get(), &metrics_, options.max_part_store_bytes,
                   options.max_scene_bytes),

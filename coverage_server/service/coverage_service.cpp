@@ -101,7 +101,7 @@ absl::Status CoverageServiceImpl::ReceivePart(grpc::ServerContext* context,
   if (absl::Status status = InvalidFields(violations); !status.ok()) return status;
   if (header.size_bytes() > p_.max_part_file_bytes) return too_large(header.size_bytes());
   absl::StatusOr<ReceivedFile> file =
-      ReceiveChunks(p_.calls, context, reader, header.size_bytes(), &upload_memory_);
+      ReceiveChunks(p_.calls, context, reader, header.size_bytes(), upload_memory_);
   if (!file.ok()) return file.status();
   auto turn = reading_turns_.Wait(PeerOf(*context), [&] { return p_.calls->CheckStop(context); });
   if (!turn.ok()) return turn.status();

@@ -80,7 +80,7 @@ class CoverageServiceImpl final : public v1::CoverageService::Service {
                         const EvaluationPool::Body& body);
 
   const Parts p_;
-  UploadMemory upload_memory_;
+  const SharedLimit upload_memory_;  // bytes that have come and are not kept yet
   // Parts that are read: a mesh of 20 million triangles takes some 4 GB until it is welded, and a
   // small glTF file can repeat its geometry to as many.
   PeerTurns reading_turns_{2};

@@ -3,8 +3,6 @@
 
 #include <spdlog/spdlog.h>
 
-#include <algorithm>
-
 #include "absl/strings/str_cat.h"
 #include "core/json/printable.h"
 #include "proto/status/rpc_status.h"
@@ -127,29 +125,21 @@ absl::StatusOr<JobRecord> SceneRegistry::CreateScene(const std::string& peer,
   for (const auto& obstacle : parsed->obstacles) {
     if (absl::Status status = FindPart(obstacle.part_digest).status(); !status.ok()) return status;
   }
-  const std::vector<JobRecord> jobs = jobs_->List("scene");
-  if (std::count_if(jobs.begin(), jobs.end(),
-                    [](const JobRecord& job) { return !job.finished(); }) >= kMaxUnfinishedScenes) {
+  absl::StatusOr<std::unique_ptr<JobRoom>> room = jobs_->Reserve(peer, [] { return int64_t{0}; });
+  if (!room.ok()) {
     return WithRetryDelay(
-        WithErrorInfo(absl::UnavailableError(absl::StrCat("overloaded: ", kMaxUnfinishedScenes,
-                                                          " scenes are waiting to be built")),
+        WithErrorInfo(absl::UnavailableError(absl::StrCat("overloaded: ", room.status().message())),
                       "OVERLOADED"),
         absl::Seconds(5));
   }
   // The store's own check of request_id would bind the id to one job for good, but a scene that was
   // dropped for lack of memory has to be built again by a new job.
-  absl::StatusOr<JobRecord> job =
-      jobs_->Create("scene", "", digest,
-                    [this, spec_copy = *std::move(parsed)](JobContext& context) {
-                      return BuildScene(spec_copy, context);
-                    },
-                    {.owner = peer});
-  if (absl::IsResourceExhausted(job.status())) {
-    return WithRetryDelay(
-        WithErrorInfo(absl::UnavailableError(absl::StrCat("overloaded: ", job.status().message())),
-                      "OVERLOADED"),
-        absl::Seconds(5));
-  }
+  absl::StatusOr<JobRecord> job = jobs_->Create(
+      "scene", "", digest,
+      [this, spec_copy = *std::move(parsed)](JobContext& context) {
+        return BuildScene(spec_copy, context);
+      },
+      *std::move(room));
   if (!job.ok()) return job.status();
   remember(job->job_id);
   if (job_of_scene_.insert_or_assign(digest, job->job_id).second) {

@@ -20,6 +20,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "core/parallel/worker_threads.h"
+#include "core/process/start_process.h"
 #include "coverage_server/occlusion/occluder_mesh.h"
 #include "coverage_server/visibility/field_renderer.h"
 #include "coverage_server/visibility/field_worker.h"

@@ -41,8 +41,4 @@ class WorkerProcess {
   pid_t pid_;
 };
 
-// For the process itself, first of all that it does: it is killed when the thread ends that started
-// it, at once if its parent is gone already.
-void EndWithParent();
-
 }  // namespace sightline

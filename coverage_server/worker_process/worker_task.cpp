@@ -12,6 +12,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/process/start_process.h"
 #include "coverage_server/worker_process/worker_process.h"
 
 namespace sightline {

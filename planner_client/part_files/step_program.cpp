@@ -14,12 +14,15 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
-#include "planner_client/part_files/run_program.h"
+#include "core/process/run_program.h"
 
 namespace sightline {
 namespace {
 
 namespace fs = std::filesystem;
+
+// The tolerances of half a million triangles take about 40 MB.
+constexpr size_t kMaxOutputBytes = size_t{1} << 29;
 
 bool IsExecutable(const fs::path& path) {
   std::error_code error;
@@ -61,9 +64,11 @@ absl::StatusOr<std::string> RunStepImport(const std::string& file,
   const auto program = FindStepProgram(file, options);
   if (!program.ok()) return program.status();
   // Absolute, so that no name is taken for an option.
-  std::vector<std::string> all = {fs::absolute(file).string()};
+  std::vector<std::string> all = {*program, fs::absolute(file).string()};
   all.insert(all.end(), arguments.begin(), arguments.end());
-  auto finished = RunProgram(*program, std::move(all), options.time_limit);
+  auto finished =
+      RunProgram({.words = std::move(all), .in_our_group = true, .ends_with_us = true},
+                 {.time_limit = options.time_limit, .max_output_bytes = kMaxOutputBytes});
   if (!finished.ok()) {
     return absl::Status(finished.status().code(),
                         absl::StrCat(file, ": ", std::string(finished.status().message())));

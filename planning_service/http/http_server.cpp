@@ -17,14 +17,15 @@
 #include <condition_variable>
 #include <csignal>
 #include <list>
-#include <map>
 #include <mutex>
+#include <optional>
 #include <string>
 #include <system_error>
 #include <thread>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/admission/shared_limit.h"
 #include "planning_service/http/connection_stream.h"
 #include "planning_service/http/http_connection.h"
 #include "planning_service/http/http_reply.h"
@@ -61,7 +62,11 @@ absl::Status CheckOptions(const HttpServerOptions& options) {
   return absl::OkStatus();
 }
 
-absl::Status TooManyConnections(const std::string& message) {
+absl::Status TooManyConnections(const std::string& peer, const Shortage& shortage) {
+  const std::string message =
+      shortage.of_owner ? absl::StrCat(peer, " has ", shortage.held,
+                                       " connections already, more are not allowed at a time")
+                        : "the server has as many connections as it takes";
   return WithErrorInfo(absl::ResourceExhaustedError(message), "TOO_MANY_CONNECTIONS");
 }
 
@@ -98,17 +103,20 @@ struct HttpServer::Impl {
        std::unique_ptr<TlsServerContext> tls_context)
       : listening(std::move(listening_socket)),
         tls(std::move(tls_context)),
-        max_connections_of_peer(options.max_connections),
+        served(2 * int64_t{options.max_connections}, options.max_connections),
         limits{.max_request_bytes = options.max_request_bytes,
                .request_timeout = options.request_timeout,
                .first_request_timeout = options.first_request_timeout},
         stop_event(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)) {}
 
   struct Connection {
-    Connection(FileDescriptor socket, int stop, std::string address, absl::Status refusal)
-        : stream(std::move(socket), stop), peer(std::move(address)), refused(std::move(refusal)) {}
+    Connection(FileDescriptor socket, int stop, SharedLimit::Share connection_place,
+               absl::Status refusal)
+        : stream(std::move(socket), stop),
+          place(std::move(connection_place)),
+          refused(std::move(refusal)) {}
     ConnectionStream stream;
-    const std::string peer;
+    SharedLimit::Share place;
     const absl::Status refused;  // what it is told instead of being served; OK: it is served
     std::thread thread;
     bool done = false;  // guarded by the mutex below
@@ -118,15 +126,13 @@ struct HttpServer::Impl {
   // Whether accepting should go on at once.
   bool AcceptOne();
   void RemoveFinished();
-  // Both with the mutex held. Counts a connection to be served. RESOURCE_EXHAUSTED: why it cannot
-  // be.
-  absl::Status TakePlace(const std::string& peer);
-  void GiveBack(const Connection& connection);
+  // With the mutex held.
+  void GiveBack(Connection* connection);
   void Serve(Connection* connection, const std::shared_ptr<SSL_CTX>& context);
 
   ListeningSocket listening;
   const std::unique_ptr<TlsServerContext> tls;  // null: plain
-  const int max_connections_of_peer;
+  const SharedLimit served;
   const HttpConnectionLimits limits;
   Handler handle;
   const FileDescriptor stop_event;
@@ -136,34 +142,12 @@ struct HttpServer::Impl {
   // library. It guards what follows.
   std::mutex mutex;
   std::condition_variable ended;  // a connection has
-  int serving = 0;
   int refusing = 0;
-  std::map<std::string, int> serving_of_peer;
 };
 
-absl::Status HttpServer::Impl::TakePlace(const std::string& peer) {
-  // Twice max_connections, which may be any int.
-  if (serving / 2 >= max_connections_of_peer) {
-    return TooManyConnections("the server has as many connections as it takes");
-  }
-  const auto of_peer = serving_of_peer.find(peer);
-  if (of_peer != serving_of_peer.end() && of_peer->second >= max_connections_of_peer) {
-    return TooManyConnections(absl::StrCat(peer, " has ", of_peer->second,
-                                           " connections already, more are not allowed at a time"));
-  }
-  ++serving_of_peer[peer];
-  ++serving;
-  return absl::OkStatus();
-}
-
-void HttpServer::Impl::GiveBack(const Connection& connection) {
-  if (!connection.refused.ok()) {
-    --refusing;
-    return;
-  }
-  --serving;
-  const auto of_peer = serving_of_peer.find(connection.peer);
-  if (--of_peer->second == 0) serving_of_peer.erase(of_peer);
+void HttpServer::Impl::GiveBack(Connection* connection) {
+  connection->place.GiveBack();
+  if (!connection->refused.ok()) --refusing;
 }
 
 void HttpServer::Impl::Serve(Connection* connection, const std::shared_ptr<SSL_CTX>& context) {
@@ -185,7 +169,7 @@ void HttpServer::Impl::Serve(Connection* connection, const std::shared_ptr<SSL_C
   connection->stream.CutOff();
   const std::lock_guard lock(mutex);
   connection->done = true;
-  GiveBack(*connection);
+  GiveBack(connection);
   ended.notify_all();
 }
 
@@ -219,25 +203,24 @@ bool HttpServer::Impl::AcceptOne() {
   setsockopt(socket.get(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof(on));
   RemoveFinished();
   const std::string peer = PeerAddress(address);
+  SharedLimit::Share place = served.Of(peer);
   absl::Status refused;
-  {
+  if (const std::optional<Shortage> shortage = place.Grow(1)) {
+    refused = TooManyConnections(peer, *shortage);
     const std::lock_guard lock(mutex);
-    refused = TakePlace(peer);
-    if (!refused.ok() && ++refusing > kMaxRefusals) {
-      --refusing;
-      return true;  // closes it
-    }
+    if (refusing == kMaxRefusals) return true;  // closes it
+    ++refusing;
   }
   const std::shared_ptr<SSL_CTX> context = tls == nullptr ? nullptr : tls->Current();
-  Connection* connection =
-      &connections.emplace_back(std::move(socket), stop_event.get(), peer, std::move(refused));
+  Connection* connection = &connections.emplace_back(std::move(socket), stop_event.get(),
+                                                     std::move(place), std::move(refused));
   try {
     connection->thread = std::thread([this, connection, context] { Serve(connection, context); });
   } catch (const std::system_error& e) {
     spdlog::warn("event=connection_dropped reason={:?}", e.what());
     {
       const std::lock_guard lock(mutex);
-      GiveBack(*connection);
+      GiveBack(connection);
     }
     connections.pop_back();
   }
@@ -298,7 +281,7 @@ void HttpServer::Stop() {
   {
     std::unique_lock lock(impl_->mutex);
     impl_->ended.wait_for(lock, absl::ToChronoNanoseconds(kStopGrace),
-                          [this] { return impl_->serving == 0 && impl_->refusing == 0; });
+                          [this] { return impl_->served.held() == 0 && impl_->refusing == 0; });
   }
   for (Impl::Connection& connection : impl_->connections) connection.stream.CutOff();
   for (Impl::Connection& connection : impl_->connections) connection.thread.join();

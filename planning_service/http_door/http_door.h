@@ -32,8 +32,8 @@ struct HttpDoorOptions {
   std::string tls_key_file;
   std::string tls_client_ca_file;
   absl::Duration tls_check_interval = absl::Seconds(2);
-  // Both at least 1; connections are of one address, together there may be twice as many. Event
-  // streams are connections too; further ones get 503.
+  // Both at least 1: connections of one address, event streams of one client; together there may be
+  // twice as many. Event streams are connections too; further ones get 503.
   int max_connections = 128;
   int max_event_streams = 64;
   int64_t max_request_bytes = int64_t{4} << 30;

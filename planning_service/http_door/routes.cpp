@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <array>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -113,7 +114,7 @@ Routes::Routes(PlanningJobs* jobs, ClientAccess* access, BrowserGuard guard, int
     : jobs_(jobs),
       access_(access),
       guard_(std::move(guard)),
-      max_event_streams_(max_event_streams),
+      event_streams_(2 * int64_t{max_event_streams}, max_event_streams),
       openapi_(OpenApiJson()),
       routes_{
           {"POST", {"v1", "jobs"}, &Routes::CreateJob},
@@ -252,17 +253,13 @@ void Routes::CancelJob(HttpExchange& exchange, const Client& client, const Path&
 }
 
 void Routes::WatchJob(HttpExchange& exchange, const Client& client, const Path& path) {
-  struct Counted {
-    explicit Counted(std::atomic<int>* counter) : counter_(counter), now(++*counter) {}
-    ~Counted() { --*counter_; }
-    std::atomic<int>* counter_;
-    const int now;
-  };
-  const Counted streams(&event_streams_);
-  if (streams.now > max_event_streams_) {
+  SharedLimit::Share stream = event_streams_.Of(client.name);
+  if (const std::optional<Shortage> shortage = stream.Grow(1)) {
     return ReplyError(
-        exchange, WithErrorInfo(absl::ResourceExhaustedError(absl::StrCat(
-                                    "there are ", max_event_streams_, " event streams already")),
+        exchange, WithErrorInfo(absl::ResourceExhaustedError(
+                                    absl::StrCat(shortage->of_owner ? "you have " : "clients have ",
+                                                 shortage->held, " event streams already, at most ",
+                                                 shortage->limit, " are allowed at a time")),
                                 "TOO_MANY_EVENT_STREAMS"));
   }
   StreamEvents(exchange, jobs_, client, path[2]);

@@ -2,12 +2,12 @@
 // What each path and method of the HTTP door does.
 #pragma once
 
-#include <atomic>
 #include <map>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/admission/shared_limit.h"
 #include "planning_service/access/client_access.h"
 #include "planning_service/http/browser_guard.h"
 #include "planning_service/http/http_exchange.h"
@@ -58,11 +58,11 @@ class Routes {
   PlanningJobs* const jobs_;
   ClientAccess* const access_;
   const BrowserGuard guard_;
-  const int max_event_streams_;
+  // Of one client; all together have twice as many, so that one leaves half to the others.
+  const SharedLimit event_streams_;
   const std::string openapi_;
   const std::vector<Route> routes_;
   std::map<std::string, WebReply> web_files_;  // by path
-  std::atomic<int> event_streams_{0};
 };
 
 }  // namespace sightline

@@ -22,11 +22,10 @@ constexpr size_t kMostAnswerBytes = kMaxMessageBytes - (1 << 20);
 
 absl::StatusOr<v1::Job> AnswerJobs::Queue(const std::string& kind, const std::string& request_id,
                                           const std::string& request_digest,
-                                          std::shared_ptr<const JobRoom> room, Work work) {
+                                          std::unique_ptr<JobRoom> room, Work work) {
   absl::StatusOr<JobRecord> job = jobs_->Create(
       kind, request_id, request_digest,
-      [this, room = std::move(room),
-       work = std::move(work)](JobContext& context) -> absl::StatusOr<std::string> {
+      [this, work = std::move(work)](JobContext& context) -> absl::StatusOr<std::string> {
         // Every report wakes all who watch.
         std::optional<std::chrono::steady_clock::time_point> reported;
         const Progress progress = [&](double fraction, const std::string& what) {
@@ -50,7 +49,8 @@ absl::StatusOr<v1::Job> AnswerJobs::Queue(const std::string& kind, const std::st
             results_.Put(key, std::make_shared<const std::string>(*std::move(bytes)), size);
         if (!kept.ok()) return kept;
         return key;
-      });
+      },
+      std::move(room));
   if (!job.ok()) return job.status();
   return JobToProto(*job);
 }

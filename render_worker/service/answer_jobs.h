@@ -14,7 +14,6 @@
 #include "core/job/job_store.h"
 #include "core/memo/lru_store.h"
 #include "render_worker/service/asset_store.h"
-#include "rpc_server/job_queue.h"
 #include "rpc_server/job_service.h"
 #include "sightline/v1/job_service.pb.h"
 
@@ -22,24 +21,19 @@ namespace sightline {
 
 class AnswerJobs {
  public:
-  // Both pointers must outlive it. `spool_folder`: kept out of errors. `max_result_bytes`: of all
-  // answers; the longest unused go first.
-  AnswerJobs(JobStore* jobs, JobQueue* queue, std::string spool_folder, int64_t max_result_bytes)
-      : jobs_(jobs),
-        queue_(queue),
-        spool_folder_(std::move(spool_folder)),
-        results_(max_result_bytes) {}
+  // `jobs` must outlive it. `spool_folder`: kept out of errors. `max_result_bytes`: of all answers;
+  // the longest unused go first.
+  AnswerJobs(JobStore* jobs, std::string spool_folder, int64_t max_result_bytes)
+      : jobs_(jobs), spool_folder_(std::move(spool_folder)), results_(max_result_bytes) {}
 
-  // One of them is there.
-  struct Admission {
-    std::optional<v1::Job> known;  // the job that the same request made before
-    std::shared_ptr<const JobRoom> room;
-  };
-  // To be called before a request is looked at. ALREADY_EXISTS: its `request_id` was used for
-  // another; RESOURCE_EXHAUSTED (QUEUE_FULL): too much waits already.
+  // As AdmitJob.
   template <typename Request>
-  absl::StatusOr<Admission> Admit(const std::string& kind, const std::string& peer,
-                                  const Request& request);
+  absl::StatusOr<JobAdmission> Admit(const std::string& kind, const std::string& peer,
+                                     const Request& request) {
+    return AdmitJob(
+        jobs_, kind, request.request_id(), [&] { return DigestOf(request); }, peer,
+        [&] { return MemoryOf(request); });
+  }
 
   // Progress in [0, 1] with what is being done; false: the job is cancelled.
   using Progress = std::function<bool(double fraction, const std::string& what)>;
@@ -51,7 +45,7 @@ class AnswerJobs {
   // large for a message.
   template <typename Request>
   absl::StatusOr<v1::Job> Create(const std::string& kind, const Request& request,
-                                 std::shared_ptr<const JobRoom> room, Work work) {
+                                 std::unique_ptr<JobRoom> room, Work work) {
     return Queue(kind, request.request_id(), DigestOf(request), std::move(room), std::move(work));
   }
 
@@ -69,25 +63,12 @@ class AnswerJobs {
     return MessageDigest(request);
   }
   absl::StatusOr<v1::Job> Queue(const std::string& kind, const std::string& request_id,
-                                const std::string& request_digest,
-                                std::shared_ptr<const JobRoom> room, Work work);
+                                const std::string& request_digest, std::unique_ptr<JobRoom> room,
+                                Work work);
 
   JobStore* const jobs_;
-  JobQueue* const queue_;
   const std::string spool_folder_;
   LruStore<std::string> results_;  // by digest
 };
-
-template <typename Request>
-absl::StatusOr<AnswerJobs::Admission> AnswerJobs::Admit(const std::string& kind,
-                                                        const std::string& peer,
-                                                        const Request& request) {
-  const auto known = KnownJob(jobs_, kind, request.request_id(), [&] { return DigestOf(request); });
-  if (!known.ok()) return known.status();
-  if (known->has_value()) return Admission{JobToProto(**known), nullptr};
-  auto room = queue_->Reserve(peer, [&] { return MemoryOf(request); });
-  if (!room.ok()) return room.status();
-  return Admission{std::nullopt, *std::move(room)};
-}
 
 }  // namespace sightline

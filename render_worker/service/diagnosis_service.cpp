@@ -22,7 +22,6 @@
 #include "render_worker/render/part_inspection.h"
 #include "render_worker/scene_diagnosis/light_paths.h"
 #include "render_worker/service/asset_folder.h"
-#include "render_worker/service/reservation.h"
 #include "rpc_server/job_service.h"
 #include "rpc_server/rpc_server.h"
 
@@ -77,8 +76,7 @@ Settings CommonSettings(const v1::CreateDiagnosisRequest& request, int threads) 
 
 // A set that can be looked at, with its share of the memory.
 struct DiagnosisServiceImpl::CheckedSet {
-  CheckedSet(std::atomic<int64_t>* counter, int64_t bytes) : memory(counter, bytes) {}
-  Reservation memory;
+  SharedLimit::Share memory;
   RecordingSet description;
   std::vector<Image<uint16_t>> images;
   std::vector<std::string> warnings;
@@ -146,8 +144,9 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
         "SET_TOO_LARGE",
         {{"needed_bytes", absl::StrCat(bytes)}, {"max_bytes", absl::StrCat(p_.max_set_bytes)}});
   }
-  auto checked = std::make_shared<CheckedSet>(&set_bytes_, bytes);
-  if (checked->memory.total() > p_.max_set_bytes) {
+  auto checked = std::make_shared<CheckedSet>();
+  checked->memory = set_bytes_.Of("");
+  if (checked->memory.Grow(bytes)) {
     return WithRetryDelay(
         WithErrorInfo(absl::UnavailableError("overloaded: too many sets wait"), "OVERLOADED"),
         absl::Seconds(1));
@@ -249,7 +248,7 @@ absl::StatusOr<v1::Diagnosis> DiagnosisServiceImpl::RunScene(CheckedScene& work,
 }
 
 template <typename Request, typename Work>
-absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(std::shared_ptr<const JobRoom> room,
+absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(std::unique_ptr<JobRoom> room,
                                                         const std::string& kind,
                                                         const Request& request,
                                                         std::vector<std::string> warnings,
@@ -271,7 +270,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateJob(std::shared_ptr<const Jo
 }
 
 absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
-    std::shared_ptr<const JobRoom> room, const v1::CreateDiagnosisRequest& request,
+    std::unique_ptr<JobRoom> room, const v1::CreateDiagnosisRequest& request,
     const StopCheck& stop) {
   if (!p_.functions.diagnose) return absl::UnimplementedError("this worker does not diagnose");
   for (const auto& [given, name] : {std::pair(request.has_inspection(), "inspection"),
@@ -292,7 +291,7 @@ absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreatePlateDiagnosis(
 }
 
 absl::StatusOr<v1::Job> DiagnosisServiceImpl::CreateSceneDiagnosis(
-    std::shared_ptr<const JobRoom> room, const v1::CreateDiagnosisRequest& request,
+    std::unique_ptr<JobRoom> room, const v1::CreateDiagnosisRequest& request,
     const StopCheck& stop) {
   if (!p_.functions.diagnose_scene) {
     return absl::UnimplementedError("this worker does not diagnose recordings of parts");

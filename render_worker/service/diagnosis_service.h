@@ -11,6 +11,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "core/admission/shared_limit.h"
 #include "core/job/job_store.h"
 #include "core/job/stop_check.h"
 #include "render_worker/diagnosis/diagnose.h"
@@ -43,7 +44,6 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
     std::string spool_folder;  // exists; for links to assets
     AssetStore* assets;
     JobStore* jobs;
-    JobQueue* queue;
     CallTracker* calls;
     RecordingFunctions functions;
     int threads = 1;                             // of one job
@@ -52,7 +52,9 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
     int64_t max_result_bytes = int64_t{1} << 30;  // answers in memory; the longest unused go first
   };
   explicit DiagnosisServiceImpl(Parts parts)
-      : p_(std::move(parts)), answers_(p_.jobs, p_.queue, p_.spool_folder, p_.max_result_bytes) {}
+      : p_(std::move(parts)),
+        answers_(p_.jobs, p_.spool_folder, p_.max_result_bytes),
+        set_bytes_(p_.max_set_bytes, p_.max_set_bytes) {}
 
   grpc::Status CreateDiagnosis(grpc::ServerContext* context,
                                const v1::CreateDiagnosisRequest* request,
@@ -86,13 +88,13 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
   // Queues `work`, a function from DiagnosisProgress and whether it is cancelled to the answer, to
   // which the warnings are added.
   template <typename Request, typename Work>
-  absl::StatusOr<v1::Job> CreateJob(std::shared_ptr<const JobRoom> room, const std::string& kind,
+  absl::StatusOr<v1::Job> CreateJob(std::unique_ptr<JobRoom> room, const std::string& kind,
                                     const Request& request, std::vector<std::string> warnings,
                                     Work work);
-  absl::StatusOr<v1::Job> CreatePlateDiagnosis(std::shared_ptr<const JobRoom> room,
+  absl::StatusOr<v1::Job> CreatePlateDiagnosis(std::unique_ptr<JobRoom> room,
                                                const v1::CreateDiagnosisRequest& request,
                                                const StopCheck& stop);
-  absl::StatusOr<v1::Job> CreateSceneDiagnosis(std::shared_ptr<const JobRoom> room,
+  absl::StatusOr<v1::Job> CreateSceneDiagnosis(std::unique_ptr<JobRoom> room,
                                                const v1::CreateDiagnosisRequest& request,
                                                const StopCheck& stop);
   absl::Status Diagnosis(const std::string& peer, const v1::CreateDiagnosisRequest& request,
@@ -102,7 +104,7 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
 
   const Parts p_;
   AnswerJobs answers_;
-  std::atomic<int64_t> set_bytes_ = 0;
+  SharedLimit set_bytes_;  // whoever asks
   std::atomic<int64_t> next_folder_ = 0;
 };
 

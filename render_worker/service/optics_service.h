@@ -23,14 +23,13 @@ class OpticsServiceImpl final : public v1::OpticsService::Service {
     std::string spool_folder;  // exists; for links to assets
     AssetStore* assets;
     JobStore* jobs;
-    JobQueue* queue;
     CallTracker* calls;
     int threads = 1;                              // of one job
     int64_t max_image_bytes = int64_t{8} << 30;   // memory for one image
     int64_t max_result_bytes = int64_t{1} << 28;  // answers in memory
   };
   explicit OpticsServiceImpl(Parts parts)
-      : p_(std::move(parts)), answers_(p_.jobs, p_.queue, p_.spool_folder, p_.max_result_bytes) {}
+      : p_(std::move(parts)), answers_(p_.jobs, p_.spool_folder, p_.max_result_bytes) {}
 
   grpc::Status CreateOptics(grpc::ServerContext* context, const v1::CreateOpticsRequest* request,
                             v1::CreateOpticsResponse* response) override;

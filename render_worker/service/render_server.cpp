@@ -22,12 +22,14 @@ int Threads(int asked) {
 }
 
 JobLimits JobLimitsOf(const RenderServerOptions& options) {
-  JobLimits limits;
-  limits.max_jobs = options.max_queued_jobs;
-  limits.max_jobs_of_owner = std::max<int64_t>(
-      1, static_cast<int64_t>(options.peer_share * static_cast<double>(options.max_queued_jobs)));
-  limits.max_bytes = options.max_queued_bytes;
-  return limits;
+  const auto share_of = [&](int64_t all) {
+    return std::max<int64_t>(1,
+                             static_cast<int64_t>(options.peer_share * static_cast<double>(all)));
+  };
+  return {.max_jobs = options.max_queued_jobs,
+          .max_jobs_of_owner = share_of(options.max_queued_jobs),
+          .max_bytes = options.max_queued_bytes,
+          .max_bytes_of_owner = share_of(options.max_queued_bytes)};
 }
 
 class RenderServerImpl final : public RenderServer {
@@ -38,16 +40,15 @@ class RenderServerImpl final : public RenderServer {
         calls_(&metrics_),
         assets_(spool_.path(), options.max_asset_store_bytes),
         outputs_(options.max_output_bytes),
-        queue_(JobLimitsOf(options)),
-        jobs_(MakeInMemoryJobStore(options.render_workers)),
-        service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &queue_, &calls_,
+        jobs_(MakeInMemoryJobStore(options.render_workers, JobLimitsOf(options))),
+        service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &calls_,
                   Threads(options.threads), options.max_asset_bytes, options.max_image_bytes}),
-        diagnosis_service_({spool_.path(), &assets_, jobs_.get(), &queue_, &calls_,
-                            std::move(functions), Threads(options.threads), options.max_image_bytes,
+        diagnosis_service_({spool_.path(), &assets_, jobs_.get(), &calls_, std::move(functions),
+                            Threads(options.threads), options.max_image_bytes,
                             options.max_set_bytes}),
-        optics_service_({spool_.path(), &assets_, jobs_.get(), &queue_, &calls_,
-                         Threads(options.threads), options.max_image_bytes}),
-        sensor_service_({spool_.path(), &assets_, jobs_.get(), &queue_, &calls_}),
+        optics_service_({spool_.path(), &assets_, jobs_.get(), &calls_, Threads(options.threads),
+                         options.max_image_bytes}),
+        sensor_service_({spool_.path(), &assets_, jobs_.get(), &calls_}),
         server_("render_worker", &metrics_, &calls_, jobs_.get()) {}
 
   ~RenderServerImpl() override { Drain(absl::ZeroDuration()); }
@@ -80,7 +81,6 @@ class RenderServerImpl final : public RenderServer {
   CallTracker calls_;
   AssetStore assets_;
   RenderOutputStore outputs_;
-  JobQueue queue_;  // jobs have room in it
   std::unique_ptr<JobStore> jobs_;
   RenderServiceImpl service_;
   DiagnosisServiceImpl diagnosis_service_;

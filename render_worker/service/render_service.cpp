@@ -33,7 +33,6 @@ struct RenderWork {
   std::unique_ptr<RenderTask> task;
   AssetFolder assets;
   std::shared_ptr<RenderOutput> output;
-  std::shared_ptr<const JobRoom> room;
 };
 
 }  // namespace
@@ -70,7 +69,7 @@ absl::Status RenderServiceImpl::Receive(grpc::ServerContext* context,
         "ASSET_TOO_LARGE", {{"max_asset_bytes", absl::StrCat(p_.max_asset_bytes)}});
   }
   const absl::StatusOr<ReceivedFile> file =
-      ReceiveChunks(p_.calls, context, reader, header.size_bytes(), &upload_memory_);
+      ReceiveChunks(p_.calls, context, reader, header.size_bytes(), upload_memory_);
   if (!file.ok()) return file.status();
   if (const std::string digest = Sha256Hex(file->bytes);
       !header.asset_digest().empty() && digest != header.asset_digest()) {
@@ -95,23 +94,21 @@ grpc::Status RenderServiceImpl::CreateRender(grpc::ServerContext* context,
 absl::Status RenderServiceImpl::Create(const std::string& peer,
                                        const v1::CreateRenderRequest& request,
                                        v1::CreateRenderResponse* response) {
-  const auto known = KnownJob(p_.jobs, kJobKind, request.request_id(),
-                              [&] { return MessageDigest(request.spec()); });
-  if (!known.ok()) return known.status();
-  if (known->has_value()) {
+  auto admission = AdmitJob(
+      p_.jobs, kJobKind, request.request_id(), [&] { return MessageDigest(request.spec()); }, peer,
+      [&] { return MemoryOf(request); });
+  if (!admission.ok()) return admission.status();
+  if (admission->known) {
     // By then whoever has made it has kept its output.
     const std::lock_guard lock(create_mutex_);
-    *response->mutable_job() = JobToProto(**known);
+    *response->mutable_job() = *std::move(admission->known);
     return absl::OkStatus();
   }
-  auto room = p_.queue->Reserve(peer, [&] { return MemoryOf(request); });
-  if (!room.ok()) return room.status();
   auto task = RenderTask::Parse(request.spec(), p_.max_image_bytes);
   if (!task.ok()) return task.status();
   const int64_t number = next_folder_++;
   auto work = std::make_shared<RenderWork>(absl::StrCat(p_.spool_folder, "/render-input-", number));
   work->task = *std::move(task);
-  work->room = *std::move(room);
   absl::Status added = work->assets.Add(request.spec().part().assets(), "part.assets", p_.assets);
   if (!added.ok()) return added;
   for (const std::string& file : work->task->AssetFiles()) {
@@ -162,7 +159,8 @@ absl::Status RenderServiceImpl::Create(const std::string& peer,
         p_.outputs->Trim();
         if (!status.ok()) return WithoutFolders(work->assets.WithoutFolder(status), folders);
         return std::string();
-      });
+      },
+      std::move(admission->room));
   if (!job.ok()) return job.status();
   // A job that was there already keeps its output.
   p_.outputs->Add(job->job_id, output);

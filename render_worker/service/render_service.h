@@ -13,7 +13,6 @@
 #include "render_worker/service/asset_store.h"
 #include "render_worker/service/render_output_store.h"
 #include "rpc_server/call_tracker.h"
-#include "rpc_server/job_queue.h"
 #include "rpc_server/upload.h"
 #include "sightline/v1/render_service.grpc.pb.h"
 
@@ -26,7 +25,6 @@ class RenderServiceImpl final : public v1::RenderService::Service {
     AssetStore* assets;
     RenderOutputStore* outputs;
     JobStore* jobs;
-    JobQueue* queue;
     CallTracker* calls;
     int threads = 1;  // of one job
     int64_t max_asset_bytes = 0;
@@ -54,7 +52,7 @@ class RenderServiceImpl final : public v1::RenderService::Service {
                       grpc::ServerWriter<v1::StreamRenderFilesResponse>* writer);
 
   const Parts p_;
-  UploadMemory upload_memory_;
+  const SharedLimit upload_memory_;  // bytes that have come and are not kept yet
   std::atomic<int64_t> next_folder_ = 0;
   // Jobs by request_id are looked up before a folder is made for a new one.
   std::mutex create_mutex_;

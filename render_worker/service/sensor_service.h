@@ -20,12 +20,11 @@ class SensorServiceImpl final : public v1::SensorService::Service {
     std::string spool_folder;  // exists; for links to assets
     AssetStore* assets;
     JobStore* jobs;
-    JobQueue* queue;
     CallTracker* calls;
     int64_t max_result_bytes = int64_t{1} << 28;  // answers in memory
   };
   explicit SensorServiceImpl(Parts parts)
-      : p_(std::move(parts)), answers_(p_.jobs, p_.queue, p_.spool_folder, p_.max_result_bytes) {}
+      : p_(std::move(parts)), answers_(p_.jobs, p_.spool_folder, p_.max_result_bytes) {}
 
   grpc::Status CreateSensorDiagnosis(grpc::ServerContext* context,
                                      const v1::CreateSensorDiagnosisRequest* request,

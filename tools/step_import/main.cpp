@@ -18,6 +18,7 @@
 #include <vector>
 
 #include "core/json/strict_json.h"
+#include "core/process/start_process.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "core/version/version.h"
 #include "tools/step_import/glb_writer.h"
@@ -149,6 +150,7 @@ void Import(const Arguments& arguments) {
 }  // namespace sightline
 
 int main(int argc, char** argv) {
+  sightline::EndWithParent();
   sightline::Arguments arguments;
   CLI::App app(
       "Meshes the solids of a STEP file and writes them as GLB, in metres; reads its tolerances.");

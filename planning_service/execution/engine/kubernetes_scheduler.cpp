@@ -14,8 +14,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
+#include "core/process/run_program.h"
 #include "planning_service/execution/engine/batch_scheduler.h"
-#include "planning_service/execution/engine/subprocess.h"
 #include "planning_service/job_store/random_number.h"
 
 namespace sightline {
@@ -267,9 +267,10 @@ class KubernetesScheduler final : public BatchScheduler {
                                           : absl::StrCat(options_.command_folder, "/kubectl"),
                                       absl::StrCat("--namespace=", options_.name_space)};
     words.insert(words.end(), arguments.begin(), arguments.end());
-    auto result = RunSubprocess(words, kTimeout);
-    if (!result.ok()) return result.status();
-    if (result->exit_code == 0) return std::move(result->output);
+    auto result =
+        RunProgram({.words = std::move(words), .in_path = true}, {.time_limit = kTimeout});
+    if (!result.ok()) return absl::UnavailableError(result.status().message());
+    if (result->wait_status == 0) return std::move(result->output);
     absl::StripTrailingAsciiWhitespace(&result->errors);
     const std::string message = absl::StrCat("kubectl ", arguments[0], ": ", result->errors);
     return IsPassing(message) ? absl::UnavailableError(message)

@@ -9,8 +9,8 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "core/process/run_program.h"
 #include "planning_service/execution/engine/batch_scheduler.h"
-#include "planning_service/execution/engine/subprocess.h"
 
 namespace sightline {
 namespace {
@@ -142,10 +142,11 @@ class SlurmScheduler final : public BatchScheduler {
                                           ? program
                                           : absl::StrCat(options_.command_folder, "/", program)};
     words.insert(words.end(), arguments.begin(), arguments.end());
-    auto result = RunSubprocess(words, kTimeout);
-    if (!result.ok()) return result.status();
+    auto result =
+        RunProgram({.words = std::move(words), .in_path = true}, {.time_limit = kTimeout});
+    if (!result.ok()) return absl::UnavailableError(result.status().message());
     absl::StripTrailingAsciiWhitespace(&result->output);
-    if (result->exit_code == 0) return result->output;
+    if (result->wait_status == 0) return result->output;
     absl::StripTrailingAsciiWhitespace(&result->errors);
     const std::string message = absl::StrCat(program, ": ", result->errors);
     return IsPassing(message) ? absl::UnavailableError(message)

@@ -1,18 +1,24 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/job/job_store.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <atomic>
 #include <condition_variable>
+#include <memory>
 #include <mutex>
 #include <new>
 #include <set>
 #include <stdexcept>
+#include <string>
 #include <thread>
+#include <utility>
 
 namespace sightline {
 namespace {
+
+using ::testing::HasSubstr;
 
 // A door that work waits at, so that tests decide when it goes on.
 class Gate {
@@ -371,29 +377,64 @@ TEST(JobStore, DestructorReleasesWhoeverWaits) {
   waiter.join();
 }
 
-TEST(JobStore, HoldsNoMoreUnfinishedJobsThanItMay) {
-  const auto store =
-      MakeInMemoryJobStore(1, {.max_jobs = 3, .max_jobs_of_owner = 2, .max_bytes = 100});
-  const JobRecord first = *store->Create("a", "one", "", WaitsUntilCancelled(), {"me", 40});
-  const JobRecord second = *store->Create("a", "", "", Returns(""), {"me", 40});
-  const absl::Status mine = store->Create("a", "", "", Returns(""), {"me", 0}).status();
-  EXPECT_EQ(mine.code(), absl::StatusCode::kResourceExhausted) << mine;
-  const absl::Status bytes = store->Create("a", "", "", Returns(""), {"you", 40}).status();
-  EXPECT_EQ(bytes.code(), absl::StatusCode::kResourceExhausted) << bytes;
-  const JobRecord third = *store->Create("a", "", "", Returns(""), {"", 20});
-  const absl::Status jobs = store->Create("a", "", "", Returns("")).status();
-  EXPECT_EQ(jobs.code(), absl::StatusCode::kResourceExhausted) << jobs;
-  // Not a new one.
-  EXPECT_EQ(store->Create("a", "one", "", Returns(""), {"", 1000})->job_id, first.job_id);
-  ASSERT_TRUE(store->Cancel(third.job_id).ok());
-  EXPECT_TRUE(store->Create("a", "", "", Returns(""), {"", 20}).ok());
+TEST(JobStore, HasRoomForNoMoreUnfinishedJobsThanItMay) {
+  const auto store = MakeInMemoryJobStore(
+      1, {.max_jobs = 4, .max_jobs_of_owner = 2, .max_bytes = 100, .max_bytes_of_owner = 80});
+  const auto reserve = [&](const std::string& owner, int64_t bytes) {
+    return store->Reserve(owner, [bytes] { return bytes; });
+  };
+  const auto expect_full = [&](const std::string& owner, int64_t bytes, const char* reason) {
+    const absl::Status status = reserve(owner, bytes).status();
+    EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted) << status;
+    EXPECT_THAT(std::string(status.message()), HasSubstr(reason));
+  };
+  const JobRecord first = *store->Create("a", "one", "", WaitsUntilCancelled(), *reserve("me", 40));
+  const JobRecord second = *store->Create("a", "", "", Returns(""), *reserve("me", 30));
+  expect_full("me", 0, "for me: 2 of its jobs wait or run, at most 2 may");
+  expect_full("you", 31,
+              ": the jobs that wait or run hold 70 bytes, this one 31 more, at most 100");
+  // What was refused takes no place; what is being made does.
+  auto third = *reserve("you", 20);
+  expect_full("you", 11, "hold 90 bytes, this one 11 more");
+  const auto fourth = *reserve("nobody", 0);
+  const auto fifth = store->Reserve("another", []() -> int64_t {
+    ADD_FAILURE() << "this takes time";
+    return 1;
+  });
+  EXPECT_EQ(fifth.status().code(), absl::StatusCode::kResourceExhausted) << fifth.status();
+  // A known request is no new job: what it would have taken is free.
+  EXPECT_EQ(store->Create("a", "one", "", Returns(""), std::move(third))->job_id, first.job_id);
+  EXPECT_TRUE(reserve("you", 20).ok());
+  // A job gives back what it has when it is finished, in whatever way.
+  ASSERT_TRUE(store->Cancel(second.job_id).ok());
+  EXPECT_TRUE(reserve("me", 40).ok());
+  expect_full("me", 41, "for me: its jobs that wait or run hold 40 bytes");
   ASSERT_TRUE(store->Cancel(first.job_id).ok());
-  WaitUntilFinished(*store, second.job_id);
+  WaitUntilFinished(*store, first.job_id);
   // One that is too large for the limit is taken alone.
-  for (const JobRecord& job : store->List("")) WaitUntilFinished(*store, job.job_id);
-  const auto large = store->Create("a", "", "", Returns("done"), {"", 1000});
+  const auto large = store->Create("a", "", "", Returns("done"), *reserve("me", 1000));
   ASSERT_TRUE(large.ok()) << large.status();
   EXPECT_EQ(WaitUntilFinished(*store, large->job_id).result_key, "done");
+}
+
+TEST(JobStore, FindsTheJobOfTheSameRequest) {
+  const auto store = MakeInMemoryJobStore(1);
+  const auto of = [](const char* text) { return [text] { return std::string(text); }; };
+  const auto made = store->Create("render", "id", "spec", Returns("done"));
+  ASSERT_TRUE(made.ok()) << made.status();
+  const auto known = store->Find("render", "id", of("spec"));
+  ASSERT_TRUE(known.ok() && known->has_value()) << known.status();
+  EXPECT_EQ((*known)->job_id, made->job_id);
+  EXPECT_TRUE(absl::IsAlreadyExists(store->Find("render", "id", of("another")).status()));
+  for (const auto& [kind, id] :
+       {std::pair("render", ""), std::pair("render", "another"), std::pair("optics", "id")}) {
+    const auto unknown = store->Find(kind, id, []() -> std::string {
+      ADD_FAILURE() << "this takes time";
+      return "";
+    });
+    ASSERT_TRUE(unknown.ok()) << unknown.status();
+    EXPECT_FALSE(unknown->has_value()) << kind << id;
+  }
 }
 
 TEST(JobStore, LackOfMemoryIsToldFromMistakes) {

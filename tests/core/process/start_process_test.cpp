@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
+#include <poll.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -11,6 +12,8 @@
 #include <array>
 #include <filesystem>
 #include <iterator>
+#include <string>
+#include <vector>
 
 #include "absl/strings/str_cat.h"
 
@@ -112,6 +115,61 @@ TEST(StartProcess, LeavesNoDescriptorsBehind) {
   EXPECT_FALSE(
       StartProcess({.words = {"/no/program"}, .descriptors = {{.number = 5, .ours = 1}}}).ok());
   EXPECT_EQ(open_descriptors(), before);
+}
+
+TEST(StartProcess, StaysInOurGroupIfAsked) {
+  const auto pid = StartProcess({.words = {"/bin/sleep", "60"}, .in_our_group = true});
+  ASSERT_TRUE(pid.ok()) << pid.status();
+  EXPECT_EQ(getpgid(*pid), getpgrp());
+  EXPECT_EQ(kill(*pid, SIGKILL), 0);
+  Wait(*pid);
+}
+
+// Not a test of its own: the program that the tests below start. Says that it runs, and waits.
+TEST(EndWithParent, DISABLED_Child) {
+  EndWithParent();
+  ASSERT_EQ(write(3, "x", 1), 1);
+  sleep(60);
+}
+
+std::vector<std::string> ChildWords() {
+  return {std::filesystem::read_symlink("/proc/self/exe").string(),
+          "--gtest_also_run_disabled_tests", "--gtest_filter=EndWithParent.DISABLED_Child"};
+}
+
+TEST(EndWithParent, TheKernelEndsItWithItsParent) {
+  int ends[2];
+  ASSERT_EQ(pipe2(ends, O_CLOEXEC), 0);
+  const pid_t parent = fork();
+  ASSERT_GE(parent, 0);
+  if (parent == 0) {
+    const auto child = StartProcess({.words = ChildWords(),
+                                     .descriptors = {{.number = 3, .ours = ends[1]}},
+                                     .ends_with_us = true});
+    close(ends[1]);
+    if (child.ok()) pause();
+    _exit(1);
+  }
+  close(ends[1]);
+  char said = 0;
+  EXPECT_EQ(read(ends[0], &said, 1), 1);
+  EXPECT_EQ(kill(parent, SIGKILL), 0);
+  Wait(parent);
+  // Its end of the pipe closes with it.
+  pollfd closed = {ends[0], POLLIN, 0};
+  EXPECT_EQ(poll(&closed, 1, /*timeout_ms=*/20000), 1);
+  EXPECT_EQ(read(ends[0], &said, 1), 0);
+  close(ends[0]);
+}
+
+TEST(EndWithParent, EndsAtOnceIfItsParentHasGone) {
+  // Another process than the one that started it.
+  std::vector<std::string> words = {"/usr/bin/env", "SIGHTLINE_PARENT_PID=1"};
+  for (const std::string& word : ChildWords()) words.push_back(word);
+  const auto pid = StartProcess({.words = words});
+  ASSERT_TRUE(pid.ok()) << pid.status();
+  const int status = Wait(*pid);
+  EXPECT_TRUE(WIFSIGNALED(status) && WTERMSIG(status) == SIGKILL) << status;
 }
 
 }  // namespace

@@ -22,7 +22,7 @@
 #include "core/json/strict_json.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/health_check.h"
-#include "rpc_server/job_queue.h"
+#include "rpc_server/job_service.h"
 #include "rpc_server/listen_address.h"
 #include "sightline/v1/job_service.grpc.pb.h"
 #include "tests/integration/coverage_server/service_fixture.h"
@@ -345,82 +345,29 @@ TEST(ListenAddressTest, KnowsWhatStaysOnTheMachine) {
   }
 }
 
-TEST(JobQueueTest, CountsJobsAndBytesByPeerAndInAll) {
-  JobQueue queue({.max_jobs = 3, .max_jobs_of_owner = 2, .max_bytes = 100});
-  const auto reserve = [&](const std::string& peer, int64_t bytes) {
-    return queue.Reserve(peer, [bytes] { return bytes; });
+TEST(AdmitJob, SaysThatTheQueueIsFullAndKnowsJobsAllTheSame) {
+  const auto jobs = MakeInMemoryJobStore(1, {.max_jobs = 1});
+  const auto admit = [&](const char* request_id) {
+    return AdmitJob(
+        jobs.get(), "render", request_id, [] { return "spec"; }, "a", [] { return 1; });
   };
-  const auto expect_full = [&](const std::string& peer, int64_t bytes, const char* reason) {
-    const absl::Status status = reserve(peer, bytes).status();
-    EXPECT_TRUE(absl::IsResourceExhausted(status)) << status;
-    EXPECT_EQ(ErrorReason(status), "QUEUE_FULL");
-    EXPECT_THAT(std::string(status.message()), HasSubstr(reason));
-  };
-  {
-    // One that is too large for the limit is alone.
-    const auto large = reserve("a", 1000);
-    ASSERT_TRUE(large.ok()) << large.status();
-    expect_full("b", 1, "hold 1000 bytes");
-  }
-  auto first = reserve("a", 50);
-  const auto second = reserve("a", 10);
-  ASSERT_TRUE(first.ok() && second.ok()) << first.status() << second.status();
-  expect_full("a", 1, "for a: 2 of its jobs");
-  expect_full("b", 41, "hold 60 bytes");
-  const auto third = reserve("b", 40);
-  ASSERT_TRUE(third.ok()) << third.status();
-  // Where there is no place, nobody asks for the size.
-  const auto fourth = queue.Reserve("c", []() -> int64_t {
-    ADD_FAILURE() << "this takes time";
-    return 1;
-  });
-  EXPECT_EQ(ErrorReason(fourth.status()), "QUEUE_FULL");
-  first->reset();
-  EXPECT_TRUE(reserve("c", 50).ok());
-  EXPECT_TRUE(reserve("a", 50).ok());
-}
-
-TEST(JobQueueTest, CallsAtTheSameTimeGetNoMoreThanThereIs) {
-  JobQueue queue({.max_jobs = 5, .max_bytes = 1000});
-  std::atomic<int> have = 0, most = 0;
-  std::vector<std::thread> threads;
-  for (int i = 0; i < 8; ++i) {
-    threads.emplace_back([&] {
-      for (int k = 0; k < 500; ++k) {
-        const auto room = queue.Reserve("a", [] { return 1; });
-        if (!room.ok()) continue;
-        most = std::max(most.load(), ++have);
-        --have;
-      }
-    });
-  }
-  for (std::thread& thread : threads) thread.join();
-  EXPECT_LE(most, 5);
-  std::vector<std::shared_ptr<const JobRoom>> rooms;
-  for (int i = 0; i < 5; ++i) rooms.push_back(*queue.Reserve("a", [] { return 1; }));
-  EXPECT_FALSE(queue.Reserve("a", [] { return 1; }).ok());
-}
-
-TEST(KnownJobTest, IsThatOfTheSameRequest) {
-  const auto jobs = MakeInMemoryJobStore(1);
-  const auto work = [](JobContext&) -> absl::StatusOr<std::string> { return "done"; };
-  const auto of = [](const char* text) { return [text] { return std::string(text); }; };
-  const auto made = jobs->Create("render", "id", "spec", work);
+  auto first = admit("id");
+  ASSERT_TRUE(first.ok() && first->room != nullptr && !first->known) << first.status();
+  const absl::Status full = admit("another").status();
+  EXPECT_TRUE(absl::IsResourceExhausted(full)) << full;
+  EXPECT_EQ(ErrorReason(full), "QUEUE_FULL");
+  const auto made = jobs->Create(
+      "render", "id", "spec",
+      [](JobContext& context) -> absl::StatusOr<std::string> {
+        while (!context.cancelled()) std::this_thread::yield();
+        return absl::CancelledError();
+      },
+      std::move(first->room));
   ASSERT_TRUE(made.ok()) << made.status();
-  const auto known = KnownJob(jobs.get(), "render", "id", of("spec"));
-  ASSERT_TRUE(known.ok() && known->has_value()) << known.status();
-  EXPECT_EQ((*known)->job_id, made->job_id);
-  EXPECT_TRUE(absl::IsAlreadyExists(KnownJob(jobs.get(), "render", "id", of("another")).status()));
-  for (const auto& [kind, id] :
-       {std::pair("render", ""), std::pair("render", "another"), std::pair("optics", "id")}) {
-    const auto unknown = KnownJob(jobs.get(), kind, id, []() -> std::string {
-      ADD_FAILURE() << "this takes time";
-      return "";
-    });
-    ASSERT_TRUE(unknown.ok()) << unknown.status();
-    EXPECT_FALSE(unknown->has_value()) << kind << id;
-  }
-  EXPECT_EQ(jobs->List("").size(), 1u);
+  EXPECT_EQ(ErrorReason(admit("another").status()), "QUEUE_FULL");
+  const auto known = admit("id");
+  ASSERT_TRUE(known.ok() && known->known && known->room == nullptr) << known.status();
+  EXPECT_EQ(known->known->job_id(), made->job_id);
 }
 
 TEST(RpcServerWithoutJobsTest, HasNoJobServiceAndDrains) {

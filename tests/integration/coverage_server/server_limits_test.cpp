@@ -157,26 +157,19 @@ TEST_F(ServerLimitsTest, UploadsThatStopOrCrawlAreEnded) {
   EXPECT_EQ(FromGrpcStatus(mute->Finish()).code(), absl::StatusCode::kDeadlineExceeded);
 }
 
-TEST(UploadMemoryTest, CountsWhatCameByPeerAndInAll) {
-  UploadMemory memory(100, 60);
-  UploadMemory::Share first(&memory, "a");
-  EXPECT_TRUE(first.Grow(50).ok());
-  {
-    UploadMemory::Share second(&memory, "a");
-    EXPECT_TRUE(second.Grow(10).ok());
-    const absl::Status own = second.Grow(1);
-    EXPECT_EQ(own.code(), absl::StatusCode::kUnavailable);
-    EXPECT_EQ(ErrorReason(own), "OVERLOADED");
-    EXPECT_TRUE(RetryDelay(own).has_value());
-    UploadMemory::Share other(&memory, "b");
-    EXPECT_TRUE(other.Grow(40).ok());
-    EXPECT_EQ(other.Grow(1).code(), absl::StatusCode::kUnavailable);
-    EXPECT_EQ(memory.bytes(), 100);
-  }
-  EXPECT_EQ(memory.bytes(), 50);
-  UploadMemory::Share moved(std::move(first));
-  EXPECT_TRUE(moved.Grow(10).ok());
-  EXPECT_EQ(memory.bytes(), 60);
+TEST(UploadTest, SaysWhoseMemoryIsUsedUp) {
+  const SharedLimit memory(100, 60);
+  SharedLimit::Share first = memory.Of("a"), second = memory.Of("b");
+  EXPECT_TRUE(GrowUpload(&first, "a", 60).ok());
+  const absl::Status own = GrowUpload(&first, "a", 1);
+  EXPECT_EQ(own.code(), absl::StatusCode::kUnavailable);
+  EXPECT_EQ(ErrorReason(own), "OVERLOADED");
+  EXPECT_TRUE(RetryDelay(own).has_value());
+  EXPECT_THAT(std::string(own.message()), HasSubstr("a is uploading 60 bytes"));
+  EXPECT_TRUE(GrowUpload(&second, "b", 40).ok());
+  const absl::Status of_all = GrowUpload(&second, "b", 1);
+  EXPECT_EQ(of_all.code(), absl::StatusCode::kUnavailable);
+  EXPECT_THAT(std::string(of_all.message()), HasSubstr("clients are uploading 100 bytes"));
 }
 
 TEST(PeerTurnsTest, APeerHasOneAtATimeAndTheOthersWait) {

@@ -313,6 +313,29 @@ TEST_F(HttpDoorJobs, LimitsEventStreamsAndEndsThemAtStop) {
   EXPECT_FALSE(NewClient()->Get("/healthz"));
 }
 
+TEST_F(HttpDoorJobs, OneClientLeavesEventStreamsToTheOthers) {
+  options_.max_event_streams = 1;
+  UseClientsFile();
+  StartDoor();
+  const std::string path = "/v1/jobs/" + CreateJob(As("line")) + "/events";
+  const auto watch = [&](const std::string& client) {
+    auto watcher = std::make_unique<RawConnection>(port());
+    EXPECT_TRUE(watcher->Send("GET " + path + " HTTP/1.1\r\nHost: localhost\r\nAuthorization: " +
+                              As(client).begin()->second + "\r\n\r\n"));
+    return watcher;
+  };
+  const auto of_line = watch("line");
+  EXPECT_THAT(of_line->ReadUntil("event: accepted"), HasSubstr("chunked"));
+  EXPECT_THAT(Error(NewClient()->Get(path, As("line")), 503, "TOO_MANY_EVENT_STREAMS"),
+              HasSubstr("you have 1"));
+  const auto of_chief = watch("chief");
+  EXPECT_THAT(of_chief->ReadUntil("event: accepted"), HasSubstr("chunked"));
+  // All together have twice as many.
+  EXPECT_THAT(Error(NewClient()->Get(path, As("other")), 503, "TOO_MANY_EVENT_STREAMS"),
+              HasSubstr("clients have 2"));
+  door_->Stop();
+}
+
 TEST_F(HttpDoorJobs, PreparesAndStartsRecipes) {
   StartDoor();
   const auto client = NewClient();

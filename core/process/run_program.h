@@ -1,0 +1,30 @@
+// SPDX-License-Identifier: Apache-2.0
+// Another program, run for its answer.
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "absl/time/time.h"
+#include "core/process/start_process.h"
+
+namespace sightline {
+
+struct FinishedProgram {
+  std::string output;   // what it wrote to stdout
+  std::string errors;   // the end of what it wrote to stderr, at most 4000 bytes
+  int wait_status = 0;  // as of waitpid(); 0: it ended well
+};
+
+struct ProgramLimits {
+  absl::Duration time_limit;
+  size_t max_output_bytes = size_t{64} << 20;
+};
+
+// Runs a program without a shell and collects what it writes. The program does not outlive the
+// call. `start` is without descriptors 1 and 2. UNAVAILABLE: it cannot be started;
+// DEADLINE_EXCEEDED, RESOURCE_EXHAUSTED: it took longer or wrote more than it may, and was ended.
+absl::StatusOr<FinishedProgram> RunProgram(ProcessStart start, const ProgramLimits& limits);
+
+}  // namespace sightline
