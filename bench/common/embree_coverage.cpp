@@ -21,9 +21,10 @@ EmbreeMesh::EmbreeMesh(const TriangleMesh& mesh, int threads) {
   scene_ = rtcNewScene(device_);
   rtcSetSceneBuildQuality(scene_, RTC_BUILD_QUALITY_HIGH);
   RTCGeometry geometry = rtcNewGeometry(device_, RTC_GEOMETRY_TYPE_TRIANGLE);
-  void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                           sizeof(Eigen::Vector3f), mesh.positions_m.size());
-  std::memcpy(vertices, mesh.positions_m.data(), mesh.positions_m.size() * sizeof(Eigen::Vector3f));
+  auto* vertices = static_cast<Eigen::Vector3f*>(
+      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                              sizeof(Eigen::Vector3f), mesh.positions_m.size()));
+  std::copy(mesh.positions_m.begin(), mesh.positions_m.end(), vertices);
   void* indices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                           3 * sizeof(uint32_t), mesh.triangles.size());
   std::memcpy(indices, mesh.triangles.data(), mesh.triangles.size() * 3 * sizeof(uint32_t));
