@@ -161,7 +161,9 @@ int Run(double seconds, int rounds, int targets, int exact_queries, const std::s
       return bits.CountNotIn(covered);
     };
 
-    for (const auto& [mix, scans] : mixes) {
+    for (const auto& entry : mixes) {
+      const auto& mix = entry.first;
+      const auto& scans = entry.second;
       const auto in_process = [&](std::span<const Measurement> batch) {
         std::vector<FastGain> gains(batch.size());
         scene->EvaluateGains(batch, &covered, {}, gains, nullptr);

@@ -34,7 +34,10 @@ struct Errors {
 };
 
 // The centre moves by one pixel over ten columns.
-double CentreOf(int column, int rows) { return rows / 2 + (column % 10) / 10.0; }
+double CentreOf(int column, int rows) {
+  const int middle = rows / 2;
+  return middle + (column % 10) / 10.0;
+}
 
 Errors Measure(const Image<float>& image, const LaserLineOptions& options, LaserLineMethod method) {
   const auto points = DetectLaserLine(image, options, method);
@@ -160,7 +163,7 @@ Image<float> SpeckledLine(int columns, double s, double r) {
   const int rows = 2 * static_cast<int>(6 * (s + r) + 10),
             reach = static_cast<int>(6 * r * kSamples);
   Image<float> image(columns, rows);
-  std::vector<std::complex<double>> field(rows * kSamples);
+  std::vector<std::complex<double>> field(static_cast<size_t>(rows) * kSamples);
   for (int column = 0; column < columns; ++column) {
     for (int i = 0; i < rows * kSamples; ++i) {
       const double x = (i + 0.5) / kSamples - 0.5 - CentreOf(column, rows);

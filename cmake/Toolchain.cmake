@@ -52,7 +52,7 @@ function(sightline_test name)
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 600)
   endif()
-  if(SIGHTLINE_SANITIZE)
+  if(SIGHTLINE_SANITIZE OR NOT CMAKE_BUILD_TYPE STREQUAL "Release")
     math(EXPR ARG_TIMEOUT "5 * ${ARG_TIMEOUT}")  # some programs take twenty times as long
   endif()
   add_test(NAME ${name} COMMAND ${name})

@@ -43,8 +43,8 @@ void CompareResponses(const std::vector<std::vector<uint8_t>>& images, std::ofst
     for (int i = 1; i + 1 < kRows; ++i) {
       for (int j = 1; j + 1 < kColumns; ++j) {
         const auto at = [&](int image, int di, int dj) {
-          return static_cast<double>(images[static_cast<size_t>(image)]
-                                           [static_cast<size_t>((i + di) * kColumns + j + dj)]);
+          return static_cast<double>(images[static_cast<size_t>(
+              image)][static_cast<size_t>(i + di) * kColumns + static_cast<size_t>(j + dj)]);
         };
         const double neighbours = 0.25 * (at(1, -1, 0) + at(1, 1, 0) + at(1, 0, -1) + at(1, 0, 1));
         // Below 2 the pixel may be cut at 0.
@@ -178,7 +178,8 @@ void MeasureSpeckle(const std::vector<uint8_t>& image, double time_s, std::ofstr
       double row_moment = 0, column_moment = 0;
       for (int i = 0; i < kSide; ++i) {
         for (int j = 0; j < kSide; ++j) {
-          const double y = image[static_cast<size_t>((top + i) * kColumns + left + j)];
+          const double y =
+              image[static_cast<size_t>(top + i) * kColumns + static_cast<size_t>(left + j)];
           mean += y;
           full += y == 255;
           row_moment += y * (i - 15.5);
@@ -192,13 +193,13 @@ void MeasureSpeckle(const std::vector<uint8_t>& image, double time_s, std::ofstr
       const double down = row_moment / kMoment, across = column_moment / kMoment;
       // Edges of the target are not speckle.
       if (std::hypot(down, across) * kSide > 0.3 * mean) continue;
-      std::vector<double> rest(kSide * kSide);
+      std::vector<double> rest(size_t{kSide} * kSide);
       for (int i = 0; i < kSide; ++i) {
         for (int j = 0; j < kSide; ++j) {
-          rest[static_cast<size_t>(i * kSide + j)] =
-              image[static_cast<size_t>((top + i) * kColumns + left + j)] - mean -
-              down * (i - 15.5) - across * (j - 15.5);
-          squares += std::pow(rest[static_cast<size_t>(i * kSide + j)], 2);
+          rest[static_cast<size_t>(i) * kSide + static_cast<size_t>(j)] =
+              image[static_cast<size_t>(top + i) * kColumns + static_cast<size_t>(left + j)] -
+              mean - down * (i - 15.5) - across * (j - 15.5);
+          squares += std::pow(rest[static_cast<size_t>(i) * kSide + static_cast<size_t>(j)], 2);
         }
       }
       contrasts.push_back(std::sqrt(squares / kPixels) / mean);
@@ -206,10 +207,10 @@ void MeasureSpeckle(const std::vector<uint8_t>& image, double time_s, std::ofstr
         double row = 0, column = 0;
         for (int i = 0; i < kSide; ++i) {
           for (int j = 0; j + lag < kSide; ++j) {
-            row += rest[static_cast<size_t>(i * kSide + j)] *
-                   rest[static_cast<size_t>(i * kSide + j + lag)];
-            column += rest[static_cast<size_t>(j * kSide + i)] *
-                      rest[static_cast<size_t>((j + lag) * kSide + i)];
+            row += rest[static_cast<size_t>(i) * kSide + static_cast<size_t>(j)] *
+                   rest[static_cast<size_t>(i) * kSide + static_cast<size_t>(j + lag)];
+            column += rest[static_cast<size_t>(j) * kSide + static_cast<size_t>(i)] *
+                      rest[static_cast<size_t>(j + lag) * kSide + static_cast<size_t>(i)];
           }
         }
         const double pairs = kSide * (kSide - lag);

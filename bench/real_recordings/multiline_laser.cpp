@@ -95,7 +95,7 @@ void Diagnose(const Image<uint16_t>& lines, const Image<uint16_t>& board, int po
   std::sort(sorted.begin(), sorted.end());
   const double dark = sorted[sorted.size() / 20], light = sorted[sorted.size() * 3 / 4];
   std::vector<Bin> bins[2];
-  for (auto& half : bins) half.resize(kReflectances * kRings);
+  for (auto& half : bins) half.resize(size_t{kReflectances} * kRings);
   for (int i = 0; i < lines.rows_px; ++i) {
     for (int j = 0; j < lines.columns_px; ++j) {
       const int d = distance[static_cast<size_t>(i) * lines.columns_px + j];
@@ -106,7 +106,7 @@ void Diagnose(const Image<uint16_t>& lines, const Image<uint16_t>& board, int po
       const int ring = std::min(
           kRings - 1, static_cast<int>(kRings * std::log(d / 4.0) / std::log(kFarthest_px / 4.0)));
       Bin& bin =
-          bins[(i / kTile + j / kTile) % 2][static_cast<size_t>((paper ? 1 : 0) * kRings + ring)];
+          bins[(i / kTile + j / kTile) % 2][static_cast<size_t>(paper ? kRings + ring : ring)];
       const double y = lines.At(i, j);
       bin.sum += y;
       bin.squares += y * y;
@@ -229,7 +229,7 @@ void Diagnose(const Image<uint16_t>& lines, const Image<uint16_t>& board, int po
       std::vector<double> track = {static_cast<double>(start)};
       for (int d = 1; d < 40 && i + d < lines.rows_px; ++d) {
         int best = -1;
-        for (const int s : starts[static_cast<size_t>(i + d)]) {
+        for (const int s : starts[static_cast<size_t>(i) + static_cast<size_t>(d)]) {
           if (std::abs(s - track.back()) <= 4 &&
               (best < 0 || std::abs(s - track.back()) < std::abs(best - track.back()))) {
             best = s;

@@ -32,8 +32,6 @@
 #include "coverage_server/scene/coverage_scene.h"
 #include "sightline/v1/plan.pb.h"
 
-extern char** environ;
-
 namespace sightline::bench {
 namespace {
 

@@ -17,8 +17,6 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 
-extern char** environ;
-
 namespace sightline {
 namespace {
 

@@ -39,7 +39,7 @@ std::string UnitHint(double value, double factor, const Limits& limits, const st
 // `hint` follows the message; empty or a whole clause.
 absl::Status CheckRange(const Checker& check, const std::string& path, double value,
                         const Limits& limits, const std::string& hint) {
-  const absl::Status status = check.Range(path, value, limits);
+  absl::Status status = check.Range(path, value, limits);
   if (status.ok() || hint.empty()) return status;
   return absl::InvalidArgumentError(absl::StrCat(std::string(status.message()), "; ", hint));
 }

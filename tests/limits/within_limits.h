@@ -17,8 +17,9 @@
 
 namespace sightline {
 
-// Builds that take longer for everything.
-#if defined(__SANITIZE_ADDRESS__) || defined(__SANITIZE_THREAD__) || !defined(__OPTIMIZE__)
+// Builds that take longer for everything. For the thread sanitizer the build sets the second macro,
+// see cmake/Toolchain.cmake.
+#if defined(__SANITIZE_ADDRESS__) || defined(_GLIBCXX_TSAN) || !defined(__OPTIMIZE__)
 inline constexpr int kSlowness = 20;
 #else
 inline constexpr int kSlowness = 1;

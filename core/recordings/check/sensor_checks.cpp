@@ -52,7 +52,7 @@ std::optional<ColumnRatios> MeasureColumnRatios(const Image<uint16_t>& image, do
   }
   for (const int r : {0, 1}) {
     for (const int c : {0, 1}) {
-      const double columns = (image.columns_px + 1 - c) / 2;
+      const int columns = (image.columns_px + 1 - c) / 2;
       const double level_dn =
           background_rows[r] > 0 ? background[r][c] / background_rows[r] : dark_dn * columns;
       sums[r][c] -= rows[r] * level_dn;

@@ -21,7 +21,7 @@ NarrowNumbers EightBitNumbers(const Sensor& camera) {
 std::string TakeNarrowNumbers(const NarrowNumbers& narrow, RecordingSet* set,
                               std::vector<Image<uint16_t>>* raw_dn) {
   Sensor& camera = set->camera;
-  const std::string warning = absl::StrFormat(
+  std::string warning = absl::StrFormat(
       "camera.bit_depth_bit is %d, but all images hold %d-bit numbers: they are taken as such, "
       "gain "
       "and black level %s; their rounding hides what changes less than a step",
