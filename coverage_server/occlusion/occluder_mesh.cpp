@@ -41,6 +41,14 @@ Triangles Gather(const TriangleMesh& part, std::span<const TriangleMesh* const> 
   Triangles all;
   std::vector<const TriangleMesh*> meshes = {&part};
   meshes.insert(meshes.end(), obstacles.begin(), obstacles.end());
+  size_t vertices = 0, triangles = 0;
+  for (const TriangleMesh* mesh : meshes) {
+    vertices += mesh->positions_m.size();
+    triangles += mesh->triangles.size();
+  }
+  // Growing would copy all of it within one piece.
+  all.vertices.reserve(3 * vertices);
+  all.indices.reserve(3 * triangles);
   for (const TriangleMesh* mesh : meshes) {
     const auto base = static_cast<uint32_t>(all.vertices.size() / 3);
     for (size_t i = 0; i < mesh->positions_m.size(); ++i) {
