@@ -53,7 +53,7 @@ function(sightline_test name)
     set(ARG_TIMEOUT 600)
   endif()
   if(SIGHTLINE_SANITIZE OR NOT CMAKE_BUILD_TYPE STREQUAL "Release")
-    math(EXPR ARG_TIMEOUT "5 * ${ARG_TIMEOUT}")  # some programs take twenty times as long
+    math(EXPR ARG_TIMEOUT "5 * ${ARG_TIMEOUT}")  # tests take longer without optimisation and with sanitizers
   endif()
   add_test(NAME ${name} COMMAND ${name})
   set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT}

@@ -299,7 +299,7 @@ TEST(FaceSurfaceTest, TwentyThousandTargetsOnAHundredFacesTakeNoTime) {
     normals.emplace_back(std::cos(a), std::sin(a), 0);
     points.emplace_back(r * normals.back() + height(random) * Vector3d::UnitZ());
   }
-  // Each with each of the 120000 triangles would be 2.4 billion distances, half a minute.
+  // Each with each of the 120000 triangles would be 2.4 billion distances.
   const std::string said = WithinLimits({.cpu_time_s = 5}, [&] {
     size_t found = 0;
     for (const FaceSurface& face : faces) {
