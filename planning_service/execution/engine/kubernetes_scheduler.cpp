@@ -60,10 +60,10 @@ const json& Member(const json& object, const char* field) {
 std::string TerminationReason(const json& pod) {
   for (const json& container : Member(Member(pod, "status"), "containerStatuses")) {
     const json& state = Member(container, "state");
-    if (const std::string reason = Text(Member(state, "terminated"), "reason"); !reason.empty()) {
+    if (std::string reason = Text(Member(state, "terminated"), "reason"); !reason.empty()) {
       return reason;
     }
-    if (const std::string reason = Text(Member(state, "waiting"), "reason"); !reason.empty()) {
+    if (std::string reason = Text(Member(state, "waiting"), "reason"); !reason.empty()) {
       return reason;
     }
   }

@@ -130,7 +130,7 @@ class SlurmScheduler final : public BatchScheduler {
   static std::string NameOf(const std::string& job) { return absl::StrCat("sightline-", job); }
 
   absl::Status RunCancel(const std::string& argument) const {
-    const absl::Status status = Run("scancel", {"--quiet", argument}).status();
+    absl::Status status = Run("scancel", {"--quiet", argument}).status();
     if (absl::StrContains(status.message(), "Invalid job id")) return absl::OkStatus();
     return status;
   }
