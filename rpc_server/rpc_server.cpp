@@ -131,7 +131,7 @@ RpcServer::RpcServer(std::string name, ServerMetrics* metrics, CallTracker* call
       jobs_(jobs),
       job_service_(jobs, calls) {}
 
-RpcServer::~RpcServer() { Drain(absl::ZeroDuration()); }
+RpcServer::~RpcServer() { RpcServer::Drain(absl::ZeroDuration()); }
 
 absl::Status RpcServer::Listen(const RpcServerOptions& options,
                                const std::vector<NamedService>& services) {

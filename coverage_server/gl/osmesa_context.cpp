@@ -57,7 +57,7 @@ class OsMesaContext final : public GlContext {
 
  private:
   OSMesaContext context_ = nullptr;
-  std::array<uint8_t, 4 * 4 * 4> dummy_{};
+  std::array<uint8_t, size_t{4} * 4 * 4> dummy_{};
 };
 
 }  // namespace

@@ -144,7 +144,7 @@ Arrays Make(Triangles all, double simplification_m, float point_spacing_m) {
     };
     for (unsigned v = 0; v < m.vertex_count; ++v) {
       add_point(Eigen::Map<const Eigen::Vector3f>(
-          &result.vertices[3 * meshlet_vertices[m.vertex_offset + v]]));
+          &result.vertices[size_t{3} * meshlet_vertices[m.vertex_offset + v]]));
     }
     for (unsigned t = 0; t < m.triangle_count; ++t) {
       Eigen::Vector3f corner[3];
@@ -152,7 +152,7 @@ Arrays Make(Triangles all, double simplification_m, float point_spacing_m) {
         const uint32_t v =
             meshlet_vertices[m.vertex_offset + meshlet_triangles[m.triangle_offset + 3 * t + k]];
         result.triangles.push_back(v);
-        corner[k] = Eigen::Map<const Eigen::Vector3f>(&result.vertices[3 * v]);
+        corner[k] = Eigen::Map<const Eigen::Vector3f>(&result.vertices[size_t{3} * v]);
       }
       const Eigen::Vector3f n = (corner[1] - corner[0]).cross(corner[2] - corner[0]);
       result.normals.insert(result.normals.end(), {n.x(), n.y(), n.z()});

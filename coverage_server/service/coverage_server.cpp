@@ -16,7 +16,7 @@ constexpr size_t kMaxWaitingBatches = 512;
 
 class CoverageServerImpl final : public CoverageServer {
  public:
-  CoverageServerImpl(const CoverageServerOptions& options, CoverageBackend backend)
+  CoverageServerImpl(const CoverageServerOptions& options, const CoverageBackend& backend)
       : calls_(&metrics_),
         jobs_(MakeInMemoryJobStore(
             options.scene_workers,
@@ -64,8 +64,8 @@ class CoverageServerImpl final : public CoverageServer {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<CoverageServer>> CoverageServer::Start(
-    const CoverageServerOptions& options, CoverageBackend backend) {
-  auto server = std::make_unique<CoverageServerImpl>(options, std::move(backend));
+    const CoverageServerOptions& options, const CoverageBackend& backend) {
+  auto server = std::make_unique<CoverageServerImpl>(options, backend);
   if (absl::Status status = server->Listen(options); !status.ok()) return status;
   return server;
 }

@@ -25,7 +25,7 @@ class CoverageServer : public RunningServer {
   // INVALID_ARGUMENT for an address or TLS file that cannot be used, naming it; UNAVAILABLE when
   // the address is taken.
   static absl::StatusOr<std::unique_ptr<CoverageServer>> Start(const CoverageServerOptions& options,
-                                                               CoverageBackend backend);
+                                                               const CoverageBackend& backend);
   // 0 if metrics are off.
   virtual int metrics_port() const = 0;
 };

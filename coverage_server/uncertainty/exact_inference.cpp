@@ -120,7 +120,7 @@ void InferTargets(const TargetSet& targets, const TargetPriors& priors, double m
     const uint32_t t = targets_asked[i];
     const Eigen::Vector3f& place = targets.positions_m[t];
     const Eigen::Vector3f& normal = targets.normals[t];
-    const auto [u, v] = TangentAxes(normal);
+    const auto axes = TangentAxes(normal);
     const auto radius = static_cast<float>(priors.of(t).neighbourhood_m());
     LocalSurface& surface = surfaces[priors.prior_of[t]];
     surface.Clear();
@@ -144,7 +144,7 @@ void InferTargets(const TargetSet& targets, const TargetPriors& priors, double m
         if (d.squaredNorm() > radius * radius || point.normal.dot(normal) < cos_gate) return;
         const double variance = scan->NoiseVariance(point, normal);
         if (!(variance > 0) || !std::isfinite(variance)) return;
-        observations.push_back({Eigen::Vector2d(d.dot(u), d.dot(v)), variance});
+        observations.push_back({Eigen::Vector2d(d.dot(axes[0]), d.dot(axes[1])), variance});
       });
       if (!observations.empty()) {
         results[i].points += static_cast<int32_t>(observations.size());

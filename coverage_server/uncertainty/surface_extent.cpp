@@ -44,7 +44,7 @@ void ComputeExtentCosts(const TriangleMesh& mesh, const TriangleBvh& bvh, const 
     const SurfacePrior& prior = priors.of(t);
     const Eigen::Vector3f& centre = targets.positions_m[t];
     const Eigen::Vector3f& normal = targets.normals[t];
-    const auto [u, v] = TangentAxes(normal);
+    const auto axes = TangentAxes(normal);
     const auto radius = static_cast<float>(prior.neighbourhood_m());
     nearby.clear();
     bvh.VisitBox(
@@ -54,7 +54,7 @@ void ComputeExtentCosts(const TriangleMesh& mesh, const TriangleBvh& bvh, const 
           Flat flat;
           for (int k = 0; k < 3; ++k) {
             const Eigen::Vector3f d = mesh.positions_m[mesh.triangles[triangle][k]] - centre;
-            flat.corners[k] = {d.dot(u), d.dot(v)};
+            flat.corners[k] = {d.dot(axes[0]), d.dot(axes[1])};
           }
           const Eigen::Vector2f a = flat.corners[1] - flat.corners[0],
                                 b = flat.corners[2] - flat.corners[0];

@@ -135,8 +135,8 @@ class TileRenderer {
     gl.BindVertexArray(vertex_array);
     gl.GenBuffers(2, buffers);
     gl.BindBuffer(GL_ARRAY_BUFFER, buffers[0]);
-    gl.BufferData(GL_ARRAY_BUFFER, job_.vertex_count * 12, job_.At<float>(job_.vertices),
-                  GL_STATIC_DRAW);
+    gl.BufferData(GL_ARRAY_BUFFER, GLsizeiptr{12} * job_.vertex_count,
+                  job_.At<float>(job_.vertices), GL_STATIC_DRAW);
     gl.VertexAttribPointer(0, 3, GL_FLOAT, GL_FALSE, 12, nullptr);
     gl.EnableVertexAttribArray(0);
     gl.BindBuffer(GL_ELEMENT_ARRAY_BUFFER, buffers[1]);
@@ -234,7 +234,7 @@ class TileRenderer {
     for (uint32_t c = 0; c < job_.cluster_count; ++c) {
       if (!wanted(c) || FacesAway(c, d)) continue;
       const uint32_t end = clusters[c].first_triangle + clusters[c].triangle_count;
-      for (uint32_t t = clusters[c].first_triangle; t < end; ++t) {
+      for (size_t t = clusters[c].first_triangle; t < end; ++t) {
         const float* n = normals + 3 * t;
         if (job_.cull_back_faces && n[0] * d.x() + n[1] * d.y() + n[2] * d.z() <= 0) continue;
         indices_.insert(indices_.end(), triangles + 3 * t, triangles + 3 * t + 3);
@@ -253,9 +253,9 @@ class TileRenderer {
 
   bool ClusterVisible(uint32_t cluster, const OrthographicView& view) const {
     const OccluderCluster& c = job_.At<OccluderCluster>(job_.clusters)[cluster];
-    const float* vertices = job_.At<float>(job_.cluster_vertices) + 3 * c.first_vertex;
+    const float* vertices = job_.At<float>(job_.cluster_vertices) + size_t{3} * c.first_vertex;
     const float slack = 1.5f * job_.pixel_size_m / view.depth_range;
-    for (uint32_t i = 0; i < c.vertex_count; ++i) {
+    for (size_t i = 0; i < c.vertex_count; ++i) {
       const Eigen::Vector3f x(vertices[3 * i], vertices[3 * i + 1], vertices[3 * i + 2]);
       const int a = std::clamp(static_cast<int>((view.u.dot(x) - view.u0) * view.inverse_pixel), 0,
                                view.columns - 1);

@@ -126,8 +126,9 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
         {kWorkerFlag, absl::StrCat(memory.job_fd), absl::StrCat(memory.job_bytes),
          absl::StrCat(memory.field_fd), absl::StrCat(memory.field_bytes), absl::StrCat(number)},
         std::array{memory.job_fd, memory.field_fd});
-    if (process.ok()) workers.push_back({*std::move(process), number});
-    return process.status();
+    if (!process.ok()) return process.status();
+    workers.push_back({*std::move(process), number});
+    return absl::OkStatus();
   };
   for (int i = 0; i < processes; ++i) {
     // With fewer it takes longer.
@@ -212,9 +213,9 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   const uint64_t normals = layout.Add(mesh.normals.size() * 4);
   const uint64_t clusters = layout.Add(mesh.clusters.size() * sizeof(OccluderCluster));
   const uint64_t cluster_vertices = layout.Add(mesh.cluster_vertices.size() * 4);
-  const uint64_t probe_offset = layout.Add(6 * kProbesPerTarget * padded * 4);
+  const uint64_t probe_offset = layout.Add(size_t{6} * kProbesPerTarget * padded * sizeof(float));
   const uint64_t tiles =
-      layout.Add(static_cast<size_t>(side) * side / (kTileSide * kTileSide) * sizeof(int32_t));
+      layout.Add(static_cast<size_t>(side / kTileSide) * (side / kTileSide) * sizeof(int32_t));
 
   auto job_memory = SharedMemory::Make("sightline-field-job", layout.bytes());
   if (!job_memory.ok()) return job_memory.status();

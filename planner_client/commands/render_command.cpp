@@ -190,7 +190,7 @@ absl::Status AboutFiles(const absl::Status& status, const RenderOptions& options
   if (!given.ok()) return AboutInput(status, options.choice.input);
   for (const v1::Effect& effect : given->effects()) {
     if (!absl::StrContains(status.message(), effect.effect())) continue;
-    const absl::Status about = AboutInput(status, options.effects_file);
+    absl::Status about = AboutInput(status, options.effects_file);
     if (!absl::IsInvalidArgument(about)) return about;
     return absl::InvalidArgumentError(
         absl::StrCat(about.message(), " (`sightline effects` lists all with their parameters)"));
@@ -205,7 +205,7 @@ absl::Status WritePreviews(const std::string& folder, const std::vector<std::str
   constexpr uint64_t kMostPixels = uint64_t{1} << 25;
   for (const std::string& file : files) {
     if (!absl::EndsWith(file, ".png") || absl::EndsWith(file, "_rgb.png")) continue;
-    const auto raw = ReadRawPng(folder + "/" + file, kMostPixels);
+    const auto raw = ReadRawPng(absl::StrCat(folder, "/", file), kMostPixels);
     if (!raw.ok()) {
       std::fprintf(stderr, "warning: no preview: %s (up to %llu pixels)\n",
                    std::string(raw.status().message()).c_str(),

@@ -75,6 +75,7 @@ class SceneConnection {
                                                                 grpc::CompletionQueue*),
                         std::vector<Response>* responses) {
     struct Pending {
+      size_t slice = 0;
       grpc::ClientContext context;
       grpc::Status status;
       std::unique_ptr<grpc::ClientAsyncResponseReader<Response>> reader;
@@ -96,25 +97,26 @@ class SceneConnection {
           const size_t slice = todo.front();
           todo.pop_front();
           Pending& pending = under_way[slice];
+          pending.slice = slice;
           Request request;
           fill(slices[slice], &request);
           SetTimeout(&pending.context, options_.query_timeout);
           pending.reader = (used->coverage.get()->*method)(&pending.context, request, &queue);
-          pending.reader->Finish(&(*responses)[slice], &pending.status,
-                                 reinterpret_cast<void*>(slice));
+          pending.reader->Finish(&(*responses)[slice], &pending.status, &pending);
           continue;
         }
         void* tag = nullptr;
         bool ok = false;
         queue.Next(&tag, &ok);
-        const auto finished = under_way.find(reinterpret_cast<size_t>(tag));
-        if (finished->second.status.ok()) {
+        const auto* finished = static_cast<const Pending*>(tag);
+        const size_t slice = finished->slice;
+        if (finished->status.ok()) {
           attempts = {};
         } else {
-          failed.push_back(finished->first);
-          if (error.ok()) error = FromGrpcStatus(finished->second.status);
+          failed.push_back(slice);
+          if (error.ok()) error = FromGrpcStatus(finished->status);
         }
-        under_way.erase(finished);
+        under_way.erase(slice);
       }
       queue.Shutdown();
       void* tag = nullptr;

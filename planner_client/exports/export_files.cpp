@@ -120,7 +120,7 @@ std::string PosesJson(const v1::Plan& plan, const std::vector<ScanFrames>& frame
 
 // YAML 1.1, which ROS reads, takes 1e-17 for a word and 1.0e-17 for a number.
 std::string YamlNumber(double value) {
-  const std::string text = NumberText(value);
+  std::string text = NumberText(value);
   const size_t exponent = text.find('e');
   if (exponent == std::string::npos || text.find('.') != std::string::npos) return text;
   return absl::StrCat(text.substr(0, exponent), ".0", text.substr(exponent));

@@ -108,7 +108,7 @@ bool Touch(const CollisionSolid& a, const Eigen::Isometry3d& pose_a, const Colli
                       b.geometry().solid.get(), pose_b * b.geometry().pose, request, result) > 0;
 }
 
-RobotCollision::RobotCollision(const RobotModel& model, std::vector<LoadSolid> load)
+RobotCollision::RobotCollision(const RobotModel& model, const std::vector<LoadSolid>& load)
     : model_(model) {
   const size_t links = model.links.size();
   // Links that a joint of the chain carries, with all that hangs on them.
@@ -122,7 +122,7 @@ RobotCollision::RobotCollision(const RobotModel& model, std::vector<LoadSolid> l
            CollisionSolid::FromShape(shape, kClearanceM), Eigen::Isometry3d::Identity()});
     }
   }
-  for (LoadSolid& solid : load) {
+  for (const LoadSolid& solid : load) {
     pieces_.push_back({model.tip, true, true, solid.name, solid.solid, solid.enlarged, solid.pose});
   }
 

@@ -63,7 +63,7 @@ struct Contact {
 class RobotCollision {
  public:
   // `load`: solids fixed to the tip link. `model` must outlive it.
-  RobotCollision(const RobotModel& model, std::vector<LoadSolid> load);
+  RobotCollision(const RobotModel& model, const std::vector<LoadSolid>& load);
 
   // Between links that are not neighbours, and between the load and links not fixed to the tip.
   // Links joined by a joint are neighbours, also across links without solids. Pairs that touch in

@@ -38,7 +38,7 @@ absl::Status DiskFull(const std::string& message) {
 }
 
 absl::Status FileError(int code, const std::string& path, const std::string& what) {
-  const absl::Status status = absl::ErrnoToStatus(code, absl::StrCat(path, ": ", what));
+  absl::Status status = absl::ErrnoToStatus(code, absl::StrCat(path, ": ", what));
   if (code == ENOSPC || code == EDQUOT) return DiskFull(std::string(status.message()));
   return status;
 }

@@ -82,7 +82,7 @@ absl::StatusOr<bool> SqlJobStore::ReportProgress(const Attempt& attempt, double 
 }
 
 absl::Status SqlJobStore::Succeed(const Attempt& attempt, const std::vector<JobFile>& results) {
-  if (const absl::Status names = CheckPlainNames({}, results); !names.ok()) return names;
+  if (absl::Status names = CheckPlainNames({}, results); !names.ok()) return names;
   return WriteAttempt(attempt, [&](SqlTransaction& sql, PlanningJob* job) -> absl::Status {
     job->state = JobState::kSucceeded;
     job->progress = 1;

@@ -79,7 +79,7 @@ void SqlJobStore::WaitForEvent(int64_t after_sequence, absl::Duration timeout) {
 }
 
 absl::StatusOr<int64_t> SqlJobStore::EventCursor(const std::string& receiver) {
-  if (const absl::Status names = CheckPlainNames({{"receiver", receiver}}, {}); !names.ok()) {
+  if (absl::Status names = CheckPlainNames({{"receiver", receiver}}, {}); !names.ok()) {
     return names;
   }
   // From here on the receiver is known, and events wait for it.
@@ -92,7 +92,7 @@ absl::StatusOr<int64_t> SqlJobStore::EventCursor(const std::string& receiver) {
 }
 
 absl::Status SqlJobStore::SetEventCursor(const std::string& receiver, int64_t sequence) {
-  if (const absl::Status names = CheckPlainNames({{"receiver", receiver}}, {}); !names.ok()) {
+  if (absl::Status names = CheckPlainNames({{"receiver", receiver}}, {}); !names.ok()) {
     return names;
   }
   // A late word of one that held the receiver before does not turn the cursor back.

@@ -14,7 +14,7 @@ namespace sightline {
 
 absl::StatusOr<Recipe> SqlJobStore::GetRecipe(const std::string& client,
                                               const std::string& recipe_id) {
-  const absl::Status names = CheckPlainNames({{"client", client}, {"recipe_id", recipe_id}}, {});
+  absl::Status names = CheckPlainNames({{"client", client}, {"recipe_id", recipe_id}}, {});
   if (!names.ok()) return names;
   return Read([&](SqlTransaction& sql) -> absl::StatusOr<Recipe> {
     const SqlRows rows =
@@ -34,11 +34,11 @@ absl::StatusOr<Recipe> SqlJobStore::GetRecipe(const std::string& client,
 }
 
 absl::Status SqlJobStore::PutRecipe(const Recipe& recipe, const ClientQuota& quota) {
-  const absl::Status names = CheckPlainNames({{"client", recipe.client},
-                                              {"recipe_id", recipe.recipe_id},
-                                              {"kind", recipe.kind},
-                                              {"fingerprint", recipe.fingerprint}},
-                                             recipe.files);
+  absl::Status names = CheckPlainNames({{"client", recipe.client},
+                                        {"recipe_id", recipe.recipe_id},
+                                        {"kind", recipe.kind},
+                                        {"fingerprint", recipe.fingerprint}},
+                                       recipe.files);
   if (!names.ok()) return names;
   return Write([&](SqlTransaction& sql) -> absl::Status {
     sql.Run("DELETE FROM recipe WHERE client = $1 AND recipe_id = $2",
@@ -53,7 +53,7 @@ absl::Status SqlJobStore::PutRecipe(const Recipe& recipe, const ClientQuota& quo
 }
 
 absl::Status SqlJobStore::DeleteRecipe(const std::string& client, const std::string& recipe_id) {
-  const absl::Status names = CheckPlainNames({{"client", client}, {"recipe_id", recipe_id}}, {});
+  absl::Status names = CheckPlainNames({{"client", client}, {"recipe_id", recipe_id}}, {});
   if (!names.ok()) return names;
   return Write([&](SqlTransaction& sql) -> absl::Status {
     sql.Run("DELETE FROM recipe WHERE client = $1 AND recipe_id = $2", {client, recipe_id});
@@ -71,7 +71,7 @@ absl::StatusOr<int> SqlJobStore::CountRecipes(const std::string& client) {
 
 absl::Status SqlJobStore::AddUpload(const std::string& client, const JobFile& file,
                                     const ClientQuota& quota) {
-  if (const absl::Status names = CheckPlainNames({{"client", client}}, {file}); !names.ok()) {
+  if (absl::Status names = CheckPlainNames({{"client", client}}, {file}); !names.ok()) {
     return names;
   }
   return Write([&](SqlTransaction& sql) -> absl::Status {

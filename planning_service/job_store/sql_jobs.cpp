@@ -38,11 +38,11 @@ std::string IsOneOf(const std::string& column, const std::vector<std::string>& v
 
 absl::StatusOr<PlanningJob> SqlJobStore::Create(const NewPlanningJob& job,
                                                 const ClientQuota& quota) {
-  const absl::Status names = CheckPlainNames({{"client", job.client},
-                                              {"kind", job.kind},
-                                              {"request_id", job.request_id},
-                                              {"fingerprint", job.fingerprint}},
-                                             job.files);
+  absl::Status names = CheckPlainNames({{"client", job.client},
+                                        {"kind", job.kind},
+                                        {"request_id", job.request_id},
+                                        {"fingerprint", job.fingerprint}},
+                                       job.files);
   if (!names.ok()) return names;
   return Write([&](SqlTransaction& sql) -> absl::StatusOr<PlanningJob> {
     if (!job.request_id.empty()) {

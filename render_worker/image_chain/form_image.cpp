@@ -70,10 +70,11 @@ FrameSetup ApplyFrameEffects(FrameSetup frame, std::span<const ActiveEffect> eff
 
 OpticsModel MakeOpticsModel(const FrameSetup& frame, std::span<const ActiveEffect> effects) {
   OpticsModel optics;
-  const Pupil pupil = MakePupil(frame.lens);
   const double focal_length = frame.lens.focal_length_m;
   const double image_distance = frame.ImageDistance();
-  optics.pupil = [pupil](double, double) { return pupil; };
+  Pupil pupil = MakePupil(frame.lens);
+  optics.reference_pupil_radius_m = pupil.radius_m;
+  optics.pupil = [pupil = std::move(pupil)](double, double) { return pupil; };
   optics.curvature = [focal_length, image_distance](double depth_m, double, double) {
     return DefocusCurvature(focal_length, depth_m, image_distance);
   };
@@ -87,7 +88,6 @@ OpticsModel MakeOpticsModel(const FrameSetup& frame, std::span<const ActiveEffec
   }
   optics.image_distance_m = image_distance;
   optics.wavelength_m = frame.laser.wavelength_m;
-  optics.reference_pupil_radius_m = pupil.radius_m;
   for (const ActiveEffect& active : effects) {
     active.effect->OnOptics(optics, frame, active.parameters);
   }

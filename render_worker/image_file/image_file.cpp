@@ -44,7 +44,8 @@ bool IsWhole(const std::string& path) {
 // Formats that cannot be made in memory. Their writers do not say when the disk was full at the
 // end, so what they wrote is read again.
 absl::Status WriteThroughFile(OIIO::ImageOutput& file, const std::string& path,
-                              const OIIO::ImageSpec& spec, OIIO::TypeDesc type, const void* data) {
+                              const OIIO::ImageSpec& spec, const OIIO::TypeDesc& type,
+                              const void* data) {
   const std::string temporary =
       absl::StrCat(path, ".part-", getpid(), std::filesystem::path(path).extension().string());
   errno = 0;
@@ -58,14 +59,14 @@ absl::Status WriteThroughFile(OIIO::ImageOutput& file, const std::string& path,
   std::error_code ignored;
   const auto space = std::filesystem::space(std::filesystem::path(path).parent_path(), ignored);
   errno = !ignored && space.available == 0 ? ENOSPC : error;
-  const absl::Status status =
+  absl::Status status =
       WriteError(path, !reason.empty() ? reason : std::string(std::strerror(errno)));
   std::remove(temporary.c_str());
   return status;
 }
 
 absl::Status Write(const std::string& path, const char* plugin, OIIO::ImageSpec spec,
-                   OIIO::TypeDesc type, const void* data, const std::string& description) {
+                   const OIIO::TypeDesc& type, const void* data, const std::string& description) {
   spec.attribute("ImageDescription", description);
   spec.attribute("Software", "sightline");
   spec.attribute("DateTime", kUnknownTime);

@@ -143,7 +143,7 @@ class SampledImage {
         SampleFeatures features;
         rays_[pixel] +=
             sample_(row, column, half, part, points, std::span(sums.data(), channels), features);
-        float* total = sums_[part].At(pixel) + half * channels;
+        float* total = sums_[part].At(pixel) + ptrdiff_t{half} * channels;
         for (int c = 0; c < channels; ++c) total[c] += sums[c];
         const float noise = sums[options_.noise_channel];
         spread_[2 * pixel + part] += noise * noise;
@@ -265,7 +265,7 @@ void ReconstructEdges(const PixelSample& sample, const AdaptiveOptions& options,
                       const std::vector<PixelFeatures>& features, int first_row, int end_row,
                       PixelValues& filtered, std::vector<float>& excess,
                       std::vector<int64_t>& rays) {
-  constexpr int kLogSamples = 6, kReach_px = 3;
+  constexpr int kLogSamples = 6, kReach_px = 3, kSide_px = 2 * kReach_px + 1;
   const int columns = filtered.columns_px, rows = filtered.rows_px, stride = filtered.stride;
   const int channels = options.channels;
   const uint64_t seed = DeriveSeed(options.seed, "edges");
@@ -279,7 +279,7 @@ void ReconstructEdges(const PixelSample& sample, const AdaptiveOptions& options,
     for (int j = 0; j < columns; ++j) {
       const size_t pixel = static_cast<size_t>(i) * columns + j;
       if (features[pixel].uniform) continue;
-      std::array<Neighbour, (2 * kReach_px + 1) * (2 * kReach_px + 1)> neighbours;
+      std::array<Neighbour, size_t{kSide_px} * kSide_px> neighbours;
       int neighbour_count = 0;
       for (int y = std::max(i - kReach_px, 0); y <= std::min(i + kReach_px, rows - 1); ++y) {
         for (int x = std::max(j - kReach_px, 0); x <= std::min(j + kReach_px, columns - 1); ++x) {

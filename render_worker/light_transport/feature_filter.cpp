@@ -45,7 +45,7 @@ void Weights(const FeatureFilter::Layout& layout, const Window& window, float* w
     float* out = weights + static_cast<ptrdiff_t>(di + window.radius) * vectors * kLanes;
     const int row = window.row + di;
     if (row < 0 || row >= layout.rows) {
-      std::fill(out, out + vectors * kLanes, 0.0F);
+      std::fill_n(out, vectors * kLanes, 0.0F);
       continue;
     }
     const size_t start =

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render_worker/light_transport/scene.h"
 
+#include <algorithm>
 #include <cmath>
 #include <cstring>
 #include <limits>
@@ -65,12 +66,13 @@ void AttachTriangles(RTCDevice device, RTCScene scene, const Eigen::Vector3f* po
                      size_t position_count, const std::array<uint32_t, 3>* triangles,
                      size_t triangle_count) {
   RTCGeometry geometry = rtcNewGeometry(device, RTC_GEOMETRY_TYPE_TRIANGLE);
-  void* vertices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
-                                           sizeof(Eigen::Vector3f), position_count);
+  auto* vertices = static_cast<Eigen::Vector3f*>(
+      rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
+                              sizeof(Eigen::Vector3f), position_count));
   void* indices = rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_INDEX, 0, RTC_FORMAT_UINT3,
                                           3 * sizeof(uint32_t), triangle_count);
   if (vertices != nullptr && indices != nullptr) {
-    std::memcpy(vertices, positions, position_count * sizeof(Eigen::Vector3f));
+    std::copy(positions, positions + position_count, vertices);
     std::memcpy(indices, triangles, triangle_count * 3 * sizeof(uint32_t));
     rtcCommitGeometry(geometry);
     rtcAttachGeometry(scene, geometry);

@@ -125,7 +125,7 @@ class LensImage {
     const int64_t column_bytes = kBytesPerSample * whole.sub_pixels * whole.sub_pixels *
                                  (whole.roi.rows_px + 2 * whole.margin_px);
     const int columns = static_cast<int>(std::clamp<int64_t>(
-        StripBytes() / column_bytes - 2 * whole.margin_px, kNarrowestStrip_px, 1 << 20));
+        StripBytes() / column_bytes - int64_t{2} * whole.margin_px, kNarrowestStrip_px, 1 << 20));
     for (int first = 0; first < whole.roi.columns_px; first += columns) {
       SubPixelGrid strip = whole;
       strip.roi.column_px += first;

@@ -330,7 +330,7 @@ absl::StatusOr<RenderedPartFrame> RenderPartFrame(PartScene& scene, const PartFr
       add(other->channel_radiance[channel], &ideal.incoherent_electron_flux_m2_s[channel]);
     }
     // Another seed for every moment: their noise averages out.
-    incoherent_settings.seed = DeriveSeed(settings.seed, "moment", static_cast<uint64_t>(m + 1));
+    incoherent_settings.seed = DeriveSeed(settings.seed, "moment", static_cast<uint64_t>(m) + 1);
   }
   if (layers) {
     pixel_layers.laser_radiance_w_m2_sr = PixelMeans(ideal.laser_irradiance_w_m2, grid, false);

@@ -170,8 +170,10 @@ Excess FindExcess(const RecordedScene& scene, const SceneLight& light, const Blo
   const ScanGeometry geometry = MakeScanGeometry(scene.inspection.rig, recorded.measurement);
   const SensorPose pose = WorldToPart(geometry, scene.part.BoundingBox().center(), geometry.camera,
                                       recorded.stage_position_m);
-  const double x = (column - camera.columns_px / 2) / camera.FocalLengthPx();
-  const double y = (row - camera.rows_px / 2) / camera.FocalLengthPx();
+  // The pixel of these numbers lies on the optical axis.
+  const int axis_column = camera.columns_px / 2, axis_row = camera.rows_px / 2;
+  const double x = (column - axis_column) / camera.FocalLengthPx();
+  const double y = (row - axis_row) / camera.FocalLengthPx();
   largest.place_m = pose.origin_m + depth_m * (pose.z_axis + x * pose.x_axis + y * pose.y_axis);
   return largest;
 }

@@ -203,7 +203,7 @@ absl::StatusOr<PhotonTransfer> MeasurePhotonTransfer(std::span<const ExposureSte
     variances.push_back(bright.temporal_variance_dn2 - dark.temporal_variance_dn2);
     variance_variances.push_back(VarianceOfVariance(bright) + VarianceOfVariance(dark));
   }
-  if (photons.size() < 5) {
+  if (brightest == nullptr || photons.size() < 5) {
     return Error(absl::StrCat("only ", photons.size(),
                               " exposure steps below 70 % of saturation, must be at least 5"));
   }

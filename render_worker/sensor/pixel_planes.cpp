@@ -17,7 +17,7 @@ Image<float> PlaneValues(const Image<uint16_t>& raw_dn, const PixelPlane& plane)
   for (int row = 0; row < values.rows_px; ++row) {
     const uint16_t* from = raw_dn.Row(plane.first_row + row * plane.step) + plane.first_column;
     for (int column = 0; column < values.columns_px; ++column) {
-      values.At(row, column) = from[column * plane.step];
+      values.At(row, column) = from[ptrdiff_t{column} * plane.step];
     }
   }
   return values;

@@ -161,10 +161,12 @@ Departure PatternOfLines(const FixedPattern& pattern, const Line& line, bool dar
   Departure departure{
       .effect = dark && line.kind == std::string("column") ? "sensor.dsnu_column_pattern" : what,
       .stage = "readout",
-      .description = absl::StrFormat(
-          dark ? "%ss have offsets of their own: %.3g DN (standard deviation)"
-               : "%ss have sensitivities of their own: %.3g (standard deviation, relative)",
-          line.kind, strength),
+      .description =
+          dark ? absl::StrFormat("%ss have offsets of their own: %.3g DN (standard deviation)",
+                                 line.kind, strength)
+               : absl::StrFormat(
+                     "%ss have sensitivities of their own: %.3g (standard deviation, relative)",
+                     line.kind, strength),
       .p_value = ChiSquaredTailP(n * measured / expected, n),
       .material = strength > kMaterialShare * std::sqrt(pattern.variance)};
   departure.parameters.push_back({what, dark ? "DN" : "", strength, error});

@@ -41,7 +41,9 @@ double MeanOf(const std::vector<double>& values) {
 double FlatFieldStatistics::MeanDn() const { return MeanOf(frame_mean_dn); }
 
 FlatFieldAccumulator::FlatFieldAccumulator(double largest_dn, bool keep_mean)
-    : largest_dn_(largest_dn), keep_mean_(keep_mean), parts_(kPartsPerSide * kPartsPerSide) {}
+    : largest_dn_(largest_dn),
+      keep_mean_(keep_mean),
+      parts_(size_t{kPartsPerSide} * kPartsPerSide) {}
 
 void FlatFieldAccumulator::AddDifference(const Image<uint16_t>& a, const Image<uint16_t>& b,
                                          int apart) {

@@ -77,15 +77,13 @@ std::vector<Departure> FrameMeanDepartures(std::span<const FlatFieldStatistics* 
   std::vector<Departure> departures;
   if (freedom == 0) return departures;
   const double flicker = std::sqrt(scatter / freedom);
-  Departure changes{
-      .effect = dark ? "black_level_noise" : "light_flicker",
-      .stage = dark ? "readout" : "illumination",
-      .description = absl::StrFormat(
-          dark ? "the black level changes from frame to frame by %.3g %s (standard deviation)"
-               : "the light changes from frame to frame by %.3g %s (standard deviation)",
-          flicker, shown),
-      .p_value = ChiSquaredTailP(chi_squared, freedom),
-      .material = flicker > material};
+  Departure changes{.effect = dark ? "black_level_noise" : "light_flicker",
+                    .stage = dark ? "readout" : "illumination",
+                    .description = absl::StrFormat(
+                        "the %s changes from frame to frame by %.3g %s (standard deviation)",
+                        dark ? "black level" : "light", flicker, shown),
+                    .p_value = ChiSquaredTailP(chi_squared, freedom),
+                    .material = flicker > material};
   changes.parameters.push_back(
       {"standard_deviation", unit, flicker, flicker / std::sqrt(2 * freedom)});
   departures.push_back(std::move(changes));
@@ -113,9 +111,8 @@ std::vector<Departure> FrameMeanDepartures(std::span<const FlatFieldStatistics* 
   }
   const double error = std::sqrt(std::max(rest / (n - 2), PixelNoiseOfMean(*longest)) / xx);
   const double scale = dark ? 1 : mean;
-  drift.description = absl::StrFormat(dark ? "the black level drifts by %.3g %s over %.0f frames"
-                                           : "the light drifts by %.3g %s over %.0f frames",
-                                      slope / scale, shown, n);
+  drift.description = absl::StrFormat("the %s drifts by %.3g %s over %.0f frames",
+                                      dark ? "black level" : "light", slope / scale, shown, n);
   drift.p_value = TwoSidedP(slope / error);
   drift.material = std::abs(slope / scale) > material;
   drift.parameters.push_back({"drift_over_series", unit, slope / scale, error / scale});

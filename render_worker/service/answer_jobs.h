@@ -45,7 +45,7 @@ class AnswerJobs {
   // large for a message.
   template <typename Request>
   absl::StatusOr<v1::Job> Create(const std::string& kind, const Request& request,
-                                 std::unique_ptr<JobRoom> room, Work work) {
+                                 std::unique_ptr<JobRoom> room, Work&& work) {
     return Queue(kind, request.request_id(), DigestOf(request), std::move(room), std::move(work));
   }
 

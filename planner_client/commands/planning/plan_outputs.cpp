@@ -184,8 +184,9 @@ absl::Status ShowScans(const PlanningSession& session, const PlanDocument& docum
     if (!made.ok()) return made;
   }
   const auto picture = [](absl::StatusOr<std::string> png, std::string* place) {
-    if (png.ok()) *place = *std::move(png);
-    return png.status();
+    if (!png.ok()) return png.status();
+    *place = *std::move(png);
+    return absl::OkStatus();
   };
   absl::Status status = ForEachIndex(document.scans.size(), [&](size_t i) -> absl::Status {
     const ChosenScan& scan = document.scans[i];

@@ -168,8 +168,8 @@ class JointPlanner {
     request_.starting = ScansOf(document_, false);
     auto result = MakePlan(*session_.oracle, request_);
     if (!result.ok()) return result.status();
-    const absl::Status made = MakeDocument(std::move(result->scans), result->evaluations,
-                                           StopReasonToProto(result->stop_reason));
+    absl::Status made = MakeDocument(std::move(result->scans), result->evaluations,
+                                     StopReasonToProto(result->stop_reason));
     if (!made.ok()) return made;
     return InterruptFlag() ? absl::CancelledError("interrupted") : absl::OkStatus();
   }

@@ -4,6 +4,7 @@
 #include <unistd.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <nlohmann/json.hpp>
 
@@ -44,7 +45,7 @@ void ProgressLine::Show(double fraction, const std::string& text) {
     std::fprintf(stderr, "%s\n",
                  line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
   } else if (terminal_) {
-    const int filled = static_cast<int>(fraction * kBarWidth + 0.5);
+    const int filled = static_cast<int>(std::lround(fraction * kBarWidth));
     const std::string bar = std::string(filled, '#') + std::string(kBarWidth - filled, '.');
     std::string line = absl::StrFormat("[%s] %3.0f %%  %s", bar, 100 * fraction, text);
     // A line that wraps could not be drawn over; the last column would wrap on some terminals.

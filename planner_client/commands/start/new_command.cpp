@@ -94,7 +94,7 @@ absl::Status Ask(const std::string& question, const std::string& usual,
     std::string answer;
     if (!std::getline(std::cin, answer)) return absl::CancelledError("no answer; nothing written");
     absl::StripAsciiWhitespace(&answer);
-    const absl::Status taken = take(answer.empty() ? usual : answer);
+    absl::Status taken = take(answer.empty() ? usual : answer);
     if (taken.ok()) return taken;
     std::fprintf(stderr, "  %s\n", std::string(taken.message()).c_str());
   }

@@ -76,14 +76,14 @@ std::string RegionMapSvg(const RegionMapGrid& grid, const std::string& title) {
              Level(grid.z[start + static_cast<size_t>(end)]) == level) {
         ++end;
       }
-      absl::StrAppendFormat(&paths[static_cast<size_t>(level + kDeepest)],
-                            "M%.1f %.1fH%.1fV%.1fH%.1fZ", x.At(columns[column]), y.At(rows[row]),
-                            x.At(columns[end]), y.At(rows[row + 1]), x.At(columns[column]));
+      absl::StrAppendFormat(&paths[level + kDeepest], "M%.1f %.1fH%.1fV%.1fH%.1fZ",
+                            x.At(columns[column]), y.At(rows[row]), x.At(columns[end]),
+                            y.At(rows[row + 1]), x.At(columns[column]));
       column = end;
     }
   }
   for (int level = -kDeepest; level <= kDeepest; ++level) {
-    const std::string& path = paths[static_cast<size_t>(level + kDeepest)];
+    const std::string& path = paths[level + kDeepest];
     if (path.empty()) continue;
     absl::StrAppend(&svg, "<path class=\"", LevelClass(level), "\" d=\"", path, "\"/>\n");
   }

@@ -58,7 +58,7 @@ void AppendBand(std::string* svg, const XyChart& chart, const ChartSeries& serie
       return y.At(chart.y.logarithmic ? std::max(value, y.low()) : value);
     };
     absl::StrAppendFormat(&upper_path, "L%.1f %.1f", x.At(series.x[i]), at(upper));
-    lower_path = absl::StrFormat("L%.1f %.1f", x.At(series.x[i]), at(lower)) + lower_path;
+    lower_path.insert(0, absl::StrFormat("L%.1f %.1f", x.At(series.x[i]), at(lower)));
   }
   flush();
 }

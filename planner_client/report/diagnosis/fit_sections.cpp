@@ -109,8 +109,8 @@ std::string RecordingChart(const DiagnosisView& view) {
 std::string IntensityChart(const DiagnosisView& view) {
   ChartSeries before{"null", SeriesMark::kHollowDots, {}, {}, {}, {}};
   ChartSeries after{"model", SeriesMark::kDots, {}, {}, {}, {}};
-  for (const auto& [index, fits] : FitsByRecording(view)) {
-    const auto add = [&](const v1::RecordingFit* fit, ChartSeries* series) {
+  for (const auto& [recording, fits] : FitsByRecording(view)) {
+    const auto add = [&, index = recording](const v1::RecordingFit* fit, ChartSeries* series) {
       if (fit == nullptr || !fit->has_intensity_ratio() || !(fit->intensity_ratio() > 0)) return;
       // Recorded minus expected, over recorded (thesis, eq. 5.7).
       const double e_i = 100 * (1 - 1 / fit->intensity_ratio());

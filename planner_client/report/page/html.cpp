@@ -34,7 +34,7 @@ std::string PngDataUri(absl::string_view png) {
   return absl::StrCat("data:image/png;base64,", absl::Base64Escape(png));
 }
 
-std::string JsonForScript(std::string json) {
+std::string JsonForScript(absl::string_view json) {
   return absl::StrReplaceAll(json, {{"<", "\\u003c"}});
 }
 

@@ -25,6 +25,6 @@ std::string GroupedInteger(int64_t value);
 std::string PngDataUri(absl::string_view png);
 
 // JSON text that may stand inside a script element: "<" becomes "\u003c".
-std::string JsonForScript(std::string json);
+std::string JsonForScript(absl::string_view json);
 
 }  // namespace sightline

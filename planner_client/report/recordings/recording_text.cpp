@@ -42,7 +42,7 @@ std::string RecordingSetup(const v1::Recording& recording) {
 }
 
 std::string RecordingTitle(int index, const v1::Recording* recording) {
-  const std::string title = absl::StrCat("Recording ", index);
+  std::string title = absl::StrCat("Recording ", index);
   if (recording == nullptr || recording->series().empty()) return title;
   return absl::StrCat(title, " (", absl::StrReplaceAll(recording->series(), {{"_", " "}}), ")");
 }

@@ -36,7 +36,7 @@ class ChordWavefront {
   }
   double At(double y) const {
     const double place = 0.5 * (y / radius_m_ + 1) * kSteps;
-    const int middle = std::clamp(static_cast<int>(place + 0.5), 1, kSteps - 1);
+    const int middle = std::clamp(static_cast<int>(std::lround(place)), 1, kSteps - 1);
     const double t = place - middle;
     const double before = places_[middle - 1], here = places_[middle], after = places_[middle + 1];
     return here + 0.5 * t * (after - before) + 0.5 * t * t * (after - 2 * here + before);

@@ -25,7 +25,7 @@ std::vector<RecordedImage> Variants(const RecordingSet& set) {
                    [](const RecordedImage& image) { return image.kind == RecordingKind::kLaser; });
   if (laser == set.recordings.end()) return variants;
   // As bright as the reference in the plane of focus.
-  const RecordedImage reference = *laser;
+  const RecordedImage& reference = *laser;
   const auto add = [&](auto change) {
     RecordedImage image = reference;
     image.timestamp_s = set.recordings.back().timestamp_s + 30;

@@ -201,7 +201,7 @@ Eigen::VectorXd TextureStatistic::Observed(const RecordedSet& set, int index) co
   }
   for (const std::vector<ProfileBin>& core : entry.cores) {
     double variance = 0, square = 0, rows = 0;
-    std::array<double, 2 * kCorrelationLags> correlations{};
+    std::array<double, size_t{2} * kCorrelationLags> correlations{};
     for (const ProfileBin& bin : core) {
       const PixelPlane& plane = planes_[bin.plane];
       const double signal = MeanOf(raw, plane, bin) - black_dn;
@@ -272,7 +272,7 @@ Eigen::VectorXd TextureStatistic::Expected(const ExpectedSet& expected, int inde
   }
   for (const std::vector<ProfileBin>& core : entry.cores) {
     double variance = 0, square = 0, rows = 0;
-    std::array<double, 2 * kCorrelationLags> correlations{};
+    std::array<double, size_t{2} * kCorrelationLags> correlations{};
     for (const ProfileBin& bin : core) {
       const PixelPlane& plane = planes_[bin.plane];
       double signal = 0;

@@ -18,7 +18,8 @@ namespace {
 // autocorrelation is exp(-r^2/l^2). Normalised at every place: variance 1 everywhere.
 class RandomField {
  public:
-  RandomField(uint64_t seed, double length_m) : pitch_m_(0.5 * length_m), noise_(kSize * kSize) {
+  RandomField(uint64_t seed, double length_m)
+      : pitch_m_(0.5 * length_m), noise_(size_t{kSize} * kSize) {
     for (int i = 0; i < kSize * kSize; ++i) noise_[i] = CounterRandom(seed, i).Normal();
   }
 

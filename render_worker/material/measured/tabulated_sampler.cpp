@@ -67,7 +67,7 @@ TabulatedSampler::TabulatedSampler(const IsotropicBrdf& brdf)
 
 int TabulatedSampler::View(float cosine) {
   const float theta = std::acos(std::clamp(cosine, 0.0F, 1.0F));
-  return std::min(static_cast<int>(theta / (0.5F * kPi) * (kViews - 1) + 0.5F), kViews - 1);
+  return std::min(static_cast<int>(std::lround(theta / (0.5F * kPi) * (kViews - 1))), kViews - 1);
 }
 
 Vector3f TabulatedSampler::Sample(const Vector3f& out, float u1, float u2, float u3) const {
@@ -79,7 +79,8 @@ Vector3f TabulatedSampler::Sample(const Vector3f& out, float u1, float u2, float
   const float from = cell > 0 ? cumulative[cell - 1] : 0;
   const float width = cumulative[cell] - from;
   const float remainder = width > 0 ? std::clamp((u1 - from) / width, 0.0F, 0x1.fffffep-1F) : 0.5F;
-  const float sin2 = (static_cast<float>(cell / kSectors) + remainder) / static_cast<float>(kRings);
+  const int ring = cell / kSectors;
+  const float sin2 = (static_cast<float>(ring) + remainder) / static_cast<float>(kRings);
   // u2 chooses the side and the place in azimuth.
   const bool left = u2 < 0.5F;
   const float place = left ? 2 * u2 : 2 * u2 - 1;
@@ -97,7 +98,7 @@ float TabulatedSampler::Pdf(const Vector3f& out, const Vector3f& in) const {
   const int ring = std::min(static_cast<int>(sin2 * kRings), kRings - 1);
   const int sector = std::min(static_cast<int>(azimuth / kPi * kSectors), kSectors - 1);
   const float weight =
-      weight_[static_cast<size_t>(View(out.z())) * kCells + ring * kSectors + sector];
+      weight_[(static_cast<size_t>(View(out.z())) * kRings + ring) * kSectors + sector];
   return (kCosineShare + (1 - kCosineShare) * weight) * in.z() / kPi;
 }
 

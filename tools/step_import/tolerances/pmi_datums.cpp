@@ -71,7 +71,7 @@ void PmiReader::ReadDatums() {
 
 std::string PmiReader::DatumLetter(int64_t id) const {
   const std::vector<Part21Record> records = Records(id);
-  const std::string letter =
+  std::string letter =
       records.size() == 1 ? TextAt(records[0].values, 4) : TextAt(Base(records, "DATUM"), 0);
   if (letter.empty()) throw Unreadable{"the datum " + Label(id) + " has no letter"};
   return letter;

@@ -109,7 +109,7 @@ std::vector<UncoveredRegion> FindUncoveredRegions(const TargetSet& targets,
 std::string DescribePlace(const UncoveredRegion& region, const Eigen::AlignedBox3d& part_bounds_m) {
   // Distance of the centroid from each face, in the order of kFaces.
   std::array<double, 6> depth_m;
-  for (int axis = 0; axis < 3; ++axis) {
+  for (size_t axis = 0; axis < 3; ++axis) {
     depth_m[2 * axis] = region.centroid_m[axis] - part_bounds_m.min()[axis];
     depth_m[2 * axis + 1] = part_bounds_m.max()[axis] - region.centroid_m[axis];
   }
@@ -130,7 +130,8 @@ std::string DescribePlace(const UncoveredRegion& region, const Eigen::AlignedBox
           : absl::StrCat(millimetres(depth_m[nearest]), " inside the ", face_name(nearest));
   for (int axis = 2; axis >= 0; --axis) {
     if (axis == nearest / 2) continue;
-    const int near_face = 2 * axis + (depth_m[2 * axis + 1] < depth_m[2 * axis]);
+    const size_t low = size_t{2} * axis;
+    const size_t near_face = depth_m[low + 1] < depth_m[low] ? low + 1 : low;
     absl::StrAppend(&words, ", ", millimetres(depth_m[near_face]),
                     near_face == 5   ? " below the top"
                     : near_face == 4 ? " above the bottom"
