@@ -575,7 +575,7 @@ struct Plane {
 Plane PlaneOf(const Part21File& file, int64_t face) {
   const auto values = [&](int64_t id) { return file.Records(id).at(0).values; };
   const auto vector = [&](int64_t id) {
-    const auto& list = values(id).at(1).list;
+    const auto list = values(id).at(1).list;
     return Vector3d(list.at(0).number, list.at(1).number, list.at(2).number);
   };
   const auto placement = values(values(values(face).at(2).reference).at(1).reference);

@@ -54,7 +54,8 @@ std::vector<double> Numbers(const FrameSetup& frame) {
 std::vector<double> Numbers(const PlateScene& scene) {
   std::vector<double> n = {scene.constant_along_line ? 1.0 : 0.0};
   for (int i = 0; i < 300; ++i) {
-    const double x = -0.02 + 0.04 * (i % 20) / 19, s = 1.1e-3 + 4e-4 * (i / 20 - 7);
+    const int row = i / 20;
+    const double x = -0.02 + 0.04 * (i % 20) / 19, s = 1.1e-3 + 4e-4 * (row - 7);
     n.push_back(scene.laser_irradiance_w_m2(x, s));
     n.push_back(scene.brdf_per_sr(x, s));
     n.push_back(scene.height_m ? scene.height_m(x, s) : 0);

@@ -38,8 +38,8 @@ struct FilterInput {
 TEST(FeatureFilter, KeepsLinearLightAlsoAtTheImageBorder) {
   FilterInput input;
   for (int p = 0; p < 40 * 30; ++p) {
-    input.values.At(p)[0] =
-        3 + 0.1F * static_cast<float>(p % 40) - 0.2F * static_cast<float>(p / 40);
+    const int row = p / 40, column = p % 40;
+    input.values.At(p)[0] = 3 + 0.1F * static_cast<float>(column) - 0.2F * static_cast<float>(row);
   }
   const PixelValues out = input.Filtered(8);
   // The ridge of 1e-3 on slopes of windows several pixels wide: below 1e-3 of the slope's effect.
@@ -51,7 +51,8 @@ TEST(FeatureFilter, KeepsLinearLightAlsoAtTheImageBorder) {
 TEST(FeatureFilter, ParaboloidKeepsQuadraticLightWhereThePlaneCannot) {
   FilterInput input;
   for (int p = 0; p < 40 * 30; ++p) {
-    const auto x = static_cast<float>(p % 40) / 40, y = static_cast<float>(p / 40) / 40;
+    const int row = p / 40, column = p % 40;
+    const auto x = static_cast<float>(column) / 40, y = static_cast<float>(row) / 40;
     input.values.At(p)[1] = 2 + x - y + 3 * x * x - 2 * x * y + y * y;
   }
   const auto out = input.Both(8);

@@ -91,8 +91,8 @@ TEST(DiagnosisReport, SaysEverythingTheDiagnosisHolds) {
            "1.10\u202f\u00b1\u202f0.60\u202fmm (stated \u00b12\u202fmm)",
            ">optics<",
            ">139<",
-           "<em>exposure time</em> <em>\u00b7 f-number<sup>\u22122</sup></em> (0.031 at "
-           "exposure time 5.1\u202fms, f-number 8)",
+           ("<em>exposure time</em> <em>\u00b7 f-number<sup>\u22122</sup></em> (0.031 at "
+            "exposure time 5.1\u202fms, f-number 8)"),
            "0.980\u202f\u00b1\u202f0.040",
            "distance from line [mm]",
            "410\u202f\u00b5W/(m\u00b2 sr)",

@@ -32,7 +32,8 @@ ReportData Plate() {
   data.mesh.positions_m = {{0, 0, 0}, {0.05f, 0, 0}, {0.05f, 0.05f, 0}, {0, 0.05f, 0}};
   data.mesh.triangles = {{0, 1, 2}, {0, 2, 3}};
   for (int i = 0; i < 100; ++i) {
-    data.targets.positions_m.push_back({0.005f * (i % 10), 0.005f * (i / 10), 0});
+    const int column = i % 10, row = i / 10;
+    data.targets.positions_m.push_back({0.005f * column, 0.005f * row, 0});
     data.targets.normals.push_back({0, 0, 1});
     data.targets.regions.push_back(-1);
     data.targets.triangles.push_back(0);
