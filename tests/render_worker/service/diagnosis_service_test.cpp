@@ -116,7 +116,7 @@ class DiagnosisServiceTest : public RecordedSetTest {
   }
 
   static RenderedFolder* rendered_;
-  const std::vector<AssetFile> no_images_;
+  std::vector<AssetFile> no_images_;
   std::shared_ptr<grpc::Channel> channel_;
   std::unique_ptr<v1::DiagnosisService::Stub> service_;
   std::unique_ptr<v1::JobService::Stub> jobs_;
