@@ -22,7 +22,8 @@ class ClusterOracle final : public FunctionOracle {
  public:
   ClusterOracle()
       : FunctionOracle(40, [](const Measurement& m, size_t t) {
-          const double cluster = 0.125 + 0.25 * static_cast<double>(t / 10);
+          const size_t number = t / 10;
+          const double cluster = 0.125 + 0.25 * static_cast<double>(number);
           const double position = cluster - 0.08 + 0.16 / 9 * static_cast<double>(t % 10);
           return std::abs(position - m.offset_y_m) <= (Wide(m) ? 0.225 : 0.1);
         }) {}

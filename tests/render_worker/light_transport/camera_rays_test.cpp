@@ -48,7 +48,8 @@ TEST(CameraRays, RaysThroughThePupilMeetInTheFocusedPlane) {
   double r2 = 0;
   const int n = 64;
   for (int k = 0; k < n * n; ++k) {
-    const CameraRays::Ray ray = camera.PupilRay(1e-3, 2e-3, (k / n + 0.5F) / n, (k % n + 0.5F) / n);
+    const int row = k / n, column = k % n;
+    const CameraRays::Ray ray = camera.PupilRay(1e-3, 2e-3, (row + 0.5F) / n, (column + 0.5F) / n);
     EXPECT_LT((ray.origin_m + ray.direction - focus).norm(), 1e-7F);
     r2 += (ray.origin_m.cast<double>() - view.camera.origin_m).squaredNorm();
   }
