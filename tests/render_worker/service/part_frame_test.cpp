@@ -19,6 +19,7 @@ namespace {
 using ::testing::HasSubstr;
 
 constexpr int kColumns = 96, kRows = 64;
+constexpr int kAxisRow = kRows / 2;  // the pixel that lies on the optical axis
 
 constexpr char kTable[] =
     "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nf 1 2 3\nf 1 3 4\n";
@@ -104,7 +105,7 @@ TEST(PartFrame, LineIsWhereSheetAndSurfaceMeet) {
     // Sheet through the origin at -30 degrees to the vertical: x = h tan(-30 deg), seen at v =
     // b x / (d_c - h); b of the pinhole is the focal length (lens without a focus distance).
     const double x = height_m * std::tan(-std::numbers::pi / 6);
-    const double row = kRows / 2 + 0.016 * x / (0.3 - height_m) / 5.3e-6;
+    const double row = kAxisRow + 0.016 * x / (0.3 - height_m) / 5.3e-6;
     EXPECT_NEAR(LineRow(frame.image.mean_photo_electrons), row, 0.05) << height_m;
   }
 }
@@ -121,7 +122,7 @@ TEST(PartFrame, TableIsUnderTheLowestPointOfATiltedPart) {
     measurement.part_alpha_rad = tilt_rad;
     const double height_m = -0.1 * std::abs(std::sin(tilt_rad));
     const double x = height_m * std::tan(-std::numbers::pi / 6);
-    const double row = kRows / 2 + 0.016 * x / (0.3 - height_m) / 5.3e-6;
+    const double row = kAxisRow + 0.016 * x / (0.3 - height_m) / 5.3e-6;
     EXPECT_NEAR(LineRow(Render(*scene, measurement).image.mean_photo_electrons), row, 0.05)
         << tilt_rad;
   }
@@ -223,7 +224,7 @@ TEST(PartFrame, GeometryErrorsMoveTheCamera) {
   const auto frame = RenderPartFrame(*scene, {FromAbove(0.002), 0}, effects, false, limits);
   ASSERT_TRUE(frame.ok()) << frame.status();
   const double x = 0.002 * std::tan(-std::numbers::pi / 6);
-  const double row = kRows / 2 + 0.016 * x / (0.31 - 0.002) / 5.3e-6;
+  const double row = kAxisRow + 0.016 * x / (0.31 - 0.002) / 5.3e-6;
   EXPECT_NEAR(LineRow(frame->image.mean_photo_electrons), row, 0.05);
 }
 
