@@ -12,17 +12,17 @@
 #include <cstddef>
 
 // The assembler copies the file's bytes into read-only data.
-#define SIGHTLINE_EMBED(symbol, path)     \
-  asm(".section .rodata\n"                \
-      ".global " #symbol "\n" #symbol     \
-      ":\n"                               \
-      ".incbin \"" path                   \
-      "\"\n"                              \
-      ".global " #symbol "_end\n" #symbol \
-      "_end:\n"                           \
-      ".byte 0\n"                         \
-      ".previous\n");                     \
-  extern "C" const char symbol[];         \
+#define SIGHTLINE_EMBED(symbol, path)                                                      \
+  asm(".section .rodata\n"                                                                 \
+      ".global " #symbol "\n" #symbol                                                      \
+      ":\n"                                                                                \
+      ".incbin \"" path                                                                    \
+      "\"\n"                                                                               \
+      ".global " #symbol "_end\n" #symbol                                                  \
+      "_end:\n"                                                                            \
+      ".byte 0\n"                                                                          \
+      ".previous\n");                                                                      \
+  extern "C" const char symbol[]; /* NOLINT(bugprone-macro-parentheses): it is declared */ \
   extern "C" const char symbol##_end[];
 
 // Initialises a text or a view of one, of the standard library's or Abseil's: {bytes, how many}.

@@ -52,7 +52,7 @@ TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
   EXPECT_GE(u.bound().scans(), 0.5);
   EXPECT_LE(u.bound().scans(), plan.scans_size() + 1e-6);
   EXPECT_EQ(plan.scans(plan.scans_size() - 1).cumulative_admissible_targets(),
-            static_cast<int64_t>(u.admissible_fraction() * u.judged_targets() + 0.5));
+            std::llround(u.admissible_fraction() * u.judged_targets()));
   EXPECT_GT(u.examined_points(), 0);
   EXPECT_EQ(u.second_order_points(), 0);  // 0.1 px is nothing
   ASSERT_EQ(u.features_size(), 1);
