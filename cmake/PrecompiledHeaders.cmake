@@ -42,7 +42,7 @@ endfunction()
 # To be called after all targets are known. What is optimised otherwise needs headers of its own; a target without
 # the libraries has DISABLE_PRECOMPILE_HEADERS.
 function(sightline_precompile_headers)
-  sightline_targets_below(${PROJECT_SOURCE_DIR} targets)
+  set(targets ${ARGN})
   set(less "$<$<CONFIG:Release>:-O1>")
   foreach(with "" _grpc)
     set(grpc)

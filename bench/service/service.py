@@ -83,7 +83,8 @@ def program_of(pid: int) -> str:
     except OSError:
         return "gone"
     name = os.path.basename(words[0].decode(errors="replace"))
-    if name == "sightline":
+    # `sightline` becomes the program of the command's group, such as sightline-plan.
+    if name == "sightline" or name.startswith("sightline-"):
         commands = [w.decode() for w in words[1:] if w and not w.startswith(b"-")]
         return f"sightline {commands[0]}" if commands else name
     return name

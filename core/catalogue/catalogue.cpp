@@ -12,19 +12,13 @@
 #include "absl/strings/str_join.h"
 #include "core/inspection/field_checks.h"
 #include "core/inspection/imaging.h"
+#include "core/inspection/imaging_limits.h"
 #include "core/json/strict_json.h"
 
 namespace sightline {
 namespace {
 
 constexpr size_t kMaxFiles = 1000;
-
-// As in an inspection (core/inspection/imaging.cpp), where the lens goes.
-constexpr Limits kFocalLength{1e-3, 0.1, " m", false, true};
-constexpr Limits kFNumber{0.5, 128, ""};
-constexpr Limits kTransmission{0, 1, "", true};
-constexpr Limits kDistortion{-10, 10, ""};
-constexpr Limits kBlades{3, 64, " (or 0: a circle)"};
 
 constexpr Limits kImageCircle{1e-3, 0.2, " m"};
 constexpr Limits kFrameRate{0, 1e6, " Hz", true};
@@ -79,12 +73,12 @@ absl::Status ParseLensNumbers(const v1::CatalogueLens& message, const Checker& c
     if (!given) return check.Error(name, "is missing");
   }
   const double focal_length_m = message.focal_length_m();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("focal_length_m", focal_length_m, kFocalLength));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("focal_length_m", focal_length_m, kLensFocalLength));
   device->min_f_number = message.min_f_number();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("min_f_number", device->min_f_number, kFNumber));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("min_f_number", device->min_f_number, kLensFNumber));
   device->max_f_number = message.max_f_number();
-  SIGHTLINE_RETURN_IF_ERROR(
-      check.Range("max_f_number", device->max_f_number, {device->min_f_number, kFNumber.max, ""}));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("max_f_number", device->max_f_number,
+                                        {device->min_f_number, kLensFNumber.max, ""}));
   if (message.has_min_focus_distance_m()) {
     // Nearer there is no real image.
     SIGHTLINE_RETURN_IF_ERROR(check.Range("min_focus_distance_m", message.min_focus_distance_m(),
@@ -104,17 +98,19 @@ absl::Status ParseLensNumbers(const v1::CatalogueLens& message, const Checker& c
   lens.min_focus_distance_m = device->min_focus_distance_m;
   if (message.has_transmission()) {
     lens.transmission = message.transmission();
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("transmission", lens.transmission, kTransmission));
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("transmission", lens.transmission, kLensTransmission));
   }
   lens.aperture_blades = message.aperture_blades();
   if (lens.aperture_blades != 0) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("aperture_blades", lens.aperture_blades, kBlades));
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("aperture_blades", lens.aperture_blades, kApertureBlades));
   }
   const v1::Lens::Distortion& d = message.distortion();
   for (const auto& [name, value] :
        {std::pair("k1", d.k1()), std::pair("k2", d.k2()), std::pair("k3", d.k3()),
         std::pair("p1", d.p1()), std::pair("p2", d.p2())}) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range(absl::StrCat("distortion.", name), value, kDistortion));
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range(absl::StrCat("distortion.", name), value, kLensDistortion));
   }
   lens.distortion = {d.k1(), d.k2(), d.k3(), d.p1(), d.p2()};
   return absl::OkStatus();

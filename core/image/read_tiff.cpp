@@ -55,10 +55,8 @@ Tiff Open(std::FILE* file, std::string* message) {
   return tiff;
 }
 
-absl::Status Refuse(const std::string& reason) { return absl::InvalidArgumentError(reason); }
-
 absl::Status Damaged(const std::string& reason) {
-  return Refuse(absl::StrCat("is damaged or truncated: ", reason));
+  return absl::InvalidArgumentError(absl::StrCat("is damaged or truncated: ", reason));
 }
 
 bool IsLossless(uint16_t compression) {
@@ -95,25 +93,31 @@ absl::Status ReadHeader(TIFF* tiff, TiffHeader* header) {
     return Damaged("it does not say how large it is");
   }
   if (samples != 1) {
-    return Refuse(absl::StrCat("has ", samples,
-                               " channels, must be greyscale with the numbers as read out (no "
-                               "demosaicing)"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("has ", samples,
+                     " channels, must be greyscale with the numbers as read out (no "
+                     "demosaicing)"));
   }
-  if (photometric == PHOTOMETRIC_PALETTE) return Refuse("has a palette, must be greyscale");
+  if (photometric == PHOTOMETRIC_PALETTE) {
+    return absl::InvalidArgumentError("has a palette, must be greyscale");
+  }
   if (photometric == PHOTOMETRIC_MINISWHITE) {
-    return Refuse("stores white as 0, must store numbers as read out (black as 0)");
+    return absl::InvalidArgumentError(
+        "stores white as 0, must store numbers as read out (black as 0)");
   }
   if (format != SAMPLEFORMAT_UINT && format != SAMPLEFORMAT_VOID) {
-    return Refuse("has numbers with sign or floating point, must have whole numbers without sign");
+    return absl::InvalidArgumentError(
+        "has numbers with sign or floating point, must have whole numbers without sign");
   }
   if (header->bits != 8 && header->bits != 16) {
-    return Refuse(
+    return absl::InvalidArgumentError(
         absl::StrCat("has ", header->bits, " bits a pixel: record raw numbers in 16-bit files"));
   }
   if (!IsLossless(compression)) {
-    return Refuse(absl::StrCat("has compression ", compression,
-                               ", which changes the numbers or is not known; record raw numbers "
-                               "uncompressed, or with Deflate or LZW"));
+    return absl::InvalidArgumentError(
+        absl::StrCat("has compression ", compression,
+                     ", which changes the numbers or is not known; record raw numbers "
+                     "uncompressed, or with Deflate or LZW"));
   }
   return absl::OkStatus();
 }
@@ -133,7 +137,7 @@ absl::Status ForEachStrip(TIFF* tiff, const TiffHeader& header, const StopCheck&
     TIFFGetField(tiff, TIFFTAG_TILELENGTH, &height);
     const uint64_t bytes = uint64_t{width} * height * pixel_bytes;
     if (width == 0 || height == 0 || bytes > kMaxTileBytes || TIFFTileSize64(tiff) != bytes) {
-      return Refuse(
+      return absl::InvalidArgumentError(
           absl::StrCat("has tiles of ", width, " x ", height, " px, which cannot be read"));
     }
     buffer.resize(bytes);

@@ -7,41 +7,36 @@
 #include <set>
 
 #include "core/inspection/field_checks.h"
+#include "core/inspection/imaging_limits.h"
+#include "core/inspection/vector_proto.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
 
 namespace sightline {
 namespace {
 
-constexpr Limits kPixels{16, 16384, " px"};
+constexpr Limits kImageSize{16, 16384, " px"};
 constexpr Limits kFieldOfView{0, 170, " deg", true, true};
-constexpr Limits kPixelPitch{1e-7, 1e-3, " m"};
-// The camera may come as near as 0.1 m to the plane it is focused on.
-constexpr Limits kFocalLength{1e-3, 0.1, " m", false, true};
-constexpr Limits kFNumber{0.5, 128, ""};
-constexpr Limits kTransmission{0, 1, "", true};
 constexpr Limits kZernike{-1e-4, 1e-4, " m"};
-constexpr Limits kDistortion{-10, 10, ""};
 constexpr Limits kSensorTilt{-30, 30, " deg"};
 constexpr int kMaxZernikeTerms = 66;
 
 constexpr Limits kLaserDistance{0.02, 5, " m"};
 constexpr Limits kFanAngle{0, 180, " deg", true, true};
-constexpr Limits kWavelength{200e-9, 2000e-9, " m"};
-constexpr Limits kPower{0, 100, " W"};
+constexpr Limits kLaserWavelength{200e-9, 2000e-9, " m"};
+constexpr Limits kLaserPower{0, 100, " W"};
 constexpr Limits kDivergence{0, 0.5, " rad", true};
 constexpr Limits kBeamFocus{0, 100, " m"};
 constexpr Limits kBeamQuality{1, 1000, ""};
 
 constexpr Limits kRadiance{0, 1e6, " W/(m^2 sr)"};
 constexpr Limits kLightPosition{-1000, 1000, " m"};
-constexpr Limits kExposureTime{0, 100, " s", true};
 constexpr Limits kSubPixels{2, 64, ""};
 constexpr Limits kNoiseTarget{1e-4, 1, ""};
 constexpr Limits kSamples{1, 1 << 20, ""};
 constexpr Limits kBounces{0, 32, ""};
 constexpr Limits kStageSpeed{0, 10, " m/s"};
-constexpr Limits kTemperature{-60, 120, " C"};
+constexpr Limits kSensorTemperature{-60, 120, " C"};
 constexpr Limits kSpecklePatterns{1, 1000, ""};
 // How far a stated field of view may be from that of sensor and lens.
 constexpr double kFieldOfViewAgreement = 0.1;
@@ -57,8 +52,6 @@ std::string Resolve(const std::string& base_folder, const std::string& file) {
 void ResolveMaterialFiles(const std::string& base_folder, v1::Material* material) {
   for (std::string* file : MutableMaterialFiles(material)) *file = Resolve(base_folder, *file);
 }
-
-Eigen::Vector3d ToVector(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
 
 absl::Status CheckPlace(const Checker& check, const std::string& path, bool given,
                         const v1::Vector3& v) {
@@ -86,7 +79,8 @@ absl::Status CheckLighting(const v1::Lighting& lighting, const Checker& check) {
                                          light.half_edge_u_m()));
     SIGHTLINE_RETURN_IF_ERROR(CheckPlace(check, path + ".half_edge_v_m", light.has_half_edge_v_m(),
                                          light.half_edge_v_m()));
-    const Eigen::Vector3d u = ToVector(light.half_edge_u_m()), v = ToVector(light.half_edge_v_m());
+    const Eigen::Vector3d u = VectorFromProto(light.half_edge_u_m()),
+                          v = VectorFromProto(light.half_edge_v_m());
     if (u.norm() == 0 || v.norm() == 0) {
       return check.Error(path, "has a half edge of length 0");
     }
@@ -128,8 +122,8 @@ absl::StatusOr<RenderSettings> ParseRenderSettings(const v1::RenderSettings& mes
       check.Range("render.stage_speed_m_per_s", settings.stage_speed_m_per_s, kStageSpeed));
   if (message.has_sensor_temperature_c()) {
     settings.sensor_temperature_c = message.sensor_temperature_c();
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("render.sensor_temperature_c", *settings.sensor_temperature_c, kTemperature));
+    SIGHTLINE_RETURN_IF_ERROR(check.Range("render.sensor_temperature_c",
+                                          *settings.sensor_temperature_c, kSensorTemperature));
   }
   if (message.has_speckle_patterns()) settings.speckle_patterns = message.speckle_patterns();
   SIGHTLINE_RETURN_IF_ERROR(
@@ -238,17 +232,19 @@ namespace {
 // What the lens can be set to, and that it is set to nothing else.
 absl::StatusOr<Lens> ParseLensRange(const v1::Lens& message, const Checker& check, Lens lens) {
   if (message.has_min_f_number()) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.min_f_number", message.min_f_number(), kFNumber));
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("lens.min_f_number", message.min_f_number(), kLensFNumber));
     lens.min_f_number = message.min_f_number();
   }
   if (message.has_max_f_number()) {
-    SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.max_f_number", message.max_f_number(),
-                                          {lens.min_f_number.value_or(kFNumber.min), 128, ""}));
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("lens.max_f_number", message.max_f_number(),
+                    {lens.min_f_number.value_or(kLensFNumber.min), kLensFNumber.max, ""}));
     lens.max_f_number = message.max_f_number();
   }
-  SIGHTLINE_RETURN_IF_ERROR(check.Range(
-      "lens.f_number", lens.f_number,
-      {lens.min_f_number.value_or(kFNumber.min), lens.max_f_number.value_or(kFNumber.max), ""}));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.f_number", lens.f_number,
+                                        {lens.min_f_number.value_or(kLensFNumber.min),
+                                         lens.max_f_number.value_or(kLensFNumber.max), ""}));
   if (message.has_min_focus_distance_m()) {
     SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.min_focus_distance_m",
                                           message.min_focus_distance_m(),
@@ -274,9 +270,10 @@ absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& conte
   if (!missing.empty()) return missing.Status();
   Lens lens;
   lens.focal_length_m = message.focal_length_m();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.focal_length_m", lens.focal_length_m, kFocalLength));
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("lens.focal_length_m", lens.focal_length_m, kLensFocalLength));
   lens.f_number = message.f_number();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.f_number", lens.f_number, kFNumber));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.f_number", lens.f_number, kLensFNumber));
   if (message.has_focus_distance_m()) {
     lens.focus_distance_m = message.focus_distance_m();
     // Nearer there is no real image.
@@ -284,11 +281,11 @@ absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& conte
                                           {1.01 * lens.focal_length_m, 1000, " m"}));
   }
   if (message.has_transmission()) lens.transmission = message.transmission();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.transmission", lens.transmission, kTransmission));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.transmission", lens.transmission, kLensTransmission));
   lens.aperture_blades = message.aperture_blades();
   if (lens.aperture_blades != 0) {
     SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("lens.aperture_blades", lens.aperture_blades, {3, 64, " (or 0: a circle)"}));
+        check.Range("lens.aperture_blades", lens.aperture_blades, kApertureBlades));
   }
   SIGHTLINE_RETURN_IF_ERROR(check.Range("lens.aperture_rotation_deg",
                                         message.aperture_rotation_deg(), {-360, 360, " deg"}));
@@ -310,7 +307,7 @@ absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& conte
        {std::pair("k1", d.k1()), std::pair("k2", d.k2()), std::pair("k3", d.k3()),
         std::pair("p1", d.p1()), std::pair("p2", d.p2())}) {
     SIGHTLINE_RETURN_IF_ERROR(
-        check.Range(absl::StrCat("lens.distortion.", name), value, kDistortion));
+        check.Range(absl::StrCat("lens.distortion.", name), value, kLensDistortion));
   }
   lens.distortion = {d.k1(), d.k2(), d.k3(), d.p1(), d.p2()};
   SIGHTLINE_RETURN_IF_ERROR(
@@ -341,8 +338,8 @@ absl::StatusOr<Camera> ParseCamera(const v1::Camera& message, const std::optiona
   }
   if (message.has_columns_px()) camera.columns_px = message.columns_px();
   if (message.has_rows_px()) camera.rows_px = message.rows_px();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("camera.columns_px", camera.columns_px, kPixels));
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("camera.rows_px", camera.rows_px, kPixels));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("camera.columns_px", camera.columns_px, kImageSize));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("camera.rows_px", camera.rows_px, kImageSize));
   if (message.has_pixel_pitch_m()) {
     SIGHTLINE_RETURN_IF_ERROR(
         check.Range("camera.pixel_pitch_m", message.pixel_pitch_m(), kPixelPitch));
@@ -409,9 +406,10 @@ absl::StatusOr<Laser> ParseLaser(const v1::Laser& message, const std::string& co
                        "must be LINE_PROFILE_POWELL or LINE_PROFILE_GAUSSIAN");
   }
   if (message.has_wavelength_m()) laser.wavelength_m = message.wavelength_m();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("laser.wavelength_m", laser.wavelength_m, kWavelength));
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("laser.wavelength_m", laser.wavelength_m, kLaserWavelength));
   if (message.has_power_w()) laser.power_w = message.power_w();
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("laser.power_w", laser.power_w, kPower));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("laser.power_w", laser.power_w, kLaserPower));
   if (message.has_divergence_rad()) laser.divergence_rad = message.divergence_rad();
   SIGHTLINE_RETURN_IF_ERROR(check.Range("laser.divergence_rad", laser.divergence_rad, kDivergence));
   if (message.has_beam_focus_distance_m()) {

@@ -15,6 +15,7 @@
 #include "core/inspection/imaging.h"
 #include "core/inspection/part_holding.h"
 #include "core/inspection/read_with_files.h"
+#include "core/inspection/vector_proto.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
@@ -32,8 +33,6 @@ constexpr Limits kMaxRange{0, 100, " m", true};
 constexpr Limits kBodyLength{0, 10, " m", true};
 constexpr Limits kBodyCentre{-10, 10, " m"};
 
-Eigen::Vector3d ToVector(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
-
 absl::Status CheckVector(const Checker& check, const std::string& path, const v1::Vector3& v,
                          const Limits& limits) {
   SIGHTLINE_RETURN_IF_ERROR(check.Range(path + ".x", v.x(), limits));
@@ -46,13 +45,13 @@ absl::StatusOr<Body> ParseBody(const v1::Body& message, const std::string& path,
   if (!message.has_centre_m()) return check.Error(path + ".centre_m", "is missing");
   SIGHTLINE_RETURN_IF_ERROR(
       CheckVector(check, path + ".centre_m", message.centre_m(), kBodyCentre));
-  const Eigen::Vector3d centre = ToVector(message.centre_m());
+  const Eigen::Vector3d centre = VectorFromProto(message.centre_m());
   switch (message.shape_case()) {
     case v1::Body::kBox: {
       const std::string field = path + ".box.size_m";
       if (!message.box().has_size_m()) return check.Error(field, "is missing");
       SIGHTLINE_RETURN_IF_ERROR(CheckVector(check, field, message.box().size_m(), kBodyLength));
-      return Body(BoxBody{centre, ToVector(message.box().size_m())});
+      return Body(BoxBody{centre, VectorFromProto(message.box().size_m())});
     }
     case v1::Body::kCylinder: {
       const v1::Body::Cylinder& cylinder = message.cylinder();
@@ -88,7 +87,7 @@ constexpr Limits kCoverageRadius{0, 1, " m", true};
 constexpr Limits kNormalAngle{0, 90, " deg", true};
 constexpr Limits kFootprint{0, 1, " m", true};
 constexpr Limits kConfusion{0, 1e4, " px", true};
-constexpr Limits kPosition{-1000, 1000, " m"};
+constexpr Limits kRegionCorner{-1000, 1000, " m"};
 constexpr Limits kResolution{1e-5, 1, " m"};
 constexpr Limits kZoneWidth{0, 1, " m", true};
 
@@ -247,9 +246,10 @@ absl::StatusOr<TargetRegion> ParseTargetRegion(const v1::TargetRegion& region,
     if (!given) errors.Add(check.Error(path + name, "is missing"));
   }
   if (!errors.empty()) return errors.Status();
-  errors.Add(CheckVector(check, path + ".min_m", region.min_m(), kPosition));
-  errors.Add(CheckVector(check, path + ".max_m", region.max_m(), kPosition));
-  const Eigen::Vector3d min = ToVector(region.min_m()), max = ToVector(region.max_m());
+  errors.Add(CheckVector(check, path + ".min_m", region.min_m(), kRegionCorner));
+  errors.Add(CheckVector(check, path + ".max_m", region.max_m(), kRegionCorner));
+  const Eigen::Vector3d min = VectorFromProto(region.min_m()),
+                        max = VectorFromProto(region.max_m());
   for (int axis = 0; axis < 3; ++axis) {
     if (min[axis] < max[axis]) continue;
     const std::string letter(1, "xyz"[axis]);
@@ -350,9 +350,10 @@ absl::StatusOr<TolerancedRegion> ParseTolerancedRegion(const v1::TolerancedRegio
   if (box) {
     if (!message.has_min_m()) return check.Error(path + ".min_m", "is missing");
     if (!message.has_max_m()) return check.Error(path + ".max_m", "is missing");
-    SIGHTLINE_RETURN_IF_ERROR(CheckVector(check, path + ".min_m", message.min_m(), kPosition));
-    SIGHTLINE_RETURN_IF_ERROR(CheckVector(check, path + ".max_m", message.max_m(), kPosition));
-    const Eigen::AlignedBox3d bounds(ToVector(message.min_m()), ToVector(message.max_m()));
+    SIGHTLINE_RETURN_IF_ERROR(CheckVector(check, path + ".min_m", message.min_m(), kRegionCorner));
+    SIGHTLINE_RETURN_IF_ERROR(CheckVector(check, path + ".max_m", message.max_m(), kRegionCorner));
+    const Eigen::AlignedBox3d bounds(VectorFromProto(message.min_m()),
+                                     VectorFromProto(message.max_m()));
     if ((bounds.sizes().array() <= 0).any()) {
       return check.Error(path + ".max_m", "must be above min_m along every axis");
     }

@@ -43,17 +43,16 @@ bool ParameterDomain::Contains(double value) const {
 
 bool MeasurementDomain::Contains(const Measurement& measurement) const {
   const auto p = ToArray(measurement);
-  constexpr int kAlpha = 4, kBeta = 5;
   for (int i = 0; i < kMeasurementParameters; ++i) {
-    if (!resting_orientations.empty() && (i == kAlpha || i == kBeta)) continue;
+    if (!resting_orientations.empty() && (i == kPartAlpha || i == kPartBeta)) continue;
     if (!parameters[i].Contains(p[i])) return false;
   }
   if (resting_orientations.empty()) return true;
-  if (!std::isfinite(p[kAlpha]) || !std::isfinite(p[kBeta])) return false;
+  if (!std::isfinite(p[kPartAlpha]) || !std::isfinite(p[kPartBeta])) return false;
   return std::any_of(resting_orientations.begin(), resting_orientations.end(),
                      [&](const RestingOrientation& o) {
-                       return TurnDistance(p[kAlpha], o.part_alpha_rad) <= kTolerance &&
-                              TurnDistance(p[kBeta], o.part_beta_rad) <= kTolerance;
+                       return TurnDistance(p[kPartAlpha], o.part_alpha_rad) <= kTolerance &&
+                              TurnDistance(p[kPartBeta], o.part_beta_rad) <= kTolerance;
                      });
 }
 
@@ -240,9 +239,8 @@ v1::MeasurementDomain MeasurementDomainToProto(const MeasurementDomain& domain) 
   const auto& table = Table21();
   const auto* descriptor = v1::MeasurementDomain::descriptor();
   const auto* reflection = message.GetReflection();
-  constexpr int kAlpha = 4, kBeta = 5;
   for (int i = 0; i < kMeasurementParameters; ++i) {
-    if (!domain.resting_orientations.empty() && (i == kAlpha || i == kBeta)) continue;
+    if (!domain.resting_orientations.empty() && (i == kPartAlpha || i == kPartBeta)) continue;
     const ParameterDomain& parameter = domain.parameters[i];
     const auto external = [&](double value) {
       // Degrees do not survive the way through radians and back bit by bit.

@@ -4,14 +4,15 @@
 #include <algorithm>
 
 #include "core/inspection/field_checks.h"
+#include "core/inspection/imaging_limits.h"
 #include "core/sensor/sensor.h"
 
 namespace sightline {
 namespace {
 
-constexpr Limits kExposureTime{0, 100, " s", true};
 constexpr Limits kExposures{2, 2000, ""};
-constexpr Limits kPower{0, 100, " W", true};
+// A rig may have a power of 0, a planned setting may not: it has no line.
+constexpr Limits kPlannedLaserPower{0, 100, " W", true};
 constexpr Limits kPriorUncertainty{0, 1000, " px", true};
 constexpr Limits kWeight{0, 1000, ""};
 constexpr Limits kMotionBlur{0, 100, " px", true};
@@ -21,7 +22,7 @@ constexpr Limits kFrames{1, 64, ""};
 constexpr Limits kRidgeSigma{0.5, 20, " px", true};
 constexpr Limits kRidgeScore{0, 1e6, " DN/px^2"};
 constexpr Limits kMaxLines{1, 64, ""};
-constexpr int kMaxValues = 32;
+constexpr int kMaxSettingValues = 32;
 
 absl::StatusOr<SettingDomain> ParseSettingDomain(const v1::ParameterDomain& message,
                                                  const std::string& path, const Limits& limits,
@@ -37,9 +38,9 @@ absl::StatusOr<SettingDomain> ParseSettingDomain(const v1::ParameterDomain& mess
     domain.values = {message.fixed()};
     return domain;
   }
-  if (message.values_size() > kMaxValues) {
+  if (message.values_size() > kMaxSettingValues) {
     return check.Error(path + ".values", absl::StrCat("has ", message.values_size(),
-                                                      " entries, at most ", kMaxValues));
+                                                      " entries, at most ", kMaxSettingValues));
   }
   for (int i = 0; i < message.values_size(); ++i) {
     SIGHTLINE_RETURN_IF_ERROR(
@@ -119,11 +120,12 @@ absl::StatusOr<OpticsPlanning> ParseOpticsPlanning(const v1::OpticsPlanning& mes
                                                    const Lens& lens, const std::string& context) {
   const Checker check(context);
   OpticsPlanning planning;
-  const Limits f_numbers{lens.min_f_number.value_or(0.5), lens.max_f_number.value_or(128),
+  const Limits f_numbers{lens.min_f_number.value_or(kLensFNumber.min),
+                         lens.max_f_number.value_or(kLensFNumber.max),
                          lens.min_f_number || lens.max_f_number ? ", the lens's range" : ""};
-  if (message.f_numbers_size() > kMaxValues) {
+  if (message.f_numbers_size() > kMaxSettingValues) {
     return check.Error("optics.f_numbers", absl::StrCat("has ", message.f_numbers_size(),
-                                                        " entries, at most ", kMaxValues));
+                                                        " entries, at most ", kMaxSettingValues));
   }
   for (int i = 0; i < message.f_numbers_size(); ++i) {
     SIGHTLINE_RETURN_IF_ERROR(
@@ -164,8 +166,8 @@ absl::StatusOr<OpticsPlanning> ParseOpticsPlanning(const v1::OpticsPlanning& mes
     planning.focus_distance_m = *std::move(domain);
   }
   if (message.has_laser_power_w()) {
-    auto domain =
-        ParseSettingDomain(message.laser_power_w(), "optics.laser_power_w", kPower, check);
+    auto domain = ParseSettingDomain(message.laser_power_w(), "optics.laser_power_w",
+                                     kPlannedLaserPower, check);
     if (!domain.ok()) return domain.status();
     planning.laser_power_w = *std::move(domain);
   }

@@ -24,8 +24,6 @@ constexpr double kTableMargin_m = 0.1;
 // Turns about the vertical in which obstacles beside a part are tried, where all are allowed.
 constexpr int kTriedTurns = 12;
 
-enum Parameter { kAlpha = 4, kBeta = 5, kGamma = 6, kOffsetY = 7, kOffsetZ = 8 };
-
 // Vertices stand in the order in which triangles name them, as in every mesh that was read: its
 // digest is then the same on both ends of an upload.
 TriangleMesh MakeBox(const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
@@ -69,7 +67,7 @@ std::vector<double> TriedTurns(const ParameterDomain& gamma) {
 
 void LimitOffsets(const TriangleMesh& part, Inspection* inspection) {
   const LargestOffset largest = LargestOffsetOf(part.BoundingBox().sizes().norm());
-  const auto limit = [&](Parameter parameter, bool given, double largest_m) {
+  const auto limit = [&](MeasurementParameter parameter, bool given, double largest_m) {
     if (!given) inspection->domain.parameters[parameter].ranges = {{-largest_m, largest_m}};
   };
   limit(kOffsetY, inspection->offset_y_given, largest.y_m);
@@ -141,8 +139,8 @@ absl::Status ParsePartHolding(const v1::Inspection& message, const std::string& 
                            "cannot be given with rig.part_holding PART_HOLDING_FIXTURE, which "
                            "holds the part as the CAD file has it");
       }
-      inspection->domain.parameters[kAlpha] = {.ranges = {}, .values = {0}, .periodic = true};
-      inspection->domain.parameters[kBeta] = {.ranges = {}, .values = {0}, .periodic = true};
+      inspection->domain.parameters[kPartAlpha] = {.ranges = {}, .values = {0}, .periodic = true};
+      inspection->domain.parameters[kPartBeta] = {.ranges = {}, .values = {0}, .periodic = true};
       break;
     case v1::Rig::PART_HOLDING_FREE:
       inspection->part_holding = PartHolding::kFree;
@@ -234,7 +232,7 @@ absl::Status CheckObstaclesClear(const TriangleMesh& part, const Inspection& ins
   const Eigen::Vector3d centre = part.BoundingBox().center();
   std::vector<RestingOrientation> orientations = inspection.domain.resting_orientations;
   if (inspection.part_holding == PartHolding::kFixture) orientations = {{0, 0}};
-  const std::vector<double> turns = TriedTurns(inspection.domain.parameters[kGamma]);
+  const std::vector<double> turns = TriedTurns(inspection.domain.parameters[kPartGamma]);
   for (size_t i = 0; i < obstacles.size(); ++i) {
     const PlacedObstacle& obstacle = obstacles[i];
     const auto error = [&](const std::string& what) {

@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-constexpr Limits kPosition{-100, 100, " m"};
+constexpr Limits kMountPosition{-100, 100, " m"};
 constexpr Limits kAngle{-360, 360, " deg"};
 constexpr Limits kSpeedFraction{0, 1, "", true};
 constexpr Limits kAccelerationTime{0, 60, " s"};
@@ -21,7 +21,7 @@ absl::StatusOr<Eigen::Isometry3d> ParsePose(const v1::Vector3& position_m,
                                             const Checker& check) {
   for (const double value : {position_m.x(), position_m.y(), position_m.z()}) {
     SIGHTLINE_RETURN_IF_ERROR(
-        check.Range(absl::StrCat("rig.robot.", name, "_position_m"), value, kPosition));
+        check.Range(absl::StrCat("rig.robot.", name, "_position_m"), value, kMountPosition));
   }
   for (const double value : {angles_deg.x(), angles_deg.y(), angles_deg.z()}) {
     SIGHTLINE_RETURN_IF_ERROR(

@@ -2,6 +2,7 @@
 // How long work learns that nobody waits for it any longer.
 #pragma once
 
+#include <atomic>
 #include <functional>
 
 #include "absl/status/status.h"
@@ -13,5 +14,10 @@ namespace sightline {
 using StopCheck = std::function<absl::Status()>;
 
 inline absl::Status CheckStop(const StopCheck& stop) { return stop ? stop() : absl::OkStatus(); }
+
+// Whether another thread has set the flag that ends the work. Null: the work cannot be cancelled.
+inline bool IsCancelled(const std::atomic<bool>* cancelled) {
+  return cancelled != nullptr && cancelled->load(std::memory_order_relaxed);
+}
 
 }  // namespace sightline

@@ -44,7 +44,7 @@ using google::protobuf::Reflection;
 // protobuf's own JSON parser stops at 100 levels; far more than any of our files needs.
 constexpr size_t kMaxDepth = 64;
 // Once parsed a value takes some 200 bytes for a moment, however short its text is.
-constexpr size_t kMaxValues = 2'000'000;
+constexpr size_t kMaxJsonValues = 2'000'000;
 // What reading a file may cost: the largest of ours, 10 000 recordings, has 10 MB.
 constexpr uint64_t kMaxFileBytes = uint64_t{64} << 20;
 
@@ -152,8 +152,8 @@ class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
 
  private:
   JsonNode* Add(JsonNode node) {
-    if (++values_ > kMaxValues) {
-      error = absl::StrCat("has more than ", kMaxValues, " values");
+    if (++values_ > kMaxJsonValues) {
+      error = absl::StrCat("has more than ", kMaxJsonValues, " values");
       error_byte = std::numeric_limits<size_t>::max();
       return nullptr;
     }

@@ -10,7 +10,7 @@ namespace sightline {
 namespace {
 
 // A detected point and a crossing in the same column.
-struct Pair {
+struct CandidateMatch {
   double distance_px;
   size_t point, crossing;
 };
@@ -57,7 +57,7 @@ std::vector<LineSums> CompareLine(const std::vector<LinePoint>& detected,
   assert(block_px > 0);
   std::vector<LineSums> blocks(static_cast<size_t>((columns_px + block_px - 1) / block_px));
   size_t point = 0, crossing = 0;
-  std::vector<Pair> pairs;
+  std::vector<CandidateMatch> pairs;
   std::vector<uint8_t> point_taken, crossing_taken;
   for (int column = 0; column < columns_px; ++column) {
     LineSums& sums = blocks[static_cast<size_t>(column / block_px)];
@@ -72,13 +72,13 @@ std::vector<LineSums> CompareLine(const std::vector<LinePoint>& detected,
         if (distance <= reach_px) pairs.push_back({distance, p, c});
       }
     }
-    std::sort(pairs.begin(), pairs.end(), [](const Pair& a, const Pair& b) {
+    std::sort(pairs.begin(), pairs.end(), [](const CandidateMatch& a, const CandidateMatch& b) {
       return std::tie(a.distance_px, a.point, a.crossing) <
              std::tie(b.distance_px, b.point, b.crossing);
     });
     point_taken.assign(points_end - point, 0);
     crossing_taken.assign(crossings_end - crossing, 0);
-    for (const Pair& pair : pairs) {
+    for (const CandidateMatch& pair : pairs) {
       if (point_taken[pair.point - point] || crossing_taken[pair.crossing - crossing]) continue;
       point_taken[pair.point - point] = crossing_taken[pair.crossing - crossing] = 1;
       const double deviation = detected[pair.point].row_px - line[pair.crossing].row_px;

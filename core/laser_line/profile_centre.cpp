@@ -20,12 +20,13 @@ int LastSample(double upper, size_t size) {
 // Moments about `centre` over [centre - w, centre + w] of the profile, linear between its samples
 // (constant beyond the first and the last): with windows that end on a bright flank, steps at the
 // samples would show as a bias that repeats with the pixels.
-struct Moments {
+struct ProfileMoments {
   double sum = 0, first = 0, second = 0;
   double end_values = 0;  // at both ends
 };
 
-Moments MomentsAbout(std::span<const double> profile, double centre, double w, double background) {
+ProfileMoments MomentsAbout(std::span<const double> profile, double centre, double w,
+                            double background) {
   const int last_sample = static_cast<int>(profile.size()) - 1;
   const auto value_at = [&](double place) {
     const double inside = std::clamp(place, 0.0, static_cast<double>(last_sample));
@@ -33,7 +34,7 @@ Moments MomentsAbout(std::span<const double> profile, double centre, double w, d
     const double share = inside - k;
     return (1 - share) * profile[k] + share * profile[std::min(k + 1, last_sample)] - background;
   };
-  Moments m;
+  ProfileMoments m;
   // Simpson's rule is exact for the cubics between two samples.
   const auto add = [&](double place, double weight) {
     const double x = place - centre, value = weight * value_at(place);
@@ -137,7 +138,7 @@ double LocalBackground(std::span<const double> profile, const ProfileWindow& win
 std::optional<ProfileCentre> CentreOfGravity(std::span<const double> profile,
                                              const ProfileWindow& window, double background) {
   double centre = window.start;
-  Moments m;
+  ProfileMoments m;
   double w = 0;
   for (int iteration = 0; iteration < 100; ++iteration) {
     w = std::min({window.half_width, centre - window.lower, window.upper - centre});

@@ -12,20 +12,20 @@
 namespace sightline {
 namespace {
 
-using Place = std::array<double, 2>;
+using PlanePoint = std::array<double, 2>;
 
 // Twice the signed area of the triangle a-b-c; positive: counter-clockwise.
-double Turn(const Place& a, const Place& b, const Place& c) {
+double Turn(const PlanePoint& a, const PlanePoint& b, const PlanePoint& c) {
   return (b[0] - a[0]) * (c[1] - b[1]) - (b[1] - a[1]) * (c[0] - b[0]);
 }
 
 // Corners of a polygon by their places, in cells of a grid over its bounding box.
 class CornerGrid {
  public:
-  CornerGrid(std::span<const Place> places, const std::vector<uint32_t>& corners)
+  CornerGrid(std::span<const PlanePoint> places, const std::vector<uint32_t>& corners)
       : low_(places[0]) {
-    Place high = low_;
-    for (const Place& place : places) {
+    PlanePoint high = low_;
+    for (const PlanePoint& place : places) {
       for (int k = 0; k < 2; ++k) {
         low_[k] = std::min(low_[k], place[k]);
         high[k] = std::max(high[k], place[k]);
@@ -55,8 +55,8 @@ class CornerGrid {
   // Whether `blocks` holds for any corner in the cells about the triangle. Those for which `gone`
   // holds are forgotten. Counts what was looked at.
   template <typename Gone, typename Blocks>
-  bool Any(const Place& a, const Place& b, const Place& c, const Gone& gone, const Blocks& blocks,
-           int64_t* steps) {
+  bool Any(const PlanePoint& a, const PlanePoint& b, const PlanePoint& c, const Gone& gone,
+           const Blocks& blocks, int64_t* steps) {
     int first[2], last[2];
     for (int k = 0; k < 2; ++k) {
       first[k] = Index(k, std::min({a[k], b[k], c[k]}));
@@ -88,11 +88,11 @@ class CornerGrid {
     if (!(cell > 0)) return 0;
     return cell < cells_[axis] - 1 ? static_cast<int>(cell) : cells_[axis] - 1;
   }
-  size_t Cell(const Place& place) const {
+  size_t Cell(const PlanePoint& place) const {
     return static_cast<size_t>(Index(1, place[1])) * cells_[0] + Index(0, place[0]);
   }
 
-  Place low_;
+  PlanePoint low_;
   int cells_[2];
   double scale_[2];
   std::vector<uint32_t> begin_, end_, corners_;
@@ -132,7 +132,7 @@ absl::Status PolygonCutter::Add(std::span<const uint32_t> corners, RawMesh* mesh
   normal.cwiseAbs().maxCoeff(&axis);
   int u = (axis + 1) % 3, v = (axis + 2) % 3;
   if (normal[axis] < 0) std::swap(u, v);
-  std::vector<Place> places(n);
+  std::vector<PlanePoint> places(n);
   bool finite = true;
   for (size_t i = 0; i < n; ++i) {
     places[i] = {p[corners[i]][u], p[corners[i]][v]};
@@ -151,7 +151,7 @@ absl::Status PolygonCutter::Add(std::span<const uint32_t> corners, RawMesh* mesh
 }
 
 absl::Status PolygonCutter::CutEars(std::span<const uint32_t> corners,
-                                    std::span<const Place> places, RawMesh* mesh) {
+                                    std::span<const PlanePoint> places, RawMesh* mesh) {
   const uint32_t n = static_cast<uint32_t>(corners.size());
   std::vector<uint32_t> next(n), previous(n);
   for (uint32_t i = 0; i < n; ++i) {
@@ -188,14 +188,14 @@ absl::Status PolygonCutter::CutEars(std::span<const uint32_t> corners,
   uint32_t left = n, at = 0, tried_in_vain = 0;
   while (left > 3 && tried_in_vain < left) {
     const uint32_t a = previous[at], c = next[at];
-    const Place &pa = places[a], &pb = places[at], &pc = places[c];
+    const PlanePoint &pa = places[a], &pb = places[at], &pc = places[c];
     ++steps;
     bool ear = Turn(pa, pb, pc) > 0;
     if (ear) {
       const auto gone = [&](uint32_t q) { return !may_block[q]; };
       const auto inside = [&](uint32_t q) {
         // Where a hole is tied to the outline, corners stand twice at one place.
-        const Place& pq = places[q];
+        const PlanePoint& pq = places[q];
         if (pq == pa || pq == pb || pq == pc) return false;
         return Turn(pa, pb, pq) >= 0 && Turn(pb, pc, pq) >= 0 && Turn(pc, pa, pq) >= 0;
       };

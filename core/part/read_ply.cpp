@@ -59,9 +59,9 @@ size_t SizeOf(Number type) {
 }
 
 // Reads the numbers after the header one by one.
-class Body {
+class PlyBody {
  public:
-  Body(std::string_view bytes, Encoding encoding)
+  PlyBody(std::string_view bytes, Encoding encoding)
       : bytes_(bytes), scanner_(bytes), encoding_(encoding) {}
 
   // False: the data ends here, or is no number.
@@ -168,7 +168,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
   if (!encoding) return absl::InvalidArgumentError("the header has no format");
   if (!header.NextLine()) return absl::InvalidArgumentError("truncated: no data after the header");
 
-  Body body(bytes.substr(header.position()), *encoding);
+  PlyBody body(bytes.substr(header.position()), *encoding);
   RawMesh mesh;
   PolygonCutter cutter(stop);
   std::vector<uint32_t> corners;

@@ -15,12 +15,14 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "core/process/process_clock.h"
 
 namespace sightline {
 namespace {
 
 constexpr size_t kErrorsTailBytes = 2000;
-// How often it is looked whether a program ended that has closed its pipes.
+// Pause between two checks whether a program that has closed its pipes has ended; the shortest wait
+// for output.
 constexpr absl::Duration kEndPoll = absl::Milliseconds(5);
 
 struct Pipe {
@@ -65,17 +67,18 @@ class Child {
 };
 
 // What comes until both pipes are closed.
-absl::Status ReadAll(const Pipe& output, const Pipe& errors, absl::Time deadline, size_t max_bytes,
-                     FinishedProgram* finished) {
+absl::Status ReadAll(const Pipe& output, const Pipe& errors, const ProgramLimits& limits,
+                     ProcessClock* clock, FinishedProgram* finished) {
   std::array<pollfd, 2> fds = {pollfd{output.ends[0], POLLIN, 0},
                                pollfd{errors.ends[0], POLLIN, 0}};
   const std::array<std::string*, 2> texts = {&finished->output, &finished->errors};
   std::string buffer(1 << 16, '\0');
   while (fds[0].fd >= 0 || fds[1].fd >= 0) {
-    const absl::Duration left = deadline - absl::Now();
+    const absl::Duration left = limits.time_limit - clock->Look();
     if (left <= absl::ZeroDuration()) return absl::DeadlineExceededError("");
-    const int64_t wait_ms = absl::ToInt64Milliseconds(std::min(left, absl::Seconds(1))) + 1;
-    if (poll(fds.data(), fds.size(), static_cast<int>(wait_ms)) < 0 && errno != EINTR) {
+    const absl::Duration wait = std::clamp(left, kEndPoll, ProcessClock::kPeriod);
+    const auto wait_ms = static_cast<int>(absl::ToInt64Milliseconds(wait));
+    if (poll(fds.data(), fds.size(), wait_ms) < 0 && errno != EINTR) {
       return absl::UnavailableError(std::strerror(errno));
     }
     for (size_t i = 0; i < fds.size(); ++i) {
@@ -88,7 +91,7 @@ absl::Status ReadAll(const Pipe& output, const Pipe& errors, absl::Time deadline
       }
       texts[i]->append(buffer.data(), static_cast<size_t>(got));
     }
-    if (finished->output.size() > max_bytes) return absl::ResourceExhaustedError("");
+    if (finished->output.size() > limits.max_output_bytes) return absl::ResourceExhaustedError("");
     // What it wrote last tells why it failed.
     if (finished->errors.size() > 2 * kErrorsTailBytes) {
       finished->errors.erase(0, finished->errors.size() - kErrorsTailBytes);
@@ -101,7 +104,6 @@ absl::Status ReadAll(const Pipe& output, const Pipe& errors, absl::Time deadline
 
 absl::StatusOr<FinishedProgram> RunProgram(ProcessStart start, const ProgramLimits& limits) {
   const std::string program = start.words.at(0);
-  const absl::Time deadline = absl::Now() + limits.time_limit;
   const absl::Status late = absl::DeadlineExceededError(absl::StrCat(
       program, " took longer than ", absl::FormatDuration(limits.time_limit), " and was ended"));
   Pipe output, errors;
@@ -116,8 +118,9 @@ absl::StatusOr<FinishedProgram> RunProgram(ProcessStart start, const ProgramLimi
   output.CloseWriteEnd();
   errors.CloseWriteEnd();
 
+  ProcessClock clock(*started);
   FinishedProgram finished;
-  const absl::Status all = ReadAll(output, errors, deadline, limits.max_output_bytes, &finished);
+  const absl::Status all = ReadAll(output, errors, limits, &clock, &finished);
   if (absl::IsDeadlineExceeded(all)) return late;
   if (absl::IsResourceExhausted(all)) {
     return absl::ResourceExhaustedError(absl::StrCat(
@@ -126,7 +129,7 @@ absl::StatusOr<FinishedProgram> RunProgram(ProcessStart start, const ProgramLimi
   if (!all.ok()) return all;
   std::optional<int> ended;
   while (!(ended = child.Ended())) {
-    if (absl::Now() > deadline) return late;
+    if (clock.Look() > limits.time_limit) return late;
     absl::SleepFor(kEndPoll);
   }
   finished.wait_status = *ended;

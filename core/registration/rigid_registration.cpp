@@ -21,8 +21,6 @@ constexpr double kSmallestResidual = 1e-8;
 constexpr size_t kCoarsePoints = 3000;
 constexpr size_t kFewestPoints = 6;
 constexpr double kNotFixed = 0.5;
-// A point within so many standard deviations of its noise of an edge may belong to the other face.
-constexpr double kSureDeviations = 2;
 constexpr size_t kFewestSure = 20;  // a part of one in so many points
 constexpr double kLeastNoiseShare = 0.01;
 

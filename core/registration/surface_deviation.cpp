@@ -17,9 +17,6 @@
 namespace sightline {
 namespace {
 
-// As in rigid_registration.cpp.
-constexpr double kSureDeviations = 2;
-
 // Of a scan's many thousand points some are off by four standard deviations of their noise.
 constexpr int kSureSteps = 4;
 

@@ -16,6 +16,9 @@
 
 namespace sightline {
 
+// A point within so many standard deviations of its noise of an edge may belong to the other face.
+inline constexpr double kSureDeviations = 2;
+
 struct SurfacePoint {
   uint32_t triangle = 0;
   Eigen::Vector3d position_m;  // on the triangle

@@ -9,17 +9,17 @@
 #include <tuple>
 
 #include "core/part/surface_geometry.h"
+#include "core/physics/angle.h"
 
 namespace sightline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 // A table that is not level and a hand that lets go tilt a part by a degree or two.
-constexpr double kLeastStability_rad = 3 * kDegree;
+constexpr double kLeastStability_rad = 3 * kRadPerDeg;
 // STEP translators and STL exports cut a turn into twelve facets or more: what lies on a facet less
 // than this from the next one lies on something round.
-constexpr double kRoundDihedral_rad = 31 * kDegree;
-constexpr double kSameFace_rad = 1 * kDegree;
+constexpr double kRoundDihedral_rad = 31 * kRadPerDeg;
+constexpr double kSameFace_rad = 1 * kRadPerDeg;
 constexpr size_t kMostFaces = 12;
 // A tessellated sphere stands on each of its facets.
 constexpr size_t kMostCandidates = 2000;
@@ -139,10 +139,10 @@ bool FootInside(const std::array<Eigen::Vector3d, 3>& corner, const Eigen::Vecto
 }
 
 double RoundedTurn(double angle_rad) {
-  double degrees = std::round(angle_rad / kDegree / kAngleStep_deg) * kAngleStep_deg;
+  double degrees = std::round(angle_rad / kRadPerDeg / kAngleStep_deg) * kAngleStep_deg;
   if (degrees < 0) degrees += 360;
   if (degrees >= 360) degrees -= 360;
-  return degrees * kDegree;
+  return degrees * kRadPerDeg;
 }
 
 RestingFace MakeFace(const Eigen::Vector3d& normal, const Contact& contact, double stability_rad) {
@@ -178,7 +178,7 @@ RestingFace MakeFace(const Eigen::Vector3d& normal, const Contact& contact, doub
 }
 
 // Volume and first moments of a closed mesh about `origin`, each times 6 and 24.
-struct Moments {
+struct VolumeMoments {
   double volume6 = 0;
   Eigen::Vector3d first24 = Eigen::Vector3d::Zero();
   void Add(const Eigen::Vector3d& a, const Eigen::Vector3d& b, const Eigen::Vector3d& c) {
@@ -214,7 +214,7 @@ bool IsClosed(const TriangleMesh& mesh) {
 
 Eigen::Vector3d MassCentre(const TriangleMesh& mesh, const ConvexHull& hull) {
   const Eigen::Vector3d origin = mesh.BoundingBox().center();
-  Moments of_hull;
+  VolumeMoments of_hull;
   for (const auto& t : hull.triangles) {
     of_hull.Add(hull.corners_m[t[0]] - origin, hull.corners_m[t[1]] - origin,
                 hull.corners_m[t[2]] - origin);
@@ -222,7 +222,7 @@ Eigen::Vector3d MassCentre(const TriangleMesh& mesh, const ConvexHull& hull) {
   // Below this the mesh is a sheet whose two sides cancel.
   constexpr double kLeastFilling = 1e-4;
   if (IsClosed(mesh)) {
-    Moments of_mesh;
+    VolumeMoments of_mesh;
     for (size_t t = 0; t < mesh.triangles.size(); ++t) {
       of_mesh.Add(mesh.Corner(t, 0) - origin, mesh.Corner(t, 1) - origin,
                   mesh.Corner(t, 2) - origin);

@@ -23,7 +23,27 @@ struct Measurement {
   friend bool operator==(const Measurement&, const Measurement&) = default;
 };
 
+// Index of a parameter in the order of the struct: into ToArray, and into the parameters of a
+// measurement domain.
+enum MeasurementParameter {
+  kCameraDistance,
+  kTriangulationAngle,
+  kCameraAzimuth,
+  kCameraPolar,
+  kPartAlpha,
+  kPartBeta,
+  kPartGamma,
+  kOffsetY,
+  kOffsetZ,
+};
+
 inline constexpr int kMeasurementParameters = 9;
+
+// Names of the parameters in files and messages (v1::Measurement), where angles are in degrees.
+inline constexpr std::array<const char*, kMeasurementParameters> kMeasurementParameterNames = {
+    "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
+    "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
+    "offset_z_m"};
 
 // The parameters in the order of the struct.
 std::array<double, kMeasurementParameters> ToArray(const Measurement& measurement);

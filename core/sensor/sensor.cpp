@@ -9,24 +9,24 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/inspection/field_checks.h"
+#include "core/inspection/imaging_limits.h"
 #include "core/json/strict_json.h"
 
 namespace sightline {
 namespace {
 
-constexpr Limits kPixelPitch{1e-7, 1e-3, " m"};
-constexpr Limits kPixels{1, 65536, " px"};
+constexpr Limits kSensorSize{1, 65536, " px"};
 constexpr Limits kBitDepth{1, 16, " bit"};
 constexpr Limits kGain{0, 1e6, " DN per electron", true};
 constexpr Limits kElectrons{0, 1e9, " electrons"};
 constexpr Limits kSaturation{0, 1e9, " electrons", true};
 constexpr Limits kDarkCurrent{0, 1e9, " electrons/s"};
-constexpr Limits kTemperature{-273.15, 200, " degrees Celsius"};
+constexpr Limits kReferenceTemperature{-273.15, 200, " degrees Celsius"};
 constexpr Limits kDoubling{0, 100, " K", true};
 constexpr Limits kFraction{0, 1, ""};
 // Beyond this the normal law of the sensitivities has no meaning: some would be negative.
 constexpr Limits kPrnu{0, 0.3, ""};
-constexpr Limits kWavelength{1e-7, 2e-6, " m"};
+constexpr Limits kEfficiencyWavelength{1e-7, 2e-6, " m"};
 
 constexpr const char* kChannelNames[2][3] = {{"mono", "", ""}, {"red", "green", "blue"}};
 
@@ -113,8 +113,9 @@ absl::Status ParseQuantumEfficiency(const v1::Sensor& message, const Checker& ch
     const v1::Sensor::QuantumEfficiencyPoint& point = message.quantum_efficiency_curve(i);
     const std::string path = absl::StrCat("quantum_efficiency_curve[", i, "]");
     const double wavelength = point.wavelength_m();
-    SIGHTLINE_RETURN_IF_ERROR(CheckRange(check, path + ".wavelength_m", wavelength, kWavelength,
-                                         UnitHint(wavelength, 1e-9, kWavelength, "nm")));
+    SIGHTLINE_RETURN_IF_ERROR(CheckRange(check, path + ".wavelength_m", wavelength,
+                                         kEfficiencyWavelength,
+                                         UnitHint(wavelength, 1e-9, kEfficiencyWavelength, "nm")));
     if (i > 0 && wavelength <= message.quantum_efficiency_curve(i - 1).wavelength_m()) {
       return check.Error(
           path + ".wavelength_m",
@@ -220,8 +221,8 @@ absl::StatusOr<Sensor> ParseSensor(const v1::Sensor& message, const std::string&
   SIGHTLINE_RETURN_IF_ERROR(
       CheckRange(check, "pixel_pitch_m", sensor.pixel_pitch_m, kPixelPitch,
                  UnitHint(sensor.pixel_pitch_m, 1e-6, kPixelPitch, "micrometres")));
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("sensor_columns_px", sensor.columns_px, kPixels));
-  SIGHTLINE_RETURN_IF_ERROR(check.Range("sensor_rows_px", sensor.rows_px, kPixels));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("sensor_columns_px", sensor.columns_px, kSensorSize));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("sensor_rows_px", sensor.rows_px, kSensorSize));
   SIGHTLINE_RETURN_IF_ERROR(check.Range("bit_depth_bit", sensor.bit_depth_bit, kBitDepth));
   SIGHTLINE_RETURN_IF_ERROR(
       CheckRange(check, "gain_dn_per_electron", sensor.gain_dn_per_electron, kGain,
@@ -238,7 +239,8 @@ absl::StatusOr<Sensor> ParseSensor(const v1::Sensor& message, const std::string&
   SIGHTLINE_RETURN_IF_ERROR(check.Range("dark_current_electrons_per_s",
                                         sensor.dark_current_electrons_per_s, kDarkCurrent));
   SIGHTLINE_RETURN_IF_ERROR(check.Range("dark_current_reference_temperature_c",
-                                        sensor.dark_current_reference_temperature_c, kTemperature));
+                                        sensor.dark_current_reference_temperature_c,
+                                        kReferenceTemperature));
   SIGHTLINE_RETURN_IF_ERROR(
       check.Range("dark_current_doubling_k", sensor.dark_current_doubling_k, kDoubling));
   SIGHTLINE_RETURN_IF_ERROR(CheckFraction(check, "prnu_relative", sensor.prnu_relative, kPrnu));

@@ -50,7 +50,7 @@ constexpr int RowStart(int k, int degree) { return k * (degree + 1) - k * (k - 1
 // Function f_m(x) f_n(y) in the vectors.
 constexpr int Function(int m, int n) { return RowStart(m, kDegree) + n; }
 // Pair of functions of one axis, in any order.
-constexpr int Pair(int m, int n) { return m >= n ? m * (m + 1) / 2 + n : n * (n + 1) / 2 + m; }
+constexpr int PairIndex(int m, int n) { return m >= n ? m * (m + 1) / 2 + n : n * (n + 1) / 2 + m; }
 
 // Factors of the recurrence h_{k+1} = a_k z h_k - b_k h_{k-1} of h_k = H_k(z) / sqrt(2^k k!).
 struct Recurrence {
@@ -72,7 +72,7 @@ struct Basis {
   double decay, scale;
   double factor[kDegree + 1];
   double product_scale;  // z / x of the psi_k
-  // f_m f_n = sum_i product[Pair(m, n)][i] psi_k, k = 2 i + (m + n) % 2.
+  // f_m f_n = sum_i product[PairIndex(m, n)][i] psi_k, k = 2 i + (m + n) % 2.
   double product[kPairs][kDegree + 1];
   Weights at_target;
 };
@@ -106,7 +106,7 @@ Basis MakeBasis() {
       for (int n = 0; n <= m; ++n) {
         const double product = weight * basis.factor[m] * f[m] * basis.factor[n] * f[n];
         for (int k = (m + n) % 2; k <= m + n; k += 2) {
-          basis.product[Pair(m, n)][k / 2] += product * psi[k];
+          basis.product[PairIndex(m, n)][k / 2] += product * psi[k];
         }
       }
     }
@@ -141,7 +141,7 @@ void AddUp(const Basis& basis, const double* moments, double fraction, Informati
   double row[2][kDegree + 1];  // by parity of j
   for (int m = 0; m <= kDegree; ++m) {
     for (int m2 = 0; m2 <= m; ++m2) {
-      const double* along_x = basis.product[Pair(m, m2)];
+      const double* along_x = basis.product[PairIndex(m, m2)];
       for (int j = 0; j <= kProductDegree - m - m2; ++j) {
         double sum = 0;
         for (int k = (m + m2) % 2; k <= m + m2; k += 2) {
@@ -151,7 +151,7 @@ void AddUp(const Basis& basis, const double* moments, double fraction, Informati
       }
       for (int n2 = 0; n2 <= kDegree - m2; ++n2) {
         for (int n = m == m2 ? n2 : 0; n <= kDegree - m; ++n) {
-          const double* along_y = basis.product[Pair(n, n2)];
+          const double* along_y = basis.product[PairIndex(n, n2)];
           const double* of_parity = row[(n + n2) % 2];
           double sum = 0;
           for (int i = 0; i <= (n + n2) / 2; ++i) sum += along_y[i] * of_parity[i];

@@ -20,11 +20,11 @@ constexpr int kMaxTableEntries = 1 << 16;
 constexpr int kCalibrationVariables = kTriangulationVariables - kCameraAlpha;
 
 // Index of the entry below `x` and the weight of the next one.
-struct Place {
+struct InterpolationInterval {
   size_t below;
   double weight;
 };
-Place PlaceOf(const std::vector<double>& axis, double x) {
+InterpolationInterval IntervalOf(const std::vector<double>& axis, double x) {
   const auto above = std::upper_bound(axis.begin(), axis.end(), x);
   if (above == axis.begin()) return {0, 0};
   const auto below = static_cast<size_t>(above - axis.begin()) - 1;
@@ -77,11 +77,11 @@ absl::StatusOr<LineDetectionNoise> ParseTable(const v1::LineDetection& message,
                                           table.standard_deviations_px(i), kDetection));
   }
   const std::vector<double> times(table.exposure_times_s().begin(), table.exposure_times_s().end());
-  Place exposure{0, 0};
+  InterpolationInterval exposure{0, 0};
   if (message.has_exposure_time_s()) {
     SIGHTLINE_RETURN_IF_ERROR(check.Range("uncertainty.line_detection.exposure_time_s",
                                           message.exposure_time_s(), kExposure));
-    if (!times.empty()) exposure = PlaceOf(times, message.exposure_time_s());
+    if (!times.empty()) exposure = IntervalOf(times, message.exposure_time_s());
   }
   LineDetectionNoise noise;
   noise.distances_m.assign(table.distances_m().begin(), table.distances_m().end());
@@ -157,8 +157,8 @@ absl::StatusOr<TriangulationCovariance> ParseCalibration(const v1::Calibration& 
 
 double LineDetectionNoise::At(double distance_m, double incidence_angle_rad) const {
   if (IsConstant()) return standard_deviations_px[0];
-  const Place d = PlaceOf(distances_m, distance_m);
-  const Place a = PlaceOf(incidence_angles_rad, incidence_angle_rad);
+  const InterpolationInterval d = IntervalOf(distances_m, distance_m);
+  const InterpolationInterval a = IntervalOf(incidence_angles_rad, incidence_angle_rad);
   const size_t angles = incidence_angles_rad.size();
   const auto along_angle = [&](size_t row) {
     const double value = standard_deviations_px[row * angles + a.below];

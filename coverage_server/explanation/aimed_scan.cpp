@@ -8,9 +8,6 @@
 namespace sightline {
 namespace {
 
-// In the order of Measurement.
-enum Parameter { kDistance, kTriangulation, kAzimuth, kPolar, kAlpha, kBeta, kGamma, kY, kZ };
-
 // How far from the image's centre a place may be wanted, as part of the half image.
 constexpr double kMostOffCentre = 0.8;
 
@@ -66,12 +63,14 @@ Aim SpreadAim(int index) {
 
 AimedScan MakeAimedScan(const Rig& rig, const MeasurementDomain& domain, const Aim& aim) {
   std::array<double, kMeasurementParameters> values{};
-  for (int i = kDistance; i <= kGamma; ++i) values[i] = ValueAt(domain.parameters[i], aim[i]);
+  for (int i = kCameraDistance; i <= kPartGamma; ++i) {
+    values[i] = ValueAt(domain.parameters[i], aim[i]);
+  }
   if (!domain.resting_orientations.empty()) {
     const RestingOrientation& resting =
-        domain.resting_orientations[Cell(aim[kAlpha], domain.resting_orientations.size())];
-    values[kAlpha] = resting.part_alpha_rad;
-    values[kBeta] = resting.part_beta_rad;
+        domain.resting_orientations[Cell(aim[kPartAlpha], domain.resting_orientations.size())];
+    values[kPartAlpha] = resting.part_alpha_rad;
+    values[kPartBeta] = resting.part_beta_rad;
   }
   AimedScan scan;
   scan.measurement = FromArray(values);
@@ -83,8 +82,9 @@ AimedScan MakeAimedScan(const Rig& rig, const MeasurementDomain& domain, const A
   const double half_height_m =
       std::min(0.5 * distance_m, 0.5 * rig.camera.rows_px / focal_px * distance_m /
                                      std::abs(std::sin(scan.measurement.triangulation_angle_rad)));
-  scan.wanted_m = kMostOffCentre * (Centred(aim[kY]) * half_width_m * scan.geometry.laser.x_axis +
-                                    Centred(aim[kZ]) * half_height_m * scan.geometry.laser.z_axis);
+  scan.wanted_m =
+      kMostOffCentre * (Centred(aim[kOffsetY]) * half_width_m * scan.geometry.laser.x_axis +
+                        Centred(aim[kOffsetZ]) * half_height_m * scan.geometry.laser.z_axis);
   return scan;
 }
 
@@ -94,8 +94,10 @@ ScanOfPlace AimAt(const AimedScan& scan, const MeasurementDomain& domain,
   Eigen::Vector3d at = geometry.part_rotation * (place_m - part_centre_m);
   ScanOfPlace result;
   result.measurement = scan.measurement;
-  result.measurement.offset_y_m = NearestValue(domain.parameters[kY], scan.wanted_m.y() - at.y());
-  result.measurement.offset_z_m = NearestValue(domain.parameters[kZ], scan.wanted_m.z() - at.z());
+  result.measurement.offset_y_m =
+      NearestValue(domain.parameters[kOffsetY], scan.wanted_m.y() - at.y());
+  result.measurement.offset_z_m =
+      NearestValue(domain.parameters[kOffsetZ], scan.wanted_m.z() - at.z());
   at.y() += result.measurement.offset_y_m;
   at.z() += result.measurement.offset_z_m;
   result.stage_m = geometry.LitStagePosition(at);

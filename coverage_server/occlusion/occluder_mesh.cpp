@@ -8,16 +8,13 @@
 #include <utility>
 #include <vector>
 
+#include "core/job/stop_check.h"
 #include "coverage_server/worker_process/worker_process.h"
 
 namespace sightline {
 namespace {
 
-constexpr char kTask[] = "occluder-mesh";
-
-bool IsSet(const std::atomic<bool>* flag) {
-  return flag != nullptr && flag->load(std::memory_order_relaxed);
-}
+constexpr char kOccluderMeshTask[] = "occluder-mesh";
 
 // The triangles of all meshes, one after the other.
 struct Triangles {
@@ -52,12 +49,12 @@ Triangles Gather(const TriangleMesh& part, std::span<const TriangleMesh* const> 
   for (const TriangleMesh* mesh : meshes) {
     const auto base = static_cast<uint32_t>(all.vertices.size() / 3);
     for (size_t i = 0; i < mesh->positions_m.size(); ++i) {
-      if (i % kPiece == 0 && IsSet(cancelled)) return all;
+      if (i % kPiece == 0 && IsCancelled(cancelled)) return all;
       const Eigen::Vector3f& p = mesh->positions_m[i];
       all.vertices.insert(all.vertices.end(), {p.x(), p.y(), p.z()});
     }
     for (size_t t = 0; t < mesh->triangles.size(); ++t) {
-      if (t % kPiece == 0 && IsSet(cancelled)) return all;
+      if (t % kPiece == 0 && IsCancelled(cancelled)) return all;
       for (const uint32_t v : mesh->triangles[t]) all.indices.push_back(base + v);
     }
   }
@@ -185,7 +182,7 @@ OccluderMesh Shown(std::shared_ptr<const Arrays> arrays) {
 }  // namespace
 
 WorkerTask OccluderMeshTask() {
-  return {kTask, [](SharedReader& input, SharedWriter& answer) -> absl::Status {
+  return {kOccluderMeshTask, [](SharedReader& input, SharedWriter& answer) -> absl::Status {
             const auto simplification_m = input.Get<double>();
             const auto point_spacing_m = input.Get<float>();
             const auto vertices = input.GetAll<float>();
@@ -209,7 +206,7 @@ absl::StatusOr<OccluderMesh> MakeOccluderMesh(const TriangleMesh& part,
                                               const OccluderOptions& options,
                                               const std::atomic<bool>* cancelled) {
   Triangles all = Gather(part, obstacles, cancelled);
-  if (IsSet(cancelled)) return absl::CancelledError("occluders");
+  if (IsCancelled(cancelled)) return absl::CancelledError("occluders");
   const std::string program = WorkerProgram();
   if (program.empty() || all.indices.size() / 3 <= options.most_triangles_here) {
     return Shown(std::make_shared<const Arrays>(
@@ -224,7 +221,7 @@ absl::StatusOr<OccluderMesh> MakeOccluderMesh(const TriangleMesh& part,
   writer.PutAll(std::span<const uint32_t>(all.indices));
   if (!writer.status().ok()) return writer.status();
   all = {};
-  auto answer = RunWorkerTask(program, kTask, *input, cancelled);
+  auto answer = RunWorkerTask(program, kOccluderMeshTask, *input, cancelled);
   if (!answer.ok()) return answer.status();
   OccluderMesh mesh;
   mesh.vertices = answer->GetAll<float>();

@@ -9,14 +9,14 @@
 namespace sightline {
 namespace {
 
-constexpr char kTask[] = "hull-corners";
+constexpr char kHullCornersTask[] = "hull-corners";
 // Takes less than 100 ms even if all of them are corners.
 constexpr size_t kMostPointsHere = 10'000;
 
 }  // namespace
 
 WorkerTask HullCornersTask() {
-  return {kTask, [](SharedReader& input, SharedWriter& answer) -> absl::Status {
+  return {kHullCornersTask, [](SharedReader& input, SharedWriter& answer) -> absl::Status {
             const auto hull = MakeConvexHull(input.GetAll<Eigen::Vector3f>());
             if (!hull.ok()) return hull.status();
             answer.PutAll(std::span(hull->corners_m.data()->data(), 3 * hull->corners_m.size()));
@@ -37,7 +37,7 @@ absl::StatusOr<std::vector<Eigen::Vector3d>> HullCorners(std::span<const Eigen::
   SharedWriter writer(input->fd(), cancelled);
   writer.PutAll(std::span(points_m.data()->data(), 3 * points_m.size()));
   if (!writer.status().ok()) return writer.status();
-  auto answer = RunWorkerTask(program, kTask, *input, cancelled);
+  auto answer = RunWorkerTask(program, kHullCornersTask, *input, cancelled);
   if (!answer.ok()) return answer.status();
   const auto corners = answer->GetAll<Eigen::Vector3d>();
   if (!answer->ok()) return absl::InternalError("the hull is not whole");

@@ -7,6 +7,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "core/inspection/vector_proto.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
 #include "core/spelling/one_of.h"
@@ -20,14 +21,6 @@ namespace {
 // At most about 40 bytes each on the wire: below 1 MiB.
 constexpr size_t kPointsPerMessage = 16384;
 constexpr int64_t kMaxCoverageResponseBytes = kMaxMessageBytes / 2;
-
-v1::Vector3 VectorToProto(const Eigen::Vector3d& vector) {
-  v1::Vector3 message;
-  message.set_x(vector.x());
-  message.set_y(vector.y());
-  message.set_z(vector.z());
-  return message;
-}
 
 void AddVector(const Eigen::Vector3f& vector, google::protobuf::RepeatedField<float>* field) {
   field->Add(vector.x());

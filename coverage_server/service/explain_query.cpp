@@ -12,8 +12,8 @@ namespace sightline {
 namespace {
 
 constexpr int kMaxTargets = 100'000;
-// An explanation takes about a millisecond.
-constexpr size_t kTargetChunk = 64;
+// Targets from one look at the deadline to the next: an explanation takes about a millisecond.
+constexpr size_t kExplanationChunk = 64;
 
 v1::UncoveredReason ReasonToProto(UncoveredReason reason) {
   switch (reason) {
@@ -75,7 +75,7 @@ absl::Status CoverageServiceImpl::Explain(grpc::ServerContext* context,
   if (!domain.ok()) return domain.status();
   std::vector<TargetExplanation> explanations(targets.size());
   absl::Status status =
-      Evaluate(context, targets.size(), kTargetChunk,
+      Evaluate(context, targets.size(), kExplanationChunk,
                [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
                  scene.Explain(*domain, std::span(targets).subspan(begin, end - begin),
                                std::span(explanations).subspan(begin, end - begin), &cancelled);

@@ -15,7 +15,7 @@ namespace {
 
 constexpr int kMaxScansTogether = 256;
 // Inference at a target takes tens to hundreds of microseconds.
-constexpr size_t kTargetChunk = 64;
+constexpr size_t kInferenceChunk = 64;
 // Four bytes each: below 1 MiB.
 constexpr size_t kNumbersPerMessage = 1 << 17;
 
@@ -139,7 +139,7 @@ absl::Status CoverageServiceImpl::Uncertainty(
   }
   std::vector<TargetUncertainty> results(targets->size());
   status =
-      Evaluate(context, results.size(), kTargetChunk,
+      Evaluate(context, results.size(), kInferenceChunk,
                [&](size_t begin, size_t end, const std::atomic<bool>& cancelled) {
                  scene.Infer(points, std::span(*targets).subspan(begin, end - begin),
                              request.after_each_scan(),

@@ -22,7 +22,7 @@
 namespace sightline {
 namespace {
 
-constexpr char kVertexShader[] = R"(#version 330 core
+constexpr char kViewVertexShader[] = R"(#version 330 core
 layout(location = 0) in vec3 position;
 layout(location = 1) in vec4 colour;
 uniform mat4 to_clip;
@@ -36,7 +36,7 @@ void main() {
 )";
 // Light from the viewer and a little from above. Facets are flat: the normal towards the viewer
 // follows from how the place changes across the image.
-constexpr char kFragmentShader[] = R"(#version 330 core
+constexpr char kViewFragmentShader[] = R"(#version 330 core
 in vec3 place;
 in vec4 shade_colour;
 uniform vec3 to_viewer;
@@ -272,7 +272,7 @@ absl::StatusOr<std::string> Rasterize(const DrawList& opaque, const DrawList& tr
   auto framebuffer =
       Framebuffer::Make(gl, kSamples * columns, kSamples * rows, /*with_colour=*/true);
   if (!framebuffer.ok()) return framebuffer.status();
-  auto program = MakeProgram(gl, kVertexShader, kFragmentShader);
+  auto program = MakeProgram(gl, kViewVertexShader, kViewFragmentShader);
   if (!program.ok()) return program.status();
   gl.Viewport(0, 0, kSamples * columns, kSamples * rows);
   gl.ClearColor(1, 1, 1, 1);

@@ -6,13 +6,13 @@
 #include <iterator>
 #include <numbers>
 
+#include "core/physics/angle.h"
 #include "core/rig/scan_geometry.h"
 #include "core/rig/sensor_bodies.h"
 
 namespace sightline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 // About as fine as the field's directions.
 constexpr double kStep_deg = 4;
 // Laser at the smallest polar angle: camera upright, the largest triangulation angle.
@@ -24,9 +24,7 @@ constexpr size_t kMostArcs = 20000;
 constexpr double kNearest = 0.6;
 constexpr int kMostObstacleTests = 256;
 
-enum Parameter { kDistance, kTriangulation, kAzimuth, kPolar, kAlpha, kBeta, kGamma };
-
-double PolarOf(int i) { return (kFirstPolar_deg + kStep_deg * i) * kDegree; }
+double PolarOf(int i) { return (kFirstPolar_deg + kStep_deg * i) * kRadPerDeg; }
 
 bool FullTurn(const ParameterDomain& domain) {
   double total = 0;
@@ -68,10 +66,10 @@ std::vector<double> RelativeAzimuths(const ParameterDomain& azimuth, const Param
     }
     return relative;
   }
-  for (const double a : Thinned(Samples(azimuth, kStep_deg * kDegree), 90)) {
-    for (const double g : Thinned(Samples(gamma, kStep_deg * kDegree), 90)) {
+  for (const double a : Thinned(Samples(azimuth, kStep_deg * kRadPerDeg), 90)) {
+    for (const double g : Thinned(Samples(gamma, kStep_deg * kRadPerDeg), 90)) {
       // To half a degree.
-      relative.push_back(std::round((a - g) / (0.5 * kDegree)) * 0.5 * kDegree);
+      relative.push_back(std::round((a - g) / (0.5 * kRadPerDeg)) * 0.5 * kRadPerDeg);
       relative.back() -= kTurn * std::floor(relative.back() / kTurn);
     }
   }
@@ -128,7 +126,7 @@ DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& s
       occluders_(occluders),
       part_centre_m_(part_centre_m.cast<float>()),
       fine_{2 * field.map().side},
-      azimuth_(domain.parameters[kAzimuth]) {
+      azimuth_(domain.parameters[kCameraAzimuth]) {
   for (int c = 0; c < fine_.cells(); ++c) fine_directions_.push_back(fine_.Direction(c));
   for (const Occluder& occluder : occluders) {
     if (occluder.frame != ObstacleFrame::kStage && occluder.frame != ObstacleFrame::kTable)
@@ -157,10 +155,11 @@ DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& s
   for (const RestingOrientation& o : domain.resting_orientations) {
     orientations.push_back({o.part_alpha_rad, o.part_beta_rad});
   }
-  const ParameterDomain &alpha = domain.parameters[kAlpha], &beta = domain.parameters[kBeta];
+  const ParameterDomain &alpha = domain.parameters[kPartAlpha],
+                        &beta = domain.parameters[kPartBeta];
   if (orientations.empty() && !(FullTurn(alpha) && FullTurn(beta))) {
-    for (const double a : Thinned(Samples(alpha, 10 * kDegree), 36)) {
-      for (const double b : Thinned(Samples(beta, 10 * kDegree), 36))
+    for (const double a : Thinned(Samples(alpha, 10 * kRadPerDeg), 36)) {
+      for (const double b : Thinned(Samples(beta, 10 * kRadPerDeg), 36))
         orientations.push_back({a, b});
     }
   }
@@ -168,8 +167,9 @@ DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& s
   if (orientations.empty()) return;
   constexpr size_t kTilts = 3;
   const size_t most = std::clamp<size_t>(kMostArcs / (kTilts * orientations.size()), 12, 90);
-  const std::vector<double> azimuths = RelativeAzimuths(azimuth_, domain.parameters[kGamma], most);
-  turns_rad_ = Thinned(Samples(domain.parameters[kGamma], 30 * kDegree), 12);
+  const std::vector<double> azimuths =
+      RelativeAzimuths(azimuth_, domain.parameters[kPartGamma], most);
+  turns_rad_ = Thinned(Samples(domain.parameters[kPartGamma], 30 * kRadPerDeg), 12);
   for (const auto& [a, b] : orientations) AddRest(rig, a, b, azimuths);
 }
 
@@ -180,17 +180,17 @@ void DomainMeasurability::AllowPairs(const Rig& rig, const TargetSampling& sampl
   max_angle_rad_ = -infinity;
   nearest_m_ = static_cast<float>(infinity);
   const double half_rows_rad = 0.5 * rig.camera.vertical_fov_rad;
-  const double step = kStep_deg * kDegree;
+  const double step = kStep_deg * kRadPerDeg;
   // Every angle stands for those nearer than half a step.
-  std::vector<double> thetas = Samples(domain.parameters[kPolar], step);
-  std::vector<double> taus = Samples(domain.parameters[kTriangulation], step);
-  const std::vector<double> all_distances = Samples(domain.parameters[kDistance], 0.02);
+  std::vector<double> thetas = Samples(domain.parameters[kCameraPolar], step);
+  std::vector<double> taus = Samples(domain.parameters[kTriangulationAngle], step);
+  const std::vector<double> all_distances = Samples(domain.parameters[kCameraDistance], 0.02);
   std::vector<double> off_axis;
   const int rows = std::max(1, static_cast<int>(std::ceil(half_rows_rad / step)));
   for (int i = -rows; i <= rows; ++i) off_axis.push_back(half_rows_rad * i / rows);
 
   const auto index = [](double polar_rad) {
-    return static_cast<int>(std::lround((polar_rad / kDegree - kFirstPolar_deg) / kStep_deg));
+    return static_cast<int>(std::lround((polar_rad / kRadPerDeg - kFirstPolar_deg) / kStep_deg));
   };
   for (const double tau : taus) {
     // At which there is room for the bodies of both sensors.

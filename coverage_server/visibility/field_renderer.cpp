@@ -19,12 +19,12 @@
 namespace sightline {
 namespace {
 
-constexpr char kVertexShader[] = R"(#version 330 core
+constexpr char kDepthVertexShader[] = R"(#version 330 core
 layout(location = 0) in vec3 position;
 uniform mat4 to_clip;
 void main() { gl_Position = to_clip * vec4(position, 1); }
 )";
-constexpr char kFragmentShader[] = R"(#version 330 core
+constexpr char kDepthFragmentShader[] = R"(#version 330 core
 void main() {}
 )";
 
@@ -126,7 +126,7 @@ class TileRenderer {
     if (!framebuffer.ok()) return framebuffer.status();
     framebuffer_ = std::move(*framebuffer);
     depth_.resize(static_cast<size_t>(side) * side);
-    auto program = MakeProgram(gl, kVertexShader, kFragmentShader);
+    auto program = MakeProgram(gl, kDepthVertexShader, kDepthFragmentShader);
     if (!program.ok()) return program.status();
     gl.UseProgram(*program);
     to_clip_ = gl.GetUniformLocation(*program, "to_clip");

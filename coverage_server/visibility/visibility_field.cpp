@@ -19,6 +19,7 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/job/stop_check.h"
 #include "core/parallel/worker_threads.h"
 #include "core/process/start_process.h"
 #include "coverage_server/occlusion/occluder_mesh.h"
@@ -31,10 +32,6 @@ namespace sightline {
 namespace {
 
 constexpr char kWorkerFlag[] = "--field-worker";
-
-bool IsSet(const std::atomic<bool>* flag) {
-  return flag != nullptr && flag->load(std::memory_order_relaxed);
-}
 
 // Lays the job's arrays out one after the other.
 class JobLayout {
@@ -60,7 +57,7 @@ void FillBelowHorizon(const SurfaceProbes& probes, const OctahedralMap& map, uin
   std::vector<Eigen::Vector3f> directions(map.cells());
   for (int c = 0; c < map.cells(); ++c) directions[c] = map.Direction(c);
   std::vector<uint8_t> own(map.cells());
-  for (size_t t = begin; t < end && !IsSet(cancelled); ++t) {
+  for (size_t t = begin; t < end && !IsCancelled(cancelled); ++t) {
     uint8_t* column =
         data + t / kTargetsPerBlock * map.cells() * kTargetsPerBlock + t % kTargetsPerBlock;
     for (int c = 0; c < map.cells(); ++c)
@@ -143,7 +140,7 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
   int killed = 0;
   while (!workers.empty()) {
     // The workers are killed with `workers`: nobody wants what they would still finish.
-    if (IsSet(options.cancelled)) return absl::CancelledError("visibility field");
+    if (IsCancelled(options.cancelled)) return absl::CancelledError("visibility field");
     if (options.on_progress) {
       options.on_progress(std::min(1.0, static_cast<double>(job.directions_done.load()) / total));
     }
@@ -252,7 +249,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   job.tiles = tiles;  // the new mapping is all zeros: kTileWaiting
   char* base = static_cast<char*>(*job_data);
   const auto copy = [&](uint64_t offset, const auto& values) {
-    if (!values.empty() && !IsSet(options.cancelled))
+    if (!values.empty() && !IsCancelled(options.cancelled))
       std::memcpy(base + offset, values.data(), values.size() * sizeof(values[0]));
   };
   copy(vertices, mesh.vertices);
@@ -262,7 +259,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
   copy(cluster_vertices, mesh.cluster_vertices);
   auto* probe_data = reinterpret_cast<float*>(base + probe_offset);
   const size_t stride = kProbesPerTarget * padded;
-  for (size_t t = 0; t < targets.size() && !IsSet(options.cancelled); ++t) {
+  for (size_t t = 0; t < targets.size() && !IsCancelled(options.cancelled); ++t) {
     for (int k = 0; k < kProbesPerTarget; ++k) {
       for (int axis = 0; axis < 3; ++axis) {
         probe_data[axis * stride + k * padded + t] =
@@ -295,7 +292,7 @@ absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
     });
   }
   threads.Join();
-  if (IsSet(options.cancelled)) return absl::CancelledError("visibility field");
+  if (IsCancelled(options.cancelled)) return absl::CancelledError("visibility field");
   // Queries jump about in this memory: huge pages save most of their TLB misses, and anonymous
   // memory gets them where a shared mapping does not.
   void* huge =

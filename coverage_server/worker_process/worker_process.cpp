@@ -9,17 +9,17 @@
 #include <filesystem>
 
 #include "absl/strings/str_cat.h"
+#include "core/process/program_path.h"
 #include "core/process/start_process.h"
 
 namespace sightline {
 
 std::string WorkerProgram() {
-  std::error_code ignored;
-  std::vector<std::filesystem::path> folders = {
-      std::filesystem::read_symlink("/proc/self/exe", ignored).parent_path()};
-  if (const char* folder = std::getenv("SIGHTLINE_BIN_DIR")) folders.emplace_back(folder);
-  for (const auto& folder : folders) {
-    const auto program = folder / "coverage_server";
+  std::vector<std::filesystem::path> programs = {FindProgram("coverage_server")};
+  if (const char* folder = std::getenv("SIGHTLINE_BIN_DIR")) {
+    programs.push_back(std::filesystem::path(folder) / "coverage_server");
+  }
+  for (const std::filesystem::path& program : programs) {
     if (access(program.c_str(), X_OK) == 0) return program.string();
   }
   return "";

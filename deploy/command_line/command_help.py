@@ -167,8 +167,17 @@ def run(program, arguments):
     return done.stdout
 
 
-def read_command(program, words=None, summary=""):
-    """Asks `program` for the help of all its commands. Raises HelpError."""
+def command_names(program):
+    """Names of the commands that the help of `program` lists. Raises HelpError."""
+    name = os.path.basename(program)
+    try:
+        return [below for below, _ in parse_help(run(program, ["--help"]), [name])[1]]
+    except HelpError as error:
+        raise HelpError(f"{name} --help: {error}") from error
+
+
+def read_command(program, words=None, summary="", chosen=None):
+    """Asks `program` for the help of all its commands, or of those that are `chosen`. Raises HelpError."""
     words = words or [os.path.basename(program)]
     if len(words) > MAX_DEPTH:
         raise HelpError(f"{' '.join(words)}: more than {MAX_DEPTH} levels of commands")
@@ -178,6 +187,8 @@ def read_command(program, words=None, summary=""):
         raise HelpError(f"{' '.join(words)} --help: {error}") from error
     command.summary = summary or command.summary
     for name, description in subcommands:
+        if chosen is not None and name not in chosen:
+            continue
         command.subcommands.append(read_command(program, [*words, name], description))
     return command
 

@@ -1,20 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// The subcommands of `sightline`. Each adds its options to the application and returns what to run:
-// a function that returns the exit code.
+// The commands of `sightline`. Each function adds the options of its command to `app` and returns
+// the command.
 #pragma once
 
 #include <CLI/CLI.hpp>
-#include <functional>
+
+#include "planner_client/command_line/command.h"
 
 namespace sightline {
 
-using Command = std::function<int()>;
-
+Command AddNewCommand(CLI::App& app);
 Command AddPlanCommand(CLI::App& app);
 Command AddEvaluateCommand(CLI::App& app);
 Command AddCompareCommand(CLI::App& app);
 Command AddPartCommand(CLI::App& app);
 Command AddRenderCommand(CLI::App& app);
+Command AddEffectsCommand(CLI::App& app);
 Command AddOpticsCommand(CLI::App& app);
 Command AddDiagnoseCommand(CLI::App& app);
 Command AddRecordingsCommand(CLI::App& app);

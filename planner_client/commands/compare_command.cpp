@@ -11,14 +11,14 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
+#include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/command_line/process/interrupt.h"
+#include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/planning_session.h"
-#include "planner_client/commands/process/exit_code.h"
-#include "planner_client/commands/process/interrupt.h"
-#include "planner_client/commands/process/output_folder.h"
-#include "planner_client/commands/process/progress_line.h"
 
 namespace sightline {
 namespace {

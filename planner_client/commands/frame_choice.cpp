@@ -17,11 +17,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr std::array<const char*, kMeasurementParameters> kParameterNames = {
-    "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
-    "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
-    "offset_z_m"};
-
 // Nine numbers in metres and degrees.
 absl::StatusOr<Measurement> ParseMeasurementText(const std::string& text) {
   const std::vector<std::string> parts = absl::StrSplit(text, ',');
@@ -31,12 +26,13 @@ absl::StatusOr<Measurement> ParseMeasurementText(const std::string& text) {
   for (size_t i = 0; ok && i < values.size(); ++i) {
     ok = absl::SimpleAtod(parts[i], &values[i]) && std::isfinite(values[i]);
     if (!ok) break;
-    const auto* field = v1::Measurement::descriptor()->FindFieldByName(kParameterNames[i]);
+    const auto* field =
+        v1::Measurement::descriptor()->FindFieldByName(kMeasurementParameterNames[i]);
     message.GetReflection()->SetDouble(&message, field, values[i]);
   }
   if (!ok) {
     std::string names;
-    for (const char* name : kParameterNames)
+    for (const char* name : kMeasurementParameterNames)
       absl::StrAppend(&names, names.empty() ? "" : ",", name);
     return absl::InvalidArgumentError(
         absl::StrCat("--measurement ", text, ": must be nine numbers ", names));
@@ -46,8 +42,8 @@ absl::StatusOr<Measurement> ParseMeasurementText(const std::string& text) {
   const auto internal = ToArray(measurement);
   for (int i = 0; i < kMeasurementParameters; ++i) {
     if (domain.parameters[i].Contains(internal[i])) continue;
-    return absl::InvalidArgumentError(absl::StrCat("--measurement: ", kParameterNames[i], " is ",
-                                                   NumberText(values[i]),
+    return absl::InvalidArgumentError(absl::StrCat("--measurement: ", kMeasurementParameterNames[i],
+                                                   " is ", NumberText(values[i]),
                                                    ", which is outside Table 2.1"));
   }
   return measurement;
@@ -62,14 +58,14 @@ absl::StatusOr<Measurement> FixedMeasurement(const Inspection& inspection,
   std::string open;
   for (int i = 0; i < kMeasurementParameters; ++i) {
     const ParameterDomain& parameter = domain.parameters[i];
-    if (resting && (i == 4 || i == 5)) {
-      values[i] = i == 4 ? domain.resting_orientations[0].part_alpha_rad
-                         : domain.resting_orientations[0].part_beta_rad;
+    if (resting && (i == kPartAlpha || i == kPartBeta)) {
+      values[i] = i == kPartAlpha ? domain.resting_orientations[0].part_alpha_rad
+                                  : domain.resting_orientations[0].part_beta_rad;
     } else if (parameter.ranges.empty() && parameter.values.size() == 1 &&
-               (domain.resting_orientations.empty() || (i != 4 && i != 5))) {
+               (domain.resting_orientations.empty() || (i != kPartAlpha && i != kPartBeta))) {
       values[i] = parameter.values[0];
     } else {
-      absl::StrAppend(&open, open.empty() ? "" : ", ", kParameterNames[i]);
+      absl::StrAppend(&open, open.empty() ? "" : ", ", kMeasurementParameterNames[i]);
     }
   }
   if (open.empty()) return FromArray(values);

@@ -12,8 +12,8 @@
 #include "core/part/part_health.h"
 #include "core/part/part_health_proto.h"
 #include "core/tolerance/tolerance_proto.h"
+#include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/process/exit_code.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
 

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
-#include "planner_client/commands/process/interrupt.h"
+#include "planner_client/command_line/process/interrupt.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -42,6 +42,7 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
   embedded.program = "render_worker";
   embedded.description = "render worker";
   embedded.arguments = {"--spool", "{folder}", "--threads", absl::StrCat(options.threads)};
+  embedded.interrupted = &InterruptFlag();
   if (!options.max_image_bytes.empty()) {
     embedded.arguments.insert(embedded.arguments.end(),
                               {"--max-image-bytes", options.max_image_bytes});

@@ -8,7 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "planner_client/commands/process/progress_line.h"
+#include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/server_tls.h"
 #include "planner_client/embedded_server/embedded_server.h"
 #include "planner_client/rpc_client/worker_call.h"

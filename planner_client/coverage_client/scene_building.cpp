@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
+#include "core/inspection/vector_proto.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "planner_client/coverage_client/scene_connection.h"
 #include "proto/status/rpc_status.h"
@@ -21,10 +22,6 @@ namespace sightline {
 namespace {
 
 constexpr absl::Duration kShortTimeout = absl::Seconds(20);
-
-Eigen::Vector3d VectorFromProto(const v1::Vector3& vector) {
-  return {vector.x(), vector.y(), vector.z()};
-}
 
 }  // namespace
 

@@ -14,6 +14,7 @@
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "core/inspection/inspection.h"
+#include "core/inspection/vector_proto.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "proto/status/rpc_status.h"
@@ -26,14 +27,6 @@ namespace {
 // How often a scene is created again in one call before the server is called broken (e.g. its
 // memory limit is so small that it drops the scene at once).
 constexpr int kMaxRecoveriesPerCall = 3;
-
-v1::Vector3 VectorToProto(const Eigen::Vector3d& vector) {
-  v1::Vector3 message;
-  message.set_x(vector.x());
-  message.set_y(vector.y());
-  message.set_z(vector.z());
-  return message;
-}
 
 }  // namespace
 

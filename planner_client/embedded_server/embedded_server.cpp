@@ -7,7 +7,6 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
-#include <algorithm>
 #include <cerrno>
 #include <chrono>
 #include <cstdio>
@@ -24,6 +23,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/strip.h"
+#include "core/process/process_clock.h"
+#include "core/process/program_path.h"
 #include "core/process/start_process.h"
 #include "core/process_folder/process_folder.h"
 
@@ -36,18 +37,15 @@ constexpr size_t kMaxSocketPathBytes = 107;
 constexpr size_t kStderrTailBytes = 2000;
 
 absl::StatusOr<std::string> FindBinary(const EmbeddedServerOptions& options) {
-  fs::path path = options.binary;
-  if (options.binary.empty()) {
-    std::error_code error;
-    const fs::path self = fs::read_symlink("/proc/self/exe", error);
-    path = self.parent_path() / options.program;
-  }
+  const fs::path path =
+      options.binary.empty() ? FindProgram(options.program) : fs::path(options.binary);
   if (access(path.c_str(), X_OK) != 0) {
-    return absl::NotFoundError(absl::StrCat(
-        options.description, ": no executable ", path.string(), "; install the package sightline-",
-        absl::StrReplaceAll(options.program, {{"_", "-"}}),
-        ", or in a build folder build the target ", options.program,
-        ", or give the address of a running one"));
+    return absl::NotFoundError(absl::StrCat(options.description, ": no executable ", path.string(),
+                                            "; install the package sightline-",
+                                            absl::StrReplaceAll(options.program, {{"_", "-"}}),
+                                            ", or in a source folder run deploy/add-program ",
+                                            options.program == "render_worker" ? "render" : "plan",
+                                            ", or give the address of a running one"));
   }
   return path.string();
 }
@@ -140,20 +138,20 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     }
     restarted_ = true;
     std::fprintf(stderr, "%s\nIt is being restarted.\n", std::string(ended.message()).c_str());
-    return Launch();
+    return Launch(/*keeps_on=*/Interrupted());
   }
 
   absl::Status Start() {
-    absl::Status launched = Launch();
+    absl::Status launched = Launch(/*keeps_on=*/false);
     return !launched.ok() && was_killed_at_start_ ? Restart() : launched;
   }
 
-  absl::Status Launch() {
+  // `keeps_on`: in spite of an interruption.
+  absl::Status Launch(bool keeps_on) {
     absl::StatusOr<Pipe> lifeline = MakePipe();
     if (!lifeline.ok()) return lifeline.status();
     absl::StatusOr<Pipe> output = MakePipe();
     if (!output.ok()) return output.status();
-    const std::string stderr_file = folder_ + "/stderr.log";
 
     constexpr int kLifelineFd = 3;
     std::vector<std::string> arguments = {
@@ -166,7 +164,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
         {.words = std::move(arguments),
          .descriptors = {
              {.number = 1, .ours = output->write.get()},
-             {.number = 2, .file = stderr_file, .flags = O_WRONLY | O_CREAT | O_TRUNC | O_APPEND},
+             {.number = 2, .file = StderrFile(), .flags = O_WRONLY | O_CREAT | O_TRUNC | O_APPEND},
              {.number = kLifelineFd, .ours = lifeline->read.get()}}});
     if (!child.ok()) {
       return absl::UnavailableError(
@@ -176,7 +174,7 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     wait_status_.reset();
     lifeline_ = std::move(lifeline->write);
     output->write.Reset();
-    absl::Status status = WaitUntilListening(output->read.get());
+    absl::Status status = WaitUntilListening(output->read.get(), keeps_on);
     was_killed_at_start_ = !status.ok() && wait_status_ && WIFSIGNALED(*wait_status_);
     if (!status.ok()) Stop();
     return status;
@@ -188,31 +186,67 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     return std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(timeout);
   }
 
-  absl::Status WaitUntilListening(int output_fd) {
-    const auto deadline = Deadline(options_.start_timeout);
+  bool Interrupted() const { return options_.interrupted != nullptr && *options_.interrupted; }
+
+  // Limits: `start_limit`; the end of the process or of its stdout; an interruption, unless
+  // `keeps_on`.
+  absl::Status WaitUntilListening(int output_fd, bool keeps_on) {
+    const auto notice_at = Deadline(options_.start_notice);
+    bool noticed = false;
+    ProcessClock clock(pid_);
     std::string text;
     while (!absl::StrContains(text, "listening on ")) {
-      const int64_t left_ms =
-          absl::ToInt64Milliseconds(absl::FromChrono(deadline - std::chrono::steady_clock::now()));
-      pollfd fd = {output_fd, POLLIN, 0};
-      if (left_ms <= 0) {
-        return absl::DeadlineExceededError(
-            absl::StrCat(options_.description, " ", binary_, " did not listen within ",
-                         absl::FormatDuration(options_.start_timeout), StderrTail()));
+      if (Interrupted() && !keeps_on) {
+        return absl::CancelledError(
+            absl::StrCat("interrupted while the ", options_.description, " was starting"));
       }
-      if (poll(&fd, 1, static_cast<int>(std::min<int64_t>(left_ms, 1000))) <= 0) continue;
+      if (clock.Look() > options_.start_limit) {
+        return absl::DeadlineExceededError(absl::StrCat(
+            options_.description, " ", binary_, " did not listen within ",
+            absl::FormatDuration(options_.start_limit), " of its own time", StderrTail()));
+      }
+      if (!noticed && std::chrono::steady_clock::now() >= notice_at) {
+        noticed = true;
+        PrintNotice();
+      }
+      pollfd fd = {output_fd, POLLIN, 0};
+      const auto wait_ms = static_cast<int>(absl::ToInt64Milliseconds(ProcessClock::kPeriod));
+      if (poll(&fd, 1, wait_ms) <= 0) {
+        // A child of its own may keep its stdout open.
+        if (absl::Status alive = CheckAliveLocked(); !alive.ok()) return alive;
+        continue;
+      }
       char buffer[512];
       const ssize_t got = read(output_fd, buffer, sizeof(buffer));
       if (got < 0 && errno == EINTR) continue;
-      if (got <= 0) {
-        // Its end of the pipe is closed: it has ended or is about to.
-        int wait_status = 0;
-        if (waitpid(pid_, &wait_status, 0) == pid_) wait_status_ = wait_status;
-        return EndedError();
-      }
+      if (got <= 0) return OutputClosedError();
       text.append(buffer, static_cast<size_t>(got));
     }
     return absl::OkStatus();
+  }
+
+  void PrintNotice() const {
+    std::fprintf(stderr,
+                 "the %s (process %d) has not listened for %s; still waiting. Its messages: %s\n",
+                 options_.description.c_str(), pid_,
+                 absl::FormatDuration(options_.start_notice).c_str(), StderrFile().c_str());
+  }
+
+  // The error of a server whose stdout is closed before it listened. An ending process frees its
+  // memory before its descriptors, so little is left to do until it can be waited for.
+  absl::Status OutputClosedError() {
+    if (EndedWithin(options_.stop_timeout)) return EndedError();
+    return absl::UnavailableError(absl::StrCat(
+        options_.description, " ", binary_, " closed its stdout before it listened", StderrTail()));
+  }
+
+  bool EndedWithin(absl::Duration timeout) {
+    const auto deadline = Deadline(timeout);
+    while (CheckAliveLocked().ok()) {
+      if (std::chrono::steady_clock::now() >= deadline) return false;
+      absl::SleepFor(absl::Milliseconds(2));
+    }
+    return true;
   }
 
   absl::Status CheckAliveLocked() {
@@ -230,8 +264,10 @@ class EmbeddedServerImpl final : public EmbeddedServer {
                      DescribeEnd(wait_status_.value_or(0)), StderrTail()));
   }
 
+  std::string StderrFile() const { return folder_ + "/stderr.log"; }
+
   std::string StderrTail() const {
-    std::ifstream file(folder_ + "/stderr.log", std::ios::binary);
+    std::ifstream file(StderrFile(), std::ios::binary);
     std::ostringstream text;
     text << file.rdbuf();
     std::string tail = text.str();
@@ -245,18 +281,12 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     if (!wait_status_) {
       kill(pid_, SIGTERM);
       lifeline_.Reset();
-      const auto deadline = Deadline(options_.stop_timeout);
-      int wait_status = 0;
-      pid_t ended = 0;
-      while ((ended = waitpid(pid_, &wait_status, WNOHANG)) == 0 &&
-             std::chrono::steady_clock::now() < deadline) {
-        absl::SleepFor(absl::Milliseconds(2));
-      }
-      if (ended == 0) {
+      if (!EndedWithin(options_.stop_timeout)) {
+        int wait_status = 0;
         kill(pid_, SIGKILL);
         waitpid(pid_, &wait_status, 0);
+        wait_status_ = wait_status;
       }
-      wait_status_ = wait_status;
     }
     lifeline_.Reset();
     pid_ = -1;

@@ -3,6 +3,7 @@
 // process.
 #pragma once
 
+#include <atomic>
 #include <memory>
 #include <string>
 #include <vector>
@@ -17,11 +18,18 @@ struct EmbeddedServerOptions {
   // Name of the program, and what messages call it.
   std::string program = "coverage_server";
   std::string description = "coverage server";
-  // Path of the program. Empty: `program` in the folder of the running executable.
+  // Path of the program. Empty: FindProgram(program) of core/process/program_path.h.
   std::string binary;
   // Further arguments, e.g. {"--threads", "1"}. "{folder}" stands for the private folder.
   std::vector<std::string> arguments;
-  absl::Duration start_timeout = absl::Seconds(20);
+  // Limit of the time that it takes by itself until it listens (core/process/process_clock.h): CPU
+  // time and sleep. The time during which a busy machine holds it up does not count.
+  absl::Duration start_limit = absl::Minutes(5);
+  // After this wall time one line on stderr says what is waited for and where its messages are.
+  absl::Duration start_notice = absl::Seconds(20);
+  // Unless null: a start ends once this is true, and a restart once it becomes true (a command that
+  // was interrupted before needs the server for what it keeps).
+  const std::atomic<bool>* interrupted = nullptr;
   // How long it may take to end before it is killed.
   absl::Duration stop_timeout = absl::Seconds(3);
 };
@@ -32,9 +40,11 @@ struct EmbeddedServerOptions {
 // Thread-safe.
 class EmbeddedServer {
  public:
-  // NOT_FOUND: no such binary. UNAVAILABLE, DEADLINE_EXCEEDED: it ended or did not listen in time;
-  // the message ends with what it wrote to stderr. One that is killed before it listens is
-  // restarted, as at any later time.
+  // Waits until the server listens, as long as its process lives and has not failed. NOT_FOUND: no
+  // such binary. UNAVAILABLE: it ended, or closed its stdout, before it listened.
+  // DEADLINE_EXCEEDED: it used `start_limit`, by work or by sleep, and does not listen. These
+  // messages end with what it wrote to stderr. CANCELLED: interrupted. A server that is killed by
+  // others before it listens is restarted, as at any later time.
   static absl::StatusOr<std::unique_ptr<EmbeddedServer>> Start(EmbeddedServerOptions options);
   // Ends the server and removes the folder.
   virtual ~EmbeddedServer() = default;

@@ -20,10 +20,10 @@
 #include "core/inspection/inspection.h"
 #include "core/part/mesh.h"
 #include "core/targets/target_set.h"
-#include "planner_client/explore/draft_picture.h"
 #include "planner_client/explore/explore_request.h"
 #include "planner_client/explore/latest_only.h"
 #include "planner_client/explore/scan_view.h"
+#include "planner_client/render_client/draft_picture.h"
 #include "planner_client/strategy/gain_oracle.h"
 #include "sightline/v1/optics.pb.h"
 

@@ -12,8 +12,6 @@ namespace sightline {
 namespace {
 
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr int kAlpha = 4;
-constexpr int kBeta = 5;
 
 double AngleDistance(double a, double b) { return std::abs(std::remainder(a - b, kTurn)); }
 
@@ -34,7 +32,7 @@ double CellCentre(size_t cell, size_t cells) {
 
 SearchSpace::SearchSpace(const MeasurementDomain& domain) : resting_(domain.resting_orientations) {
   for (int i = 0; i < kMeasurementParameters; ++i) {
-    if (!resting_.empty() && (i == kAlpha || i == kBeta)) continue;
+    if (!resting_.empty() && (i == kPartAlpha || i == kPartBeta)) continue;
     const ParameterDomain& parameter = domain.parameters[i];
     assert(!parameter.ranges.empty() || !parameter.values.empty());
     Axis axis{i, parameter.ranges, parameter.values, 0, parameter.periodic};
@@ -51,8 +49,8 @@ SearchSpace::SearchSpace(const MeasurementDomain& domain) : resting_(domain.rest
     axes_.push_back(std::move(axis));
   }
   if (resting_.size() == 1) {
-    fixed_[kAlpha] = resting_[0].part_alpha_rad;
-    fixed_[kBeta] = resting_[0].part_beta_rad;
+    fixed_[kPartAlpha] = resting_[0].part_alpha_rad;
+    fixed_[kPartBeta] = resting_[0].part_beta_rad;
   } else if (resting_.size() > 1) {
     axes_.push_back({kResting, {}, {}, 0, false});
     periodic_.push_back(false);
@@ -75,8 +73,8 @@ Measurement SearchSpace::ToMeasurement(std::span<const double> unit) const {
     const Axis& axis = axes_[a];
     if (axis.parameter == kResting) {
       const RestingOrientation& resting = resting_[Cell(u[a], resting_.size())];
-      parameters[kAlpha] = resting.part_alpha_rad;
-      parameters[kBeta] = resting.part_beta_rad;
+      parameters[kPartAlpha] = resting.part_alpha_rad;
+      parameters[kPartBeta] = resting.part_beta_rad;
     } else if (axis.ranges.empty()) {
       parameters[axis.parameter] = axis.values[Cell(u[a], axis.values.size())];
     } else {
@@ -107,8 +105,8 @@ std::vector<double> SearchSpace::ToUnit(const Measurement& measurement) const {
     };
     if (axis.parameter == kResting) {
       for (size_t i = 0; i < resting_.size(); ++i) {
-        consider(AngleDistance(parameters[kAlpha], resting_[i].part_alpha_rad) +
-                     AngleDistance(parameters[kBeta], resting_[i].part_beta_rad),
+        consider(AngleDistance(parameters[kPartAlpha], resting_[i].part_alpha_rad) +
+                     AngleDistance(parameters[kPartBeta], resting_[i].part_beta_rad),
                  CellCentre(i, resting_.size()));
       }
       continue;

@@ -122,16 +122,14 @@ absl::Status CheckPoint(const v1::ParetoPoint& point, int index, const ParetoTas
     const std::string scan = absl::StrCat(name, ".measurements[", i, "]");
     const auto values = ToArray(measurement);
     for (int p = 0; p < kMeasurementParameters; ++p) {
-      const bool resting = !task.domain.resting_orientations.empty() && (p == 4 || p == 5);
+      const bool resting =
+          !task.domain.resting_orientations.empty() && (p == kPartAlpha || p == kPartBeta);
       if (resting || task.domain.parameters[p].Contains(values[p])) continue;
-      static constexpr const char* kNames[] = {
-          "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
-          "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
-          "offset_z_m"};
       const bool angle = p >= 1 && p <= 6;
-      return Differs(path, absl::StrCat(scan, ".", kNames[p]),
-                     NumberText(angle ? values[p] * 180 / std::numbers::pi : values[p]),
-                     absl::StrCat("in the inspection's measurement.", kNames[p]));
+      return Differs(
+          path, absl::StrCat(scan, ".", kMeasurementParameterNames[p]),
+          NumberText(angle ? values[p] * 180 / std::numbers::pi : values[p]),
+          absl::StrCat("in the inspection's measurement.", kMeasurementParameterNames[p]));
     }
     return Differs(path, scan, "of another orientation",
                    "one of the inspection's measurement.resting_orientations");

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kBetter = 1e-9;
 // Scans that cost no time are worth as much per second as those that take this long.
-constexpr double kLeastS = 1e-3;
+constexpr double kLeastTimeInChoice_s = 1e-3;
 constexpr int kMaxExchanges = 1000;
 
 // Seconds of moving that `scan` adds between two scans of which either may be missing.
@@ -102,7 +102,7 @@ void TimedChoice::Shorten(PoolPlan& plan, size_t fixed, double limit_s) const {
     double least = std::numeric_limits<double>::infinity();
     for (size_t place = fixed; place < plan.size(); ++place) {
       const PoolPlan rest = Without(plan, place);
-      const double saved_s = std::max(kLeastS, time_s - TimeS(rest, fixed));
+      const double saved_s = std::max(kLeastTimeInChoice_s, time_s - TimeS(rest, fixed));
       if (const double lost = (worth - pool_.Worth(rest)) / saved_s; lost < least) {
         least = lost;
         weakest = place;
@@ -126,7 +126,7 @@ void TimedChoice::Fill(PoolPlan& plan, size_t fixed, double limit_s, size_t most
     for (size_t scan = 0; scan < with.size(); ++scan) {
       if (with[scan] <= worth + kBetter || time_s + added_s[scan] > limit_s) continue;
       const double gain = with[scan] - worth;
-      const double value = per_second ? gain / std::max(kLeastS, added_s[scan]) : gain;
+      const double value = per_second ? gain / std::max(kLeastTimeInChoice_s, added_s[scan]) : gain;
       if (value > best_value) {
         best_value = value;
         best = scan;

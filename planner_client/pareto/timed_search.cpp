@@ -22,7 +22,7 @@ constexpr double kKeptSeparation = 0.03;
 // Of equal gains the quicker scan is better; together these differences stay below one target.
 constexpr double kTieBreak = 1e-3;
 // Scans without travel and repositioning are worth as much per second as those of this long.
-constexpr double kLeastS = 0.1;
+constexpr double kLeastTimeInSearch_s = 0.1;
 
 }  // namespace
 
@@ -131,7 +131,7 @@ absl::Status TimedSearch::Polish(PoolPlan& plan, size_t place, double limit_s,
       run_.Gain(KnownFrom(others), nullptr, "polishing", static_cast<int64_t>(plan.size()));
   const BatchObjective objective =
       Timed(gain, order, left_s, top, [&](double value, double added_s) {
-        return value - kTieBreak * std::max(0.0, added_s) / std::max(left_s, kLeastS);
+        return value - kTieBreak * std::max(0.0, added_s) / std::max(left_s, kLeastTimeInSearch_s);
       });
   std::vector<double> x = scans_[plan[place]].x;
   const auto own = objective(std::span(&x, 1));
@@ -166,9 +166,9 @@ absl::Status TimedSearch::SearchForSecond(const PoolPlan& plan, double limit_s,
   TopPoints top(kKeptPerSearch, kKeptSeparation);
   const BatchObjective gain = run_.Gain(KnownFrom(others), nullptr, "searching quick scans",
                                         static_cast<int64_t>(plan.size()));
-  const BatchObjective objective =
-      Timed(gain, order, left_s, top,
-            [](double value, double added_s) { return value / std::max(kLeastS, added_s); });
+  const BatchObjective objective = Timed(
+      gain, order, left_s, top,
+      [](double value, double added_s) { return value / std::max(kLeastTimeInSearch_s, added_s); });
   MaximiseOptions options;
   options.periodic = run_.space().periodic();
   options.population = kSwarm;

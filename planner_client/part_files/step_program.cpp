@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "core/process/program_path.h"
 #include "core/process/run_program.h"
 
 namespace sightline {
@@ -38,11 +39,8 @@ bool IsStepFile(const std::string& file) {
 
 absl::StatusOr<std::string> FindStepProgram(const std::string& file,
                                             const StepProgramOptions& options) {
-  std::error_code error;
   const fs::path beside =
-      options.program.empty()
-          ? fs::read_symlink("/proc/self/exe", error).parent_path() / kStepProgram
-          : fs::path(options.program);
+      options.program.empty() ? FindProgram(kStepProgram) : fs::path(options.program);
   if (IsExecutable(beside)) return beside.string();
   const char* path = std::getenv("PATH");
   if (options.program.empty() && path != nullptr) {
@@ -54,8 +52,8 @@ absl::StatusOr<std::string> FindStepProgram(const std::string& file,
   return absl::NotFoundError(absl::StrCat(
       file, ": STEP is read by the program ", kStepProgram, ", and there is no executable ",
       beside.string(), options.program.empty() ? ", nor one in PATH" : "",
-      "; install the package sightline-step-import, or in a build folder build the target ",
-      kStepProgram, " (CMake option SIGHTLINE_BUILD_STEP_IMPORT)"));
+      "; install the package sightline-step-import, or in a source folder run "
+      "deploy/add-program step-import"));
 }
 
 absl::StatusOr<std::string> RunStepImport(const std::string& file,

@@ -17,7 +17,7 @@ inline constexpr char kStepProgram[] = "sightline_step_import";
 bool IsStepFile(const std::string& file);
 
 struct StepProgramOptions {
-  // Empty: sightline_step_import beside the running program, else in a folder of PATH.
+  // Empty: FindProgram(kStepProgram) of core/process/program_path.h, else in a folder of PATH.
   std::string program;
   absl::Duration time_limit = absl::Minutes(10);
 };

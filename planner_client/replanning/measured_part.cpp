@@ -15,6 +15,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/file/read_file.h"
+#include "core/inspection/vector_proto.h"
 #include "core/part/load_part.h"
 #include "core/part/mesh_readers.h"
 #include "core/registration/deformed_mesh.h"
@@ -51,14 +52,6 @@ double TwoSidedQuantile(double probability) {
     (std::erfc(middle / std::numbers::sqrt2) > probability ? low : high) = middle;
   }
   return high;
-}
-
-v1::Vector3 ToProto(const Eigen::Vector3d& vector) {
-  v1::Vector3 message;
-  message.set_x(vector.x());
-  message.set_y(vector.y());
-  message.set_z(vector.z());
-  return message;
 }
 
 // Of a PLY file; lists of properties and comments take some thousand.
@@ -154,10 +147,11 @@ void DescribePose(const Registration& registration, const MeasuredPartOptions& o
   }
   const PoseVector& pose = registration.pose.parameters;
   const PoseVector deviations = registration.covariance.diagonal().cwiseMax(0).cwiseSqrt();
-  *message.mutable_rotation_deg() = ToProto(pose.head<3>() / kDegree);
-  *message.mutable_translation_m() = ToProto(pose.tail<3>());
-  *message.mutable_rotation_standard_deviation_deg() = ToProto(deviations.head<3>() / kDegree);
-  *message.mutable_translation_standard_deviation_m() = ToProto(deviations.tail<3>());
+  *message.mutable_rotation_deg() = VectorToProto(pose.head<3>() / kDegree);
+  *message.mutable_translation_m() = VectorToProto(pose.tail<3>());
+  *message.mutable_rotation_standard_deviation_deg() =
+      VectorToProto(deviations.head<3>() / kDegree);
+  *message.mutable_translation_standard_deviation_m() = VectorToProto(deviations.tail<3>());
   for (int row = 0; row < 6; ++row) {
     for (int column = 0; column < 6; ++column) {
       message.add_covariance(registration.covariance(row, column));
@@ -170,8 +164,8 @@ void DescribePose(const Registration& registration, const MeasuredPartOptions& o
   for (int k = 0; k < registration.not_fixed; ++k) {
     const PoseDirection& direction = registration.directions[static_cast<size_t>(k)];
     v1::PoseMovement& movement = *message.add_not_fixed();
-    *movement.mutable_rotation_deg() = ToProto(direction.direction.head<3>() / kDegree);
-    *movement.mutable_translation_m() = ToProto(direction.direction.tail<3>());
+    *movement.mutable_rotation_deg() = VectorToProto(direction.direction.head<3>() / kDegree);
+    *movement.mutable_translation_m() = VectorToProto(direction.direction.tail<3>());
     movement.set_standard_deviation_relative(direction.standard_deviation_relative);
   }
   message.set_residual_standard_deviation_m(registration.residual_standard_deviation_m);
@@ -233,7 +227,7 @@ absl::Status AddDeviations(const TriangleMesh& model, const Inspection& inspecti
     const double surely_m = std::abs(estimate.mean_m) - level * uncertainty_m;
     if (surely_m <= largest_m) continue;
     largest_m = surely_m;
-    *message.mutable_largest_place_m() = ToProto(targets->positions_m[t].cast<double>());
+    *message.mutable_largest_place_m() = VectorToProto(targets->positions_m[t].cast<double>());
     message.set_largest_m(estimate.mean_m);
     message.set_largest_uncertainty_m(uncertainty_m);
   }

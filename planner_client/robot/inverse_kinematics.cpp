@@ -2,7 +2,6 @@
 #include "planner_client/robot/inverse_kinematics.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <kdl/chainiksolverpos_lma.hpp>
 #include <limits>
@@ -21,8 +20,6 @@ constexpr double kSame = 1e-3;
 // A metre counts like so many radians; of KDL's default the rotation is too small a part.
 constexpr double kRotationWeight = 0.3;
 constexpr double kEnough = 1e-7;  // of the weighted distance
-constexpr std::array<int, 16> kPrimes = {2,  3,  5,  7,  11, 13, 17, 19,
-                                         23, 29, 31, 37, 41, 43, 47, 53};
 
 KDL::Vector ToKdl(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
@@ -82,7 +79,7 @@ InverseKinematics::InverseKinematics(const RobotModel& model) : model_(model) {
       const double middle = (joint.min + joint.max) / 2;
       const double half = joint.rotary ? std::min((joint.max - joint.min) / 2, std::numbers::pi)
                                        : (joint.max - joint.min) / 2;
-      start.push_back(middle + half * (2 * RadicalInverse(kPrimes[j], n) - 1));
+      start.push_back(middle + half * (2 * RadicalInverse(kHaltonBases[j], n) - 1));
     }
     starts_.push_back(std::move(start));
   }

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Geometry>
+#include <array>
 #include <functional>
 #include <kdl/chain.hpp>
 #include <optional>
@@ -62,5 +63,10 @@ class InverseKinematics {
 
 // The n-th number of the Van der Corput sequence of a prime base: evenly spread over [0, 1).
 double RadicalInverse(int base, int n);
+
+// Bases of the Halton sequence, one per joint: RadicalInverse(kHaltonBases[j], n) spreads joint
+// positions evenly. A robot has at most 16 joints (urdf/robot_model.h).
+inline constexpr std::array<int, 16> kHaltonBases = {2,  3,  5,  7,  11, 13, 17, 19,
+                                                     23, 29, 31, 37, 41, 43, 47, 53};
 
 }  // namespace sightline

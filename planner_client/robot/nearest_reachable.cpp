@@ -94,16 +94,12 @@ std::optional<Measurement> NearestReachable(
 }
 
 std::string DifferenceText(const Measurement& scan, const Measurement& other) {
-  static constexpr const char* kNames[] = {
-      "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
-      "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
-      "offset_z_m"};
   const auto here = ToArray(scan), there = ToArray(other);
   std::string text;
   for (size_t p = 0; p < here.size(); ++p) {
     if (std::abs(here[p] - there[p]) < 1e-6) continue;
     const bool angle = p >= 1 && p <= 6;
-    absl::StrAppend(&text, text.empty() ? "" : ", ", kNames[p], " ",
+    absl::StrAppend(&text, text.empty() ? "" : ", ", kMeasurementParameterNames[p], " ",
                     angle ? absl::StrFormat("%.2f", here[p] * 180 / std::numbers::pi)
                           : absl::StrFormat("%.4f", here[p]));
   }

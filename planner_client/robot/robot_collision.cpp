@@ -25,8 +25,6 @@ struct CollisionSolid::Geometry {
 namespace {
 
 constexpr int kSpreadPositions = 64;
-constexpr std::array<int, 16> kPrimes = {2,  3,  5,  7,  11, 13, 17, 19,
-                                         23, 29, 31, 37, 41, 43, 47, 53};
 
 Eigen::AlignedBox3d Transformed(const Eigen::AlignedBox3d& box, const Eigen::Isometry3d& pose) {
   const Eigen::Vector3d centre = pose * box.center();
@@ -154,7 +152,7 @@ RobotCollision::RobotCollision(const RobotModel& model, const std::vector<LoadSo
     JointPositions q;
     for (size_t j = 0; j < model.joints.size(); ++j) {
       const RobotJoint& joint = model.joints[j];
-      q.push_back(joint.min + (joint.max - joint.min) * RadicalInverse(kPrimes[j], n + 1));
+      q.push_back(joint.min + (joint.max - joint.min) * RadicalInverse(kHaltonBases[j], n + 1));
     }
     const auto poses = model.LinkPoses(q);
     std::vector<std::vector<bool>> touch(links, std::vector<bool>(links, false));

@@ -2,18 +2,17 @@
 #include "planner_client/setup_sheet/direction_words.h"
 
 #include <cmath>
-#include <numbers>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/physics/angle.h"
 
 namespace sightline {
 namespace {
 
-constexpr double kDegPerRad = 180 / std::numbers::pi;
 constexpr double kOnAxis_deg = 0.5;
 
-std::string Degrees(double angle_deg) { return absl::StrFormat("%.0f\u00b0", angle_deg); }
+std::string WholeDegrees(double angle_deg) { return absl::StrFormat("%.0f\u00b0", angle_deg); }
 
 double PolarDeg(const Eigen::Vector3d& direction) {
   return std::atan2(std::hypot(direction.x(), direction.y()), direction.z()) * kDegPerRad;
@@ -28,7 +27,8 @@ std::string Horizontally(const Eigen::Vector3d& direction) {
                                      nearer_x ? std::abs(direction.x()) : std::abs(direction.y())) *
                           kDegPerRad;
   if (away_deg < kOnAxis_deg) return absl::StrCat("towards ", nearer_x ? x : y);
-  return absl::StrCat(Degrees(away_deg), " from ", nearer_x ? x : y, " towards ", nearer_x ? y : x);
+  return absl::StrCat(WholeDegrees(away_deg), " from ", nearer_x ? x : y, " towards ",
+                      nearer_x ? y : x);
 }
 
 }  // namespace
@@ -41,9 +41,10 @@ std::string PlaceInWords(const Eigen::Vector3d& place) {
     return absl::StrCat("level, ", Horizontally(place));
   }
   if (polar_deg > 90) {
-    return absl::StrCat(Degrees(polar_deg - 90), " below the horizontal, ", Horizontally(place));
+    return absl::StrCat(WholeDegrees(polar_deg - 90), " below the horizontal, ",
+                        Horizontally(place));
   }
-  return absl::StrCat(Degrees(polar_deg), " from vertical, ", Horizontally(place));
+  return absl::StrCat(WholeDegrees(polar_deg), " from vertical, ", Horizontally(place));
 }
 
 std::string PointsInWords(const Eigen::Vector3d& direction) {
@@ -51,7 +52,7 @@ std::string PointsInWords(const Eigen::Vector3d& direction) {
   if (polar_deg < kOnAxis_deg) return "up";
   if (polar_deg > 180 - kOnAxis_deg) return "down";
   if (std::abs(polar_deg - 90) < kOnAxis_deg) return Horizontally(direction);
-  return absl::StrCat(Degrees(std::abs(90 - polar_deg)), polar_deg < 90 ? " above" : " below",
+  return absl::StrCat(WholeDegrees(std::abs(90 - polar_deg)), polar_deg < 90 ? " above" : " below",
                       " the horizontal, ", Horizontally(direction));
 }
 

@@ -90,7 +90,7 @@ class Canvas {
 
 std::string Millimetres(double length_m) { return absl::StrFormat("%.1f mm", 1e3 * length_m); }
 
-std::string Degrees(double angle_rad) {
+std::string AngleText(double angle_rad) {
   return absl::StrFormat("%.1f\u00b0", std::abs(angle_rad) * 180 / std::numbers::pi);
 }
 
@@ -182,10 +182,10 @@ std::string SideViewSvg(const DrawnScene& scene) {
   constexpr double kPolarRadius = 112, kAngleRadius = 64;
   if (std::abs(camera_rad) > 0.02) {
     canvas.Arc(kPolarRadius, 0, camera_rad, "angle");
-    label(camera_rad / 2, kPolarRadius + 16, Degrees(camera_rad));
+    label(camera_rad / 2, kPolarRadius + 16, AngleText(camera_rad));
   }
   canvas.Arc(kAngleRadius, laser_rad, camera_rad, "angle strong");
-  label((camera_rad + laser_rad) / 2, kAngleRadius - 20, Degrees(camera_rad - laser_rad));
+  label((camera_rad + laser_rad) / 2, kAngleRadius - 20, AngleText(camera_rad - laser_rad));
   canvas.Text(0.9 * camera_m, 38 * apart, Millimetres(camera_m.norm()));
   canvas.Text(0.9 * laser_m, -38 * apart, Millimetres(laser_m.norm()));
   return canvas.Svg("Camera, laser and part, seen along the laser line");

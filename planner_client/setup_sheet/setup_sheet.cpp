@@ -4,7 +4,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <unordered_set>
 #include <utility>
 
@@ -12,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/physics/angle.h"
 #include "planner_client/exports/scan_frames.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
@@ -21,8 +21,6 @@
 
 namespace sightline {
 namespace {
-
-constexpr double kDegPerRad = 180 / std::numbers::pi;
 
 std::string Mm(double length_m, int decimals = 1) { return FixedNumber(1e3 * length_m, decimals); }
 

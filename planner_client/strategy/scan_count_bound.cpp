@@ -23,8 +23,8 @@ namespace sightline {
 namespace {
 
 constexpr size_t kMaxGroups = 400;
-constexpr size_t kKeptPerSearch = 24;
-constexpr double kKeptSeparation = 0.02;
+constexpr size_t kColumnsPerPricing = 24;
+constexpr double kColumnSeparation = 0.02;
 constexpr int64_t kRoundEvaluations = 3000;
 constexpr int kFullRoundRestarts = 5;
 constexpr double kMixing = 0.5;
@@ -343,7 +343,7 @@ class BoundSearch {
   absl::StatusOr<double> PriceOnly(const std::vector<double>& weights, int64_t evaluations,
                                    int restarts) {
     const std::vector<float> weights_f(weights.begin(), weights.end());
-    TopPoints top(kKeptPerSearch, kKeptSeparation);
+    TopPoints top(kColumnsPerPricing, kColumnSeparation);
     const BatchObjective objective =
         [&](std::span<const std::vector<double>> points) -> absl::StatusOr<std::vector<double>> {
       if (Interrupted()) return absl::CancelledError("interrupted");
@@ -363,7 +363,7 @@ class BoundSearch {
     options.periodic = space_.periodic();
     options.restarts = restarts;
     const int64_t searching =
-        std::max<int64_t>(1, evaluations - static_cast<int64_t>(kKeptPerSearch));
+        std::max<int64_t>(1, evaluations - static_cast<int64_t>(kColumnsPerPricing));
     auto best = Maximise(Method::kParticleSwarm, space_.dimension(), objective, searching,
                          random_.Bits(), options);
     if (!best.ok()) return best.status();

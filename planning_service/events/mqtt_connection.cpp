@@ -12,13 +12,13 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
+#include "planning_service/events/interrupt_interval.h"
 
 namespace sightline {
 namespace {
 
 constexpr int kQualityOfService = 1;
 constexpr int kKeepAlive_s = 20;
-constexpr std::chrono::milliseconds kInterruptInterval{20};
 constexpr size_t kMaxDetailBytes = 500;
 
 // Codes 1 to 5 are the broker's (MQTT 3.1.1, table 3.1), negative ones Paho's.

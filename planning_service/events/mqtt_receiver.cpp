@@ -19,7 +19,7 @@
 namespace sightline {
 namespace {
 
-constexpr char kUrlOption[] = "--mqtt";
+constexpr char kMqttUrlOption[] = "--mqtt";
 constexpr char kPrefixOption[] = "--mqtt-prefix";
 constexpr char kCredentialsOption[] = "--mqtt-credentials";
 constexpr char kOnline[] = "online";
@@ -146,20 +146,20 @@ class MqttReceiver final : public EventReceiver {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<EventReceiver>> MakeMqttReceiver(const MqttOptions& options) {
-  absl::StatusOr<ReceiverUrl> url = ParseReceiverUrl(kUrlOption, options.url);
+  absl::StatusOr<ReceiverUrl> url = ParseReceiverUrl(kMqttUrlOption, options.url);
   if (!url.ok()) return url.status();
   const bool is_tls = url->scheme == "ssl" || url->scheme == "mqtts";
   if (!is_tls && url->scheme != "tcp" && url->scheme != "mqtt") {
     return absl::InvalidArgumentError(
-        absl::StrCat(kUrlOption, ": scheme ", url->scheme, " must be ssl, mqtts, tcp or mqtt"));
+        absl::StrCat(kMqttUrlOption, ": scheme ", url->scheme, " must be ssl, mqtts, tcp or mqtt"));
   }
   if (url->path != "/") {
-    return absl::InvalidArgumentError(
-        absl::StrCat(kUrlOption, ": ends after host and port; topics are set by ", kPrefixOption));
+    return absl::InvalidArgumentError(absl::StrCat(
+        kMqttUrlOption, ": ends after host and port; topics are set by ", kPrefixOption));
   }
   if (!is_tls && !url->is_loopback && !options.allow_plaintext) {
     return absl::InvalidArgumentError(absl::StrCat(
-        kUrlOption, ": ", url->scheme, " to ", url->host,
+        kMqttUrlOption, ": ", url->scheme, " to ", url->host,
         " would send job events and password over the network in plain text; use ssl://, or allow "
         "it with --allow-plaintext"));
   }

@@ -12,11 +12,10 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "planning_service/events/interrupt_interval.h"
 
 namespace sightline {
 namespace {
-
-constexpr std::chrono::milliseconds kInterruptInterval{20};
 
 // Lives as long as the one of both that needs it longer: a lookup cannot be taken back.
 struct Lookup {

@@ -19,7 +19,7 @@
 namespace sightline {
 namespace {
 
-constexpr char kUrlOption[] = "--webhook";
+constexpr char kWebhookUrlOption[] = "--webhook";
 constexpr char kSecretOption[] = "--webhook-secret";
 constexpr size_t kMinSecretBytes = 16;
 // Nobody reads the answer; this much is taken so that the connection can be used again.
@@ -158,15 +158,15 @@ class WebhookReceiver final : public EventReceiver {
 absl::StatusOr<std::unique_ptr<EventReceiver>> MakeWebhookReceiver(const WebhookOptions& options) {
   static std::once_flag initialised;
   std::call_once(initialised, [] { curl_global_init(CURL_GLOBAL_DEFAULT); });
-  absl::StatusOr<ReceiverUrl> url = ParseReceiverUrl(kUrlOption, options.url);
+  absl::StatusOr<ReceiverUrl> url = ParseReceiverUrl(kWebhookUrlOption, options.url);
   if (!url.ok()) return url.status();
   if (url->scheme != "http" && url->scheme != "https") {
     return absl::InvalidArgumentError(
-        absl::StrCat(kUrlOption, ": scheme ", url->scheme, " must be https or http"));
+        absl::StrCat(kWebhookUrlOption, ": scheme ", url->scheme, " must be https or http"));
   }
   if (url->scheme == "http" && !url->is_loopback && !options.allow_plaintext) {
     return absl::InvalidArgumentError(absl::StrCat(
-        kUrlOption, ": http to ", url->host,
+        kWebhookUrlOption, ": http to ", url->host,
         " would send job events over the network in plain text; use https, or allow it with "
         "--allow-plaintext"));
   }

@@ -21,7 +21,7 @@ absl::StatusCode CodeFromName(const std::string& name) {
   return absl::StatusCode::kUnknown;
 }
 
-std::string Text(const nlohmann::json& object, const char* field) {
+std::string MessageText(const nlohmann::json& object, const char* field) {
   return object.contains(field) && object[field].is_string() ? object[field].get<std::string>()
                                                              : "";
 }
@@ -43,11 +43,11 @@ void CommandMessages::Line(const std::string& line) {
   const nlohmann::json json = nlohmann::json::parse(line, nullptr, /*allow_exceptions=*/false);
   if (json.is_object() && json.contains("progress") && json["progress"].is_number()) {
     progress_.fraction = std::clamp(json["progress"].get<double>(), 0.0, 1.0);
-    progress_.message = Text(json, "message");
+    progress_.message = MessageText(json, "message");
   } else if (json.is_object() && json.contains("error") && json["error"].is_object()) {
     const nlohmann::json& error = json["error"];
-    failure_ = JobFailure{CodeFromName(Text(error, "code")), Text(error, "reason"),
-                          Text(error, "message")};
+    failure_ = JobFailure{CodeFromName(MessageText(error, "code")), MessageText(error, "reason"),
+                          MessageText(error, "message")};
   } else {
     absl::StrAppend(&last_words_, line, "\n");
     if (last_words_.size() > 2 * kLastWordsBytes) {

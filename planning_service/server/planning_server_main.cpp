@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <unistd.h>
+
 #include <cstdio>
-#include <filesystem>
-#include <system_error>
 #include <utility>
 
+#include "absl/strings/str_cat.h"
+#include "core/process/program_path.h"
 #include "planning_service/server/planning_server.h"
 #include "rpc_server/server_main.h"
 
@@ -131,9 +133,14 @@ int PlanningServerMain(int argc, char** argv) {
   // Its jobs are processes, which have to be ended too.
   program.stop_within = absl::Seconds(8);
   program.start = [&]() -> absl::StatusOr<std::unique_ptr<RunningServer>> {
-    std::error_code error;
-    options.program = std::filesystem::read_symlink("/proc/self/exe", error).string();
-    if (error) return absl::InternalError("cannot find the program's own path");
+    // Jobs are commands of `sightline`, whichever program carries them out.
+    options.program = FindProgram("sightline").string();
+    if (access(options.program.c_str(), X_OK) != 0) {
+      return absl::NotFoundError(
+          absl::StrCat("jobs are carried out by the program sightline, and "
+                       "there is no executable ",
+                       options.program));
+    }
     if (max_job_time_s > 0) options.max_job_time = absl::Seconds(max_job_time_s);
     options.slurm.cpus = options.kubernetes.cpus = cpus;
     options.keep_finished = absl::Hours(24 * retention_days);

@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <numbers>
 #include <sstream>
 
 #include "absl/strings/ascii.h"
@@ -16,13 +15,12 @@
 #include "render_worker/material/fresnel.h"
 #include "render_worker/material/microfacet.h"
 #include "render_worker/material/models.h"
+#include "render_worker/material/single_precision_pi.h"
 
 namespace sightline {
 namespace {
 
 using Eigen::Vector3f;
-
-constexpr float kInversePi = std::numbers::inv_pi_v<float>;
 
 struct Index {
   float n;

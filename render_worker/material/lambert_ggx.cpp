@@ -1,18 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <algorithm>
-#include <numbers>
 
 #include "render_worker/material/directional_albedo.h"
 #include "render_worker/material/fresnel.h"
 #include "render_worker/material/microfacet.h"
 #include "render_worker/material/models.h"
+#include "render_worker/material/single_precision_pi.h"
 
 namespace sightline {
 namespace {
 
 using Eigen::Vector3f;
-
-constexpr float kInversePi = std::numbers::inv_pi_v<float>;
 
 class Lambert final : public DetailedMaterial {
  public:

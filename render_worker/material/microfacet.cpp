@@ -4,15 +4,12 @@
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "render_worker/material/single_precision_pi.h"
 
 namespace sightline {
 
 using Eigen::Vector3f;
-
-namespace {
-constexpr float kPi = std::numbers::pi_v<float>;
-}  // namespace
 
 float GgxDistribution(const GgxRoughness& roughness, const Vector3f& half) {
   if (half.z() <= 0) return 0;

@@ -18,7 +18,7 @@ constexpr int kFirstTimes = 12;
 constexpr double kFirstRatio = 1.6;
 // Neighbours of the best whose times differ by less than this ratio are near enough.
 constexpr double kNearEnough = 1.03;
-constexpr int kMostRounds = 32;
+constexpr int kMostSearchRounds = 32;
 
 }  // namespace
 
@@ -82,7 +82,7 @@ absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
     return std::min_element(known.begin(), known.end(),
                             [](const auto& a, const auto& b) { return a.second < b.second; });
   };
-  for (int round = 0; round < kMostRounds && !every; ++round) {
+  for (int round = 0; round < kMostSearchRounds && !every; ++round) {
     const auto at = best();
     std::vector<int> between;
     const auto halve = [&](int low, int high) {

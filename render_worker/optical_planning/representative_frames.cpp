@@ -10,7 +10,7 @@ namespace sightline {
 namespace {
 
 constexpr int kFeatures = 5;
-constexpr int kMostRounds = 50;
+constexpr int kMostMedoidRounds = 50;
 using Features = std::array<double, kFeatures>;
 
 Features FeaturesOf(const FrameGlance& glance) {
@@ -104,7 +104,7 @@ Representatives ChooseRepresentatives(const std::vector<FrameGlance>& glances, i
     medoids.push_back(farthest);
   }
   std::vector<std::vector<int>> members;
-  for (int round = 0; round < kMostRounds; ++round) {
+  for (int round = 0; round < kMostMedoidRounds; ++round) {
     members.assign(medoids.size(), {});
     for (int i = 0; i < n; ++i) members[nearest(i)].push_back(i);
     std::vector<int> moved;

@@ -10,14 +10,13 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/inspection/vector_proto.h"
 
 namespace sightline {
 namespace {
 
 // Obstacles have no material of their own: grey, matt.
 constexpr double kObstacleAlbedo = 0.5;
-
-Eigen::Vector3d ToVector(const v1::Vector3& v) { return {v.x(), v.y(), v.z()}; }
 
 std::string Quoted(const std::string& text) { return absl::StrCat("\"", text, "\""); }
 
@@ -221,9 +220,9 @@ absl::StatusOr<std::shared_ptr<const LightTransport>> PartScene::TransportAt(
   }
   for (size_t i = 0; i < area_light_spectra_.size(); ++i) {
     const v1::AreaLight& light = inspection.lighting.area_lights(static_cast<int>(i));
-    scene.area_lights.push_back({from_world(ToVector(light.centre_m())),
-                                 from_world.rotation * ToVector(light.half_edge_u_m()),
-                                 from_world.rotation * ToVector(light.half_edge_v_m()),
+    scene.area_lights.push_back({from_world(VectorFromProto(light.centre_m())),
+                                 from_world.rotation * VectorFromProto(light.half_edge_u_m()),
+                                 from_world.rotation * VectorFromProto(light.half_edge_v_m()),
                                  area_light_spectra_[i]});
   }
   scene.ambient_radiance_w_m2_sr = ambient_;

@@ -18,6 +18,7 @@
 #include "render_worker/sensor_diagnosis/flat_field_statistics.h"
 #include "render_worker/sensor_diagnosis/frame_departures.h"
 #include "render_worker/sensor_diagnosis/photon_transfer_fit.h"
+#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 namespace {
@@ -34,8 +35,6 @@ constexpr double kNormal95 = 1.959964;
 // A response that deviates less is as good as linear for a laser line.
 constexpr double kMaterialResponse = 1e-3;
 constexpr double kMaterialVarianceDeficit = 0.01;
-
-double Square(double x) { return x * x; }
 
 // What all frames of a set come down to.
 struct SetStatistics {

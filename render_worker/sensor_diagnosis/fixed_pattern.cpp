@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 namespace {
@@ -28,8 +29,6 @@ constexpr double kQuartile = 0.6744897501960817;
 constexpr int kNeighbours = 15;
 constexpr double kMaterialShare = 0.1;
 constexpr double kMaterialFallOff = 0.03;
-
-double Square(double x) { return x * x; }
 
 // Legendre polynomials of a coordinate in [-1, 1], products up to the degree.
 Eigen::VectorXd Basis(double x, double y) {

@@ -6,14 +6,14 @@
 #include <cmath>
 #include <functional>
 
+#include "render_worker/sensor_diagnosis/square.h"
+
 namespace sightline {
 namespace {
 
 // Parts per side of the image from whose scatter standard errors come; 64 parts know a standard
 // error to 9 %.
 constexpr int kPartsPerSide = 8;
-
-double Square(double x) { return x * x; }
 
 double Mean(const Image<uint16_t>& frame) {
   uint64_t sum = 0;

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_format.h"
 #include "core/recordings/raw_numbers.h"
+#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 namespace {
@@ -19,8 +20,6 @@ constexpr double kMaterialLight = 1e-3, kMaterialBlackLevel_dn = 0.1, kMaterialC
 constexpr double kMaterialLineNoise = 0.01, kMaterialCorrelation = 2e-3;
 constexpr double kMaterialMissing = 0.05, kMaterialCodeWidth = 0.02;
 constexpr double kMaterialClipped = 1e-4;
-
-double Square(double x) { return x * x; }
 
 double VarianceOf(const FlatFieldStatistics& step) {
   return step.noise.variance_1_apart_dn2->value;

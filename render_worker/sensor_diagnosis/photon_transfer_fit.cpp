@@ -13,6 +13,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 namespace {
@@ -29,8 +30,6 @@ constexpr double kLeastScatter = 1e-7, kLargestScatter = 0.1;
 constexpr int kGoldenSections = 14, kSearchRounds = 3;
 // Photon numbers written as whole numbers are off by a uniform law of width one.
 const double kRoundingDeviation_photons = 1 / std::sqrt(12.0);
-
-double Square(double x) { return x * x; }
 
 // The parameters of a model, each with a scale that brings it to the order of one.
 struct Layout {

@@ -14,7 +14,6 @@
 namespace sightline {
 namespace {
 
-constexpr auto kProgressInterval = std::chrono::milliseconds(50);
 // Room for what goes around an answer in its message.
 constexpr size_t kMostAnswerBytes = kMaxMessageBytes - (1 << 20);
 

@@ -2,6 +2,7 @@
 // Jobs whose result is one message, kept until newer answers need its room.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -18,6 +19,9 @@
 #include "sightline/v1/job_service.pb.h"
 
 namespace sightline {
+
+// Least time between two reports of a job's progress.
+inline constexpr std::chrono::milliseconds kProgressInterval{50};
 
 class AnswerJobs {
  public:

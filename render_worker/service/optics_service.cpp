@@ -13,7 +13,7 @@
 namespace sightline {
 namespace {
 
-constexpr char kJobKind[] = "optics";
+constexpr char kOpticsJobKind[] = "optics";
 
 // What one job holds on to.
 struct OpticsWork {
@@ -36,7 +36,7 @@ grpc::Status OpticsServiceImpl::CreateOptics(grpc::ServerContext* context,
 absl::Status OpticsServiceImpl::Create(const std::string& peer,
                                        const v1::CreateOpticsRequest& request,
                                        v1::CreateOpticsResponse* response) {
-  auto admission = answers_.Admit(kJobKind, peer, request);
+  auto admission = answers_.Admit(kOpticsJobKind, peer, request);
   if (!admission.ok()) return admission.status();
   if (admission->known) {
     *response->mutable_job() = *std::move(admission->known);
@@ -66,7 +66,7 @@ absl::Status OpticsServiceImpl::Create(const std::string& peer,
     return InvalidFields({{"assets", absl::StrCat("has no entry for ", file)}});
   }
   auto job = answers_.Create(
-      kJobKind, request, std::move(admission->room),
+      kOpticsJobKind, request, std::move(admission->room),
       [this, work](const AnswerJobs::Progress& progress,
                    JobContext& context) -> absl::StatusOr<std::string> {
         auto scene = LoadPartScene(
@@ -93,7 +93,7 @@ grpc::Status OpticsServiceImpl::GetOptics(grpc::ServerContext* context,
                                           const v1::GetOpticsRequest* request,
                                           v1::GetOpticsResponse* response) {
   return p_.calls->Run("GetOptics", context, [&]() -> absl::Status {
-    const auto result = answers_.Result(request->job_id(), kJobKind);
+    const auto result = answers_.Result(request->job_id(), kOpticsJobKind);
     if (!result.ok()) return result.status();
     response->mutable_optics()->ParseFromString(**result);
     return absl::OkStatus();

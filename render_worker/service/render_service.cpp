@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/parallel/exception_status.h"
 #include "proto/status/rpc_status.h"
+#include "render_worker/service/answer_jobs.h"
 #include "render_worker/service/asset_folder.h"
 #include "render_worker/service/without_folders.h"
 #include "rpc_server/file_stream.h"
@@ -24,8 +25,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kJobKind[] = "render";
-constexpr auto kProgressInterval = std::chrono::milliseconds(50);
+constexpr char kRenderJobKind[] = "render";
 
 // What one job holds on to.
 struct RenderWork {
@@ -95,8 +95,8 @@ absl::Status RenderServiceImpl::Create(const std::string& peer,
                                        const v1::CreateRenderRequest& request,
                                        v1::CreateRenderResponse* response) {
   auto admission = AdmitJob(
-      p_.jobs, kJobKind, request.request_id(), [&] { return MessageDigest(request.spec()); }, peer,
-      [&] { return MemoryOf(request); });
+      p_.jobs, kRenderJobKind, request.request_id(), [&] { return MessageDigest(request.spec()); },
+      peer, [&] { return MemoryOf(request); });
   if (!admission.ok()) return admission.status();
   if (admission->known) {
     // By then whoever has made it has kept its output.
@@ -121,7 +121,7 @@ absl::Status RenderServiceImpl::Create(const std::string& peer,
   work->output = std::make_shared<RenderOutput>(folder);
   const auto output = work->output;
   absl::StatusOr<JobRecord> job = p_.jobs->Create(
-      kJobKind, request.request_id(), digest,
+      kRenderJobKind, request.request_id(), digest,
       [this, work](JobContext& job_context) -> absl::StatusOr<std::string> {
         const std::vector<std::string> folders = {work->output->folder(), p_.spool_folder};
         absl::Status made = work->output->MakeFolder();
@@ -185,7 +185,7 @@ absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
   }
   absl::StatusOr<JobRecord> job = p_.jobs->Get(request.job_id());
   const std::shared_ptr<RenderOutput> output = p_.outputs->Get(request.job_id());
-  if (output == nullptr && job.ok() && job->kind == kJobKind && !job->error.ok()) {
+  if (output == nullptr && job.ok() && job->kind == kRenderJobKind && !job->error.ok()) {
     return job->error;
   }
   if (!job.ok() || output == nullptr) {

@@ -15,7 +15,7 @@
 namespace sightline {
 namespace {
 
-constexpr char kJobKind[] = "sensor";
+constexpr char kSensorJobKind[] = "sensor";
 
 // What one job holds on to.
 struct SensorWork {
@@ -29,7 +29,7 @@ struct SensorWork {
 absl::Status SensorServiceImpl::Create(const std::string& peer,
                                        const v1::CreateSensorDiagnosisRequest& request,
                                        v1::CreateSensorDiagnosisResponse* response) {
-  auto admission = answers_.Admit(kJobKind, peer, request);
+  auto admission = answers_.Admit(kSensorJobKind, peer, request);
   if (!admission.ok()) return admission.status();
   if (admission->known) {
     *response->mutable_job() = *std::move(admission->known);
@@ -49,7 +49,7 @@ absl::Status SensorServiceImpl::Create(const std::string& peer,
     }
   }
   auto job = answers_.Create(
-      kJobKind, request, std::move(admission->room),
+      kSensorJobKind, request, std::move(admission->room),
       [work](const AnswerJobs::Progress& progress,
              JobContext& context) -> absl::StatusOr<std::string> {
         SensorDiagnosisHooks hooks;
@@ -90,7 +90,7 @@ grpc::Status SensorServiceImpl::GetSensorDiagnosis(grpc::ServerContext* context,
                                                    const v1::GetSensorDiagnosisRequest* request,
                                                    v1::GetSensorDiagnosisResponse* response) {
   return p_.calls->Run("GetSensorDiagnosis", context, [&]() -> absl::Status {
-    const auto result = answers_.Result(request->job_id(), kJobKind);
+    const auto result = answers_.Result(request->job_id(), kSensorJobKind);
     if (!result.ok()) return result.status();
     response->mutable_diagnosis()->ParseFromString(**result);
     return absl::OkStatus();

@@ -19,7 +19,7 @@ SERVICES = {
 
 
 def run(*words):
-    done = subprocess.run(words, capture_output=True, text=True, timeout=100, check=False)
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise AssertionError(f"{' '.join(words)}: exit code {done.returncode}\n{done.stdout}{done.stderr}")
     return done.stdout
@@ -53,6 +53,11 @@ class InstallTest(unittest.TestCase):
             commits.add(found[1])
         self.assertEqual(len(commits), 1, commits)
         self.assertRegex(commits.pop(), r"[0-9a-f]{7,40}(-dirty)?|unknown")
+
+    def test_programs_of_commands_are_found_from_the_prefix(self):
+        for group, command in (("plan", "evaluate"), ("render", "verify"), ("serve", "backup")):
+            self.assertTrue(os.access(self.path("libexec", "sightline", f"sightline-{group}"), os.X_OK))
+            self.assertIn(f"sightline {command}", run(self.path("bin", "sightline"), command, "--help"))
 
     def test_examples_are_whole(self):
         examples = self.path("share", "sightline", "examples")

@@ -98,7 +98,7 @@ TEST_P(CorpusTest, ChangedSeedsAreReadSoonAndWithLittleMemory) {
       batch.push_back(
           Mutated(seeds[random() % seeds.size()], seeds[random() % seeds.size()], random));
     }
-    const Limits limits = {.cpu_time_s = 10, .memory_bytes = int64_t{1} << 30};
+    const WorkLimits limits = {.cpu_time_s = 10, .memory_bytes = int64_t{1} << 30};
     const auto read = [&](const std::string& bytes) {
       FuzzTargets().at(GetParam())(bytes);
       return std::string("ended");

@@ -25,7 +25,7 @@ inline constexpr int kSlowness = 20;
 inline constexpr int kSlowness = 1;
 #endif
 
-struct Limits {
+struct WorkLimits {
   int cpu_time_s = 10;
   // Of address space, beyond what the test has already. Sanitizers reserve terabytes: not with
   // them.
@@ -41,7 +41,8 @@ inline int64_t AddressSpaceBytes() {
 }
 
 // What `work` returns (up to 4000 bytes), or how it went beyond the limits.
-inline std::string WithinLimits(const Limits& limits, const std::function<std::string()>& work) {
+inline std::string WithinLimits(const WorkLimits& limits,
+                                const std::function<std::string()>& work) {
   int ends[2];
   if (pipe(ends) != 0) return "no pipe";
   const pid_t child = fork();
@@ -51,8 +52,6 @@ inline std::string WithinLimits(const Limits& limits, const std::function<std::s
     const int cpu_time_s = kSlowness * limits.cpu_time_s;
     const rlimit cpu = {static_cast<rlim_t>(cpu_time_s), static_cast<rlim_t>(cpu_time_s)};
     setrlimit(RLIMIT_CPU, &cpu);
-    // Work that waits uses no processor time.
-    alarm(static_cast<unsigned>(10 * cpu_time_s));
 #if !defined(__SANITIZE_ADDRESS__) && !defined(__SANITIZE_THREAD__)
     const rlim_t bytes = static_cast<rlim_t>(AddressSpaceBytes() + limits.memory_bytes);
     const rlimit memory = {bytes, bytes};

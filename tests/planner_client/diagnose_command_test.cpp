@@ -20,8 +20,8 @@
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
+#include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/process/exit_code.h"
 #include "planner_client/render_client/render_client.h"
 #include "render_worker/service/render_server.h"
 #include "tests/planner_client/run_command.h"
@@ -371,7 +371,8 @@ TEST_F(DiagnoseCommandTest, Part) {
 
   // The model can be that of an inspection.
   std::ofstream(folder_ + "/mine.json") << R"({"part": {"file": "set/table.obj", "unit": "m"},
-    "camera": {"sensor": {)" << kSensor << R"(}}, "lens": {"focal_length_m": 0.016, "f_number": 8},
+    "camera": {"sensor": {)" << kPlateSpecSensor
+                                        << R"(}}, "lens": {"focal_length_m": 0.016, "f_number": 8},
     "laser": {"power_w": 0.002}, "materials": [{"material": {"name": "paint",
       "lambert": {"diffuse_albedo": 0.7}}}]})";
   const CommandResult other =

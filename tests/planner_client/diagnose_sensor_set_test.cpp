@@ -16,8 +16,8 @@
 #include <vector>
 
 #include "core/json/strict_json.h"
+#include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/process/exit_code.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/job_service.grpc.pb.h"
 #include "sightline/v1/render_service.grpc.pb.h"

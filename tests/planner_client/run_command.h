@@ -9,8 +9,8 @@
 #include <string>
 #include <vector>
 
+#include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/process/exit_code.h"
 
 namespace sightline {
 

@@ -33,7 +33,7 @@ class CheckDependenciesTest(unittest.TestCase):
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
         self.git("init", "--quiet")
-        self.write("deploy/packages.txt", "# Tools\ng++\nlibssl-dev  # TLS\n")
+        self.write("deploy/packages.txt", "# Tools\n[build]\ng++\n\n[plan]\nlibssl-dev  # TLS\n")
         self.write("page/package.json", json.dumps(MANIFEST))
         self.write("page/package-lock.json", json.dumps(LOCK))
 

@@ -3,20 +3,18 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <numbers>
 #include <optional>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/part/load_part.h"
+#include "core/physics/angle.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "planner_client/replanning/measured_oracle.h"
 
 namespace sightline {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // What is fixed to the holder does not move with the part.
 std::shared_ptr<const TriangleMesh> FixedToHolder(const TriangleMesh& mesh, const PartPose& pose) {
@@ -133,7 +131,7 @@ std::function<absl::Status(PlanningSession&, CoverageTask&)> PutMeasuredPart(
     const AsMeasuredOptions& options, const EarlierPlan& earlier) {
   return [options, &earlier](PlanningSession& session, CoverageTask& task) -> absl::Status {
     MeasuredPartOptions finding;
-    finding.prior.rotation_standard_deviation_rad = options.pose_prior_deg * kDegree;
+    finding.prior.rotation_standard_deviation_rad = options.pose_prior_deg * kRadPerDeg;
     finding.prior.translation_standard_deviation_m = 1e-3 * options.pose_prior_mm;
     finding.tolerated_distance_m = 1e-3 * options.tolerated_distance_mm;
     auto found =

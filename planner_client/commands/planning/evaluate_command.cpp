@@ -5,13 +5,13 @@
 #include <memory>
 #include <string>
 
+#include "planner_client/command_line/help/terminal.h"
+#include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/help/terminal.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/planning_session.h"
-#include "planner_client/commands/process/exit_code.h"
-#include "planner_client/commands/process/output_folder.h"
 
 namespace sightline {
 namespace {

@@ -7,8 +7,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
-#include "planner_client/commands/process/exit_code.h"
-#include "planner_client/commands/process/output_folder.h"
+#include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/pareto/frame_estimate.h"
 #include "planner_client/pareto/make_pareto_front.h"
 #include "planner_client/report/plan/sections/pareto_section.h"

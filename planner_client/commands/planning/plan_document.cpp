@@ -18,12 +18,12 @@
 #include "core/json/strict_json.h"
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
+#include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/commands/planning/scan_setups.h"
 #include "planner_client/commands/planning/set_up_outputs.h"
 #include "planner_client/commands/planning/uncertainty_outputs.h"
 #include "planner_client/commands/planning/uncovered_outputs.h"
-#include "planner_client/commands/process/output_folder.h"
 #include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/requirements/feature_verdicts.h"
 #include "planner_client/strategy/scan_order.h"
@@ -363,10 +363,6 @@ absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
     const auto values = ToArray(measurement);
     for (int p = 0; p < kMeasurementParameters; ++p) {
       if (domain.parameters[p].Contains(values[p])) continue;
-      static constexpr const char* kNames[] = {
-          "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
-          "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
-          "offset_z_m"};
       const bool angle = p >= 1 && p <= 6;
       std::string allowed;
       for (const auto& range : domain.parameters[p].ranges) {
@@ -375,7 +371,8 @@ absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
                         absl::StrFormat("[%.6g, %.6g]", scale * range.min, scale * range.max));
       }
       return absl::InvalidArgumentError(
-          absl::StrFormat("%s: scans[%d].measurement.%s is %.9g, must be in %s", path, i, kNames[p],
+          absl::StrFormat("%s: scans[%d].measurement.%s is %.9g, must be in %s", path, i,
+                          kMeasurementParameterNames[p],
                           angle ? values[p] * 180 / std::numbers::pi : values[p], allowed));
     }
     scans.all.push_back(measurement);

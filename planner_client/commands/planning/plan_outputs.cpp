@@ -18,11 +18,11 @@
 #include "core/parallel/for_each_index.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
+#include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/commands/planning/set_up_outputs.h"
 #include "planner_client/commands/planning/uncertainty_outputs.h"
 #include "planner_client/commands/planning/uncovered_outputs.h"
-#include "planner_client/commands/process/output_folder.h"
 #include "planner_client/report/plan/plan_csv.h"
 
 namespace sightline {

@@ -8,10 +8,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/commands/optics/optics_outputs.h"
 #include "planner_client/commands/optics/optics_request.h"
 #include "planner_client/commands/planning/plan_outputs.h"
-#include "planner_client/commands/process/interrupt.h"
 #include "planner_client/optics_client/detection_change.h"
 #include "planner_client/optics_client/optics_client.h"
 

@@ -13,9 +13,9 @@
 #include "core/json/strict_json.h"
 #include "core/random/random.h"
 #include "core/rig/sensor_bodies.h"
+#include "planner_client/command_line/process/interrupt.h"
+#include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/planning/robot_outputs.h"
-#include "planner_client/commands/process/interrupt.h"
-#include "planner_client/commands/process/progress_line.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/plan_oracle/coverage_oracle.h"
 #include "planner_client/requirements/reach.h"
@@ -203,7 +203,9 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   absl::Status tls = UseServerTls(options.tls, !options.coverage_server.empty(), &client);
   if (!tls.ok()) return tls;
   if (options.coverage_server.empty()) {
-    auto server = EmbeddedServer::Start({});
+    EmbeddedServerOptions embedded;
+    embedded.interrupted = &InterruptFlag();
+    auto server = EmbeddedServer::Start(std::move(embedded));
     if (!server.ok()) return server.status();
     session.server = std::move(*server);
     client.embedded = session.server.get();

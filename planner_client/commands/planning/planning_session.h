@@ -14,7 +14,7 @@
 #include "core/inspection/part_holding.h"
 #include "core/part/mesh.h"
 #include "core/part/part_health.h"
-#include "planner_client/commands/process/progress_line.h"
+#include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/server_tls.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/plan_oracle/uncertainty_oracle.h"

@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/random/random.h"
-#include "planner_client/commands/process/interrupt.h"
+#include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/optimise/search_space.h"
 #include "planner_client/plan_oracle/reachable_oracle.h"
 #include "planner_client/robot/nearest_reachable.h"

@@ -3,35 +3,21 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/inspection/vector_proto.h"
+#include "core/physics/angle.h"
 #include "core/rig/scan_geometry.h"
 #include "core/rig/sensor_bodies.h"
 
 namespace sightline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 // Part of the measurable targets that a scan which is worth its set-up adds.
 constexpr double kLittle = 0.005;
-
-constexpr int kAlpha = 4, kBeta = 5;
-constexpr const char* kParameterNames[] = {
-    "camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
-    "part_alpha_deg",    "part_beta_deg",           "part_gamma_deg",     "offset_y_m",
-    "offset_z_m"};
-
-v1::Vector3 ToProto(const Eigen::Vector3d& v) {
-  v1::Vector3 message;
-  message.set_x(v.x());
-  message.set_y(v.y());
-  message.set_z(v.z());
-  return message;
-}
 
 // The scan's geometry with the part where it should lie.
 ScanGeometry GeometryOf(const PlanningSession& session, const Measurement& measurement) {
@@ -46,8 +32,8 @@ int RestOf(const MeasurementDomain& domain, const Measurement& m) {
   for (size_t i = 0; i < domain.resting_orientations.size(); ++i) {
     const RestingOrientation& rest = domain.resting_orientations[i];
     const double off =
-        std::max(std::abs(std::remainder(m.part_alpha_rad - rest.part_alpha_rad, 360 * kDegree)),
-                 std::abs(std::remainder(m.part_beta_rad - rest.part_beta_rad, 360 * kDegree)));
+        std::max(std::abs(std::remainder(m.part_alpha_rad - rest.part_alpha_rad, 360 * kRadPerDeg)),
+                 std::abs(std::remainder(m.part_beta_rad - rest.part_beta_rad, 360 * kRadPerDeg)));
     if (off <= kSame_rad) return static_cast<int>(i);
   }
   return -1;
@@ -56,11 +42,13 @@ int RestOf(const MeasurementDomain& domain, const Measurement& m) {
 v1::RestingFace FaceToProto(const RestingFace& face, double centre_height_m) {
   v1::RestingFace message;
   message.set_name(face.name);
-  const auto degrees = [](double angle_rad) { return std::round(angle_rad / kDegree * 1e9) / 1e9; };
+  const auto degrees = [](double angle_rad) {
+    return std::round(angle_rad / kRadPerDeg * 1e9) / 1e9;
+  };
   message.set_part_alpha_deg(degrees(face.part_alpha_rad));
   message.set_part_beta_deg(degrees(face.part_beta_rad));
-  *message.mutable_normal() = ToProto(face.normal);
-  *message.mutable_centre_m() = ToProto(face.centre_m);
+  *message.mutable_normal() = VectorToProto(face.normal);
+  *message.mutable_centre_m() = VectorToProto(face.centre_m);
   message.set_area_m2(face.area_m2);
   message.set_stability_deg(degrees(face.stability_rad));
   message.set_centre_height_m(centre_height_m);
@@ -72,11 +60,12 @@ std::string OutsideDomain(const MeasurementDomain& domain, const Measurement& me
   const auto values = ToArray(measurement);
   std::string outside;
   for (int p = 0; p < kMeasurementParameters; ++p) {
-    if (!domain.resting_orientations.empty() && (p == kAlpha || p == kBeta)) continue;
+    if (!domain.resting_orientations.empty() && (p == kPartAlpha || p == kPartBeta)) continue;
     if (domain.parameters[p].Contains(values[p])) continue;
     const bool angle = p >= 1 && p <= 6;
-    absl::StrAppendFormat(&outside, "%s%s is %.6g", outside.empty() ? "" : ", ", kParameterNames[p],
-                          angle ? values[p] / kDegree : values[p]);
+    absl::StrAppendFormat(&outside, "%s%s is %.6g", outside.empty() ? "" : ", ",
+                          kMeasurementParameterNames[p],
+                          angle ? values[p] / kRadPerDeg : values[p]);
   }
   return outside;
 }
@@ -118,7 +107,8 @@ void AddRemarks(const PlanningSession& session, const std::vector<ChosenScan>& s
     if (!domain.resting_orientations.empty() && RestOf(domain, chosen.measurement) < 0) {
       scan.add_remarks(absl::StrFormat(
           "the part lies on none of its resting faces (alpha %.6g deg, beta %.6g deg)",
-          chosen.measurement.part_alpha_rad / kDegree, chosen.measurement.part_beta_rad / kDegree));
+          chosen.measurement.part_alpha_rad / kRadPerDeg,
+          chosen.measurement.part_beta_rad / kRadPerDeg));
     }
     if (const std::string outside = OutsideDomain(domain, chosen.measurement); !outside.empty()) {
       scan.add_remarks(

@@ -1,7 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/commands/planning/set_up_outputs.h"
 
-#include <numbers>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -9,7 +8,8 @@
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "core/parallel/for_each_index.h"
-#include "planner_client/commands/process/output_folder.h"
+#include "core/physics/angle.h"
+#include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/exports/export_files.h"
 #include "planner_client/scan_quality/scan_quality.h"
 #include "planner_client/setup_sheet/setup_sheet.h"
@@ -33,7 +33,6 @@ v1::ScanQuality::Spread ToProto(const Spread& spread, double factor = 1) {
 }
 
 v1::ScanQuality ToProto(const ScanQuality& quality) {
-  constexpr double kDegPerRad = 180 / std::numbers::pi;
   v1::ScanQuality message;
   *message.mutable_pixel_footprint_m() = ToProto(quality.pixel_footprint_m);
   *message.mutable_depth_per_pixel_m() = ToProto(quality.depth_per_pixel_m);

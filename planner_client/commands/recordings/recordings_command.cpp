@@ -17,9 +17,9 @@
 #include "core/recordings/load_images.h"
 #include "core/recordings/recordings.h"
 #include "core/recordings/shot_list.h"
+#include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/process/exit_code.h"
-#include "planner_client/commands/process/output_folder.h"
 
 namespace sightline {
 namespace {

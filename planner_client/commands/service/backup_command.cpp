@@ -3,9 +3,9 @@
 #include <memory>
 #include <string>
 
+#include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/process/exit_code.h"
-#include "planner_client/commands/process/interrupt.h"
 #include "planning_service/backup/back_up.h"
 
 namespace sightline {

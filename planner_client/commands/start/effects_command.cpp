@@ -11,9 +11,9 @@
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
 #include "core/spelling/nearest_name.h"
-#include "planner_client/commands/help/terminal.h"
-#include "planner_client/commands/process/exit_code.h"
-#include "planner_client/commands/start/start_commands.h"
+#include "planner_client/command_line/help/terminal.h"
+#include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/commands/commands.h"
 #include "planner_client/effect_list/effect_list.h"
 
 namespace sightline {

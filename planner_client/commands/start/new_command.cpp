@@ -24,10 +24,11 @@
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health.h"
+#include "core/process/program_path.h"
 #include "core/spelling/nearest_name.h"
-#include "planner_client/commands/process/exit_code.h"
-#include "planner_client/commands/process/output_folder.h"
-#include "planner_client/commands/start/start_commands.h"
+#include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/commands/commands.h"
 #include "planner_client/inspection_draft/inspection_draft.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/part_files/step_program.h"
@@ -206,10 +207,8 @@ absl::Status TakeDevices(const NewInspectionOptions& options, DraftRequest* requ
   if (!named) return absl::OkStatus();
   std::string folder = options.catalogue;
   if (folder.empty()) {
-    // As it is installed.
     std::error_code error;
-    const fs::path program = fs::read_symlink("/proc/self/exe", error);
-    folder = (program.parent_path().parent_path() / "share/sightline/examples/catalogue").string();
+    folder = (InstalledDataFolder() / "examples/catalogue").string();
     if (!fs::is_directory(folder, error)) {
       return absl::InvalidArgumentError(
           "--catalogue is missing: the folder in which cameras, lenses and lasers are found by "

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/process/program_path.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/multi_start/start_file.h"
 #include "planner_client/rpc_client/sha256.h"
@@ -24,8 +25,7 @@ absl::StatusOr<std::string> FingerprintOfAnswers(const PlanningSession& session,
   if (!inspection.ok()) return inspection.status();
   // Another build may answer otherwise.
   std::error_code error;
-  const fs::path program = fs::read_symlink("/proc/self/exe", error);
-  const auto built = fs::last_write_time(program, error).time_since_epoch().count();
+  const auto built = fs::last_write_time(OwnProgram(), error).time_since_epoch().count();
   Sha256 fingerprint;
   fingerprint.Add(*inspection);
   fingerprint.Add(session.client->scene().scene_digest);

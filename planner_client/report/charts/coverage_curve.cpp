@@ -9,19 +9,14 @@
 #include "planner_client/report/page/html.h"
 
 namespace sightline {
-namespace {
-
-constexpr double kWidth = 760, kHeight = 340;
-constexpr double kLeft = 52, kRight = 24, kTop = 22, kBottom = 46;
-
-}  // namespace
-
 int CoverageCurveLastScan(const CoverageCurve& curve) {
   return std::max(
       {static_cast<int>(curve.coverage.size()), static_cast<int>(std::ceil(curve.bound_scans)), 1});
 }
 
 std::string CoverageCurveSvg(const CoverageCurve& curve) {
+  constexpr double kWidth = 760, kHeight = 340;
+  constexpr double kLeft = 52, kRight = 24, kTop = 22, kBottom = 46;
   const int scans = static_cast<int>(curve.coverage.size());
   const int last = CoverageCurveLastScan(curve);
   const double x_max = last + 0.4;

@@ -10,13 +10,8 @@
 #include "planner_client/report/page/number_text.h"
 
 namespace sightline {
-namespace {
-
-constexpr double kWidth = 900, kLeft = 190, kRight = 660, kRowHeight = 26, kTop = 6, kBottom = 44;
-
-}  // namespace
-
 std::string RangeChartSvg(const RangeChart& chart) {
+  constexpr double kWidth = 900, kLeft = 190, kRight = 660, kRowHeight = 26, kTop = 6, kBottom = 44;
   std::vector<double> values = chart.lines;
   for (const RangeRow& row : chart.rows) {
     for (const RangeMark& mark : row.marks) {

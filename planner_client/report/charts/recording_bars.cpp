@@ -11,14 +11,9 @@
 #include "planner_client/report/page/number_text.h"
 
 namespace sightline {
-namespace {
-
-constexpr double kWidth = 900, kHeight = 260, kLeft = 58, kRight = 12, kTop = 10, kBottom = 44;
-
-}  // namespace
-
 std::string RecordingBarsSvg(const std::string& value_title,
                              const std::vector<RecordingBars>& recordings) {
+  constexpr double kWidth = 900, kHeight = 260, kLeft = 58, kRight = 12, kTop = 10, kBottom = 44;
   // At least from 1/2 to 2: scatter about 1 shall not look like much.
   std::vector<double> values = {0.5, 2};
   for (const RecordingBars& recording : recordings) {

@@ -19,8 +19,6 @@ namespace {
 constexpr std::array<double, 6> kLevels = {1, 2, 3, 5, 10, 20};
 constexpr int kDeepest = static_cast<int>(kLevels.size());
 
-constexpr double kWidth = 400, kLeft = 46, kRight = 6, kTop = 4, kBottom = 38;
-
 int Level(double z) {
   int level = 0;
   while (level < kDeepest && std::abs(z) >= kLevels[level]) ++level;
@@ -41,6 +39,7 @@ std::vector<double> Edges(const std::vector<double>& given, int count) {
 }  // namespace
 
 std::string RegionMapSvg(const RegionMapGrid& grid, const std::string& title) {
+  constexpr double kWidth = 400, kLeft = 46, kRight = 6, kTop = 4, kBottom = 38;
   assert(grid.z.size() == static_cast<size_t>(grid.rows) * static_cast<size_t>(grid.columns));
   const std::vector<double> rows = Edges(grid.row_edges_px, grid.rows);
   const std::vector<double> columns = Edges(grid.column_edges_px, grid.columns);

@@ -13,8 +13,6 @@
 namespace sightline {
 namespace {
 
-constexpr double kLeft = 58, kRight = 12, kTitleHeight = 24, kTop = 10, kBottom = 44;
-
 bool Drawable(const ChartAxis& axis, double value) {
   return std::isfinite(value) && (!axis.logarithmic || value > 0);
 }
@@ -139,6 +137,7 @@ void AppendLabels(std::string* svg, const XyChart& chart, const ChartSeries& ser
 }  // namespace
 
 std::string XyChartSvg(const XyChart& chart) {
+  constexpr double kLeft = 58, kRight = 12, kTitleHeight = 24, kTop = 10, kBottom = 44;
   std::vector<double> xs, ys = chart.marks;
   for (const ChartSeries& series : chart.series) {
     assert(series.x.size() == series.y.size());

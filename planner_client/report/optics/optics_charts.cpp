@@ -16,10 +16,9 @@
 namespace sightline {
 namespace {
 
-using Point = v1::OpticsPoint;
+using v1::OpticsPoint;
 using Exposure = v1::OpticsPoint::ExposurePoint;
 
-constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
 constexpr size_t kMaxLines = 12;  // as many as charts.css has colours in order
 
 struct Value {
@@ -32,27 +31,27 @@ Value WithInterval(double value, bool has_interval, const v1::OpticsInterval& in
 }
 
 // One of the quantities that are drawn over the f-number.
-struct Quantity {
+struct ChartedQuantity {
   const char* css_class;
   double factor;  // from the field to what the axis says
-  Value (*of)(const Point&);
+  Value (*of)(const OpticsPoint&);
 };
 
-Value Cost(const Point& p) {
+Value Cost(const OpticsPoint& p) {
   return WithInterval(p.cost(), p.has_cost_interval(), p.cost_interval());
 }
-Value ExposureTime(const Point& p) {
+Value ExposureTime(const OpticsPoint& p) {
   return WithInterval(p.exposure_time_s(), p.has_exposure_time_s_interval(),
                       p.exposure_time_s_interval());
 }
-Value SimulatedUPx(const Point& p) {
+Value SimulatedUPx(const OpticsPoint& p) {
   return WithInterval(UPx(p), p.has_u_px_interval() && std::isfinite(UPx(p)), p.u_px_interval());
 }
-Value RealUPx(const Point& p) {
+Value RealUPx(const OpticsPoint& p) {
   return WithInterval(ExpectedRealUPx(p), p.has_expected_real_u_px_interval(),
                       p.expected_real_u_px_interval());
 }
-Value Coverage(const Point& p) {
+Value Coverage(const OpticsPoint& p) {
   return WithInterval(p.profile_coverage(), p.has_profile_coverage_interval(),
                       p.profile_coverage_interval());
 }
@@ -62,17 +61,17 @@ std::string Achieved(double cost, double u_px, double coverage) {
                       QuantityText("u_px", u_px), ", coverage ", ShareText(coverage));
 }
 
-std::string Note(const Point& point) {
+std::string Note(const OpticsPoint& point) {
   return absl::StrCat(SettingWords(point), ": ",
                       Achieved(point.cost(), UPx(point), point.profile_coverage()));
 }
 
 // A line through all points and a dot at each: filled where it is as good as the best.
-void AddQuantity(XyChart* chart, const OpticsCurve& curve, const Quantity& quantity) {
+void AddQuantity(XyChart* chart, const OpticsCurve& curve, const ChartedQuantity& quantity) {
   ChartSeries line{quantity.css_class, SeriesMark::kLine, {}, {}, {}, {}};
   ChartSeries good{quantity.css_class, SeriesMark::kDots, {}, {}, {}, {}};
   ChartSeries worse{quantity.css_class, SeriesMark::kHollowDots, {}, {}, {}, {}};
-  for (const Point* point : curve.points) {
+  for (const OpticsPoint* point : curve.points) {
     const Value value = quantity.of(*point);
     line.x.push_back(point->f_number());
     line.y.push_back(quantity.factor * value.value);
@@ -88,7 +87,7 @@ void AddQuantity(XyChart* chart, const OpticsCurve& curve, const Quantity& quant
   chart->series.push_back(std::move(good));
 }
 
-void MarkBest(XyChart* chart, const OpticsCurve& curve, const Quantity& quantity) {
+void MarkBest(XyChart* chart, const OpticsCurve& curve, const ChartedQuantity& quantity) {
   if (curve.best == nullptr) return;
   chart->series.push_back({"null",
                            SeriesMark::kRings,
@@ -141,7 +140,7 @@ std::vector<size_t> Spread(size_t count, size_t most, size_t wanted) {
 
 }  // namespace
 
-bool AsGoodAsBest(const OpticsCurve& curve, const Point& point) {
+bool AsGoodAsBest(const OpticsCurve& curve, const OpticsPoint& point) {
   return point.as_good_as_best() ||
          (curve.best != nullptr && point.f_number() == curve.best->f_number());
 }
@@ -153,7 +152,7 @@ std::string FNumberCharts(const OpticsCurve& curve) {
   frame.x.logarithmic = true;
   Extent times;
   bool has_real = false, has_constant_exposure = false;
-  for (const Point* point : curve.points) {
+  for (const OpticsPoint* point : curve.points) {
     frame.x.ticks.push_back(point->f_number());
     times.Add(point->exposure_time_s());
     has_real |= std::isfinite(ExpectedRealUPx(*point));
@@ -164,7 +163,7 @@ std::string FNumberCharts(const OpticsCurve& curve) {
   XyChart cost = frame;
   cost.title = "Cost";
   cost.y.title = "cost [px]";
-  const Quantity cost_px = {"model", 1, Cost};
+  const ChartedQuantity cost_px = {"model", 1, Cost};
   AddQuantity(&cost, curve, cost_px);
   MarkBest(&cost, curve, cost_px);
 
@@ -175,13 +174,13 @@ std::string FNumberCharts(const OpticsCurve& curve) {
   exposure.y.logarithmic = true;
   if (has_constant_exposure) {
     ChartSeries constant{"blue", SeriesMark::kDashedLine, {}, {}, {}, {}};
-    for (const Point* point : curve.points) {
+    for (const OpticsPoint* point : curve.points) {
       constant.x.push_back(point->f_number());
       constant.y.push_back(unit.per_named * point->constant_exposure_time_s());
     }
     exposure.series.push_back(std::move(constant));
   }
-  const Quantity time = {"model", unit.per_named, ExposureTime};
+  const ChartedQuantity time = {"model", unit.per_named, ExposureTime};
   AddQuantity(&exposure, curve, time);
   MarkBest(&exposure, curve, time);
   if (has_limit) exposure.marks = {unit.per_named * curve.longest_exposure_time_s};
@@ -190,7 +189,7 @@ std::string FNumberCharts(const OpticsCurve& curve) {
   scatter.title = "Scatter of the detected line";
   scatter.y.title = "u\u209a\u2093 [px]";
   if (has_real) AddQuantity(&scatter, curve, {"blue", 1, RealUPx});
-  const Quantity u_px = {"model", 1, SimulatedUPx};
+  const ChartedQuantity u_px = {"model", 1, SimulatedUPx};
   AddQuantity(&scatter, curve, u_px);
   MarkBest(&scatter, curve, u_px);
 
@@ -198,7 +197,7 @@ std::string FNumberCharts(const OpticsCurve& curve) {
   coverage.title = "Profile coverage";
   coverage.y.title = "detected part of the line [%]";
   coverage.y.high = 100;
-  const Quantity percent = {"model", 100, Coverage};
+  const ChartedQuantity percent = {"model", 100, Coverage};
   AddQuantity(&coverage, curve, percent);
   MarkBest(&coverage, curve, percent);
 
@@ -221,9 +220,9 @@ std::string FNumberCharts(const OpticsCurve& curve) {
 }
 
 std::string ExposureChart(const OpticsCurve& curve) {
-  std::vector<const Point*> evaluated;
+  std::vector<const OpticsPoint*> evaluated;
   size_t of_best = std::string::npos;
-  for (const Point* point : curve.points) {
+  for (const OpticsPoint* point : curve.points) {
     if (point->exposures().empty()) continue;
     if (curve.best != nullptr && point->f_number() == curve.best->f_number()) {
       of_best = evaluated.size();
@@ -250,7 +249,7 @@ std::string ExposureChart(const OpticsCurve& curve) {
   std::vector<KeyEntry> key;
   std::vector<ChartSeries> dots;
   for (size_t line = 0; line < drawn.size(); ++line) {
-    const Point& point = *evaluated[drawn[line]];
+    const OpticsPoint& point = *evaluated[drawn[line]];
     // A search does not ask in order.
     std::vector<const Exposure*> exposures;
     for (const Exposure& exposure : point.exposures()) exposures.push_back(&exposure);

@@ -23,7 +23,7 @@ namespace {
 using Choice = v1::OpticsChoice;
 using Combination = v1::DeviceCombination;
 using Interval = v1::OpticsInterval;
-using Point = v1::OpticsPoint;
+using v1::OpticsPoint;
 
 constexpr char kUPx[] = "u<sub>px</sub>";
 // A catalogue's combinations multiply; nobody reads more of them than these.
@@ -33,13 +33,13 @@ std::string Detail(const std::string& html) {
   return html.empty() ? "" : absl::StrCat("<span class=\"detail\">", html, "</span>");
 }
 
-std::string Quantity(const std::string& name, double value) {
+std::string QuantityHtml(const std::string& name, double value) {
   return EscapeHtml(QuantityText(name, value));
 }
 
 // What is 0 because it is not known, or was not computed, is a dash.
 std::string Known(const std::string& name, double value) {
-  return value == 0 ? "\u2013" : Quantity(name, value);
+  return value == 0 ? "\u2013" : QuantityHtml(name, value);
 }
 
 std::string Setting(const std::string& name, double value) {
@@ -52,16 +52,16 @@ std::string IntervalText(const std::string& name, bool known, const Interval& in
   return known ? EscapeHtml(QuantityInterval(name, interval.lower(), interval.upper())) : "";
 }
 
-std::string UPxInterval(const Point& p) {
+std::string UPxInterval(const OpticsPoint& p) {
   return IntervalText("u_px", p.has_u_px_interval() && std::isfinite(UPx(p)), p.u_px_interval());
 }
 
-std::string CoverageInterval(const Point& p) {
+std::string CoverageInterval(const OpticsPoint& p) {
   return IntervalText("coverage_fraction", p.has_profile_coverage_interval(),
                       p.profile_coverage_interval());
 }
 
-std::string CostInterval(const Point& p) {
+std::string CostInterval(const OpticsPoint& p) {
   return IntervalText("cost_px", p.has_cost_interval(), p.cost_interval());
 }
 
@@ -82,11 +82,13 @@ class Report {
     if (optics.has_best() || optics.common().has_best()) {
       curve_.best = optics.has_best() ? &optics.best() : &optics.common().best();
     }
-    for (const Point& point : optics.curve().empty() ? optics.common().curve() : optics.curve()) {
+    for (const OpticsPoint& point :
+         optics.curve().empty() ? optics.common().curve() : optics.curve()) {
       curve_.points.push_back(&point);
     }
-    std::stable_sort(curve_.points.begin(), curve_.points.end(),
-                     [](const Point* a, const Point* b) { return a->f_number() < b->f_number(); });
+    std::stable_sort(
+        curve_.points.begin(), curve_.points.end(),
+        [](const OpticsPoint* a, const OpticsPoint* b) { return a->f_number() < b->f_number(); });
     curve_.longest_exposure_time_s = optics.common().longest_exposure_time_s();
   }
 
@@ -118,35 +120,35 @@ class Report {
  private:
   std::vector<std::pair<std::string, std::string>> Figures() const {
     if (curve_.best == nullptr) return {};
-    const Point& best = *curve_.best;
+    const OpticsPoint& best = *curve_.best;
     const auto with = [](const std::string& value, const std::string& interval) {
       return interval.empty() ? value : absl::StrCat(value, " <small>", interval, "</small>");
     };
     std::vector<std::pair<std::string, std::string>> figures = {
         {"scatter of the line, u\u209a\u2093",
-         with(Quantity("u_px", UPx(best)), UPxInterval(best))},
+         with(QuantityHtml("u_px", UPx(best)), UPxInterval(best))},
         {"detected part of the line", with(Share(best.profile_coverage()), CoverageInterval(best))},
-        {"cost", with(Quantity("cost_px", best.cost()), CostInterval(best))},
+        {"cost", with(QuantityHtml("cost_px", best.cost()), CostInterval(best))},
         {"false lines per column", Count(best.false_lines_per_column())}};
     if (best.u_height_m() != 0) {
       figures.insert(figures.begin() + 1,
-                     {"scatter as height", Quantity("u_height_m", best.u_height_m())});
+                     {"scatter as height", QuantityHtml("u_height_m", best.u_height_m())});
     }
     if (std::isfinite(ExpectedRealUPx(best))) {
       figures.insert(figures.begin() + 1,
                      {"u\u209a\u2093 expected of the real camera",
-                      with(Quantity("u_px", ExpectedRealUPx(best)), RealUPxInterval(best))});
+                      with(QuantityHtml("u_px", ExpectedRealUPx(best)), RealUPxInterval(best))});
     }
     const double scan_time_s =
         best.scan_time_s() != 0 ? best.scan_time_s() : optics_.common().scan_time_s();
     if (scan_time_s > 0) {
       figures.push_back({optics_.scans_size() > 1 ? "time of all scans" : "time of the scan",
-                         Quantity("time_s", scan_time_s)});
+                         QuantityHtml("time_s", scan_time_s)});
     }
     return figures;
   }
 
-  static std::string RealUPxInterval(const Point& p) {
+  static std::string RealUPxInterval(const OpticsPoint& p) {
     return IntervalText("u_px", p.has_expected_real_u_px_interval(),
                         p.expected_real_u_px_interval());
   }
@@ -167,7 +169,7 @@ class Report {
 
   // What one f-number's setting has that others may not have: two exposures, a tilt; the laser's
   // power only if it is not the same everywhere.
-  std::string FurtherSettings(const Point& point) const {
+  std::string FurtherSettings(const OpticsPoint& point) const {
     const v1::OpticalSetting setting = SettingOf(point);
     std::vector<std::string> words;
     if (setting.second_exposure_time_s() != 0) {
@@ -175,7 +177,7 @@ class Report {
           absl::StrCat("second exposure ", Setting("time_s", setting.second_exposure_time_s())));
     }
     const bool same_power =
-        std::all_of(curve_.points.begin(), curve_.points.end(), [&](const Point* other) {
+        std::all_of(curve_.points.begin(), curve_.points.end(), [&](const OpticsPoint* other) {
           return SettingOf(*other).laser_power_w() == setting.laser_power_w();
         });
     if (!same_power) {
@@ -190,7 +192,7 @@ class Report {
   std::string CurveTable() const {
     if (curve_.points.empty()) return "";
     bool has_further = false, has_real = false;
-    for (const Point* p : curve_.points) {
+    for (const OpticsPoint* p : curve_.points) {
       has_further |= !FurtherSettings(*p).empty();
       has_real |= std::isfinite(ExpectedRealUPx(*p));
     }
@@ -212,7 +214,7 @@ class Report {
       head.push_back("further");
     }
     std::vector<std::vector<std::string>> rows;
-    for (const Point* p : curve_.points) {
+    for (const OpticsPoint* p : curve_.points) {
       const bool is_best = curve_.best != nullptr && p->f_number() == curve_.best->f_number();
       std::vector<std::string> row = {
           absl::StrCat("<span class=\"effect\">", EscapeHtml(FNumberText(p->f_number())),
@@ -223,18 +225,18 @@ class Report {
           absl::StrCat(Setting("focus_distance_m", p->focus_distance_m()),
                        Detail(IntervalText("focus_distance_m", p->has_focus_distance_m_interval(),
                                            p->focus_distance_m_interval()))),
-          absl::StrCat(Quantity("u_px", UPx(*p)), Detail(UPxInterval(*p))),
+          absl::StrCat(QuantityHtml("u_px", UPx(*p)), Detail(UPxInterval(*p))),
           absl::StrCat(Share(p->profile_coverage()), Detail(CoverageInterval(*p))),
           EscapeHtml(QuantityText("bias_px", p->bias_px(), 2)),
           Count(p->false_lines_per_column()),
           Share(p->clipped_fraction()),
           Known("u_height_m", p->u_height_m()),
-          absl::StrCat(Quantity("cost_px", p->cost()), Detail(CostInterval(*p))),
+          absl::StrCat(QuantityHtml("cost_px", p->cost()), Detail(CostInterval(*p))),
           is_best                    ? "<strong>best</strong>"
           : AsGoodAsBest(curve_, *p) ? "yes"
                                      : "no"};
       if (has_real) {
-        row.insert(row.begin() + 4, absl::StrCat(Quantity("u_px", ExpectedRealUPx(*p)),
+        row.insert(row.begin() + 4, absl::StrCat(QuantityHtml("u_px", ExpectedRealUPx(*p)),
                                                  Detail(RealUPxInterval(*p))));
       }
       if (has_further) row.push_back(FurtherSettings(*p));
@@ -248,17 +250,17 @@ class Report {
                kUPx, " times the footprint of a pixel over the sine of the triangulation angle."));
   }
 
-  void AppendAlternatives(const Choice& choice, const Point* best, bool names_scan,
+  void AppendAlternatives(const Choice& choice, const OpticsPoint* best, bool names_scan,
                           std::vector<std::vector<std::string>>* rows) const {
     for (const Choice::Alternative& alternative : choice.alternatives()) {
-      const Point& p = alternative.point();
+      const OpticsPoint& p = alternative.point();
       std::vector<std::string> row = {
           absl::StrCat("<span class=\"effect\">", EscapeHtml(alternative.name()), "</span>"),
           EscapeHtml(SettingWords(p)),
-          absl::StrCat(Quantity("u_px", UPx(p)), Detail(UPxInterval(p))),
+          absl::StrCat(QuantityHtml("u_px", UPx(p)), Detail(UPxInterval(p))),
           Share(p.profile_coverage()),
-          absl::StrCat(Quantity("cost_px", p.cost()), Detail(CostInterval(p))),
-          best == nullptr ? "\u2013" : Quantity("cost_px", p.cost() - best->cost()),
+          absl::StrCat(QuantityHtml("cost_px", p.cost()), Detail(CostInterval(p))),
+          best == nullptr ? "\u2013" : QuantityHtml("cost_px", p.cost() - best->cost()),
           p.as_good_as_best() ? "yes" : "no"};
       if (names_scan) row.insert(row.begin() + 1, ChoiceName(choice));
       rows->push_back(std::move(row));
@@ -288,19 +290,20 @@ class Report {
                      names_scan ? std::vector<int>{0, 1, 2, 7} : std::vector<int>{0, 1, 6});
   }
 
-  static std::vector<std::string> ScanRow(const Choice& choice, const Point* best) {
-    const Point none;
-    const Point& p = best == nullptr ? none : *best;
+  static std::vector<std::string> ScanRow(const Choice& choice, const OpticsPoint* best) {
+    const OpticsPoint none;
+    const OpticsPoint& p = best == nullptr ? none : *best;
     const double scan_time_s = choice.scan_time_s() != 0 ? choice.scan_time_s() : p.scan_time_s();
     return {
         absl::StrCat("<span class=\"effect\">", ChoiceName(choice), "</span>"),
         absl::StrCat(EscapeHtml(best == nullptr ? "none was found" : SettingWords(p)),
                      Detail(EscapeHtml(choice.statement()))),
-        best == nullptr ? "\u2013" : absl::StrCat(Quantity("u_px", UPx(p)), Detail(UPxInterval(p))),
+        best == nullptr ? "\u2013"
+                        : absl::StrCat(QuantityHtml("u_px", UPx(p)), Detail(UPxInterval(p))),
         best == nullptr ? "\u2013"
                         : absl::StrCat(Share(p.profile_coverage()), Detail(CoverageInterval(p))),
         best == nullptr ? "\u2013"
-                        : absl::StrCat(Quantity("cost_px", p.cost()), Detail(CostInterval(p))),
+                        : absl::StrCat(QuantityHtml("cost_px", p.cost()), Detail(CostInterval(p))),
         Known("scan_time_s", scan_time_s),
         absl::StrCat(choice.frames_size()),
         choice.frames().empty() ? "\u2013" : Share(choice.represented_fraction()),
@@ -340,7 +343,7 @@ class Report {
         PageTable({"stage", "stands for", "points of the line", kUPx, "detected"},
                   {{EscapeHtml(SettingText("stage_position_m", frame.stage_position_m())),
                     Share(frame.weight()), GroupedInteger(frame.line_points()),
-                    Quantity("u_px", u_px), Share(frame.profile_coverage())}},
+                    QuantityHtml("u_px", u_px), Share(frame.profile_coverage())}},
                   {}),
         "</div></div>\n");
   }
@@ -410,7 +413,7 @@ class Report {
             rendered ? Known("u_height_m", c.u_height_m()) : "\u2013",
             rendered ? Share(c.profile_coverage()) : "\u2013",
             rendered ? Known("scan_time_s", c.scan_time_s()) : "\u2013",
-            rendered ? Quantity("cost_px", c.cost()) : "\u2013",
+            rendered ? QuantityHtml("cost_px", c.cost()) : "\u2013",
             priced ? absl::StrCat(GroupedInteger(std::llround(c.price_eur())), "\u202f\u20ac")
                    : "\u2013"};
   }

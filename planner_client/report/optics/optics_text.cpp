@@ -2,7 +2,6 @@
 #include "planner_client/report/optics/optics_text.h"
 
 #include <cmath>
-#include <limits>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
@@ -10,12 +9,6 @@
 #include "planner_client/report/page/number_text.h"
 
 namespace sightline {
-namespace {
-
-constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
-
-}  // namespace
-
 v1::OpticalSetting SettingOf(const v1::OpticsPoint& point) {
   v1::OpticalSetting setting = point.setting();
   if (setting.f_number() == 0) setting.set_f_number(point.f_number());

@@ -2,11 +2,15 @@
 // Optical settings and what they achieve, in words.
 #pragma once
 
+#include <limits>
 #include <string>
 
 #include "sightline/v1/optics.pb.h"
 
 namespace sightline {
+
+// Stands for a number that is not known. Texts show it as a dash, charts leave it out.
+inline constexpr double kNoNumber = std::numeric_limits<double>::quiet_NaN();
 
 // All of it, also of points that state the main three only.
 v1::OpticalSetting SettingOf(const v1::OpticsPoint& point);

@@ -18,7 +18,7 @@
 namespace sightline {
 namespace {
 
-constexpr char kNoNumber[] = "\u2013";
+constexpr char kDash[] = "\u2013";
 constexpr char kThinSpace[] = "\u202f";
 
 std::string WithMinusSign(std::string text) {
@@ -156,7 +156,7 @@ int DecimalsFor(double standard_error) {
 }  // namespace
 
 std::string Number(double value, int significant) {
-  if (std::isnan(value)) return kNoNumber;
+  if (std::isnan(value)) return kDash;
   if (std::isinf(value)) return value < 0 ? "\u2212\u221e" : "\u221e";
   if (value == 0) return "0";
   // Of the rounded value: 9.999 counts as 10.
@@ -190,7 +190,7 @@ std::string ShortNumber(double value) {
 }
 
 std::string ProbabilityText(double probability) {
-  if (!std::isfinite(probability)) return kNoNumber;
+  if (!std::isfinite(probability)) return kDash;
   if (probability < 0.001) return absl::StrCat("<", kThinSpace, "0.1", kThinSpace, "%");
   if (probability > 0.999) return absl::StrCat(">", kThinSpace, "99.9", kThinSpace, "%");
   const int decimals = probability < 0.1 || probability > 0.9 ? 1 : 0;
@@ -198,7 +198,7 @@ std::string ProbabilityText(double probability) {
 }
 
 std::string PValueText(double p_value) {
-  if (!std::isfinite(p_value)) return absl::StrCat("p = ", kNoNumber);
+  if (!std::isfinite(p_value)) return absl::StrCat("p = ", kDash);
   if (p_value < 1e-6) return absl::StrCat("p < ", PowerOfTen(-6));
   if (p_value < 1e-3) return absl::StrCat("p = ", Number(p_value, 1));
   return absl::StrCat("p = ", Number(p_value, 2));

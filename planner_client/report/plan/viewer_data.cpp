@@ -58,7 +58,7 @@ Json Bodies(const std::vector<Body>& bodies) {
   return list;
 }
 
-Json Matrix(const v1::Pose& pose) {
+Json MatrixJson(const v1::Pose& pose) {
   Json values = Json::array();
   for (const double value : pose.matrix()) values.push_back(value);
   return values;
@@ -271,8 +271,8 @@ std::string ViewerDataJson(const ReportData& data, const DisplayMesh& mesh,
     // The part moves along +x of the world; seen from the part the sensors move the other way.
     const auto& part_pose = scan.part_pose().matrix();
     json["scans"].push_back({{"covered", absl::Base64Escape(data.scans[i].covered.ToBytes())},
-                             {"camera_pose", Matrix(scan.camera_pose())},
-                             {"laser_pose", Matrix(scan.laser_pose())},
+                             {"camera_pose", MatrixJson(scan.camera_pose())},
+                             {"laser_pose", MatrixJson(scan.laser_pose())},
                              {"sensor_direction", {-part_pose[0], -part_pose[1], -part_pose[2]}},
                              {"camera_distance_m", scan.measurement().camera_distance_m()},
                              {"laser_distance_m", data.rig.laser.distance_m.value_or(

@@ -82,7 +82,7 @@ std::string Decimal(double value) {
 }
 
 // In millimetres, without the dust of the multiplication: 12 digits.
-double Millimetres(double length_m) {
+double RoundedMillimetres(double length_m) {
   if (!std::isfinite(length_m)) return length_m;
   double value = 0;
   const std::string text = absl::StrFormat("%.12g", 1e3 * length_m);
@@ -265,12 +265,12 @@ void WriteDefinition(const Characteristic& c, XmlWriter& xml) {
   } else if (c.kind.form == Form::kLimits) {
     const Limits limits = LimitsOf(c);
     xml.Open("Tolerance");
-    xml.Leaf("MaxValue", Decimal(Millimetres(limits.upper_m)));
-    xml.Leaf("MinValue", Decimal(Millimetres(limits.lower_m)));
+    xml.Leaf("MaxValue", Decimal(RoundedMillimetres(limits.upper_m)));
+    xml.Leaf("MinValue", Decimal(RoundedMillimetres(limits.lower_m)));
     xml.Leaf("DefinedAsLimit", limits.deviations ? "false" : "true");
     xml.Close();
   } else {
-    xml.Leaf("ToleranceValue", Decimal(Millimetres(c.feature->zone_width_m())));
+    xml.Leaf("ToleranceValue", Decimal(RoundedMillimetres(c.feature->zone_width_m())));
     if (c.kind.form == Form::kPosition || c.kind.form == Form::kOrientation)
       xml.Leaf("MaterialCondition", MaterialCondition(c.tolerance));
     if (c.kind.form == Form::kOrientation) zone("PlanarZone");
@@ -289,7 +289,7 @@ void WriteNominal(const Characteristic& c, XmlWriter& xml) {
     // Where deviations are written for want of limits, there is no nominal value; 0 would be a lie,
     // but deviations need one to be read.
     if (c.tolerance != nullptr && c.tolerance->nominal_m && std::isfinite(*c.tolerance->nominal_m))
-      xml.Leaf("TargetValue", Decimal(Millimetres(*c.tolerance->nominal_m)));
+      xml.Leaf("TargetValue", Decimal(RoundedMillimetres(*c.tolerance->nominal_m)));
     if (c.kind.name == "DistanceBetween") xml.Leaf("AnalysisMode", "THREEDIMENSIONAL");
   }
   xml.Close();
@@ -305,14 +305,14 @@ void WriteItem(const Characteristic& c, XmlWriter& xml) {
   const v1::FeatureVerdict& feature = *c.feature;
   xml.OpenWithId(c.kind.name + "CharacteristicItem", c.item);
   Attributes attributes;
-  attributes.Real("predicted_standard_uncertainty_mm", Millimetres(feature.uncertainty_m()));
-  attributes.Real("predicted_noise_mm", Millimetres(feature.noise_m()));
-  attributes.Real("predicted_sampling_mm", Millimetres(feature.sampling_m()));
-  attributes.Real("predicted_calibration_mm", Millimetres(feature.calibration_m()));
+  attributes.Real("predicted_standard_uncertainty_mm", RoundedMillimetres(feature.uncertainty_m()));
+  attributes.Real("predicted_noise_mm", RoundedMillimetres(feature.noise_m()));
+  attributes.Real("predicted_sampling_mm", RoundedMillimetres(feature.sampling_m()));
+  attributes.Real("predicted_calibration_mm", RoundedMillimetres(feature.calibration_m()));
   attributes.Real("admissible_standard_uncertainty_mm",
-                  Millimetres(feature.admissible_uncertainty_m()));
-  attributes.Real("zone_width_mm", Millimetres(feature.zone_width_m()));
-  attributes.Real("acceptance_zone_mm", Millimetres(feature.acceptance_zone_m()));
+                  RoundedMillimetres(feature.admissible_uncertainty_m()));
+  attributes.Real("zone_width_mm", RoundedMillimetres(feature.zone_width_m()));
+  attributes.Real("acceptance_zone_mm", RoundedMillimetres(feature.acceptance_zone_m()));
   attributes.Real("probability_wrong_acceptance", feature.probability_wrong_acceptance());
   attributes.Real("probability_wrong_rejection", feature.probability_wrong_rejection());
   attributes.Truth("conformance_can_be_proven", feature.can_be_proven());
@@ -404,7 +404,7 @@ void WriteCharacteristics(const std::vector<Characteristic>& characteristics, Xm
 }
 
 // Empty if a number is not finite.
-std::string Matrix(const v1::Pose& pose) {
+std::string MatrixText(const v1::Pose& pose) {
   std::string text;
   for (const double value : pose.matrix()) {
     if (!std::isfinite(value)) return "";
@@ -418,21 +418,21 @@ void WriteScan(const v1::PlannedScan& scan, int64_t id, XmlWriter& xml) {
   xml.OpenWithId("TextInstruction", id);
   Attributes attributes;
   attributes.Integer("scan", scan.index());
-  attributes.Real("camera_distance_mm", Millimetres(m.camera_distance_m()));
+  attributes.Real("camera_distance_mm", RoundedMillimetres(m.camera_distance_m()));
   attributes.Real("triangulation_angle_deg", m.triangulation_angle_deg());
   attributes.Real("camera_azimuth_deg", m.camera_azimuth_deg());
   attributes.Real("camera_polar_deg", m.camera_polar_deg());
   attributes.Real("part_alpha_deg", m.part_alpha_deg());
   attributes.Real("part_beta_deg", m.part_beta_deg());
   attributes.Real("part_gamma_deg", m.part_gamma_deg());
-  attributes.Real("offset_y_mm", Millimetres(m.offset_y_m()));
-  attributes.Real("offset_z_mm", Millimetres(m.offset_z_m()));
-  attributes.Real("stage_start_mm", Millimetres(scan.stage_start_m()));
-  attributes.Real("stage_end_mm", Millimetres(scan.stage_end_m()));
+  attributes.Real("offset_y_mm", RoundedMillimetres(m.offset_y_m()));
+  attributes.Real("offset_z_mm", RoundedMillimetres(m.offset_z_m()));
+  attributes.Real("stage_start_mm", RoundedMillimetres(scan.stage_start_m()));
+  attributes.Real("stage_end_mm", RoundedMillimetres(scan.stage_end_m()));
   attributes.Integer("frames_count", scan.trigger_positions_m_size());
-  attributes.Text("camera_pose_m", Matrix(scan.camera_pose()));
-  attributes.Text("laser_pose_m", Matrix(scan.laser_pose()));
-  attributes.Text("part_pose_m", Matrix(scan.part_pose()));
+  attributes.Text("camera_pose_m", MatrixText(scan.camera_pose()));
+  attributes.Text("laser_pose_m", MatrixText(scan.laser_pose()));
+  attributes.Text("part_pose_m", MatrixText(scan.part_pose()));
   attributes.Write(xml);
   xml.Leaf("TextInstruction",
            absl::StrFormat("Scan %d: laser line triangulation on a linear stage from %.3f mm to "
@@ -487,8 +487,10 @@ void WriteDocumentAttributes(const v1::Plan& plan, const std::string& part_name,
     if (uncertainty.has_fresh_admissible_fraction())
       attributes.Real("fresh_admissible_fraction", uncertainty.fresh_admissible_fraction());
     attributes.Real("goal_admissible_fraction", uncertainty.goal());
-    attributes.Real("relaxed_uncertainty_mm", Millimetres(uncertainty.relaxed_uncertainty_m()));
-    attributes.Real("median_uncertainty_mm", Millimetres(uncertainty.median_uncertainty_m()));
+    attributes.Real("relaxed_uncertainty_mm",
+                    RoundedMillimetres(uncertainty.relaxed_uncertainty_m()));
+    attributes.Real("median_uncertainty_mm",
+                    RoundedMillimetres(uncertainty.median_uncertainty_m()));
   }
   attributes.Write(xml);
 }

@@ -22,7 +22,7 @@ constexpr char kUnknown[] = "\u2013";
 // Bars drawn; of longer plans every second, third, ... scan is shown.
 constexpr int kMostBars = 24;
 
-std::string Percent(double fraction, int decimals = 1) {
+std::string KnownPercent(double fraction, int decimals = 1) {
   if (!std::isfinite(fraction)) return kUnknown;
   return absl::StrCat(FixedNumber(100 * fraction, decimals), "\u202f%");
 }
@@ -37,8 +37,8 @@ std::string InColumn(double value) {
                                  : Number(value);
 }
 
-std::string Micrometres(double length_m) { return InColumn(1e6 * length_m); }
-std::string Millimetres(double length_m) { return InColumn(1e3 * length_m); }
+std::string MicrometreColumn(double length_m) { return InColumn(1e6 * length_m); }
+std::string MillimetreColumn(double length_m) { return InColumn(1e3 * length_m); }
 
 bool GoalReached(const v1::PlanUncertainty& uncertainty) {
   return uncertainty.goal() > 0 && uncertainty.admissible_fraction() >= uncertainty.goal() - 1e-12;
@@ -128,7 +128,7 @@ std::string UncertaintyFinding(const v1::Plan& plan, const std::string& why_stop
   const int scans = plan.scans_size();
   std::string html =
       absl::StrCat("<strong>", scans, scans == 1 ? " scan makes " : " scans make ",
-                   Percent(uncertainty.admissible_fraction()),
+                   KnownPercent(uncertainty.admissible_fraction()),
                    "</strong> of the toleranced surface known well enough to prove its tolerances");
   if (uncertainty.goal() > 0 && !GoalReached(uncertainty))
     absl::StrAppend(&html, ", short of the goal of ", Goal(uncertainty.goal()), ": ",
@@ -137,7 +137,7 @@ std::string UncertaintyFinding(const v1::Plan& plan, const std::string& why_stop
   if (uncertainty.has_fresh_admissible_fraction()) {
     absl::StrAppend(&html, " On ", GroupedInteger(uncertainty.fresh_judged_targets()),
                     " targets that the search has not seen it is ",
-                    Percent(uncertainty.fresh_admissible_fraction()), ".");
+                    KnownPercent(uncertainty.fresh_admissible_fraction()), ".");
   }
   const int features = uncertainty.features_size();
   if (features > 0) {
@@ -170,17 +170,17 @@ std::vector<std::pair<std::string, std::string>> UncertaintyFigures(const v1::Pl
   std::vector<std::pair<std::string, std::string>> figures = {
       {"scans", absl::StrCat(plan.scans_size())},
       {"admissible",
-       absl::StrCat(Percent(uncertainty.admissible_fraction()),
+       absl::StrCat(KnownPercent(uncertainty.admissible_fraction()),
                     uncertainty.goal() > 0 ? small("goal " + Goal(uncertainty.goal())) : "")}};
   if (uncertainty.has_fresh_admissible_fraction()) {
     figures.push_back(
-        {"admissible, fresh targets", Percent(uncertainty.fresh_admissible_fraction())});
+        {"admissible, fresh targets", KnownPercent(uncertainty.fresh_admissible_fraction())});
   }
   figures.push_back(
       {absl::StrCat("within ", SettingText("relaxed_m", uncertainty.relaxed_uncertainty_m())),
-       absl::StrCat(Percent(uncertainty.relaxed_fraction()),
+       absl::StrCat(KnownPercent(uncertainty.relaxed_fraction()),
                     uncertainty.has_fresh_relaxed_fraction()
-                        ? small("fresh " + Percent(uncertainty.fresh_relaxed_fraction()))
+                        ? small("fresh " + KnownPercent(uncertainty.fresh_relaxed_fraction()))
                         : "")});
   figures.push_back({"median uncertainty", LengthText(uncertainty.median_uncertainty_m())});
   if (uncertainty.bound().scans() > 0) {
@@ -258,7 +258,7 @@ std::string FeatureSection(const v1::Plan& plan, bool selectable) {
       "<th scope=\"col\" class=\"first\">measured</th><th scope=\"col\">admissible</th>"
       "</tr>\n</thead>\n<tbody>\n";
   const auto share = [](int64_t part, int64_t all) {
-    return all > 0 ? Percent(static_cast<double>(part) / static_cast<double>(all), 0)
+    return all > 0 ? KnownPercent(static_cast<double>(part) / static_cast<double>(all), 0)
                    : std::string(kUnknown);
   };
   for (const int i : order) {
@@ -272,11 +272,11 @@ std::string FeatureSection(const v1::Plan& plan, bool selectable) {
         Verdict(feature), "</td><td class=\"first\">",
         feature.zone_width_m() > 0 ? ShortNumber(1e3 * feature.zone_width_m()) : kUnknown,
         "</td><td>",
-        feature.acceptance_zone_m() > 0 ? Millimetres(feature.acceptance_zone_m()) : "empty",
-        "</td><td class=\"first strong\">", Micrometres(feature.uncertainty_m()), "</td><td>",
-        Micrometres(feature.noise_m()), "</td><td>", Micrometres(feature.sampling_m()), "</td><td>",
-        Micrometres(feature.calibration_m()), "</td><td>",
-        Micrometres(feature.admissible_uncertainty_m()), "</td><td class=\"first\">",
+        feature.acceptance_zone_m() > 0 ? MillimetreColumn(feature.acceptance_zone_m()) : "empty",
+        "</td><td class=\"first strong\">", MicrometreColumn(feature.uncertainty_m()), "</td><td>",
+        MicrometreColumn(feature.noise_m()), "</td><td>", MicrometreColumn(feature.sampling_m()),
+        "</td><td>", MicrometreColumn(feature.calibration_m()), "</td><td>",
+        MicrometreColumn(feature.admissible_uncertainty_m()), "</td><td class=\"first\">",
         EscapeHtml(ProbabilityText(feature.probability_wrong_acceptance())), "</td><td>",
         EscapeHtml(ProbabilityText(feature.probability_wrong_rejection())),
         "</td><td class=\"first\">", share(feature.measured_targets(), feature.targets()),
@@ -316,11 +316,11 @@ std::string InadmissibleSection(const TargetUncertainties& uncertainties,
   std::vector<std::vector<std::string>> rows;
   for (const v1::InadmissibleCount& count : CountInadmissible(uncertainties)) {
     const int64_t only_relaxed = relaxed[count.limit()];
-    rows.push_back({LimitWords(count.limit()), GroupedInteger(count.targets()),
-                    Percent(static_cast<double>(count.targets()) / static_cast<double>(judged)),
-                    GroupedInteger(only_relaxed), GroupedInteger(count.targets() - only_relaxed),
-                    FixedNumber(count.median_uncertainty_over_admissible(), 2),
-                    WhatHelps(count.limit())});
+    rows.push_back(
+        {LimitWords(count.limit()), GroupedInteger(count.targets()),
+         KnownPercent(static_cast<double>(count.targets()) / static_cast<double>(judged)),
+         GroupedInteger(only_relaxed), GroupedInteger(count.targets() - only_relaxed),
+         FixedNumber(count.median_uncertainty_over_admissible(), 2), WhatHelps(count.limit())});
   }
   body += PageTable({"what limits it", "targets", "of the judged", "only relaxed", "not reached",
                      "u over admissible", "what helps"},

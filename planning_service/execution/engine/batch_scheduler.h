@@ -14,6 +14,9 @@
 
 namespace sightline {
 
+// Longest run of a command of the workload manager, such as squeue or kubectl.
+inline constexpr absl::Duration kSchedulerToolTimeout = absl::Seconds(30);
+
 struct TaskArray {
   std::string job;     // whose it is; letters, digits and '-'
   std::string script;  // element K, from 1, runs `/bin/sh SCRIPT-K.sh`

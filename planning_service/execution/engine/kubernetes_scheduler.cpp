@@ -24,7 +24,6 @@ namespace {
 using nlohmann::json;
 using State = ElementStatus::State;
 
-constexpr absl::Duration kTimeout = absl::Seconds(30);
 constexpr char kJobLabel[] = "sightline/job";
 constexpr char kIndexAnnotation[] = "batch.kubernetes.io/job-completion-index";
 // How long a machine may be away before its pods count as lost.
@@ -33,7 +32,7 @@ constexpr int kUnreachable_s = 30;
 constexpr int kKeepFinished_s = 24 * 3600;
 
 // Answers that say nothing about the job: later ones may differ.
-bool IsPassing(const std::string& errors) {
+bool IsTransientKubernetesError(const std::string& errors) {
   const std::string lower = absl::AsciiStrToLower(errors);
   for (const char* words :
        {"unable to connect", "connection refused", "did you specify the right host", "timeout",
@@ -44,7 +43,7 @@ bool IsPassing(const std::string& errors) {
   return false;
 }
 
-std::string Text(const json& object, const char* field) {
+std::string ResourceText(const json& object, const char* field) {
   if (!object.is_object()) return "";
   const auto found = object.find(field);
   return found != object.end() && found->is_string() ? found->get<std::string>() : "";
@@ -60,10 +59,10 @@ const json& Member(const json& object, const char* field) {
 std::string TerminationReason(const json& pod) {
   for (const json& container : Member(Member(pod, "status"), "containerStatuses")) {
     const json& state = Member(container, "state");
-    if (std::string reason = Text(Member(state, "terminated"), "reason"); !reason.empty()) {
+    if (std::string reason = ResourceText(Member(state, "terminated"), "reason"); !reason.empty()) {
       return reason;
     }
-    if (std::string reason = Text(Member(state, "waiting"), "reason"); !reason.empty()) {
+    if (std::string reason = ResourceText(Member(state, "waiting"), "reason"); !reason.empty()) {
       return reason;
     }
   }
@@ -72,13 +71,13 @@ std::string TerminationReason(const json& pod) {
 
 ElementStatus StatusOfPod(const json& pod) {
   const json& status = Member(pod, "status");
-  const std::string phase = Text(status, "phase");
-  std::string reason = Text(status, "reason");
+  const std::string phase = ResourceText(status, "phase");
+  std::string reason = ResourceText(status, "reason");
   if (reason.empty()) reason = TerminationReason(pod);
   for (const json& condition : Member(status, "conditions")) {
-    if (reason.empty() && Text(condition, "type") == "PodScheduled" &&
-        Text(condition, "status") == "False") {
-      reason = Text(condition, "message");
+    if (reason.empty() && ResourceText(condition, "type") == "PodScheduled" &&
+        ResourceText(condition, "status") == "False") {
+      reason = ResourceText(condition, "message");
     }
   }
   if (reason.empty()) reason = phase;
@@ -149,13 +148,13 @@ class KubernetesScheduler final : public BatchScheduler {
     bool failed = false;
     bool there = false;
     for (const json& item : list["items"]) {
-      if (Text(item, "kind") == "Job") {
+      if (ResourceText(item, "kind") == "Job") {
         there = true;
         failed = failed || HasFailed(item);
-      } else if (Text(item, "kind") == "Pod") {
+      } else if (ResourceText(item, "kind") == "Pod") {
         int index = -1;
         const std::string text =
-            Text(Member(Member(item, "metadata"), "annotations"), kIndexAnnotation);
+            ResourceText(Member(Member(item, "metadata"), "annotations"), kIndexAnnotation);
         if (!absl::SimpleAtoi(text, &index) || index < 0 || index >= size) continue;
         const ElementStatus status = StatusOfPod(item);
         auto& known = statuses[static_cast<size_t>(index)];
@@ -183,7 +182,10 @@ class KubernetesScheduler final : public BatchScheduler {
  private:
   static bool HasFailed(const json& job) {
     for (const json& condition : Member(Member(job, "status"), "conditions")) {
-      if (Text(condition, "type") == "Failed" && Text(condition, "status") == "True") return true;
+      if (ResourceText(condition, "type") == "Failed" &&
+          ResourceText(condition, "status") == "True") {
+        return true;
+      }
     }
     return false;
   }
@@ -267,14 +269,14 @@ class KubernetesScheduler final : public BatchScheduler {
                                           : absl::StrCat(options_.command_folder, "/kubectl"),
                                       absl::StrCat("--namespace=", options_.name_space)};
     words.insert(words.end(), arguments.begin(), arguments.end());
-    auto result =
-        RunProgram({.words = std::move(words), .in_path = true}, {.time_limit = kTimeout});
+    auto result = RunProgram({.words = std::move(words), .in_path = true},
+                             {.time_limit = kSchedulerToolTimeout});
     if (!result.ok()) return absl::UnavailableError(result.status().message());
     if (result->wait_status == 0) return std::move(result->output);
     absl::StripTrailingAsciiWhitespace(&result->errors);
     const std::string message = absl::StrCat("kubectl ", arguments[0], ": ", result->errors);
-    return IsPassing(message) ? absl::UnavailableError(message)
-                              : absl::FailedPreconditionError(message);
+    return IsTransientKubernetesError(message) ? absl::UnavailableError(message)
+                                               : absl::FailedPreconditionError(message);
   }
 
   const KubernetesOptions options_;

@@ -17,11 +17,9 @@ namespace {
 
 using State = ElementStatus::State;
 
-constexpr absl::Duration kTimeout = absl::Seconds(30);
-
 // Answers that say nothing about the job: later ones may differ. Slurm's tools end with 1 for
 // everything, so their words must tell.
-bool IsPassing(const std::string& errors) {
+bool IsTransientSlurmError(const std::string& errors) {
   const std::string lower = absl::AsciiStrToLower(errors);
   for (const char* words :
        {"contact slurm controller", "timed out", "zero bytes", "standby", "connection refused",
@@ -142,15 +140,15 @@ class SlurmScheduler final : public BatchScheduler {
                                           ? program
                                           : absl::StrCat(options_.command_folder, "/", program)};
     words.insert(words.end(), arguments.begin(), arguments.end());
-    auto result =
-        RunProgram({.words = std::move(words), .in_path = true}, {.time_limit = kTimeout});
+    auto result = RunProgram({.words = std::move(words), .in_path = true},
+                             {.time_limit = kSchedulerToolTimeout});
     if (!result.ok()) return absl::UnavailableError(result.status().message());
     absl::StripTrailingAsciiWhitespace(&result->output);
     if (result->wait_status == 0) return result->output;
     absl::StripTrailingAsciiWhitespace(&result->errors);
     const std::string message = absl::StrCat(program, ": ", result->errors);
-    return IsPassing(message) ? absl::UnavailableError(message)
-                              : absl::FailedPreconditionError(message);
+    return IsTransientSlurmError(message) ? absl::UnavailableError(message)
+                                          : absl::FailedPreconditionError(message);
   }
 
   const SlurmOptions options_;

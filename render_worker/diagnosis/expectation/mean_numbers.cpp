@@ -9,6 +9,7 @@
 #include <numeric>
 #include <set>
 
+#include "render_worker/diagnosis/expectation/normal_distribution.h"
 #include "render_worker/diagnosis/expectation/rounded_normal.h"
 
 namespace sightline {
@@ -16,10 +17,6 @@ namespace sightline {
 namespace {
 
 constexpr double kLinear = 0.03;  // of the noise: numbers that differ by less do so linearly
-
-// Standard normal distribution and density.
-double Distribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
-double Density(double x) { return std::exp(-0.5 * x * x) / std::sqrt(2 * std::numbers::pi); }
 
 // What the converter makes of every number; empty if it leaves all as they are.
 std::vector<uint16_t> ConvertedNumbers(const FrameSetup& frame,
@@ -74,16 +71,16 @@ MeanNumbers::CutOff MeanNumbers::MeanCutOff(double mean, double deviation, doubl
   const double growth = gain_dn_per_electron_ / (2 * deviation);  // of the deviation with the mean
   // Mostly one end is far away.
   if (high > 6) {
-    const double above = Distribution(-low), density = Density(low);
+    const double above = NormalDistribution(-low), density = NormalDensity(low);
     return {mean * above + deviation * density, above + growth * density};
   }
   if (low < -6) {
-    const double below = Distribution(high), density = Density(high);
+    const double below = NormalDistribution(high), density = NormalDensity(high);
     return {mean * below - deviation * density + top * (1 - below), below - growth * density};
   }
-  const double inside = Distribution(high) - Distribution(low);
-  const double densities = Density(low) - Density(high);
-  return {mean * inside + deviation * densities + top * (1 - Distribution(high)),
+  const double inside = NormalDistribution(high) - NormalDistribution(low);
+  const double densities = NormalDensity(low) - NormalDensity(high);
+  return {mean * inside + deviation * densities + top * (1 - NormalDistribution(high)),
           inside + growth * densities};
 }
 

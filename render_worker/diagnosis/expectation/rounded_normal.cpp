@@ -3,7 +3,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
+
+#include "render_worker/diagnosis/expectation/normal_distribution.h"
 
 namespace sightline {
 namespace {
@@ -13,8 +14,6 @@ constexpr double kFarOut = 6;  // standard deviations beyond which nothing lies
 // A mean that is never exactly so, and pixels that are never exactly alike: keeps the variance of
 // numbers that are nearly always the same above zero.
 constexpr double kLeastVariance_dn2 = 1e-4;
-
-double Distribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
 
 }  // namespace
 
@@ -28,7 +27,8 @@ RoundedMoments MomentsAfterRounding(double mean_dn, double standard_deviation_dn
   double sum = 0, moments[5] = {0, 0, 0, 0, 0};
   double below = 0;  // all that is smaller becomes the first number
   for (double n = first; n <= last; ++n) {
-    const double up_to = n == last ? 1 : Distribution((n + 0.5 - mean_dn) / standard_deviation_dn);
+    const double up_to =
+        n == last ? 1 : NormalDistribution((n + 0.5 - mean_dn) / standard_deviation_dn);
     const double probability = up_to - below;
     below = up_to;
     double power = probability;

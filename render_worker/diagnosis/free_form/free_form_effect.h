@@ -12,6 +12,9 @@
 
 namespace sightline {
 
+// Unit [m] of places in the image, as distances from the optical axis, in the polynomials of terms.
+inline constexpr double kImageHeight_m = 5e-3;
+
 class FreeFormEffect : public DescribedEffect {
  public:
   // What the coefficients' curve is drawn over: units stand in the names.

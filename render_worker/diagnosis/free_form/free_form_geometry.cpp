@@ -10,8 +10,6 @@
 namespace sightline {
 namespace {
 
-constexpr double kImageHeight_m = 5e-3;
-
 // What is stated of the rig may be off by more than its uncertainty says.
 class SetupTerm final : public FreeFormEffect {
  public:

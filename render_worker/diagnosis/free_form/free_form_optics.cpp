@@ -11,7 +11,6 @@ namespace sightline {
 namespace {
 
 constexpr double kFullAperture = 1.4;
-constexpr double kImageHeight_m = 5e-3;
 
 // Halos are sums of Gaussians, so that light is conserved whatever their signs: the transfer
 // function is 1 at 0.

@@ -21,10 +21,10 @@ constexpr double kShiftError_px = 0.05, kBlurError_px2 = 0.03, kBlurErrorRelativ
 double Square(double x) { return x * x; }
 
 // Evenly spaced phases, which have sin(phase) from one end to the other.
-struct Phases {
+struct PhaseGrid {
   static constexpr int kCount = 96;
   std::array<double, kCount> sine, square;
-  Phases() {
+  PhaseGrid() {
     for (int k = 0; k < kCount; ++k) {
       sine[k] = std::sin(pi * ((k + 0.5) / kCount - 0.5));
       square[k] = Square(sine[k]);
@@ -55,7 +55,7 @@ double BlurByVibration(double amplitude_px, double frequency_hz, double exposure
 
 double VibrationLogLikelihood(std::span<const RecordedMovement> movements, double amplitude_px,
                               double frequency_hz) {
-  static const Phases phases;
+  static const PhaseGrid phases;
   const auto farthest_of = [&](const RecordedMovement& seen) {
     return amplitude_px * std::abs(sinc_pi(pi * frequency_hz * seen.exposure_time_s));
   };
@@ -80,14 +80,14 @@ double VibrationLogLikelihood(std::span<const RecordedMovement> movements, doubl
     const double blur_error = std::hypot(seen.blur_error_px2, kBlurError_px2,
                                          kBlurErrorRelative * std::max(0.0, seen.blur_px2));
     double likelihood = 0;
-    for (int k = 0; k < Phases::kCount; ++k) {
+    for (int k = 0; k < PhaseGrid::kCount; ++k) {
       const double blur = half_square * (1 - swing * (1 - 2 * phases.square[k])) -
                           farthest_px * farthest_px * phases.square[k];
       const double shift = place_px + farthest_px * phases.sine[k];
       likelihood += std::exp(-0.5 * (Square((seen.shift_px - shift) / shift_error) +
                                      Square((seen.blur_px2 - blur) / blur_error)));
     }
-    sum += std::log(likelihood / Phases::kCount + kNoLaw);
+    sum += std::log(likelihood / PhaseGrid::kCount + kNoLaw);
   }
   return sum;
 }

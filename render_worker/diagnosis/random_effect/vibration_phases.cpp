@@ -45,7 +45,7 @@ class PhasedVibration final : public DescribedEffect {
 std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
                                 std::span<const RecordedMovement> movements) {
   constexpr int kPhases = 61;
-  constexpr double kBlurErrorRelative = 0.1;  // moments of a clipped and noisy profile
+  constexpr double kBlurErrorOfAmplitude = 0.1;  // moments of a clipped and noisy profile
   const auto phase = [](int k) { return pi * (k / (kPhases - 1.0) - 0.5); };
   const auto distance = [](double difference, double error) {
     return std::log1p(difference * difference / (2 * error * error));
@@ -59,7 +59,7 @@ std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
     for (const RecordedMovement& seen : movements) {
       const double farthest_px = amplitude_px * sinc_pi(pi * frequency_hz * seen.exposure_time_s);
       const double blur_error =
-          std::hypot(seen.blur_error_px2, kBlurErrorRelative * amplitude_px * amplitude_px);
+          std::hypot(seen.blur_error_px2, kBlurErrorOfAmplitude * amplitude_px * amplitude_px);
       double nearest = 1e300, at = 0;
       for (int k = 0; k < kPhases; ++k) {
         const double shift_px = farthest_px * std::sin(phase(k));
@@ -82,9 +82,9 @@ std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
 }
 
 // What the phases of the recordings with laser light do to the entries.
-class Phases {
+class PhaseModel {
  public:
-  explicit Phases(const SetModel& model) : model_(model), lit_(model) {}
+  explicit PhaseModel(const SetModel& model) : model_(model), lit_(model) {}
 
   const std::vector<int>& lit() const { return lit_.frames(); }
 
@@ -205,7 +205,7 @@ FitResult WithPhases(FitResult fit, const std::vector<Eigen::MatrixXd>& change,
 std::vector<double> PhasesOfMovements(const SetModel& model, const std::vector<double>& law,
                                       std::span<const RecordedMovement> movements) {
   const std::vector<double> first_rad = FirstPhases(law[0], law[1], movements);
-  const Phases phases(model);
+  const PhaseModel phases(model);
   const std::vector<int>& lit = phases.lit();
   assert(lit.size() == movements.size());
   std::vector<double> phases_rad(model.set().frames.size(), 0);
@@ -225,7 +225,7 @@ FollowedVibration FollowVibration(const SetModel& model, const SetParameters& st
   constexpr int kMostTurns = 8;
   constexpr double kWorthwhile = 1;  // of twice the negative logarithm of the evidence
   constexpr double kLargestStep_rad = 0.5, kSmallestPart = 0.2;
-  const Phases phases(model);
+  const PhaseModel phases(model);
   const std::vector<int>& lit = phases.lit();
   std::vector<FreeEffectParameter> all_free = free;
   const int last = static_cast<int>(start.effects.size());

@@ -19,7 +19,7 @@ namespace {
 constexpr size_t kFitted = 12;       // candidates fitted with the null model's derivatives
 constexpr size_t kFittedAgain = 5;   // with their own
 constexpr size_t kFittedAfresh = 4;  // from the nominal description on, if the null model fails
-constexpr double kLeastGain = 1.5;   // [nats] worth a fit
+constexpr double kLeastGainForFit = 1.5;  // [nats] worth a fit
 // The null model's deviations may hide an effect that it does not fail for.
 constexpr size_t kFittedAfreshAnyway = 2;
 
@@ -136,7 +136,7 @@ void Competing::FitSingles() {
   };
   std::vector<const ScreenedEffect*> order;
   for (const ScreenedEffect& screened : competition_.screened) {
-    if (promise(screened) > kLeastGain) order.push_back(&screened);
+    if (promise(screened) > kLeastGainForFit) order.push_back(&screened);
   }
   std::stable_sort(order.begin(), order.end(),
                    [&](const auto* a, const auto* b) { return promise(*a) > promise(*b); });

@@ -16,7 +16,7 @@ namespace {
 using boost::math::sinc_pi;
 using std::numbers::pi;
 constexpr double kLowest_hz = 20, kHighest_hz = 300;  // of lamps on the mains, and beyond
-constexpr int kPeaks = 3;
+constexpr int kFlickerPeaks = 3;
 constexpr int kStepsOfTurn = 4;           // over the time between the first and the last recording
 constexpr int kStepsTogether = 512;       // by rotation, before phases are computed afresh
 constexpr double kMostProducts = 2e10;    // some ten seconds: 40 recordings within four hours
@@ -145,7 +145,7 @@ std::vector<ActiveEffect> FlickerSeen(const SetModel& model, const FitResult& nu
       peaks.push_back(here);
     }
   }
-  const auto kept = std::min<size_t>(kPeaks, peaks.size());
+  const auto kept = std::min<size_t>(kFlickerPeaks, peaks.size());
   std::partial_sort(peaks.begin(), peaks.begin() + static_cast<std::ptrdiff_t>(kept), peaks.end(),
                     [](const Flicker& a, const Flicker& b) { return a.gain > b.gain; });
   std::vector<ActiveEffect> seen;

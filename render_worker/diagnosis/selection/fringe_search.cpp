@@ -18,7 +18,7 @@ namespace sightline {
 namespace {
 
 using std::numbers::pi;
-constexpr int kPeaks = 4;
+constexpr int kFringePeaks = 4;
 constexpr int kOversampling = 2;         // of the periodogram
 constexpr int kFrequenciesAcross = 256;  // of a turn a row, both directions
 constexpr int kWidthOfPeak = 3;          // in steps of either frequency
@@ -158,7 +158,7 @@ std::vector<ActiveEffect> FringesSeen(const RecordedSet& set) {
   const std::vector<EffectParameter>& bounds = fringes.effect->description().parameters;
   const double drawn_turns = DrawnPhase(fringes, regions.front().front()->nominal);
   std::vector<ActiveEffect> seen;
-  for (int i = 0; i < kPeaks; ++i) {
+  for (int i = 0; i < kFringePeaks; ++i) {
     const auto largest = std::max_element(power.values.begin(), power.values.end());
     if (*largest <= 0) break;
     const auto at = static_cast<int>(largest - power.values.begin());

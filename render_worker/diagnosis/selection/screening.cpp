@@ -16,11 +16,11 @@ namespace {
 
 // Strengths beyond so many scales of their priors are not looked for.
 constexpr double kFarthest = 100;
-constexpr double kLeastGain = 0.75;    // [nats] of a straight line, worth a look
-constexpr double kProbe = 0.5;         // standardised
-constexpr double kLinearLength = 25;   // of a change, squared and whitened: it is linear so far
-constexpr double kStraight = 0.5;      // of a straight line's gain, reached where it is one
-constexpr double kMiddleError = 0.02;  // of a change taken to be alike along the line
+constexpr double kLeastLinearGain = 0.75;  // [nats] of a straight line, worth a look
+constexpr double kProbe = 0.5;             // standardised
+constexpr double kLinearLength = 25;       // of a change, squared and whitened: it is linear so far
+constexpr double kStraight = 0.5;          // of a straight line's gain, reached where it is one
+constexpr double kMiddleError = 0.02;      // of a change taken to be alike along the line
 
 // Of one effect: what has been found so far, and what is tried next.
 class Search {
@@ -296,7 +296,7 @@ class Search {
       keep_linear(at(z), gain);
     }
     const auto [z, linear_gain] = BestStrengths(linear_, linear_.residual(), slopes);
-    if (!(linear_gain >= kLeastGain)) return;
+    if (!(linear_gain >= kLeastLinearGain)) return;
     for (double part : {1.0, 0.4}) {
       const ActiveEffect active = at(part * z);
       if (!moves(active)) return;

@@ -12,7 +12,7 @@ namespace sightline {
 namespace {
 
 // Gaussian noise for Poisson noise, and speckle that does not quite cancel where it is cut off.
-constexpr double kModelError = 2e-4;
+constexpr double kBurstModelError = 2e-4;
 
 std::vector<double> RowMeans(const Image<uint16_t>& raw) {
   std::vector<double> means(raw.rows_px, 0);
@@ -134,7 +134,7 @@ Eigen::VectorXd BurstStatistic::Expected(const ExpectedSet& expected, int index)
 Eigen::MatrixXd BurstStatistic::Covariance(const ExpectedSet& expected, int index) const {
   const Entry& entry = entries_[index];
   const std::vector<double> weights = Weights(expected, entry);
-  double variance = kModelError * kModelError;
+  double variance = kBurstModelError * kBurstModelError;
   // What is left has the speckle of the frame before.
   const ExpectedFrame& lit = expected.strips.front()[entry.preceding];
   if (lit.speckle != nullptr) {

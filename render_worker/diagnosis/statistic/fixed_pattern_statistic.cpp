@@ -22,10 +22,9 @@ constexpr Lag kLags[] = {{0, 0}, {0, 3}, {3, 0}, {0, 8}, {0, 16}, {0, 32}};
 constexpr int kLagCount = static_cast<int>(std::size(kLags));
 // Relative signal that blocks and their strips leave, squared.
 constexpr double kPatternError = 1e-5;
-constexpr double kAlongError = 0.1;    // of the product of the light along the line
-constexpr double kLeastSignal = 0.02;  // of the largest number, for a row to count
-constexpr double kLimit = 4;           // of dark residuals
-constexpr double kOutlier = 5;
+constexpr double kAlongError = 0.1;  // of the product of the light along the line
+constexpr double kLimit = 4;         // of dark residuals
+constexpr double kDarkOutlier = 5;
 constexpr int kDarkValues = 2;
 constexpr int kDraws = 16;  // of what effects draw at random once a set
 
@@ -275,7 +274,7 @@ double Median(std::vector<Value> values) {
 
 // Probability that noise of unit variance takes a pixel beyond what counts as an outlier.
 double OutlierProbability(double residual) {
-  return 0.5 * std::erfc((kOutlier - residual) / std::sqrt(2.0));
+  return 0.5 * std::erfc((kDarkOutlier - residual) / std::sqrt(2.0));
 }
 
 // Of the pixels that may be outliers of the longest exposure: their places, and the probabilities
@@ -469,7 +468,7 @@ std::vector<FixedPatternStatistic::RowWeights> FixedPatternStatistic::Weights(
     for (int row = 0; row < entry.roi.rows_px; ++row) {
       for (int parity = 0; parity < 2; ++parity) {
         const double mean = strip.MeanDn(row, parity), signal = mean - entry.offset_dn;
-        if (signal < kLeastSignal * strip.frame.sensor.largest_dn()) continue;
+        if (signal < kLeastSignal_relative * strip.frame.sensor.largest_dn()) continue;
         double variance = strip.noise_variance_dn2.At(row, parity);
         for (const Image<float>& level : strip.level_dn) {
           variance += std::pow(level.At(row, parity) - mean, 2) /
@@ -561,8 +560,8 @@ Eigen::VectorXd FixedPatternStatistic::ObservedDark(const RecordedSet& set,
   for (size_t f = 0; f < residuals.size(); ++f) {
     double common = 0;
     for (size_t i = 0; i < residuals[f].values.size(); ++i) {
-      common += residuals[f].values[i] > kOutlier &&
-                        residuals[entry.longest].values[i] > kOutlier && f != entry.longest
+      common += residuals[f].values[i] > kDarkOutlier &&
+                        residuals[entry.longest].values[i] > kDarkOutlier && f != entry.longest
                     ? 1
                     : 0;
     }

@@ -13,10 +13,10 @@ namespace sightline {
 namespace {
 
 constexpr int kBits = 4;
-constexpr int kExceeding = 30;        // pixels above the plateau's number
-constexpr double kFewPixels = 100;    // a bit's mean is not near normal below
-constexpr double kBlackError = 0.05;  // of the expected count: tails of the noise
-constexpr int kPatch_px = 48;         // of a dark frame, with its fixed and jumping offsets
+constexpr int kExceeding = 30;           // pixels above the plateau's number
+constexpr double kFewPixelsOfBit = 100;  // a bit's mean is not near normal below
+constexpr double kBlackError = 0.05;     // of the expected count: tails of the noise
+constexpr int kPatch_px = 48;            // of a dark frame, with its fixed and jumping offsets
 constexpr int kLaserValues = kBits + 1;
 
 // The number that only a few pixels exceed.
@@ -204,7 +204,7 @@ Eigen::MatrixXd HistogramStatistic::Covariance(const ExpectedSet& expected, int 
   }
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(kLaserValues, kLaserValues);
   for (int bit = 0; bit < kBits; ++bit) {
-    covariance(bit, bit) = counted < kFewPixels ? 100 : 1 / counted;
+    covariance(bit, bit) = counted < kFewPixelsOfBit ? 100 : 1 / counted;
   }
   double largest = 0;
   const double top = expected.strips.front()[f].frame.sensor.largest_dn();

@@ -13,8 +13,8 @@ namespace sightline {
 
 namespace {
 
-constexpr double kOutlier = 8;  // standard deviations
-constexpr double kUsual = 5;    // of the neighbours
+constexpr double kHotPixelOutlier = 8;  // standard deviations
+constexpr double kUsual = 5;            // of the neighbours
 
 using SensorPixel = std::pair<int, int>;  // row, column
 
@@ -49,7 +49,7 @@ void FindHotPixels(const RecordedFrame& recorded, const PixelPlane& plane,
       return std::abs(values[i] - median) > limit * deviation;
     };
     for (size_t i = 0; i < n; ++i) {
-      if (!stands_out(i, kOutlier)) continue;
+      if (!stands_out(i, kHotPixelOutlier)) continue;
       const bool alone =
           (i == 0 || !stands_out(i - 1, kUsual)) && (i + 1 == n || !stands_out(i + 1, kUsual));
       const int column = plane.first_column + static_cast<int>(i) * plane.step;

@@ -19,7 +19,7 @@ constexpr double kUnsharedVariance = 0.12;
 // Between recordings of one speckle: pixel by pixel they are compared by another statistic
 // (shared_speckle_statistic.h).
 constexpr double kUnsharedBetweenRecordings = 0.3;
-constexpr double kModelError = 0.005;
+constexpr double kProfileModelError = 0.005;
 // Of the far wings of the line's image, below this part of its crest: renderers cut them off.
 constexpr double kWingError = 0.2;
 constexpr double kWing = 0.003;
@@ -153,7 +153,7 @@ void AddModelErrors(const Eigen::VectorXd& means, const ProfileGroup& members, i
     const double signal = means[i] - background;
     covariance(i, i) *=
         1 + (members.frames.size() > 1 ? kUnsharedBetweenRecordings : kUnsharedVariance);
-    covariance(i, i) += std::pow(kModelError * signal, 2) + noise_variance[i] +
+    covariance(i, i) += std::pow(kProfileModelError * signal, 2) + noise_variance[i] +
                         saturation_variance[i] + 0.25 * (wing[i] * wing[i] + tail[i] * tail[i]);
   }
   covariance += wing * wing.transpose() + tail * tail.transpose();

@@ -8,12 +8,6 @@
 
 namespace sightline {
 
-namespace {
-
-constexpr double kLeastSignal = 0.02;  // of the largest number, for a row to count
-
-}  // namespace
-
 RelativeResiduals MakeRelativeResiduals(const Image<uint16_t>& raw, double offset_dn, double top_dn,
                                         int blocks) {
   RelativeResiduals residuals{Image<double>(raw.columns_px, raw.rows_px, 0.0),
@@ -35,7 +29,7 @@ RelativeResiduals MakeRelativeResiduals(const Image<uint16_t>& raw, double offse
         pixels += count;
       }
       const double signal = total / pixels - offset_dn, variance = square / pixels;
-      const bool used = signal > kLeastSignal * top_dn && variance > 0;
+      const bool used = signal > kLeastSignal_relative * top_dn && variance > 0;
       const double scale = used ? signal / variance : 0;
       for (int c = parity; c < raw.columns_px; c += 2) residuals.value.At(row, c) *= scale;
       residuals.weights[2 * row + parity] = scale * signal;

@@ -9,6 +9,9 @@
 
 namespace sightline {
 
+// Least signal for a row to count, relative to the largest number.
+inline constexpr double kLeastSignal_relative = 0.02;
+
 // Residuals of a recording's rows about their blocks' means, even and odd columns apart; 0 where
 // there is hardly light.
 struct RelativeResiduals {

@@ -6,6 +6,7 @@
 #include <map>
 #include <numbers>
 
+#include "render_worker/diagnosis/expectation/normal_distribution.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/sensor/expose.h"
 
@@ -15,13 +16,11 @@ namespace {
 
 // Bins of the longer exposure, shares of what lies between dark and the largest number.
 constexpr double kEdges[] = {0.02, 0.04, 0.07, 0.12, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8};
-constexpr double kFewPixels = 50;
+constexpr double kFewPixelsOfBin = 50;
 // The Gaussian noise of the model is not quite the Poisson noise of the sensor.
 constexpr double kVarianceError = 0.01;
 // Of what moving speckle adds to the variance, and of what it does to the mean of a bin.
 constexpr double kMotionError = 0.2;
-
-double Distribution(double x) { return 0.5 * std::erfc(-x / std::numbers::sqrt2); }
 
 // Where the speckle is at equally weighted moments of an exposure [px].
 struct Place {
@@ -71,7 +70,7 @@ void Shares(const std::vector<double>& edges, double mean, double deviation,
             std::vector<double>& shares) {
   const auto below = [&](double edge) {
     const double x = (edge - mean) / deviation;
-    return x > 5 ? 1.0 : x < -5 ? 0.0 : Distribution(x);
+    return x > 5 ? 1.0 : x < -5 ? 0.0 : NormalDistribution(x);
   };
   double last = below(edges.front());
   for (size_t i = 0; i + 1 < edges.size(); ++i) {
@@ -219,7 +218,7 @@ Eigen::VectorXd SharedSpeckleStatistic::Observed(const RecordedSet& set, int ind
       if (count[bin] == 0) continue;
       const double mean = sum[bin] / count[bin];
       values[at + bin] = mean;
-      if (count[bin] < kFewPixels) continue;
+      if (count[bin] < kFewPixelsOfBin) continue;
       // About the bin's mean: sum of w (d - m)^2, the cross term by the mean weight.
       spread += square[bin] - mean * mean * variance[bin];
       pixels += count[bin] - 1;
@@ -347,7 +346,7 @@ SharedSpeckleStatistic::Moments SharedSpeckleStatistic::Evaluate(const ExpectedS
               const bool whole = part == parts / 2;
               if (whole && level_a + 5 * std::sqrt(noise_a) > pair.saturated_dn) {
                 const double share =
-                    1 - Distribution((pair.saturated_dn - level_a) / std::sqrt(noise_a));
+                    1 - NormalDistribution((pair.saturated_dn - level_a) / std::sqrt(noise_a));
                 moments.count[at + bins] += pixels_of_level * share;
                 moments.sum[at + bins] += pixels_of_level * share * level_b;
               }
@@ -441,7 +440,7 @@ Eigen::MatrixXd SharedSpeckleStatistic::Covariance(const ExpectedSet& expected, 
       const double count = moments.count[at + k];
       const double seen = entry.observed_count.empty() ? count : entry.observed_count[at + k];
       double& variance = covariance(at + k, at + k);
-      if (std::min(seen, count) < kFewPixels) {
+      if (std::min(seen, count) < kFewPixelsOfBin) {
         variance = k == pair.bins() + 1 ? 1e4 : top * top;  // nothing to say
       } else if (k == pair.bins()) {
         variance = 0.25;  // the top is exact; half a number for what the levels leave out
@@ -462,12 +461,12 @@ Eigen::MatrixXd SharedSpeckleStatistic::Covariance(const ExpectedSet& expected, 
       for (int a = 0; a < pair.bins(); ++a) {
         for (int b = 0; b < entry.pairs[i + 1].bins(); ++b) {
           const double counts = moments.count[at + a] * moments.count[next + b];
-          if (counts < kFewPixels * kFewPixels) continue;
+          if (counts < kFewPixelsOfBin * kFewPixelsOfBin) continue;
           double seen = counts;
           if (!entry.observed_count.empty()) {
             seen = entry.observed_count[at + a] * entry.observed_count[next + b];
           }
-          if (seen < kFewPixels * kFewPixels) continue;
+          if (seen < kFewPixelsOfBin * kFewPixelsOfBin) continue;
           covariance(at + a, next + b) = moments.common[i](a, b) / std::max(counts, seen);
           covariance(next + b, at + a) = covariance(at + a, next + b);
         }

@@ -8,7 +8,7 @@
 namespace sightline {
 namespace {
 
-constexpr const char* kReference = "thesis eq. 1.1-1.5 (triangulation)";
+constexpr const char* kTriangulationReference = "thesis eq. 1.1-1.5 (triangulation)";
 
 class CameraDistanceErrorEffect final : public DescribedEffect {
  public:
@@ -16,7 +16,7 @@ class CameraDistanceErrorEffect final : public DescribedEffect {
       : DescribedEffect({.id = "geometry.camera_distance_error",
                          .stage = Stage::kGeometry,
                          .summary = "camera farther from the plate than stated, focus as set",
-                         .reference = kReference,
+                         .reference = kTriangulationReference,
                          .parameters = {{"camera_distance_shift_m", 0, -0.1, 0.1, 5e-3}}}) {}
 
   void OnFrame(FrameSetup& frame, Parameters p) const override {
@@ -30,7 +30,7 @@ class LaserDistanceErrorEffect final : public DescribedEffect {
       : DescribedEffect({.id = "geometry.laser_distance_error",
                          .stage = Stage::kGeometry,
                          .summary = "projector farther from the plate than stated",
-                         .reference = kReference,
+                         .reference = kTriangulationReference,
                          .parameters = {{"laser_distance_shift_m", 0, -0.1, 0.1, 1e-2}}}) {}
 
   void OnFrame(FrameSetup& frame, Parameters p) const override {
@@ -44,7 +44,7 @@ class IncidenceAngleErrorEffect final : public DescribedEffect {
       : DescribedEffect({.id = "geometry.incidence_angle_error",
                          .stage = Stage::kGeometry,
                          .summary = "angle between sheet and plate normal not as stated",
-                         .reference = kReference,
+                         .reference = kTriangulationReference,
                          .parameters = {{"incidence_shift_deg", 0, -20, 20, 2}}}) {}
 
   void OnFrame(FrameSetup& frame, Parameters p) const override {

@@ -15,7 +15,7 @@ constexpr double kImageHeight_m = 5e-3;
 // Coefficients are those of the rim at f/1.4 and 5 mm, where few lenses are used: at f/2.8 and 3 mm
 // this much coma is 15 waves, and 6 of astigmatism, more than any lens that is sold has.
 constexpr double kMost_waves = 200;
-constexpr const char* kReference =
+constexpr const char* kAberrationReference =
     "Welford, Aberrations of Optical Systems (1986), chapter 8; thesis eq. 4.25";
 
 double FullPupilRadius(const FrameSetup& frame) {
@@ -28,7 +28,7 @@ class SphericalAberrationEffect final : public DescribedEffect {
       : DescribedEffect({.id = "optics.spherical_aberration",
                          .stage = Stage::kOptics,
                          .summary = "W = w040 lambda (r/R)^4",
-                         .reference = kReference,
+                         .reference = kAberrationReference,
                          .parameters = {{"w040_waves", 0, -kMost_waves, kMost_waves, 3}}}) {}
 
   void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters p) const override {
@@ -64,7 +64,7 @@ class ComaEffect final : public DescribedEffect {
       : DescribedEffect({.id = "optics.coma",
                          .stage = Stage::kOptics,
                          .summary = "W = w131 lambda (h/5 mm) (r/R)^3 cos(phi)",
-                         .reference = kReference,
+                         .reference = kAberrationReference,
                          .parameters = {{"w131_waves", 0, -kMost_waves, kMost_waves, 3}}}) {}
 
   void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters p) const override {
@@ -78,7 +78,7 @@ class AstigmatismEffect final : public DescribedEffect {
       : DescribedEffect({.id = "optics.astigmatism",
                          .stage = Stage::kOptics,
                          .summary = "W = w222 lambda (h/5 mm)^2 (r/R)^2 cos^2(phi)",
-                         .reference = kReference,
+                         .reference = kAberrationReference,
                          .parameters = {{"w222_waves", 0, -kMost_waves, kMost_waves, 3}}}) {}
 
   void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters p) const override {
@@ -93,7 +93,7 @@ class FieldCurvatureEffect final : public DescribedEffect {
             {.id = "optics.field_curvature",
              .stage = Stage::kOptics,
              .summary = "W = w220 lambda (h/5 mm)^2 (r/R)^2: defocus that grows off axis",
-             .reference = kReference,
+             .reference = kAberrationReference,
              .parameters = {{"w220_waves", 0, -kMost_waves, kMost_waves, 3}}}) {}
 
   // W = -1/2 C r^2, so the term adds C = -2 w220 lambda (h/5 mm)^2/R^2 to the curvature.

@@ -12,7 +12,7 @@ namespace sightline {
 namespace {
 
 constexpr double kReferenceRadius_m = 5e-3;
-constexpr const char* kReference =
+constexpr const char* kDistortionReference =
     "Brown, Close-range camera calibration, Photogrammetric Engineering 37 (1971) 855";
 
 // Appends a mapping from sensor to ideal image: earlier effects lie nearer to the sensor.
@@ -31,7 +31,7 @@ class RadialDistortionEffect final : public DescribedEffect {
       : DescribedEffect({.id = "optics.radial_distortion",
                          .stage = Stage::kOptics,
                          .summary = "r' = r (1 + k1 (r/5 mm)^2)",
-                         .reference = kReference,
+                         .reference = kDistortionReference,
                          .parameters = {{"k1_relative", 0, -0.1, 0.1, 0.01}}}) {}
 
   void OnFrame(FrameSetup& frame, Parameters p) const override {
@@ -63,7 +63,7 @@ class TangentialDistortionEffect final : public DescribedEffect {
       : DescribedEffect({.id = "optics.tangential_distortion",
                          .stage = Stage::kOptics,
                          .summary = "u' = u + 2 p1 u v + p2 (r^2 + 2 u^2), v likewise, in 5 mm",
-                         .reference = kReference,
+                         .reference = kDistortionReference,
                          .parameters = {{"p1_relative", 0, -0.02, 0.02, 0.002},
                                         {"p2_relative", 0, -0.02, 0.02, 0.002}}}) {}
 

@@ -11,7 +11,7 @@
 namespace sightline {
 namespace {
 
-constexpr const char* kReference = "IEEE 1241-2010 (analog-to-digital converters)";
+constexpr const char* kConverterReference = "IEEE 1241-2010 (analog-to-digital converters)";
 
 class AdcMissingBitsEffect final : public DescribedEffect {
  public:
@@ -19,7 +19,7 @@ class AdcMissingBitsEffect final : public DescribedEffect {
       : DescribedEffect({.id = "sensor.adc_missing_bits",
                          .stage = Stage::kSensor,
                          .summary = "lowest bits stuck at 0 (number rounded)",
-                         .reference = kReference,
+                         .reference = kConverterReference,
                          .parameters = {{"missing_bits", 0, 0, 8, 1}}}) {}
 
   void OnRaw(Image<uint16_t>& raw, const FrameSetup&, Parameters p) const override {
@@ -34,7 +34,7 @@ class AdcInlEffect final : public DescribedEffect {
       : DescribedEffect({.id = "sensor.adc_inl",
                          .stage = Stage::kSensor,
                          .summary = "y + A sin(2 pi c y/y_max)",
-                         .reference = kReference,
+                         .reference = kConverterReference,
                          .parameters = {{"inl_amplitude_dn", 0, -100, 100, 2},
                                         // A wave is found from less than half a cycle off only.
                                         {"inl_cycles",

@@ -7,7 +7,8 @@
 namespace sightline {
 namespace {
 
-constexpr const char* kReference = "EMVA 1288 R4.0 Linear, section 2.1 (quantum efficiency)";
+constexpr const char* kQuantumEfficiencyReference =
+    "EMVA 1288 R4.0 Linear, section 2.1 (quantum efficiency)";
 
 void ScaleEfficiency(QuantumEfficiencyCurve& curve, double factor) {
   for (double& efficiency : curve.quantum_efficiency) efficiency *= factor;
@@ -20,7 +21,7 @@ class QeErrorEffect final : public DescribedEffect {
             {.id = "sensor.qe_error",
              .stage = Stage::kSensor,
              .summary = "quantum efficiency: true over stated (mono or red, green, blue)",
-             .reference = kReference,
+             .reference = kQuantumEfficiencyReference,
              .parameters = {{"qe_factor", 1, 0.1, 10, 0.1},
                             {"qe_factor_green", 1, 0.1, 10, 0.1},
                             {"qe_factor_blue", 1, 0.1, 10, 0.1}}}) {}
@@ -38,7 +39,7 @@ class ColourResponseErrorEffect final : public DescribedEffect {
       : DescribedEffect({.id = "sensor.colour_response_error",
                          .stage = Stage::kSensor,
                          .summary = "ratio of the colours' quantum efficiencies, red as stated",
-                         .reference = kReference,
+                         .reference = kQuantumEfficiencyReference,
                          .parameters = {{"qe_factor_green", 1, 0.1, 10, 0.1},
                                         {"qe_factor_blue", 1, 0.1, 10, 0.1}}}) {}
 

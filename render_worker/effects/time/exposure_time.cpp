@@ -9,7 +9,7 @@
 namespace sightline {
 namespace {
 
-constexpr const char* kReference = "EMVA 1288 R4.0 Linear, section 2.1 (exposure time)";
+constexpr const char* kExposureTimeReference = "EMVA 1288 R4.0 Linear, section 2.1 (exposure time)";
 
 class ExposureOffsetEffect final : public DescribedEffect {
  public:
@@ -17,7 +17,7 @@ class ExposureOffsetEffect final : public DescribedEffect {
       : DescribedEffect({.id = "time.exposure_offset",
                          .stage = Stage::kTime,
                          .summary = "true minus set exposure time",
-                         .reference = kReference,
+                         .reference = kExposureTimeReference,
                          .parameters = {{"exposure_offset_s", 0, -0.1, 0.1, 5e-5}}}) {}
 
   void OnFrame(FrameSetup& frame, Parameters p) const override {
@@ -32,7 +32,7 @@ class ExposureJitterEffect final : public DescribedEffect {
                          .stage = Stage::kTime,
                          .is_drawn = true,
                          .summary = "exposure time scatters normally",
-                         .reference = kReference,
+                         .reference = kExposureTimeReference,
                          .parameters = {{"exposure_jitter_s", 0, 0, 0.1, 5e-5}}}) {}
 
   void OnFrame(FrameSetup& frame, Parameters p) const override {

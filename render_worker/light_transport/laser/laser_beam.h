@@ -9,6 +9,10 @@
 
 namespace sightline {
 
+// Widths w of the beam to either side of the sheet that are rendered: |q| <= 3 w holds all but 2e-9
+// of the power.
+inline constexpr double kBeamWidths = 3;
+
 // In the sensor frame of the laser a point is (x, q, z): x along the line, q across the sheet, z
 // along the fan's axis. With t = x/z the light spreads over the fan so that the power per dt is
 //   Powell:   P / (2 T), |t| <= T = tan(fan/2)

@@ -16,7 +16,6 @@
 namespace sightline {
 namespace {
 
-constexpr double kBeamWidths = 3;
 constexpr int kSubPixelsPerTask = 16384;
 constexpr int kBlock_px = 2;
 // Interreflection darker than its mean over the image needs no better than that.

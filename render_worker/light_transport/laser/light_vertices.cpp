@@ -10,8 +10,6 @@
 namespace sightline {
 namespace {
 
-constexpr double kBeamWidths = 3;  // |q| <= 3 w: all but 2e-9 of the power
-
 double StandardNormal(float u1, float u2) {
   return std::sqrt(-2 * std::log(1.0 - u1)) * std::cos(2 * std::numbers::pi * u2);
 }

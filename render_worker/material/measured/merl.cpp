@@ -8,13 +8,13 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <numbers>
 #include <sstream>
 
 #include "absl/strings/str_cat.h"
 #include "core/file/read_file.h"
 #include "render_worker/material/measured/tabulated_material.h"
 #include "render_worker/material/models.h"
+#include "render_worker/material/single_precision_pi.h"
 
 namespace sightline {
 namespace {
@@ -23,7 +23,6 @@ constexpr int kHalfAngles = 90;
 constexpr int kDifferenceAngles = 90;
 constexpr int kAzimuths = 180;
 constexpr int kCells = kHalfAngles * kDifferenceAngles * kAzimuths;
-constexpr float kPi = std::numbers::pi_v<float>;
 // Of the file's numbers to BRDF, red, green, blue (Matusik's BRDFRead).
 constexpr float kScale[3] = {1.0F / 1500, 1.15F / 1500, 1.66F / 1500};
 // Wavelengths the three colours stand for; linear in between.

@@ -3,16 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 #include "render_worker/material/microfacet.h"
+#include "render_worker/material/single_precision_pi.h"
 
 namespace sightline {
 namespace {
 
 using Eigen::Vector3f;
-
-constexpr float kPi = std::numbers::pi_v<float>;
 
 // Mean over a cell of the (sin^2, azimuth) square, 3 x 3 points.
 float CellMean(const IsotropicBrdf& brdf, float cos_out, int ring, int rings, int sector,

@@ -6,12 +6,12 @@
 
 #include <filesystem>
 #include <fstream>
-#include <numbers>
 #include <random>
 
 #include "absl/strings/str_cat.h"
 #include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
+#include "core/physics/angle.h"
 #include "tests/core/inspection/parse_fields.h"
 
 namespace sightline {
@@ -20,8 +20,6 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-constexpr double kDegree = std::numbers::pi / 180;
-
 TEST(Inspection, DefaultsAreThoseOfTheSchema) {
   const absl::StatusOr<Inspection> parsed = ParseFields("");
   ASSERT_TRUE(parsed.ok()) << parsed.status();
@@ -29,8 +27,8 @@ TEST(Inspection, DefaultsAreThoseOfTheSchema) {
   EXPECT_EQ(i.part_file, "parts/a.glb");
   EXPECT_EQ(i.rig.camera.columns_px, 512);
   EXPECT_EQ(i.rig.camera.rows_px, 512);
-  EXPECT_NEAR(i.rig.camera.vertical_fov_rad, 45 * kDegree, 1e-15);
-  EXPECT_NEAR(i.rig.laser.fan_angle_rad, 90 * kDegree, 1e-15);
+  EXPECT_NEAR(i.rig.camera.vertical_fov_rad, 45 * kRadPerDeg, 1e-15);
+  EXPECT_NEAR(i.rig.laser.fan_angle_rad, 90 * kRadPerDeg, 1e-15);
   EXPECT_FALSE(i.rig.laser.distance_m);
   EXPECT_EQ(i.rig.scan_step_m, 0.001);
   EXPECT_EQ(i.rig.stage_travel_m, 1);
@@ -38,7 +36,7 @@ TEST(Inspection, DefaultsAreThoseOfTheSchema) {
   EXPECT_EQ(i.rig.camera_bodies.size(), 1u);
   EXPECT_EQ(i.targets.spacing_m, 0.005);
   EXPECT_EQ(i.targets.coverage_radius_m, 0.003);
-  EXPECT_NEAR(i.targets.max_normal_angle_rad, 30 * kDegree, 1e-15);
+  EXPECT_NEAR(i.targets.max_normal_angle_rad, 30 * kRadPerDeg, 1e-15);
   EXPECT_EQ(i.goal.coverage, 0.95);
   EXPECT_EQ(i.goal.max_scans, 40);
   EXPECT_EQ(i.goal.min_gain, 0.0002);
@@ -59,14 +57,14 @@ TEST(Inspection, ValuesArriveInRadians) {
          "goal": {"coverage": 1, "max_time_s": 10},
          "costs": {"reposition_speed_deg_per_s": 90})");
   ASSERT_TRUE(i.ok()) << i.status();
-  EXPECT_NEAR(i->rig.camera.vertical_fov_rad, 30 * kDegree, 1e-15);
-  EXPECT_NEAR(i->rig.laser.fan_angle_rad, 60 * kDegree, 1e-15);
+  EXPECT_NEAR(i->rig.camera.vertical_fov_rad, 30 * kRadPerDeg, 1e-15);
+  EXPECT_NEAR(i->rig.laser.fan_angle_rad, 60 * kRadPerDeg, 1e-15);
   EXPECT_EQ(i->rig.lens->f_number, 4);
-  EXPECT_NEAR(i->targets.max_normal_angle_rad, 45 * kDegree, 1e-15);
+  EXPECT_NEAR(i->targets.max_normal_angle_rad, 45 * kRadPerDeg, 1e-15);
   EXPECT_EQ(i->targets.regions.at(0).spacing_m, 0.001);
   ASSERT_EQ(i->rig.camera_bodies.size(), 1u);
   EXPECT_EQ(std::get<CylinderBody>(i->rig.camera_bodies[0]).radius_m, 0.05);
-  EXPECT_NEAR(*i->costs.reposition_speed_rad_per_s, 90 * kDegree, 1e-15);
+  EXPECT_NEAR(*i->costs.reposition_speed_rad_per_s, 90 * kRadPerDeg, 1e-15);
   EXPECT_FALSE(i->costs.IsUnit());
 }
 
@@ -291,14 +289,15 @@ TEST(MeasurementDomain, DefaultIsTable21) {
     double Measurement::*parameter;
     double inside_min, inside_max, outside_below, outside_above;
   };
-  for (const Case& c : {Case{&Measurement::camera_distance_m, 0.1, 0.8, 0.099, 0.801},
-                        Case{&Measurement::triangulation_angle_rad, -80 * kDegree, 80 * kDegree,
-                             -81 * kDegree, 81 * kDegree},
-                        Case{&Measurement::triangulation_angle_rad, -10 * kDegree, 10 * kDegree,
-                             -9 * kDegree, 9 * kDegree},
-                        Case{&Measurement::camera_polar_rad, 0, 90 * kDegree, -0.01, 91 * kDegree},
-                        Case{&Measurement::offset_y_m, -0.5, 0.5, -0.51, 0.51},
-                        Case{&Measurement::offset_z_m, -0.4, 0.4, -0.41, 0.41}}) {
+  for (const Case& c :
+       {Case{&Measurement::camera_distance_m, 0.1, 0.8, 0.099, 0.801},
+        Case{&Measurement::triangulation_angle_rad, -80 * kRadPerDeg, 80 * kRadPerDeg,
+             -81 * kRadPerDeg, 81 * kRadPerDeg},
+        Case{&Measurement::triangulation_angle_rad, -10 * kRadPerDeg, 10 * kRadPerDeg,
+             -9 * kRadPerDeg, 9 * kRadPerDeg},
+        Case{&Measurement::camera_polar_rad, 0, 90 * kRadPerDeg, -0.01, 91 * kRadPerDeg},
+        Case{&Measurement::offset_y_m, -0.5, 0.5, -0.51, 0.51},
+        Case{&Measurement::offset_z_m, -0.4, 0.4, -0.41, 0.41}}) {
     for (double value : {c.inside_min, c.inside_max}) {
       Measurement changed = m;
       changed.*c.parameter = value;
@@ -325,9 +324,9 @@ TEST(MeasurementDomain, RangesAreSortedAndMerged) {
   ASSERT_TRUE(i.ok());
   const auto& ranges = i->domain.parameters[3].ranges;
   ASSERT_EQ(ranges.size(), 2u);
-  EXPECT_NEAR(ranges[0].min, 10 * kDegree, 1e-12);
-  EXPECT_NEAR(ranges[0].max, 40 * kDegree, 1e-12);
-  EXPECT_NEAR(ranges[1].min, 50 * kDegree, 1e-12);
+  EXPECT_NEAR(ranges[0].min, 10 * kRadPerDeg, 1e-12);
+  EXPECT_NEAR(ranges[0].max, 40 * kRadPerDeg, 1e-12);
+  EXPECT_NEAR(ranges[1].min, 50 * kRadPerDeg, 1e-12);
   EXPECT_TRUE(i->domain.parameters[3].values.empty());
 }
 
@@ -348,15 +347,15 @@ TEST(MeasurementDomain, PeriodicParametersWrapAround) {
   ASSERT_TRUE(i.ok());
   const ParameterDomain& gamma = i->domain.parameters[6];
   for (double degrees : {-5.0, 5.0, 355.0, 365.0, 720.0}) {
-    EXPECT_TRUE(gamma.Contains(degrees * kDegree)) << degrees;
+    EXPECT_TRUE(gamma.Contains(degrees * kRadPerDeg)) << degrees;
   }
   for (double degrees : {-15.0, 15.0, 180.0, 345.0}) {
-    EXPECT_FALSE(gamma.Contains(degrees * kDegree)) << degrees;
+    EXPECT_FALSE(gamma.Contains(degrees * kRadPerDeg)) << degrees;
   }
   const ParameterDomain& azimuth = i->domain.parameters[2];
-  EXPECT_TRUE(azimuth.Contains(360 * kDegree));
-  EXPECT_TRUE(azimuth.Contains(-270 * kDegree));
-  EXPECT_FALSE(azimuth.Contains(45 * kDegree));
+  EXPECT_TRUE(azimuth.Contains(360 * kRadPerDeg));
+  EXPECT_TRUE(azimuth.Contains(-270 * kRadPerDeg));
+  EXPECT_FALSE(azimuth.Contains(45 * kRadPerDeg));
 }
 
 TEST(MeasurementDomain, RestingOrientationsArePairs) {
@@ -364,12 +363,12 @@ TEST(MeasurementDomain, RestingOrientationsArePairs) {
       R"("measurement": {"resting_orientations": [{}, {"part_alpha_deg": 180, "part_beta_deg": 90}]})");
   ASSERT_TRUE(i.ok());
   Measurement m;
-  m.part_alpha_rad = 180 * kDegree;
-  m.part_beta_rad = 90 * kDegree;
+  m.part_alpha_rad = 180 * kRadPerDeg;
+  m.part_beta_rad = 90 * kRadPerDeg;
   EXPECT_TRUE(i->domain.Contains(m));
   m.part_beta_rad = 0;  // each is allowed, not together
   EXPECT_FALSE(i->domain.Contains(m));
-  m.part_alpha_rad = 360 * kDegree;
+  m.part_alpha_rad = 360 * kRadPerDeg;
   EXPECT_TRUE(i->domain.Contains(m));
 }
 
@@ -420,7 +419,7 @@ TEST(InspectionToProto, MeasurementsKeepTheirValue) {
   message.set_offset_y_m(0.1);
   message.set_offset_z_m(-0.2);
   const Measurement m = MeasurementFromProto(message);
-  EXPECT_NEAR(m.triangulation_angle_rad, -30 * kDegree, 1e-15);
+  EXPECT_NEAR(m.triangulation_angle_rad, -30 * kRadPerDeg, 1e-15);
   const auto back = ToArray(MeasurementFromProto(MeasurementToProto(m)));
   const auto original = ToArray(m);
   for (int i = 0; i < kMeasurementParameters; ++i) EXPECT_NEAR(back[i], original[i], 1e-14);
@@ -464,7 +463,7 @@ TEST(InspectionImaging, StatedFieldOfViewMustAgree) {
   const auto agrees =
       ParseFields(absl::StrCat(R"("camera": {"vertical_fov_deg": 12, )", kSensor, "}, ", lens));
   ASSERT_TRUE(agrees.ok()) << agrees.status();
-  EXPECT_NEAR(agrees->rig.camera.vertical_fov_rad, 12 * kDegree, 1e-12);
+  EXPECT_NEAR(agrees->rig.camera.vertical_fov_rad, 12 * kRadPerDeg, 1e-12);
   EXPECT_THAT(
       ErrorOfFields(absl::StrCat(R"("camera": {"vertical_fov_deg": 13, )", kSensor, "}, ", lens)),
       AllOf(HasSubstr("bracket.json: camera.vertical_fov_deg is 13"), HasSubstr("11.42")));

@@ -28,7 +28,7 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-std::string ErrorOf(const std::string& json) {
+std::string ParseErrorOf(const std::string& json) {
   v1::Inspection message;
   const absl::Status status = ParseStrictJson(json, "bracket.json", &message);
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument) << json;
@@ -68,11 +68,12 @@ TEST(StrictJson, MapsKeepTheirKeysAndComeBackSorted) {
   v1::Inspection again;
   ASSERT_TRUE(ParseStrictJson(text, "again.json", &again).ok());
   EXPECT_TRUE(google::protobuf::util::MessageDifferencer::Equals(message, again));
-  EXPECT_THAT(ErrorOf(R"({"effects": [{"parameters": {"a": 1, "a": 2}}]})"),
+  EXPECT_THAT(ParseErrorOf(R"({"effects": [{"parameters": {"a": 1, "a": 2}}]})"),
               AllOf(HasSubstr("effects[0].parameters.a"), HasSubstr("twice")));
-  EXPECT_THAT(ErrorOf(R"({"effects": [{"parameters": {"a": "x"}}]})"),
+  EXPECT_THAT(ParseErrorOf(R"({"effects": [{"parameters": {"a": "x"}}]})"),
               HasSubstr("effects[0].parameters.a"));
-  EXPECT_THAT(ErrorOf(R"({"effects": [{"parameters": [1]}]})"), HasSubstr("effects[0].parameters"));
+  EXPECT_THAT(ParseErrorOf(R"({"effects": [{"parameters": [1]}]})"),
+              HasSubstr("effects[0].parameters"));
 }
 
 TEST(StrictJson, ReplacesWhatTheMessageHeld) {
@@ -84,23 +85,24 @@ TEST(StrictJson, ReplacesWhatTheMessageHeld) {
 
 TEST(StrictJson, UnknownFieldNamesFilePathAndNearest) {
   EXPECT_THAT(
-      ErrorOf(R"({"rig": {"scan_stp_m": 1}})"),
+      ParseErrorOf(R"({"rig": {"scan_stp_m": 1}})"),
       AllOf(HasSubstr("bracket.json"), HasSubstr("rig.scan_stp_m"), HasSubstr("\"scan_step_m\"")));
-  EXPECT_THAT(ErrorOf(R"({"obstacles": [{}, {}, {"fraem": "x"}]})"),
+  EXPECT_THAT(ParseErrorOf(R"({"obstacles": [{}, {}, {"fraem": "x"}]})"),
               AllOf(HasSubstr("obstacles[2].fraem"), HasSubstr("\"frame\"")));
   // Only the original names: camelCase of proto3 JSON would be a second spelling of every file.
-  EXPECT_THAT(ErrorOf(R"({"rig": {"scanStepM": 1}})"), HasSubstr("\"scan_step_m\""));
+  EXPECT_THAT(ParseErrorOf(R"({"rig": {"scanStepM": 1}})"), HasSubstr("\"scan_step_m\""));
 }
 
 TEST(StrictJson, WrongTypesNamePathAndWhatIsExpected) {
-  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": "1"}})"),
+  EXPECT_THAT(ParseErrorOf(R"({"rig": {"scan_step_m": "1"}})"),
               AllOf(HasSubstr("rig.scan_step_m"), HasSubstr("\"1\""), HasSubstr("number")));
-  EXPECT_THAT(ErrorOf(R"({"rig": 3})"), AllOf(HasSubstr("rig: is 3"), HasSubstr("an object")));
-  EXPECT_THAT(ErrorOf(R"({"name": true})"), HasSubstr("a string"));
-  EXPECT_THAT(ErrorOf(R"({"obstacles": {}})"), HasSubstr("an array"));
-  EXPECT_THAT(ErrorOf(R"({"rig": {"camera_bodies": [5]}})"), HasSubstr("rig.camera_bodies[0]"));
-  EXPECT_THAT(ErrorOf(R"({"name": null})"), HasSubstr("leave the field out"));
-  EXPECT_THAT(ErrorOf("[]"), HasSubstr("an object"));
+  EXPECT_THAT(ParseErrorOf(R"({"rig": 3})"), AllOf(HasSubstr("rig: is 3"), HasSubstr("an object")));
+  EXPECT_THAT(ParseErrorOf(R"({"name": true})"), HasSubstr("a string"));
+  EXPECT_THAT(ParseErrorOf(R"({"obstacles": {}})"), HasSubstr("an array"));
+  EXPECT_THAT(ParseErrorOf(R"({"rig": {"camera_bodies": [5]}})"),
+              HasSubstr("rig.camera_bodies[0]"));
+  EXPECT_THAT(ParseErrorOf(R"({"name": null})"), HasSubstr("leave the field out"));
+  EXPECT_THAT(ParseErrorOf("[]"), HasSubstr("an object"));
 }
 
 TEST(StrictJson, PassesOverLineComments) {
@@ -116,15 +118,16 @@ TEST(StrictJson, PassesOverLineComments) {
   EXPECT_EQ(message.name(), "a // no \" comment");
   EXPECT_EQ(message.goal().coverage(), 0.5);
   // Lines and columns are those of the file.
-  EXPECT_THAT(ErrorOf("{ // a\n  // b\n  \"name\" 3\n}"), HasSubstr("line 3, column 10"));
+  EXPECT_THAT(ParseErrorOf("{ // a\n  // b\n  \"name\" 3\n}"), HasSubstr("line 3, column 10"));
   // No other comments.
-  EXPECT_THAT(ErrorOf("{ /* a */ }"), HasSubstr("line 1"));
-  EXPECT_THAT(ErrorOf("{ # a\n }"), HasSubstr("line 1"));
-  EXPECT_THAT(ErrorOf("{ \"name\": \"a\" / }"), HasSubstr("line 1"));
+  EXPECT_THAT(ParseErrorOf("{ /* a */ }"), HasSubstr("line 1"));
+  EXPECT_THAT(ParseErrorOf("{ # a\n }"), HasSubstr("line 1"));
+  EXPECT_THAT(ParseErrorOf("{ \"name\": \"a\" / }"), HasSubstr("line 1"));
 }
 
 TEST(StrictJson, SaysAllThatIsWrongAtOnce) {
-  const std::string error = ErrorOf(R"({"nam": "a", "rig": {"scan_step_m": "1", "stage_trvel_m": 1},
+  const std::string error =
+      ParseErrorOf(R"({"nam": "a", "rig": {"scan_step_m": "1", "stage_trvel_m": 1},
                                        "obstacles": [{"frame": "FRAME_PRT"}, 7]})");
   EXPECT_THAT(error, AllOf(HasSubstr("bracket.json: nam: unknown field"),
                            HasSubstr("\nbracket.json: rig.scan_step_m: is \"1\""),
@@ -135,26 +138,27 @@ TEST(StrictJson, SaysAllThatIsWrongAtOnce) {
   // Up to a number, so that a file that is all wrong is not read for ever.
   std::string many = "{\"goal\": {";
   for (int i = 0; i < 100000; ++i) many += (i ? ", \"x" : "\"x") + std::to_string(i) + "\": 1";
-  const std::string all = ErrorOf(many + "}}");
+  const std::string all = ParseErrorOf(many + "}}");
   EXPECT_EQ(std::count(all.begin(), all.end(), '\n'), 20);
   EXPECT_THAT(all, HasSubstr("\n... there may be more"));
 }
 
 TEST(StrictJson, ANumberInPlaceOfADomainIsToldHowToBeFixed) {
-  EXPECT_THAT(ErrorOf(R"({"measurement": {"camera_distance_m": 0.4}})"),
+  EXPECT_THAT(ParseErrorOf(R"({"measurement": {"camera_distance_m": 0.4}})"),
               HasSubstr("measurement.camera_distance_m: is 0.4, must be an object: write "
                         "{\"fixed\": 0.4}"));
-  EXPECT_THAT(ErrorOf(R"({"measurement": {"camera_distance_m": [0.4, 0.5]}})"),
+  EXPECT_THAT(ParseErrorOf(R"({"measurement": {"camera_distance_m": [0.4, 0.5]}})"),
               HasSubstr("{\"values\": [...]}"));
 }
 
 TEST(StrictJson, IntegersAreIntegersInRange) {
-  EXPECT_THAT(ErrorOf(R"({"camera": {"rows_px": 512.5}})"),
+  EXPECT_THAT(ParseErrorOf(R"({"camera": {"rows_px": 512.5}})"),
               AllOf(HasSubstr("camera.rows_px"), HasSubstr("512.5"), HasSubstr("integer")));
-  EXPECT_THAT(ErrorOf(R"({"camera": {"rows_px": 2147483648}})"), HasSubstr("2147483647"));
-  EXPECT_THAT(ErrorOf(R"({"camera": {"rows_px": -2147483649}})"), HasSubstr("-2147483648"));
-  EXPECT_THAT(ErrorOf(R"({"targets": {"seed": 9223372036854775808}})"), HasSubstr("targets.seed"));
-  EXPECT_THAT(ErrorOf(R"({"targets": {"seed": 1e300}})"), HasSubstr("targets.seed"));
+  EXPECT_THAT(ParseErrorOf(R"({"camera": {"rows_px": 2147483648}})"), HasSubstr("2147483647"));
+  EXPECT_THAT(ParseErrorOf(R"({"camera": {"rows_px": -2147483649}})"), HasSubstr("-2147483648"));
+  EXPECT_THAT(ParseErrorOf(R"({"targets": {"seed": 9223372036854775808}})"),
+              HasSubstr("targets.seed"));
+  EXPECT_THAT(ParseErrorOf(R"({"targets": {"seed": 1e300}})"), HasSubstr("targets.seed"));
   v1::Inspection message;
   EXPECT_TRUE(ParseStrictJson(R"({"camera": {"rows_px": 512.0}})", "f", &message).ok());
   EXPECT_EQ(message.camera().rows_px(), 512);
@@ -164,42 +168,43 @@ TEST(StrictJson, IntegersAreIntegersInRange) {
 }
 
 TEST(StrictJson, NumbersAreFinite) {
-  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": "NaN"}})"), HasSubstr("a finite number"));
-  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": "Infinity"}})"), HasSubstr("a finite number"));
-  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": NaN}})"), HasSubstr("line 1"));
-  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": 1e999}})"), HasSubstr("1e999"));
+  EXPECT_THAT(ParseErrorOf(R"({"rig": {"scan_step_m": "NaN"}})"), HasSubstr("a finite number"));
+  EXPECT_THAT(ParseErrorOf(R"({"rig": {"scan_step_m": "Infinity"}})"),
+              HasSubstr("a finite number"));
+  EXPECT_THAT(ParseErrorOf(R"({"rig": {"scan_step_m": NaN}})"), HasSubstr("line 1"));
+  EXPECT_THAT(ParseErrorOf(R"({"rig": {"scan_step_m": 1e999}})"), HasSubstr("1e999"));
 }
 
 TEST(StrictJson, UnknownEnumValueNamesTheNearest) {
-  EXPECT_THAT(ErrorOf(R"({"obstacles": [{"frame": "FRAME_PRAT"}]})"),
+  EXPECT_THAT(ParseErrorOf(R"({"obstacles": [{"frame": "FRAME_PRAT"}]})"),
               AllOf(HasSubstr("obstacles[0].frame"), HasSubstr("\"FRAME_PRAT\""),
                     HasSubstr("nearest known name is \"FRAME_PART\"")));
-  EXPECT_THAT(ErrorOf(R"({"obstacles": [{"frame": 1}]})"), HasSubstr("FRAME_STAGE"));
+  EXPECT_THAT(ParseErrorOf(R"({"obstacles": [{"frame": 1}]})"), HasSubstr("FRAME_STAGE"));
 }
 
 TEST(StrictJson, FieldGivenTwiceIsAnError) {
-  EXPECT_THAT(ErrorOf(R"({"rig": {"scan_step_m": 1, "scan_step_m": 2}})"),
+  EXPECT_THAT(ParseErrorOf(R"({"rig": {"scan_step_m": 1, "scan_step_m": 2}})"),
               AllOf(HasSubstr("rig.scan_step_m"), HasSubstr("twice")));
 }
 
 TEST(StrictJson, TwoShapesOfOneBodyAreAnError) {
-  EXPECT_THAT(ErrorOf(R"({"rig": {"laser_bodies": [{"box": {}, "cylinder": {}}]}})"),
+  EXPECT_THAT(ParseErrorOf(R"({"rig": {"laser_bodies": [{"box": {}, "cylinder": {}}]}})"),
               AllOf(HasSubstr("rig.laser_bodies[0].cylinder"), HasSubstr("box")));
 }
 
 TEST(StrictJson, SyntaxErrorNamesLineAndColumn) {
-  EXPECT_THAT(ErrorOf("{\n  \"name\": \"a\",\n  \"rig\" 3\n}"),
+  EXPECT_THAT(ParseErrorOf("{\n  \"name\": \"a\",\n  \"rig\" 3\n}"),
               AllOf(HasSubstr("bracket.json"), HasSubstr("line 3, column 9")));
-  EXPECT_THAT(ErrorOf("{\"name\": \"a\""), HasSubstr("line 1, column 13"));
-  EXPECT_THAT(ErrorOf(""), HasSubstr("line 1, column 1"));
-  EXPECT_THAT(ErrorOf("{} {}"), HasSubstr("line 1"));
-  EXPECT_THAT(ErrorOf(std::string("{\"name\": \"\xff\xfe\"}")), HasSubstr("line 1"));
+  EXPECT_THAT(ParseErrorOf("{\"name\": \"a\""), HasSubstr("line 1, column 13"));
+  EXPECT_THAT(ParseErrorOf(""), HasSubstr("line 1, column 1"));
+  EXPECT_THAT(ParseErrorOf("{} {}"), HasSubstr("line 1"));
+  EXPECT_THAT(ParseErrorOf(std::string("{\"name\": \"\xff\xfe\"}")), HasSubstr("line 1"));
 }
 
 TEST(StrictJson, DeepNestingIsRefusedNotFatal) {
   std::string deep;
   for (int i = 0; i < 200000; ++i) deep += "[";
-  EXPECT_THAT(ErrorOf(deep), HasSubstr("nested"));
+  EXPECT_THAT(ParseErrorOf(deep), HasSubstr("nested"));
 }
 
 TEST(StrictJson, NoPrefixOfAFileIsAccepted) {
@@ -342,10 +347,10 @@ TEST(StrictJson, KeysWithTheSameHashTakeNoTime) {
   };
   const std::vector<std::string> keys = SameHash(101);
   ASSERT_EQ(std::hash<std::string>()(keys.front()), std::hash<std::string>()(keys.back()));
-  EXPECT_EQ(
-      WithinLimits({.cpu_time_s = 2},
-                   [&] { return ErrorOf(absl::StrCat(R"({"effects": [)", effect(keys), "]}")); }),
-      "bracket.json: effects[0].parameters: has 101 entries, must have at most 100");
+  EXPECT_EQ(WithinLimits(
+                {.cpu_time_s = 2},
+                [&] { return ParseErrorOf(absl::StrCat(R"({"effects": [)", effect(keys), "]}")); }),
+            "bracket.json: effects[0].parameters: has 101 entries, must have at most 100");
 
   const std::string full = effect({keys.begin(), keys.begin() + 100});
   std::string effects = full;
@@ -365,14 +370,14 @@ TEST(StrictJson, ValuesAreCounted) {
   for (int i = 0; i < 40'000'000; ++i) zeros += ",0";
   const std::string json = absl::StrCat(R"({"rig": [)", zeros, "]}");
   EXPECT_EQ(WithinLimits({.cpu_time_s = 5, .memory_bytes = int64_t{800} << 20},
-                         [&] { return ErrorOf(json); }),
+                         [&] { return ParseErrorOf(json); }),
             "bracket.json: has more than 2000000 values");
 }
 
 TEST(StrictJson, ControlCharactersInKeysAreShownAsEscapes) {
-  const std::string error = ErrorOf(R"({"\u001b[31mred\u0007\u009b": 1})");
+  const std::string error = ParseErrorOf(R"({"\u001b[31mred\u0007\u009b": 1})");
   EXPECT_THAT(error, HasSubstr("\\x1b[31mred\\x07\\x9b"));
-  EXPECT_THAT(ErrorOf(R"({"name": "a", "rig": {"\u001b]0;x\u0007": 1}})"),
+  EXPECT_THAT(ParseErrorOf(R"({"name": "a", "rig": {"\u001b]0;x\u0007": 1}})"),
               HasSubstr("rig.\\x1b]0;x\\x07: unknown field"));
   EXPECT_EQ(Printable("\x1b a\tb\nc \x7f ä \xc2\x85"), "\\x1b a\tb\nc \\x7f ä \\x85");
   // Characters that turn the writing direction, and neighbours that do not.

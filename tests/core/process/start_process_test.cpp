@@ -4,7 +4,6 @@
 #include <fcntl.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <poll.h>
 #include <signal.h>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -129,7 +128,7 @@ TEST(StartProcess, StaysInOurGroupIfAsked) {
 TEST(EndWithParent, DISABLED_Child) {
   EndWithParent();
   ASSERT_EQ(write(3, "x", 1), 1);
-  sleep(60);
+  pause();
 }
 
 std::vector<std::string> ChildWords() {
@@ -156,8 +155,6 @@ TEST(EndWithParent, TheKernelEndsItWithItsParent) {
   EXPECT_EQ(kill(parent, SIGKILL), 0);
   Wait(parent);
   // Its end of the pipe closes with it.
-  pollfd closed = {ends[0], POLLIN, 0};
-  EXPECT_EQ(poll(&closed, 1, /*timeout_ms=*/20000), 1);
   EXPECT_EQ(read(ends[0], &said, 1), 0);
   close(ends[0]);
 }

@@ -8,18 +8,18 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/physics/angle.h"
 #include "tests/core/registration/measured_shapes.h"
 
 namespace sightline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kNoise_m = 2e-5;
 
 PartPose TruePose(const TriangleMesh& mesh) {
   PartPose pose;
   pose.centre_m = mesh.BoundingBox().center();
-  pose.parameters << 0.7 * kDegree, -0.5 * kDegree, 0.6 * kDegree, 1.2e-3, -1.0e-3, 1.1e-3;
+  pose.parameters << 0.7 * kRadPerDeg, -0.5 * kRadPerDeg, 0.6 * kRadPerDeg, 1.2e-3, -1.0e-3, 1.1e-3;
   return pose;
 }
 

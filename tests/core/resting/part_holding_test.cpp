@@ -4,11 +4,10 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <numbers>
-
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
+#include "core/physics/angle.h"
 #include "core/rig/scan_geometry.h"
 #include "tests/core/inspection/parse_fields.h"
 #include "tests/core/part/test_meshes.h"
@@ -18,8 +17,6 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 TEST(PartHolding, AnInspectionThatSaysNothingRests) {
   EXPECT_EQ(ParseFields("")->part_holding, PartHolding::kResting);
@@ -176,8 +173,6 @@ TEST(DeriveLimits, FollowTheRequiredResolutionWhereNotGiven) {
               HasSubstr("targets.required_resolution_m"));
 }
 
-constexpr int kOffsetY = 7, kOffsetZ = 8;
-
 std::pair<double, double> LargestOffsets(const Inspection& inspection) {
   const auto largest = [&](int parameter) {
     const auto& ranges = inspection.domain.parameters[parameter].ranges;
@@ -227,7 +222,7 @@ TEST(MeasurementDomain, GoesOverTheWireAndBack) {
   ASSERT_TRUE(back.ok()) << back.status();
   EXPECT_EQ(MeasurementDomainToProto(*back).SerializeAsString(), message.SerializeAsString());
   EXPECT_EQ(back->resting_orientations.at(0).name, "x");
-  EXPECT_NEAR(back->resting_orientations.at(0).part_alpha_rad, 89.7 * kDegree, 1e-12);
+  EXPECT_NEAR(back->resting_orientations.at(0).part_alpha_rad, 89.7 * kRadPerDeg, 1e-12);
   EXPECT_EQ(back->parameters[0].ranges.at(0).max, 0.5);
   EXPECT_EQ(back->parameters[6].values.size(), 1u);
 }

@@ -8,12 +8,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/physics/angle.h"
 #include "core/rig/scan_geometry.h"
 
 namespace sightline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 using Polygon = std::vector<Eigen::Vector2d>;
 
 // Upright prism over a convex polygon, counter-clockwise.
@@ -173,11 +173,11 @@ TEST(RestingFaces, AGivenOrientationIsDescribed) {
   const TriangleMesh box = Prism(Rectangle(0.06, 0.04), 0, 0.02);
   const auto hull = MakeConvexHull(box.positions_m);
   ASSERT_TRUE(hull.ok());
-  const RestingFace flat = DescribeRest(*hull, MassCentre(box, *hull), 180 * kDegree, 0);
+  const RestingFace flat = DescribeRest(*hull, MassCentre(box, *hull), 180 * kRadPerDeg, 0);
   EXPECT_NEAR(flat.normal.z(), 1, 1e-9);
   EXPECT_NEAR(flat.stability_rad, std::atan(2.0), 1e-4);
   // On an edge, in a V-block: no face, no stability.
-  const RestingFace edge = DescribeRest(*hull, MassCentre(box, *hull), 45 * kDegree, 0);
+  const RestingFace edge = DescribeRest(*hull, MassCentre(box, *hull), 45 * kRadPerDeg, 0);
   EXPECT_EQ(edge.stability_rad, 0);
   EXPECT_EQ(edge.area_m2, 0);
 }

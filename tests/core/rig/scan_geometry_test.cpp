@@ -7,10 +7,10 @@
 #include <numbers>
 #include <random>
 
+#include "core/physics/angle.h"
+
 namespace sightline {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 double Uniform(std::mt19937_64& random, double min, double max) {
   return min + (max - min) * std::generate_canonical<double, 53>(random);
@@ -21,12 +21,12 @@ Measurement RandomMeasurement(std::mt19937_64& random) {
   Measurement m;
   m.camera_distance_m = Uniform(random, 0.1, 0.8);
   m.triangulation_angle_rad =
-      Uniform(random, 10 * kDegree, 80 * kDegree) * (random() % 2 == 0 ? 1 : -1);
-  m.camera_azimuth_rad = Uniform(random, 0, 360 * kDegree);
-  m.camera_polar_rad = Uniform(random, 0, 90 * kDegree);
-  m.part_alpha_rad = Uniform(random, 0, 360 * kDegree);
-  m.part_beta_rad = Uniform(random, 0, 360 * kDegree);
-  m.part_gamma_rad = Uniform(random, 0, 360 * kDegree);
+      Uniform(random, 10 * kRadPerDeg, 80 * kRadPerDeg) * (random() % 2 == 0 ? 1 : -1);
+  m.camera_azimuth_rad = Uniform(random, 0, 360 * kRadPerDeg);
+  m.camera_polar_rad = Uniform(random, 0, 90 * kRadPerDeg);
+  m.part_alpha_rad = Uniform(random, 0, 360 * kRadPerDeg);
+  m.part_beta_rad = Uniform(random, 0, 360 * kRadPerDeg);
+  m.part_gamma_rad = Uniform(random, 0, 360 * kRadPerDeg);
   m.offset_y_m = Uniform(random, -0.5, 0.5);
   m.offset_z_m = Uniform(random, -0.4, 0.4);
   return m;
@@ -101,13 +101,13 @@ TEST_F(ScanGeometryTest, TriangulationAngleIsTheAngleBetweenSensors) {
 TEST_F(ScanGeometryTest, SignOfTheTriangulationAngleSaysOnWhichSideTheLaserStands) {
   Measurement m;
   m.camera_azimuth_rad = 0;
-  m.camera_polar_rad = 45 * kDegree;
-  m.triangulation_angle_rad = 30 * kDegree;  // laser at polar angle 15: higher
+  m.camera_polar_rad = 45 * kRadPerDeg;
+  m.triangulation_angle_rad = 30 * kRadPerDeg;  // laser at polar angle 15: higher
   EXPECT_NEAR(MakeScanGeometry(rig_, m).laser.origin_m.z(),
-              m.camera_distance_m * std::cos(15 * kDegree), 1e-12);
-  m.triangulation_angle_rad = -30 * kDegree;  // at 75: lower
+              m.camera_distance_m * std::cos(15 * kRadPerDeg), 1e-12);
+  m.triangulation_angle_rad = -30 * kRadPerDeg;  // at 75: lower
   EXPECT_NEAR(MakeScanGeometry(rig_, m).laser.origin_m.z(),
-              m.camera_distance_m * std::cos(75 * kDegree), 1e-12);
+              m.camera_distance_m * std::cos(75 * kRadPerDeg), 1e-12);
 }
 
 TEST_F(ScanGeometryTest, LitStagePositionPutsThePointOnTheSheet) {
@@ -126,7 +126,7 @@ TEST_F(ScanGeometryTest, LitStagePositionPutsThePointOnTheSheet) {
 
 TEST_F(ScanGeometryTest, SheetAlongTheScanDirectionNeverPassesAPoint) {
   Measurement m;
-  m.camera_azimuth_rad = 90 * kDegree;  // e = -x: the sheet contains x
+  m.camera_azimuth_rad = 90 * kRadPerDeg;  // e = -x: the sheet contains x
   const ScanGeometry g = MakeScanGeometry(rig_, m);
   EXPECT_GT(std::abs(g.LitStagePosition({0.1, 0.2, 0.3})), 1e12);
 }
@@ -143,9 +143,9 @@ TEST_F(ScanGeometryTest, PartCentreTravelsAlongTheStage) {
 
 TEST_F(ScanGeometryTest, PartTurnsAboutXThenYThenZ) {
   Measurement m;
-  m.part_alpha_rad = 90 * kDegree;  // z -> -y, y -> z
-  m.part_beta_rad = 90 * kDegree;   // z -> x, x -> -z
-  m.part_gamma_rad = 90 * kDegree;  // x -> y, y -> -x
+  m.part_alpha_rad = 90 * kRadPerDeg;  // z -> -y, y -> z
+  m.part_beta_rad = 90 * kRadPerDeg;   // z -> x, x -> -z
+  m.part_gamma_rad = 90 * kRadPerDeg;  // x -> y, y -> -x
   const ScanGeometry g = MakeScanGeometry(rig_, m);
   // y: alpha makes it z, beta makes it x, gamma makes it y.
   EXPECT_NEAR((g.part_rotation * Eigen::Vector3d::UnitY() - Eigen::Vector3d::UnitY()).norm(), 0,
@@ -205,7 +205,7 @@ TEST_F(ScanGeometryTest, TriangulationRoundTrip) {
 // Rows count downwards: what is higher on the camera's side appears further up.
 TEST_F(ScanGeometryTest, ImageIsUpright) {
   Measurement m;
-  m.camera_polar_rad = 90 * kDegree;  // horizontal view along -x
+  m.camera_polar_rad = 90 * kRadPerDeg;  // horizontal view along -x
   const ScanGeometry g = MakeScanGeometry(rig_, m);
   EXPECT_LT(Eigen::Vector3d::UnitZ().dot(g.camera.y_axis), -0.999);
 }
@@ -213,11 +213,11 @@ TEST_F(ScanGeometryTest, ImageIsUpright) {
 TEST(Camera, FocalLengthFollowsTheFieldOfView) {
   Camera camera;
   camera.rows_px = 400;
-  camera.vertical_fov_rad = 90 * kDegree;
+  camera.vertical_fov_rad = 90 * kRadPerDeg;
   EXPECT_NEAR(camera.FocalLengthPx(), 200, 1e-9);
   // The top row's edge is seen at half the field of view.
-  camera.vertical_fov_rad = 30 * kDegree;
-  EXPECT_NEAR(std::atan(200 / camera.FocalLengthPx()), 15 * kDegree, 1e-12);
+  camera.vertical_fov_rad = 30 * kRadPerDeg;
+  EXPECT_NEAR(std::atan(200 / camera.FocalLengthPx()), 15 * kRadPerDeg, 1e-12);
 }
 
 TEST(Measurement, ArrayRoundTripKeepsTheOrder) {

@@ -4,17 +4,16 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
-#include <numbers>
+
+#include "core/physics/angle.h"
 
 namespace sightline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
-
 double Overlap(const Rig& rig, double distance_m, double triangulation_deg) {
   Measurement m;
   m.camera_distance_m = distance_m;
-  m.triangulation_angle_rad = triangulation_deg * kDegree;
+  m.triangulation_angle_rad = triangulation_deg * kRadPerDeg;
   m.camera_polar_rad = 0.5;
   m.camera_azimuth_rad = 1;
   return SensorBodyOverlap(rig, MakeScanGeometry(rig, m));
@@ -33,7 +32,7 @@ TEST(SensorBodyOverlap, DefaultBodiesNeedRoom) {
 TEST(SensorBodyOverlap, BeginsWhereCornersMeet) {
   Rig rig;
   rig.camera_bodies = rig.laser_bodies = {BoxBody{{0, 0, 0}, {0.06, 0.06, 0.002}}};
-  const double half_angle = 15 * kDegree;
+  const double half_angle = 15 * kRadPerDeg;
   const double touching_m = 0.03 / std::tan(half_angle) + 0.001;
   EXPECT_EQ(Overlap(rig, touching_m + 1e-5, 30), 0);
   EXPECT_GT(Overlap(rig, touching_m - 1e-5, 30), 0);

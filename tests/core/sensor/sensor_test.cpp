@@ -45,7 +45,7 @@ absl::StatusOr<Sensor> Parse(const std::string& json) {
   return ParseSensor(message, "cam.json");
 }
 
-std::string ErrorOf(const std::string& json) {
+std::string SensorErrorOf(const std::string& json) {
   const absl::StatusOr<Sensor> sensor = Parse(json);
   EXPECT_EQ(sensor.status().code(), absl::StatusCode::kInvalidArgument) << json;
   return std::string(sensor.status().message());
@@ -108,17 +108,17 @@ TEST(Sensor, FileErrorsNameTheFieldTheValueAndTheRange) {
             {"quantum_efficiency_curve[0].mono is 53", "53 % write 0.53"}},
            {R"("gain_dn_per_elektron": 1)", {"\"gain_dn_per_electron\""}},
        }) {
-    const std::string error = ErrorOf(WithMember(c.member));
+    const std::string error = SensorErrorOf(WithMember(c.member));
     EXPECT_THAT(error, HasSubstr("cam.json")) << c.member;
     for (const std::string& part : c.parts) EXPECT_THAT(error, HasSubstr(part)) << c.member;
   }
 }
 
 TEST(Sensor, MissingFieldsAreNamed) {
-  EXPECT_THAT(ErrorOf(R"({"sensor_type": "mono"})"), HasSubstr("pixel_pitch_m is missing"));
+  EXPECT_THAT(SensorErrorOf(R"({"sensor_type": "mono"})"), HasSubstr("pixel_pitch_m is missing"));
   std::string text = WithMember(R"("quantum_efficiency": {"red": 0.48, "green": 0.09})");
   text.replace(text.find("\"mono\""), 6, "\"bayer_rggb\"");
-  EXPECT_THAT(ErrorOf(text), AllOf(HasSubstr("quantum_efficiency.blue is missing")));
+  EXPECT_THAT(SensorErrorOf(text), AllOf(HasSubstr("quantum_efficiency.blue is missing")));
 }
 
 TEST(Sensor, CurvesAreLinearBetweenPointsOfTheirChannelAndConstantBeyond) {

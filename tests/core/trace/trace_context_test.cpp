@@ -80,8 +80,8 @@ TEST(TraceContextTest, JobsBelongToTheRequestThatMadeThem) {
   }
   for (const std::string& id : ids) {
     int64_t revision = 0;
-    for (int i = 0; i < 100; ++i) {
-      const auto job = store->WaitForChange(id, revision, absl::Seconds(10));
+    while (true) {
+      const auto job = store->WaitForChange(id, revision, absl::InfiniteDuration());
       ASSERT_TRUE(job.ok());
       if (job->finished()) break;
       revision = job->revision;

@@ -12,6 +12,7 @@
 #include <numbers>
 #include <string>
 
+#include "core/physics/angle.h"
 #include "core/random/counter_random.h"
 #include "core/rig/measurement.h"
 #include "core/rig/scan_geometry.h"
@@ -19,7 +20,6 @@
 namespace sightline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 using Derivatives = Eigen::Matrix<double, 3, kTriangulationVariables>;
 
 struct Sample {
@@ -45,12 +45,12 @@ Sample RandomSample(uint64_t index) {
   Measurement m;
   m.camera_distance_m = Uniform(random, 0.1, 0.8);
   m.triangulation_angle_rad =
-      Uniform(random, 10 * kDegree, 80 * kDegree) * (random.Bits() % 2 == 0 ? 1 : -1);
-  m.camera_azimuth_rad = Uniform(random, 0, 360 * kDegree);
-  m.camera_polar_rad = Uniform(random, 0, 90 * kDegree);
-  m.part_alpha_rad = Uniform(random, 0, 360 * kDegree);
-  m.part_beta_rad = Uniform(random, 0, 360 * kDegree);
-  m.part_gamma_rad = Uniform(random, 0, 360 * kDegree);
+      Uniform(random, 10 * kRadPerDeg, 80 * kRadPerDeg) * (random.Bits() % 2 == 0 ? 1 : -1);
+  m.camera_azimuth_rad = Uniform(random, 0, 360 * kRadPerDeg);
+  m.camera_polar_rad = Uniform(random, 0, 90 * kRadPerDeg);
+  m.part_alpha_rad = Uniform(random, 0, 360 * kRadPerDeg);
+  m.part_beta_rad = Uniform(random, 0, 360 * kRadPerDeg);
+  m.part_gamma_rad = Uniform(random, 0, 360 * kRadPerDeg);
   m.offset_y_m = Uniform(random, -0.5, 0.5);
   m.offset_z_m = Uniform(random, -0.4, 0.4);
   const ScanGeometry g = MakeScanGeometry(rig, m);
@@ -230,12 +230,12 @@ TEST(Triangulation, TiltsReachTheConeOfTheThesis) {
 }
 
 TEST(Triangulation, NoPointWhereTheRayMissesTheSheet) {
-  const TriangulationSetup setup = SimpleSetup(30 * kDegree);
+  const TriangulationSetup setup = SimpleSetup(30 * kRadPerDeg);
   const Eigen::Vector2d centre = setup.principal_point_px;
   EXPECT_TRUE(Triangulate(setup, centre).allFinite());
   // Rays in the image's column at 30 degrees to the axis run along the sheet; beyond, they meet it
   // behind the camera only.
-  const double parallel_px = setup.focal_length_px * std::tan(30 * kDegree);
+  const double parallel_px = setup.focal_length_px * std::tan(30 * kRadPerDeg);
   int missed = 0;
   for (const double sign : {-1.0, 1.0}) {
     const Eigen::Vector2d beyond = centre + Eigen::Vector2d(0, sign * 1.1 * parallel_px);
@@ -293,17 +293,17 @@ TEST(PointDerivatives, TurnWithTheFrame) {
 // z / (f tan(tau)) of height (thesis eq. 1.2), one along the line z / f of width.
 TEST(PointDerivatives, FollowTheTextbookFormulaInTheCentre) {
   for (const double tau_deg : {10.0, 30.0, -45.0, 80.0}) {
-    const TriangulationSetup setup = SimpleSetup(tau_deg * kDegree);
+    const TriangulationSetup setup = SimpleSetup(tau_deg * kRadPerDeg);
     const Derivatives d = PointDerivatives(setup, setup.principal_point_px);
     const double pixel_m = 0.4 / setup.focal_length_px;
-    EXPECT_NEAR(std::abs(d(2, kImageY)), pixel_m / std::tan(std::abs(tau_deg) * kDegree), 1e-12);
+    EXPECT_NEAR(std::abs(d(2, kImageY)), pixel_m / std::tan(std::abs(tau_deg) * kRadPerDeg), 1e-12);
     EXPECT_NEAR(d(2, kImageX), 0, 1e-15);
     EXPECT_NEAR(d.col(kImageX).norm(), pixel_m, 1e-12);
     // A focal length does not matter on the axis, nor does a rotation about it.
     EXPECT_NEAR(d.col(kFocalLengthError).norm(), 0, 1e-15);
     EXPECT_NEAR(d.col(kCameraGamma).norm(), 0, 1e-15);
     // The sheet moves past the fixed ray.
-    EXPECT_NEAR(std::abs(d(2, kSheetOffset)), 1 / std::sin(std::abs(tau_deg) * kDegree), 1e-12);
+    EXPECT_NEAR(std::abs(d(2, kSheetOffset)), 1 / std::sin(std::abs(tau_deg) * kRadPerDeg), 1e-12);
   }
 }
 
@@ -408,13 +408,13 @@ TEST(PropagateUncertainty, DetectionAloneKeepsThePointOnTheSheet) {
 // One variable, one image column: z = b / (a + k e) in closed form. Its moments to the fourth power
 // of sigma, with r = k sigma / a: mean z (1 + r^2), variance z^2 (r^2 + 8 r^4).
 TEST(PropagateUncertainty, MatchesTheSeriesOfAReciprocal) {
-  const TriangulationSetup setup = SimpleSetup(20 * kDegree);
+  const TriangulationSetup setup = SimpleSetup(20 * kRadPerDeg);
   const double sigma_px = 8;
   TriangulationStandardDeviations deviations;
   deviations.detection_y_px = sigma_px;
   const PointUncertainty u = PropagateUncertainty(setup, setup.principal_point_px,
                                                   MakeTriangulationCovariance(deviations));
-  const double r = sigma_px / (setup.focal_length_px * std::tan(20 * kDegree));
+  const double r = sigma_px / (setup.focal_length_px * std::tan(20 * kRadPerDeg));
   const double z = 0.4;
   const Eigen::Vector3d axis = setup.camera.z_axis;
   EXPECT_NEAR(axis.dot(u.covariance_m2 * axis), z * z * r * r, 1e-12);
@@ -520,8 +520,8 @@ double ReciprocalStandardDeviation(double r) {
 
 // The reciprocal again: nothing may pass that is off by more than 5 %, and little be held back.
 TEST(PropagateUncertainty, FlagsAReciprocalBeforeItIsFivePercentOff) {
-  const TriangulationSetup setup = SimpleSetup(10 * kDegree);
-  const double scale_px = setup.focal_length_px * std::tan(10 * kDegree);
+  const TriangulationSetup setup = SimpleSetup(10 * kRadPerDeg);
+  const double scale_px = setup.focal_length_px * std::tan(10 * kRadPerDeg);
   const auto suffices = [&](double r) {
     TriangulationStandardDeviations deviations;
     deviations.detection_y_px = r * scale_px;
@@ -538,9 +538,9 @@ TEST(PropagateUncertainty, FlagsAReciprocalBeforeItIsFivePercentOff) {
 
 // Linear, yet not to be relied on: the point may lie behind the camera.
 TEST(PropagateUncertainty, FlagsPointsThatMayLieBehindTheCamera) {
-  const TriangulationSetup setup = SimpleSetup(10 * kDegree);
+  const TriangulationSetup setup = SimpleSetup(10 * kRadPerDeg);
   // Depth moves by offset / sin(10 degrees).
-  const double limit_m = 0.4 / 3 * std::sin(10 * kDegree);
+  const double limit_m = 0.4 / 3 * std::sin(10 * kRadPerDeg);
   for (const double factor : {0.99, 1.01}) {
     TriangulationStandardDeviations deviations;
     deviations.laser_offset_m = factor * limit_m;
@@ -555,7 +555,7 @@ TEST(PropagateUncertainty, FlagsPointsThatMayLieBehindTheCamera) {
 // sigma^4 / 4 against 3 sigma^4 / 4.)
 TEST(PropagateUncertainty, TwoTiltsStandForTheCone) {
   constexpr int kDraws = 100000;
-  const double sigma = 0.01 * kDegree;
+  const double sigma = 0.01 * kRadPerDeg;
   TriangulationStandardDeviations deviations;
   deviations.laser_tilt_rad = sigma / std::numbers::sqrt2;
   // Var of the sample variance is (kurtosis - 1)/n, kurtosis 4.5 instead of 3.
@@ -583,7 +583,7 @@ TEST(PropagateUncertainty, TwoTiltsStandForTheCone) {
 TEST(TriangulationCovariance, DiagonalOfTable32) {
   const TriangulationErrors sigma =
       MakeTriangulationCovariance(kThesisStandardDeviations).diagonal().cwiseSqrt();
-  const double angle = 0.01 * kDegree;
+  const double angle = 0.01 * kRadPerDeg;
   TriangulationErrors expected;
   expected << 0.2, 0.2, angle, angle, angle, 5e-4, 5e-4, 5e-4, angle / std::sqrt(2),
       angle / std::sqrt(2), 5e-4, 2, 0.5, 0.5;

@@ -6,8 +6,8 @@
 #include <Eigen/Geometry>
 #include <cmath>
 #include <map>
-#include <numbers>
 
+#include "core/physics/angle.h"
 #include "coverage_server/explanation/aimed_scan.h"
 #include "coverage_server/explanation/explain_targets.h"
 #include "coverage_server/scene/coverage_scene.h"
@@ -18,8 +18,6 @@
 namespace sightline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
-
 ParameterDomain Fixed(double value) { return {.ranges = {}, .values = {value}}; }
 ParameterDomain Between(double min, double max) { return {.ranges = {{min, max}}, .values = {}}; }
 
@@ -27,8 +25,8 @@ ParameterDomain Between(double min, double max) { return {.ranges = {{min, max}}
 MeasurementDomain FromAbove() {
   MeasurementDomain domain = ThesisDomain();
   domain.resting_orientations = {{0, 0}};
-  domain.parameters[1] = Between(15 * kDegree, 40 * kDegree);
-  domain.parameters[3] = Between(0, 40 * kDegree);
+  domain.parameters[1] = Between(15 * kRadPerDeg, 40 * kRadPerDeg);
+  domain.parameters[3] = Between(0, 40 * kRadPerDeg);
   return domain;
 }
 
@@ -176,7 +174,7 @@ TEST(Explanation, CameraAndLaserInTheSamePlaceNameNoObstacle) {
   SceneDefinition definition = Cube();
   MeasurementDomain domain = FromAbove();
   domain.parameters[0] = Fixed(0.15);
-  domain.parameters[1] = Between(10 * kDegree, 15 * kDegree);
+  domain.parameters[1] = Between(10 * kRadPerDeg, 15 * kRadPerDeg);
   definition.obstacles = {{BoxMesh({1, 1, 1}, {1.01f, 1.01f, 1.01f}), ObstacleFrame::kWorld}};
   ExpectReason(definition, domain, kUp, UncoveredReason::kCollision);
 }
@@ -349,7 +347,7 @@ TEST(Explanation, EmbreeAgreesWithPartsThatTurnFreely) { ExpectEmbreeAgrees(Thes
 TEST(Explanation, EmbreeAgreesWithAPartThatLies) {
   MeasurementDomain domain = ThesisDomain();
   domain.resting_orientations = {{0, 0}};
-  domain.parameters[3] = Between(0, 60 * kDegree);
+  domain.parameters[3] = Between(0, 60 * kRadPerDeg);
   ExpectEmbreeAgrees(domain, 0.95);
 }
 

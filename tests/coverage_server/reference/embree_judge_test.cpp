@@ -8,6 +8,7 @@
 #include <map>
 #include <numbers>
 
+#include "core/physics/angle.h"
 #include "core/targets/poisson_disk.h"
 #include "coverage_server/scan/exact_evaluator.h"
 #include "coverage_server/scan/target_lookup.h"
@@ -18,8 +19,6 @@
 
 namespace sightline {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // Random segments about a part, single and in bundles.
 void ExpectSameOcclusion(const TriangleMesh& part, int bundles) {
@@ -164,7 +163,7 @@ TEST(EmbreeJudge, WholeScansOfSimpleParts) {
   ExpectSameScans(BlindHolePart(), rig, sampling, 12, 12, 0.4);
   // Laser at its own distance and with a narrow fan, short range.
   rig.laser.distance_m = 0.25;
-  rig.laser.fan_angle_rad = 20 * kDegree;
+  rig.laser.fan_angle_rad = 20 * kRadPerDeg;
   rig.max_range_m = 0.3;
   ExpectSameScans(SteppedPart(), rig, sampling, 13, 16, 0.4);
 }
@@ -232,7 +231,7 @@ TEST_F(HeadVisibility, BitsAreThoseOfRaysInEveryElevationClass) {
     for (size_t t = 0; t < targets.size(); t += 2) {
       const int k = static_cast<int>((t / 2 + cell) % kProbesPerTarget);
       const Eigen::Vector3d n = probes.normals[t * kProbesPerTarget + k].cast<double>();
-      const double elevation = std::asin(std::clamp(n.dot(d), -1.0, 1.0)) / kDegree;
+      const double elevation = std::asin(std::clamp(n.dot(d), -1.0, 1.0)) / kRadPerDeg;
       // Cells below the target's own horizon hold a neighbour's answer by design.
       if (elevation <= 0 || targets.normals[t].cast<double>().dot(d) < 0.05) continue;
       const Eigen::Vector3d p = probes.positions_m[t * kProbesPerTarget + k].cast<double>();
@@ -298,8 +297,8 @@ TEST_F(HeadVisibility, BitsAreThoseOfRaysInEveryElevationClass) {
 TEST_F(HeadVisibility, MeasurableTargetsAreThoseOfRandomPairs) {
   const auto& [part, sampling, targets, probes, field, judge] = *data_;
   TargetBits measurable(targets.size());
-  MarkMeasurable(targets, *field, PartOccluder(part), 10 * kDegree, 80 * kDegree, 0, targets.size(),
-                 measurable);
+  MarkMeasurable(targets, *field, PartOccluder(part), 10 * kRadPerDeg, 80 * kRadPerDeg, 0,
+                 targets.size(), measurable);
   Random random(5);
   int64_t tests = 0, yes = 0, only_rays = 0, only_field = 0;
   for (size_t t = 0; t < targets.size(); t += 4) {
@@ -314,7 +313,7 @@ TEST_F(HeadVisibility, MeasurableTargetsAreThoseOfRandomPairs) {
       if (judge->Hidden(p, d, 2e-5)) continue;
       for (const auto& other : seen) {
         const double angle = std::acos(std::clamp(other.dot(d), -1.0, 1.0));
-        found |= angle >= 10 * kDegree && angle <= 80 * kDegree;
+        found |= angle >= 10 * kRadPerDeg && angle <= 80 * kRadPerDeg;
       }
       seen.push_back(d);
     }

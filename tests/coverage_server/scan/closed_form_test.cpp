@@ -6,8 +6,8 @@
 #include <cmath>
 #include <limits>
 #include <map>
-#include <numbers>
 
+#include "core/physics/angle.h"
 #include "coverage_server/scan/exact_evaluator.h"
 #include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"
@@ -15,7 +15,6 @@
 namespace sightline {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
 constexpr double kRoundingM = 2e-7;  // of float positions within half a metre
 
 std::vector<MeasurementPoint> Measure(const TriangleMesh& part, const Rig& rig,
@@ -29,7 +28,7 @@ TEST(ClosedForm, CoveredWidthIsTheFieldOfView) {
   const TriangleMesh plate = PlateMesh(0.05, 0.8, 3, 7);
   Rig rig;
   for (const double height : {-0.1, 0.0, 0.1}) {
-    Measurement m = OverheadMeasurement(20 * kDegree);
+    Measurement m = OverheadMeasurement(20 * kRadPerDeg);
     m.offset_z_m = height;
     const auto points = Measure(plate, rig, m);
     ASSERT_FALSE(points.empty());
@@ -43,7 +42,7 @@ TEST(ClosedForm, CoveredWidthIsTheFieldOfView) {
     // The centres of the outermost columns.
     EXPECT_NEAR(high - 0.4, (256 - 0.5) * per_column, kRoundingM);
     EXPECT_NEAR(low - 0.4, -(256 - 0.5) * per_column, kRoundingM);
-    EXPECT_NEAR(512 * per_column, 2 * depth * std::tan(22.5 * kDegree), 1e-12);
+    EXPECT_NEAR(512 * per_column, 2 * depth * std::tan(22.5 * kRadPerDeg), 1e-12);
     // One point in every column of every frame.
     std::map<int, int> per_frame;
     for (const auto& p : points) ++per_frame[p.frame];
@@ -54,14 +53,15 @@ TEST(ClosedForm, CoveredWidthIsTheFieldOfView) {
 TEST(ClosedForm, FanLimitsTheWidth) {
   const TriangleMesh plate = PlateMesh(0.05, 0.8, 3, 7);
   Rig rig;
-  rig.laser.fan_angle_rad = 20 * kDegree;
+  rig.laser.fan_angle_rad = 20 * kRadPerDeg;
   rig.laser.distance_m = 0.3;
-  const Measurement m = OverheadMeasurement(20 * kDegree);
+  const Measurement m = OverheadMeasurement(20 * kRadPerDeg);
   const auto points = Measure(plate, rig, m);
   ASSERT_FALSE(points.empty());
   double widest = 0;
   for (const auto& p : points) widest = std::max<double>(widest, std::abs(p.position_m.y() - 0.4));
-  const double limit = 0.3 * std::tan(10 * kDegree), per_column = 0.4 / rig.camera.FocalLengthPx();
+  const double limit = 0.3 * std::tan(10 * kRadPerDeg),
+               per_column = 0.4 / rig.camera.FocalLengthPx();
   EXPECT_LE(widest, limit + kRoundingM);
   EXPECT_GE(widest, limit - per_column);
 }
@@ -76,19 +76,19 @@ TEST(ClosedForm, TravelAndFrameSpacingOfATiltedPlate) {
   rig.scan_step_m = 0.0005;
   for (const double tau : {-35.0, 15.0, 40.0}) {
     for (const double beta : {-25.0, 0.0, 20.0}) {
-      Measurement m = OverheadMeasurement(tau * kDegree);
-      m.part_beta_rad = (beta < 0 ? beta + 360 : beta) * kDegree;
+      Measurement m = OverheadMeasurement(tau * kRadPerDeg);
+      m.part_beta_rad = (beta < 0 ? beta + 360 : beta) * kRadPerDeg;
       const auto points = Measure(plate, rig, m);
       ASSERT_FALSE(points.empty());
       const double travel =
-          length * std::abs(std::cos((tau + beta) * kDegree) / std::cos(tau * kDegree));
+          length * std::abs(std::cos((tau + beta) * kRadPerDeg) / std::cos(tau * kRadPerDeg));
       const int last = static_cast<int>(std::floor(0.5 * travel / rig.scan_step_m));
       EXPECT_EQ(points.back().frame, last) << tau << " " << beta;
       EXPECT_EQ(points.front().frame, -last) << tau << " " << beta;
       // Lines of neighbouring frames are step |n_x| / |n_t| apart on the surface, with n_t the part
       // of the sheet's normal along the plate: here |n_t| = |cos(tau + beta)|.
-      const double spacing =
-          rig.scan_step_m * std::cos(tau * kDegree) / std::abs(std::cos((tau + beta) * kDegree));
+      const double spacing = rig.scan_step_m * std::cos(tau * kRadPerDeg) /
+                             std::abs(std::cos((tau + beta) * kRadPerDeg));
       std::map<int, double> line;
       for (const auto& p : points) {
         if (!line.contains(p.frame)) line[p.frame] = p.position_m.x();
@@ -106,7 +106,7 @@ TEST(ClosedForm, RangeEndsOnACircle) {
   const TriangleMesh plate = PlateMesh(0.05, 0.8, 3, 7);
   Rig rig;
   rig.max_range_m = 0.42;
-  const auto points = Measure(plate, rig, OverheadMeasurement(20 * kDegree));
+  const auto points = Measure(plate, rig, OverheadMeasurement(20 * kRadPerDeg));
   ASSERT_FALSE(points.empty());
   double widest = 0;
   for (const auto& p : points) widest = std::max<double>(widest, std::abs(p.position_m.y() - 0.4));
@@ -123,8 +123,8 @@ TEST(ClosedForm, LimitsOnFootprintAndDefocus) {
   rig.lens->focal_length_m = 0.016;
   rig.lens->f_number = 2.8;
   rig.camera.pixel_pitch_m = 5e-6;
-  Measurement m = OverheadMeasurement(20 * kDegree);
-  m.part_beta_rad = 30 * kDegree;
+  Measurement m = OverheadMeasurement(20 * kRadPerDeg);
+  m.part_beta_rad = 30 * kRadPerDeg;
   const double f = rig.camera.FocalLengthPx();
   const auto depths = [&](const DepthInterval& limits) {
     const ScanGeometry g = MakeScanGeometry(rig, m);
@@ -164,8 +164,8 @@ TEST(ClosedForm, LimitsOnFootprintAndDefocus) {
 
 TEST(ClosedForm, SheetAlongTheScanSweepsNothing) {
   // Camera and laser turned by 90 degrees: the sheet holds the scan direction.
-  Measurement m = OverheadMeasurement(30 * kDegree);
-  m.camera_azimuth_rad = 90 * kDegree;
+  Measurement m = OverheadMeasurement(30 * kRadPerDeg);
+  m.camera_azimuth_rad = 90 * kRadPerDeg;
   SceneDefinition definition;
   definition.part = SteppedPart();
   definition.field_directions = 64;
@@ -179,7 +179,7 @@ TEST(ClosedForm, SheetAlongTheScanSweepsNothing) {
   scene->EvaluateFastCoverage({&m, 1}, {&fast, 1}, nullptr);
   EXPECT_EQ(fast.covered.Count(), 0);
   // Turned by one degree less it would need metres of travel, or sees a thin strip: never a crash.
-  m.camera_azimuth_rad = 89 * kDegree;
+  m.camera_azimuth_rad = 89 * kRadPerDeg;
   scene->EvaluateFastCoverage({&m, 1}, {&fast, 1}, nullptr);
   EXPECT_EQ(scene->EvaluateExact(m, nullptr, nullptr).covered.size(), fast.covered.size());
 }
@@ -191,7 +191,7 @@ TEST(ClosedForm, StageTravelAndBounds) {
   definition.rig.stage_travel_m = 0.09;
   const auto scene = BuildScene(std::move(definition), 1);
   ASSERT_NE(scene, nullptr);
-  Measurement m = OverheadMeasurement(30 * kDegree);
+  Measurement m = OverheadMeasurement(30 * kRadPerDeg);
   FastCoverage fast;
   scene->EvaluateFastCoverage({&m, 1}, {&fast, 1}, nullptr);
   EXPECT_EQ(fast.feasibility, Feasibility::kTravel);
@@ -200,7 +200,7 @@ TEST(ClosedForm, StageTravelAndBounds) {
   EXPECT_EQ(exact.feasibility, Feasibility::kTravel);
   EXPECT_EQ(exact.covered.Count(), 0);
   // Across, the plate is 50 mm: that fits.
-  m.part_gamma_rad = 90 * kDegree;
+  m.part_gamma_rad = 90 * kRadPerDeg;
   scene->EvaluateFastCoverage({&m, 1}, {&fast, 1}, nullptr);
   EXPECT_EQ(fast.feasibility, Feasibility::kFeasible);
   const ExactCoverage across = scene->EvaluateExact(m, nullptr, nullptr);
@@ -225,7 +225,7 @@ TEST(ClosedForm, OtherSideOfAThinWall) {
   const auto scene = BuildScene(std::move(definition), 1);
   ASSERT_NE(scene, nullptr);
   const ExactCoverage exact =
-      scene->EvaluateExact(OverheadMeasurement(25 * kDegree), nullptr, nullptr);
+      scene->EvaluateExact(OverheadMeasurement(25 * kRadPerDeg), nullptr, nullptr);
   ASSERT_EQ(exact.feasibility, Feasibility::kFeasible);
   int upper = 0, lower = 0;
   for (size_t t = 0; t < scene->targets().size(); ++t) {
@@ -276,7 +276,7 @@ TEST(ClosedForm, DeepHolesCannotBeMeasured) {
 // A table in the world and a fixture on the stage cast shadows.
 TEST(ClosedForm, ObstaclesHideInTheirFrames) {
   const TriangleMesh plate = PlateMesh(0.1, 0.1, 8, 8);
-  const Measurement m = OverheadMeasurement(30 * kDegree);
+  const Measurement m = OverheadMeasurement(30 * kRadPerDeg);
   Rig rig;
   const auto count = [&](ObstacleFrame frame) {
     std::vector<Occluder> occluders = PartOccluder(plate);

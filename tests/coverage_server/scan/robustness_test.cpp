@@ -5,13 +5,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/physics/angle.h"
 #include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"
 
 namespace sightline {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 SceneDefinition Coarse(TriangleMesh part) {
   SceneDefinition definition;
@@ -79,7 +78,7 @@ TEST(Robustness, OpenSheetHasOneSide) {
   const auto scene = BuildScene(Coarse(plate), 1);
   ASSERT_NE(scene, nullptr);
   const auto targets = static_cast<int64_t>(scene->targets().size());
-  Measurement m = OverheadMeasurement(25 * kDegree);
+  Measurement m = OverheadMeasurement(25 * kRadPerDeg);
   EXPECT_EQ(scene->EvaluateExact(m, nullptr, nullptr).covered.Count(), targets);
   EXPECT_EQ(scene->measurable().Count(), targets);
   FastCoverage fast;
@@ -99,7 +98,7 @@ TEST(Robustness, OpenSheetHasOneSide) {
   const TriangleMesh both = Merged(Flipped(plate), below);
   const auto hidden = BuildScene(Coarse(both), 1);
   ASSERT_NE(hidden, nullptr);
-  m = OverheadMeasurement(25 * kDegree);
+  m = OverheadMeasurement(25 * kRadPerDeg);
   EXPECT_EQ(hidden->EvaluateExact(m, nullptr, nullptr).covered.Count(), 0);
   hidden->EvaluateFastCoverage({&m, 1}, {&fast, 1}, nullptr);
   EXPECT_EQ(fast.covered.Count(), 0);
@@ -110,13 +109,13 @@ TEST(Robustness, TinyPart) {
   definition.sampling.spacing_m = 0.0002;
   definition.sampling.coverage_radius_m = 0.00015;
   definition.rig.scan_step_m = 0.00005;
-  definition.rig.camera.vertical_fov_rad = 1 * kDegree;
+  definition.rig.camera.vertical_fov_rad = 1 * kRadPerDeg;
   definition.field_directions = 256;
   const auto scene = BuildScene(std::move(definition), 1);
   ASSERT_NE(scene, nullptr);
   const auto targets = static_cast<double>(scene->targets().size());
   EXPECT_GT(targets, 200);
-  Measurement m = OverheadMeasurement(30 * kDegree);
+  Measurement m = OverheadMeasurement(30 * kRadPerDeg);
   m.camera_distance_m = 0.2;
   const ExactCoverage exact = scene->EvaluateExact(m, nullptr, nullptr);
   ASSERT_EQ(exact.feasibility, Feasibility::kFeasible);
@@ -138,7 +137,7 @@ TEST(Robustness, HugePart) {
   definition.field_directions = 256;
   const auto scene = BuildScene(std::move(definition), 1);
   ASSERT_NE(scene, nullptr);
-  Measurement m = OverheadMeasurement(30 * kDegree);
+  Measurement m = OverheadMeasurement(30 * kRadPerDeg);
   m.camera_distance_m = 0.8;
   m.offset_z_m = -0.1;  // upper face at the origin
   const ExactCoverage exact = scene->EvaluateExact(m, nullptr, nullptr);
@@ -148,7 +147,7 @@ TEST(Robustness, HugePart) {
   // The upper face's strip in the field of view, 0.663 m wide, on either side widened by the
   // radius.
   int want = 0, exact_missing = 0, fast_missing = 0, beyond = 0;
-  const double half = 0.8 * std::tan(22.5 * kDegree);
+  const double half = 0.8 * std::tan(22.5 * kRadPerDeg);
   for (size_t t = 0; t < scene->targets().size(); ++t) {
     if (scene->targets().normals[t].z() < 0.9f) continue;
     const double y = std::abs(static_cast<double>(scene->targets().positions_m[t].y()));

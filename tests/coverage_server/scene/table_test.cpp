@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/physics/angle.h"
 #include "coverage_server/scan/collision.h"
 #include "coverage_server/scene/coverage_scene.h"
 #include "tests/core/part/test_meshes.h"
@@ -12,8 +13,6 @@
 
 namespace sightline {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // A roof 60 mm over the table, 120 x 120 x 10 mm, on a post.
 TriangleMesh Mushroom() {
@@ -49,8 +48,8 @@ std::pair<int, int> Facing(const CoverageScene& scene, const Eigen::Vector3f& di
 Measurement FromBelow() {
   Measurement m;
   m.camera_distance_m = 0.4;
-  m.camera_polar_rad = 88 * kDegree;
-  m.triangulation_angle_rad = -60 * kDegree;
+  m.camera_polar_rad = 88 * kRadPerDeg;
+  m.triangulation_angle_rad = -60 * kRadPerDeg;
   m.offset_z_m = 0.06;
   return m;
 }
@@ -182,7 +181,8 @@ TEST(DomainMeasurability, BodiesOfCameraAndLaserNeedRoom) {
     SceneDefinition definition = Definition(BoxMesh({0, 0, 0}, {0.08f, 0.06f, 0.05f}));
     definition.domain = ThesisDomain();
     definition.domain->parameters[0] = {.ranges = {}, .values = {distance_m}};
-    definition.domain->parameters[1] = {.ranges = {{10 * kDegree, 14 * kDegree}}, .values = {}};
+    definition.domain->parameters[1] = {.ranges = {{10 * kRadPerDeg, 14 * kRadPerDeg}},
+                                        .values = {}};
     definition.domain->resting_orientations = std::move(rests);
     return BuildScene(std::move(definition), 2)->measurable().Count();
   };
@@ -200,7 +200,7 @@ TEST(DomainMeasurability, LimitsAndDomainsLeaveNothingThatScansMeasure) {
   definition.domain->resting_orientations = {{0, 0}, {std::numbers::pi / 2, 0}};
   definition.domain->parameters[0] = {.ranges = {{0.3, 0.5}}, .values = {}, .periodic = false};
   definition.domain->parameters[3] = {
-      .ranges = {{0, 50 * kDegree}}, .values = {}, .periodic = false};
+      .ranges = {{0, 50 * kRadPerDeg}}, .values = {}, .periodic = false};
   definition.sampling.max_depth_per_pixel_m = 0.002;
   const MeasurementDomain domain = *definition.domain;
   const auto scene = BuildScene(std::move(definition), 2);
@@ -211,10 +211,10 @@ TEST(DomainMeasurability, LimitsAndDomainsLeaveNothingThatScansMeasure) {
   for (int i = 0; i < 150; ++i) {
     Measurement m;
     m.camera_distance_m = random.Uniform(0.3, 0.5);
-    m.triangulation_angle_rad = random.Uniform(10, 80) * kDegree * (i % 2 == 0 ? 1 : -1);
-    m.camera_polar_rad = random.Uniform(0, 50) * kDegree;
+    m.triangulation_angle_rad = random.Uniform(10, 80) * kRadPerDeg * (i % 2 == 0 ? 1 : -1);
+    m.camera_polar_rad = random.Uniform(0, 50) * kRadPerDeg;
     m.part_alpha_rad = i % 3 == 0 ? std::numbers::pi / 2 : 0;
-    m.part_gamma_rad = random.Uniform(0, 360) * kDegree;
+    m.part_gamma_rad = random.Uniform(0, 360) * kRadPerDeg;
     m.offset_z_m = random.Uniform(-0.05, 0.05);
     ASSERT_TRUE(domain.Contains(m));
     const ExactCoverage exact = scene->EvaluateExact(m, nullptr, nullptr);
@@ -231,8 +231,8 @@ TEST(DepthPerPixel, LimitsEveryPointByItsOwnAngle) {
     SceneDefinition definition = Definition(part);
     definition.sampling.max_depth_per_pixel_m = limit_m;
     const auto scene = BuildScene(std::move(definition), 2);
-    Measurement m = OverheadMeasurement(20 * kDegree);
-    m.camera_polar_rad = 10 * kDegree;
+    Measurement m = OverheadMeasurement(20 * kRadPerDeg);
+    m.camera_polar_rad = 10 * kRadPerDeg;
     std::vector<MeasurementPoint> points;
     scene->EvaluateExact(m, &points, nullptr);
     scene->EvaluateFastCoverage({&m, 1}, {fast, 1}, nullptr);

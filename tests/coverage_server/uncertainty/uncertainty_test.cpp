@@ -5,8 +5,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
+#include "core/physics/angle.h"
 #include "coverage_server/uncertainty/calibration_variance.h"
 #include "coverage_server/uncertainty/exact_inference.h"
 #include "coverage_server/uncertainty/target_priors.h"
@@ -15,8 +15,6 @@
 
 namespace sightline {
 namespace {
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 // A disc of 80 mm with its flat top up.
 SceneDefinition Plate() {
@@ -67,14 +65,14 @@ std::vector<TargetUncertainty> Infer(const CoverageScene& scene,
 TEST(UncertaintyTest, OnAPlateInferenceFollowsTheSpectralLaw) {
   const auto scene = BuildScene(Plate(), 2);
   ASSERT_NE(scene, nullptr);
-  const Measurement scan = CloseOverhead(30 * kDegree);
+  const Measurement scan = CloseOverhead(30 * kRadPerDeg);
   const std::vector<uint32_t> targets = TopTargets(*scene, 0.006);
   ASSERT_GT(targets.size(), 50u);
   const auto exact = Infer(*scene, {scan}, targets);
   // By hand: seen from straight above, a pixel is z/f wide, frames are a step apart, and a shift of
   // the line by a pixel across itself is z / (f tan(tau)) in height.
   const double pixel_m = (0.2 - 0.005) / scene->rig().camera.FocalLengthPx();
-  const double sigma_m = 0.1 * pixel_m / std::tan(30 * kDegree);
+  const double sigma_m = 0.1 * pixel_m / std::tan(30 * kRadPerDeg);
   const double density = 1 / (pixel_m * 0.0005) / (sigma_m * sigma_m);
   const double expected_m = UncertaintyAtDensity(scene->priors()->priors[0], density);
   for (size_t i = 0; i < targets.size(); ++i) {
@@ -93,8 +91,8 @@ TEST(UncertaintyTest, InferenceAgreesWithTheDenseReferenceOnTheSamePoints) {
   for (const int v : {kImageX, kImageY}) definition.uncertainty->calibration(v, v) = 0;
   const auto scene = BuildScene(std::move(definition), 2);
   ASSERT_NE(scene, nullptr);
-  const std::vector<Measurement> scans = {CloseOverhead(30 * kDegree),
-                                          CloseOverhead(-50 * kDegree)};
+  const std::vector<Measurement> scans = {CloseOverhead(30 * kRadPerDeg),
+                                          CloseOverhead(-50 * kRadPerDeg)};
   std::vector<uint32_t> targets = TopTargets(*scene, 0);
   targets.resize(std::min<size_t>(targets.size(), 12));
   const auto results = Infer(*scene, scans, targets);
@@ -118,7 +116,8 @@ TEST(UncertaintyTest, InferenceAgreesWithTheDenseReferenceOnTheSamePoints) {
       };
       for (const MeasurementPoint& p : points) {
         const Eigen::Vector3f d = p.position_m - place;
-        if (d.norm() > prior.neighbourhood_m() || p.normal.dot(normal) < std::cos(30 * kDegree)) {
+        if (d.norm() > prior.neighbourhood_m() ||
+            p.normal.dot(normal) < std::cos(30 * kRadPerDeg)) {
           continue;
         }
         // Propagation by core/triangulation, not by the closed form of the scan's points.
@@ -146,7 +145,7 @@ TEST(UncertaintyTest, ScansAddUpAndOrderDoesNotMatter) {
   const auto scene = BuildScene(Plate(), 2);
   ASSERT_NE(scene, nullptr);
   const std::vector<uint32_t> targets = TopTargets(*scene, 0);
-  const Measurement a = CloseOverhead(30 * kDegree), b = CloseOverhead(-50 * kDegree);
+  const Measurement a = CloseOverhead(30 * kRadPerDeg), b = CloseOverhead(-50 * kRadPerDeg);
   const auto ab = Infer(*scene, {a, b}, targets, true), ba = Infer(*scene, {b, a}, targets, true);
   const auto only_a = Infer(*scene, {a}, targets);
   for (size_t i = 0; i < targets.size(); ++i) {
@@ -163,7 +162,7 @@ TEST(UncertaintyTest, WhereEnoughIsKnownFurtherScansAreLeftOut) {
   const std::vector<uint32_t> targets = TopTargets(*scene, 0);
   std::vector<Measurement> scans;
   for (const double tau_deg : {20, 30, -40, 50, -60})
-    scans.push_back(CloseOverhead(tau_deg * kDegree));
+    scans.push_back(CloseOverhead(tau_deg * kRadPerDeg));
   const auto all = Infer(*scene, scans, targets);
   std::vector<float> sorted;
   for (const TargetUncertainty& u : all)
@@ -192,9 +191,9 @@ TEST(UncertaintyTest, CalibrationErrorsDoNotAverageOutWithinAScan) {
   const auto scene = BuildScene(std::move(definition), 2);
   ASSERT_NE(scene, nullptr);
   const std::vector<uint32_t> targets = TopTargets(*scene, 0.006);
-  const Measurement scan = CloseOverhead(30 * kDegree);
+  const Measurement scan = CloseOverhead(30 * kRadPerDeg);
   // The sheet displaced along its normal moves the point of a vertical ray by offset / sin(tau).
-  const double expected_m = offset_m / std::sin(30 * kDegree);
+  const double expected_m = offset_m / std::sin(30 * kRadPerDeg);
   const auto one = Infer(*scene, {scan}, targets), two = Infer(*scene, {scan, scan}, targets);
   for (size_t i = 0; i < targets.size(); ++i) {
     EXPECT_NEAR(one[i].uncertainty.calibration_m / expected_m, 1, 0.05);
@@ -209,7 +208,8 @@ TEST(UncertaintyTest, FastEstimateIsCloseToInference) {
   const auto scene = BuildScene(std::move(definition), 2);
   ASSERT_NE(scene, nullptr);
   const std::vector<uint32_t> targets = TopTargets(*scene, 0);
-  std::vector<Measurement> scans = {CloseOverhead(30 * kDegree), CloseOverhead(-50 * kDegree)};
+  std::vector<Measurement> scans = {CloseOverhead(30 * kRadPerDeg),
+                                    CloseOverhead(-50 * kRadPerDeg)};
   scans[1].part_alpha_rad = 0.4;
   for (const Measurement& scan : scans) {
     std::vector<FastInformation> fast(1);
@@ -240,7 +240,7 @@ TEST(UncertaintyTest, CoarseFramesLeaveTheSurfaceUnknownBetweenThem) {
   const auto scene = BuildScene(std::move(definition), 2);
   ASSERT_NE(scene, nullptr);
   const std::vector<uint32_t> targets = TopTargets(*scene, 0.006);
-  const Measurement scan = CloseOverhead(30 * kDegree);
+  const Measurement scan = CloseOverhead(30 * kRadPerDeg);
   const auto exact = Infer(*scene, {scan}, targets);
   double mean_square = 0;
   for (const TargetUncertainty& u : exact) {
@@ -256,7 +256,7 @@ TEST(UncertaintyTest, GainsCountWhatScansAddToWhatIsKnown) {
   const auto scene = BuildScene(Plate(), 2);
   ASSERT_NE(scene, nullptr);
   const size_t count = scene->targets().size();
-  const Measurement scan = CloseOverhead(30 * kDegree);
+  const Measurement scan = CloseOverhead(30 * kRadPerDeg);
   std::vector<FastInformation> fast(1);
   scene->EvaluateInformation({&scan, 1}, fast, nullptr);
   const ScanInformation& information = fast[0].information;

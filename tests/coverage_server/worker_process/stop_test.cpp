@@ -2,7 +2,6 @@
 // Whoever cancels a scene of a part of millions of triangles waits for no more than 100 ms of work.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
-#include <time.h>
 
 #include <atomic>
 #include <chrono>
@@ -17,6 +16,7 @@
 #include "coverage_server/occlusion/triangle_bvh.h"
 #include "coverage_server/scene/hull_corners.h"
 #include "tests/coverage_server/test_parts.h"
+#include "tests/limits/cpu_time.h"
 #include "tests/limits/within_limits.h"
 
 namespace sightline {
@@ -33,12 +33,6 @@ TriangleMesh Sphere(int rings) {
                          -0.05 * std::cos(angle));
   }
   return Lathe(profile, rings);
-}
-
-double CpuSeconds() {
-  timespec time{};
-  clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &time);
-  return static_cast<double>(time.tv_sec) + 1e-9 * static_cast<double>(time.tv_nsec);
 }
 
 // Of processes that this one has started and seen end.

@@ -10,7 +10,6 @@
 
 #include <algorithm>
 #include <atomic>
-#include <chrono>
 #include <cstring>
 #include <filesystem>
 #include <fstream>
@@ -26,6 +25,7 @@
 #include "coverage_server/worker_process/worker_process.h"
 #include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"
+#include "tests/limits/wait_until.h"
 
 namespace sightline {
 namespace {
@@ -153,16 +153,6 @@ class SlowWorkerTest : public ::testing::Test {
   absl::StatusOr<WorkerProcess> Start() const {
     return WorkerProcess::Start(script(), {"--worker-task", "no such task", "0", "1"}, {});
   }
-  // The first state that `look` finds.
-  template <typename Look>
-  static std::optional<int> WaitFor(const Look& look) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(30);
-    std::optional<int> state;
-    while (!(state = look()) && std::chrono::steady_clock::now() < end) {
-      std::this_thread::sleep_for(std::chrono::milliseconds(5));
-    }
-    return state;
-  }
 
   std::string folder_ = "/tmp/sightline-worker-XXXXXX";
 };
@@ -171,8 +161,8 @@ TEST_F(SlowWorkerTest, WorksForAParentThatIsThere) {
   auto worker = Start();
   ASSERT_TRUE(worker.ok()) << worker.status();
   std::ofstream(go()).flush();
-  const auto state = WaitFor([&] { return worker->Ended(); });
-  ASSERT_TRUE(state);
+  std::optional<int> state;
+  WaitUntil([&] { return (state = worker->Ended()).has_value(); });
   EXPECT_TRUE(WIFEXITED(*state) && WEXITSTATUS(*state) == 2) << *state;
 }
 
@@ -189,14 +179,10 @@ TEST_F(SlowWorkerTest, EndsAtOnceIfItsParentWentBefore) {
   ASSERT_EQ(waitpid(parent, &parent_state, 0), parent);
   ASSERT_EQ(parent_state, 0);
   std::ofstream(go()).flush();
-  const auto state = WaitFor([]() -> std::optional<int> {
-    int orphan_state = 0;
-    if (waitpid(-1, &orphan_state, WNOHANG) <= 0) return std::nullopt;
-    return orphan_state;
-  });
+  int state = 0;
+  EXPECT_GT(waitpid(-1, &state, 0), 0);
   prctl(PR_SET_CHILD_SUBREAPER, 0);
-  ASSERT_TRUE(state);
-  EXPECT_TRUE(WIFSIGNALED(*state) && WTERMSIG(*state) == SIGKILL) << *state;
+  EXPECT_TRUE(WIFSIGNALED(state) && WTERMSIG(state) == SIGKILL) << state;
 }
 
 TEST(SharedMemory, WhatIsCutIsNotTakenForWhole) {

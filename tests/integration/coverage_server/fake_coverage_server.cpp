@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The real server process around the fake engine. SIGHTLINE_FAKE_QUERY_MS, SIGHTLINE_FAKE_BUILD_MS:
-// time of one query and of one build. SIGHTLINE_FAKE_DEAF: builds do not listen when they are
-// cancelled.
+// time of one query and of one build. SIGHTLINE_FAKE_QUERY_FILE: a file that a query makes when it
+// begins. SIGHTLINE_FAKE_DEAF: builds do not listen when they are cancelled.
 #include <cstdlib>
 #include <utility>
 
@@ -21,6 +21,7 @@ int main(int argc, char** argv) {
   sightline::FakeOptions options;
   options.query_time = FromEnvironment("SIGHTLINE_FAKE_QUERY_MS");
   options.build_time = FromEnvironment("SIGHTLINE_FAKE_BUILD_MS");
+  if (const char* file = std::getenv("SIGHTLINE_FAKE_QUERY_FILE")) options.query_file = file;
   sightline::CoverageBackend backend = sightline::MakeFakeBackend(options);
   if (std::getenv("SIGHTLINE_FAKE_DEAF") != nullptr) {
     backend.build_scene = [build = backend.build_scene](

@@ -3,6 +3,7 @@
 
 #include <chrono>
 #include <cmath>
+#include <fstream>
 #include <numbers>
 
 #include "absl/strings/str_cat.h"
@@ -12,12 +13,13 @@ namespace sightline {
 namespace {
 
 // False if cancelled on the way.
-bool Spend(absl::Duration time, const std::atomic<bool>* cancelled) {
+bool Spend(absl::Duration time, const FakeOptions& options, const std::atomic<bool>* cancelled) {
   const auto end = std::chrono::steady_clock::now() + absl::ToChronoNanoseconds(time);
+  const auto held = [&] { return options.hold != nullptr && *options.hold; };
   do {
     if (cancelled != nullptr && *cancelled) return false;
-    if (time > absl::ZeroDuration()) absl::SleepFor(std::min(time, absl::Milliseconds(1)));
-  } while (std::chrono::steady_clock::now() < end);
+    if (time > absl::ZeroDuration() || held()) absl::SleepFor(absl::Milliseconds(1));
+  } while (std::chrono::steady_clock::now() < end || held());
   return true;
 }
 
@@ -157,7 +159,8 @@ class FakeScene final : public CoverageScene {
       ++counters->queries_started;
       ++counters->queries_running;
     }
-    const bool finished = Spend(options_.query_time, cancelled);
+    if (!options_.query_file.empty()) std::ofstream(options_.query_file).flush();
+    const bool finished = Spend(options_.query_time, options_, cancelled);
     if (counters != nullptr) {
       --counters->queries_running;
       if (finished) ++counters->queries_finished;
@@ -191,7 +194,7 @@ CoverageBackend MakeFakeBackend(const FakeOptions& options) {
       if (build.on_progress) {
         build.on_progress(static_cast<double>(step) / kSteps, absl::StrCat("step ", step));
       }
-      if (!Spend(options.build_time / kSteps, build.cancelled)) {
+      if (!Spend(options.build_time / kSteps, options, build.cancelled)) {
         return absl::CancelledError("cancelled");
       }
     }

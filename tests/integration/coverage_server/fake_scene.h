@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <string>
 
 #include "absl/time/time.h"
 #include "coverage_server/service/coverage_backend.h"
@@ -23,6 +24,10 @@ struct FakeOptions {
   absl::Duration query_time;
   // Targets of every scene.
   size_t targets = 1000;
+  // Builds and queries do not end while this is true; must outlive the server; may be null.
+  const std::atomic<bool>* hold = nullptr;
+  // If given: a file that a query makes when it begins.
+  std::string query_file = {};
   FakeCounters* counters = nullptr;  // must outlive the server; may be null
 };
 

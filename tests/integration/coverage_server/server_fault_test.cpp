@@ -26,6 +26,9 @@
 #include "tests/integration/coverage_server/slow_proxy.h"
 #include "tests/integration/run_process.h"
 #include "tests/integration/test_certificates.h"
+#include "tests/limits/cpu_time.h"
+#include "tests/limits/wait_until.h"
+#include "tests/limits/within_limits.h"
 
 namespace sightline {
 namespace {
@@ -49,16 +52,6 @@ int64_t PeakMemoryBytes(pid_t pid) {
     if (line.rfind("VmHWM:", 0) == 0) return std::stoll(line.substr(6)) * 1024;
   }
   return 0;
-}
-
-template <typename Condition>
-bool Soon(const Condition& condition, absl::Duration within) {
-  const absl::Time end = absl::Now() + within;
-  while (!condition()) {
-    if (absl::Now() > end) return false;
-    absl::SleepFor(absl::Milliseconds(2));
-  }
-  return true;
 }
 
 class ServerFaultTest : public ::testing::Test {
@@ -106,7 +99,7 @@ class ServerFaultTest : public ::testing::Test {
   // All that the fast estimate says of some scans: hangs on every byte of the field.
   std::string FieldAnswers(const std::string& scene) {
     grpc::ClientContext context;
-    Connection::SetTimeout(&context, 60000);
+    Connection::SetTimeout(&context);
     v1::EvaluateCoverageRequest request;
     request.set_scene_digest(scene);
     request.set_evaluator(v1::EVALUATOR_FAST);
@@ -141,13 +134,13 @@ TEST_F(FieldWorkerTest, KilledWorkersAreReplacedAndTheBytesAreTheSame) {
   ASSERT_TRUE(job.ok()) << job.status();
   int killed = 0;
   for (const double progress : {0.1, 0.3, 0.6}) {
-    ASSERT_TRUE(Soon([&] { return Get(job->job_id()).progress() > progress; }, absl::Seconds(60)));
+    WaitUntil([&] { return Get(job->job_id()).progress() > progress; });
     const std::vector<pid_t> workers = ChildrenOf(server_->pid());
     if (workers.empty()) break;
     ASSERT_GT(workers[0], 1);
     if (kill(workers[0], SIGKILL) == 0) ++killed;
   }
-  ASSERT_TRUE(Soon([&] { return Finished(job->job_id()); }, absl::Seconds(60)));
+  WaitUntil([&] { return Finished(job->job_id()); });
   const v1::Job done = Get(job->job_id());
   EXPECT_EQ(done.state(), v1::Job::STATE_SUCCEEDED) << done.ShortDebugString();
   EXPECT_GE(killed, 1);
@@ -159,15 +152,12 @@ TEST_F(FieldWorkerTest, WorkersThatAreKilledForEverEndTheJobOnly) {
   const v1::SceneSpec spec = Spec();
   const auto job = connection_->CreateScene(spec);
   ASSERT_TRUE(job.ok()) << job.status();
-  const bool finished = Soon(
-      [&] {
-        for (const pid_t worker : ChildrenOf(server_->pid())) {
-          if (worker > 1) kill(worker, SIGKILL);
-        }
-        return Finished(job->job_id());
-      },
-      absl::Seconds(60));
-  ASSERT_TRUE(finished);
+  WaitUntil([&] {
+    for (const pid_t worker : ChildrenOf(server_->pid())) {
+      if (worker > 1) kill(worker, SIGKILL);
+    }
+    return Finished(job->job_id());
+  });
   const v1::Job failed = Get(job->job_id());
   EXPECT_EQ(failed.state(), v1::Job::STATE_FAILED);
   EXPECT_EQ(failed.error_code(), grpc::StatusCode::UNAVAILABLE);
@@ -189,33 +179,31 @@ class CancelTest : public ServerFaultTest {
 TEST_F(CancelTest, EveryStageOfASceneStopsSoon) {
   Start("coverage_server", {"--threads", "2"});
   const v1::SceneSpec spec = Spec();
-  std::map<std::string, absl::Duration> longest;
+  std::map<std::string, double> longest_s;
   // Progress is reported when a stage begins: the pauses lead into it, and into what lies between.
   for (const char* stage :
        {"sampling targets", "rendering the visibility field", "deciding measurability"}) {
     for (const int pause_ms : {0, 300, 900}) {
       const auto job = connection_->CreateScene(spec);
       ASSERT_TRUE(job.ok()) << job.status();
-      ASSERT_TRUE(Soon(
-          [&] {
-            const v1::Job now = Get(job->job_id());
-            return now.message() == stage || now.state() >= v1::Job::STATE_SUCCEEDED;
-          },
-          absl::Seconds(90)));
+      WaitUntil([&] {
+        const v1::Job now = Get(job->job_id());
+        return now.message() == stage || now.state() >= v1::Job::STATE_SUCCEEDED;
+      });
       absl::SleepFor(absl::Milliseconds(pause_ms));
-      const absl::Time asked = absl::Now();
+      const double before_s = FamilyCpuSeconds(server_->pid());
       Cancel(job->job_id());
-      ASSERT_TRUE(Soon([&] { return Finished(job->job_id()); }, absl::Seconds(30)));
-      longest[stage] = std::max(longest[stage], absl::Now() - asked);
+      ASSERT_TRUE(connection_->Watch(job->job_id()).ok());
+      longest_s[stage] = std::max(longest_s[stage], FamilyCpuSeconds(server_->pid()) - before_s);
       const v1::Job ended = Get(job->job_id());
       if (ended.state() == v1::Job::STATE_SUCCEEDED) return;  // no later stage can be caught
       EXPECT_EQ(ended.state(), v1::Job::STATE_CANCELLED);
     }
   }
-  for (const auto& [stage, time] : longest) {
-    std::printf("%s: stopped after %s\n", stage.c_str(), absl::FormatDuration(time).c_str());
-    // A tenth of a second of work on a machine that has other things to do.
-    EXPECT_LT(time, absl::Seconds(1)) << stage;
+  for (const auto& [stage, time_s] : longest_s) {
+    std::printf("%s: stopped after %.2f s of CPU time\n", stage.c_str(), time_s);
+    // Each of two threads works for a tenth of a second; what is made so far is freed after that.
+    EXPECT_LT(time_s, 1.0 * kSlowness) << stage;
   }
   EXPECT_LT(PeakMemoryBytes(server_->pid()), int64_t{3} << 30);
 }
@@ -224,30 +212,29 @@ TEST_F(CancelTest, SigtermIsObeyedWhileASceneIsBuilt) {
   Start("coverage_server", {"--threads", "2", "--drain-seconds", "2"});
   const auto job = connection_->CreateScene(Spec());
   ASSERT_TRUE(job.ok()) << job.status();
-  ASSERT_TRUE(
-      Soon([&] { return Get(job->job_id()).message() == "sampling targets"; }, absl::Seconds(30)));
+  WaitUntil([&] {
+    const v1::Job now = Get(job->job_id());
+    return now.message() == "sampling targets" || now.state() >= v1::Job::STATE_SUCCEEDED;
+  });
   absl::SleepFor(absl::Milliseconds(300));
-  const absl::Time asked = absl::Now();
   ASSERT_GT(server_->pid(), 1);
   ASSERT_EQ(kill(server_->pid(), SIGTERM), 0);
-  EXPECT_TRUE(Soon([&] { return !server_->CheckAlive().ok(); }, absl::Seconds(4)));
-  std::printf("ended after %s\n", absl::FormatDuration(absl::Now() - asked).c_str());
+  WaitUntil([&] { return !server_->CheckAlive().ok(); });
   EXPECT_THAT(std::string(server_->CheckAlive().message()), HasSubstr("exit code 0"));
 }
 
 TEST_F(ServerFaultTest, WorkThatDoesNotStopCannotHoldUpTheEnd) {
   setenv("SIGHTLINE_FAKE_DEAF", "1", 1);
-  SetFake(0, /*build_ms=*/60000);
+  SetFake(0, /*build_ms=*/24 * 3600 * 1000);
   Start("fake_coverage_server", {"--drain-seconds", "0.5"});
   unsetenv("SIGHTLINE_FAKE_DEAF");
   const auto job = connection_->CreateScene(connection_->UploadBox());
   ASSERT_TRUE(job.ok()) << job.status();
-  ASSERT_TRUE(Soon([&] { return Get(job->job_id()).state() == v1::Job::STATE_RUNNING; },
-                   absl::Seconds(10)));
+  WaitUntil([&] { return Get(job->job_id()).state() == v1::Job::STATE_RUNNING; });
   ASSERT_GT(server_->pid(), 1);
   ASSERT_EQ(kill(server_->pid(), SIGTERM), 0);
-  // The drain, the three seconds that work has to stop, and a busy machine.
-  EXPECT_TRUE(Soon([&] { return !server_->CheckAlive().ok(); }, absl::Seconds(6)));
+  // After the drain and the three seconds that work has to stop.
+  WaitUntil([&] { return !server_->CheckAlive().ok(); });
   EXPECT_THAT(std::string(server_->CheckAlive().message()), HasSubstr("event=stopped_hard"));
 }
 
@@ -268,7 +255,7 @@ TEST_F(ServerFaultTest, LackOfMemoryFailsTheJobAndNotTheServer) {
   ASSERT_EQ(prlimit(server_->pid(), RLIMIT_AS, &tight, nullptr), 0);
   const auto job = connection_->CreateScene(spec);
   ASSERT_TRUE(job.ok()) << job.status();
-  ASSERT_TRUE(Soon([&] { return Finished(job->job_id()); }, absl::Seconds(60)));
+  WaitUntil([&] { return Finished(job->job_id()); });
   const v1::Job failed = Get(job->job_id());
   EXPECT_EQ(failed.state(), v1::Job::STATE_FAILED);
   EXPECT_EQ(failed.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED) << failed.error_message();
@@ -292,7 +279,7 @@ TEST_F(ServerFaultTest, SlowAndBrokenNetworksLoseNothing) {
   SlowProxy proxy(server_->address().substr(5), /*bytes_per_s=*/60000);
   CoverageClientOptions far = direct;
   far.address = proxy.address();
-  far.retry_for = absl::Seconds(30);
+  far.retry_for = absl::Hours(24);
   auto client = CoverageClient::Open(far, task);
   ASSERT_TRUE(client.ok()) << client.status();
   auto asked = std::async(std::launch::async, [&] {
@@ -329,10 +316,14 @@ TEST_F(ServerFaultTest, KilledClientsAreForgotten) {
     proxy.CutConnections();
     writer->Finish();
   }
-  // More than what may be received at a time has gone through: nobody holds it any more.
-  v1::UploadPartResponse uploaded;
-  const absl::Status status =
-      connection_->Upload(EncodePly(MakeBox({0.1f, 0.1f, 0.1f})), "ply", "m", &uploaded);
+  // More than what may be received at a time has gone through: once the server has noticed the
+  // ends, nobody holds it any more.
+  absl::Status status;
+  WaitUntil([&] {
+    v1::UploadPartResponse uploaded;
+    status = connection_->Upload(EncodePly(MakeBox({0.1f, 0.1f, 0.1f})), "ply", "m", &uploaded);
+    return !absl::IsUnavailable(status);
+  });
   EXPECT_TRUE(status.ok()) << status;
   EXPECT_LT(PeakMemoryBytes(server_->pid()), int64_t{400} << 20);
 }
@@ -366,7 +357,7 @@ TEST_F(ServerFaultTest, AJumpOfTheClockChangesNothing) {
     // A call under way when the clock goes on by two days.
     auto asking = std::async(std::launch::async, [&] {
       v1::EvaluateGainsResponse response;
-      return connection_->Gains(GainsRequest(scene, 3), &response, 10000);
+      return connection_->Gains(GainsRequest(scene, 3), &response);
     });
     absl::SleepFor(absl::Milliseconds(300));
     std::ofstream(jump_file) << std::atoi(jump) + 2 * 86400 << std::flush;
@@ -395,7 +386,7 @@ TEST_F(ServerFaultTest, AServerKilledBeforeItListensIsRestartedOnce) {
   // That was the one restart.
   ASSERT_GT((*server)->pid(), 1);
   ASSERT_EQ(kill((*server)->pid(), SIGKILL), 0);
-  ASSERT_TRUE(Soon([&] { return !(*server)->CheckAlive().ok(); }, absl::Seconds(5)));
+  WaitUntil([&] { return !(*server)->CheckAlive().ok(); });
   const absl::Status again = (*server)->Restart();
   EXPECT_EQ(again.code(), absl::StatusCode::kUnavailable);
   EXPECT_THAT(std::string(again.message()), HasSubstr("restarted once before"));
@@ -463,7 +454,7 @@ class TlsCommandTest : public ServerFaultTest {
     return path;
   }
   ProcessResult Plan(const std::string& options) {
-    return RunProcess(absl::StrCat("cd ", folder_.path(), " && timeout 100 ", BinFolder(),
+    return RunProcess(absl::StrCat("cd ", folder_.path(), " && ", BinFolder(),
                                    "/sightline plan inspection.json --out out --no-pictures "
                                    "--no-point-clouds --evaluations-per-scan 200 "
                                    "--field-directions 576 ",

@@ -8,6 +8,7 @@
 #include <chrono>
 #include <cstdlib>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -22,6 +23,7 @@
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/coverage_service.grpc.pb.h"
 #include "sightline/v1/job_service.grpc.pb.h"
+#include "tests/limits/wait_until.h"
 
 namespace sightline {
 
@@ -79,9 +81,7 @@ class Connection {
     jobs = v1::JobService::NewStub(channel);
   }
 
-  static void SetTimeout(grpc::ClientContext* context, int timeout_ms = 20000) {
-    context->set_deadline(std::chrono::system_clock::now() + std::chrono::milliseconds(timeout_ms));
-  }
+  static void SetTimeout(grpc::ClientContext* context) { context->set_deadline(FarDeadline()); }
 
   // `declared_size`: of the header; default: the true one.
   absl::Status Upload(const std::string& bytes, const std::string& format, const std::string& unit,
@@ -119,8 +119,9 @@ class Connection {
     return response.job();
   }
 
-  // All states until the job's end.
-  absl::StatusOr<std::vector<v1::Job>> Watch(const std::string& job_id) {
+  // All states until the job's end; `on_state` is called for each.
+  absl::StatusOr<std::vector<v1::Job>> Watch(
+      const std::string& job_id, const std::function<void()>& on_state = [] {}) {
     grpc::ClientContext context;
     SetTimeout(&context);
     v1::WatchJobRequest request;
@@ -128,7 +129,10 @@ class Connection {
     auto reader = jobs->WatchJob(&context, request);
     std::vector<v1::Job> states;
     v1::WatchJobResponse response;
-    while (reader->Read(&response)) states.push_back(response.job());
+    while (reader->Read(&response)) {
+      states.push_back(response.job());
+      on_state();
+    }
     absl::Status status = FromGrpcStatus(reader->Finish());
     if (!status.ok()) return status;
     return states;
@@ -162,9 +166,9 @@ class Connection {
   }
 
   absl::Status Gains(const v1::EvaluateGainsRequest& request, v1::EvaluateGainsResponse* response,
-                     int timeout_ms = 20000) {
+                     std::chrono::system_clock::time_point deadline = FarDeadline()) {
     grpc::ClientContext context;
-    SetTimeout(&context, timeout_ms);
+    context.set_deadline(deadline);
     return FromGrpcStatus(coverage->EvaluateGains(&context, request, response));
   }
 

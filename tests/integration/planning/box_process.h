@@ -49,8 +49,8 @@ f 4 1 5 8
   }
   // Exit code of `sightline ARGUMENTS` in the folder, and what it said.
   std::pair<int, std::string> Run(const std::string& arguments) const {
-    const ProcessResult result = RunProcess(
-        absl::StrCat("cd ", folder_, " && timeout 100 ", BinFolder(), "/sightline ", arguments));
+    const ProcessResult result =
+        RunProcess(absl::StrCat("cd ", folder_, " && ", BinFolder(), "/sightline ", arguments));
     return {result.exit_code, result.output};
   }
   template <typename Message>

@@ -18,13 +18,13 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-constexpr char kInspection[] = R"({
+constexpr char kOutputFolderInspection[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"}, "targets": {"spacing_m": 0.004}
 })";
 
 class OutputFolderTest : public BoxProcessTest {
  protected:
-  OutputFolderTest() : BoxProcessTest(kInspection) {}
+  OutputFolderTest() : BoxProcessTest(kOutputFolderInspection) {}
 
   std::pair<int, std::string> Plan(const std::string& options) const {
     return Run(
@@ -91,10 +91,8 @@ TEST_F(OutputFolderTest, ExploreHasItsFolderForItself) {
   // And while it runs nobody else writes there.
   const std::string program = BinFolder() + "/sightline ";
   const ProcessResult both = RunProcess(absl::StrCat(
-      "cd ", folder_, "; timeout 100 ", program, explore, " > page.log 2>&1 & page=$!; cd ",
-      folder_,
-      "; for i in $(seq 600); do grep -q ^page: page.log 2>/dev/null && break; sleep 0.1; done; ",
-      program,
+      "cd ", folder_, "; ", program, explore, " > page.log 2>&1 & page=$!; cd ", folder_,
+      "; while kill -0 $page && ! grep -q ^page: page.log; do sleep 0.1; done; ", program,
       "plan inspection.json --out a --bound-evaluations 0 --no-pictures 2>&1; echo plan=$?; ",
       "kill -TERM $page; wait $page; echo explore=$?; cat page.log"));
   EXPECT_THAT(both.output, AllOf(HasSubstr("another sightline command is writing there"),
@@ -154,7 +152,7 @@ TEST_F(OutputFolderTest, OutOfMemoryIsSaid) {
   for (int i = 0; i < 1'900'000; ++i) zeros += ",0";
   Write("large.json", absl::StrCat("{\"obstacles\": [", zeros, "]}"));
   const ProcessResult result =
-      RunProcess(absl::StrCat("cd ", folder_, " && (ulimit -v 400000; timeout 60 ", BinFolder(),
+      RunProcess(absl::StrCat("cd ", folder_, " && (ulimit -v 400000; ", BinFolder(),
                               "/sightline plan large.json --out a)"));
   EXPECT_EQ(result.exit_code, 1) << result.output;
   EXPECT_THAT(result.output, HasSubstr("sightline: out of memory"));

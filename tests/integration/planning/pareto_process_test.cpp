@@ -16,24 +16,25 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr char kInspection[] = R"({
+constexpr char kParetoInspection[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"}, "goal": {"coverage": 0.9},
   "rig": {"part_holding": "PART_HOLDING_FREE"}, "targets": {"required_resolution_m": 0},
   "costs": {"stage_speed_m_per_s": 0.02, "frame_rate_hz": 50, "reposition_time_s": 2,
             "reposition_speed_deg_per_s": 30, "reposition_speed_m_per_s": 0.1}
 })";
 
-constexpr char kOptions[] =
+constexpr char kParetoOptions[] =
     " --evaluations-per-scan 400 --bound-evaluations 0 --no-pictures --no-point-clouds"
     " --field-directions 576";
 
 class ParetoProcessTest : public BoxProcessTest {
  protected:
-  ParetoProcessTest() : BoxProcessTest(kInspection) {}
+  ParetoProcessTest() : BoxProcessTest(kParetoInspection) {}
 };
 
 TEST_F(ParetoProcessTest, PlansAFrontAndThePlanFollowsThePick) {
-  const std::string plan_options = std::string("plan inspection.json --out ") + "a" + kOptions;
+  const std::string plan_options =
+      std::string("plan inspection.json --out ") + "a" + kParetoOptions;
   const auto [code, output] = Run(plan_options + " --pareto");
   ASSERT_EQ(code, 0) << output;
   EXPECT_THAT(output, HasSubstr("Pareto front"));
@@ -49,11 +50,11 @@ TEST_F(ParetoProcessTest, PlansAFrontAndThePlanFollowsThePick) {
   EXPECT_EQ(plan.scans_size(), chosen.scans());
   EXPECT_EQ(plan.coverage().covered_targets(), chosen.settled_targets());
   EXPECT_NEAR(plan.cost().total(), chosen.time_s(), 1e-9);
-  ASSERT_EQ(Run(std::string("plan inspection.json --out alone") + kOptions).first, 0);
+  ASSERT_EQ(Run(std::string("plan inspection.json --out alone") + kParetoOptions).first, 0);
   EXPECT_LE(plan.scans_size(), Read<v1::Plan>("alone/plan.json").scans_size());
 
   // Same seed, same bytes.
-  ASSERT_EQ(Run(std::string("plan inspection.json --out b --pareto") + kOptions).first, 0);
+  ASSERT_EQ(Run(std::string("plan inspection.json --out b --pareto") + kParetoOptions).first, 0);
   EXPECT_EQ(Bytes("a/pareto.json"), Bytes("b/pareto.json"));
   EXPECT_EQ(Bytes("a/pareto.svg"), Bytes("b/pareto.svg"));
 
@@ -92,10 +93,11 @@ TEST_F(ParetoProcessTest, PlansAFrontAndThePlanFollowsThePick) {
   EXPECT_EQ(refused, 2);
   EXPECT_THAT(field, HasSubstr("a/pareto.json: points[0].settled_targets"));
   Write("a/pareto.json", good);
-  Write("inspection.json",
-        absl::StrReplaceAll(kInspection, {{"\"frame_rate_hz\": 50", "\"frame_rate_hz\": 60"}}));
+  Write(
+      "inspection.json",
+      absl::StrReplaceAll(kParetoInspection, {{"\"frame_rate_hz\": 50", "\"frame_rate_hz\": 60"}}));
   EXPECT_THAT(Run(pick + "--pick 1").second, HasSubstr("costs.frame_rate_hz is 50, must be 60"));
-  Write("inspection.json", kInspection);
+  Write("inspection.json", kParetoInspection);
   Write("box.obj", absl::StrReplaceAll(Bytes("box.obj"), {{"60", "61"}}));
   EXPECT_THAT(Run(pick + "--pick 1").second, HasSubstr("a/pareto.json: part_digest"));
 }

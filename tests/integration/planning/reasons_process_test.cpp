@@ -18,7 +18,7 @@ namespace {
 using ::testing::HasSubstr;
 
 // Lies as in the file; a clamp 2 mm over one half of the top hides that.
-constexpr char kInspection[] = R"({
+constexpr char kReasonsInspection[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"},
   "rig": {"part_holding": "PART_HOLDING_FREE"},
   "measurement": {"part_alpha_deg": {"fixed": 0}, "part_beta_deg": {"fixed": 0},
@@ -49,16 +49,16 @@ f 3 4 8 7
 f 4 1 5 8
 )";
 
-constexpr char kPlan[] = R"({"scans": [{"measurement": {
+constexpr char kReasonsPlan[] = R"({"scans": [{"measurement": {
   "camera_distance_m": 0.4, "triangulation_angle_deg": 25, "camera_polar_deg": 20}}]})";
 
 class ReasonsProcessTest : public BoxProcessTest {
  protected:
-  ReasonsProcessTest() : BoxProcessTest(kInspection) {}
+  ReasonsProcessTest() : BoxProcessTest(kReasonsInspection) {}
   void SetUp() override {
     BoxProcessTest::SetUp();
     Write("clamp.obj", kClamp);
-    Write("hand.json", kPlan);
+    Write("hand.json", kReasonsPlan);
   }
 };
 
@@ -154,7 +154,7 @@ TEST_F(ReasonsProcessTest, RefusesADistanceWithoutRoomForCameraAndLaser) {
 }
 
 TEST_F(ReasonsProcessTest, RefusesARegionWithoutTargets) {
-  Write("far.json", absl::StrReplaceAll(kInspection, {{"\"x\": 0.04,", "\"x\": 0.4,"}}));
+  Write("far.json", absl::StrReplaceAll(kReasonsInspection, {{"\"x\": 0.04,", "\"x\": 0.4,"}}));
   const auto [code, output] = Run("evaluate far.json hand.json --out a");
   EXPECT_EQ(code, 2) << output;
   EXPECT_THAT(output, HasSubstr("targets.regions[0] (\"clamped end\") holds no target"));

@@ -15,22 +15,22 @@ namespace {
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-constexpr char kInspection[] = R"({
+constexpr char kRestingInspection[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"},
   "goal": {"coverage": 0.9}
 })";
 
-constexpr char kOptions[] =
+constexpr char kRestingOptions[] =
     " --evaluations-per-scan 500 --bound-evaluations 0 --no-pictures --no-point-clouds"
     " --field-directions 576";
 
 class RestingProcessTest : public BoxProcessTest {
  protected:
-  RestingProcessTest() : BoxProcessTest(kInspection) {}
+  RestingProcessTest() : BoxProcessTest(kRestingInspection) {}
 };
 
 TEST_F(RestingProcessTest, TheDefaultPlanCanBeSetUp) {
-  const auto [code, output] = Run(std::string("plan inspection.json --out a") + kOptions);
+  const auto [code, output] = Run(std::string("plan inspection.json --out a") + kRestingOptions);
   ASSERT_EQ(code, 0) << output;
   EXPECT_THAT(output, AllOf(HasSubstr("rests on faces A"), HasSubstr("the part is laid on face")));
   const v1::Plan plan = Read<v1::Plan>("a/plan.json");
@@ -61,7 +61,7 @@ TEST_F(RestingProcessTest, TheDefaultPlanCanBeSetUp) {
 TEST_F(RestingProcessTest, OneFaceLeavesItsUndersideUnmeasurable) {
   Write("one.json", R"({"part": {"file": "box.obj", "unit": "mm"},
     "measurement": {"resting_orientations": [{"name": "bottom"}]}})");
-  const auto [code, output] = Run(std::string("plan one.json --out a") + kOptions);
+  const auto [code, output] = Run(std::string("plan one.json --out a") + kRestingOptions);
   ASSERT_EQ(code, 0) << output;
   const v1::Plan plan = Read<v1::Plan>("a/plan.json");
   // 24 of 88 square centimetres lie on the table.
@@ -115,7 +115,7 @@ f 4 1 5 8
     Write("table.json", absl::StrCat(R"({"part": {"file": "box.obj", "unit": "mm"},
       "obstacles": [{"name": "granite", "file": "table.obj", "unit": "mm", "frame": ")",
                                      frame, R"("}]})"));
-    const auto [code, output] = Run(std::string("plan table.json --out t") + kOptions);
+    const auto [code, output] = Run(std::string("plan table.json --out t") + kRestingOptions);
     if (std::string(frame) == "FRAME_TABLE") {
       EXPECT_EQ(code, 0) << output;
       continue;

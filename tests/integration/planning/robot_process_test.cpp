@@ -16,7 +16,7 @@ namespace {
 using ::testing::Contains;
 using ::testing::HasSubstr;
 
-constexpr char kInspection[] = R"({
+constexpr char kRobotInspection[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"},
   "rig": {"robot": {"urdf": "arm.urdf", "base_link": "cell", "tip_link": "flange",
     "load": "LOAD_SENSOR_HEAD", "base_position_m": {"y": -0.9},
@@ -28,12 +28,12 @@ constexpr char kInspection[] = R"({
   "goal": {"coverage": 0.7, "max_scans": 4}
 })";
 
-constexpr char kOptions[] =
+constexpr char kRobotOptions[] =
     " --evaluations-per-scan 300 --bound-evaluations 0 --no-pictures --field-directions 576";
 
 class RobotProcessTest : public BoxProcessTest {
  protected:
-  RobotProcessTest() : BoxProcessTest(kInspection) {}
+  RobotProcessTest() : BoxProcessTest(kRobotInspection) {}
   void SetUp() override {
     const char* source = std::getenv("SIGHTLINE_SOURCE_DIR");
     ASSERT_NE(source, nullptr);
@@ -45,7 +45,7 @@ class RobotProcessTest : public BoxProcessTest {
 };
 
 TEST_F(RobotProcessTest, PlansWithinReachTheSameEveryTime) {
-  const auto [code, output] = Run(std::string("plan inspection.json --out a") + kOptions);
+  const auto [code, output] = Run(std::string("plan inspection.json --out a") + kRobotOptions);
   ASSERT_EQ(code, 0) << output;
   EXPECT_THAT(output, HasSubstr("robot: ur10e_cell reaches "));
   EXPECT_THAT(output, HasSubstr("the robot moves "));
@@ -63,7 +63,7 @@ TEST_F(RobotProcessTest, PlansWithinReachTheSameEveryTime) {
   EXPECT_THAT(Bytes("a/report.html"), HasSubstr("<h2>Robot</h2>"));
   EXPECT_THAT(Bytes("a/report.html"), HasSubstr("shoulder_pan_joint"));
 
-  ASSERT_EQ(Run(std::string("plan inspection.json --out b") + kOptions).first, 0);
+  ASSERT_EQ(Run(std::string("plan inspection.json --out b") + kRobotOptions).first, 0);
   EXPECT_EQ(Bytes("a/plan.json"), Bytes("b/plan.json"));
 }
 
@@ -85,7 +85,7 @@ TEST_F(RobotProcessTest, ScansOutOfReachAreSaidToBe) {
 
 TEST_F(RobotProcessTest, WrongRobotsAreWrongInput) {
   const auto refused = [&](const std::string& from, const std::string& to) {
-    Write("wrong.json", absl::StrReplaceAll(kInspection, {{from, to}}));
+    Write("wrong.json", absl::StrReplaceAll(kRobotInspection, {{from, to}}));
     const auto [code, output] = Run("plan wrong.json --out d");
     EXPECT_EQ(code, 2) << output;
     return output;

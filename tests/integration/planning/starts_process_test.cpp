@@ -20,22 +20,22 @@ namespace {
 namespace fs = std::filesystem;
 using ::testing::HasSubstr;
 
-constexpr char kInspection[] = R"({
+constexpr char kStartsInspection[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"}, "goal": {"coverage": 0.9},
   "rig": {"part_holding": "PART_HOLDING_FREE"}, "targets": {"required_resolution_m": 0}
 })";
 
 // So little effort that seeds differ in the number of scans.
-constexpr char kOptions[] =
+constexpr char kStartsOptions[] =
     " --evaluations-per-scan 100 --bound-evaluations 2000 --no-pictures --no-point-clouds"
     " --field-directions 576 --strategy greedy-pso-1";
 
 class StartsProcessTest : public BoxProcessTest {
  protected:
-  StartsProcessTest() : BoxProcessTest(kInspection) {}
+  StartsProcessTest() : BoxProcessTest(kStartsInspection) {}
 
   std::pair<int, std::string> Plan(const std::string& arguments) const {
-    return Run(absl::StrCat("plan inspection.json", kOptions, " ", arguments));
+    return Run(absl::StrCat("plan inspection.json", kStartsOptions, " ", arguments));
   }
   // Bytes of all that does not tell how long things took.
   std::map<std::string, std::string> Files(const std::string& folder) const {

@@ -39,9 +39,8 @@ class DiagnoseProcessTest : public ::testing::Test {
 
   // `sightline ARGUMENTS`; {folder} is replaced.
   ProcessResult Run(const std::string& arguments) const {
-    const std::string command =
-        absl::StrCat("timeout 100 ", BinFolder(), "/sightline ",
-                     absl::StrReplaceAll(arguments, {{"{folder}", folder_}}));
+    const std::string command = absl::StrCat(
+        BinFolder(), "/sightline ", absl::StrReplaceAll(arguments, {{"{folder}", folder_}}));
     return RunProcess(command);
   }
 

@@ -23,6 +23,7 @@
 #include "sightline/v1/job_service.grpc.pb.h"
 #include "sightline/v1/render_service.grpc.pb.h"
 #include "tests/integration/run_process.h"
+#include "tests/limits/wait_until.h"
 #include "tests/render_worker/service/plate_spec.h"
 
 namespace sightline {
@@ -68,9 +69,7 @@ class RenderFaultTest : public ::testing::Test {
     jobs_ = v1::JobService::NewStub(channel_);
   }
 
-  static void SetTimeout(grpc::ClientContext* context) {
-    context->set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
-  }
+  static void SetTimeout(grpc::ClientContext* context) { context->set_deadline(FarDeadline()); }
   absl::StatusOr<v1::Job> Create(const v1::RenderSpec& spec) {
     grpc::ClientContext context;
     SetTimeout(&context);
@@ -250,9 +249,7 @@ TEST_F(RenderFaultTest, TheQueueIsBoundedAndLeavesNothing) {
   EXPECT_LT(MemoryBytes(server_->pid()), int64_t{700} << 20);
   EXPECT_LE(Spooled().size(), 2u) << "only the job that runs has a folder";
   for (const std::string& job : accepted) Cancel(job);
-  const absl::Time end = absl::Now() + absl::Seconds(20);
-  while (!Spooled().empty() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(20));
-  EXPECT_THAT(Spooled(), ::testing::IsEmpty());
+  WaitUntil([&] { return Spooled().empty(); });
   // The queue takes jobs again.
   const auto job = Create(PlateSpec(2));
   ASSERT_TRUE(job.ok()) << job.status();
@@ -270,12 +267,10 @@ TEST_F(RenderFaultTest, TheNextWorkerCleansUpAfterOneThatWasKilled) {
   EXPECT_EQ(Folders(), 3) << "both workers' and mine";
   const auto job = Create(LargeSpec());
   ASSERT_TRUE(job.ok()) << job.status();
-  const absl::Time end = absl::Now() + absl::Seconds(20);
-  while (Spooled().empty() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(5));
-  ASSERT_FALSE(Spooled().empty());
+  WaitUntil([&] { return !Spooled().empty(); });
   ASSERT_GT(server_->pid(), 1);
   ASSERT_EQ(kill(server_->pid(), SIGKILL), 0);
-  while (server_->CheckAlive().ok() && absl::Now() < end) absl::SleepFor(absl::Milliseconds(5));
+  WaitUntil([&] { return !server_->CheckAlive().ok(); });
   EXPECT_EQ(Folders(), 3);
   Start();
   EXPECT_EQ(Folders(), 3) << "that of the killed worker went, that of the new one came";
@@ -288,8 +283,7 @@ TEST_F(RenderFaultTest, TheNextWorkerCleansUpAfterOneThatWasKilled) {
   ASSERT_GT(pid, 1);
   ASSERT_EQ(kill(pid, SIGTERM), 0);
   kill(pid, SIGTERM);
-  const absl::Time limit = absl::Now() + absl::Seconds(10);
-  while (server_->CheckAlive().ok() && absl::Now() < limit) absl::SleepFor(absl::Milliseconds(5));
+  WaitUntil([&] { return !server_->CheckAlive().ok(); });
   EXPECT_EQ(Folders(), 2);
 }
 

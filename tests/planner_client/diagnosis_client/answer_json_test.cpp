@@ -11,8 +11,8 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-v1::FittedEffect* AddEffect(v1::Explanation* explanation, const std::string& id,
-                            const std::string& stage) {
+v1::FittedEffect* AddEffectTo(v1::Explanation* explanation, const std::string& id,
+                              const std::string& stage) {
   v1::FittedEffect* effect = explanation->add_effects();
   effect->set_effect(id);
   effect->set_stage(stage);
@@ -34,8 +34,8 @@ TEST(AnswerJson, FormOfTheRecordingsFormat) {
   diagnosis.set_set("set_003");
   diagnosis.set_verdict("effect");
   v1::FittedEffect* effect =
-      AddEffect(AddExplanation(&diagnosis, "optics.veiling_glare", "optics", 0.8),
-                "optics.veiling_glare", "optics");
+      AddEffectTo(AddExplanation(&diagnosis, "optics.veiling_glare", "optics", 0.8),
+                  "optics.veiling_glare", "optics");
   v1::FittedParameter* fraction = effect->add_parameters();
   fraction->set_name("glare_fraction");
   fraction->set_value(0.05);
@@ -89,13 +89,13 @@ TEST(AnswerJson, PairsAreOneEntryWithTheRestBesideIt) {
   v1::Diagnosis diagnosis;
   diagnosis.set_verdict("effect");
   v1::Explanation* both = AddExplanation(&diagnosis, "sensor.prnu", "sensor", 0.6);
-  AddEffect(both, "sensor.prnu", "sensor");
-  AddEffect(both, "optics.dust", "optics");
-  AddEffect(AddExplanation(&diagnosis, "sensor.smear", "sensor", 0.2), "sensor.smear", "sensor");
-  AddEffect(AddExplanation(&diagnosis, "sensor.prnu", "sensor", 0.15), "sensor.prnu", "sensor");
+  AddEffectTo(both, "sensor.prnu", "sensor");
+  AddEffectTo(both, "optics.dust", "optics");
+  AddEffectTo(AddExplanation(&diagnosis, "sensor.smear", "sensor", 0.2), "sensor.smear", "sensor");
+  AddEffectTo(AddExplanation(&diagnosis, "sensor.prnu", "sensor", 0.15), "sensor.prnu", "sensor");
   v1::Explanation* other = AddExplanation(&diagnosis, "optics.coma", "optics", 0.05);
-  AddEffect(other, "optics.coma", "optics");
-  AddEffect(other, "optics.dust", "optics");
+  AddEffectTo(other, "optics.coma", "optics");
+  AddEffectTo(other, "optics.dust", "optics");
   const Json answer = Json::parse(AnswerJson(diagnosis));
   ASSERT_EQ(answer["ranked"].size(), 3u);
   EXPECT_EQ(answer["ranked"][0]["effect"], "sensor.prnu");
@@ -109,8 +109,8 @@ TEST(AnswerJson, PairsAreOneEntryWithTheRestBesideIt) {
 
 TEST(AnswerJson, NumbersThatAreNoneAreLeftOut) {
   v1::Diagnosis diagnosis;
-  v1::FittedEffect* effect =
-      AddEffect(AddExplanation(&diagnosis, "sensor.smear", "sensor", 1), "sensor.smear", "sensor");
+  v1::FittedEffect* effect = AddEffectTo(AddExplanation(&diagnosis, "sensor.smear", "sensor", 1),
+                                         "sensor.smear", "sensor");
   v1::FittedParameter* smear = effect->add_parameters();
   smear->set_name("smear_relative");
   smear->set_value(0.01);

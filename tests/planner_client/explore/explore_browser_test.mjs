@@ -26,6 +26,8 @@ const program = resolve(process.env.SIGHTLINE_BIN_DIR, 'sightline');
 const catalogue = resolve(process.env.SIGHTLINE_SOURCE_DIR, 'examples/catalogue');
 const folder = mkdtempSync(join(tmpdir(), 'sightline-explore-'));
 const plan = join(folder, 'out', 'plan.json');
+// For every step on the page. It only ends a test that hangs, and then names the step.
+const PAGE_TIMEOUT_MS = 300000;
 let context, page;
 const troubles = [];
 const servers = [];
@@ -83,7 +85,7 @@ before(async () => {
            '--disable-background-networking', '--disable-component-update', '--disable-sync'],
   });
   page = context.pages()[0];
-  page.setDefaultTimeout(30000);
+  page.setDefaultTimeout(PAGE_TIMEOUT_MS);
   page.on('pageerror', (error) => troubles.push(`error: ${error.message}`));
   page.on('console', (message) => {
     if (message.type() === 'error' && !/status of (400|409)/.test(message.text())) troubles.push(`console: ${message.text()}`);
@@ -336,7 +338,7 @@ test('where the goal is uncertainty, the page says what becomes known as evaluat
 });
 
 test('bad input is refused at once', () => {
-  const run = (...args) => spawnSync(program, ['explore', ...args], {timeout: 60000});
+  const run = (...args) => spawnSync(program, ['explore', ...args]);
   const missing = run(join(folder, 'none.json'));
   assert.equal(missing.status, 2);
   assert.match(String(missing.stderr), /none\.json/);
@@ -350,7 +352,7 @@ test('bad input is refused at once', () => {
 
 test('a port in use is told', async () => {
   const holder = await explore([join(folder, 'plain.json'), '--out', join(folder, 'held')]);
-  const second = spawnSync(program, ['explore', join(folder, 'plain.json'), '--listen', new URL(holder.url).host], {timeout: 60000});
+  const second = spawnSync(program, ['explore', join(folder, 'plain.json'), '--listen', new URL(holder.url).host]);
   assert.notEqual(second.status, 0);
   assert.match(String(second.stderr), new RegExp(`${new URL(holder.url).port}`));
   holder.process.kill('SIGINT');

@@ -6,10 +6,10 @@
 
 #include <filesystem>
 #include <fstream>
-#include <numbers>
 
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
+#include "core/physics/angle.h"
 #include "tests/core/registration/measured_shapes.h"
 #include "tests/limits/within_limits.h"
 
@@ -17,8 +17,6 @@ namespace sightline {
 namespace {
 
 using testing::Test;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 bool Says(const absl::Status& status, const std::string& text) {
   return std::string(status.message()).find(text) != std::string::npos;
@@ -61,7 +59,8 @@ class MeasuredPartTest : public Test {
     std::filesystem::create_directories(folder_);
     inspection_.targets.spacing_m = 0.004;
     truth_.centre_m = model_.BoundingBox().center();
-    truth_.parameters << 0.8 * kDegree, 0.4 * kDegree, -0.5 * kDegree, 1.5e-3, 1e-3, -0.8e-3;
+    truth_.parameters << 0.8 * kRadPerDeg, 0.4 * kRadPerDeg, -0.5 * kRadPerDeg, 1.5e-3, 1e-3,
+        -0.8e-3;
     scan_.camera_distance_m = 0.3;
     scan_.triangulation_angle_rad = 0.5;
   }

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 #include <set>
 
-#include "planner_client/commands/start/start_commands.h"
+#include "planner_client/commands/commands.h"
 #include "planner_client/effect_list/effect_list.h"
 #include "tests/planner_client/run_command.h"
 

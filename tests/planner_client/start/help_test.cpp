@@ -7,10 +7,10 @@
 #include <optional>
 #include <sstream>
 
+#include "planner_client/command_line/help/help_format.h"
+#include "planner_client/command_line/help/terminal.h"
+#include "planner_client/command_line/help/wrong_arguments.h"
 #include "planner_client/commands/commands.h"
-#include "planner_client/commands/help/help_format.h"
-#include "planner_client/commands/help/terminal.h"
-#include "planner_client/commands/help/wrong_arguments.h"
 #include "planner_client/commands/recordings/time_left.h"
 
 namespace sightline {

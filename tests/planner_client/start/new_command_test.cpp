@@ -14,7 +14,7 @@
 #include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
-#include "planner_client/commands/start/start_commands.h"
+#include "planner_client/commands/commands.h"
 #include "planner_client/inspection_draft/inspection_draft.h"
 #include "tests/planner_client/run_command.h"
 
@@ -96,7 +96,6 @@ TEST_F(NewCommandTest, ThePartIsShiftedByItsOwnSize) {
   const auto written = ReadInspectionWithFiles(out_);
   ASSERT_TRUE(bare.ok() && written.ok());
   ASSERT_TRUE(HoldPart(*part, &*bare).ok());
-  constexpr int kOffsetY = 7, kOffsetZ = 8;
   for (const int offset : {kOffsetY, kOffsetZ}) {
     EXPECT_EQ(bare->domain.parameters[offset].ranges.at(0).max, 0.08);
     EXPECT_EQ(written->domain.parameters[offset].ranges.at(0).min, -0.08);

@@ -16,7 +16,7 @@ std::vector<double> Clip(std::span<const double> x) {
 }
 
 // Maximum 0 at 0.3 in every coordinate.
-absl::StatusOr<std::vector<double>> Bowl(std::span<const std::vector<double>> points) {
+absl::StatusOr<std::vector<double>> BatchBowl(std::span<const std::vector<double>> points) {
   std::vector<double> values;
   for (const auto& x : points) {
     double sum = 0;
@@ -26,12 +26,12 @@ absl::StatusOr<std::vector<double>> Bowl(std::span<const std::vector<double>> po
   return values;
 }
 
-double ValueAt(const std::vector<double>& x) { return Bowl(std::span(&x, 1))->front(); }
+double ValueAt(const std::vector<double>& x) { return BatchBowl(std::span(&x, 1))->front(); }
 
 TEST(ClimbTest, FindsTheNearbyMaximum) {
   Random random(1);
   const std::vector<double> start = {0.4, 0.5, 0.2};
-  const auto climbed = Climb(start, ValueAt(start), 30, Bowl, Clip, random);
+  const auto climbed = Climb(start, ValueAt(start), 30, BatchBowl, Clip, random);
   ASSERT_TRUE(climbed.ok());
   EXPECT_TRUE(climbed->moved);
   for (const double c : climbed->x) EXPECT_NEAR(c, 0.3, 0.02);
@@ -41,7 +41,7 @@ TEST(ClimbTest, FindsTheNearbyMaximum) {
 TEST(ClimbTest, IsNeverWorseThanItsStartAndStaysAtTheMaximum) {
   Random random(1);
   const std::vector<double> start(9, 0.3);
-  const auto climbed = Climb(start, 0, 5, Bowl, Clip, random);
+  const auto climbed = Climb(start, 0, 5, BatchBowl, Clip, random);
   ASSERT_TRUE(climbed.ok());
   EXPECT_EQ(climbed->x, start);
   EXPECT_EQ(climbed->value, 0);

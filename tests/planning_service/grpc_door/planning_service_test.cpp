@@ -16,6 +16,7 @@
 #include "absl/strings/escaping.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/server_metrics.h"
+#include "tests/limits/wait_until.h"
 
 namespace sightline {
 namespace {
@@ -74,7 +75,7 @@ class PlanningServiceTest : public testing::Test {
 
   static std::unique_ptr<grpc::ClientContext> As(const std::string& token) {
     auto context = std::make_unique<grpc::ClientContext>();
-    context->set_deadline(std::chrono::system_clock::now() + std::chrono::seconds(60));
+    context->set_deadline(FarDeadline());
     if (!token.empty()) context->AddMetadata("authorization", "Bearer " + token);
     return context;
   }

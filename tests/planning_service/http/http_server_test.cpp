@@ -9,9 +9,11 @@
 #include <string>
 #include <vector>
 
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/time/clock.h"
 #include "planning_service/http/http_reply.h"
+#include "tests/limits/wait_until.h"
 #include "tests/planning_service/http_door/raw_connection.h"
 
 namespace sightline {
@@ -31,7 +33,7 @@ class HttpServerTest : public ::testing::Test {
     options_.listen = "127.0.0.1:0";
     options_.max_request_bytes = 1000;
     // Silent connections stay unless a test wants otherwise.
-    options_.first_request_timeout = options_.request_timeout = absl::Seconds(60);
+    options_.first_request_timeout = options_.request_timeout = absl::Hours(24);
   }
 
   void Start() {
@@ -87,28 +89,25 @@ TEST_F(HttpServerTest, APeerIsToldThatItHasTooMany) {
                                       HasSubstr("127.0.0.2 has 2 connections already")));
   // What is closed can be had again.
   second.reset();
-  const absl::Time end = absl::Now() + absl::Seconds(30);
-  std::string answer;
-  while ((answer = Ask("127.0.0.2")).rfind("HTTP/1.1 200", 0) != 0 && absl::Now() < end) {
-    absl::SleepFor(absl::Milliseconds(10));
-  }
-  EXPECT_THAT(answer, StartsWith("HTTP/1.1 200"));
+  WaitUntil([&] { return absl::StartsWith(Ask("127.0.0.2"), "HTTP/1.1 200"); });
 }
 
 TEST_F(HttpServerTest, ConnectionsWithoutARequestAreClosedSoon) {
   options_.max_connections = 1;
   options_.first_request_timeout = absl::Milliseconds(200);
   Start();
-  const absl::Time start = absl::Now();
   EXPECT_THAT(OpenSilent("127.0.0.1")->ReadAll(), IsEmpty());
-  EXPECT_LT(absl::Now() - start, absl::Seconds(30));
-  // One that has been answered may be silent for longer.
-  RawConnection known(port_, "127.0.0.2");
-  ASSERT_TRUE(known.Send(kGet));
-  EXPECT_THAT(known.ReadUntil("well\n"), StartsWith("HTTP/1.1 200"));
+  // One that has been answered may be silent for longer. On a busy machine the first request may
+  // come too late: once more then.
+  std::unique_ptr<RawConnection> known;
+  WaitUntil([&] {
+    known.reset();
+    known = std::make_unique<RawConnection>(port_, "127.0.0.2");
+    return known->Send(kGet) && absl::StartsWith(known->ReadUntil("well\n"), "HTTP/1.1 200");
+  });
   absl::SleepFor(absl::Milliseconds(1000));
-  ASSERT_TRUE(known.Send(kGet));
-  EXPECT_THAT(known.ReadUntil("well\n"), StartsWith("HTTP/1.1 200"));
+  ASSERT_TRUE(known->Send(kGet));
+  EXPECT_THAT(known->ReadUntil("well\n"), StartsWith("HTTP/1.1 200"));
 }
 
 }  // namespace

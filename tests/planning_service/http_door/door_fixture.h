@@ -89,8 +89,8 @@ class DoorTest : public ::testing::Test {
   }
   std::unique_ptr<httplib::Client> NewClient() const {
     auto client = std::make_unique<httplib::Client>("127.0.0.1", port());
-    client->set_read_timeout(60);
-    client->set_write_timeout(60);
+    client->set_read_timeout(24 * 3600);
+    client->set_write_timeout(24 * 3600);
     client->set_keep_alive(true);
     return client;
   }

@@ -4,10 +4,10 @@
 #include <gtest/gtest.h>
 #include <unistd.h>
 
-#include <chrono>
 #include <fstream>
 #include <thread>
 
+#include "tests/limits/wait_until.h"
 #include "tests/planning_service/http_door/door_fixture.h"
 #include "tests/planning_service/http_door/raw_connection.h"
 
@@ -30,16 +30,6 @@ class HttpDoorLimits : public DoorTest {
     EXPECT_TRUE(connection.connected());
     connection.Send(bytes);
     return connection.ReadAll();
-  }
-  // Waits until `condition` holds; for what happens in the server's own time.
-  template <typename Condition>
-  static bool Eventually(Condition condition) {
-    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(60);
-    while (std::chrono::steady_clock::now() < end) {
-      if (condition()) return true;
-      std::this_thread::sleep_for(std::chrono::milliseconds(10));
-    }
-    return false;
   }
 };
 
@@ -95,9 +85,9 @@ TEST_F(HttpDoorLimits, AClientThatGoesLeavesNothingBehind) {
         "POST /v1/jobs HTTP/1.1\r\n", kHost, "Content-Type: multipart/form-data; boundary=b\r\n",
         "Content-Length: 1000000\r\n\r\n--b\r\nContent-Disposition: form-data; name=f\r\n\r\n",
         std::string(300000, 'x'))));
-    ASSERT_TRUE(Eventually([this] { return CountArtefacts() == 1; }));
+    WaitUntil([this] { return CountArtefacts() == 1; });
   }
-  EXPECT_TRUE(Eventually([this] { return CountArtefacts() == 0; }));
+  WaitUntil([this] { return CountArtefacts() == 0; });
   EXPECT_THAT(Json(NewClient()->Get("/v1/jobs"))["jobs"], IsEmpty());
 }
 
@@ -200,7 +190,7 @@ TEST_F(HttpDoorLimits, CutsOffSlowClients) {
   // Bytes that come one by one do not hold a connection either.
   RawConnection trickle(port());
   ASSERT_TRUE(trickle.Send("GET / HTTP/1.1\r\nX: "));
-  EXPECT_TRUE(Eventually([&] { return !trickle.Send("x"); }));
+  WaitUntil([&] { return !trickle.Send("x"); });
 }
 
 TEST_F(HttpDoorLimits, RefusesConnectionsAboveTheLimit) {
@@ -218,10 +208,10 @@ TEST_F(HttpDoorLimits, RefusesConnectionsAboveTheLimit) {
   Error(refused, 503, "TOO_MANY_CONNECTIONS");
   EXPECT_THAT(refused->get_header_value("Retry-After"), Not(IsEmpty()));
   second.Close();
-  EXPECT_TRUE(Eventually([this] {
+  WaitUntil([this] {
     const auto answer = NewClient()->Get("/healthz");
     return answer && answer->status == 200;
-  }));
+  });
 }
 
 TEST_F(HttpDoorLimits, StopLetsARequestFinish) {
@@ -230,10 +220,10 @@ TEST_F(HttpDoorLimits, StopLetsARequestFinish) {
   ASSERT_TRUE(
       connection.Send(absl::StrCat("PUT /v1/files HTTP/1.1\r\n", kHost,
                                    "Content-Length: 100001\r\n\r\n", std::string(100000, 'x'))));
-  ASSERT_TRUE(Eventually([this] { return CountArtefacts() == 1; }));
+  WaitUntil([this] { return CountArtefacts() == 1; });
   std::thread stop([this] { door_->Stop(); });
   // Once new connections are refused the stop is under way.
-  EXPECT_TRUE(Eventually([this] { return !RawConnection(port()).connected(); }));
+  WaitUntil([this] { return !RawConnection(port()).connected(); });
   EXPECT_TRUE(connection.Send("x"));
   EXPECT_THAT(connection.ReadAll(),
               AllOf(HasSubstr("201 Created"), HasSubstr("Connection: close")));

@@ -9,6 +9,7 @@
 #include "planning_service/job_store/planning_job_store.h"
 #include "planning_service/job_store/postgres_database.h"
 #include "proto/status/rpc_status.h"
+#include "tests/limits/wait_until.h"
 #include "tests/planning_service/job_store/postgres_fixture.h"
 #include "tests/planning_service/job_store/store_fixture.h"
 
@@ -26,17 +27,6 @@ class PostgresJobStoreTest : public testing::Test {
         OpenPostgresJobStore(absl::StrCat(database_, " application_name=", application_name));
     EXPECT_TRUE(store.ok()) << store.status();
     return store.ok() ? *std::move(store) : nullptr;
-  }
-
-  // Until `done` says so: a server may need a moment to see what has gone.
-  template <typename Done>
-  static bool Eventually(Done done) {
-    const absl::Time end = absl::Now() + absl::Minutes(1);
-    while (absl::Now() < end) {
-      if (done()) return true;
-      absl::SleepFor(absl::Milliseconds(10));
-    }
-    return false;
   }
 
   PostgresServer& server_ = PostgresServer::Get();
@@ -147,7 +137,7 @@ TEST_F(PostgresJobStoreTest, JobGivenToAnotherIsLost) {
   const Attempt lost = AttemptOf(**a->Claim(NoQuota));
   EXPECT_EQ(*b->RequeueOrphans(), 0);
   server_.CutConnections("first");
-  EXPECT_TRUE(Eventually([&] { return *b->RequeueOrphans() == 1; }));
+  WaitUntil([&] { return *b->RequeueOrphans() == 1; });
   EXPECT_TRUE(absl::IsAborted(a->ReportProgress(lost, 0.5, "m").status()));
   const auto again = b->Claim(NoQuota);
   ASSERT_TRUE(again.ok() && *again) << again.status();
@@ -165,10 +155,10 @@ TEST_F(PostgresJobStoreTest, OneHoldsAReceiver) {
   EXPECT_TRUE(b->HoldsReceiver("webhook"));
   EXPECT_TRUE(a->HoldsReceiver("mqtt"));
   server_.CutConnections("first");
-  EXPECT_TRUE(Eventually([&] { return b->HoldsReceiver("mqtt"); }));
+  WaitUntil([&] { return b->HoldsReceiver("mqtt"); });
   EXPECT_FALSE(a->HoldsReceiver("mqtt"));
   b.reset();
-  EXPECT_TRUE(Eventually([&] { return a->HoldsReceiver("mqtt"); }));
+  WaitUntil([&] { return a->HoldsReceiver("mqtt"); });
 }
 
 TEST_F(PostgresJobStoreTest, ServiceTimeRunsOnceHoweverManyServe) {
@@ -196,8 +186,8 @@ TEST_F(PostgresJobStoreTest, OutlivesTheServersRestart) {
   }
   EXPECT_FALSE(store->HoldsReceiver("mqtt"));
   server_.Start();
-  EXPECT_TRUE(Eventually([&] { return store->ReportProgress(attempt, 0.5, "m").ok(); }));
-  EXPECT_TRUE(Eventually([&] { return store->Get(made->job_id).ok(); }));
+  WaitUntil([&] { return store->ReportProgress(attempt, 0.5, "m").ok(); });
+  WaitUntil([&] { return store->Get(made->job_id).ok(); });
   EXPECT_TRUE(store->Succeed(attempt, {}).ok());
   EXPECT_EQ(store->Get(made->job_id)->state, JobState::kSucceeded);
 }
@@ -205,7 +195,7 @@ TEST_F(PostgresJobStoreTest, OutlivesTheServersRestart) {
 TEST_F(PostgresJobStoreTest, AnswersAreOnDiskWhateverTheServersDefault) {
   server_.Run("ALTER SYSTEM SET synchronous_commit = off");
   server_.Run("SELECT pg_reload_conf()");
-  ASSERT_TRUE(Eventually([&] { return server_.Run("SHOW synchronous_commit") == "off"; }));
+  WaitUntil([&] { return server_.Run("SHOW synchronous_commit") == "off"; });
   const auto database = OpenPostgresDatabase(database_);
   ASSERT_TRUE(database.ok()) << database.status();
   const auto connection = (*database)->Connect();

@@ -6,6 +6,7 @@
 
 #include "absl/time/clock.h"
 #include "planning_service/job_store/planning_job_store.h"
+#include "tests/limits/wait_until.h"
 #include "tests/planning_service/job_store/store_fixture.h"
 
 namespace sightline {
@@ -95,12 +96,8 @@ TEST_P(ProcessEndTest, ClaimedJobGoesBackWhenItsOwnerDies) {
   process.Kill();
   if (GetParam() == Backend::kSqlite) Reopen();
   // A database may need a moment to see that a connection has gone.
-  const absl::Time end = absl::Now() + absl::Minutes(1);
   int requeued = 0;
-  while (requeued == 0 && absl::Now() < end) {
-    requeued = *store_->RequeueOrphans();
-    if (requeued == 0) absl::SleepFor(absl::Milliseconds(10));
-  }
+  WaitUntil([&] { return (requeued = *store_->RequeueOrphans()) > 0; });
   EXPECT_EQ(requeued, 1);
   const PlanningJob again = Claim();
   EXPECT_EQ(again.job_id, made.job_id);

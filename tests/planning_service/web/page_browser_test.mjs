@@ -24,6 +24,8 @@ const require = createRequire(join(process.env.SIGHTLINE_TEST_PACKAGES ?? proces
 const {chromium} = require('playwright-core');
 const axePath = require.resolve('axe-core/axe.min.js');
 
+// For every step on the page. It only ends a test that hangs, and then names the step.
+const PAGE_TIMEOUT_MS = 300000;
 const PLAIN_ERRORS = /status of (400|401|404|409)/;
 const needsMock = {skip: process.env.SIGHTLINE_SERVE_URL ? 'needs the stand-in' : false};
 let mock = null, url, context, page, profile, troubles;
@@ -54,7 +56,7 @@ beforeEach(async () => {
   const last = context.pages()[0];
   page = await context.newPage();
   await last?.close();
-  page.setDefaultTimeout(20000);
+  page.setDefaultTimeout(PAGE_TIMEOUT_MS);
   troubles = [];
   page.on('pageerror', (error) => troubles.push(`error: ${error.message}`));
   page.on('console', (message) => {
@@ -113,7 +115,7 @@ test('a part is uploaded, planned and reported', async () => {
   await submitSmallPlan('stepped block');
   await state(/running|done/).waitFor();
   await shot('job_running');
-  await state('done').waitFor({timeout: 300000});
+  await state('done').waitFor();
   await shot('job_done');
   if (mock) {
     assert.deepEqual(mock.posts.at(-1).files, ['block.stl']);
@@ -230,14 +232,14 @@ test('a running job is cancelled after a question', async () => {
   await state(/queued|running/).waitFor();
   await page.getByRole('button', {name: 'Cancel job …'}).click();
   await page.getByRole('dialog').getByRole('button', {name: 'Cancel job'}).click();
-  await state('cancelled').waitFor({timeout: 60000});
+  await state('cancelled').waitFor();
   assert.equal(await page.getByRole('button', {name: 'Cancel job …'}).count(), 0);
   noTroubles();
 });
 
 test('jobs are listed, and a plan is gone on from', async () => {
   await submitSmallPlan('to go on from');
-  await state('done').waitFor({timeout: 300000});
+  await state('done').waitFor();
   const id = decodeURIComponent(page.url().split('/').at(-1));
   await page.getByRole('link', {name: 'Jobs', exact: true}).click();
   const row = page.locator('table.jobs tr', {hasText: id});

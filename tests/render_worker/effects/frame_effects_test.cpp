@@ -10,8 +10,9 @@
 namespace sightline {
 namespace {
 
-FrameSetup After(const std::string& id, const std::vector<std::pair<std::string, double>>& values,
-                 FrameSetup frame = TestFrame()) {
+FrameSetup FrameAfter(const std::string& id,
+                      const std::vector<std::pair<std::string, double>>& values,
+                      FrameSetup frame = TestFrame()) {
   const Effect& effect = TheEffect(id);
   effect.OnFrame(frame, WithParameters(effect, values));
   return frame;
@@ -21,8 +22,8 @@ TEST(FrameEffects, PowerDriftDecays) {
   FrameSetup frame = TestFrame();
   for (const double t : {0.0, 100.0, 1000.0}) {
     frame.timestamp_s = t;
-    const FrameSetup after =
-        After("illumination.power_drift", {{"drift_relative", 0.2}, {"drift_time_s", 250}}, frame);
+    const FrameSetup after = FrameAfter("illumination.power_drift",
+                                        {{"drift_relative", 0.2}, {"drift_time_s", 250}}, frame);
     EXPECT_DOUBLE_EQ(after.laser.power_w / frame.laser.power_w, 1 + 0.2 * std::exp(-t / 250));
   }
 }
@@ -36,11 +37,12 @@ TEST(FrameEffects, PowerNoiseAndExposureJitterScatterAsStated) {
     FrameSetup frame = TestFrame();
     frame.seeds.noise = 100 + i;
     const double power =
-        After("illumination.power_noise", {{"power_noise_relative", sigma}}, frame).laser.power_w /
+        FrameAfter("illumination.power_noise", {{"power_noise_relative", sigma}}, frame)
+                .laser.power_w /
             frame.laser.power_w -
         1;
-    const double time = (After("time.exposure_jitter",
-                               {{"exposure_jitter_s", sigma * frame.exposure_time_s}}, frame)
+    const double time = (FrameAfter("time.exposure_jitter",
+                                    {{"exposure_jitter_s", sigma * frame.exposure_time_s}}, frame)
                              .exposure_time_s -
                          frame.exposure_time_s) /
                         frame.exposure_time_s;
@@ -57,46 +59,48 @@ TEST(FrameEffects, PowerNoiseAndExposureJitterScatterAsStated) {
 
 TEST(FrameEffects, FactorsAndShifts) {
   const FrameSetup frame = TestFrame();
-  EXPECT_DOUBLE_EQ(After("optics.f_number_error", {{"f_number_factor", 0.8}}).PupilDiameter(),
+  EXPECT_DOUBLE_EQ(FrameAfter("optics.f_number_error", {{"f_number_factor", 0.8}}).PupilDiameter(),
                    frame.PupilDiameter() / 0.8);
   EXPECT_DOUBLE_EQ(
-      *After("optics.focus_error", {{"focus_distance_factor", 1.1}}).lens.focus_distance_m,
+      *FrameAfter("optics.focus_error", {{"focus_distance_factor", 1.1}}).lens.focus_distance_m,
       0.34 * 1.1);
   EXPECT_DOUBLE_EQ(
-      After("optics.transmission_error", {{"amplitude_factor", 0.7}}).lens.transmission, 0.63);
-  EXPECT_DOUBLE_EQ(After("illumination.beam_quality", {{"m2", 2}}).laser.beam_quality_m2, 2);
-  EXPECT_DOUBLE_EQ(
-      After("illumination.beam_focus", {{"beam_focus_shift_m", 0.02}}).laser.beam_focus_distance_m,
-      0.45);
-  EXPECT_DOUBLE_EQ(After("geometry.incidence_angle_error", {{"incidence_shift_deg", 3}})
+      FrameAfter("optics.transmission_error", {{"amplitude_factor", 0.7}}).lens.transmission, 0.63);
+  EXPECT_DOUBLE_EQ(FrameAfter("illumination.beam_quality", {{"m2", 2}}).laser.beam_quality_m2, 2);
+  EXPECT_DOUBLE_EQ(FrameAfter("illumination.beam_focus", {{"beam_focus_shift_m", 0.02}})
+                       .laser.beam_focus_distance_m,
+                   0.45);
+  EXPECT_DOUBLE_EQ(FrameAfter("geometry.incidence_angle_error", {{"incidence_shift_deg", 3}})
                        .plate.incidence_angle_rad,
                    frame.plate.incidence_angle_rad + 3 * std::numbers::pi / 180);
-  EXPECT_DOUBLE_EQ(After("geometry.camera_distance_error", {{"camera_distance_shift_m", 0.01}})
+  EXPECT_DOUBLE_EQ(FrameAfter("geometry.camera_distance_error", {{"camera_distance_shift_m", 0.01}})
                        .plate.camera_distance_m,
                    0.353);
-  EXPECT_EQ(After("optics.polygon_aperture", {{"blades", 6}}).lens.aperture_blades, 6);
-  EXPECT_DOUBLE_EQ(After("sensor.dark_current", {{"dark_current_electrons_per_s", 17}})
+  EXPECT_EQ(FrameAfter("optics.polygon_aperture", {{"blades", 6}}).lens.aperture_blades, 6);
+  EXPECT_DOUBLE_EQ(FrameAfter("sensor.dark_current", {{"dark_current_electrons_per_s", 17}})
                        .sensor.dark_current_electrons_per_s,
                    17);
-  EXPECT_DOUBLE_EQ(After("time.temperature_drift", {{"dark_drift_electrons_per_s", 0.01}})
+  EXPECT_DOUBLE_EQ(FrameAfter("time.temperature_drift", {{"dark_drift_electrons_per_s", 0.01}})
                        .sensor.dark_mean_electrons,
                    15 + 1.234);
-  EXPECT_DOUBLE_EQ(After("sensor.lower_full_well", {{"full_well_electrons", 3000}})
+  EXPECT_DOUBLE_EQ(FrameAfter("sensor.lower_full_well", {{"full_well_electrons", 3000}})
                        .sensor.saturation_capacity_electrons,
                    3000);
-  EXPECT_DOUBLE_EQ(After("time.exposure_offset", {{"exposure_offset_s", -0.1}}).exposure_time_s, 0);
+  EXPECT_DOUBLE_EQ(
+      FrameAfter("time.exposure_offset", {{"exposure_offset_s", -0.1}}).exposure_time_s, 0);
   // Independent variances add.
-  EXPECT_DOUBLE_EQ(After("sensor.prnu", {{"prnu_relative", 0.008}}).sensor.prnu_relative, 0.01);
+  EXPECT_DOUBLE_EQ(FrameAfter("sensor.prnu", {{"prnu_relative", 0.008}}).sensor.prnu_relative,
+                   0.01);
 }
 
 TEST(FrameEffects, QuantumEfficiencyOfTheColours) {
-  FrameSetup colour = After("sensor.qe_error", {{"qe_factor", 0.9}, {"qe_factor_blue", 1.2}});
+  FrameSetup colour = FrameAfter("sensor.qe_error", {{"qe_factor", 0.9}, {"qe_factor_blue", 1.2}});
   EXPECT_DOUBLE_EQ(colour.sensor.quantum_efficiency[kRed].At(600e-9), 0.45);
   EXPECT_DOUBLE_EQ(colour.sensor.quantum_efficiency[kGreen].At(600e-9), 0.5);
   EXPECT_DOUBLE_EQ(colour.sensor.quantum_efficiency[kBlue].At(600e-9), 0.6);
   FrameSetup mono = TestFrame();
   mono.sensor.colour_filter = ColourFilter::kMono;
-  mono = After("sensor.colour_response_error", {{"qe_factor_green", 2}}, mono);
+  mono = FrameAfter("sensor.colour_response_error", {{"qe_factor_green", 2}}, mono);
   EXPECT_DOUBLE_EQ(mono.sensor.quantum_efficiency[0].At(600e-9), 0.5);
 }
 
@@ -105,7 +109,8 @@ TEST(FrameEffects, QuantumEfficiencyOfTheColours) {
 TEST(FrameEffects, DistortionOfPartsHasTheSameRadius) {
   const FrameSetup frame = TestFrame();
   const double b = frame.ImageDistance();
-  const double k = After("optics.radial_distortion", {{"k1_relative", 0.02}}).lens.distortion.k1;
+  const double k =
+      FrameAfter("optics.radial_distortion", {{"k1_relative", 0.02}}).lens.distortion.k1;
   const double r = 3e-3;
   EXPECT_NEAR(k * (r / b) * (r / b), 0.02 * (r / 5e-3) * (r / 5e-3), 1e-15);
 }

@@ -12,8 +12,9 @@ namespace {
 
 constexpr double kPi = std::numbers::pi;
 
-OpticsModel After(const std::string& id, const std::vector<std::pair<std::string, double>>& values,
-                  const FrameSetup& frame = TestFrame()) {
+OpticsModel OpticsAfter(const std::string& id,
+                        const std::vector<std::pair<std::string, double>>& values,
+                        const FrameSetup& frame = TestFrame()) {
   OpticsModel optics = TestOptics(frame);
   const Effect& effect = TheEffect(id);
   effect.OnOptics(optics, frame, WithParameters(effect, values));
@@ -43,7 +44,7 @@ double ContrastSquared(const SpeckleModel& speckle) {
 TEST(VeilingGlare, IsTheTransformOfItsHalo) {
   const double g = 0.12, r0 = 1.5e-4;
   const OpticsModel optics =
-      After("optics.veiling_glare", {{"glare_fraction", g}, {"halo_radius_m", r0}});
+      OpticsAfter("optics.veiling_glare", {{"glare_fraction", g}, {"halo_radius_m", r0}});
   EXPECT_NEAR(Transfer(optics, 0, 0).real(), 1, 1e-15);  // no light is lost
   for (const double q : {200.0, 1000.0, 4000.0}) {
     double halo = 0;
@@ -60,14 +61,14 @@ TEST(VeilingGlare, MoreGlareLessContrast) {
   double before = 1;
   for (const double g : {0.02, 0.1, 0.3}) {
     const double now =
-        Transfer(After("optics.veiling_glare", {{"glare_fraction", g}}), 0, 3000).real();
+        Transfer(OpticsAfter("optics.veiling_glare", {{"glare_fraction", g}}), 0, 3000).real();
     EXPECT_LT(now, before);
     before = now;
   }
 }
 
 TEST(LensReflection, IsADisplacedCopyThatKeepsTheLight) {
-  const OpticsModel optics = After("optics.lens_reflection", {{"reflection_relative", 0.1}});
+  const OpticsModel optics = OpticsAfter("optics.lens_reflection", {{"reflection_relative", 0.1}});
   EXPECT_NEAR(std::abs(Transfer(optics, 0, 0) - 1.0), 0, 1e-15);
   double least = 1, largest = 0;
   for (double q = 0; q < 50000; q += 50) {
@@ -86,8 +87,8 @@ TEST(VibrationBlur, WholePeriodsGiveABesselFunction) {
   FrameSetup frame = TestFrame();
   frame.exposure_time_s = 0.1;
   const OpticsModel optics =
-      After("time.vibration_blur",
-            {{"vibration_amplitude_px", 1.5}, {"vibration_frequency_hz", 200}}, frame);
+      OpticsAfter("time.vibration_blur",
+                  {{"vibration_amplitude_px", 1.5}, {"vibration_frequency_hz", 200}}, frame);
   const double a = 1.5 * frame.sensor.pixel_pitch_m;
   for (const double q : {0.0, 1e4, 5e4, 2e5}) {
     EXPECT_NEAR(std::abs(Transfer(optics, 123, q) - std::cyl_bessel_j(0, 2 * kPi * q * a)), 0,
@@ -100,8 +101,8 @@ TEST(VibrationBlur, IsTheSameFunctionNearAndFar) {
   FrameSetup frame = TestFrame();
   frame.exposure_time_s = 0.1;
   const OpticsModel optics =
-      After("time.vibration_blur", {{"vibration_amplitude_px", 8}, {"vibration_frequency_hz", 50}},
-            frame);
+      OpticsAfter("time.vibration_blur",
+                  {{"vibration_amplitude_px", 8}, {"vibration_frequency_hz", 50}}, frame);
   const double a = 8 * frame.sensor.pixel_pitch_m;
   // Sums over 32 moments of a quarter period are Bessel functions up to arguments of some 80.
   for (const double x : {-70.0, -1e-3, 0.1, 3.0, 17.3, 70.0}) {
@@ -120,8 +121,8 @@ TEST(VibrationBlur, PartOfAPeriodIsTheMeanOverTheExposure) {
   FrameSetup frame = TestFrame();
   frame.exposure_time_s = 0.0137;
   const OpticsModel optics =
-      After("time.vibration_blur", {{"vibration_amplitude_px", 2}, {"vibration_frequency_hz", 100}},
-            frame);
+      OpticsAfter("time.vibration_blur",
+                  {{"vibration_amplitude_px", 2}, {"vibration_frequency_hz", 100}}, frame);
   // The phase is not known here: compare the largest agreement over all phases.
   const double a = 2 * frame.sensor.pixel_pitch_m;
   double best = 1;
@@ -148,37 +149,39 @@ TEST(Aberrations, HaveTheirSeidelForm) {
   const double lambda = frame.laser.wavelength_m;
   const double full = 0.016 / 1.4 / 2;
   const double x = 0.3e-3, y = 1.1e-3, r = std::hypot(x, y);
-  EXPECT_NEAR(After("optics.spherical_aberration", {{"w040_waves", 2}})
+  EXPECT_NEAR(OpticsAfter("optics.spherical_aberration", {{"w040_waves", 2}})
                   .pupil(1e-3, 2e-3)
                   .WavefrontError(x, y),
               2 * lambda * std::pow(r / full, 4), 1e-15);
   const double u = 3e-3, v = -4e-3;  // h = 5 mm
   const double cosine = (x * u + y * v) / (r * 5e-3);
-  EXPECT_NEAR(After("optics.coma", {{"w131_waves", 2}}).pupil(u, v).WavefrontError(x, y),
+  EXPECT_NEAR(OpticsAfter("optics.coma", {{"w131_waves", 2}}).pupil(u, v).WavefrontError(x, y),
               2 * lambda * std::pow(r / full, 3) * cosine, 1e-15);
-  EXPECT_NEAR(
-      After("optics.astigmatism", {{"w222_waves", 2}}).pupil(u / 2, v / 2).WavefrontError(x, y),
-      2 * lambda * 0.25 * std::pow(r / full * cosine, 2), 1e-15);
+  EXPECT_NEAR(OpticsAfter("optics.astigmatism", {{"w222_waves", 2}})
+                  .pupil(u / 2, v / 2)
+                  .WavefrontError(x, y),
+              2 * lambda * 0.25 * std::pow(r / full * cosine, 2), 1e-15);
   // Field curvature is in the curvature C of W = -1/2 C r^2.
-  const OpticsModel field = After("optics.field_curvature", {{"w220_waves", 2}});
+  const OpticsModel field = OpticsAfter("optics.field_curvature", {{"w220_waves", 2}});
   const double curvature = field.curvature(0.3, u, v) - field.curvature(0.3, 0, 0);
   EXPECT_NEAR(-0.5 * curvature * r * r, 2 * lambda * std::pow(r / full, 2), 1e-15);
   EXPECT_TRUE(field.field_dependent);
-  EXPECT_FALSE(After("optics.spherical_aberration", {{"w040_waves", 2}}).field_dependent);
+  EXPECT_FALSE(OpticsAfter("optics.spherical_aberration", {{"w040_waves", 2}}).field_dependent);
 }
 
 // Focus at u is what a sensor at b + u tan(tilt) would have.
 TEST(SensorTilt, MovesTheFocusAlongTheRow) {
   FrameSetup frame = TestFrame();
-  const OpticsModel optics = After("geometry.sensor_tilt", {{"sensor_tilt_deg", 4}});
+  const OpticsModel optics = OpticsAfter("geometry.sensor_tilt", {{"sensor_tilt_deg", 4}});
   const double local = frame.ImageDistance() + 2e-3 * std::tan(4 * kPi / 180);
   EXPECT_NEAR(optics.curvature(0.31, 2e-3, 1e-3), 1 / 0.016 - 1 / 0.31 - 1 / local, 1e-9);
   EXPECT_EQ(optics.curvature(0.31, 0, 1e-3), TestOptics(frame).curvature(0.31, 0, 0));
 }
 
 TEST(MechanicalVignetting, CutsOffAxisOnly) {
-  const OpticsModel optics = After("optics.mechanical_vignetting",
-                                   {{"rim_radius_m", 2.5e-3}, {"rim_shift_per_tangent_m", 0.008}});
+  const OpticsModel optics =
+      OpticsAfter("optics.mechanical_vignetting",
+                  {{"rim_radius_m", 2.5e-3}, {"rim_shift_per_tangent_m", 0.008}});
   EXPECT_TRUE(optics.pupil(0, 0).clips.empty());  // f/4: the pupil's radius is 2 mm
   const Pupil pupil = optics.pupil(4e-3, 0);
   ASSERT_EQ(pupil.clips.size(), 1);
@@ -194,7 +197,7 @@ TEST(MechanicalVignetting, RimThatCutsNothingLeavesTheLensAsItIs) {
       0.5 * frame.sensor.pixel_pitch_m * std::hypot(frame.sensor.columns_px, frame.sensor.rows_px);
   const double shift_at_corner_m = 0.008 * corner_m / TestOptics(frame).image_distance_m;
   for (const double room : {0.99, 1.01}) {
-    const OpticsModel optics = After(
+    const OpticsModel optics = OpticsAfter(
         "optics.mechanical_vignetting",
         {{"rim_radius_m", 2e-3 + room * shift_at_corner_m}, {"rim_shift_per_tangent_m", 0.008}});
     EXPECT_EQ(optics.field_dependent, room < 1) << room;

@@ -11,8 +11,9 @@
 namespace sightline {
 namespace {
 
-PlateScene After(const std::string& id, const std::vector<std::pair<std::string, double>>& values,
-                 const FrameSetup& frame = TestFrame()) {
+PlateScene SceneAfter(const std::string& id,
+                      const std::vector<std::pair<std::string, double>>& values,
+                      const FrameSetup& frame = TestFrame()) {
   PlateScene scene = TestScene(frame);
   const Effect& effect = TheEffect(id);
   effect.OnPlate(scene, frame, WithParameters(effect, values));
@@ -46,7 +47,7 @@ TEST(BeamShape, KeepsPowerAndWidthAtTheShoulder) {
   const FrameSetup frame = TestFrame();
   const double w = BeamRadius(frame.laser, frame.plate.laser_distance_m) / std::numbers::sqrt2 * 2;
   for (const double n : {1.5, 3.0, 6.0}) {
-    const PlateScene scene = After("illumination.beam_shape", {{"shape_exponent", n}});
+    const PlateScene scene = SceneAfter("illumination.beam_shape", {{"shape_exponent", n}});
     EXPECT_NEAR(MomentsAcross(scene.laser_irradiance_w_m2, 0).power / Null().power, 1, 1e-4);
     const double s0 = frame.plate.line_offset_m;
     // cos(45 deg): w on the plate is sqrt(2) w; there the profile is exp(-2) of the crest.
@@ -59,7 +60,7 @@ TEST(BeamShape, KeepsPowerAndWidthAtTheShoulder) {
 
 TEST(GhostLine, SharesThePowerAndLiesAtItsAngle) {
   const PlateScene scene =
-      After("illumination.ghost_line", {{"ghost_relative", 0.25}, {"ghost_offset_m", 3e-3}});
+      SceneAfter("illumination.ghost_line", {{"ghost_relative", 0.25}, {"ghost_offset_m", 3e-3}});
   const Moments m = MomentsAcross(scene.laser_irradiance_w_m2, 0);
   EXPECT_NEAR(m.power / Null().power, 1, 1e-9);
   // Centroid: a fifth of the light at 3 mm across the beam at 0.4 m, at 45 degrees.
@@ -70,7 +71,7 @@ TEST(GhostLine, SharesThePowerAndLiesAtItsAngle) {
 TEST(SubsurfaceScattering, SpreadsByTheExponentialKernel) {
   const double l = 2.5e-4, f = 0.3;
   const PlateScene scene =
-      After("surface.subsurface_scattering", {{"scattered_fraction", f}, {"spread_m", l}});
+      SceneAfter("surface.subsurface_scattering", {{"scattered_fraction", f}, {"spread_m", l}});
   const Moments null = Null();
   const Moments m = MomentsAcross(scene.laser_irradiance_w_m2, 0, 8e-3);
   // 1e-4: cubic interpolation of the table.
@@ -88,7 +89,7 @@ TEST(SubsurfaceScattering, SpreadsByTheExponentialKernel) {
 
 TEST(SubsurfaceScattering, FollowsALineThatChangesAlongX) {
   const FrameSetup frame = TestFrame();
-  PlateScene scene = After("illumination.line_nonuniformity", {{"slope_relative", 0.5}});
+  PlateScene scene = SceneAfter("illumination.line_nonuniformity", {{"slope_relative", 0.5}});
   const Moments left = MomentsAcross(scene.laser_irradiance_w_m2, -1e-3);
   const Effect& effect = TheEffect("surface.subsurface_scattering");
   effect.OnPlate(scene, frame, WithParameters(effect, {{"scattered_fraction", 1}}));
@@ -96,7 +97,7 @@ TEST(SubsurfaceScattering, FollowsALineThatChangesAlongX) {
 }
 
 TEST(LineNonuniformity, SlopeToTheEndOfTheLine) {
-  const PlateScene scene = After("illumination.line_nonuniformity", {{"slope_relative", 0.2}});
+  const PlateScene scene = SceneAfter("illumination.line_nonuniformity", {{"slope_relative", 0.2}});
   const double end = 0.39 * std::tan(0.375);
   const double s0 = TestFrame().plate.line_offset_m;
   EXPECT_NEAR(scene.laser_irradiance_w_m2(end, s0) / scene.laser_irradiance_w_m2(0, s0), 1.2,
@@ -107,7 +108,7 @@ TEST(LineNonuniformity, SlopeToTheEndOfTheLine) {
 }
 
 TEST(LineBow, SagittaAtTheEnd) {
-  const PlateScene scene = After("illumination.line_bow", {{"bow_m", 1e-3}});
+  const PlateScene scene = SceneAfter("illumination.line_bow", {{"bow_m", 1e-3}});
   const double end = 0.39 * std::tan(0.375);
   EXPECT_NEAR(MomentsAcross(scene.laser_irradiance_w_m2, end).centre - Null().centre, 1e-3, 1e-8);
   EXPECT_NEAR(MomentsAcross(scene.laser_irradiance_w_m2, end / 2).centre - Null().centre, 0.25e-3,
@@ -116,18 +117,18 @@ TEST(LineBow, SagittaAtTheEnd) {
 
 TEST(Roll, CameraAndLaserTurnTheLineTheSameWay) {
   const double roll = 2, slope = std::tan(2 * std::numbers::pi / 180);
-  const PlateScene laser = After("geometry.laser_roll", {{"roll_deg", roll}});
+  const PlateScene laser = SceneAfter("geometry.laser_roll", {{"roll_deg", roll}});
   EXPECT_NEAR(MomentsAcross(laser.laser_irradiance_w_m2, 0.01).centre - Null().centre, 0.01 * slope,
               1e-7);
   // A point of the sensor on the rolled row looks at the row v = 0.
-  const PlateScene camera = After("geometry.camera_roll", {{"roll_deg", roll}});
+  const PlateScene camera = SceneAfter("geometry.camera_roll", {{"roll_deg", roll}});
   EXPECT_NEAR(camera.image_mapping({1e-3, 1e-3 * slope}).v_m, 0, 1e-15);
 }
 
 // A tilted plate is a triangulation target: the line moves by h tan(theta).
 TEST(TiltedPlate, LineMovesAsTriangulationSays) {
   const FrameSetup frame = TestFrame();
-  const PlateScene scene = After("surface.tilted_plate", {{"tilt_deg", 3}});
+  const PlateScene scene = SceneAfter("surface.tilted_plate", {{"tilt_deg", 3}});
   const double h = 0.01 * std::tan(3 * std::numbers::pi / 180);
   EXPECT_NEAR(scene.height_m(0.01, 0), h, 1e-15);
   const Moments m = MomentsAcross(scene.laser_irradiance_w_m2, 0.01);
@@ -137,7 +138,7 @@ TEST(TiltedPlate, LineMovesAsTriangulationSays) {
 }
 
 TEST(CurvedPlate, SagittaOfAParabola) {
-  EXPECT_NEAR(After("surface.curved_plate", {{"curvature_per_m", 2}}).height_m(0.02, 0.01),
+  EXPECT_NEAR(SceneAfter("surface.curved_plate", {{"curvature_per_m", 2}}).height_m(0.02, 0.01),
               2 * (4e-4 + 1e-4) / 2, 1e-15);
 }
 
@@ -151,8 +152,8 @@ TEST(AlbedoTexture, HasItsVarianceAndCorrelationLength) {
     FrameSetup frame = TestFrame();
     frame.seeds.speckle = 50 + plate;
     frame.seeds.rig = 70 + plate;
-    const PlateScene scene = After("surface.albedo_texture",
-                                   {{"texture_rms_relative", rms}, {"texture_length_m", l}}, frame);
+    const PlateScene scene = SceneAfter(
+        "surface.albedo_texture", {{"texture_rms_relative", rms}, {"texture_length_m", l}}, frame);
     for (int i = 0; i < kPlaces; ++i) {
       CounterRandom random(3, i);
       const double x = 0.06 * random.Uniform(), s = 0.06 * random.Uniform();
@@ -175,7 +176,7 @@ TEST(AlbedoTexture, HasItsVarianceAndCorrelationLength) {
 TEST(AlbedoTexture, BelongsToThePlate) {
   FrameSetup frame = TestFrame();
   const auto value = [&] {
-    return After("surface.albedo_texture", {{"texture_rms_relative", 0.1}}, frame)
+    return SceneAfter("surface.albedo_texture", {{"texture_rms_relative", 0.1}}, frame)
         .brdf_per_sr(1e-3, 2e-3);
   };
   const double first = value();
@@ -187,9 +188,10 @@ TEST(AlbedoTexture, BelongsToThePlate) {
 
 TEST(AmbientLight, GradientReachesTheEdgeOfTheSensor) {
   const FrameSetup frame = TestFrame();
-  const PlateScene scene = After("illumination.ambient_light", {{"ambient_radiance_w_m2_sr", 0.01},
-                                                                {"gradient_u_relative", 0.3},
-                                                                {"gradient_v_relative", -0.2}});
+  const PlateScene scene =
+      SceneAfter("illumination.ambient_light", {{"ambient_radiance_w_m2_sr", 0.01},
+                                                {"gradient_u_relative", 0.3},
+                                                {"gradient_v_relative", -0.2}});
   const double per_px =
       frame.sensor.pixel_pitch_m * frame.plate.camera_distance_m / frame.ImageDistance();
   EXPECT_NEAR(scene.ambient_radiance_w_m2_sr(640 * per_px, 0), 0.013, 1e-12);
@@ -200,7 +202,7 @@ TEST(AmbientLight, GradientReachesTheEdgeOfTheSensor) {
 TEST(AmbientFlicker, IsTheMeanOverTheExposure) {
   const FrameSetup frame = TestFrame();
   const double f = 87, depth = 0.6;
-  const PlateScene scene = After(
+  const PlateScene scene = SceneAfter(
       "time.ambient_flicker",
       {{"ambient_radiance_w_m2_sr", 0.02}, {"flicker_depth", depth}, {"flicker_frequency_hz", f}});
   double mean = 0;
@@ -241,7 +243,7 @@ TEST(RollingShutter, EveryRowSeesFlickerAtItsOwnTime) {
 // What the sensor sees of the fluorescing line, along s, is its fraction of the laser's radiance.
 TEST(Fluorescence, IsAFractionOfTheLasersLight) {
   const FrameSetup frame = TestFrame();
-  const PlateScene scene = After("surface.fluorescence", {{"fluorescence_relative", 0.15}});
+  const PlateScene scene = SceneAfter("surface.fluorescence", {{"fluorescence_relative", 0.15}});
   const double laser = Null().power * scene.brdf_per_sr(0, 0);
   EXPECT_NEAR(MomentsAcross(scene.ambient_radiance_w_m2_sr, 0, 8e-3).power / (0.15 * laser), 1,
               1e-3);
@@ -250,7 +252,7 @@ TEST(Fluorescence, IsAFractionOfTheLasersLight) {
   defocused.lens.f_number = 2;
   defocused.lens.focus_distance_m = 0.243;
   const PlateScene blurred =
-      After("surface.fluorescence", {{"fluorescence_relative", 0.15}}, defocused);
+      SceneAfter("surface.fluorescence", {{"fluorescence_relative", 0.15}}, defocused);
   const Moments m = MomentsAcross(blurred.ambient_radiance_w_m2_sr, 0, 8e-3);
   EXPECT_NEAR(m.power / (0.15 * laser), 1, 1e-3);
   // Variance of the disc is R^2/4, of the pixel p^2/12; R on the plate by similar triangles from
@@ -263,7 +265,7 @@ TEST(Fluorescence, IsAFractionOfTheLasersLight) {
 
 TEST(RadialDistortion, InvertsTheForwardFormula) {
   for (const double k : {0.05, -0.05}) {
-    const PlateScene scene = After("optics.radial_distortion", {{"k1_relative", k}});
+    const PlateScene scene = SceneAfter("optics.radial_distortion", {{"k1_relative", k}});
     for (const double r : {0.5e-3, 3e-3, 6e-3}) {
       const double distorted = r * (1 + k * std::pow(r / 5e-3, 2));
       const SensorPoint ideal = scene.image_mapping({0.6 * distorted, -0.8 * distorted});
@@ -276,7 +278,7 @@ TEST(RadialDistortion, InvertsTheForwardFormula) {
 TEST(TangentialDistortion, InvertsTheForwardFormula) {
   const double p1 = 0.004, p2 = -0.003;
   const PlateScene scene =
-      After("optics.tangential_distortion", {{"p1_relative", p1}, {"p2_relative", p2}});
+      SceneAfter("optics.tangential_distortion", {{"p1_relative", p1}, {"p2_relative", p2}});
   const double u = 0.7, v = -0.4, r2 = u * u + v * v;
   const SensorPoint ideal =
       scene.image_mapping({5e-3 * (u + 2 * p1 * u * v + p2 * (r2 + 2 * u * u)),

@@ -20,7 +20,6 @@ namespace {
 
 using ::testing::HasSubstr;
 
-constexpr double kPi = std::numbers::pi;
 constexpr double kPitch = 2e-6;
 constexpr double kAmplitude = 1e-6;
 constexpr int kPeriod = 32;  // samples
@@ -31,7 +30,7 @@ HeightField Cosine() {
   for (int row = 0; row < kSize; ++row) {
     for (int column = 0; column < kSize; ++column) {
       heights.At(row, column) =
-          static_cast<float>(kAmplitude * std::cos(2 * kPi * column / kPeriod));
+          static_cast<float>(kAmplitude * std::cos(2 * std::numbers::pi * column / kPeriod));
     }
   }
   return HeightField(std::move(heights), kPitch);
@@ -61,13 +60,13 @@ TEST(HeightField, SlopesOfACosine) {
   const HeightField field = Cosine();
   // One sample more than whole periods adds (1 - 1/2)/257 to the variance.
   EXPECT_NEAR(field.height_deviation_m() / kAmplitude, std::sqrt(0.5 + 0.5 / 257), 1e-4);
-  const double k = 2 * kPi / (kPeriod * kPitch);
+  const double k = 2 * std::numbers::pi / (kPeriod * kPitch);
   const double rms = kAmplitude * k / std::sqrt(2);
   const SlopeStatistics s = Statistics(field, 0);
   // Differences over one pitch see sin(x/2)/(x/2) of the slope, x = 2 pi/period; bilinear
   // interpolation to a random place leaves (2 + cos x)/3 of the variance. Standard error of the
   // deviation of a sine at random places: relative sqrt(1/2/places)/2.
-  const double x = 2 * kPi / kPeriod;
+  const double x = 2 * std::numbers::pi / kPeriod;
   EXPECT_NEAR(s.deviation / (rms * std::sin(x / 2) / (x / 2) * std::sqrt((2 + std::cos(x)) / 3)), 1,
               4 * 0.5 * std::sqrt(0.5 / 20000));
   EXPECT_NEAR(s.mean, 0, 4 * rms / std::sqrt(20000));
@@ -81,7 +80,7 @@ TEST(HeightField, FootprintAveragesSlopesAndKeepsTheirVariance) {
   const SlopeStatistics coarse = Statistics(field, kPeriod * kPitch);
   EXPECT_LT(coarse.deviation, 1e-3 * fine.deviation);
   // What the mean lost is reported as variance inside the footprint.
-  const double k = 2 * kPi / (kPeriod * kPitch), x = 2 * kPi / kPeriod;
+  const double k = 2 * std::numbers::pi / (kPeriod * kPitch), x = 2 * std::numbers::pi / kPeriod;
   EXPECT_NEAR(coarse.lost / std::pow(kAmplitude * k * std::sin(x / 2) / (x / 2), 2), 0.5, 0.005);
 }
 
@@ -191,12 +190,13 @@ TEST(HeightField, MapsKeepTheWhiteFurnaceBelowOne) {
     for (const double theta : {10.0, 60.0, 80.0}) {
       double sum = 0;
       for (int i = 0; i < 100; ++i) {
-        const double angle = std::asin(std::sqrt((i + 0.5) / 100)) * 180 / kPi;
+        const double angle = std::asin(std::sqrt((i + 0.5) / 100)) * 180 / std::numbers::pi;
         for (int j = 0; j < 100; ++j) {
           sum += material->Brdf(Direction(theta, 0), Direction(angle, 3.6 * (j + 0.5)), detail);
         }
       }
-      EXPECT_LE(kPi * sum / 10000, 1.01) << detail.albedo_scale << " " << detail.roughness_scale;
+      EXPECT_LE(std::numbers::pi * sum / 10000, 1.01)
+          << detail.albedo_scale << " " << detail.roughness_scale;
     }
   }
 }

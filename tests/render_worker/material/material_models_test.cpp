@@ -17,8 +17,6 @@ namespace {
 
 using Eigen::Vector3f;
 
-constexpr double kPi = std::numbers::pi;
-
 // Written once; a rough lobe that is not reciprocal and not symmetric, over the thesis's grid with
 // a step of 6 degrees.
 std::string MeasuredTableFile(double scale) {
@@ -49,11 +47,11 @@ std::string MerlFile() {
     std::vector<double> values;
     values.reserve(90 * 90 * 180);
     for (int h = 0; h < 90; ++h) {
-      const double theta_h = (h + 0.5) * (h + 0.5) / 90 * kPi / 180;
+      const double theta_h = (h + 0.5) * (h + 0.5) / 90 * std::numbers::pi / 180;
       for (int d = 0; d < 90; ++d) {
         for (int p = 0; p < 180; ++p) {
           const double brdf = 0.1 + 0.05 * colour + 0.8 * std::exp(-theta_h * theta_h / 0.08) +
-                              0.01 * std::sin(p * kPi / 90);
+                              0.01 * std::sin(p * std::numbers::pi / 90);
           values.push_back(brdf * scale[colour]);
         }
       }
@@ -101,12 +99,12 @@ double WhiteFurnace(const Material& material, const Vector3f& out, const Surface
   constexpr int kRings = 400, kSectors = 200;
   double sum = 0;
   for (int i = 0; i < kRings; ++i) {
-    const double theta_deg = std::asin(std::sqrt((i + 0.5) / kRings)) * 180 / kPi;
+    const double theta_deg = std::asin(std::sqrt((i + 0.5) / kRings)) * 180 / std::numbers::pi;
     for (int j = 0; j < kSectors; ++j) {
       sum += material.Brdf(out, Direction(theta_deg, 360.0 * (j + 0.5) / kSectors), detail);
     }
   }
-  return kPi * sum / (kRings * kSectors);
+  return std::numbers::pi * sum / (kRings * kSectors);
 }
 
 TEST(Models, Reciprocal) {
@@ -163,9 +161,9 @@ TEST(Models, DensityIntegratesToOne) {
         for (int j = 0; j < kSectors; ++j) {
           ring += c.material->Pdf(out, Direction(angle, 360.0 * (j + 0.5) / kSectors), {});
         }
-        sum += ring * std::sin(angle * kPi / 180);
+        sum += ring * std::sin(angle * std::numbers::pi / 180);
       }
-      sum *= (0.5 * kPi / kRings) * (2 * kPi / kSectors);
+      sum *= (0.5 * std::numbers::pi / kRings) * (2 * std::numbers::pi / kSectors);
       // Facets reflect a part of the samples below the horizon; all others are in the density.
       constexpr int kSamples = 20000;
       int lost = 0;
@@ -208,9 +206,10 @@ TEST(Models, SamplesFollowTheDensity) {
               const double c0 = std::sqrt(1 - static_cast<double>(ring) / kRings);
               const double c1 = std::sqrt(1 - static_cast<double>(ring + 1) / kRings);
               const double cosine = c0 + (c1 - c0) * (i + 0.5) / kSub;
-              const Vector3f in = Direction(std::acos(cosine) * 180 / kPi,
+              const Vector3f in = Direction(std::acos(cosine) * 180 / std::numbers::pi,
                                             360 * (sector + (j + 0.5) / kSub) / kSectors);
-              sum += c.material->Pdf(out, in, {}) * (c0 - c1) / kSub * 2 * kPi / kSectors / kSub;
+              sum += c.material->Pdf(out, in, {}) * (c0 - c1) / kSub * 2 * std::numbers::pi /
+                     kSectors / kSub;
             }
           }
           expected[ring * kSectors + sector] = sum * kSamples;
@@ -229,7 +228,7 @@ TEST(Models, SamplesFollowTheDensity) {
         ASSERT_EQ(sample.pdf, c.material->Pdf(out, sample.in, {})) << c.name;
         ASSERT_NEAR(sample.in.norm(), 1, 1e-5);
         const double sin2 = 1 - static_cast<double>(sample.in.z()) * sample.in.z();
-        double azimuth = std::atan2(sample.in.y(), sample.in.x()) / (2 * kPi);
+        double azimuth = std::atan2(sample.in.y(), sample.in.x()) / (2 * std::numbers::pi);
         if (azimuth < 0) azimuth += 1;
         const int ring = std::min(static_cast<int>(sin2 * kRings), kRings - 1);
         const int sector = std::min(static_cast<int>(azimuth * kSectors), kSectors - 1);
@@ -285,12 +284,12 @@ TEST(LambertGgx, IsTheFormatsFormula) {
   const double rho = 0.26, f0 = 0.56, alpha = 0.31;
   const auto material = Make(LambertGgxMessage(rho, f0, alpha));
   for (const double theta_deg : {10.0, 30.0, 45.0, 60.0}) {
-    const double theta = theta_deg * kPi / 180;
+    const double theta = theta_deg * std::numbers::pi / 180;
     const double ch = std::cos(theta / 2), a2 = alpha * alpha;
-    const double d = a2 / (kPi * std::pow(ch * ch * (a2 - 1) + 1, 2));
+    const double d = a2 / (std::numbers::pi * std::pow(ch * ch * (a2 - 1) + 1, 2));
     const double f = f0 + (1 - f0) * std::pow(1 - ch, 5);
     const double g = 2 / (1 + std::sqrt(1 + a2 * std::pow(std::tan(theta), 2)));
-    const double expected = rho / kPi + d * f * g / (4 * std::cos(theta));
+    const double expected = rho / std::numbers::pi + d * f * g / (4 * std::cos(theta));
     EXPECT_NEAR(material->Brdf(Vector3f::UnitZ(), Direction(theta_deg, 70), {}) / expected, 1,
                 1e-5);
   }
@@ -334,7 +333,7 @@ TEST(Detail, TiltedNormalFollowsTheFacet) {
   detail.normal = Direction(20, 0);
   const Vector3f in = Direction(50, 0), out = Direction(10, 0);
   EXPECT_NEAR(AllModels()[0].material->Brdf(out, in, detail) * in.z(),
-              0.8 / kPi * detail.normal.dot(in), 1e-6);
+              0.8 / std::numbers::pi * detail.normal.dot(in), 1e-6);
   EXPECT_EQ(AllModels()[0].material->Brdf(out, Direction(85, 180), detail), 0);
   for (const Case& c : AllModels()) {
     EXPECT_LE(WhiteFurnace(*c.material, Direction(30, 10), detail), 1.004) << c.name;

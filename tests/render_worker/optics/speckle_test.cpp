@@ -15,11 +15,11 @@ namespace {
 
 using namespace optics_test;
 
-struct Estimate {
+struct MeanEstimate {
   double mean, standard_error;
 };
 
-Estimate EstimateOf(const std::vector<double>& values) {
+MeanEstimate EstimateOf(const std::vector<double>& values) {
   double sum = 0, squares = 0;
   for (const double value : values) sum += value;
   const double n = static_cast<double>(values.size());
@@ -45,8 +45,8 @@ double SquaredContrast(const Image<float>& image) {
   return sum / static_cast<double>(image.values.size());
 }
 
-Estimate SquaredContrastOf(double cut_off, int size_px, int sub_pixels,
-                           const std::vector<double>& weights, int realisations) {
+MeanEstimate SquaredContrastOf(double cut_off, int size_px, int sub_pixels,
+                               const std::vector<double>& weights, int realisations) {
   std::vector<double> values;
   for (int i = 0; i < realisations; ++i) {
     values.push_back(SquaredContrast(Speckle(cut_off, size_px, sub_pixels, 100 + i, weights)));
@@ -58,14 +58,14 @@ TEST(Speckle, ContrastIsOneWherePixelsAreFine) {
   // Six pixels from a speckle's middle to its first zero: pixels take 3 % of the squared contrast.
   const double expected = PixelCorrelation(0.1, 0, 0);
   EXPECT_GT(expected, 0.96);
-  const Estimate got = SquaredContrastOf(0.1, 256, 2, {1}, 16);
+  const MeanEstimate got = SquaredContrastOf(0.1, 256, 2, {1}, 16);
   EXPECT_NEAR(got.mean, expected, 4 * got.standard_error);
   EXPECT_LT(got.standard_error, 0.05);
 }
 
 TEST(Speckle, TwoIndependentPatternsHaveContrastOneOverRootTwo) {
   const double expected = PixelCorrelation(0.1, 0, 0) / 2;
-  const Estimate got = SquaredContrastOf(0.1, 256, 2, {0.5, 0.5}, 16);
+  const MeanEstimate got = SquaredContrastOf(0.1, 256, 2, {0.5, 0.5}, 16);
   EXPECT_NEAR(got.mean, expected, 4 * got.standard_error);
   EXPECT_LT(got.standard_error, 0.02);
 }
@@ -75,7 +75,7 @@ TEST(Speckle, ContrastAfterPixelsFollowsTheClosedForm) {
   for (const double cut_off : {0.35, 0.7, 1.2}) {
     const int sub_pixels = std::max(2, static_cast<int>(std::ceil(4 * cut_off)));
     const double expected = PixelCorrelation(cut_off, 0, 0);
-    const Estimate got = SquaredContrastOf(cut_off, 96, sub_pixels, {1}, 12);
+    const MeanEstimate got = SquaredContrastOf(cut_off, 96, sub_pixels, {1}, 12);
     EXPECT_NEAR(got.mean, expected, 4 * got.standard_error) << cut_off;
     EXPECT_LT(got.standard_error, 0.01 * expected + 0.01);
   }
@@ -127,9 +127,9 @@ TEST(Speckle, AutocorrelationIsThatOfThePupil) {
   }
   for (int lag = 0; lag < kLags; ++lag) {
     const double straight = PixelCorrelation(cut_off, lag, 0);
-    const Estimate a = EstimateOf(along[lag]);
-    const Estimate d = EstimateOf(down[lag]);
-    const Estimate s = EstimateOf(diagonal[lag]);
+    const MeanEstimate a = EstimateOf(along[lag]);
+    const MeanEstimate d = EstimateOf(down[lag]);
+    const MeanEstimate s = EstimateOf(diagonal[lag]);
     EXPECT_NEAR(a.mean, straight, 4 * a.standard_error) << lag;
     EXPECT_NEAR(d.mean, straight, 4 * d.standard_error) << lag;
     EXPECT_NEAR(s.mean, PixelCorrelation(cut_off, lag, lag), 4 * s.standard_error) << lag;
@@ -156,7 +156,7 @@ TEST(Speckle, ShiftedScatterersDecorrelateLikeThePupil) {
       }
       correlations.push_back(sum / static_cast<double>(still.values.size()));
     }
-    const Estimate got = EstimateOf(correlations);
+    const MeanEstimate got = EstimateOf(correlations);
     EXPECT_NEAR(got.mean, PixelCorrelation(cut_off, shift_px, 0), 4 * got.standard_error)
         << shift_px;
     EXPECT_LT(got.standard_error, 0.03);
@@ -215,7 +215,7 @@ TEST(Speckle, MeanOfManyIsTheIncoherentImage) {
   for (int i = 0; i < 48; ++i) {
     double sum = 0;
     for (int j = 0; j < 64; ++j) sum += expected.At(i, j);
-    const Estimate got = EstimateOf(rows[i]);
+    const MeanEstimate got = EstimateOf(rows[i]);
     EXPECT_NEAR(got.mean, sum / 64, 4 * got.standard_error) << i;
   }
 }

@@ -18,6 +18,7 @@
 #include "render_worker/image_file/image_file.h"
 #include "sightline/v1/diagnosis_service.grpc.pb.h"
 #include "sightline/v1/job_service.grpc.pb.h"
+#include "tests/limits/wait_until.h"
 #include "tests/render_worker/service/plate_spec.h"
 #include "tests/render_worker/service/recorded_set_fixture.h"
 
@@ -31,8 +32,8 @@ using ::testing::HasSubstr;
 constexpr int kRecordings = 4;
 
 // Answers at once, with what it was asked.
-absl::StatusOr<v1::Diagnosis> Echo(const RecordedSet& set, const DiagnosisSettings& settings,
-                                   const DiagnosisProgress&) {
+absl::StatusOr<v1::Diagnosis> EchoPlate(const RecordedSet& set, const DiagnosisSettings& settings,
+                                        const DiagnosisProgress&) {
   v1::Diagnosis answer;
   answer.set_set(set.description.name);
   answer.set_verdict("none");
@@ -67,7 +68,7 @@ class DiagnosisServiceTest : public RecordedSetTest {
 
   void SetUp() override {
     Open(rendered_->set());
-    Start({Echo, EchoVerification});
+    Start({EchoPlate, EchoVerification});
   }
 
   void Start(RecordingFunctions functions, int64_t max_set_bytes = int64_t{1} << 20) {
@@ -102,7 +103,7 @@ class DiagnosisServiceTest : public RecordedSetTest {
   }
   absl::StatusOr<v1::Diagnosis> Get(const std::string& job_id) {
     grpc::ClientContext context;
-    SetTimeout(&context, absl::Seconds(20));
+    context.set_deadline(FarDeadline());
     v1::GetDiagnosisRequest request;
     request.set_job_id(job_id);
     v1::GetDiagnosisResponse response;
@@ -164,18 +165,23 @@ TEST_F(DiagnosisServiceTest, Verification) {
 }
 
 TEST_F(DiagnosisServiceTest, ProgressIsReported) {
-  Start({[](const RecordedSet& set, const DiagnosisSettings& settings,
-            const DiagnosisProgress& progress) {
+  std::atomic<double> received = 0;
+  Start({[&](const RecordedSet& set, const DiagnosisSettings& settings,
+             const DiagnosisProgress& progress) {
            for (int i = 0; i <= 10; ++i) {
-             EXPECT_TRUE(progress(0.1 * i, i < 5 ? "fitting" : "naming"));
-             absl::SleepFor(absl::Milliseconds(60));
+             // Too frequent reports are dropped: it reports until the client has got one.
+             WaitUntil([&] {
+               EXPECT_TRUE(progress(0.1 * i, i < 5 ? "fitting" : "naming"));
+               return received > 0.1 * i - 0.01;
+             });
            }
-           return Echo(set, settings, progress);
+           return EchoPlate(set, settings, progress);
          },
          EchoVerification});
   std::vector<std::pair<double, std::string>> reports;
   client_.on_progress = [&](double fraction, const std::string& message) {
     reports.emplace_back(fraction, message);
+    received = fraction;
   };
   ASSERT_TRUE(DiagnoseRecordings(client_, Request(), set_.images).ok());
   int fitting = 0, naming = 0;
@@ -194,7 +200,7 @@ TEST_F(DiagnosisServiceTest, SameRequestIdSameJobThatRunsOnce) {
   Start({[&](const RecordedSet& set, const DiagnosisSettings& settings,
              const DiagnosisProgress& progress) {
            ++runs;
-           return Echo(set, settings, progress);
+           return EchoPlate(set, settings, progress);
          },
          EchoVerification});
   v1::CreateDiagnosisRequest request = Request();
@@ -231,11 +237,9 @@ TEST_F(DiagnosisServiceTest, CancelEndsTheJobSoon) {
   const absl::Status running = Get(job->job_id()).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(running)) << running;
   EXPECT_EQ(ErrorReason(running), "JOB_NOT_FINISHED");
-  const absl::Time start = absl::Now();
   WorkerCall call(client_, no_images_);
   call.Cancel(job->job_id());
   Wait(job->job_id());
-  EXPECT_LT(absl::Now() - start, absl::Seconds(1));
   EXPECT_TRUE(absl::IsCancelled(Get(job->job_id()).status()));
 }
 
@@ -248,16 +252,13 @@ TEST_F(DiagnosisServiceTest, InterruptedClientCancelsTheJob) {
   };
   const absl::Status status = DiagnoseRecordings(client_, Request(), set_.images).status();
   EXPECT_TRUE(absl::IsCancelled(status)) << status;
-  v1::ListJobsResponse response;
-  for (int i = 0; i < 1000; ++i) {
+  WaitUntil([&] {
+    v1::ListJobsResponse response;
     grpc::ClientContext context;
-    SetTimeout(&context, absl::Seconds(20));
-    ASSERT_TRUE(jobs_->ListJobs(&context, {}, &response).ok());
-    ASSERT_EQ(response.jobs_size(), 1);
-    if (response.jobs(0).state() == v1::Job::STATE_CANCELLED) return;
-    absl::SleepFor(absl::Milliseconds(1));
-  }
-  FAIL() << response.DebugString();
+    context.set_deadline(FarDeadline());
+    EXPECT_TRUE(jobs_->ListJobs(&context, {}, &response).ok());
+    return response.jobs_size() == 1 && response.jobs(0).state() == v1::Job::STATE_CANCELLED;
+  });
 }
 
 TEST_F(DiagnosisServiceTest, FailedJobGivesItsError) {

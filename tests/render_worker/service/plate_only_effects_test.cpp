@@ -24,7 +24,7 @@ absl::Status TryOnPart(const EffectDescription& description, const std::string& 
   absl::Status status = ParseStrictJson(
       absl::StrCat(R"({"part": {"inspection": {"name": "table",
         "part": {"file": "table.obj", "unit": "m"}, "camera": {"sensor": {)",
-                   kSensor, R"(}}, "lens": {"focal_length_m": 0.016, "f_number": 16},
+                   kPlateSpecSensor, R"(}}, "lens": {"focal_length_m": 0.016, "f_number": 16},
         "materials": [{"material": {"name": "grey", "lambert": {"diffuse_albedo": 0.5}}}]},
         "frames": [{"measurement": {"camera_distance_m": 0.3, "triangulation_angle_deg": 30}}]}})"),
       "spec", &spec);

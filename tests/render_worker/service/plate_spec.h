@@ -12,7 +12,7 @@
 
 namespace sightline {
 
-inline constexpr char kSensor[] = R"("sensor_type": "mono", "pixel_pitch_m": 5.3e-6,
+inline constexpr char kPlateSpecSensor[] = R"("sensor_type": "mono", "pixel_pitch_m": 5.3e-6,
   "sensor_columns_px": 64, "sensor_rows_px": 48, "bit_depth_bit": 10,
   "quantum_efficiency": {"mono": 0.53}, "gain_dn_per_electron": 0.16,
   "saturation_capacity_electrons": 9893, "dark_mean_electrons": 27.57, "dark_noise_electrons": 6.5,
@@ -36,7 +36,7 @@ inline v1::RenderSpec PlateSpec(int count = 2) {
   const absl::Status status = ParseStrictJson(
       absl::StrCat(R"({"plate": {"recordings": {"format": "laser-line-recordings",
         "format_version": 1, "set": "test", "camera": {)",
-                   kSensor, R"(}, "lens": {"focal_length_m": 0.016, "transmission": 0.92},
+                   kPlateSpecSensor, R"(}, "lens": {"focal_length_m": 0.016, "transmission": 0.92},
         "laser": {"wavelength_m": 6.61e-7, "power_w": 0.00058, "divergence_rad": 0.00105,
           "beam_focus_distance_m": 0.44, "fan_angle_deg": 36.8},
         "surface": {"diffuse_albedo": 0.35, "specular_f0": 0.66, "ggx_alpha": 0.43},

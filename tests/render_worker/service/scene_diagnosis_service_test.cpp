@@ -24,9 +24,9 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 
 // Answers at once, with what it was asked.
-absl::StatusOr<v1::Diagnosis> Echo(const RecordedScene& scene,
-                                   const SceneDiagnosisSettings& settings,
-                                   const SceneDiagnosisProgress& progress) {
+absl::StatusOr<v1::Diagnosis> EchoScene(const RecordedScene& scene,
+                                        const SceneDiagnosisSettings& settings,
+                                        const SceneDiagnosisProgress& progress) {
   progress(0.5, "half");
   v1::Diagnosis answer;
   answer.set_set(absl::StrCat(scene.part.triangles.size(), " triangles, ", scene.raw_dn.size(),
@@ -62,7 +62,7 @@ class SceneDiagnosisServiceTest : public RecordedSetTest {
 
   void SetUp() override {
     Open(rendered_->set());
-    StartServer({.diagnose_scene = Echo});
+    StartServer({.diagnose_scene = EchoScene});
   }
 
   v1::CreateDiagnosisRequest Request() const {

@@ -11,6 +11,7 @@
 #include "absl/strings/str_format.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
+#include "planner_client/report/plan/sections/plan_text.h"
 
 namespace sightline {
 namespace {
@@ -18,8 +19,6 @@ namespace {
 // Inside to outside; the middle one is "as the model".
 constexpr std::array<const char*, 7> kColours = {"#0b386b", "#1d5d9f", "#7fb0dc", "#c9ced3",
                                                  "#f09a5e", "#d9541e", "#752703"};
-
-std::string Percent(double fraction) { return absl::StrFormat("%.2f\u202f%%", 100 * fraction); }
 
 // "0.123 ± 0.004", two digits of the uncertainty.
 std::string WithUncertainty(double value, double uncertainty) {
@@ -71,7 +70,7 @@ std::string Unfixed(const v1::AsMeasured& found) {
         FixedNumber(m.rotation_deg().x(), 2), FixedNumber(m.rotation_deg().y(), 2),
         FixedNumber(m.rotation_deg().z(), 2), FixedNumber(1e3 * m.translation_m().x(), 2),
         FixedNumber(1e3 * m.translation_m().y(), 2), FixedNumber(1e3 * m.translation_m().z(), 2),
-        Percent(m.standard_deviation_relative()));
+        Percent(m.standard_deviation_relative(), 2));
   }
   return html + "</ul>\n";
 }
@@ -99,7 +98,7 @@ std::string ScansTable(const v1::AsMeasured& found) {
 std::string ChangeTable(const v1::AsMeasured& found, int scans, bool for_uncertainty) {
   const auto row = [](absl::string_view name, int count, double settled) {
     return absl::StrCat("<tr><th scope=\"row\">", name, "</th><td>", count, "</td><td>",
-                        Percent(settled), "</td></tr>\n");
+                        Percent(settled, 2), "</td></tr>\n");
   };
   return absl::StrCat(
       "<div class=\"table-wrap\"><table class=\"facts\">\n<thead><tr><th>on the part as it was "

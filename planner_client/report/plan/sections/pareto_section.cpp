@@ -15,7 +15,7 @@
 namespace sightline {
 namespace {
 
-constexpr int kWidth = 900, kHeight = 420;
+constexpr int kFrontWidth_px = 900, kFrontHeight_px = 420;
 
 double Abscissa(const v1::ParetoFront& front, const v1::ParetoPoint& point) {
   return front.has_costs() ? point.time_s() : point.scans();
@@ -56,8 +56,8 @@ ChartSeries Stair(const v1::ParetoFront& front) {
 
 std::string ParetoChartSvg(const v1::ParetoFront& front) {
   XyChart chart;
-  chart.width = kWidth;
-  chart.height = kHeight;
+  chart.width = kFrontWidth_px;
+  chart.height = kFrontHeight_px;
   chart.x.title = front.has_costs() ? "time to execute, s" : "scans";
   chart.x.whole_numbers = !front.has_costs();
   chart.y.title = front.for_uncertainty() ? "admissible, % of the judged surface"
@@ -102,7 +102,7 @@ std::string ParetoSvgFile(const v1::ParetoFront& front) {
          svg.replace(0, 4,
                      absl::StrFormat("<svg xmlns=\"http://www.w3.org/2000/svg\" width=\"%d\" "
                                      "height=\"%d\" style=\"font-family: sans-serif\"",
-                                     kWidth, kHeight));
+                                     kFrontWidth_px, kFrontHeight_px));
 }
 
 std::string ParetoSection(const v1::ParetoFront& front) {

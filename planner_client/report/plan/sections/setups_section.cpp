@@ -7,16 +7,9 @@
 #include "absl/strings/str_cat.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
+#include "planner_client/report/plan/sections/plan_text.h"
 
 namespace sightline {
-namespace {
-
-std::string Millimetres(double length_m, int decimals = 1) {
-  return FixedNumber(1e3 * length_m, decimals);
-}
-
-}  // namespace
-
 std::string SetupText(const v1::Plan& plan, const v1::PlannedScan& scan) {
   if (!scan.has_resting_face() || scan.resting_face() < 0 ||
       scan.resting_face() >= plan.resting_faces_size()) {

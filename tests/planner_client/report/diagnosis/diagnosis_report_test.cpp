@@ -19,7 +19,7 @@ namespace {
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr char kHostile[] = "<script>alert('x')</script>&\"_^";
+constexpr char kHostileText[] = "<script>alert('x')</script>&\"_^";
 
 std::string Render(const v1::Diagnosis& diagnosis) {
   const auto html = RenderDiagnosisReport(diagnosis, "");
@@ -54,7 +54,7 @@ TEST(DiagnosisReport, SaysWhetherRecordingsNotFittedArePredicted) {
   EXPECT_THAT(Render(diagnosis), Not(HasSubstr("Does it predict?")));
   diagnosis.mutable_null_check()->set_p_value(1e-9);
   *diagnosis.mutable_null_check()->add_groups() = Group("profile", 900, 300, 1e-12);
-  *diagnosis.mutable_null_check()->add_groups() = Group(kHostile, 110, 100, 0.2);
+  *diagnosis.mutable_null_check()->add_groups() = Group(kHostileText, 110, 100, 0.2);
   diagnosis.mutable_named_check()->set_p_value(0.31);
   diagnosis.mutable_named_check()->set_log_score_gain(412.3);
   *diagnosis.mutable_named_check()->add_groups() = Group("profile", 310, 300, 0.3);
@@ -64,7 +64,7 @@ TEST(DiagnosisReport, SaysWhetherRecordingsNotFittedArePredicted) {
   EXPECT_THAT(html, HasSubstr("Veiling glare: the prediction holds (p = 0.31), log density of the "
                               "recordings +412.3 nats"));
   EXPECT_THAT(html, HasSubstr(">profile</td>"));
-  EXPECT_THAT(html, Not(HasSubstr(kHostile)));
+  EXPECT_THAT(html, Not(HasSubstr(kHostileText)));
   diagnosis.add_part_of_it()->set_effect("optics.field_curvature");
   EXPECT_THAT(Render(diagnosis), HasSubstr("A part of what is missing: Field curvature"));
 }
@@ -238,8 +238,8 @@ TEST(DiagnosisReport, HasNoEmptySections) {
 
 TEST(DiagnosisReport, EscapesEveryText) {
   v1::Diagnosis diagnosis = SampleDiagnosis();
-  SetAllTexts(&diagnosis, kHostile);
-  (*diagnosis.mutable_calibrated_effects(0)->mutable_parameters())[kHostile] = 1;
+  SetAllTexts(&diagnosis, kHostileText);
+  (*diagnosis.mutable_calibrated_effects(0)->mutable_parameters())[kHostileText] = 1;
   const std::string html = Render(diagnosis);
   EXPECT_THAT(html, Not(HasSubstr("<script")));
   EXPECT_THAT(html, HasSubstr("&lt;script&gt;"));

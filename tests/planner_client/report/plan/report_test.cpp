@@ -23,7 +23,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-constexpr char kHostile[] = "<script>alert('x')</script>&\"{{STYLE}}";
+constexpr char kHostileTemplateText[] = "<script>alert('x')</script>&\"{{STYLE}}";
 
 // A square plate of 10 x 10 targets. Scan k of 3 measures every target whose index is k modulo 3 in
 // the first eight columns; nothing measures the last two. Targets 0 and 1 are not measurable.
@@ -124,7 +124,7 @@ ReportData ExplainedPlate() {
   auto clamp = std::make_shared<TriangleMesh>();
   clamp->positions_m = {{0, 0, 0.1f}, {0.05f, 0, 0.1f}, {0, 0.05f, 0.1f}};
   clamp->triangles = {{0, 1, 2}};
-  data.obstacles = {{kHostile, v1::Obstacle::FRAME_PART, clamp},
+  data.obstacles = {{kHostileTemplateText, v1::Obstacle::FRAME_PART, clamp},
                     {"table", v1::Obstacle::FRAME_TABLE, clamp}};
   data.reasons.resize(100);
   data.reasons[0] = data.reasons[1] = {v1::UNCOVERED_REASON_OWN_OCCLUSION, -1};
@@ -143,7 +143,7 @@ ReportData ExplainedPlate() {
     count.set_measurable(measurable);
   };
   v1::PlanCoverage& coverage = *data.plan.mutable_coverage();
-  add(v1::UNCOVERED_REASON_OBSTACLE, kHostile, 15, true, coverage.mutable_uncovered());
+  add(v1::UNCOVERED_REASON_OBSTACLE, kHostileTemplateText, 15, true, coverage.mutable_uncovered());
   add(v1::UNCOVERED_REASON_NOT_CHOSEN, "", 5, true, coverage.mutable_uncovered());
   add(v1::UNCOVERED_REASON_OWN_OCCLUSION, "", 2, false, coverage.mutable_uncovered());
   data.sampling.regions = {{"flange", {0, 0, 0}, {0.01, 0.01, 0}, 0.005}};
@@ -242,18 +242,18 @@ TEST(RenderReport, SaysWhyTheGoalWasMissed) {
 
 TEST(RenderReport, EscapesAllTexts) {
   ReportData data = Plate();
-  data.part_name = kHostile;
-  data.plan.set_inspection_name(kHostile);
-  data.plan.set_sightline_version(kHostile);
-  data.plan.set_strategy(kHostile);
-  data.plan.set_part_digest(kHostile);
-  data.plan.set_scene_digest(kHostile);
+  data.part_name = kHostileTemplateText;
+  data.plan.set_inspection_name(kHostileTemplateText);
+  data.plan.set_sightline_version(kHostileTemplateText);
+  data.plan.set_strategy(kHostileTemplateText);
+  data.plan.set_part_digest(kHostileTemplateText);
+  data.plan.set_scene_digest(kHostileTemplateText);
   data.plan.mutable_bound()->set_scans(2);
-  data.plan.mutable_bound()->set_statement(kHostile);
-  data.health.add_findings(kHostile);
-  data.notes = {kHostile};
-  data.timings = {{kHostile, 1.0}};
-  data.comparison = ComparisonTable{{0.9}, {{kHostile, 5, {{9, 8, 10, 5}}}}};
+  data.plan.mutable_bound()->set_statement(kHostileTemplateText);
+  data.health.add_findings(kHostileTemplateText);
+  data.notes = {kHostileTemplateText};
+  data.timings = {{kHostileTemplateText, 1.0}};
+  data.comparison = ComparisonTable{{0.9}, {{kHostileTemplateText, 5, {{9, 8, 10, 5}}}}};
   const std::string html = Render(data);
   EXPECT_THAT(html, Not(HasSubstr("<script>alert")));
   EXPECT_THAT(html,

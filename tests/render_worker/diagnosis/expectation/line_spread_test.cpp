@@ -14,7 +14,7 @@ namespace {
 
 constexpr double kWavelength_m = 661e-9;
 constexpr double kImageDistance_m = 0.0168;
-constexpr int kCount = 12;
+constexpr int kStripes = 12;
 
 Pupil Circle(double f_number) {
   Pupil pupil;
@@ -24,12 +24,12 @@ Pupil Circle(double f_number) {
 
 // So that the last frequency is a little below the cut-off.
 double StepPerM(const Pupil& pupil) {
-  return 2 * pupil.radius_m / (kWavelength_m * kImageDistance_m) / kCount;
+  return 2 * pupil.radius_m / (kWavelength_m * kImageDistance_m) / kStripes;
 }
 
 std::vector<std::complex<double>> Transfer(const Pupil& pupil, double curvature_per_m) {
   return LineTransfer(pupil, kWavelength_m, kImageDistance_m, curvature_per_m, StepPerM(pupil),
-                      kCount);
+                      kStripes);
 }
 
 // Autocorrelation of the generalised pupil along v, sampled finely.
@@ -56,8 +56,8 @@ std::complex<double> DirectSum(const Pupil& pupil, double curvature_per_m, doubl
 
 void ExpectAsSummed(const Pupil& pupil, double curvature_per_m) {
   const std::vector<std::complex<double>> transfer = Transfer(pupil, curvature_per_m);
-  for (int k = 0; k < kCount; ++k) {
-    const double shift_m = 2 * pupil.radius_m * k / kCount;
+  for (int k = 0; k < kStripes; ++k) {
+    const double shift_m = 2 * pupil.radius_m * k / kStripes;
     const std::complex<double> sum = DirectSum(pupil, curvature_per_m, shift_m);
     // Which way round the image lies is checked elsewhere.
     EXPECT_NEAR(transfer[k].real(), sum.real(), 4e-3) << k;
@@ -68,8 +68,8 @@ void ExpectAsSummed(const Pupil& pupil, double curvature_per_m) {
 TEST(LineTransfer, OfAPerfectLensInFocusIsItsClosedForm) {
   const Pupil pupil = Circle(4);
   const std::vector<std::complex<double>> transfer = Transfer(pupil, 0);
-  for (int k = 0; k < kCount; ++k) {
-    const double s = static_cast<double>(k) / kCount;
+  for (int k = 0; k < kStripes; ++k) {
+    const double s = static_cast<double>(k) / kStripes;
     const double expected = 2 / std::numbers::pi * (std::acos(s) - s * std::sqrt(1 - s * s));
     EXPECT_NEAR(transfer[k].real(), expected, 1e-5) << k;
     EXPECT_EQ(transfer[k].imag(), 0) << k;

@@ -41,18 +41,18 @@ TEST(RoundedNormal, AgreesWithDrawnNumbersThatAreCutOffAtZero) {
   std::mt19937_64 random(7);
   for (const double mean : {0.1, 1.1, 1.5}) {
     std::normal_distribution<double> normal(mean, 0.3);
-    constexpr int kCount = 400000;
+    constexpr int kDraws = 400000;
     double sums[5] = {};
-    for (int i = 0; i < kCount; ++i) {
+    for (int i = 0; i < kDraws; ++i) {
       const double number = std::max(0.0, std::floor(normal(random) + 0.5));
-      for (int k = 1; k <= 4; ++k) sums[k] += std::pow(number, k) / kCount;
+      for (int k = 1; k <= 4; ++k) sums[k] += std::pow(number, k) / kDraws;
     }
     const double m = sums[1], variance = sums[2] - m * m;
     const double fourth = sums[4] - 4 * m * sums[3] + 6 * m * m * sums[2] - 3 * std::pow(m, 4);
     const RoundedMoments moments = MomentsAfterRounding(mean, 0.3);
-    EXPECT_NEAR(moments.mean, m, 4 * std::sqrt(variance / kCount));
+    EXPECT_NEAR(moments.mean, m, 4 * std::sqrt(variance / kDraws));
     const double kurtosis = fourth / (variance * variance);
-    EXPECT_NEAR(moments.variance, variance, 4 * variance * std::sqrt(kurtosis / kCount));
+    EXPECT_NEAR(moments.variance, variance, 4 * variance * std::sqrt(kurtosis / kDraws));
     EXPECT_NEAR(moments.excess_kurtosis / (kurtosis - 3), 1, 0.1);
   }
 }

@@ -54,8 +54,8 @@ TEST(LogEvidence, IsNotToldByDerivativesOfKnownParameters) {
 }
 
 // y = J x + noise of covariance C, x normal of variance 1: the fit that maximises the posterior.
-FitResult LinearFit(const Eigen::VectorXd& y, const Eigen::MatrixXd& derivatives,
-                    const Eigen::MatrixXd& covariance) {
+FitResult FitOfLinearModel(const Eigen::VectorXd& y, const Eigen::MatrixXd& derivatives,
+                           const Eigen::MatrixXd& covariance) {
   const Eigen::LLT<Eigen::MatrixXd> factor(covariance);
   const Eigen::VectorXd white = factor.matrixL().solve(y);
   const Eigen::MatrixXd jacobian = factor.matrixL().solve(derivatives);
@@ -91,10 +91,10 @@ TEST(LogEvidence, IsTheMarginalLikelihoodWhereTheModelIsLinear) {
       0.3 * Eigen::MatrixXd::Identity(12, 12) + Eigen::MatrixXd::Constant(12, 12, 0.05);
   Eigen::MatrixXd wider = 2 * covariance;
   wider.diagonal().head(4) *= 3;
-  const FitResult null = LinearFit(y, few, covariance);
+  const FitResult null = FitOfLinearModel(y, few, covariance);
   Candidate candidate = MakeCandidate({});
   for (const Eigen::MatrixXd& own : {covariance, wider}) {
-    candidate.fit = LinearFit(y, more, own);
+    candidate.fit = FitOfLinearModel(y, more, own);
     EXPECT_NEAR(LogEvidence(candidate, null),
                 MarginalLogLikelihood(y, more, own) - MarginalLogLikelihood(y, few, covariance),
                 1e-9);
@@ -111,11 +111,11 @@ TEST(LogEvidence, DoesNotDependOnUnitsAndOrderOfTheData) {
   const Eigen::MatrixXd covariance = 0.2 * Eigen::MatrixXd::Identity(10, 10);
   const Eigen::MatrixXd mix = Eigen::MatrixXd::Random(10, 10);
   Candidate candidate = MakeCandidate({});
-  candidate.fit = LinearFit(y, more, covariance);
-  const double evidence = LogEvidence(candidate, LinearFit(y, few, covariance));
+  candidate.fit = FitOfLinearModel(y, more, covariance);
+  const double evidence = LogEvidence(candidate, FitOfLinearModel(y, few, covariance));
   const Eigen::MatrixXd mixed = mix * covariance * mix.transpose();
-  candidate.fit = LinearFit(mix * y, mix * more, mixed);
-  EXPECT_NEAR(LogEvidence(candidate, LinearFit(mix * y, mix * few, mixed)), evidence, 1e-6);
+  candidate.fit = FitOfLinearModel(mix * y, mix * more, mixed);
+  EXPECT_NEAR(LogEvidence(candidate, FitOfLinearModel(mix * y, mix * few, mixed)), evidence, 1e-6);
 }
 
 // A bug found: a strong vibration was named with an astigmatism of 2.9 +- 2.9 waves.

@@ -27,7 +27,7 @@ namespace {
 constexpr int kBlocks = 4;
 constexpr uint64_t kSeed = 3;
 
-RecordedImage Image(RecordingKind kind, double exposure_time_s, double f_number, int position) {
+RecordedImage ImageOf(RecordingKind kind, double exposure_time_s, double f_number, int position) {
   RecordedImage image;
   image.kind = kind;
   image.exposure_time_s = exposure_time_s;
@@ -68,21 +68,21 @@ RecordingSet Recordings(bool colour) {
   constexpr auto kDark = RecordingKind::kDark;
   int burst = 0, group = 0;
   for (const double t : {0.0005, 0.0022, 0.0045, 0.01, 0.0005}) {
-    RecordedImage image = Image(kLaser, t, 8, 1);
+    RecordedImage image = ImageOf(kLaser, t, 8, 1);
     image.burst_frame_index = burst++;
     image.repeat_group = t == 0.0005 ? 0 : ++group;
     set.recordings.push_back(image);
   }
-  set.recordings.push_back(Image(kLaser, 0.02, 8, 1));
+  set.recordings.push_back(ImageOf(kLaser, 0.02, 8, 1));
   set.recordings.back().burst_frame_index = burst++;
   set.recordings.back().repeat_group = ++group;
-  set.recordings.push_back(Image(kDark, 0.0002, 8, -1));
+  set.recordings.push_back(ImageOf(kDark, 0.0002, 8, -1));
   set.recordings.back().burst_frame_index = burst++;
   int position = 2;
   for (const double n : {1.4, 1.4, 2.0, 2.0, 2.8, 2.8}) {
-    set.recordings.push_back(Image(kLaser, 4e-5 * n * n, n, position++));
+    set.recordings.push_back(ImageOf(kLaser, 4e-5 * n * n, n, position++));
   }
-  for (const double t : {0.4, 0.1, 0.02}) set.recordings.push_back(Image(kDark, t, 8, -1));
+  for (const double t : {0.4, 0.1, 0.02}) set.recordings.push_back(ImageOf(kDark, t, 8, -1));
   for (size_t i = 7; i < set.recordings.size(); ++i) set.recordings[i].repeat_group = ++group;
   for (size_t i = 0; i < set.recordings.size(); ++i) {
     set.recordings[i].timestamp_s = 100 + 0.2 * static_cast<double>(i);
@@ -338,7 +338,7 @@ TEST(ProfileStatistic, PatternOfTheSensorCountsOnce) {
   description.recordings.resize(1);
   const double alone = variance();
   description.recordings =
-      std::vector<RecordedImage>(5, Image(RecordingKind::kLaser, 0.0005, 8, 1));
+      std::vector<RecordedImage>(5, ImageOf(RecordingKind::kLaser, 0.0005, 8, 1));
   for (int i = 0; i < 5; ++i) description.recordings[i].plate_position_id = i;
   EXPECT_NEAR(variance(), 5 * alone, 0.01 * alone);
 }
@@ -390,7 +390,7 @@ TEST(FixedPatternStatistic, HotPixelsOfDifferentSensorsScatterAsItsCovarianceSay
   std::erase_if(description.recordings,
                 [](const RecordedImage& image) { return image.kind == RecordingKind::kLaser; });
   for (const double t : {0.05, 0.01}) {
-    description.recordings.push_back(Image(RecordingKind::kDark, t, 8, -1));
+    description.recordings.push_back(ImageOf(RecordingKind::kDark, t, 8, -1));
   }
   for (RecordedImage& image : description.recordings) image.burst_frame_index = 0;
   for (const double fraction : {5e-4, 3e-3}) {
@@ -522,8 +522,8 @@ TEST(TextureStatistic, RecordingsOfOneSpeckleCountOnce) {
 // than the repeats' own scatter, and the gain was led astray by it.
 TEST(RepeatStatistic, NoiseIsExpectedAtTheMeanThatIsRecorded) {
   RecordingSet description = Recordings(false);
-  description.recordings = {Image(RecordingKind::kLaser, 0.05, 32, 1),
-                            Image(RecordingKind::kLaser, 0.05, 32, 1)};
+  description.recordings = {ImageOf(RecordingKind::kLaser, 0.05, 32, 1),
+                            ImageOf(RecordingKind::kLaser, 0.05, 32, 1)};
   constexpr int kSeeds = 16;
   double square = 0, information = 0, of_gain = 0;
   for (uint64_t seed = 1; seed <= kSeeds; ++seed) {

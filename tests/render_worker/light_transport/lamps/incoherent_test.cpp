@@ -19,9 +19,9 @@ Spectrum One() {
   return one;
 }
 
-IncoherentTransport Trace(const SceneDescription& scene, const SceneView& view,
-                          const SubPixelGrid& grid, const TransportSettings& settings,
-                          const std::vector<Spectrum>& weights = {One()}) {
+IncoherentTransport TraceIncoherent(const SceneDescription& scene, const SceneView& view,
+                                    const SubPixelGrid& grid, const TransportSettings& settings,
+                                    const std::vector<Spectrum>& weights = {One()}) {
   auto transport = LightTransport::Make(scene);
   EXPECT_TRUE(transport.ok()) << transport.status();
   auto traced = (*transport)->TraceIncoherent(view, grid, weights, settings, {});
@@ -78,7 +78,7 @@ TEST(Incoherent, BowlUnderAmbientIsAGeometricSeries) {
     for (const int bounces : {0, 1, 4, 30}) {
       TransportSettings settings = Unfiltered(16384);
       settings.max_bounces = bounces;
-      const IncoherentTransport traced = Trace(scene, view, grid, settings);
+      const IncoherentTransport traced = TraceIncoherent(scene, view, grid, settings);
       double expected = 0;
       for (int k = 0; k <= bounces; ++k) expected += albedo * std::pow(albedo / 2, k) * 2 / 2;
       double mean = 0;
@@ -101,7 +101,7 @@ TEST(Incoherent, PlateUnderALampHasTheClosedFormIrradiance) {
   view.camera = Look({0.3, 0, 0.1}, {-0.3, 0, -0.1}, {0, 1, 0});
   view.image_distance_m = 0.02;
   const SubPixelGrid grid = Grid(8, 8, 1e-7);
-  const IncoherentTransport traced = Trace(scene, view, grid, Unfiltered(1024));
+  const IncoherentTransport traced = TraceIncoherent(scene, view, grid, Unfiltered(1024));
   // Four corner rectangles (Howell, configuration factor B-4).
   const double ra = std::hypot(a, h), rb = std::hypot(b, h);
   const double irradiance =
@@ -132,7 +132,7 @@ TEST(Incoherent, ColouredSurfacesReflectBinByBin) {
   low[4] = 1;
   high[40] = 2;
   const IncoherentTransport traced =
-      Trace(scene, view, Grid(2, 2, 1e-6), Unfiltered(64), {low, high});
+      TraceIncoherent(scene, view, Grid(2, 2, 1e-6), Unfiltered(64), {low, high});
   // A flat plate under an even sky: every sample is exact.
   EXPECT_NEAR(traced.channel_radiance[0].At(0, 0), 0.8 * 5 / 47, 1e-5);
   EXPECT_NEAR(traced.channel_radiance[1].At(1, 1), 2 * 0.8 * 41 / 47, 1e-5);
@@ -151,7 +151,7 @@ TEST(Incoherent, EdgeOutOfFocusBlursByTheCircleOfConfusion) {
   view.focus_distance_m = 0.3;
   view.pupil_radius_m = 2e-3;
   const SubPixelGrid grid = Grid(80, 1, 1e-6);
-  const IncoherentTransport traced = Trace(scene, view, grid, Unfiltered(1024));
+  const IncoherentTransport traced = TraceIncoherent(scene, view, grid, Unfiltered(1024));
   const double blur = 2 * view.pupil_radius_m * view.image_distance_m * std::abs(1 / 0.3 - 1 / z);
   EXPECT_NEAR(blur, 56.7e-6, 1e-7);
   double mean = 0, square = 0;
@@ -204,7 +204,7 @@ TEST(Incoherent, AgreesWithThePlainPathTracer) {
   plain.samples_per_px = 1500;
   const PlainImage expected =
       PlainPathTracer(**rays).TraceIncoherent(CornerView(), grid, One(), plain);
-  const IncoherentTransport traced = Trace(Corner(), CornerView(), grid, Unfiltered(512));
+  const IncoherentTransport traced = TraceIncoherent(Corner(), CornerView(), grid, Unfiltered(512));
   double chi2 = 0, difference = 0, variance = 0;
   int n = 0;
   for (size_t p = 0; p < expected.mean.values.size(); ++p) {
@@ -227,15 +227,15 @@ TEST(Incoherent, AgreesWithThePlainPathTracer) {
 TEST(Incoherent, FilteredImageStaysWithinItsStatedError) {
   const SubPixelGrid grid = Grid(40, 32, 0.05e-3);
   TransportSettings settings = Unfiltered(512);
-  const IncoherentTransport reference = Trace(Corner(), CornerView(), grid, settings);
+  const IncoherentTransport reference = TraceIncoherent(Corner(), CornerView(), grid, settings);
   settings.filter = true;
   settings.first_samples_per_px = 16;
   settings.max_samples_per_px = 64;
   settings.seed = 5;
-  const IncoherentTransport filtered = Trace(Corner(), CornerView(), grid, settings);
+  const IncoherentTransport filtered = TraceIncoherent(Corner(), CornerView(), grid, settings);
   settings.filter = false;
   settings.max_samples_per_px = 16;
-  const IncoherentTransport noisy = Trace(Corner(), CornerView(), grid, settings);
+  const IncoherentTransport noisy = TraceIncoherent(Corner(), CornerView(), grid, settings);
   double error = 0, noise = 0, stated = 0;
   for (size_t p = 0; p < reference.radiance_w_m2_sr.values.size(); ++p) {
     const double expected = reference.radiance_w_m2_sr.values[p];

@@ -50,8 +50,8 @@ TransportSettings Settings(int samples, int bounces) {
   return settings;
 }
 
-LaserTransport Trace(const SceneDescription& scene, const SceneView& view, const SubPixelGrid& grid,
-                     const TransportSettings& settings) {
+LaserTransport TraceLaser(const SceneDescription& scene, const SceneView& view,
+                          const SubPixelGrid& grid, const TransportSettings& settings) {
   auto transport = LightTransport::Make(scene);
   EXPECT_TRUE(transport.ok()) << transport.status();
   auto traced = (*transport)->TraceLaser(view, grid, settings, {});
@@ -63,7 +63,7 @@ LaserTransport Trace(const SceneDescription& scene, const SceneView& view, const
 TEST(Interreflection, OneReflectionInAGrooveIsTheIntegralAlongTheLine) {
   const SceneView view = GrooveView();
   const SubPixelGrid grid = Grid(12, 10, 0.3e-3);
-  const LaserTransport traced = Trace(Groove(), view, grid, Settings(512, 1));
+  const LaserTransport traced = TraceLaser(Groove(), view, grid, Settings(512, 1));
   const double tangent = std::tan(view.laser_source.fan_angle_rad / 2);
   const double length = 2 * 0.3 * tangent;
   int on_wall = 0;
@@ -105,7 +105,7 @@ TEST(Interreflection, AgreesWithBruteForceUpToFiveReflections) {
     plain.samples_per_px = 4096;
     plain.max_bounces = bounces;
     const PlainImage expected = PlainPathTracer(**rays).TraceLaserIndirect(view, grid, plain);
-    const LaserTransport traced = Trace(Groove(), view, grid, Settings(256, bounces));
+    const LaserTransport traced = TraceLaser(Groove(), view, grid, Settings(256, bounces));
     double sum = 0, reference = 0, variance = 0;
     for (size_t p = 0; p < expected.mean.values.size(); ++p) {
       sum += traced.indirect_radiance_w_m2_sr.values[p];
@@ -143,7 +143,7 @@ TEST(Interreflection, LightAroundACornerAgreesWithBruteForce) {
   plain.samples_per_px = 16384;
   plain.max_bounces = 4;
   const PlainImage expected = PlainPathTracer(**rays).TraceLaserIndirect(view, grid, plain);
-  const LaserTransport traced = Trace(scene, view, grid, Settings(1024, 4));
+  const LaserTransport traced = TraceLaser(scene, view, grid, Settings(1024, 4));
   double sum = 0, reference = 0, variance = 0;
   for (size_t p = 0; p < expected.mean.values.size(); ++p) {
     sum += traced.indirect_radiance_w_m2_sr.values[p];
@@ -160,10 +160,10 @@ TEST(Interreflection, OffMeansDirectLightOnly) {
   TransportSettings settings = Settings(16, 4);
   settings.laser_interreflection = false;
   const SubPixelGrid grid = Grid(16, 12, 0.25e-3, 2);
-  const LaserTransport direct = Trace(Groove(), GrooveView(), grid, settings);
+  const LaserTransport direct = TraceLaser(Groove(), GrooveView(), grid, settings);
   for (const float v : direct.indirect_radiance_w_m2_sr.values) EXPECT_EQ(v, 0);
   settings.laser_interreflection = true;
-  const LaserTransport both = Trace(Groove(), GrooveView(), grid, settings);
+  const LaserTransport both = TraceLaser(Groove(), GrooveView(), grid, settings);
   for (size_t p = 0; p < both.radiance_w_m2_sr.values.size(); ++p) {
     EXPECT_FLOAT_EQ(both.radiance_w_m2_sr.values[p] - both.indirect_radiance_w_m2_sr.values[p],
                     direct.radiance_w_m2_sr.values[p]);

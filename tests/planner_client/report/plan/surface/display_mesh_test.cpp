@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-constexpr double kSpacing = 0.005;
+constexpr double kMeshSpacing_m = 0.005;
 
 // Closed box with two triangles per face.
 TriangleMesh Box(const Eigen::Vector3f& size_m) {
@@ -59,14 +59,14 @@ TargetSet OnePerFace(const Eigen::Vector3f& size_m) {
 TEST(SubdivideLongEdges, KeepsAreaAndGaplessnessAndBoundsEdges) {
   const TriangleMesh box = Box({0.45f, 0.02f, 0.1f});
   ASSERT_TRUE(IsWatertight(box));
-  const TriangleMesh fine = SubdivideLongEdges(box, kSpacing);
+  const TriangleMesh fine = SubdivideLongEdges(box, kMeshSpacing_m);
   EXPECT_TRUE(IsWatertight(fine));
   EXPECT_NEAR(TotalArea(fine), TotalArea(box), 1e-6 * TotalArea(box));
   EXPECT_GT(fine.triangles.size(), 1000u);
   for (const auto& t : fine.triangles) {
     for (int c = 0; c < 3; ++c) {
       ASSERT_LE((fine.positions_m[t[c]] - fine.positions_m[t[(c + 1) % 3]]).norm(),
-                kSpacing * 1.0001);
+                kMeshSpacing_m * 1.0001);
     }
   }
   for (size_t v = 0; v < box.positions_m.size(); ++v)
@@ -80,7 +80,7 @@ TEST(SubdivideLongEdges, LeavesFineMeshAlone) {
 
 TEST(MakeDisplayMesh, BoxKeepsSharpEdgesAndFaceNormals) {
   const Eigen::Vector3f size(0.04f, 0.03f, 0.02f);
-  const DisplayMesh display = MakeDisplayMesh(Box(size), OnePerFace(size), kSpacing, 100000);
+  const DisplayMesh display = MakeDisplayMesh(Box(size), OnePerFace(size), kMeshSpacing_m, 100000);
   EXPECT_EQ(display.feature_edges_m.size(), 12u);
   EXPECT_FALSE(display.simplified);
   for (const auto& t : display.triangles) {
@@ -105,7 +105,7 @@ TEST(MakeDisplayMesh, NearestTargetIsOnTheSameSideOfThinWall) {
       }
     }
   }
-  const DisplayMesh display = MakeDisplayMesh(Box(size), targets, kSpacing, 100000);
+  const DisplayMesh display = MakeDisplayMesh(Box(size), targets, kMeshSpacing_m, 100000);
   ASSERT_EQ(display.nearest_target.size(), display.positions_m.size());
   int checked = 0;
   for (size_t v = 0; v < display.positions_m.size(); ++v) {
@@ -118,7 +118,7 @@ TEST(MakeDisplayMesh, NearestTargetIsOnTheSameSideOfThinWall) {
 
 TEST(MakeDisplayMesh, StaysInsideItsBudget) {
   const Eigen::Vector3f size(0.45f, 0.28f, 0.1f);
-  const DisplayMesh coarse = MakeDisplayMesh(Box(size), OnePerFace(size), kSpacing, 2000);
+  const DisplayMesh coarse = MakeDisplayMesh(Box(size), OnePerFace(size), kMeshSpacing_m, 2000);
   EXPECT_LE(coarse.triangles.size(), 2000u);
   EXPECT_GT(coarse.triangles.size(), 300u);
   EXPECT_FALSE(coarse.simplified);
@@ -126,7 +126,7 @@ TEST(MakeDisplayMesh, StaysInsideItsBudget) {
   // 48 k triangles into 5 k.
   const TriangleMesh dense = SubdivideLongEdges(Box(size), 0.006);
   ASSERT_GT(dense.triangles.size(), 20000u);
-  const DisplayMesh simplified = MakeDisplayMesh(dense, OnePerFace(size), kSpacing, 5000);
+  const DisplayMesh simplified = MakeDisplayMesh(dense, OnePerFace(size), kMeshSpacing_m, 5000);
   EXPECT_TRUE(simplified.simplified);
   EXPECT_LE(simplified.triangles.size(), 5000u);
   EXPECT_GT(simplified.triangles.size(), 1000u);

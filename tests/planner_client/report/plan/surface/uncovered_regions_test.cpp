@@ -13,11 +13,11 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
-constexpr double kSpacing = 0.005;
+constexpr double kTargetSpacing_m = 0.005;
 
 TargetSampling Sampling() {
   TargetSampling sampling;
-  sampling.spacing_m = kSpacing;
+  sampling.spacing_m = kTargetSpacing_m;
   return sampling;
 }
 
@@ -31,8 +31,8 @@ void AddTarget(TargetSet* targets, const Eigen::Vector3f& position_m, const Eige
 
 // columns x rows targets on a plane that faces z, lower left corner at `corner_m`.
 void AddPatch(TargetSet* targets, const Eigen::Vector3f& corner_m, int columns, int rows,
-              const Eigen::Vector3f& normal = Eigen::Vector3f::UnitZ(), float spacing_m = kSpacing,
-              int32_t region = -1) {
+              const Eigen::Vector3f& normal = Eigen::Vector3f::UnitZ(),
+              float spacing_m = kTargetSpacing_m, int32_t region = -1) {
   for (int j = 0; j < rows; ++j) {
     for (int i = 0; i < columns; ++i) {
       AddTarget(targets, corner_m + spacing_m * Eigen::Vector3f(i, j, 0), normal, region);
@@ -62,9 +62,9 @@ TEST(FindUncoveredRegions, SeparatesPatchesAndSortsThemBySize) {
   EXPECT_EQ(regions[0].targets.size(), 24u);
   EXPECT_EQ(regions[1].targets.size(), 6u);
   EXPECT_EQ(regions[2].targets.size(), 1u);
-  EXPECT_NEAR(regions[0].centroid_m.x(), 0.1 + 2.5 * kSpacing, 1e-6);
-  EXPECT_NEAR(regions[0].bounds_m.sizes().x(), 5 * kSpacing, 1e-6);
-  EXPECT_NEAR(regions[0].bounds_m.sizes().y(), 3 * kSpacing, 1e-6);
+  EXPECT_NEAR(regions[0].centroid_m.x(), 0.1 + 2.5 * kTargetSpacing_m, 1e-6);
+  EXPECT_NEAR(regions[0].bounds_m.sizes().x(), 5 * kTargetSpacing_m, 1e-6);
+  EXPECT_NEAR(regions[0].bounds_m.sizes().y(), 3 * kTargetSpacing_m, 1e-6);
   EXPECT_NEAR(regions[0].mean_normal.z(), 1, 1e-6);
 }
 
@@ -96,10 +96,10 @@ TEST(FindUncoveredRegions, KeepsSidesOfThinWallApartButFollowsEdges) {
 
 TEST(FindUncoveredRegions, SharesOfAreaAddUpAndCountDenseTargetsForLess) {
   TargetSampling sampling = Sampling();
-  sampling.regions.push_back({"seat", {-1, -1, -1}, {1, 1, 1}, kSpacing / 2});
+  sampling.regions.push_back({"seat", {-1, -1, -1}, {1, 1, 1}, kTargetSpacing_m / 2});
   TargetSet targets;
   AddPatch(&targets, {0, 0, 0}, 4, 4);
-  AddPatch(&targets, {0.1f, 0, 0}, 8, 8, Eigen::Vector3f::UnitZ(), kSpacing / 2, 0);
+  AddPatch(&targets, {0.1f, 0, 0}, 8, 8, Eigen::Vector3f::UnitZ(), kTargetSpacing_m / 2, 0);
   const auto regions = FindUncoveredRegions(targets, sampling, All(targets));
   ASSERT_EQ(regions.size(), 2u);
   // 16 targets of 25 mm2 are as much surface as 64 of 6.25 mm2.
@@ -130,7 +130,7 @@ TEST(FindUncoveredRegions, EveryTargetIsInExactlyOneRegionAndRegionsAreFarApart)
   for (size_t i = 0; i < targets.size(); ++i) {
     ASSERT_GE(region_of[i], 0);
     for (size_t j = 0; j < i; ++j) {
-      if ((targets.positions_m[i] - targets.positions_m[j]).norm() > 2 * kSpacing * 0.9999)
+      if ((targets.positions_m[i] - targets.positions_m[j]).norm() > 2 * kTargetSpacing_m * 0.9999)
         continue;
       EXPECT_EQ(region_of[i], region_of[j]);
       ++pairs;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/process/interrupt.h"
+#include "planner_client/command_line/process/interrupt.h"
 
 #include <unistd.h>
 

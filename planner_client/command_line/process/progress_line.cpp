@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/process/progress_line.h"
+#include "planner_client/command_line/process/progress_line.h"
 
 #include <unistd.h>
 
@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
-#include "planner_client/commands/help/terminal.h"
+#include "planner_client/command_line/help/terminal.h"
 
 namespace sightline {
 namespace {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/process/parent_watch.h"
+#include "planner_client/command_line/process/parent_watch.h"
 
 #include <fcntl.h>
 #include <unistd.h>
@@ -9,7 +9,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/commands/process/exit_code.h"
+#include "planner_client/command_line/process/exit_code.h"
 
 namespace sightline {
 

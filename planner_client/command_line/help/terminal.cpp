@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/help/terminal.h"
+#include "planner_client/command_line/help/terminal.h"
 
 #include <sys/ioctl.h>
 #include <unistd.h>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/explore/draft_picture.h"
+#include "planner_client/render_client/draft_picture.h"
 
 #include <algorithm>
 #include <array>

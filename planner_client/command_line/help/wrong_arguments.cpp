@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/help/wrong_arguments.h"
+#include "planner_client/command_line/help/wrong_arguments.h"
 
 #include <algorithm>
 #include <sstream>
@@ -8,12 +8,10 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/spelling/nearest_name.h"
-#include "planner_client/commands/help/terminal.h"
+#include "planner_client/command_line/help/terminal.h"
 
 namespace sightline {
 namespace {
-
-constexpr size_t kColumns = 80;
 
 std::vector<const CLI::App*> CommandsBelow(const CLI::App& app) {
   return app.get_subcommands([](const CLI::App* command) { return !command->get_name().empty(); });
@@ -117,7 +115,7 @@ std::string ExplainWrongArguments(const CLI::App& app, const std::vector<std::st
   } else {
     absl::StrAppend(&text, error.what(), "\n");
   }
-  return WrapText(absl::StrCat(app.get_name(), ": ", text, more), kColumns, "  ");
+  return WrapText(absl::StrCat(app.get_name(), ": ", text, more), kHelpColumns, "  ");
 }
 
 }  // namespace sightline

@@ -1,19 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "planner_client/commands/help/help_format.h"
+#include "planner_client/command_line/help/help_format.h"
 
 #include "absl/strings/str_replace.h"
-#include "planner_client/commands/help/terminal.h"
+#include "planner_client/command_line/help/terminal.h"
 
 namespace sightline {
-namespace {
-
-// deploy/command_line reads help of this form, so it does not follow the terminal.
-constexpr size_t kColumns = 80;
-
-}  // namespace
-
 std::string HelpFormat::make_description(const CLI::App* app) const {
-  return WrapText(Formatter::make_description(app), kColumns);
+  return WrapText(Formatter::make_description(app), kHelpColumns);
 }
 
 std::string HelpFormat::make_option_name(const CLI::Option* option, bool is_positional) const {
@@ -32,13 +25,13 @@ std::string HelpFormat::make_option_opts(const CLI::Option* option) const {
 }
 
 std::string HelpFormat::make_option_desc(const CLI::Option* option) const {
-  return WrapText(Formatter::make_option_desc(option), kColumns - get_column_width());
+  return WrapText(Formatter::make_option_desc(option), kHelpColumns - get_column_width());
 }
 
 std::string HelpFormat::make_subcommand(const CLI::App* command) const {
   std::ostringstream out;
   CLI::detail::format_help(out, command->get_display_name(true),
-                           WrapText(command->get_description(), kColumns - get_column_width()),
+                           WrapText(command->get_description(), kHelpColumns - get_column_width()),
                            get_column_width());
   return out.str();
 }

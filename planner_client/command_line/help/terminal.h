@@ -8,6 +8,10 @@
 
 namespace sightline {
 
+// Width of help and of messages about wrong arguments. deploy/command_line reads help of this form,
+// so it does not follow the terminal.
+inline constexpr size_t kHelpColumns = 80;
+
 // Columns of the terminal behind a file descriptor; `otherwise` if it is none.
 size_t TerminalColumns(int fd, size_t otherwise);
 

@@ -1,0 +1,34 @@
+// SPDX-License-Identifier: Apache-2.0
+// What stands before a command on the command line of `sightline`, the same in the dispatcher and
+// in the programs that carry commands out.
+#pragma once
+
+#include <CLI/CLI.hpp>
+#include <string>
+#include <vector>
+
+namespace sightline {
+
+// Options before the command.
+struct GlobalOptions {
+  std::string progress = "text";  // or "json"
+  int parent_fd = -1;             // -1: none
+  std::string traceparent;        // W3C trace context; empty: none
+};
+
+// Sets name, description, form of --help, --version (which names `program`) and the options.
+// `options` must outlive `app`. Call AddHelpExamples() once all commands are added.
+void SetUpCommandLine(CLI::App& app, const std::string& program, GlobalOptions* options);
+
+// Examples at the end of `sightline --help`. Commands take over the footer that is set when they
+// are added, so it is set last.
+void AddHelpExamples(CLI::App& app);
+
+// What `sightline` without a word prints.
+std::string ShortHelp();
+
+// Parses `words`, the command line without the program's name. Returns the exit code if that was
+// all, as after --help or a wrong option, whose explanation is then on stderr; otherwise -1.
+int ParseCommandLine(CLI::App& app, const std::vector<std::string>& words);
+
+}  // namespace sightline

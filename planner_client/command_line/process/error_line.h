@@ -1,0 +1,16 @@
+// SPDX-License-Identifier: Apache-2.0
+// How an error is printed.
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace sightline {
+
+// One error on stderr: "sightline: MESSAGE" for people, or after UseJsonProgress() an object
+// {"error": {"code", "reason", "message"}}. `code`: name of an absl::StatusCode, as "NOT_FOUND";
+// `reason`: that of google.rpc.ErrorInfo, or empty. A message of several lines holds an error a
+// line (core/json/error_list.h).
+void PrintError(std::string_view code, std::string_view reason, const std::string& message);
+
+}  // namespace sightline
