@@ -46,5 +46,6 @@ function(sightline_test name)
   endif()
   add_test(NAME ${name}
     COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tests/run_sources.py $<TARGET_FILE:${program}> ${sources})
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} ENVIRONMENT "${SIGHTLINE_TEST_ENVIRONMENT}")
+  # Long tests begin first, so that none runs alone at the end.
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} COST ${ARG_TIMEOUT} ENVIRONMENT "${SIGHTLINE_TEST_ENVIRONMENT}")
 endfunction()

@@ -15,14 +15,17 @@ import sys
 import tempfile
 
 
-def tests_of(listing, sources):
-    """Names "Suite.Test" of the tests in `listing` (GoogleTest's JSON) that `sources` define."""
+def tests_of(listing, sources, build):
+    """Names "Suite.Test" of the tests in `listing` (GoogleTest's JSON) that `sources` define.
+
+    The compiler cache makes some paths relative to the build folder `build`.
+    """
     wanted = {os.path.realpath(source) for source in sources}
     return [
         f"{suite['name']}.{test['name']}"
         for suite in listing["testsuites"]
         for test in suite["testsuite"]
-        if os.path.realpath(test["file"]) in wanted
+        if os.path.realpath(os.path.join(build, test["file"])) in wanted
     ]
 
 
@@ -41,7 +44,8 @@ def main(words):
         options = words[words.index("--") + 1:]
         words = words[:words.index("--")]
     program, *sources = words
-    names = tests_of(list_tests(program), sources)
+    # Programs are in the folder bin of the build folder.
+    names = tests_of(list_tests(program), sources, os.path.dirname(os.path.dirname(os.path.abspath(program))))
     if not names:
         print(f"run_sources.py: {program} has no test of {' '.join(sources)}", file=sys.stderr)
         return 1

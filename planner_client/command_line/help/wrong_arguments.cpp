@@ -58,7 +58,8 @@ Reached Follow(const CLI::App& app, const std::vector<std::string>& arguments) {
     if (found != below.end()) {
       reached.command = *found;
       absl::StrAppend(&reached.words, " ", argument);
-    } else if (!below.empty() && reached.unknown_word.empty()) {
+    } else if (!below.empty() && reached.unknown_word.empty() && reached.unknown_option.empty()) {
+      // After an unknown option it may be the value of that.
       reached.unknown_word = argument;
     }
   }
