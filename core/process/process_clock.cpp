@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 constexpr absl::Duration kShortestLook = absl::Milliseconds(2);
 constexpr absl::Duration kLongestSleep = absl::Seconds(1);
 
-// Of all threads. Zero if the process has ended.
+// CPU time of all threads of a process; zero if the process has ended.
 absl::Duration CpuTime(pid_t pid) {
   clockid_t clock;
   timespec time;

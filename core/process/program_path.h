@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the programs of this product stand: beside each other in a build folder, and in
+// Finds the programs of this product. They stand beside each other in a build folder, and in
 // PREFIX/bin and PREFIX/libexec/sightline once they are installed.
 #pragma once
 

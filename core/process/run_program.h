@@ -18,7 +18,7 @@ struct FinishedProgram {
 };
 
 struct ProgramLimits {
-  // Of the time that the program takes by itself (core/process/process_clock.h): CPU time and
+  // Limits the time that the program takes by itself (core/process/process_clock.h): CPU time and
   // sleep. A busy machine that holds it up does not shorten what it may do.
   absl::Duration time_limit;
   size_t max_output_bytes = size_t{64} << 20;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What stands before a command on the command line of `sightline`, the same in the dispatcher and
-// in the programs that carry commands out.
+// Options before the command on the command line of `sightline`. The dispatcher and the programs
+// that carry commands out read the same ones.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -24,7 +24,7 @@ void SetUpCommandLine(CLI::App& app, const std::string& program, GlobalOptions* 
 // are added, so it is set last.
 void AddHelpExamples(CLI::App& app);
 
-// What `sightline` without a word prints.
+// The text that `sightline` prints if it is started without arguments.
 std::string ShortHelp();
 
 // Parses `words`, the command line without the program's name. Returns the exit code if that was

@@ -144,7 +144,7 @@ TEST_F(CoverageServiceTest, RefusesPartsThatAreTooLargeAtOnce) {
   const absl::Status more = FromGrpcStatus(writer->Finish());
   EXPECT_EQ(more.code(), absl::StatusCode::kInvalidArgument) << more;
   EXPECT_THAT(std::string(more.message()), HasSubstr("more bytes followed"));
-  // What was refused must not hold up the end of the server for the idle timeout.
+  // A refused upload must not hold up the end of the server for the idle timeout.
   server_->Drain(absl::ZeroDuration());
 }
 

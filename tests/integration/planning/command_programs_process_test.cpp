@@ -93,7 +93,7 @@ TEST(CommandPrograms, InstalledInLibexecIsFound) {
   EXPECT_EQ(help.output, RunProcess(InBin("sightline") + " effects --help").output);
 }
 
-// Whoever may write into a folder of PATH or into the working folder must not be asked.
+// Others may write into folders of PATH or into the working folder: programs there are not run.
 TEST(CommandPrograms, MissingProgramIsNotLookedForInPathAndIsNamed) {
   Prefix prefix("missing");
   const std::string sightline = prefix.Add("bin", "sightline");

@@ -45,7 +45,7 @@ class RawConnection {
     }
     return true;
   }
-  // What comes until `text` is in it or the server closes.
+  // Reads until `text` has arrived or the server closes; returns all that was read.
   std::string ReadUntil(const std::string& text) {
     std::string all;
     while (all.find(text) == std::string::npos) {
