@@ -242,6 +242,45 @@ class Cases:
                         r"huge\.stl")
         (folder / "huge.stl").unlink()
 
+    # -- files of other makers ------------------------------------------------------------------
+
+    def other_makers(self):
+        """Files that say something else than a hasty reader takes from them."""
+        folder = self.folder
+
+        def part(name, pattern, unit="mm"):
+            source = {"file": name} if unit is None else {"file": name, "unit": unit}
+            self.wrong_plan(name, self.inspection(name.replace(".", "_"), {"part": source}), pattern)
+
+        far = [[c + 400_000 for c in triangle] for triangle in box_triangles(100, 60, 40)]
+        bench.write_binary_stl(folder / "far.stl", far)
+        part("far.stl", r"from the origin of its file.*um")
+        header = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {c}\n" for c in "xyz")
+        header += "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        (folder / "more_points.ply").write_text(
+            header + "0 0 0\n90 0 0\n0 90 0\n3 0 1 2\n3 0 1 2\n", encoding="utf-8")
+        part("more_points.ply", r"more_points\.ply")
+        document, binary = read_glb(self.head)
+        node = next(node for node in document["nodes"] if "mesh" in node)
+        node["extensions"] = {"ACME_bends_surfaces": {}}
+        document["extensionsUsed"] = ["ACME_bends_surfaces"]
+        write_glb(folder / "extension.glb", document, binary)
+        part("extension.glb", r"ACME_bends_surfaces", None)
+        (folder / "no_area.obj").write_text("v 0 0 0\nv 10 0 0\nv 20 0 0\nf 1 2 3\n", encoding="utf-8")
+        part("no_area.obj", r"no (triangles with area|surface)")
+        plan = folder / "other_plan.json"
+        plan.write_text(json.dumps({"part_digest": "2:" + 64 * "0", "scans": [{"measurement": {
+            "camera_distance_m": 0.4, "triangulation_angle_deg": 30}}]}), encoding="utf-8")
+        self.add("plan of another part", run([bench.SIGHTLINE, "evaluate", self.box_inspection, plan,
+                                              "--out", folder / "other_out", "--no-pictures"]),
+                 2, r"another part.*--other-part")
+
+    def numbers(self):
+        """Numbers that a program could read otherwise than its user."""
+        for option, value in [("--seed", "010"), ("--seed", "0x8"), ("--seed", "1e3"), ("--seed", str(2 ** 64 + 1)),
+                              ("--seed", "nan"), ("--goal", "nan"), ("--goal", "inf")]:
+            self.wrong_plan(f"{option} {value}", self.box_inspection, option, option, value)
+
     # -- inspection.json ------------------------------------------------------------------------
 
     def inspections(self):
@@ -460,6 +499,8 @@ def main():
     with tempfile.TemporaryDirectory(prefix="sightline-bad-input-") as folder:
         cases = Cases(folder)
         cases.files()
+        cases.other_makers()
+        cases.numbers()
         cases.inspections()
         cases.uncertainty()
         cases.uploads()

@@ -9,8 +9,8 @@
 #include <memory>
 
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/text/number.h"
 
 namespace sightline {
 namespace {
@@ -33,9 +33,8 @@ bool IsUnixAddress(const std::string& address) { return absl::StartsWith(address
 
 absl::StatusOr<std::string> HostOfAddress(const std::string& option, const std::string& address) {
   const size_t colon = address.rfind(':');
-  int port = -1;
-  if (colon == std::string::npos || colon == 0 ||
-      !absl::SimpleAtoi(address.substr(colon + 1), &port) || port < 0 || port > 65535) {
+  const auto port = ParseUnsigned(address.substr(colon == std::string::npos ? 0 : colon + 1));
+  if (colon == std::string::npos || colon == 0 || !port.ok() || *port > 65535) {
     return absl::InvalidArgumentError(
         absl::StrCat(option, " ", address, ": must be unix:PATH or HOST:PORT"));
   }

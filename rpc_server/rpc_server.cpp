@@ -32,6 +32,9 @@ constexpr int kHandshakeTimeout_ms = 10000;
 // A peer that is gone without a word is found out within their sum.
 constexpr int kKeepaliveTime_ms = 30000;
 constexpr int kKeepaliveTimeout_ms = 20000;
+// Clients ping a server that computes (planner_client/rpc_client/channel.h); one that pings more
+// often than this is cut off.
+constexpr int kLeastPingInterval_ms = 20000;
 // Connections without calls; clients that come back open a new one by themselves.
 constexpr int kConnectionIdle_ms = 300000;
 // Of the messages that are being received and sent, before their calls are known: gRPC then ends
@@ -168,6 +171,8 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, kKeepaliveTimeout_ms);
   builder.AddChannelArgument(GRPC_ARG_KEEPALIVE_PERMIT_WITHOUT_CALLS, 1);
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
+                             kLeastPingInterval_ms);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kConnectionIdle_ms);
   // What one connection asks beyond that waits at the client.
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, options.max_call_threads);

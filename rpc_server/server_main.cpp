@@ -18,6 +18,7 @@
 #include <mutex>
 #include <thread>
 
+#include "core/command_options/option_values.h"
 #include "core/trace/trace_context.h"
 #include "rpc_server/health_check.h"
 
@@ -114,10 +115,9 @@ void AllowManyConnections() {
 }  // namespace
 
 void AddBytesOption(CLI::App& app, const char* name, int64_t* value, const char* help) {
-  app.add_option(name, *value, help)
-      ->transform(CLI::AsSizeValue(/*kb_is_1000=*/false))
-      ->check(CLI::Range(1.0, 1e15))
-      ->capture_default_str();
+  CLI::Option* const option = app.add_option(name, *value, help);
+  option->check(CLI::Range(1.0, 1e15))->capture_default_str();
+  TakeSizes(*option);
 }
 
 int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOptions* options) {
@@ -172,6 +172,9 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
   app.add_option("--health-service", ignored,
                  "With --health-check: whether this service takes more work, e.g. "
                  "sightline.v1.CoverageService; default: whether the server is alive");
+  NeedOption(app, {"--health-service"}, "--health-check");
+  NeedOption(app, {"--metrics-host"}, "--metrics-port");
+  RequireStrictNumbers(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& e) {

@@ -54,6 +54,10 @@ absl::Status ForEachChunk(CallTracker* calls, grpc::ServerContext* context,
       return InvalidFields(
           {{"chunk", absl::StrCat(chunk.size(), " bytes: at most ", kMaxUploadChunkBytes)}});
     }
+    // A stream of messages without bytes would keep a call and its thread busy for nothing.
+    if (chunk.empty() && size > 0) {
+      return InvalidFields({{"chunk", "is empty"}});
+    }
     received += static_cast<int64_t>(chunk.size());
     if (received > size) {
       return InvalidFields({{"header.size_bytes", absl::StrCat(size, ": more bytes followed")}});

@@ -18,7 +18,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "bench/common/measure.h"
-#include "planner_client/rpc_client/sha256.h"
+#include "core/digest/sha256.h"
 #include "planning_service/server/planning_server.h"
 #include "sightline/v1/planning_service.grpc.pb.h"
 
@@ -28,12 +28,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kToken[] = "token of the benchmark";
-
-std::string Sha256Hex(const std::string& text) {
-  Sha256 digest;
-  digest.Add(text);
-  return digest.Hex();
-}
 
 // One client's connection; true if the request was answered well.
 using Request = std::function<bool()>;

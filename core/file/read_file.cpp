@@ -10,12 +10,14 @@
 #include <cstring>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/no_such_file.h"
 
 namespace sightline {
 namespace {
 
 absl::Status CannotBeRead(const std::string& path, int error) {
-  return absl::NotFoundError(absl::StrCat(path, ": cannot be read: ", std::strerror(error)));
+  return absl::NotFoundError(absl::StrCat(path, ": cannot be read: ", std::strerror(error),
+                                          error == ENOENT ? NameInOtherCase(path) : ""));
 }
 
 std::string MebibytesText(uint64_t bytes) {

@@ -1,15 +1,21 @@
 // SPDX-License-Identifier: Apache-2.0
-// Readers of single formats, for ReadRawImageFile.
+// Readers of single formats, for ReadRawImageFile: tags first, then pixels as they are stored.
 #pragma once
 
 #include <cstdio>
 
+#include "core/image/image_tags.h"
 #include "core/image/read_raw_image.h"
 
 namespace sightline {
 
-// From the start of `file`. Errors are as of ReadRawImageFile, without the file's name.
-// `check_size` is not empty.
+// Tags of the whole file, without decoding pixels. Strips that the file does not have are left to
+// the reader of pixels. INVALID_ARGUMENT: the list of what is in the file is damaged.
+absl::StatusOr<ImageTags> ReadPngTags(std::FILE* file, const StopCheck& stop);
+absl::StatusOr<ImageTags> ReadTiffTags(std::FILE* file, const StopCheck& stop);
+
+// Pixels as stored, whatever the orientation. Errors are those of ReadRawImageFile, without the
+// file's name. `check_size` is not empty; it is asked for the stored size.
 absl::StatusOr<RawImageFile> ReadRawPng(std::FILE* file, const ImageSizeCheck& check_size,
                                         const StopCheck& stop);
 absl::StatusOr<RawImageFile> ReadRawTiff(std::FILE* file, const ImageSizeCheck& check_size,

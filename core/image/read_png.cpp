@@ -88,6 +88,8 @@ bool ReadPng(std::FILE* file, Message* message, PngHeader* header, PngImage* ima
   png_init_io(png, file);
   // Texts, profiles and the like are compressed: small files could hold any amount of them.
   png_set_keep_unknown_chunks(png, PNG_HANDLE_CHUNK_NEVER, nullptr, -1);
+  // Pixels left over behind the last row are an error, not a warning.
+  png_set_benign_errors(png, 0);
   png_read_info(png, info);
   png_get_IHDR(png, info, &header->columns, &header->rows, &header->bits, &header->colour_type,
                nullptr, nullptr, nullptr);

@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/image/read_raw_image.h"
 
+#include <algorithm>
 #include <array>
+#include <cstdint>
 #include <string_view>
 #include <utility>
 
@@ -12,26 +14,76 @@
 namespace sightline {
 namespace {
 
-// By the first bytes, whatever the name says.
-enum class FileType { kPng, kTiff, kJpeg, kOther };
+// Zeros behind the image that fill the last block of a disk or a camera's buffer.
+constexpr uint64_t kMaxPaddingBytes = 4096;
 
-FileType TypeOf(std::string_view head) {
-  const auto starts = [&](std::string_view magic) { return head.substr(0, magic.size()) == magic; };
-  if (starts("\x89PNG\r\n\x1a\n")) return FileType::kPng;
-  if (starts("\xff\xd8\xff") || (head.size() >= 8 && head.substr(4, 4) == "jP  ")) {
-    return FileType::kJpeg;
-  }
-  if (starts(std::string_view("II*\0", 4)) || starts(std::string_view("MM\0*", 4)) ||
-      starts(std::string_view("II+\0", 4)) || starts(std::string_view("MM\0+", 4))) {
-    return FileType::kTiff;
-  }
-  return FileType::kOther;
+bool IsPng(std::string_view head) { return head.starts_with("\x89PNG\r\n\x1a\n"); }
+
+bool IsTiff(std::string_view head) {
+  return head.starts_with(std::string_view("II*\0", 4)) ||
+         head.starts_with(std::string_view("MM\0*", 4)) ||
+         head.starts_with(std::string_view("II+\0", 4)) ||
+         head.starts_with(std::string_view("MM\0+", 4));
 }
+
+bool IsJpeg(std::string_view head) {
+  return head.starts_with("\xff\xd8\xff") || (head.size() >= 8 && head.substr(4, 4) == "jP  ");
+}
+
+// A new format is one line here; the rule for tags and left-over bytes then holds for it too.
+struct RawImageFormat {
+  bool (*is)(std::string_view head);
+  absl::StatusOr<ImageTags> (*read_tags)(std::FILE*, const StopCheck&);
+  absl::StatusOr<RawImageFile> (*read_pixels)(std::FILE*, const ImageSizeCheck&, const StopCheck&);
+};
+constexpr RawImageFormat kRawImageFormats[] = {
+    {IsPng, ReadPngTags, ReadRawPng},
+    {IsTiff, ReadTiffTags, ReadRawTiff},
+};
 
 absl::Status CheckSides(int columns_px, int rows_px) {
   if (columns_px <= kMaxImageSide_px && rows_px <= kMaxImageSide_px) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrCat(
       "is ", columns_px, " x ", rows_px, " px, must have at most ", kMaxImageSide_px, " a side"));
+}
+
+// Whether nothing but padding follows the image.
+absl::Status CheckBytesBehind(std::FILE* file, uint64_t end) {
+  if (fseeko(file, 0, SEEK_END) != 0) return absl::InvalidArgumentError("cannot be read");
+  const auto size = static_cast<uint64_t>(ftello(file));
+  if (size <= end) return absl::OkStatus();
+  const uint64_t left_over = size - end;
+  bool zeros = left_over <= kMaxPaddingBytes;
+  if (zeros) {
+    fseeko(file, static_cast<off_t>(end), SEEK_SET);
+    std::array<char, kMaxPaddingBytes> bytes{};
+    const size_t read = std::fread(bytes.data(), 1, left_over, file);
+    zeros = read == left_over &&
+            std::all_of(bytes.begin(), bytes.begin() + read, [](char byte) { return byte == 0; });
+  }
+  if (zeros) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      absl::StrCat("has ", left_over,
+                   " bytes behind its image that belong to nothing in it: more images, or another "
+                   "file; save the image again"));
+}
+
+absl::StatusOr<RawImageFile> ReadFormat(const RawImageFormat& format, std::FILE* file,
+                                        const ImageSizeCheck& check_size, const StopCheck& stop) {
+  const absl::StatusOr<ImageTags> tags = format.read_tags(file, stop);
+  if (!tags.ok()) return tags.status();
+  const absl::StatusOr<int> orientation = CheckTags(*tags);
+  if (!orientation.ok()) return orientation.status();
+  const ImageSizeCheck check_stored = [&](int columns_px, int rows_px) {
+    if (SwapsSides(*orientation)) std::swap(columns_px, rows_px);
+    return check_size(columns_px, rows_px);
+  };
+  absl::StatusOr<RawImageFile> image = format.read_pixels(file, check_stored, stop);
+  if (!image.ok()) return image.status();
+  if (absl::Status status = CheckBytesBehind(file, tags->end); !status.ok()) return status;
+  image->raw_dn = Oriented(std::move(image->raw_dn), *orientation);
+  image->orientation = *orientation;
+  return image;
 }
 
 absl::StatusOr<RawImageFile> Read(std::FILE* file, const ImageSizeCheck& check_size,
@@ -43,17 +95,14 @@ absl::StatusOr<RawImageFile> Read(std::FILE* file, const ImageSizeCheck& check_s
     if (absl::Status status = CheckSides(columns_px, rows_px); !status.ok()) return status;
     return check_size ? check_size(columns_px, rows_px) : absl::OkStatus();
   };
-  switch (TypeOf({head.data(), size})) {
-    case FileType::kPng:
-      return ReadRawPng(file, check, stop);
-    case FileType::kTiff:
-      return ReadRawTiff(file, check, stop);
-    case FileType::kJpeg:
-      return absl::InvalidArgumentError(
-          "is a JPEG file: its compression has changed the numbers; record raw numbers in 16-bit "
-          "greyscale PNG or TIFF");
-    case FileType::kOther:
-      break;
+  const std::string_view start(head.data(), size);
+  for (const RawImageFormat& format : kRawImageFormats) {
+    if (format.is(start)) return ReadFormat(format, file, check, stop);
+  }
+  if (IsJpeg(start)) {
+    return absl::InvalidArgumentError(
+        "is a JPEG file: its compression has changed the numbers; record raw numbers in 16-bit "
+        "greyscale PNG or TIFF");
   }
   return absl::InvalidArgumentError("is neither a PNG nor a TIFF file, must be 16-bit greyscale");
 }

@@ -22,14 +22,17 @@ using ImageSizeCheck = std::function<absl::Status(int columns_px, int rows_px)>;
 
 struct RawImageFile {
   Image<uint16_t> raw_dn;
-  int file_bits = 16;  // 8 or 16 a pixel
+  int file_bits = 16;   // 8 or 16 a pixel
+  int orientation = 1;  // tag of the file that `raw_dn` obeys, 1 to 8; 1: as stored
 };
 
-// The type is told by the content. Values are taken as they are in the file, of TIFF the first
-// image. NOT_FOUND: no such file. INVALID_ARGUMENT names the file and the reason: no regular file,
-// a JPEG or another type, colour, palette or transparency, other than 8 or 16 bits a pixel without
-// sign, white stored as 0, lossy compression, another size than allowed, truncated or damaged.
-// `stop` ends it early.
+// The content tells the type, not the name. Numbers are taken as they are in the file; an
+// orientation (TIFF, Exif, XMP) is obeyed, so that row 0 is the top row. NOT_FOUND: no such file.
+// INVALID_ARGUMENT names the file and the reason: no regular file, a JPEG or another type, colour,
+// palette or transparency, other than 8 or 16 bits a pixel without sign, white stored as 0, lossy
+// compression, more than one image, another tag that changes the pixels, another size than allowed,
+// bytes left over, truncated or damaged. `stop` ends it early. `check_size` is asked for the size
+// that the image has once its orientation is obeyed.
 absl::StatusOr<RawImageFile> ReadRawImageFile(const std::string& path,
                                               const ImageSizeCheck& check_size = {},
                                               const StopCheck& stop = {});

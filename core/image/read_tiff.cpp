@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// TIFF by libtiff, strip by strip: whether a strip has all its bytes is looked at here. Readers for
-// pictures fill what is missing with zeros, which would pass for dark pixels.
+// Pixels of TIFF by libtiff, strip by strip; tiff_tags.cpp reads the tags. Whether a strip has all
+// its bytes is looked at here. Readers for pictures fill what is missing with zeros, which would
+// pass for dark pixels.
 #include <tiffio.h>
 #include <unistd.h>
 
@@ -86,7 +87,7 @@ absl::Status ReadHeader(TIFF* tiff, TiffHeader* header) {
   TIFFGetFieldDefaulted(tiff, TIFFTAG_SAMPLESPERPIXEL, &samples);
   TIFFGetFieldDefaulted(tiff, TIFFTAG_SAMPLEFORMAT, &format);
   TIFFGetFieldDefaulted(tiff, TIFFTAG_COMPRESSION, &compression);
-  TIFFGetField(tiff, TIFFTAG_PHOTOMETRIC, &photometric);
+  const bool has_photometric = TIFFGetField(tiff, TIFFTAG_PHOTOMETRIC, &photometric) == 1;
   if (TIFFGetField(tiff, TIFFTAG_IMAGEWIDTH, &header->columns) != 1 ||
       TIFFGetField(tiff, TIFFTAG_IMAGELENGTH, &header->rows) != 1 || header->columns == 0 ||
       header->rows == 0) {
@@ -104,6 +105,14 @@ absl::Status ReadHeader(TIFF* tiff, TiffHeader* header) {
   if (photometric == PHOTOMETRIC_MINISWHITE) {
     return absl::InvalidArgumentError(
         "stores white as 0, must store numbers as read out (black as 0)");
+  }
+  if (!has_photometric) {
+    return absl::InvalidArgumentError(
+        "does not say whether 0 is black (PhotometricInterpretation is missing)");
+  }
+  if (photometric != PHOTOMETRIC_MINISBLACK && photometric != PHOTOMETRIC_CFA) {
+    return absl::InvalidArgumentError(absl::StrCat("has PhotometricInterpretation ", photometric,
+                                                   ", must be 1 (greyscale, 0 is black)"));
   }
   if (format != SAMPLEFORMAT_UINT && format != SAMPLEFORMAT_VOID) {
     return absl::InvalidArgumentError(

@@ -475,6 +475,7 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   errors.Add(CheckMeshFile(check, "part", message.part().file(), message.part().unit()));
   inspection.part_file = message.part().file();
   inspection.part_unit = message.part().unit();
+  inspection.part_construction_geometry = message.part().construction_geometry();
 
   const bool rig_ok =
       take(ParseRig(message.rig(), message.camera(), message.has_lens() ? &message.lens() : nullptr,

@@ -160,6 +160,7 @@ struct Inspection {
   std::string name;
   std::string part_file;  // resolved against the inspection file's folder
   std::string part_unit;
+  bool part_construction_geometry = false;  // of a STEP file
   Rig rig;
   // Of a part that rests, until HoldPart (part_holding.h) has found its faces: free.
   PartHolding part_holding = PartHolding::kFree;

@@ -1,36 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/json/strict_json.h"
 
-#include <fcntl.h>
 #include <google/protobuf/descriptor.h>
-#include <google/protobuf/util/json_util.h>
-#include <unistd.h>
+#include <google/protobuf/io/coded_stream.h>
+#include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
 #include <algorithm>
-#include <atomic>
-#include <cerrno>
 #include <charconv>
 #include <cmath>
 #include <cstdint>
-#include <cstdio>
-#include <cstring>
 #include <limits>
 #include <map>
+#include <memory>
 #include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <string_view>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/string_view.h"
 #include "core/file/read_file.h"
 #include "core/json/error_list.h"
 #include "core/json/json_text.h"
 #include "core/json/line_comments.h"
 #include "core/json/printable.h"
 #include "core/spelling/nearest_name.h"
+#include "core/text/text_encoding.h"
 
 namespace sightline {
 namespace {
@@ -43,29 +43,18 @@ using google::protobuf::Reflection;
 
 // protobuf's own JSON parser stops at 100 levels; far more than any of our files needs.
 constexpr size_t kMaxDepth = 64;
-// Once parsed a value takes some 200 bytes for a moment, however short its text is.
+// This bounds the time, as MostMessageBytes does the memory.
 constexpr size_t kMaxJsonValues = 2'000'000;
 // What reading a file may cost: the largest of ours, 10 000 recordings, has 10 MB.
 constexpr uint64_t kMaxFileBytes = uint64_t{64} << 20;
-
-struct JsonMember;
-
-// A JSON value that, unlike nlohmann::json, keeps duplicate keys.
-struct JsonNode {
-  enum class Type { kNull, kBool, kInteger, kNumber, kString, kArray, kObject };
-  Type type = Type::kNull;
-  std::string text;   // of a string, or of a number as written
-  double number = 0;  // of kInteger and kNumber
-  bool negative = false;
-  uint64_t magnitude = 0;  // of kInteger
-  std::vector<JsonMember> members;
-  std::vector<JsonNode> elements;
-};
-
-struct JsonMember {
-  std::string key;
-  JsonNode value;
-};
+// Messages of files with few values may be larger than ten times the text.
+constexpr size_t kFreeMessageBytes = size_t{256} << 10;
+// No message of ours takes as much beyond its text.
+constexpr size_t kMostBytesBeyondText = size_t{64} << 20;
+// Of an allocation: the header of malloc and the space lost to its steps of 16 bytes.
+constexpr size_t kAllocationBytes = 16;
+// Of a map with its first entries.
+constexpr size_t kTableBytes = 64;
 
 struct TextPosition {
   size_t line = 1, column = 1;
@@ -84,317 +73,534 @@ TextPosition PositionOf(const std::string& text, size_t byte) {
   return position;
 }
 
-// Builds the tree from the parser's events. The stack holds open containers; pointers stay valid
-// because only the innermost container grows.
-class TreeBuilder : public nlohmann::json_sax<nlohmann::json> {
- public:
-  JsonNode root;
-  std::string error;
-  size_t error_byte = 0;
-
-  bool null() override { return Add({}) != nullptr; }
-  bool boolean(bool value) override {
-    JsonNode node;
-    node.type = JsonNode::Type::kBool;
-    node.text = value ? "true" : "false";
-    return Add(std::move(node)) != nullptr;
-  }
-  bool number_integer(number_integer_t value) override {
-    JsonNode node;
-    node.type = JsonNode::Type::kInteger;
-    node.negative = value < 0;
-    node.magnitude = node.negative ? 0 - static_cast<uint64_t>(value) : value;
-    node.number = static_cast<double>(value);
-    node.text = absl::StrCat(value);
-    return Add(std::move(node)) != nullptr;
-  }
-  bool number_unsigned(number_unsigned_t value) override {
-    JsonNode node;
-    node.type = JsonNode::Type::kInteger;
-    node.magnitude = value;
-    node.number = static_cast<double>(value);
-    node.text = absl::StrCat(value);
-    return Add(std::move(node)) != nullptr;
-  }
-  bool number_float(number_float_t value, const string_t& text) override {
-    JsonNode node;
-    node.type = JsonNode::Type::kNumber;
-    node.number = value;
-    node.text = text;
-    return Add(std::move(node)) != nullptr;
-  }
-  bool string(string_t& value) override {
-    JsonNode node;
-    node.type = JsonNode::Type::kString;
-    node.text = value;
-    return Add(std::move(node)) != nullptr;
-  }
-  bool binary(binary_t&) override { return false; }  // not in JSON text
-  bool start_object(size_t) override { return Open(JsonNode::Type::kObject); }
-  bool start_array(size_t) override { return Open(JsonNode::Type::kArray); }
-  bool end_object() override { return Close(); }
-  bool end_array() override { return Close(); }
-  bool key(string_t& value) override {
-    key_ = value;
-    return true;
-  }
-  bool parse_error(size_t byte, const std::string&, const nlohmann::detail::exception& e) override {
-    error_byte = byte > 0 ? byte - 1 : 0;
-    error = e.what();
-    // "[json.exception.parse_error.101] parse error at line 1, column 5: reason": keep the reason.
-    const size_t bracket = error.find("] ");
-    if (bracket != std::string::npos) error = error.substr(bracket + 2);
-    const size_t column = error.find("column ");
-    const size_t reason = column == std::string::npos ? column : error.find(": ", column);
-    if (reason != std::string::npos) error = error.substr(reason + 2);
-    return false;
-  }
-
- private:
-  JsonNode* Add(JsonNode node) {
-    if (++values_ > kMaxJsonValues) {
-      error = absl::StrCat("has more than ", kMaxJsonValues, " values");
-      error_byte = std::numeric_limits<size_t>::max();
-      return nullptr;
-    }
-    if (open_.empty()) {
-      root = std::move(node);
-      return &root;
-    }
-    if (open_.back()->type == JsonNode::Type::kObject) {
-      open_.back()->members.push_back({std::move(key_), std::move(node)});
-      return &open_.back()->members.back().value;
-    }
-    open_.back()->elements.push_back(std::move(node));
-    return &open_.back()->elements.back();
-  }
-  bool Open(JsonNode::Type type) {
-    if (open_.size() >= kMaxDepth) {
-      error = absl::StrCat("nested deeper than ", kMaxDepth, " levels");
-      error_byte = std::numeric_limits<size_t>::max();
-      return false;
-    }
-    JsonNode node;
-    node.type = type;
-    JsonNode* const added = Add(std::move(node));
-    if (added == nullptr) return false;
-    open_.push_back(added);
-    return true;
-  }
-  bool Close() {
-    open_.pop_back();
-    return true;
-  }
-
-  std::vector<JsonNode*> open_;
-  size_t values_ = 0;
-  std::string key_;
-};
-
-std::string Shown(const std::string& text) {
+std::string Shown(absl::string_view text) {
   return absl::StrCat("\"", absl::CEscape(text.substr(0, 60)), text.size() > 60 ? "..." : "", "\"");
 }
 
-std::string Describe(const JsonNode& node) {
-  switch (node.type) {
-    case JsonNode::Type::kNull:
+// A value of the text; of arrays and objects only that there is one.
+struct JsonValue {
+  enum class Type { kNull, kBool, kInteger, kNumber, kString, kArray, kObject };
+  Type type = Type::kNull;
+  absl::string_view text{};  // of kString, and of kNumber as written
+  double number = 0;         // of kInteger and kNumber
+  bool flag = false;         // of kBool
+  bool negative = false;     // of kInteger
+  uint64_t magnitude = 0;    // of kInteger
+
+  bool IsNumber() const { return type == Type::kInteger || type == Type::kNumber; }
+};
+
+std::string Describe(const JsonValue& value) {
+  switch (value.type) {
+    case JsonValue::Type::kNull:
       return "null";
-    case JsonNode::Type::kBool:
-    case JsonNode::Type::kInteger:
-    case JsonNode::Type::kNumber:
-      return node.text;
-    case JsonNode::Type::kString:
-      return Shown(node.text);
-    case JsonNode::Type::kArray:
+    case JsonValue::Type::kBool:
+      return value.flag ? "true" : "false";
+    case JsonValue::Type::kInteger:
+      return absl::StrCat(value.negative ? "-" : "", value.magnitude);
+    case JsonValue::Type::kNumber:
+      return std::string(value.text);
+    case JsonValue::Type::kString:
+      return Shown(value.text);
+    case JsonValue::Type::kArray:
       return "an array";
-    case JsonNode::Type::kObject:
+    case JsonValue::Type::kObject:
       return "an object";
   }
   return "";
 }
 
-// Checks a parsed tree against a message type; collects what is wrong.
-class Walker {
- public:
-  explicit Walker(std::string file) : file_(std::move(file)) {}
+std::vector<std::string> NamesOf(const Descriptor& type) {
+  std::vector<std::string> names;
+  for (int i = 0; i < type.field_count(); ++i) names.push_back(type.field(i)->name());
+  return names;
+}
 
-  absl::Status Check(const JsonNode& root, const Descriptor& type) {
-    CheckMessage(root, type, "");
-    return errors_.Status();
+std::vector<std::string> NamesOf(const EnumDescriptor& type) {
+  std::vector<std::string> names;
+  for (int i = 0; i < type.value_count(); ++i) names.push_back(type.value(i)->name());
+  return names;
+}
+
+// What to write instead of a number or an array where an object must stand. Messages that say what
+// a number may be have `fixed` for a single one and `values` for several.
+std::string ObjectInstead(const JsonValue& value, const Descriptor& type) {
+  const FieldDescriptor* fixed = type.FindFieldByName("fixed");
+  if (fixed == nullptr || fixed->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE) return "";
+  if (value.IsNumber()) return absl::StrCat(": write {\"fixed\": ", Describe(value), "}");
+  if (value.type == JsonValue::Type::kArray && type.FindFieldByName("values") != nullptr) {
+    return ": write {\"values\": [...]}, or {\"ranges\": [{\"min\": ..., \"max\": ...}]}";
+  }
+  return "";
+}
+
+// The integer that a value stands for, from -`max_negative` to `max_positive`. 512.0 is an integer
+// too; beyond 2^53 a number with a point no longer says which.
+template <typename Integer>
+std::optional<Integer> IntegerOf(const JsonValue& value, uint64_t max_negative,
+                                 uint64_t max_positive) {
+  if (value.type == JsonValue::Type::kInteger) {
+    if (value.magnitude > (value.negative ? max_negative : max_positive)) return std::nullopt;
+    return static_cast<Integer>(value.negative ? 0 - value.magnitude : value.magnitude);
+  }
+  if (value.type != JsonValue::Type::kNumber) return std::nullopt;
+  const double number = value.number;
+  if (std::trunc(number) != number || std::abs(number) > 9007199254740992.0) return std::nullopt;
+  if (number < 0 ? -number > static_cast<double>(max_negative)
+                 : number > static_cast<double>(max_positive)) {
+    return std::nullopt;
+  }
+  return static_cast<Integer>(number);
+}
+
+// Fills a message from the parser's events, without a tree of the text in between: the text and the
+// message are all that is held. Goes on after a wrong field, so that all errors are said at once;
+// the message is then of no use.
+class MessageReader : public nlohmann::json_sax<nlohmann::json> {
+ public:
+  MessageReader(std::string file, size_t most_bytes, Message* root)
+      : file_(std::move(file)), most_bytes_(most_bytes), root_(root) {}
+
+  // Why the text was not read to its end: its syntax, or a limit.
+  const std::string& error() const { return error_; }
+  // Place of an error of the syntax.
+  std::optional<size_t> error_byte() const { return error_byte_; }
+  // What is wrong with the fields.
+  absl::Status FieldErrors() const { return errors_.Status(); }
+
+  bool null() override { return Add({}); }
+  bool boolean(bool value) override { return Add({.type = JsonValue::Type::kBool, .flag = value}); }
+  bool number_integer(number_integer_t value) override {
+    const bool negative = value < 0;
+    const auto bits = static_cast<uint64_t>(value);
+    return Add({.type = JsonValue::Type::kInteger,
+                .number = static_cast<double>(value),
+                .negative = negative,
+                .magnitude = negative ? 0 - bits : bits});
+  }
+  bool number_unsigned(number_unsigned_t value) override {
+    return Add({.type = JsonValue::Type::kInteger,
+                .number = static_cast<double>(value),
+                .magnitude = value});
+  }
+  bool number_float(number_float_t value, const string_t& text) override {
+    return Add({.type = JsonValue::Type::kNumber, .text = text, .number = value});
+  }
+  bool string(string_t& value) override {
+    return Add({.type = JsonValue::Type::kString, .text = value});
+  }
+  bool binary(binary_t&) override { return false; }  // not in JSON text
+  bool start_object(size_t) override { return Open(JsonValue::Type::kObject); }
+  bool start_array(size_t) override { return Open(JsonValue::Type::kArray); }
+  bool end_object() override {
+    const bool is_map = levels_.back().kind == Level::Kind::kMap;
+    const size_t count = levels_.back().count;
+    if (is_map) levels_.back().message->MergeFromString(levels_.back().entries);
+    levels_.pop_back();
+    if (is_map && count > kMaxEntries) {
+      Error(absl::StrCat("has ", count, " entries, must have at most ", kMaxEntries));
+    }
+    return EndValue();
+  }
+  bool end_array() override {
+    levels_.pop_back();
+    return EndValue();
+  }
+  bool key(string_t& name) override {
+    Level& level = levels_.back();
+    // A level that is passed over may have keys as long as the text.
+    if (level.kind == Level::Kind::kPassedOver) return true;
+    level.key = name;
+    if (level.kind == Level::Kind::kMessage) EnterField();
+    if (level.kind == Level::Kind::kMap) EnterEntry();
+    return true;
+  }
+  bool parse_error(size_t byte, const std::string&, const nlohmann::detail::exception& e) override {
+    error_byte_ = byte > 0 ? byte - 1 : 0;
+    error_ = e.what();
+    // "[json.exception.parse_error.101] parse error at line 1, column 5: reason": keep the reason.
+    const size_t bracket = error_.find("] ");
+    if (bracket != std::string::npos) error_ = error_.substr(bracket + 2);
+    const size_t column = error_.find("column ");
+    const size_t reason = column == std::string::npos ? column : error_.find(": ", column);
+    if (reason != std::string::npos) error_ = error_.substr(reason + 2);
+    // It quotes what was read last, which may be a string of megabytes.
+    constexpr size_t kMostReasonBytes = 400;
+    if (error_.size() > kMostReasonBytes) error_ = error_.substr(0, kMostReasonBytes) + "...";
+    return false;
   }
 
  private:
-  static std::string Shorten(const std::string& path) {
-    return path.size() <= 200 ? path : path.substr(0, 200) + "...";
+  // An open array or object.
+  struct Level {
+    enum class Kind { kMessage, kArray, kMap, kPassedOver };
+    Kind kind = Kind::kPassedOver;
+    Message* message = nullptr;              // itself, or the one that has the array or map
+    const FieldDescriptor* field = nullptr;  // of the last key (null: passed over), array or map
+    size_t count = 0;                        // elements before this one, or entries
+    std::string key;                         // the last one
+    std::vector<bool> seen;                  // of a message: fields by their index
+    std::set<std::string> keys;              // of a map
+    std::string entries;                     // of a map: on the wire
+    std::unique_ptr<Message> entry;          // of a map: the one at hand
+  };
+
+  bool Stop(std::string reason) {
+    error_ = std::move(reason);
+    return false;
   }
 
-  void Error(const std::string& path, const std::string& reason) {
+  // Accounts for memory that the message takes.
+  void Take(size_t bytes) { used_bytes_ += bytes; }
+
+  bool Count() {
+    if (++values_ > kMaxJsonValues) {
+      return Stop(absl::StrCat("has more than ", kMaxJsonValues, " values"));
+    }
+    if (used_bytes_ > most_bytes_) {
+      return Stop(absl::StrCat("its values would take more than ", most_bytes_,
+                               " bytes of memory, the limit for a text of its size"));
+    }
+    return true;
+  }
+
+  // Path of the value at hand: "rig.camera_bodies[2].box".
+  std::string Path() const {
+    std::string path;
+    for (const Level& level : levels_) {
+      if (level.kind == Level::Kind::kArray) {
+        absl::StrAppend(&path, "[", level.count, "]");
+      } else {
+        absl::StrAppend(&path, path.empty() ? "" : ".", level.key);
+      }
+    }
+    constexpr size_t kMostPathBytes = 200;
+    return path.size() <= kMostPathBytes ? path : path.substr(0, kMostPathBytes) + "...";
+  }
+
+  // More errors are not looked for. Errors that say the same count too.
+  bool IsFull() const {
+    constexpr size_t kMostFound = 1000;
+    return errors_.full() || errors_found_ >= kMostFound;
+  }
+  void Error(const std::string& reason) {
+    ++errors_found_;
+    const std::string path = Path();
     errors_.Add(absl::InvalidArgumentError(absl::StrCat(
         file_, ": ", path.empty() ? "" : absl::StrCat(Printable(path), ": "), reason)));
   }
-  void Expected(const std::string& path, const std::string& what, const JsonNode& node) {
-    if (node.type == JsonNode::Type::kNull) {
-      Error(path,
-            absl::StrCat("is null, must be ", what, "; leave the field out to get its default"));
-      return;
+  void Expected(const std::string& what, const JsonValue& value) {
+    if (value.type == JsonValue::Type::kNull) {
+      return Error(
+          absl::StrCat("is null, must be ", what, "; leave the field out to get its default"));
     }
-    Error(path, absl::StrCat("is ", Describe(node), ", must be ", what));
+    Error(absl::StrCat("is ", Describe(value), ", must be ", what));
+  }
+  void ExpectedObject(const Descriptor& type, const JsonValue& value) {
+    Expected(absl::StrCat("an object", ObjectInstead(value, type)), value);
   }
 
-  void CheckMessage(const JsonNode& node, const Descriptor& type, const std::string& path) {
-    if (node.type != JsonNode::Type::kObject) {
-      Expected(path, absl::StrCat("an object", ObjectInstead(node, type)), node);
-      return;
+  // A key of a message: the field that the next value belongs to.
+  void EnterField() {
+    Level& level = levels_.back();
+    level.field = nullptr;
+    if (IsFull()) return;
+    const Descriptor& type = *level.message->GetDescriptor();
+    const FieldDescriptor* field = type.FindFieldByName(level.key);
+    if (field == nullptr) {
+      return Error(absl::StrCat("unknown field",
+                                type.field_count() == 0
+                                    ? ""
+                                    : absl::StrCat("; the nearest known name is \"",
+                                                   NearestName(level.key, NamesOf(type)), "\"")));
     }
-    // Ordered: keys could be made to have the same hash.
-    std::set<std::string_view> seen;
-    std::vector<std::pair<const google::protobuf::OneofDescriptor*, std::string>> oneofs;
-    for (const auto& [key, value] : node.members) {
-      if (errors_.full()) return;
-      const std::string field_path = Shorten(path.empty() ? key : absl::StrCat(path, ".", key));
-      const FieldDescriptor* field = type.FindFieldByName(key);
-      if (field == nullptr) {
-        UnknownField(key, type, field_path);
-        continue;
+    const auto index = static_cast<size_t>(field->index());
+    if (level.seen[index]) return Error("given twice");
+    if (const auto* oneof = field->real_containing_oneof()) {
+      for (int i = 0; i < oneof->field_count(); ++i) {
+        if (!level.seen[static_cast<size_t>(oneof->field(i)->index())]) continue;
+        Error(absl::StrCat("cannot be given together with ", oneof->field(i)->name()));
       }
-      if (!seen.insert(key).second) {
-        Error(field_path, "given twice");
-        continue;
+    }
+    level.seen[index] = true;
+    level.field = field;
+  }
+
+  // protobuf takes seconds for many keys that were made to have the same hash. Effects, the only
+  // messages with maps, have at most five parameters.
+  static constexpr size_t kMaxEntries = 100;
+
+  // A key of a map: the entry that the next value belongs to. Keys are strings; that is all our
+  // messages need.
+  void EnterEntry() {
+    Level& level = levels_.back();
+    level.entry.reset();
+    if (++level.count > kMaxEntries || IsFull()) return;
+    if (!level.keys.insert(level.key).second) return Error("given twice");
+    const Descriptor& type = *level.field->message_type();
+    level.entry.reset(
+        level.message->GetReflection()->GetMessageFactory()->GetPrototype(&type)->New());
+    level.entry->GetReflection()->SetString(level.entry.get(), type.map_key(), level.key);
+  }
+
+  // The entry, once it has its value. Parsing puts it into the map itself; what reflection adds
+  // stands in a list beside the map as well.
+  void KeepEntry() {
+    Level& level = levels_.back();
+    google::protobuf::io::StringOutputStream stream(&level.entries);
+    google::protobuf::io::CodedOutputStream out(&stream);
+    out.WriteTag(static_cast<uint32_t>(level.field->number()) << 3 | 2);  // length-delimited
+    const std::string bytes = level.entry->SerializeAsString();
+    out.WriteVarint32(static_cast<uint32_t>(bytes.size()));
+    out.WriteString(bytes);
+    // A node with key, value and link, its place in the table, and a long key.
+    Take(BytesOf(level.key) + 32);
+    level.entry.reset();
+  }
+
+  // The next value of an array has the next index; the entry of a map is complete.
+  bool EndValue() {
+    if (levels_.empty()) return true;
+    Level& level = levels_.back();
+    if (level.kind == Level::Kind::kArray) ++level.count;
+    if (level.kind == Level::Kind::kMap && level.entry != nullptr) KeepEntry();
+    return true;
+  }
+
+  // Where the value at hand belongs: a message and its field, which may be one that has several.
+  struct Place {
+    Message* message = nullptr;  // null: it is passed over
+    const FieldDescriptor* field = nullptr;
+    bool is_element = false;  // of an array
+  };
+  Place PlaceOfValue() {
+    Level& level = levels_.back();
+    if (IsFull()) return {};
+    switch (level.kind) {
+      case Level::Kind::kMessage:
+        return {level.field == nullptr ? nullptr : level.message, level.field, false};
+      case Level::Kind::kArray:
+        return {level.message, level.field, true};
+      case Level::Kind::kMap:
+        return {level.entry.get(), level.field->message_type()->map_value(), false};
+      case Level::Kind::kPassedOver:
+        break;
+    }
+    return {};
+  }
+
+  // A value that is no array and no object.
+  bool Add(const JsonValue& value) {
+    if (!Count()) return false;
+    if (levels_.empty()) {
+      ExpectedObject(*root_->GetDescriptor(), value);
+      return true;
+    }
+    if (const Place place = PlaceOfValue(); place.message != nullptr) {
+      if (place.field->is_repeated() && !place.is_element) {
+        Expected(place.field->is_map() ? "an object" : "an array", value);
+      } else {
+        SetValue(place, value);
       }
-      if (const auto* oneof = field->real_containing_oneof()) {
-        for (const auto& [other, name] : oneofs) {
-          if (other == oneof) {
-            Error(field_path, absl::StrCat("cannot be given together with ", name));
-          }
-        }
-        oneofs.emplace_back(oneof, key);
+    }
+    return EndValue();
+  }
+
+  bool Open(JsonValue::Type type) {
+    if (levels_.size() >= kMaxDepth) {
+      return Stop(absl::StrCat("nested deeper than ", kMaxDepth, " levels"));
+    }
+    if (!Count()) return false;
+    Level level;
+    if (levels_.empty()) {
+      if (type == JsonValue::Type::kObject) {
+        level = LevelOf(root_);
+      } else {
+        ExpectedObject(*root_->GetDescriptor(), {.type = type});
       }
-      CheckField(value, *field, field_path);
+    } else if (const Place place = PlaceOfValue(); place.message != nullptr) {
+      level = LevelIn(place, {.type = type});
     }
+    levels_.push_back(std::move(level));
+    return true;
   }
 
-  void UnknownField(const std::string& key, const Descriptor& type, const std::string& path) {
-    std::vector<std::string> known;
-    for (int i = 0; i < type.field_count(); ++i) known.push_back(type.field(i)->name());
-    Error(path, absl::StrCat("unknown field", known.empty()
-                                                  ? ""
-                                                  : absl::StrCat("; the nearest known name is \"",
-                                                                 NearestName(key, known), "\"")));
+  static Level LevelOf(Message* message) {
+    Level level;
+    level.kind = Level::Kind::kMessage;
+    level.message = message;
+    level.seen.resize(static_cast<size_t>(message->GetDescriptor()->field_count()));
+    return level;
   }
 
-  // Messages that say what a number may be have `fixed` for a single one and `values` for several.
-  static std::string ObjectInstead(const JsonNode& node, const Descriptor& type) {
-    const auto is_number = [](const JsonNode& n) {
-      return n.type == JsonNode::Type::kInteger || n.type == JsonNode::Type::kNumber;
-    };
-    const FieldDescriptor* fixed = type.FindFieldByName("fixed");
-    if (fixed == nullptr || fixed->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE) return "";
-    if (is_number(node)) return absl::StrCat(": write {\"fixed\": ", node.text, "}");
-    if (node.type == JsonNode::Type::kArray && type.FindFieldByName("values") != nullptr) {
-      return ": write {\"values\": [...]}, or {\"ranges\": [{\"min\": ..., \"max\": ...}]}";
-    }
-    return "";
-  }
-
-  void CheckField(const JsonNode& node, const FieldDescriptor& field, const std::string& path) {
-    if (!field.is_repeated()) return CheckValue(node, field, path);
-    if (field.is_map()) return CheckMap(node, field, path);
-    if (node.type != JsonNode::Type::kArray) return Expected(path, "an array", node);
-    for (size_t i = 0; i < node.elements.size() && !errors_.full(); ++i) {
-      CheckValue(node.elements[i], field, absl::StrCat(path, "[", i, "]"));
-    }
-  }
-
-  // Keys are strings; that is all our messages need.
-  void CheckMap(const JsonNode& node, const FieldDescriptor& field, const std::string& path) {
-    if (node.type != JsonNode::Type::kObject) return Expected(path, "an object", node);
-    // protobuf's reader takes seconds for many keys that were made to have the same hash. Effects,
-    // the only ones with maps, have at most five parameters.
-    constexpr size_t kMaxEntries = 100;
-    if (node.members.size() > kMaxEntries) {
-      return Error(path, absl::StrCat("has ", node.members.size(), " entries, must have at most ",
-                                      kMaxEntries));
-    }
-    std::set<std::string_view> seen;
-    for (const auto& [key, value] : node.members) {
-      if (errors_.full()) return;
-      const std::string entry = Shorten(absl::StrCat(path, ".", key));
-      if (!seen.insert(key).second) {
-        Error(entry, "given twice");
-        continue;
+  // What an array or object at this place is, which is passed over where it must not be there.
+  Level LevelIn(const Place& place, const JsonValue& value) {
+    Level level;
+    const FieldDescriptor& field = *place.field;
+    const bool is_object = value.type == JsonValue::Type::kObject;
+    if (field.is_repeated() && !place.is_element) {
+      if (is_object != field.is_map()) {
+        Expected(field.is_map() ? "an object" : "an array", value);
+        return level;
       }
-      CheckValue(value, *field.message_type()->map_value(), entry);
+      level.kind = is_object ? Level::Kind::kMap : Level::Kind::kArray;
+      if (is_object) Take(kTableBytes);
+      level.message = place.message;
+      level.field = &field;
+      return level;
     }
+    if (field.cpp_type() != FieldDescriptor::CPPTYPE_MESSAGE || !is_object) {
+      SetValue(place, value);
+      return level;
+    }
+    const Reflection& reflection = *place.message->GetReflection();
+    Message* const added = place.is_element ? reflection.AddMessage(place.message, &field)
+                                            : reflection.MutableMessage(place.message, &field);
+    Take(BytesOf(*added));
+    return LevelOf(added);
   }
 
-  void CheckValue(const JsonNode& node, const FieldDescriptor& field, const std::string& path) {
-    switch (field.cpp_type()) {
+  // Memory of a text, which has an allocation of its own once it is long.
+  static size_t BytesOf(const std::string& text) {
+    constexpr size_t kShort = 15;
+    return sizeof(std::string) + kAllocationBytes +
+           (text.size() > kShort ? text.capacity() + kAllocationBytes : 0);
+  }
+
+  // Memory of an empty message and of the pointers to it.
+  size_t BytesOf(const Message& message) {
+    const auto [known, is_new] = bytes_of_.try_emplace(message.GetDescriptor());
+    if (is_new) known->second = message.SpaceUsedLong() + 2 * sizeof(void*) + kAllocationBytes;
+    return known->second;
+  }
+
+  // Arrays grow by doubling.
+  template <typename Value>
+  void TakeNumber(const Place& place) {
+    if (place.is_element) Take(2 * sizeof(Value));
+  }
+
+  template <typename Integer>
+  std::optional<Integer> TakeInteger(const Place& place, const JsonValue& value) {
+    constexpr auto kMost = static_cast<uint64_t>(std::numeric_limits<Integer>::max());
+    constexpr uint64_t kMostNegative = std::is_signed_v<Integer> ? kMost + 1 : 0;
+    const std::optional<Integer> integer = IntegerOf<Integer>(value, kMostNegative, kMost);
+    if (!integer) {
+      Expected(absl::StrCat("an integer in [", kMostNegative > 0 ? "-" : "", kMostNegative, ", ",
+                            kMost, "]"),
+               value);
+    }
+    TakeNumber<Integer>(place);
+    return integer;
+  }
+
+  // Sets the field, or adds to it, unless the value is not one of the field.
+  void SetValue(const Place& place, const JsonValue& value) {
+    Message* const message = place.message;
+    const FieldDescriptor* const field = place.field;
+    const Reflection& reflection = *message->GetReflection();
+    const bool add = place.is_element;
+    switch (field->cpp_type()) {
       case FieldDescriptor::CPPTYPE_MESSAGE:
-        return CheckMessage(node, *field.message_type(), path);
+        return ExpectedObject(*field->message_type(), value);
       case FieldDescriptor::CPPTYPE_ENUM:
-        return CheckEnum(node, *field.enum_type(), path);
+        return SetEnum(place, value);
       case FieldDescriptor::CPPTYPE_STRING:
-        if (node.type != JsonNode::Type::kString) Expected(path, "a string", node);
-        return;
+        return SetText(place, value);
       case FieldDescriptor::CPPTYPE_BOOL:
-        if (node.type != JsonNode::Type::kBool) Expected(path, "true or false", node);
-        return;
-      case FieldDescriptor::CPPTYPE_FLOAT:
-      case FieldDescriptor::CPPTYPE_DOUBLE: {
-        // proto3 JSON would also take "NaN", "Infinity" and numbers in quotes.
-        const bool number =
-            node.type == JsonNode::Type::kInteger || node.type == JsonNode::Type::kNumber;
-        const bool fits = field.cpp_type() == FieldDescriptor::CPPTYPE_DOUBLE
-                              ? std::isfinite(node.number)
-                              : std::abs(node.number) <= std::numeric_limits<float>::max();
-        if (!number || !fits) Expected(path, "a finite number", node);
-        return;
+        if (value.type != JsonValue::Type::kBool) return Expected("true or false", value);
+        TakeNumber<bool>(place);
+        return add ? reflection.AddBool(message, field, value.flag)
+                   : reflection.SetBool(message, field, value.flag);
+      // proto3 JSON would also take "NaN", "Infinity" and numbers in quotes.
+      case FieldDescriptor::CPPTYPE_FLOAT: {
+        if (!value.IsNumber() || std::abs(value.number) > std::numeric_limits<float>::max()) {
+          return Expected("a finite number", value);
+        }
+        TakeNumber<float>(place);
+        const auto number = static_cast<float>(value.number);
+        return add ? reflection.AddFloat(message, field, number)
+                   : reflection.SetFloat(message, field, number);
       }
+      case FieldDescriptor::CPPTYPE_DOUBLE:
+        if (!value.IsNumber() || !std::isfinite(value.number)) {
+          return Expected("a finite number", value);
+        }
+        TakeNumber<double>(place);
+        return add ? reflection.AddDouble(message, field, value.number)
+                   : reflection.SetDouble(message, field, value.number);
       case FieldDescriptor::CPPTYPE_INT32:
-        return CheckInteger(node, path, uint64_t{1} << 31, (uint64_t{1} << 31) - 1);
+        if (const auto integer = TakeInteger<int32_t>(place, value)) {
+          return add ? reflection.AddInt32(message, field, *integer)
+                     : reflection.SetInt32(message, field, *integer);
+        }
+        return;
       case FieldDescriptor::CPPTYPE_INT64:
-        return CheckInteger(node, path, uint64_t{1} << 63, (uint64_t{1} << 63) - 1);
+        if (const auto integer = TakeInteger<int64_t>(place, value)) {
+          return add ? reflection.AddInt64(message, field, *integer)
+                     : reflection.SetInt64(message, field, *integer);
+        }
+        return;
       case FieldDescriptor::CPPTYPE_UINT32:
-        return CheckInteger(node, path, 0, (uint64_t{1} << 32) - 1);
+        if (const auto integer = TakeInteger<uint32_t>(place, value)) {
+          return add ? reflection.AddUInt32(message, field, *integer)
+                     : reflection.SetUInt32(message, field, *integer);
+        }
+        return;
       case FieldDescriptor::CPPTYPE_UINT64:
-        return CheckInteger(node, path, 0, std::numeric_limits<uint64_t>::max());
+        if (const auto integer = TakeInteger<uint64_t>(place, value)) {
+          return add ? reflection.AddUInt64(message, field, *integer)
+                     : reflection.SetUInt64(message, field, *integer);
+        }
+        return;
     }
   }
 
-  void CheckInteger(const JsonNode& node, const std::string& path, uint64_t max_negative,
-                    uint64_t max_positive) {
-    const std::string range = absl::StrCat("an integer in [", max_negative > 0 ? "-" : "",
-                                           max_negative, ", ", max_positive, "]");
-    if (node.type == JsonNode::Type::kNumber) {
-      // 512.0 is an integer too; beyond 2^53 a number with a point no longer says which.
-      const bool integral =
-          std::trunc(node.number) == node.number && std::abs(node.number) <= 9007199254740992.0;
-      if (!integral || (node.number < 0 && -node.number > static_cast<double>(max_negative)) ||
-          (node.number > 0 && node.number > static_cast<double>(max_positive))) {
-        Expected(path, range, node);
-      }
-      return;
+  void SetText(const Place& place, const JsonValue& value) {
+    if (value.type != JsonValue::Type::kString) return Expected("a string", value);
+    std::string text;
+    if (place.field->type() != FieldDescriptor::TYPE_BYTES) {
+      text = std::string(value.text);
+    } else if (!absl::Base64Unescape(value.text, &text) &&
+               !absl::WebSafeBase64Unescape(value.text, &text)) {
+      return Expected("bytes in Base64", value);
     }
-    if (node.type != JsonNode::Type::kInteger ||
-        node.magnitude > (node.negative ? max_negative : max_positive)) {
-      Expected(path, range, node);
-    }
+    Take(BytesOf(text) + (place.is_element ? 2 * sizeof(void*) : 0));
+    const Reflection& reflection = *place.message->GetReflection();
+    place.is_element ? reflection.AddString(place.message, place.field, std::move(text))
+                     : reflection.SetString(place.message, place.field, std::move(text));
   }
 
-  void CheckEnum(const JsonNode& node, const EnumDescriptor& type, const std::string& path) {
-    std::vector<std::string> known;
-    for (int i = 0; i < type.value_count(); ++i) known.push_back(type.value(i)->name());
-    if (node.type != JsonNode::Type::kString) {
-      return Expected(path, absl::StrCat("one of ", absl::StrJoin(known, ", ")), node);
+  void SetEnum(const Place& place, const JsonValue& value) {
+    const EnumDescriptor& type = *place.field->enum_type();
+    if (value.type != JsonValue::Type::kString) {
+      return Expected(absl::StrCat("one of ", absl::StrJoin(NamesOf(type), ", ")), value);
     }
-    if (type.FindValueByName(node.text) != nullptr) return;
-    Error(path, absl::StrCat("unknown value ", Describe(node), "; the nearest known name is \"",
-                             NearestName(node.text, known),
-                             "\" (known: ", absl::StrJoin(known, ", "), ")"));
+    const std::string name(value.text);
+    const auto* found = type.FindValueByName(name);
+    if (found == nullptr) {
+      const std::vector<std::string> known = NamesOf(type);
+      return Error(absl::StrCat("unknown value ", Describe(value), "; the nearest known name is \"",
+                                NearestName(name, known), "\" (known: ", absl::StrJoin(known, ", "),
+                                ")"));
+    }
+    TakeNumber<int>(place);
+    const Reflection& reflection = *place.message->GetReflection();
+    place.is_element ? reflection.AddEnum(place.message, place.field, found)
+                     : reflection.SetEnum(place.message, place.field, found);
   }
 
-  std::string file_;
+  const std::string file_;
+  const size_t most_bytes_;
+  Message* const root_;
+  std::string error_;
+  std::optional<size_t> error_byte_;
   ErrorList errors_;
+  size_t errors_found_ = 0;
+  std::vector<Level> levels_;
+  size_t values_ = 0;
+  size_t used_bytes_ = 0;
+  std::map<const Descriptor*, size_t> bytes_of_;
 };
 
 template <typename Number>
@@ -543,26 +749,37 @@ void AppendMessage(const Message& message, int indent, std::string* out) {
 
 }  // namespace
 
-absl::Status ParseStrictJson(const std::string& given, const std::string& file, Message* message) {
-  const std::string json = BlankLineComments(given);
-  TreeBuilder builder;
-  if (!nlohmann::json::sax_parse(json, &builder)) {
-    if (builder.error_byte == std::numeric_limits<size_t>::max()) {
-      return absl::InvalidArgumentError(absl::StrCat(file, ": ", builder.error));
-    }
-    const TextPosition position = PositionOf(json, builder.error_byte);
-    return absl::InvalidArgumentError(absl::StrCat(file, ": line ", position.line, ", column ",
-                                                   position.column, ": ", builder.error));
+size_t MostMessageBytes(size_t text_bytes) {
+  return std::min(kMessageBytesPerTextByte * text_bytes + kFreeMessageBytes,
+                  text_bytes + kMostBytesBeyondText);
+}
+
+absl::Status ParseStrictJson(std::string json, const std::string& file, Message* message) {
+  const absl::StatusOr<std::string_view> marked = WithoutByteOrderMark(json);
+  if (!marked.ok())
+    return absl::InvalidArgumentError(absl::StrCat(file, ": ", marked.status().message()));
+  const std::string_view text = WithoutEndMarks(*marked);
+  const auto begin = static_cast<size_t>(text.data() - json.data());
+  json.resize(begin + text.size());
+  json.erase(0, begin);
+  json = BlankLineComments(std::move(json));
+  const auto failure = [&](size_t byte, const std::string& reason) {
+    const TextPosition position = PositionOf(json, byte);
+    return absl::InvalidArgumentError(
+        absl::StrCat(file, ": line ", position.line, ", column ", position.column, ": ", reason));
+  };
+  // The parser takes NUL for the end of the text.
+  if (const size_t nul = json.find('\0'); nul != std::string::npos) {
+    return failure(nul, "NUL byte in the text");
   }
-  if (absl::Status status = Walker(file).Check(builder.root, *message->GetDescriptor());
-      !status.ok()) {
-    return status;
+  const std::unique_ptr<Message> read(message->New());
+  MessageReader reader(file, MostMessageBytes(json.size()), read.get());
+  if (!nlohmann::json::sax_parse(json, &reader)) {
+    if (reader.error_byte()) return failure(*reader.error_byte(), reader.error());
+    return absl::InvalidArgumentError(absl::StrCat(file, ": ", reader.error()));
   }
-  message->Clear();
-  const auto status = google::protobuf::util::JsonStringToMessage(json, message);
-  if (!status.ok()) {
-    return absl::InvalidArgumentError(absl::StrCat(file, ": ", status.message().ToString()));
-  }
+  if (absl::Status status = reader.FieldErrors(); !status.ok()) return status;
+  message->GetReflection()->Swap(message, read.get());
   return absl::OkStatus();
 }
 
@@ -571,9 +788,9 @@ absl::StatusOr<std::string> ReadJsonText(const std::string& path) {
 }
 
 absl::Status ReadStrictJsonFile(const std::string& path, Message* message) {
-  const absl::StatusOr<std::string> text = ReadJsonText(path);
+  absl::StatusOr<std::string> text = ReadJsonText(path);
   if (!text.ok()) return text.status();
-  return ParseStrictJson(*text, path, message);
+  return ParseStrictJson(*std::move(text), path, message);
 }
 
 std::string NumberText(double value) { return ShortestText(value); }
@@ -583,54 +800,6 @@ std::string ToJson(const Message& message) {
   AppendMessage(message, 0, &out);
   out += '\n';
   return out;
-}
-
-absl::Status WriteFileAtomically(const std::string& path, const std::string& contents) {
-  // The temporary file is beside the final one: rename() is atomic only within a file system.
-  static std::atomic<int64_t> counter{0};
-  const std::string temporary = absl::StrCat(path, ".", getpid(), ".", counter++, ".tmp");
-  const auto failure = [&](const char* what) {
-    const int error = errno;
-    unlink(temporary.c_str());
-    const std::string reason =
-        absl::StrCat(path, ": cannot be written: ", what, ": ", std::strerror(error));
-    switch (error) {
-      case ENOENT:
-      case ENOTDIR:
-        return absl::NotFoundError(reason);
-      case ENOSPC:
-      case EDQUOT:
-      case EFBIG:
-        // Trying again changes nothing until somebody makes room.
-        return absl::ResourceExhaustedError(reason);
-      default:
-        return absl::UnavailableError(reason);
-    }
-  };
-  const int descriptor = open(temporary.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0666);
-  if (descriptor < 0) return failure("open");
-  size_t written = 0;
-  while (written < contents.size()) {
-    const ssize_t count = write(descriptor, contents.data() + written, contents.size() - written);
-    if (count < 0) {
-      if (errno == EINTR) continue;
-      const int error = errno;
-      close(descriptor);
-      errno = error;
-      return failure("write");
-    }
-    written += static_cast<size_t>(count);
-  }
-  // Without this a crash of the machine could leave the new name with empty contents.
-  if (fsync(descriptor) != 0 && errno != EINVAL) {
-    const int error = errno;
-    close(descriptor);
-    errno = error;
-    return failure("fsync");
-  }
-  if (close(descriptor) != 0) return failure("close");
-  if (rename(temporary.c_str(), path.c_str()) != 0) return failure("rename");
-  return absl::OkStatus();
 }
 
 }  // namespace sightline

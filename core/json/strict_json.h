@@ -4,6 +4,7 @@
 
 #include <google/protobuf/message.h>
 
+#include <cstddef>
 #include <string>
 
 #include "absl/status/status.h"
@@ -13,9 +14,17 @@ namespace sightline {
 
 // Parses `json` (snake_case names, // comments). INVALID_ARGUMENT names `file`, path of the field
 // ("rig.scan_step_m", "obstacles[2].frame") and reason; for an unknown field or enum value also the
-// nearest known name; an error a line, all there are up to ErrorList::kMostErrors.
-absl::Status ParseStrictJson(const std::string& json, const std::string& file,
+// nearest known name; an error a line, all there are up to ErrorList::kMostErrors. `message` is
+// replaced if there is no error. The text is read in one pass, so that only the text and the
+// message take memory. A text whose message would take more than MostMessageBytes is refused:
+// `{},{},{}` makes messages of a hundred times its size.
+absl::Status ParseStrictJson(std::string json, const std::string& file,
                              google::protobuf::Message* message);
+
+// Limit of the message that ParseStrictJson makes of a text of so many bytes, in bytes of memory:
+// ten bytes a byte and 256 KiB, but never more than 64 MiB beyond the text.
+inline constexpr size_t kMessageBytesPerTextByte = 10;
+size_t MostMessageBytes(size_t text_bytes);
 
 // NOT_FOUND if the file cannot be read.
 absl::Status ReadStrictJsonFile(const std::string& path, google::protobuf::Message* message);
@@ -27,8 +36,5 @@ std::string ToJson(const google::protobuf::Message& message);
 // Shortest text that reads back as the same number, without an exponent where that stays readable.
 // NaN and infinity: "NaN", "Infinity", "-Infinity".
 std::string NumberText(double value);
-
-// Writes by renaming a temporary file: no half-written file is ever seen.
-absl::Status WriteFileAtomically(const std::string& path, const std::string& contents);
 
 }  // namespace sightline

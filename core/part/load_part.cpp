@@ -7,30 +7,20 @@
 #include <cmath>
 #include <filesystem>
 #include <iterator>
-#include <limits>
 #include <optional>
-#include <random>
 #include <string_view>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/atomic_write.h"
 #include "core/file/read_file.h"
 #include "core/json/strict_json.h"
 #include "core/part/mesh_readers.h"
+#include "core/part/surface/normalise.h"
 #include "core/spelling/one_of.h"
+#include "core/text/length_unit.h"
 
 namespace sightline {
 namespace {
-
-constexpr double kSmallestPart_m = 1e-3, kLargestPart_m = 10;
-
-std::optional<double> MetresPer(const std::string& unit) {
-  if (unit == "m") return 1;
-  if (unit == "cm") return 1e-2;
-  if (unit == "mm") return 1e-3;
-  if (unit == "um") return 1e-6;
-  if (unit == "inch") return 0.0254;
-  return std::nullopt;
-}
 
 // Lower-case extension without the dot.
 std::string FormatOf(const std::string& file_name) {
@@ -73,153 +63,10 @@ absl::Status CheckUnit(const std::string& format, const std::string& unit) {
     return absl::InvalidArgumentError(absl::StrCat(
         "is missing: a .", format, " file carries no unit, must be m, cm, mm, um or inch"));
   }
-  if (IsStep(format)) {
-    return absl::InvalidArgumentError(
-        "is given, must be left out: a STEP file says its unit itself");
-  }
-  if (MetresPer(unit)) return absl::OkStatus();
+  // Whether a STEP file states its unit is known once it is read (planner_client/part_files).
+  if (MetresPerUnit(unit)) return absl::OkStatus();
   return absl::InvalidArgumentError(
       absl::StrCat("is \"", unit.substr(0, 40), "\", must be m, cm, mm, um or inch"));
-}
-
-// Numbers vertices by position, in the order in which triangles first use them. Positions that
-// differ by no more than the rounding of float coordinates are one vertex: exporters write the same
-// corner once as 0 and once as 1e-9, and an exact comparison would tear the surface there.
-class Welder {
- public:
-  // `tolerance_m`: at least 2^-22 of the largest coordinate.
-  Welder(float tolerance_m, std::vector<Eigen::Vector3f>* positions)
-      : positions_(*positions), tolerance_m_(tolerance_m), table_(1 << 10) {}
-
-  uint32_t Add(const Eigen::Vector3f& position) {
-    const Cell low = CellOf(position.array() - tolerance_m_);
-    const Cell high = CellOf(position.array() + tolerance_m_);
-    uint32_t found = kNone;
-    for (int32_t x = low[0]; x <= high[0]; ++x) {
-      for (int32_t y = low[1]; y <= high[1]; ++y) {
-        for (int32_t z = low[2]; z <= high[2]; ++z) {
-          const Slot& slot = table_[SlotOf({x, y, z})];
-          for (uint32_t i = slot.first; i != kNone; i = next_[i]) {
-            const bool near = (positions_[i] - position).cwiseAbs().maxCoeff() <= tolerance_m_;
-            if (near) found = std::min(found, i);
-          }
-        }
-      }
-    }
-    if (found != kNone) return found;
-    if (2 * used_ >= table_.size()) Grow();
-    const Cell cell = CellOf(position);
-    Slot& slot = table_[SlotOf(cell)];
-    const uint32_t index = static_cast<uint32_t>(positions_.size());
-    used_ += slot.first == kNone;
-    next_.push_back(slot.first);
-    slot = {cell, index};
-    positions_.push_back(position);
-    return index;
-  }
-
- private:
-  using Cell = std::array<int32_t, 3>;  // within 2^18 of zero
-  static constexpr uint32_t kNone = std::numeric_limits<uint32_t>::max();
-  struct Slot {
-    Cell cell{};
-    uint32_t first = kNone;  // kNone: free
-  };
-
-  // Cells much wider than the tolerance: nearly always one is enough to look at.
-  Cell CellOf(const Eigen::Vector3f& p) const {
-    Cell cell;
-    for (int axis = 0; axis < 3; ++axis) {
-      cell[axis] = static_cast<int32_t>(std::floor(p[axis] / (16.0 * tolerance_m_)));
-    }
-    return cell;
-  }
-  size_t SlotOf(const Cell& cell) const {
-    uint64_t hash = 0;  // 20 bits for each axis
-    for (const int32_t c : cell) hash = (hash << 20) | (static_cast<uint32_t>(c) & 0xfffffu);
-    hash += seed_;
-    // Finalizer of SplitMix64 (Steele, Lea, Flood 2014).
-    hash = (hash ^ (hash >> 30)) * 0xbf58476d1ce4e5b9u;
-    hash = (hash ^ (hash >> 27)) * 0x94d049bb133111ebu;
-    hash ^= hash >> 31;
-    const size_t mask = table_.size() - 1;
-    size_t slot = hash & mask;
-    while (table_[slot].first != kNone && table_[slot].cell != cell) slot = (slot + 1) & mask;
-    return slot;
-  }
-  // By need: how many vertices differ is known only at the end.
-  void Grow() {
-    std::vector<Slot> old(2 * table_.size());
-    old.swap(table_);
-    for (const Slot& slot : old) {
-      if (slot.first != kNone) table_[SlotOf(slot.cell)] = slot;
-    }
-  }
-
-  std::vector<Eigen::Vector3f>& positions_;
-  float tolerance_m_;
-  // Another for every part, so that no file can be made whose cells share slots. Numbers do not
-  // depend on it.
-  const uint64_t seed_ = (uint64_t{std::random_device{}()} << 32) | std::random_device{}();
-  std::vector<Slot> table_;
-  size_t used_ = 0;
-  std::vector<uint32_t> next_;
-};
-
-std::string Millimetres(double metres) { return absl::StrCat(metres * 1e3, " mm"); }
-
-absl::StatusOr<TriangleMesh> Finish(const RawMesh& raw, double metres_per_unit,
-                                    const StopCheck& stop) {
-  if (raw.triangles.empty()) return absl::InvalidArgumentError("has no triangles");
-  constexpr uint32_t kUnused = std::numeric_limits<uint32_t>::max();
-  std::vector<uint32_t> welded(raw.positions.size(), kUnused);
-  TriangleMesh mesh;
-  std::vector<Eigen::Vector3f> scaled(raw.positions.size());
-  float largest_m = 0;
-  for (size_t i = 0; i < raw.positions.size(); ++i) {
-    // Adding zero turns -0 into 0: the same bytes for the digest.
-    scaled[i] = (raw.positions[i] * metres_per_unit).cast<float>() + Eigen::Vector3f::Zero();
-    if (!scaled[i].allFinite()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat("vertex ", i, " is not finite (NaN or too large)"));
-    }
-    largest_m = std::max(largest_m, scaled[i].cwiseAbs().maxCoeff());
-  }
-  // Two units in the last place of the largest coordinate.
-  const float tolerance_m = std::max(largest_m * 0x1p-22f, std::numeric_limits<float>::min());
-  Welder welder(tolerance_m, &mesh.positions_m);
-  mesh.triangles.reserve(raw.triangles.size());
-  for (const auto& triangle : raw.triangles) {
-    if (mesh.triangles.size() % kStepsPerStopCheck == 0) {
-      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
-    }
-    std::array<uint32_t, 3> out;
-    for (int corner = 0; corner < 3; ++corner) {
-      uint32_t& index = welded[triangle[corner]];
-      if (index == kUnused) index = welder.Add(scaled[triangle[corner]]);
-      out[corner] = index;
-    }
-    mesh.triangles.push_back(out);
-  }
-  // A file that names no material at all has none.
-  if (raw.material_names != std::vector<std::string>{""}) {
-    mesh.triangle_material = raw.triangle_material;
-    mesh.material_names = raw.material_names;
-  }
-  const double extent_m = mesh.BoundingBox().sizes().maxCoeff();
-  if (extent_m > kLargestPart_m) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("its largest extent is ", extent_m,
-                     " m, must be in [0.001, 10] m: looks like millimetres read as metres; state "
-                     "the unit of the file"));
-  }
-  if (extent_m < kSmallestPart_m) {
-    return absl::InvalidArgumentError(
-        absl::StrCat("its largest extent is ", Millimetres(extent_m),
-                     ", must be in [1, 10000] mm: looks like metres read as millimetres (or "
-                     "smaller); state the unit of the file"));
-  }
-  return mesh;
 }
 
 // `path` is empty for a part in memory.
@@ -247,7 +94,7 @@ absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& f
         "sightline_step_import");
   }
   if (!raw.ok()) return named(raw.status());
-  absl::StatusOr<TriangleMesh> mesh = Finish(*raw, MetresPer(unit).value_or(1), stop);
+  absl::StatusOr<TriangleMesh> mesh = NormaliseMesh(*raw, MetresPerUnit(unit).value_or(1), stop);
   if (!mesh.ok()) return named(mesh.status());
   return mesh;
 }

@@ -19,13 +19,15 @@ std::vector<std::string> PartFormatsInMemory();
 
 // `unit`: "m", "cm", "mm", "um", "inch"; empty means metres for glTF and is an error for formats
 // without units. Coordinates are taken as they are in the file (no axis swap); glTF node transforms
-// are applied, all meshes of the default scene are merged. Vertices that coincide within the
-// rounding of float coordinates (2^-22 of the largest one) are welded, unused ones left out;
-// triangles stay as they are. INVALID_ARGUMENT names file and reason: truncated, NaN, no triangles,
-// unsupported feature, unknown unit, implausible size (largest extent below 1 mm or above 10 m:
-// "looks like millimetres read as metres"), a file that is none (a pipe), a buffer of a glTF file
-// outside its folder, faces that take too long to cut into triangles. RESOURCE_EXHAUSTED: more JSON
-// in a glTF file than docs/limits.md allows. NOT_FOUND: no such file. `stop` ends the work early.
+// are applied, all meshes of the default scene are merged. The mesh has faces with area alone, with
+// coinciding corners welded: core/part/surface/normalise.h has the rule. Files are read to their
+// end: bytes that belong to nothing are an error. INVALID_ARGUMENT names file and reason:
+// truncated, too long, NaN, no triangles with area, a feature or extension that is not supported,
+// unknown unit, implausible size (largest extent below 1 mm or above 10 m: "looks like millimetres
+// read as metres"), a part so far from the origin of its file (16 m) that 32-bit coordinates would
+// be off by more than 1 um, a file that is none (a pipe), a buffer of a glTF file outside its
+// folder, faces that take too long to cut into triangles, more JSON in a glTF
+// file than docs/limits.md allows. NOT_FOUND: no such file. `stop` ends the work early.
 absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit,
                                       const StopCheck& stop = {});
 

@@ -11,13 +11,17 @@
 
 namespace sightline {
 
-// Indexed triangles, counter-clockwise seen from outside; positions in metres.
+// Indexed triangles, counter-clockwise seen from outside; positions in metres. In a mesh that was
+// read from a file, every position is a corner of a triangle with area
+// (core/part/surface/normalise.h), so size, hull and resting faces may be taken from the positions.
 struct TriangleMesh {
   std::vector<Eigen::Vector3f> positions_m;
   std::vector<std::array<uint32_t, 3>> triangles;
   // Index into material_names for every triangle; empty if the file names no materials.
   std::vector<uint16_t> triangle_material;
   std::vector<std::string> material_names;
+  // Triangles without area that were in the file and are not in `triangles`; for the health report.
+  int64_t left_out_triangles = 0;
 
   // Of all vertices. Empty box for an empty mesh.
   Eigen::AlignedBox3d BoundingBox() const;
@@ -29,9 +33,5 @@ struct TriangleMesh {
   Eigen::Vector3d Normal(size_t t) const;
   double Area(size_t t) const;
 };
-
-// SHA-256 (lower-case hex) of the mesh's canonical bytes: vertex count, positions, triangles.
-// Materials do not count: they change images, not coverage.
-std::string PartDigest(const TriangleMesh& mesh);
 
 }  // namespace sightline

@@ -1,13 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/part/mesh_readers.h"
 
+#include <algorithm>
 #include <charconv>
 #include <cmath>
 
 namespace sightline {
 namespace {
 
-bool IsSpace(char c) { return c == ' ' || c == '\t' || c == '\r' || c == '\v' || c == '\f'; }
+bool IsBlank(char c) { return c == ' ' || c == '\t' || c == '\v' || c == '\f'; }
 
 }  // namespace
 
@@ -31,21 +32,52 @@ void RawMesh::SetMaterialOfNewTriangles(const std::string& name) {
   triangle_material.resize(triangles.size(), static_cast<uint16_t>(index));
 }
 
+size_t TextScanner::LineEndAt(size_t at) const {
+  if (at >= text_.size()) return 0;
+  if (text_[at] == '\n') return 1;
+  if (text_[at] != '\r') return 0;
+  return at + 1 < text_.size() && text_[at + 1] == '\n' ? 2 : 1;
+}
+
+size_t TextScanner::ContinuationAt(size_t at) const {
+  if (!continued_ || at >= text_.size() || text_[at] != '\\') return 0;
+  size_t end = at + 1;
+  while (end < text_.size() && IsBlank(text_[end])) ++end;
+  const size_t line_end = LineEndAt(end);
+  return line_end == 0 ? 0 : end + line_end - at;
+}
+
 std::string_view TextScanner::WordInLine() {
-  while (position_ < text_.size() && IsSpace(text_[position_])) ++position_;
+  while (position_ < text_.size()) {
+    if (IsBlank(text_[position_])) {
+      ++position_;
+    } else if (const size_t joined = ContinuationAt(position_); joined > 0) {
+      position_ += joined;
+      ++line_;
+    } else {
+      break;
+    }
+  }
   const size_t start = position_;
-  while (position_ < text_.size() && !IsSpace(text_[position_]) && text_[position_] != '\n') {
+  while (position_ < text_.size() && !IsBlank(text_[position_]) && LineEndAt(position_) == 0 &&
+         ContinuationAt(position_) == 0) {
     ++position_;
   }
   return text_.substr(start, position_ - start);
 }
 
-bool TextScanner::NextLine() {
-  while (position_ < text_.size() && text_[position_] != '\n') ++position_;
-  if (position_ >= text_.size()) return false;
-  ++position_;
-  ++line_;
-  return true;
+bool TextScanner::NextLine(bool of_comment) {
+  while (position_ < text_.size()) {
+    if (const size_t end = LineEndAt(position_); end > 0) {
+      position_ += end;
+      ++line_;
+      return true;
+    }
+    const size_t joined = of_comment ? 0 : ContinuationAt(position_);
+    line_ += joined > 0;
+    position_ += std::max<size_t>(1, joined);
+  }
+  return false;
 }
 
 std::string_view TextScanner::Word() {

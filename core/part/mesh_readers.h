@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Readers of single file formats, for LoadPart. Each takes the whole file in memory and never
-// allocates more than a small multiple of its size, whatever counts the file claims.
+// allocates more than a small multiple of its size, whatever counts the file claims. Each reads the
+// file to its end: bytes that belong to nothing are an error.
 //
 // Only glTF is read by a library (tinygltf). STL, PLY and OBJ are read here: each is a page of
 // code, and Assimp, the usual library for them, repairs and drops silently (degenerate faces, bad
@@ -55,8 +56,8 @@ inline constexpr size_t kMaxGltfElementBytes = size_t{256} << 20;
 // Steps of a reader's loop between two looks at its StopCheck: some milliseconds.
 inline constexpr size_t kStepsPerStopCheck = 1 << 16;
 
-// Messages of the returned errors are the reason only, without the file's name; INVALID_ARGUMENT,
-// or RESOURCE_EXHAUSTED for more JSON or elements than the limits above, or what `stop` says.
+// Messages of the returned errors are the reason only, without the file's name; INVALID_ARGUMENT
+// (more JSON or elements than the limits above too), or what `stop` says.
 absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes, const StopCheck& stop);
 // `bytes` are the JSON of the file at `path`, whose folder external buffers are read from.
 absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path,
@@ -65,23 +66,32 @@ absl::StatusOr<RawMesh> ReadStl(std::string_view bytes, const StopCheck& stop);
 absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop);
 absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop);
 
-// Reads words of a text, separated by white space; knows the line for messages.
+// Reads words of a text, separated by white space; knows the line for messages. Lines end with LF,
+// CR LF or CR alone. With `continued`, a backslash at the end of a line joins it with the next.
 class TextScanner {
  public:
-  explicit TextScanner(std::string_view text) : text_(text) {}
+  explicit TextScanner(std::string_view text, bool continued = false)
+      : text_(text), continued_(continued) {}
 
   // Next word, on whatever line; empty at the end.
   std::string_view Word();
   // Next word of the current line; empty at the end of the line.
   std::string_view WordInLine();
-  // Steps over the rest of the line; false at the end of the text.
-  bool NextLine();
+  // Steps over the rest of the line; false at the end of the text. A comment is never joined with
+  // the line behind it: a path at its end ("C:\parts\") would swallow that.
+  bool NextLine(bool of_comment = false);
   bool AtEnd() const { return position_ >= text_.size(); }
   size_t line() const { return line_; }
   size_t position() const { return position_; }
 
  private:
+  // Bytes of the line end at a place: 0 if there is none.
+  size_t LineEndAt(size_t at) const;
+  // Bytes of a backslash and the line end it cancels, with blanks between them.
+  size_t ContinuationAt(size_t at) const;
+
   std::string_view text_;
+  bool continued_;
   size_t position_ = 0;
   size_t line_ = 1;
 };

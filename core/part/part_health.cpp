@@ -2,6 +2,7 @@
 #include "core/part/part_health.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <tuple>
@@ -39,6 +40,48 @@ bool IsDegenerate(const TriangleMesh& mesh, size_t t) {
   const double longest2 =
       std::max({(q - p).squaredNorm(), (r - q).squaredNorm(), (p - r).squaredNorm()});
   return 2 * mesh.Area(t) <= 1e-6 * longest2;
+}
+
+// Triangles with area on the same three vertices.
+struct Repetitions {
+  int64_t duplicates = 0;  // all but the first on their vertices
+  int64_t two_sided = 0;   // pairs that face opposite ways
+  std::vector<bool> in_pair;
+};
+
+Repetitions FindRepetitions(const TriangleMesh& mesh, const std::vector<bool>& degenerate) {
+  struct OnVertices {
+    std::array<uint32_t, 3> sorted;
+    bool odd;  // which way it faces
+    uint32_t triangle;
+  };
+  std::vector<OnVertices> all;
+  for (uint32_t t = 0; t < mesh.triangles.size(); ++t) {
+    if (degenerate[t]) continue;
+    std::array<uint32_t, 3> v = mesh.triangles[t];
+    const bool odd = (v[0] > v[1]) != ((v[1] > v[2]) != (v[0] > v[2]));
+    std::sort(v.begin(), v.end());
+    all.push_back({v, odd, t});
+  }
+  std::sort(all.begin(), all.end(), [](const OnVertices& a, const OnVertices& b) {
+    return std::tie(a.sorted, a.odd, a.triangle) < std::tie(b.sorted, b.odd, b.triangle);
+  });
+  Repetitions repetitions;
+  repetitions.in_pair.assign(mesh.triangles.size(), false);
+  for (size_t begin = 0, end = 0; begin < all.size(); begin = end) {
+    int64_t odd = 0;
+    for (end = begin; end < all.size() && all[end].sorted == all[begin].sorted; ++end) {
+      odd += all[end].odd;
+    }
+    const auto count = static_cast<int64_t>(end - begin);
+    repetitions.duplicates += count - 1;
+    const int64_t pairs = std::min(odd, count - odd);
+    repetitions.two_sided += pairs;
+    for (size_t i = begin; i < end && pairs > 0; ++i) {
+      repetitions.in_pair[all[i].triangle] = true;
+    }
+  }
+  return repetitions;
 }
 
 // Sign of the turn from edge (a, b) to p in the yz plane. The corners are taken in the order of
@@ -90,13 +133,9 @@ PartHealth CheckPartHealth(const TriangleMesh& mesh) {
     health.degenerate_triangle_count += degenerate[t];
   }
 
-  // The same three vertices, in whatever order, more than once.
-  std::vector<std::array<uint32_t, 3>> sorted = mesh.triangles;
-  for (auto& triangle : sorted) std::sort(triangle.begin(), triangle.end());
-  std::sort(sorted.begin(), sorted.end());
-  for (size_t i = 1; i < sorted.size(); ++i) {
-    health.duplicate_triangle_count += sorted[i] == sorted[i - 1];
-  }
+  health.degenerate_triangle_count += mesh.left_out_triangles;
+  const Repetitions repetitions = FindRepetitions(mesh, degenerate);
+  health.duplicate_triangle_count = repetitions.duplicates;
 
   std::vector<HalfEdge> edges;
   edges.reserve(3 * triangle_count);
@@ -114,7 +153,7 @@ PartHealth CheckPartHealth(const TriangleMesh& mesh) {
   });
   DisjointSets sets(triangle_count);
   std::vector<bool> open(triangle_count), disagrees(triangle_count);
-  int64_t inconsistent_edges = 0;
+  int64_t inconsistent_edges = 0, sheet_edges = 0;
   double open_length_m = 0;
   for (size_t begin = 0, end = 0; begin < edges.size(); begin = end) {
     int forward = 0;
@@ -131,7 +170,13 @@ PartHealth CheckPartHealth(const TriangleMesh& mesh) {
                            .cast<double>()
                            .norm();
     }
-    if (count > 2) ++health.non_manifold_edge_count;
+    if (count > 2) {
+      ++health.non_manifold_edge_count;
+      sheet_edges +=
+          std::all_of(edges.begin() + static_cast<std::ptrdiff_t>(begin),
+                      edges.begin() + static_cast<std::ptrdiff_t>(end),
+                      [&](const HalfEdge& edge) { return repetitions.in_pair[edge.triangle]; });
+    }
     const bool disagree = count == 2 && forward != 1;
     inconsistent_edges += disagree;
     for (size_t i = begin; i < end; ++i) {
@@ -235,22 +280,30 @@ PartHealth CheckPartHealth(const TriangleMesh& mesh) {
         Count(inconsistent_edges, "edge", "edges"),
         ". The wrongly turned triangles count as facing away and would never be measured."));
   }
-  if (health.non_manifold_edge_count > 0) {
+  // Edges between two-sided sheets are no inner walls.
+  if (const int64_t edges_left = health.non_manifold_edge_count - sheet_edges; edges_left > 0) {
     findings.push_back(absl::StrCat(
-        Count(health.non_manifold_edge_count, "edge has", "edges have"),
+        Count(edges_left, "edge has", "edges have"),
         " more than two triangles (bodies that touch along an edge, or inner walls). Planning "
         "works, but inner walls get targets that no scan can reach."));
   }
-  if (health.duplicate_triangle_count > 0) {
+  if (repetitions.two_sided > 0) {
     findings.push_back(absl::StrCat(
-        Count(health.duplicate_triangle_count, "triangle repeats", "triangles repeat"),
-        " another one on the same three vertices. If the two face opposite ways, one of them lies "
-        "inside the material and cannot be measured."));
+        Count(repetitions.two_sided, "triangle is", "triangles are"),
+        " there twice, facing opposite ways: a sheet without thickness with two sides, or a wall "
+        "between two bodies. Each side gets targets of its own; those of a wall inside material "
+        "cannot be measured."));
+  }
+  if (const int64_t copies = health.duplicate_triangle_count - repetitions.two_sided; copies > 0) {
+    findings.push_back(
+        absl::StrCat(Count(copies, "triangle repeats", "triangles repeat"),
+                     " another one on the same three vertices that faces the same way. The copies "
+                     "get targets twice; remove them in the CAD program."));
   }
   if (health.degenerate_triangle_count > 0) {
     findings.push_back(
         absl::StrCat(Count(health.degenerate_triangle_count, "triangle has", "triangles have"),
-                     " no area. They get no targets and do no harm."));
+                     " no area. They are no part of the surface."));
   }
   if (enclosed_components > 0) {
     findings.push_back(absl::StrCat(

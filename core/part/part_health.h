@@ -17,6 +17,7 @@ struct PartHealth {
   Eigen::AlignedBox3d bounding_box_m;
   int64_t open_edge_count = 0;          // edges with one triangle
   int64_t non_manifold_edge_count = 0;  // edges with more than two
+  // Triangles without area, with those that reading the file left out.
   int64_t degenerate_triangle_count = 0;
   int64_t duplicate_triangle_count = 0;
   int64_t component_count = 0;

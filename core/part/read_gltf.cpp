@@ -5,8 +5,9 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <cstring>
+#include <bit>
 #include <filesystem>
+#include <initializer_list>
 #include <new>
 #include <nlohmann/json.hpp>
 #include <utility>
@@ -17,7 +18,9 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/strip.h"
 #include "core/file/read_file.h"
+#include "core/part/gltf_extensions.h"
 #include "core/part/mesh_readers.h"
+#include "core/text/text_encoding.h"
 
 namespace sightline {
 namespace {
@@ -137,13 +140,29 @@ size_t BytesOfElements(const nlohmann::json& root) {
   return bytes;
 }
 
+// Bytes of a GLB's own buffer as its JSON states them. 0: the JSON names no such buffer.
+uint64_t OwnBufferBytes(const nlohmann::json& root) {
+  const auto buffers = root.find("buffers");
+  if (buffers == root.end() || !buffers->is_array() || buffers->empty()) return 0;
+  const nlohmann::json& own = buffers->front();
+  if (!own.is_object() || own.contains("uri")) return 0;
+  const auto bytes = own.find("byteLength");
+  return bytes != own.end() && bytes->is_number_unsigned() ? bytes->get<uint64_t>() : 0;
+}
+
 // What has to be known before tinygltf may see the JSON. `buffer_files`: where to put the names of
-// the files that buffers are in; nullptr for a GLB, which has them in itself.
-absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_files) {
+// the files that buffers are in; nullptr for a GLB, which has them in itself, in `binary_bytes`
+// bytes.
+absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_files,
+                       uint64_t binary_bytes) {
   if (json.size() > kMaxGltfJsonBytes) {
-    return absl::ResourceExhaustedError(
+    return absl::InvalidArgumentError(
         absl::StrCat("its JSON has ", json.size() >> 20, " MiB, at most ", kMaxGltfJsonBytes >> 20,
                      " MiB can be read: geometry belongs into buffers, not into extras"));
+  }
+  // The parser takes NUL for the end of the text.
+  if (WithoutEndMarks(json).find('\0') != std::string_view::npos) {
+    return Refuse("damaged: its JSON has a NUL byte in it");
   }
   JsonMeasure measure;
   const bool parsed = nlohmann::json::sax_parse(json.begin(), json.end(), &measure);
@@ -151,7 +170,7 @@ absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_f
     return Refuse(absl::StrCat("its JSON is nested deeper than ", kMaxJsonDepth));
   }
   if (measure.too_many) {
-    return absl::ResourceExhaustedError(
+    return absl::InvalidArgumentError(
         absl::StrCat("its JSON has more than the ", kMaxGltfJsonValues,
                      " values that can be read: geometry belongs into buffers, not into extras"));
   }
@@ -162,19 +181,28 @@ absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_f
     return Refuse("truncated or damaged: its JSON does not parse");
   }
   if (BytesOfElements(root) > kMaxGltfElementBytes) {
-    return absl::ResourceExhaustedError(
+    return absl::InvalidArgumentError(
         absl::StrCat("its JSON has more materials, nodes and other elements than the ",
                      kMaxGltfElementBytes >> 20, " MiB that can be read"));
   }
-  // Only the first buffer may be the GLB's own; each further one would copy it once more.
   const bool binary = buffer_files == nullptr;
+  if (const uint64_t used = OwnBufferBytes(root);
+      binary && binary_bytes > (used + 3) / 4 * 4) {  // chunks are padded to words
+    return Refuse(absl::StrCat("too long: its binary chunk has ", binary_bytes,
+                               " bytes, buffers[0] uses ", used, " of them"));
+  }
+  // Only the first buffer may be the GLB's own; each further one would copy it once more.
   const auto buffers = root.find("buffers");
   if (buffers == root.end() || !buffers->is_array()) return absl::OkStatus();
   for (size_t i = 0; i < buffers->size(); ++i) {
     const nlohmann::json& buffer = (*buffers)[i];
     const auto uri = buffer.is_object() ? buffer.find("uri") : buffer.end();
     const bool has_uri = buffer.is_object() && uri != buffer.end();
-    if (!has_uri && (!binary || i > 0)) return Refuse(absl::StrCat("buffers[", i, "] has no uri"));
+    if (!has_uri && (!binary || i > 0)) {
+      const bool fallback = buffer.is_object() && buffer.contains("extensions");
+      return Refuse(absl::StrCat("buffers[", i, "] has no uri",
+                                 fallback ? ": export the part without mesh compression" : ""));
+    }
     if (!has_uri || binary || !uri->is_string()) continue;
     const std::string& text = uri->get_ref<const std::string&>();
     if (absl::StartsWith(text, "data:")) continue;
@@ -266,7 +294,12 @@ class Converter {
   Converter(const tinygltf::Model& model, const StopCheck& stop) : model_(model), stop_(stop) {}
 
   absl::StatusOr<RawMesh> Convert() {
-    if (absl::Status status = CheckExtensions(); !status.ok()) return status;
+    if (absl::Status status = CheckRequiredExtensions(model_.extensionsRequired); !status.ok()) {
+      return status;
+    }
+    if (absl::Status status = CheckExtensionsAt("the file", model_.extensions); !status.ok()) {
+      return status;
+    }
     visited_.assign(model_.nodes.size(), false);
     if (model_.scenes.empty()) {
       // Without a scene every root node is meant.
@@ -285,6 +318,11 @@ class Converter {
       if (static_cast<size_t>(scene) >= model_.scenes.size()) {
         return Refuse(absl::StrCat("its default scene ", scene, " does not exist"));
       }
+      if (absl::Status status = CheckExtensionsAt(absl::StrCat("scenes[", scene, "]"),
+                                                  model_.scenes[scene].extensions);
+          !status.ok()) {
+        return status;
+      }
       for (int node : model_.scenes[scene].nodes) {
         if (absl::Status status = AddTree(node); !status.ok()) return status;
       }
@@ -296,20 +334,74 @@ class Converter {
   }
 
  private:
-  absl::Status CheckExtensions() const {
-    for (const std::string& name : model_.extensionsUsed) {
-      if (name == "KHR_draco_mesh_compression" || absl::StrContains(name, "meshopt_compression")) {
-        return Refuse(absl::StrCat("uses ", name, ": export it without mesh compression"));
-      }
-    }
-    for (const std::string& name : model_.extensionsRequired) {
-      // Looks only, not shape.
-      const bool harmless = absl::StartsWith(name, "KHR_materials_") ||
-                            absl::StartsWith(name, "KHR_texture_") ||
-                            absl::StartsWith(name, "EXT_texture_") || name == "KHR_lights_punctual";
-      if (!harmless) return Refuse(absl::StrCat("requires the unsupported extension ", name));
+  // What stands at an object of the default scene.
+  static absl::Status CheckExtensionsAt(const std::string& place,
+                                        const tinygltf::ExtensionMap& extensions,
+                                        std::initializer_list<std::string_view> obeyed = {}) {
+    for (const auto& [name, value] : extensions) {
+      if (ConcernsNoShape(name)) continue;
+      if (std::find(obeyed.begin(), obeyed.end(), name) != obeyed.end()) continue;
+      return RefuseExtension(place, name);
     }
     return absl::OkStatus();
+  }
+
+  // KHR_node_visibility: false hides a node and all below it.
+  static bool IsVisible(const tinygltf::Node& node) {
+    const auto found = node.extensions.find("KHR_node_visibility");
+    if (found == node.extensions.end() || !found->second.Has("visible")) return true;
+    const tinygltf::Value& visible = found->second.Get("visible");
+    return !visible.IsBool() || visible.Get<bool>();
+  }
+
+  // The places of a node's mesh, relative to the node: one, or those of EXT_mesh_gpu_instancing.
+  absl::StatusOr<std::vector<Eigen::Affine3d>> InstancesOf(const tinygltf::Node& node,
+                                                           int index) const {
+    const auto extension = node.extensions.find("EXT_mesh_gpu_instancing");
+    if (extension == node.extensions.end()) {
+      return std::vector<Eigen::Affine3d>{Eigen::Affine3d::Identity()};
+    }
+    const std::string name = absl::StrCat("nodes[", index, "].EXT_mesh_gpu_instancing");
+    const auto read = [&](const char* attribute, size_t components,
+                          bool or_integers) -> absl::StatusOr<std::vector<double>> {
+      const tinygltf::Value& attributes = extension->second.Get("attributes");
+      if (!attributes.IsObject() || !attributes.Has(attribute)) return std::vector<double>();
+      const tinygltf::Value& accessor = attributes.Get(attribute);
+      return ReadAccessor<double>(accessor.IsInt() ? accessor.Get<int>() : -1, name, components,
+                                  or_integers ? kFloatOrNormalised : kFloatOnly);
+    };
+    const auto translations = read("TRANSLATION", 3, false);
+    if (!translations.ok()) return translations.status();
+    const auto rotations = read("ROTATION", 4, true);
+    if (!rotations.ok()) return rotations.status();
+    const auto scales = read("SCALE", 3, false);
+    if (!scales.ok()) return scales.status();
+    const size_t count =
+        std::max({translations->size() / 3, rotations->size() / 4, scales->size() / 3});
+    for (const size_t have :
+         {translations->size() / 3, rotations->size() / 4, scales->size() / 3}) {
+      if (count == 0 || (have != 0 && have != count)) {
+        return Refuse(name + ": its attributes do not have the same number of instances");
+      }
+    }
+    std::vector<Eigen::Affine3d> instances(count, Eigen::Affine3d::Identity());
+    for (size_t i = 0; i < count; ++i) {
+      if (!translations->empty()) {
+        instances[i].translate(Eigen::Map<const Eigen::Vector3d>(&(*translations)[3 * i]));
+      }
+      if (!rotations->empty()) {
+        const double* q = &(*rotations)[4 * i];
+        const Eigen::Quaterniond rotation(q[3], q[0], q[1], q[2]);
+        if (!(std::abs(rotation.norm() - 1) < 0.01)) {
+          return Refuse(absl::StrCat(name, ": rotation ", i, " is no unit quaternion"));
+        }
+        instances[i].rotate(rotation.normalized());
+      }
+      if (!scales->empty()) {
+        instances[i].scale(Eigen::Map<const Eigen::Vector3d>(&(*scales)[3 * i]));
+      }
+    }
+    return instances;
   }
 
   absl::Status AddTree(int root) {
@@ -324,6 +416,13 @@ class Converter {
       if (visited_[index]) return Refuse(absl::StrCat("nodes[", index, "] has several parents"));
       visited_[index] = true;
       const tinygltf::Node& node = model_.nodes[index];
+      if (!IsVisible(node)) continue;
+      if (absl::Status status =
+              CheckExtensionsAt(absl::StrCat("nodes[", index, "]"), node.extensions,
+                                {"EXT_mesh_gpu_instancing", "KHR_node_visibility"});
+          !status.ok()) {
+        return status;
+      }
       absl::StatusOr<Eigen::Affine3d> local = LocalTransform(node, index);
       if (!local.ok()) return local.status();
       const Eigen::Affine3d transform = parent * *local;
@@ -332,7 +431,13 @@ class Converter {
           return Refuse(
               absl::StrCat("nodes[", index, "] is skinned: apply the pose and export again"));
         }
-        if (absl::Status status = AddMesh(node.mesh, transform); !status.ok()) return status;
+        const auto instances = InstancesOf(node, index);
+        if (!instances.ok()) return instances.status();
+        for (const Eigen::Affine3d& instance : *instances) {
+          if (absl::Status status = AddMesh(node.mesh, transform * instance); !status.ok()) {
+            return status;
+          }
+        }
       }
       for (auto child = node.children.rbegin(); child != node.children.rend(); ++child) {
         open.emplace_back(*child, transform);
@@ -380,6 +485,11 @@ class Converter {
       return Refuse(absl::StrCat("meshes[", index, "] does not exist"));
     }
     const tinygltf::Mesh& mesh = model_.meshes[index];
+    if (absl::Status status =
+            CheckExtensionsAt(absl::StrCat("meshes[", index, "]"), mesh.extensions);
+        !status.ok()) {
+      return status;
+    }
     for (size_t i = 0; i < mesh.primitives.size(); ++i) {
       const std::string name = absl::StrCat("meshes[", index, "].primitives[", i, "]");
       if (absl::Status status = AddPrimitive(mesh.primitives[i], name, transform); !status.ok()) {
@@ -389,27 +499,90 @@ class Converter {
     return absl::OkStatus();
   }
 
-  // The bytes of an accessor, all inside its buffer.
+  // Which types of numbers an accessor may have.
+  enum AllowedTypes { kFloatOnly, kFloatOrNormalised, kFloatOrSmallInteger, kIndices };
+
+  static size_t BytesOfComponent(int type) {
+    switch (type) {
+      case TINYGLTF_COMPONENT_TYPE_BYTE:
+      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+        return 1;
+      case TINYGLTF_COMPONENT_TYPE_SHORT:
+      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+        return 2;
+      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
+      case TINYGLTF_COMPONENT_TYPE_FLOAT:
+        return 4;
+      default:
+        return 0;
+    }
+  }
+
+  static bool IsAllowed(const tinygltf::Accessor& accessor, AllowedTypes types) {
+    const int type = accessor.componentType;
+    const bool is_float = type == TINYGLTF_COMPONENT_TYPE_FLOAT;
+    const bool is_small = BytesOfComponent(type) == 1 || BytesOfComponent(type) == 2;
+    switch (types) {
+      case kFloatOnly:
+        return is_float;
+      case kFloatOrNormalised:
+        return is_float || (is_small && accessor.normalized);
+      case kFloatOrSmallInteger:
+        return is_float || is_small;
+      case kIndices:
+        return !accessor.normalized && (type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE ||
+                                        type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT ||
+                                        type == TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT);
+    }
+    return false;
+  }
+
+  // A number as 3.11 of the specification decodes it.
+  template <typename T>
+  static T NumberAt(const unsigned char* bytes, int type, bool normalised) {
+    uint32_t word = 0;
+    for (size_t i = BytesOfComponent(type); i > 0; --i) word = word << 8 | bytes[i - 1];
+    const auto integer = [normalised](double value, double largest) {
+      return static_cast<T>(normalised ? std::max(value / largest, -1.0) : value);
+    };
+    switch (type) {
+      case TINYGLTF_COMPONENT_TYPE_BYTE:
+        return integer(static_cast<int8_t>(word), 127);
+      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
+        return integer(word, 255);
+      case TINYGLTF_COMPONENT_TYPE_SHORT:
+        return integer(static_cast<int16_t>(word), 32767);
+      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
+        return integer(word, 65535);
+      case TINYGLTF_COMPONENT_TYPE_FLOAT:
+        return static_cast<T>(std::bit_cast<float>(word));
+      default:
+        return static_cast<T>(word);
+    }
+  }
+
+  // `count` elements in a buffer view, all inside its buffer.
   struct View {
     const unsigned char* data = nullptr;
     size_t stride = 0;
-    size_t count = 0;
   };
 
-  absl::StatusOr<View> ViewOf(int index, const std::string& name, size_t element_size) const {
+  absl::StatusOr<View> ViewOf(int buffer_view, size_t byte_offset, size_t count,
+                              size_t element_size, const std::string& name) const {
     const auto bad = [&](const std::string& reason) {
-      return Refuse(absl::StrCat(name, ": accessors[", index, "] ", reason));
+      return Refuse(absl::StrCat(name, " ", reason));
     };
-    if (index < 0 || static_cast<size_t>(index) >= model_.accessors.size()) {
-      return bad("does not exist");
-    }
-    const tinygltf::Accessor& accessor = model_.accessors[index];
-    if (accessor.sparse.isSparse) return bad("is sparse, which is not supported");
-    if (accessor.bufferView < 0 ||
-        static_cast<size_t>(accessor.bufferView) >= model_.bufferViews.size()) {
+    if (buffer_view < 0 || static_cast<size_t>(buffer_view) >= model_.bufferViews.size()) {
       return bad("has no buffer view");
     }
-    const tinygltf::BufferView& view = model_.bufferViews[accessor.bufferView];
+    const tinygltf::BufferView& view = model_.bufferViews[buffer_view];
+    // Without the word "required" the bytes are there uncompressed as well.
+    if (absl::Status status =
+            CheckExtensionsAt(absl::StrCat("bufferViews[", buffer_view, "]"), view.extensions,
+                              {"EXT_meshopt_compression", "KHR_meshopt_compression"});
+        !status.ok()) {
+      return status;
+    }
     if (view.buffer < 0 || static_cast<size_t>(view.buffer) >= model_.buffers.size()) {
       return bad("has no buffer");
     }
@@ -418,15 +591,109 @@ class Converter {
     if (stride < element_size || stride > 252) {
       return bad(absl::StrCat("has stride ", stride, ", must be in [", element_size, ", 252]"));
     }
-    if (accessor.count == 0) return bad("is empty");
+    if (count == 0) return bad("is empty");
     // Written so that nothing can overflow.
     const bool inside =
         view.byteOffset <= buffer.size() && view.byteLength <= buffer.size() - view.byteOffset &&
-        accessor.byteOffset <= view.byteLength &&
-        element_size <= view.byteLength - accessor.byteOffset &&
-        accessor.count - 1 <= (view.byteLength - accessor.byteOffset - element_size) / stride;
+        byte_offset <= view.byteLength && element_size <= view.byteLength - byte_offset &&
+        count - 1 <= (view.byteLength - byte_offset - element_size) / stride;
     if (!inside) return bad("reaches beyond its buffer (truncated file?)");
-    return View{buffer.data() + view.byteOffset + accessor.byteOffset, stride, accessor.count};
+    return View{buffer.data() + view.byteOffset + byte_offset, stride};
+  }
+
+  static size_t ComponentsOf(int type) {
+    return type == TINYGLTF_TYPE_SCALAR ? 1
+           : type == TINYGLTF_TYPE_VEC3 ? 3
+           : type == TINYGLTF_TYPE_VEC4 ? 4
+                                        : 0;
+  }
+
+  // All numbers of an accessor, sparse ones too. `owner` is for messages.
+  template <typename T>
+  absl::StatusOr<std::vector<T>> ReadAccessor(int index, const std::string& owner,
+                                              size_t components, AllowedTypes types) const {
+    // A sparse accessor may have no values of its own, so its count is not limited by bytes.
+    constexpr size_t kMostZeros = 1'000'000;
+    const std::string name = absl::StrCat(owner, ": accessors[", index, "]");
+    if (index < 0 || static_cast<size_t>(index) >= model_.accessors.size()) {
+      return Refuse(name + " does not exist");
+    }
+    const tinygltf::Accessor& accessor = model_.accessors[index];
+    if (absl::Status status = CheckExtensionsAt(name, accessor.extensions); !status.ok()) {
+      return status;
+    }
+    const int type = accessor.componentType;
+    if (ComponentsOf(accessor.type) != components || !IsAllowed(accessor, types)) {
+      return Refuse(
+          absl::StrCat(name, " has type ", accessor.type, " of components ", type,
+                       accessor.normalized ? " (normalised)" : "", ", must be ",
+                       components == 1 ? "scalar" : absl::StrCat(components, " numbers"), ", ",
+                       types == kIndices     ? "unsigned 8, 16 or 32 bit"
+                       : types == kFloatOnly ? "32-bit float (integers need KHR_mesh_quantization)"
+                       : types == kFloatOrNormalised ? "32-bit float or normalised 8 or 16 bit"
+                                                     : "32-bit float or 8 or 16 bit"));
+    }
+    const size_t size = BytesOfComponent(type), element = size * components;
+    std::vector<T> values;
+    if (accessor.bufferView < 0 && accessor.sparse.isSparse) {
+      if (accessor.count > kMostZeros) {
+        return Refuse(absl::StrCat(name, " has ", accessor.count,
+                                   " elements without a buffer, at most ", kMostZeros,
+                                   " are read"));
+      }
+      values.assign(accessor.count * components, T{});
+    } else {
+      const absl::StatusOr<View> view =
+          ViewOf(accessor.bufferView, accessor.byteOffset, accessor.count, element, name);
+      if (!view.ok()) return view.status();
+      values.reserve(accessor.count * components);
+      for (size_t i = 0; i < accessor.count; ++i) {
+        for (size_t k = 0; k < components; ++k) {
+          values.push_back(
+              NumberAt<T>(view->data + i * view->stride + k * size, type, accessor.normalized));
+        }
+      }
+    }
+    if (!accessor.sparse.isSparse) return values;
+
+    // Replace some of them: sparse.indices says which.
+    const auto& sparse = accessor.sparse;
+    const int index_type = sparse.indices.componentType;
+    const std::string sparse_name = name + ".sparse";
+    if (index_type != TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE &&
+        index_type != TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT &&
+        index_type != TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT) {
+      return Refuse(absl::StrCat(sparse_name, ".indices have component type ", index_type,
+                                 ", must be unsigned 8, 16 or 32 bit"));
+    }
+    if (sparse.count < 1 || static_cast<size_t>(sparse.count) > accessor.count ||
+        sparse.indices.byteOffset < 0 || sparse.values.byteOffset < 0) {
+      return Refuse(
+          absl::StrCat(sparse_name, " has ", sparse.count, " elements or a negative offset"));
+    }
+    const size_t count = static_cast<size_t>(sparse.count);
+    const size_t index_size = BytesOfComponent(index_type);
+    const auto indices =
+        ViewOf(sparse.indices.bufferView, static_cast<size_t>(sparse.indices.byteOffset), count,
+               index_size, sparse_name + ".indices");
+    if (!indices.ok()) return indices.status();
+    const auto replaced =
+        ViewOf(sparse.values.bufferView, static_cast<size_t>(sparse.values.byteOffset), count,
+               element, sparse_name + ".values");
+    if (!replaced.ok()) return replaced.status();
+    for (size_t i = 0, previous = 0; i < count; ++i) {
+      const size_t at = NumberAt<uint32_t>(indices->data + i * indices->stride, index_type, false);
+      if (at >= accessor.count || (i > 0 && at <= previous)) {
+        return Refuse(absl::StrCat(sparse_name, ".indices: ", at,
+                                   " is out of range or no larger than the one before"));
+      }
+      previous = at;
+      for (size_t k = 0; k < components; ++k) {
+        values[at * components + k] = NumberAt<T>(replaced->data + i * replaced->stride + k * size,
+                                                  type, accessor.normalized);
+      }
+    }
+    return values;
   }
 
   absl::Status AddPrimitive(const tinygltf::Primitive& primitive, const std::string& name,
@@ -443,27 +710,33 @@ class Converter {
     }
     const auto attribute = primitive.attributes.find("POSITION");
     if (attribute == primitive.attributes.end()) return Refuse(name + " has no POSITION");
-    absl::StatusOr<View> positions = ViewOf(attribute->second, name, 3 * sizeof(float));
-    if (!positions.ok()) return positions.status();
-    const tinygltf::Accessor& accessor = model_.accessors[attribute->second];
-    if (accessor.type != TINYGLTF_TYPE_VEC3 ||
-        accessor.componentType != TINYGLTF_COMPONENT_TYPE_FLOAT) {
-      return Refuse(name + ": POSITION is not made of 3 floats");
+    if (absl::Status status =
+            CheckExtensionsAt(name, primitive.extensions, {"KHR_draco_mesh_compression"});
+        !status.ok()) {
+      return status;
     }
+    const bool quantised =
+        std::find(model_.extensionsUsed.begin(), model_.extensionsUsed.end(),
+                  "KHR_mesh_quantization") != model_.extensionsUsed.end() ||
+        std::find(model_.extensionsRequired.begin(), model_.extensionsRequired.end(),
+                  "KHR_mesh_quantization") != model_.extensionsRequired.end();
+    const auto positions = ReadAccessor<double>(attribute->second, absl::StrCat(name, ".POSITION"),
+                                                3, quantised ? kFloatOrSmallInteger : kFloatOnly);
+    if (!positions.ok()) return positions.status();
+    const size_t count = positions->size() / 3;
 
-    absl::StatusOr<std::vector<uint32_t>> indices = Indices(primitive, positions->count, name);
+    absl::StatusOr<std::vector<uint32_t>> indices = Indices(primitive, count, name);
     if (!indices.ok()) return indices.status();
-    if (mesh_.positions.size() + positions->count > 3 * kMaxTriangles ||
+    if (mesh_.positions.size() + count > 3 * kMaxTriangles ||
         mesh_.triangles.size() + indices->size() > kMaxTriangles) {
       return Refuse(absl::StrCat("has more than ", kMaxTriangles, " triangles"));
     }
 
     const uint32_t base = static_cast<uint32_t>(mesh_.positions.size());
-    mesh_.positions.reserve(mesh_.positions.size() + positions->count);
-    for (size_t i = 0; i < positions->count; ++i) {
-      float xyz[3];
-      std::memcpy(xyz, positions->data + i * positions->stride, sizeof(xyz));
-      mesh_.positions.push_back(transform * Eigen::Vector3d(xyz[0], xyz[1], xyz[2]));
+    mesh_.positions.reserve(mesh_.positions.size() + count);
+    for (size_t i = 0; i < count; ++i) {
+      mesh_.positions.push_back(transform *
+                                Eigen::Map<const Eigen::Vector3d>(&(*positions)[3 * i]));
     }
     // A mirroring transform turns the triangles inside out.
     const bool flip = transform.linear().determinant() < 0;
@@ -479,6 +752,8 @@ class Converter {
       for (size_t i = 0; i + 2 < v.size(); i += 3) add(v[i], v[i + 1], v[i + 2]);
     } else if (mode == TINYGLTF_MODE_TRIANGLE_STRIP) {
       for (size_t i = 0; i + 2 < v.size(); ++i) {
+        // A repeated index ends a strip and begins the next: no triangle of the part.
+        if (v[i] == v[i + 1] || v[i + 1] == v[i + 2] || v[i] == v[i + 2]) continue;
         if (i % 2 == 0) {
           add(v[i], v[i + 1], v[i + 2]);
         } else {
@@ -503,41 +778,16 @@ class Converter {
       for (size_t i = 0; i < vertex_count; ++i) indices[i] = static_cast<uint32_t>(i);
       return indices;
     }
-    if (static_cast<size_t>(primitive.indices) >= model_.accessors.size()) {
-      return Refuse(name + ": its index accessor does not exist");
-    }
-    const tinygltf::Accessor& accessor = model_.accessors[primitive.indices];
-    size_t size = 0;
-    switch (accessor.componentType) {
-      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_BYTE:
-        size = 1;
-        break;
-      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT:
-        size = 2;
-        break;
-      case TINYGLTF_COMPONENT_TYPE_UNSIGNED_INT:
-        size = 4;
-        break;
-      default:
-        return Refuse(absl::StrCat(name, ": indices have component type ", accessor.componentType,
-                                   ", must be unsigned 8, 16 or 32 bit"));
-    }
-    if (accessor.type != TINYGLTF_TYPE_SCALAR) return Refuse(name + ": indices are no scalars");
-    absl::StatusOr<View> view = ViewOf(primitive.indices, name, size);
-    if (!view.ok()) return view.status();
-    indices.reserve(view->count);
-    for (size_t i = 0; i < view->count; ++i) {
-      uint32_t index = 0;
-      for (size_t byte = size; byte > 0; --byte) {
-        index = index << 8 | view->data[i * view->stride + byte - 1];
-      }
+    auto read =
+        ReadAccessor<uint32_t>(primitive.indices, absl::StrCat(name, ".indices"), 1, kIndices);
+    if (!read.ok()) return read.status();
+    for (const uint32_t index : *read) {
       if (index >= vertex_count) {
         return Refuse(absl::StrCat(name, ": index ", index, " is out of range, there are ",
                                    vertex_count, " vertices"));
       }
-      indices.push_back(index);
     }
-    return indices;
+    return read;
   }
 
   const tinygltf::Model& model_;
@@ -581,7 +831,27 @@ absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes, const StopCheck& stop) {
   if (word(8) > bytes.size() || word(12) > bytes.size() - 20) {
     return Refuse(absl::StrCat("truncated: claims ", word(8), " bytes, has ", bytes.size()));
   }
-  if (absl::Status status = CheckJson(bytes.substr(20, word(12)), nullptr); !status.ok()) {
+  if (word(8) < bytes.size()) {
+    return Refuse(absl::StrCat("too long: claims ", word(8), " bytes, has ", bytes.size()));
+  }
+  // Chunks: JSON, then perhaps BIN, then perhaps others, which the specification says to ignore.
+  constexpr uint32_t kJsonChunk = 0x4e4f534a, kBinaryChunk = 0x004e4942;
+  uint64_t binary_bytes = 0;
+  size_t at = 12;
+  for (size_t chunk = 0; at < bytes.size(); ++chunk) {
+    if (bytes.size() - at < 8 || word(at) > bytes.size() - at - 8) {
+      return Refuse(
+          absl::StrCat("truncated or damaged: chunk ", chunk, " reaches beyond the file"));
+    }
+    const uint32_t type = word(at + 4);
+    if ((chunk == 0) != (type == kJsonChunk) || (chunk != 1 && type == kBinaryChunk)) {
+      return Refuse(absl::StrCat("chunk ", chunk, " is of a type that does not belong there"));
+    }
+    if (type == kBinaryChunk) binary_bytes = word(at);
+    at += 8 + size_t{word(at)};
+  }
+  if (absl::Status status = CheckJson(bytes.substr(20, word(12)), nullptr, binary_bytes);
+      !status.ok()) {
     return status;
   }
   tinygltf::TinyGLTF loader;
@@ -596,14 +866,17 @@ absl::StatusOr<RawMesh> ReadGlb(std::string_view bytes, const StopCheck& stop) {
 
 absl::StatusOr<RawMesh> ReadGltfFile(std::string_view bytes, const std::string& path,
                                      const StopCheck& stop) {
+  const absl::StatusOr<std::string_view> text = WithoutByteOrderMark(bytes);
+  if (!text.ok()) return text.status();
+  const std::string_view json = WithoutEndMarks(*text);
   BufferFiles files;
   files.folder = std::filesystem::path(path).parent_path().string();
-  if (absl::Status status = CheckJson(bytes, &files.names); !status.ok()) return status;
+  if (absl::Status status = CheckJson(json, &files.names, 0); !status.ok()) return status;
   tinygltf::TinyGLTF loader;
   loader.SetFsCallbacks({IsBufferFile, SamePath, ReadBufferFile, WriteNoFile, &files});
   const auto load = [&](tinygltf::Model* model, std::string* error, std::string* warning) {
-    return loader.LoadASCIIFromString(model, error, warning, bytes.data(),
-                                      static_cast<unsigned int>(bytes.size()), files.folder);
+    return loader.LoadASCIIFromString(model, error, warning, json.data(),
+                                      static_cast<unsigned int>(json.size()), files.folder);
   };
   return LoadModel(loader, stop, load);
 }

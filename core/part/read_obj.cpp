@@ -7,10 +7,13 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/mesh_readers.h"
 #include "core/part/polygon.h"
+#include "core/text/text_encoding.h"
 
 namespace sightline {
 
 absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop) {
+  const absl::StatusOr<std::string_view> text = WithoutByteOrderMark(bytes);
+  if (!text.ok()) return text.status();
   static constexpr std::array<std::string_view, 17> kIgnored = {
       "vn", "vt",     "vp",     "o",     "g",        "s",        "mg",  "mtllib",    "l",
       "p",  "usemap", "maplib", "bevel", "c_interp", "d_interp", "lod", "shadow_obj"};
@@ -18,27 +21,26 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop) {
                                                                 "surf"};
   RawMesh mesh;
   PolygonCutter cutter(stop);
-  TextScanner scanner(bytes);
+  TextScanner scanner(WithoutEndMarks(*text), /*continued=*/true);
   std::vector<uint32_t> corners;
   std::string material;
   const auto error = [&](const std::string& reason) {
     return absl::InvalidArgumentError(absl::StrCat("line ", scanner.line(), ": ", reason));
   };
-  // A backslash at the end of a line continues it.
+  bool in_comment = false;
+  // Empty at the end of the logical line and where a comment begins.
   const auto next_word = [&] {
-    std::string_view word = scanner.WordInLine();
-    while (word == "\\") {
-      if (!scanner.NextLine()) return std::string_view();
-      word = scanner.WordInLine();
-    }
-    return word;
+    const std::string_view word = in_comment ? std::string_view() : scanner.WordInLine();
+    in_comment = in_comment || word.starts_with('#');
+    return in_comment ? std::string_view() : word;
   };
   do {
     if (scanner.line() % kStepsPerStopCheck == 0) {
       if (absl::Status status = CheckStop(stop); !status.ok()) return status;
     }
-    const std::string_view keyword = scanner.WordInLine();
-    if (keyword.empty() || keyword[0] == '#') continue;
+    in_comment = false;
+    const std::string_view keyword = next_word();
+    if (keyword.empty()) continue;
     if (keyword == "v") {
       Eigen::Vector3d position;
       for (int axis = 0; axis < 3; ++axis) {
@@ -48,13 +50,25 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop) {
           return error(absl::StrCat("\"", Excerpt(word), "\" is no coordinate"));
         }
       }
+      // Behind them a weight, a colour, or both.
+      size_t more = 0;
+      for (std::string_view word = next_word(); !word.empty(); word = next_word()) {
+        double ignored = 0;
+        if (!ParseNumber(word, &ignored)) {
+          return error(absl::StrCat("\"", Excerpt(word), "\" is no coordinate"));
+        }
+        if (++more > 4) break;
+      }
+      if (more == 2 || more > 4) {
+        return error("a vertex has 3 coordinates, perhaps a weight and a colour, and nothing else");
+      }
       mesh.positions.push_back(position);
     } else if (keyword == "f") {
       corners.clear();
-      for (std::string_view word = next_word(); !word.empty() && word[0] != '#';
-           word = next_word()) {
+      for (std::string_view word = next_word(); !word.empty(); word = next_word()) {
         int64_t index = 0;
-        if (!ParseInteger(word.substr(0, word.find('/')), &index) || index == 0) {
+        const bool good = word.find_first_not_of("+-0123456789/") == std::string_view::npos;
+        if (!good || !ParseInteger(word.substr(0, word.find('/')), &index) || index == 0) {
           return error(absl::StrCat("\"", Excerpt(word), "\" is no vertex index"));
         }
         const int64_t count = static_cast<int64_t>(mesh.positions.size());
@@ -81,7 +95,7 @@ absl::StatusOr<RawMesh> ReadObj(std::string_view bytes, const StopCheck& stop) {
     } else if (std::find(kIgnored.begin(), kIgnored.end(), keyword) == kIgnored.end()) {
       return error(absl::StrCat("unknown keyword \"", Excerpt(keyword), "\""));
     }
-  } while (scanner.NextLine());
+  } while (scanner.NextLine(in_comment));
   mesh.SetMaterialOfNewTriangles(material);
   return mesh;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // PLY: ASCII, binary little- and big-endian. Elements other than vertices and faces are stepped
-// over; so are their other properties.
+// over; so are their other properties. What is left behind the last element of the header is an
+// error: the header counts wrongly, or the file is two.
 #include <algorithm>
 #include <bit>
 #include <cstring>
@@ -9,6 +10,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/part/mesh_readers.h"
 #include "core/part/polygon.h"
+#include "core/text/text_encoding.h"
 
 namespace sightline {
 namespace {
@@ -100,6 +102,20 @@ class PlyBody {
     return true;
   }
 
+  // Of text: whether the line of the element has no more numbers.
+  bool AtLineEnd() { return encoding_ != Encoding::kAscii || scanner_.WordInLine().empty(); }
+
+  // Bytes behind the last element that are more than white space.
+  size_t BytesLeftOver() {
+    if (encoding_ == Encoding::kAscii) {
+      const size_t word = scanner_.Word().size();
+      return word == 0 ? 0 : word + bytes_.size() - scanner_.position();
+    }
+    // Some writers end the file with a line end. Padding cannot be told from elements of zeros.
+    const std::string_view left = bytes_.substr(position_);
+    return left == "\n" || left == "\r\n" ? 0 : left.size();
+  }
+
   // A count claimed by the file is believed only as far as that many bytes are left.
   size_t Left() const {
     return encoding_ == Encoding::kAscii ? bytes_.size() - scanner_.position()
@@ -115,7 +131,10 @@ class PlyBody {
 
 }  // namespace
 
-absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
+absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
+  const absl::StatusOr<std::string_view> unmarked = WithoutByteOrderMark(file);
+  if (!unmarked.ok()) return unmarked.status();
+  std::string_view bytes = *unmarked;
   TextScanner header(bytes);
   const auto header_error = [&](const std::string& reason) {
     return absl::InvalidArgumentError(absl::StrCat("line ", header.line(), ": ", reason));
@@ -135,6 +154,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
       if (name == "binary_little_endian") encoding = Encoding::kLittleEndian;
       if (name == "binary_big_endian") encoding = Encoding::kBigEndian;
       if (!encoding) return header_error("unknown format");
+      header.WordInLine();  // the version
     } else if (keyword == "element") {
       Element element;
       element.name = header.WordInLine();
@@ -163,12 +183,20 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
     } else {
       return header_error(absl::StrCat("unknown keyword \"", Excerpt(keyword), "\""));
     }
+    if (!header.WordInLine().empty()) {
+      return header_error(absl::StrCat("more words than \"", Excerpt(keyword), "\" has"));
+    }
   }
   if (!ended) return absl::InvalidArgumentError("truncated: the header does not end");
   if (!encoding) return absl::InvalidArgumentError("the header has no format");
+  // Where lines end with CR alone, LF is the first byte of the data.
+  const bool cr_alone = bytes.starts_with("ply\r") && !bytes.starts_with("ply\r\n");
+  const size_t header_end = header.position();
   if (!header.NextLine()) return absl::InvalidArgumentError("truncated: no data after the header");
+  std::string_view data = bytes.substr(cr_alone ? header_end + 1 : header.position());
+  if (*encoding == Encoding::kAscii) data = WithoutEndMarks(data);
 
-  PlyBody body(bytes.substr(header.position()), *encoding);
+  PlyBody body(data, *encoding);
   RawMesh mesh;
   PolygonCutter cutter(stop);
   std::vector<uint32_t> corners;
@@ -189,6 +217,10 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
       const Property& property = element.properties[k];
       for (int axis = 0; axis < 3; ++axis) {
         if (!property.count_type && property.name == std::string(1, "xyz"[axis])) {
+          if (is_vertex && axis_of[axis] >= 0) {
+            return absl::InvalidArgumentError(
+                absl::StrCat("vertices have two properties \"", property.name, "\""));
+          }
           axis_of[axis] = static_cast<int>(k);
         }
         if (!property.count_type && property.name == std::string({'n', "xyz"[axis]})) {
@@ -264,10 +296,20 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view bytes, const StopCheck& stop) {
           return absl::InvalidArgumentError(absl::StrCat("face ", i, ": ", status.message()));
         }
       }
+      if (!body.AtLineEnd()) {
+        return absl::InvalidArgumentError(
+            absl::StrCat("element \"", Excerpt(element.name), "\" ", i,
+                         " has more numbers on its line than the header has properties"));
+      }
       if (is_vertex) mesh.positions.push_back(position);
       if (has_normals) mesh.normals.push_back(normal);
     }
     vertices_read = vertices_read || is_vertex;
+  }
+  if (const size_t left = body.BytesLeftOver(); left > 0) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("too long: ", left,
+                     " bytes are left behind the last of the elements that its header counts"));
   }
   return mesh;
 }

@@ -4,10 +4,12 @@
 #include <cctype>
 #include <cmath>
 #include <cstring>
+#include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "core/part/mesh_readers.h"
 #include "core/part/polygon.h"
+#include "core/text/text_encoding.h"
 
 namespace sightline {
 namespace {
@@ -53,64 +55,118 @@ std::string Lower(std::string_view word) {
   return lower;
 }
 
-absl::StatusOr<RawMesh> ReadAscii(std::string_view bytes, const StopCheck& stop) {
-  RawMesh mesh;
-  PolygonCutter cutter(stop);
-  size_t words = 0;
-  TextScanner scanner(bytes);
-  std::vector<uint32_t> loop;
-  bool in_solid = false, in_loop = false;
-  const auto error = [&](const std::string& reason) {
-    return absl::InvalidArgumentError(absl::StrCat("line ", scanner.line(), ": ", reason));
-  };
-  while (true) {
-    const std::string word = Lower(scanner.Word());
-    if (word.empty()) break;
-    if (++words % kStepsPerStopCheck == 0) {
-      if (absl::Status status = CheckStop(stop); !status.ok()) return status;
+// The text of an ASCII file: solids of facets of one loop each.
+class AsciiStl {
+ public:
+  AsciiStl(std::string_view text, const StopCheck& stop)
+      : scanner_(text), stop_(stop), cutter_(stop) {}
+
+  absl::StatusOr<RawMesh> Read() {
+    size_t words = 0;
+    for (std::string word = Next(); !word.empty(); word = Next()) {
+      if (++words % kStepsPerStopCheck == 0) {
+        if (absl::Status status = CheckStop(stop_); !status.ok()) return status;
+      }
+      if (absl::Status status = Take(word); !status.ok()) return status;
     }
-    if (word == "solid") {
-      if (in_solid) return error("\"solid\" inside a solid");
-      in_solid = true;
-      scanner.NextLine();
-    } else if (word == "endsolid") {
-      if (!in_solid || in_loop) return error("\"endsolid\" where it does not belong");
-      in_solid = false;
-      scanner.NextLine();
-    } else if (word == "facet") {
-      scanner.NextLine();  // the normal
-    } else if (word == "outer") {
-      if (!in_solid || in_loop || Lower(scanner.Word()) != "loop") {
-        return error("\"outer loop\" expected here only once per facet");
-      }
-      in_loop = true;
-      loop.clear();
-    } else if (word == "vertex") {
-      if (!in_loop) return error("\"vertex\" outside a loop");
-      Eigen::Vector3d position;
-      for (int axis = 0; axis < 3; ++axis) {
-        const std::string_view number = scanner.WordInLine();
-        if (!ParseNumber(number, &position[axis])) {
-          return error(absl::StrCat("\"", Excerpt(number), "\" is no coordinate"));
-        }
-      }
-      loop.push_back(static_cast<uint32_t>(mesh.positions.size()));
-      mesh.positions.push_back(position);
-    } else if (word == "endloop") {
-      if (!in_loop || loop.size() < 3) return error("a loop needs at least 3 vertices");
-      if (absl::Status status = cutter.Add(loop, &mesh); !status.ok()) {
-        return absl::IsInvalidArgument(status) ? error(std::string(status.message())) : status;
-      }
-      in_loop = false;
-    } else if (word == "endfacet") {
-      if (in_loop) return error("\"endfacet\" inside a loop");
-    } else {
-      return error(absl::StrCat("unknown word \"", Excerpt(word), "\""));
-    }
+    if (place_ != Place::kOutside) return Error("truncated: the file ends before \"endsolid\"");
+    return std::move(mesh_);
   }
-  if (in_solid) return error("truncated: the file ends before \"endsolid\"");
-  return mesh;
-}
+
+ private:
+  enum class Place { kOutside, kInSolid, kInFacet, kInLoop, kAfterLoop };
+
+  absl::Status Error(const std::string& reason) const {
+    return absl::InvalidArgumentError(absl::StrCat("line ", scanner_.line(), ": ", reason));
+  }
+
+  // The next word in lower case; "end solid" is "endsolid".
+  std::string Next() {
+    std::string word = pending_.empty() ? Lower(scanner_.Word()) : std::exchange(pending_, "");
+    if (word == "end") word += Lower(scanner_.Word());
+    return word;
+  }
+
+  // Goes from one place to another where a word is expected.
+  absl::Status Go(Place from, Place to, const char* word) {
+    if (place_ != from) return Error(absl::StrCat("\"", word, "\" where it does not belong"));
+    place_ = to;
+    return absl::OkStatus();
+  }
+
+  absl::Status Take(const std::string& word) {
+    if (word == "vertex") return TakeVertex();
+    if (word == "facet") {
+      if (absl::Status status = Go(Place::kInSolid, Place::kInFacet, "facet"); !status.ok()) {
+        return status;
+      }
+      SkipNormal();
+      return absl::OkStatus();
+    }
+    if (word == "outer") {
+      if (Next() != "loop") return Error("\"loop\" expected after \"outer\"");
+      loop_.clear();
+      return Go(Place::kInFacet, Place::kInLoop, "outer loop");
+    }
+    if (word == "endloop") return TakeLoop();
+    if (word == "endfacet") return Go(Place::kAfterLoop, Place::kInSolid, "endfacet");
+    if (word == "solid") return TakeName(Go(Place::kOutside, Place::kInSolid, "solid"));
+    if (word == "endsolid") return TakeName(Go(Place::kInSolid, Place::kOutside, "endsolid"));
+    return Error(absl::StrCat("unknown word \"", Excerpt(word), "\""));
+  }
+
+  // "normal" and three numbers, which may be anything: exporters write nan(ind) there.
+  void SkipNormal() {
+    pending_ = Lower(scanner_.WordInLine());
+    if (pending_ != "normal") return;
+    pending_.clear();
+    for (int axis = 0; axis < 3 && pending_ != "outer"; ++axis) {
+      pending_ = Lower(scanner_.WordInLine());
+    }
+    if (pending_ != "outer") pending_.clear();
+  }
+
+  // The rest of the line is the name of the solid, and must not be what follows it.
+  absl::Status TakeName(absl::Status status) {
+    if (!status.ok()) return status;
+    for (std::string word = Lower(scanner_.WordInLine()); !word.empty();
+         word = Lower(scanner_.WordInLine())) {
+      if (word == "vertex") return Error("a facet on the line of the solid's name");
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status TakeVertex() {
+    if (place_ != Place::kInLoop) return Error("\"vertex\" outside a loop");
+    Eigen::Vector3d position;
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::string_view number = scanner_.WordInLine();
+      if (!ParseNumber(number, &position[axis])) {
+        return Error(absl::StrCat("\"", Excerpt(number), "\" is no coordinate"));
+      }
+    }
+    loop_.push_back(static_cast<uint32_t>(mesh_.positions.size()));
+    mesh_.positions.push_back(position);
+    return absl::OkStatus();
+  }
+
+  absl::Status TakeLoop() {
+    if (place_ != Place::kInLoop || loop_.size() < 3) {
+      return Error("a loop needs at least 3 vertices");
+    }
+    place_ = Place::kAfterLoop;
+    absl::Status status = cutter_.Add(loop_, &mesh_);
+    return absl::IsInvalidArgument(status) ? Error(std::string(status.message())) : status;
+  }
+
+  TextScanner scanner_;
+  const StopCheck& stop_;
+  PolygonCutter cutter_;
+  RawMesh mesh_;
+  std::vector<uint32_t> loop_;
+  std::string pending_;  // a word that was read too early
+  Place place_ = Place::kOutside;
+};
 
 }  // namespace
 
@@ -132,15 +188,24 @@ absl::StatusOr<RawMesh> ReadStl(std::string_view bytes, const StopCheck& stop) {
     }
   }
   // Text has no zero byte; a binary header or float nearly always has one.
+  const absl::StatusOr<std::string_view> unmarked = WithoutByteOrderMark(bytes);
+  const std::string_view text = WithoutEndMarks(unmarked.ok() ? *unmarked : std::string_view());
   size_t start = 0;
-  while (start < bytes.size() && std::isspace(static_cast<unsigned char>(bytes[start]))) ++start;
-  const bool text =
-      Lower(bytes.substr(start, 5)) == "solid" && bytes.find('\0') == std::string_view::npos;
-  if (text) return ReadAscii(bytes, stop);
+  while (start < text.size() && std::isspace(static_cast<unsigned char>(text[start]))) ++start;
+  if (Lower(text.substr(start, 5)) == "solid") {
+    const size_t zero = text.find('\0');
+    if (zero == std::string_view::npos) return AsciiStl(text, stop).Read();
+    if (text.substr(0, zero).find("facet") != std::string_view::npos) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("byte ", zero, " of its text is NUL: damaged, or no text"));
+    }
+  }
   if (bytes.size() < kHeader) {
     return absl::InvalidArgumentError(
         absl::StrCat("is no STL file: ", bytes.size(), " bytes, no \"solid\" at the start"));
   }
+  // The size is not that of a binary file, so a mark says what the file is.
+  if (!unmarked.ok()) return unmarked.status();
   const uint64_t count = LittleEndian32(bytes, 80);
   const uint64_t size = kHeader + kFacet * count;
   return absl::InvalidArgumentError(

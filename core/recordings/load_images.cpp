@@ -1,9 +1,11 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/recordings/load_images.h"
 
+#include <map>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/image/image_tags.h"
 
 namespace sightline {
 namespace {
@@ -43,6 +45,7 @@ absl::StatusOr<LoadedImages> LoadRecordedImages(const RecordingSet& set,
   std::vector<std::string>* const errors = &loaded.errors;
   images.resize(set.recordings.size());
   std::vector<std::string> narrow;
+  std::map<int, std::vector<std::string>> by_orientation;
   for (size_t i = 0; i < images.size(); ++i) {
     if (absl::Status status = CheckStop(stop); !status.ok()) return status;
     const RecordedImage& recording = set.recordings[i];
@@ -64,6 +67,7 @@ absl::StatusOr<LoadedImages> LoadRecordedImages(const RecordingSet& set,
     absl::StatusOr<RawImageFile> file = ReadRawImageFile(paths[i], check_size, stop);
     if (file.ok()) {
       if (file->file_bits == 8 && set.camera.bit_depth_bit > 8) narrow.push_back(recording.file);
+      if (file->orientation != 1) by_orientation[file->orientation].push_back(recording.file);
       images[i] = std::move(file->raw_dn);
     } else if (absl::IsNotFound(file.status())) {
       errors->push_back(absl::StrCat(recording.file, ": recordings[", i,
@@ -76,7 +80,13 @@ absl::StatusOr<LoadedImages> LoadRecordedImages(const RecordingSet& set,
       errors->push_back(absl::StrCat("recordings[", i, "].file: ", file.status().message()));
     }
   }
-  // Of one camera all or none.
+  for (const auto& [orientation, files] : by_orientation) {
+    loaded.remarks.push_back(absl::StrCat(
+        files.front(), files.size() > 1 ? absl::StrCat(" and ", files.size() - 1, " more") : "",
+        ": the orientation that the file states is obeyed (", orientation, ", ",
+        OrientationText(orientation), ")"));
+  }
+  // All files of one camera have the same width of numbers.
   if (!narrow.empty() && narrow.size() == images.size()) {
     loaded.eight_bit_files = true;
   } else if (!narrow.empty()) {

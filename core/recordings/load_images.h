@@ -25,6 +25,7 @@ struct LoadedImages {
   std::vector<std::string> errors;  // name file, field and reason
   // Numbers of all images fit into 8 bits and the files have no more, though the camera has.
   bool eight_bit_files = false;
+  std::vector<std::string> remarks;  // tags of files that were obeyed, one line each kind
 };
 
 // One image for every recording, from `paths` in the same order; a file whose header claims another

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <boost/math/distributions/binomial.hpp>
 #include <cmath>
 #include <cstdlib>
 
@@ -21,6 +22,33 @@ int CommonPowerOfTwo(const Histogram& counts) {
     if (counts[value] > 0) bits |= static_cast<unsigned>(value);
   }
   return bits == 0 ? 1 : 1 << std::countr_zero(bits);
+}
+
+std::optional<int> ClipLevel(const Histogram& counts) {
+  constexpr int kCompared = 8;
+  constexpr double kLevel = 1e-3;
+  const auto last = std::find_if(counts.rbegin(), counts.rend(), [](int64_t n) { return n > 0; });
+  if (last == counts.rend()) return std::nullopt;
+  const int top = static_cast<int>(counts.rend() - last) - 1;
+  // Of stuck low bits only multiples of the step can occur.
+  const int step = CommonPowerOfTwo(counts);
+  int compared = 0;
+  int64_t below = 0;
+  for (int value = top - step; value >= 0 && compared < kCompared; value -= step, ++compared) {
+    below += counts[value];
+  }
+  if (compared == 0) return std::nullopt;
+  // If the distribution falls, the last of compared + 1 values has at most this share of pixels.
+  const double share = 1.0 / (compared + 1);
+  const boost::math::binomial_distribution<double> falling(static_cast<double>(*last + below),
+                                                           share);
+  const double at_least =
+      boost::math::cdf(boost::math::complement(falling, static_cast<double>(*last - 1)));
+  return at_least < kLevel ? std::optional(top) : std::nullopt;
+}
+
+int UpperLimit(const Histogram& counts, int largest) {
+  return std::min(largest, ClipLevel(counts).value_or(largest));
 }
 
 double MissingValueShare(const Histogram& counts, int clipped) {

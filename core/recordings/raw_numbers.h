@@ -3,6 +3,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "core/image/image.h"
@@ -16,10 +17,18 @@ Histogram CountValues(const Image<uint16_t>& image);
 // Largest power of two that divides every value, 1 to 32768; 1 if all are 0.
 int CommonPowerOfTwo(const Histogram& counts);
 
+// The value at which the camera clips: the largest one that occurs, if more pixels have it than a
+// distribution that falls towards its end explains. One-sided binomial test of its count against
+// those of the eight values below, at a level of 0.1 %; nullopt if the test does not reject.
+std::optional<int> ClipLevel(const Histogram& counts);
+
+// Where numbers end: the clip level if there is one below `largest`, otherwise `largest`.
+int UpperLimit(const Histogram& counts, int largest);
+
 // Share of values that do not occur among those that should: where the 17 values about them occur
 // at least 8 times each on average. Of data digitised once: nearly 0 (below 0.2 even with a strong
 // integral nonlinearity); of 8-bit data stretched to 10 bits: 0.75. `clipped`: a value that is a
-// limit, not counted.
+// limit (UpperLimit), not counted.
 double MissingValueShare(const Histogram& counts, int clipped);
 
 // True if all values are those of a narrower number with its upper bits repeated below:

@@ -8,6 +8,7 @@
 #include <regex>
 #include <set>
 #include <string_view>
+#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "core/inspection/field_checks.h"
@@ -339,7 +340,7 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
   return set;
 }
 
-std::string NumberNullPlatePositions(const std::string& json) {
+std::string NumberNullPlatePositions(std::string json) {
   constexpr std::string_view kMember = "\"plate_position_id\"";
   constexpr std::string_view kNull = "null";
   std::string result;
@@ -354,16 +355,18 @@ std::string NumberNullPlatePositions(const std::string& json) {
     if (colon >= json.size() || json[colon] != ':') continue;
     const size_t value = skip_space(colon + 1);
     if (json.compare(value, kNull.size(), kNull) != 0) continue;
-    absl::StrAppend(&result, json.substr(copied, value - copied), kNoPlatePosition);
+    result.append(json, copied, value - copied);
+    absl::StrAppend(&result, kNoPlatePosition);
     copied = value + kNull.size();
   }
-  return result + json.substr(copied);
+  if (copied == 0) return json;
+  return result.append(json, copied);
 }
 
 absl::Status ReadRecordingsMessage(const std::string& path, v1::Recordings* message) {
-  const absl::StatusOr<std::string> text = ReadJsonText(path);
+  absl::StatusOr<std::string> text = ReadJsonText(path);
   if (!text.ok()) return text.status();
-  return ParseStrictJson(NumberNullPlatePositions(*text), path, message);
+  return ParseStrictJson(NumberNullPlatePositions(*std::move(text)), path, message);
 }
 
 absl::StatusOr<RecordingSet> ReadRecordings(const std::string& path) {

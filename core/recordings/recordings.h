@@ -113,7 +113,7 @@ absl::StatusOr<RecordingSet> ParseRecordings(const v1::Recordings& message,
 
 // JSON in which a null `plate_position_id` (a dark frame: the plate was nowhere) stands as the
 // number that messages have for it.
-std::string NumberNullPlatePositions(const std::string& json);
+std::string NumberNullPlatePositions(std::string json);
 
 // JSON form of the message; `plate_position_id` may be null. INVALID_ARGUMENT for unknown fields,
 // naming the nearest known one; NOT_FOUND if the file cannot be read.

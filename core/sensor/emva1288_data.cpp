@@ -3,18 +3,23 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <optional>
 #include <set>
 #include <sstream>
 #include <string>
+#include <tuple>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
+#include "core/text/number.h"
 
 namespace sightline {
 namespace {
@@ -31,12 +36,13 @@ std::string Quoted(const std::string& text) {
                       "\"");
 }
 
-// A finite number, with a decimal point or a decimal comma.
-std::optional<double> Number(std::string text) {
-  std::replace(text.begin(), text.end(), ',', '.');
-  double value = 0;
-  if (!absl::SimpleAtod(text, &value)) return std::nullopt;
-  return std::isfinite(value) ? std::optional(value) : std::nullopt;
+// Whether a separator behind one to three digits and before three digits could group thousands:
+// "320,000" is 320 or 320 000. Groups begin with no zero.
+bool MayGroupThousands(std::string_view number) {
+  if (!number.empty() && (number.front() == '-' || number.front() == '+')) number.remove_prefix(1);
+  const size_t separator = number.find_first_of(",.");
+  return separator >= 1 && separator <= 3 && number.size() == separator + 4 && number[0] != '0' &&
+         number.find_first_not_of("0123456789", separator + 1) == std::string_view::npos;
 }
 
 class DataFileReader {
@@ -46,7 +52,13 @@ class DataFileReader {
   absl::StatusOr<v1::SensorSet> Read(std::string_view text) {
     // A byte order mark, as Windows editors write it.
     if (text.starts_with("\xEF\xBB\xBF")) text.remove_prefix(3);
-    std::istringstream lines{std::string(text)};
+    if (text.starts_with("\xFF\xFE") || text.starts_with("\xFE\xFF")) {
+      return absl::InvalidArgumentError(absl::StrCat(
+          context_, ": begins with the byte order mark of UTF-16; must be saved as UTF-8"));
+    }
+    // Lines end as on Unix, Windows or the old Macintosh.
+    std::istringstream lines(absl::StrReplaceAll(absl::string_view(text.data(), text.size()),
+                                                 {{"\r\n", "\n"}, {"\r", "\n"}}));
     for (std::string line; std::getline(lines, line);) {
       if (++line_ > kMostLines) {
         return Error(absl::StrCat("there are more than ", kMostLines, " lines"));
@@ -60,8 +72,15 @@ class DataFileReader {
       return absl::InvalidArgumentError(absl::StrCat(
           context_, ": has no line \"n BITS COLUMNS ROWS\", which says what the images are"));
     }
+    if (decimal_comma_line_ > 0 && grouping_point_line_ > 0) {
+      return ErrorAt(
+          grouping_point_line_,
+          absl::StrCat("a point before three digits can be read in two ways, since line ",
+                       decimal_comma_line_,
+                       " has a decimal comma; numbers must have a decimal point"));
+    }
     if (absl::Status status = CheckSensorSet(set_, context_); !status.ok()) return status;
-    if (absl::Status status = CheckPhotons(); !status.ok()) return status;
+    SortSteps();
     return std::move(set_);
   }
 
@@ -78,12 +97,16 @@ class DataFileReader {
     absl::StripAsciiWhitespace(&rest);
     const std::vector<std::string> words =
         absl::StrSplit(rest, absl::ByAnyChar(" \t"), absl::SkipEmpty());
-    if (kind == "v") return absl::OkStatus();
+    // Text for the test report: the name of a variable and its value.
+    if (kind == "l") return absl::OkStatus();
+    if (kind == "v") {
+      return words.size() == 1 ? absl::OkStatus() : Error("must be \"v VERSION\"");
+    }
     if (kind == "n") return ReadFormat(words);
     if (kind == "b" || kind == "d") return StartStep(kind == "d", words);
     if (kind == "i") return AddImage(rest);
     return Error(absl::StrCat("begins with ", Quoted(kind),
-                              ", must begin with v, n, b, d, i or, for a comment, #"));
+                              ", must begin with v, n, b, d, i, l or, for a comment, #"));
   }
 
   absl::Status ReadFormat(const std::vector<std::string>& words) {
@@ -99,14 +122,43 @@ class DataFileReader {
     return absl::OkStatus();
   }
 
+  // A finite number with a decimal point or a decimal comma, if it can be read in one way only.
+  absl::StatusOr<double> ParseNumber(const char* what, std::string text) {
+    const auto refused = [&](const std::string& reason) {
+      return Error(absl::StrCat(what, " is ", Quoted(text), ", ", reason));
+    };
+    const auto separators =
+        std::count_if(text.begin(), text.end(), [](char c) { return c == ',' || c == '.'; });
+    if (separators > 1) return refused("must be a number with at most one separator, a point");
+    const bool comma = absl::StrContains(text, ',');
+    if (MayGroupThousands(text)) {
+      if (comma) {
+        return refused(
+            "which can be read in two ways: its comma may be decimal or group thousands; must have "
+            "a decimal point or none");
+      }
+      if (grouping_point_line_ == 0) grouping_point_line_ = line_;
+    } else if (comma && decimal_comma_line_ == 0) {
+      decimal_comma_line_ = line_;
+    }
+    const auto value = ParseReal(absl::StrReplaceAll(text, {{",", "."}}));
+    if (!value.ok()) return refused("must be a finite number");
+    return *value;
+  }
+
   absl::Status StartStep(bool dark, const std::vector<std::string>& words) {
     if (absl::Status status = FinishStep(); !status.ok()) return status;
-    const size_t most = dark ? 1 : 2;
-    const auto exposure_time_ns = words.empty() ? std::nullopt : Number(words[0]);
-    const auto photons = words.size() < 2 ? std::nullopt : Number(words[1]);
-    if (!exposure_time_ns || words.size() > most || (words.size() == 2 && !photons)) {
-      return Error(dark ? "must be \"d EXPOSURE_TIME_NS\" with a finite number"
-                        : "must be \"b EXPOSURE_TIME_NS PHOTONS\" with finite numbers");
+    if (words.empty() || words.size() > (dark ? 1 : 2)) {
+      return Error(dark ? "must be \"d EXPOSURE_TIME_NS\""
+                        : "must be \"b EXPOSURE_TIME_NS PHOTONS\"");
+    }
+    const auto exposure_time_ns = ParseNumber("the exposure time", words[0]);
+    if (!exposure_time_ns.ok()) return exposure_time_ns.status();
+    std::optional<double> photons;
+    if (words.size() == 2) {
+      const auto read = ParseNumber("the number of photons", words[1]);
+      if (!read.ok()) return read.status();
+      photons = *read;
     }
     v1::FlatFieldStep* step = set_.add_steps();
     step->set_dark(dark);
@@ -138,24 +190,15 @@ class DataFileReader {
                                 "difference (EMVA 1288, clause 6.6)"));
   }
 
-  // Steps of two images are the photon transfer series.
-  absl::Status CheckPhotons() const {
-    int before = -1;
-    for (int i = 0; i < set_.steps_size(); ++i) {
-      const v1::FlatFieldStep& step = set_.steps(i);
-      if (step.dark() || step.files_size() != 2 || !step.has_photons()) continue;
-      if (before >= 0) {
-        const v1::FlatFieldStep& last = set_.steps(before);
-        if (step.exposure_time_s() > last.exposure_time_s() && step.photons() < last.photons()) {
-          return ErrorAt(
-              step_line_[i],
-              absl::StrCat("photons fall from ", last.photons(), " (line ", step_line_[before],
-                           ") to ", step.photons(), " while the exposure time grows"));
-        }
-      }
-      before = i;
-    }
-    return absl::OkStatus();
+  // In the order of light, exposure time, photons and first image, so that the order of lines in
+  // the file is without effect. Images of a step stay in their order, which is that of time.
+  void SortSteps() {
+    const auto key = [](const v1::FlatFieldStep& step) {
+      return std::make_tuple(step.dark(), step.exposure_time_s(), step.photons(), step.files(0));
+    };
+    std::sort(
+        set_.mutable_steps()->begin(), set_.mutable_steps()->end(),
+        [&](const v1::FlatFieldStep& a, const v1::FlatFieldStep& b) { return key(a) < key(b); });
   }
 
   const std::string context_;
@@ -163,9 +206,31 @@ class DataFileReader {
   std::vector<int> step_line_;
   std::set<std::string> files_;
   int line_ = 0;
+  // First lines with a decimal comma, and with a point that may group thousands; 0: none.
+  int decimal_comma_line_ = 0, grouping_point_line_ = 0;
 };
 
+constexpr double kSameLight = 1e-9;  // relative
+
 }  // namespace
+
+std::vector<std::string> SensorSetRemarks(const v1::SensorSet& set) {
+  double shortest_s = std::numeric_limits<double>::infinity(), longest_s = 0;
+  double least = std::numeric_limits<double>::infinity(), most = 0;
+  for (const v1::FlatFieldStep& step : set.steps()) {
+    if (step.dark() || !step.has_photons()) continue;
+    shortest_s = std::min(shortest_s, step.exposure_time_s());
+    longest_s = std::max(longest_s, step.exposure_time_s());
+    least = std::min(least, step.photons());
+    most = std::max(most, step.photons());
+  }
+  if (!(longest_s > shortest_s) || most - least > kSameLight * most) return {};
+  return {
+      absl::StrCat("all steps with light state the same ", most, " photons, at exposure times of ",
+                   1e9 * shortest_s, " to ", 1e9 * longest_s,
+                   " ns: a response to light cannot be measured; if the light was constant, the "
+                   "photons of each step are proportional to its exposure time")};
+}
 
 absl::StatusOr<v1::SensorSet> ParseEmva1288Data(std::string_view text, const std::string& context) {
   return DataFileReader(context).Read(text);

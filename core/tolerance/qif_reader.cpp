@@ -3,7 +3,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <map>
@@ -18,6 +17,8 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
+#include "core/text/number.h"
+#include "core/tolerance/qif_units.h"
 #include "core/tolerance/qif_xml.h"
 
 namespace sightline {
@@ -118,12 +119,12 @@ struct Unreadable {
 
 class QifReader {
  public:
-  QifReader(const QifElement& root, std::string file) : root_(root), file_(std::move(file)) {}
+  QifReader(const QifElement& root, std::string file, QifUnits units)
+      : root_(root), file_(std::move(file)), units_(std::move(units)) {}
 
   ToleranceReport Read() {
     report_.file = std::filesystem::path(file_).filename().string();
     report_.standard = "QIF 3.0";
-    ReadUnits();
     const QifElement* features = root_.Child("Features");
     const QifElement* characteristics = root_.Child("Characteristics");
     Index(features, "FeatureNominals", feature_nominals_);
@@ -197,64 +198,18 @@ class QifReader {
     return ids;
   }
 
-  // --- Units --------------------------------------------------------------------------------
-
-  void ReadUnits() {
-    const QifElement* units = root_.Child("FileUnits");
-    const QifElement* primary = units == nullptr ? nullptr : units->Child("PrimaryUnits");
-    for (const auto* list : {primary, units == nullptr ? nullptr : units->Child("OtherUnits")}) {
-      if (list == nullptr) continue;
-      for (const QifElement& unit : list->children) {
-        const bool linear = absl::EndsWith(unit.name, "LinearUnit");
-        if (!linear && !absl::EndsWith(unit.name, "AngularUnit")) continue;
-        const std::string& si = unit.ChildText("SIUnitName");
-        if (si != (linear ? "meter" : "radian")) {
-          Break(unit,
-                absl::StrCat("SIUnitName is \"", si, "\"; must be ", linear ? "meter" : "radian"));
-        }
-        double factor = 1;
-        if (const QifElement* conversion = unit.Child("UnitConversion")) {
-          factor = NumberOf(conversion->Child("Factor"), *conversion, "Factor");
-          if (!(factor > 0)) Break(*conversion, "Factor must be > 0");
-        }
-        auto& table = linear ? linear_units_ : angular_units_;
-        table.emplace(std::string(unit.ChildText("UnitName")), factor);
-        if (list != primary) continue;
-        // Units of the PMI, where there are any, are the characteristics'.
-        auto& standard = linear ? linear_unit_ : angular_unit_;
-        if (!standard || absl::StartsWith(unit.name, "PMI")) standard = factor;
-      }
-    }
-  }
-
-  double NumberOf(const QifElement* element, const QifElement& parent, const char* name) const {
-    if (element == nullptr) Break(parent, absl::StrCat("<", name, "> is missing"));
-    double value = 0;
-    if (!absl::SimpleAtod(element->text, &value) || !std::isfinite(value)) {
-      Break(*element, absl::StrCat("is \"", element->text, "\"; must be a finite number"));
-    }
-    return value;
-  }
+  // --- Values -------------------------------------------------------------------------------
 
   // Value in metres or radians.
   double ValueOf(const QifElement* element, const QifElement& parent, const char* name,
                  bool angle) const {
-    const double value = NumberOf(element, parent, name);
-    const auto unit = element->attributes.find(angle ? "angularUnit" : "linearUnit");
-    const auto& table = angle ? angular_units_ : linear_units_;
-    if (unit != element->attributes.end()) {
-      const auto factor = table.find(unit->second);
-      if (factor == table.end()) {
-        Break(*element, absl::StrCat("unit \"", unit->second, "\" is not defined in <FileUnits>"));
-      }
-      return value * factor->second;
-    }
-    const auto& standard = angle ? angular_unit_ : linear_unit_;
-    if (!standard) {
-      Break(*element, absl::StrCat("has no unit, and <FileUnits> has no primary ",
-                                   angle ? "angular" : "linear", " unit"));
-    }
-    return value * *standard;
+    if (element == nullptr) Break(parent, absl::StrCat("<", name, "> is missing"));
+    const auto value = ParseReal(element->text);
+    if (!value.ok()) Break(*element, std::string(value.status().message()));
+    if (*value == 0) return 0;  // in any unit
+    const auto scale = units_.Scale(*element, angle);
+    if (!scale.ok()) throw Broken{scale.status()};
+    return *value * *scale;
   }
 
   // --- Features and datums ------------------------------------------------------------------
@@ -559,9 +514,8 @@ class QifReader {
 
   const QifElement& root_;
   std::string file_;
+  QifUnits units_;
   ToleranceReport report_;
-  std::map<std::string, double> linear_units_, angular_units_;  // factors to metre, radian
-  std::optional<double> linear_unit_, angular_unit_;            // primary
   std::set<std::string> ids_;
   Elements feature_nominals_, feature_items_, datum_definitions_, datum_targets_, frames_,
       definitions_, nominals_, items_;
@@ -572,11 +526,14 @@ class QifReader {
 
 }  // namespace
 
-absl::StatusOr<ToleranceReport> ReadQif(const std::string& file, const std::string& schema_folder) {
+absl::StatusOr<ToleranceReport> ReadQif(const std::string& file, const std::string& schema_folder,
+                                        const std::string& length_unit) {
   const auto root = ReadQifXml(file, schema_folder);
   if (!root.ok()) return root.status();
+  auto units = QifUnits::Read(*root, file, length_unit);
+  if (!units.ok()) return units.status();
   try {
-    ToleranceReport report = QifReader(*root, file).Read();
+    ToleranceReport report = QifReader(*root, file, *std::move(units)).Read();
     report.notes.push_back(
         schema_folder.empty()
             ? "checked: XML, namespace, version and the structure of what is read; not validated "

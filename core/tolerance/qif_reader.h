@@ -16,10 +16,12 @@ namespace sightline {
 // faces are not those of a STEP file, so `faces` stays empty.
 //
 // `schema_folder`: the QIF 3.0 schema to validate against, which the DMSC gives out; empty: only
-// what is read is checked, and a note says so. Errors as ReadQifXml, and INVALID_ARGUMENT with
-// file, line and element for ids that are missing, doubled or lead nowhere, counts (attribute n)
-// that are wrong, values that are no numbers, units that are not defined.
+// what is read is checked, and a note says so. `length_unit`: the unit of lengths for which the
+// file states none ("mm", ...), see QifUnits. Errors as ReadQifXml and QifUnits, and
+// INVALID_ARGUMENT with file, line and element for ids that are missing, doubled or lead nowhere,
+// counts (attribute n) that are wrong, values that are no numbers.
 absl::StatusOr<ToleranceReport> ReadQif(const std::string& file,
-                                        const std::string& schema_folder = "");
+                                        const std::string& schema_folder = "",
+                                        const std::string& length_unit = "");
 
 }  // namespace sightline

@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <fstream>
 #include <memory>
 #include <optional>
+#include <string_view>
 #include <utility>
 #include <xercesc/framework/LocalFileInputSource.hpp>
 #include <xercesc/parsers/SAX2XMLReaderImpl.hpp>
@@ -199,6 +201,33 @@ class Handler final : public xc::DefaultHandler, public xc::XMLEntityResolver {
   bool have_root_ = false;
 };
 
+// Refuses the character NUL, which XML does not have: Xerces ends the document there without a
+// word. In UTF-16, which begins with a byte order mark or has a 0 in its first character, NUL is
+// two bytes.
+absl::Status RefuseNul(const std::string& file) {
+  constexpr size_t kChunkBytes = size_t{1} << 20;
+  std::ifstream in(file, std::ios::binary);
+  std::string chunk(kChunkBytes, '\0');
+  size_t unit_bytes = 0, offset = 0;
+  while (in.read(chunk.data(), kChunkBytes) || in.gcount() > 0) {
+    const std::string_view bytes(chunk.data(), static_cast<size_t>(in.gcount()));
+    if (unit_bytes == 0) {
+      const bool utf16 =
+          bytes.size() > 1 && (bytes.starts_with("\xFF\xFE") || bytes.starts_with("\xFE\xFF") ||
+                               (bytes[0] == '\0') != (bytes[1] == '\0'));
+      unit_bytes = utf16 ? 2 : 1;
+    }
+    for (size_t i = bytes.find('\0'); i != std::string_view::npos; i = bytes.find('\0', i + 1)) {
+      if (unit_bytes == 2 && (i % 2 != 0 || i + 1 >= bytes.size() || bytes[i + 1] != '\0'))
+        continue;
+      return absl::InvalidArgumentError(absl::StrCat(
+          file, ": byte ", offset + i, " is the character NUL, which XML does not have"));
+    }
+    offset += bytes.size();
+  }
+  return absl::OkStatus();
+}
+
 // Xerces keeps global tables; they live as long as the program.
 void InitialiseXerces() {
   static const bool once = [] {
@@ -241,6 +270,7 @@ absl::StatusOr<QifElement> ReadQifXml(const std::string& file, const std::string
   if (error || bytes > kMaxBytes) {
     return absl::InvalidArgumentError(file + ": larger than 1 GiB; cannot be read");
   }
+  if (absl::Status status = RefuseNul(file); !status.ok()) return status;
   std::optional<fs::path> schema;
   fs::path real_schema_folder;
   if (!schema_folder.empty()) {

@@ -10,6 +10,7 @@
 #include "core/inspection/vector_proto.h"
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
+#include "core/process/program_build.h"
 #include "core/spelling/one_of.h"
 #include "coverage_server/service/query_answers.h"
 #include "proto/status/rpc_status.h"
@@ -154,6 +155,7 @@ grpc::Status CoverageServiceImpl::GetScene(grpc::ServerContext* context,
     response->set_targets_time_s(scene.timings().targets_s);
     response->set_field_time_s(scene.timings().field_s);
     response->set_measurability_time_s(scene.timings().measurability_s);
+    response->set_server_build(ProgramBuild());
     return absl::OkStatus();
   });
 }

@@ -5,6 +5,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/printable.h"
+#include "core/part/part_digest.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -48,7 +49,7 @@ SceneRegistry::SceneRegistry(CoverageBackend backend, JobStore* jobs, CoverageMe
       measured_scans_(std::make_shared<LruStore<MeasuredScans::Points>>(kMeasuredScansBytes)) {}
 
 absl::StatusOr<std::string> SceneRegistry::AddPart(std::shared_ptr<const StoredPart> part) {
-  const std::string digest = PartDigest(part->mesh);
+  const std::string digest = PartDigestOf(part->mesh).Text();
   const int64_t bytes = MeshBytes(part->mesh);
   if (absl::Status status = parts_.Put(digest, std::move(part), bytes); !status.ok()) {
     return WithErrorInfo(absl::ResourceExhaustedError(absl::StrCat("part: ", status.message())),

@@ -3,15 +3,15 @@
 
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
-#include <openssl/evp.h>
 
 #include <cmath>
 #include <numbers>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/string_view.h"
+#include "core/digest/sha256.h"
 #include "core/inspection/inspection.h"
+#include "core/part/part_digest.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -20,21 +20,6 @@ namespace {
 constexpr int kMinFieldDirections = 16;
 constexpr int kMaxFieldDirections = 65536;
 constexpr size_t kMaxObstacles = 64;
-
-bool IsDigest(const std::string& text) {
-  if (text.size() != 64) return false;
-  for (const char c : text) {
-    if (!(c >= '0' && c <= '9') && !(c >= 'a' && c <= 'f')) return false;
-  }
-  return true;
-}
-
-std::string Sha256Hex(const std::string& bytes) {
-  unsigned char digest[EVP_MAX_MD_SIZE];
-  unsigned int size = 0;
-  EVP_Digest(bytes.data(), bytes.size(), digest, &size, EVP_sha256(), nullptr);
-  return absl::BytesToHexString(absl::string_view(reinterpret_cast<const char*>(digest), size));
-}
 
 std::string DeterministicBytes(const google::protobuf::Message& message) {
   std::string bytes;
@@ -128,8 +113,8 @@ v1::SceneSpec GeometryOf(v1::SceneSpec spec) {
 absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   ParsedSceneSpec parsed;
   std::vector<FieldViolation> violations;
-  if (!IsDigest(spec.part_digest())) {
-    violations.push_back({"spec.part_digest", "must be 64 lower-case hexadecimal digits"});
+  if (const auto digest = ParsePartDigest(spec.part_digest()); !digest.ok()) {
+    violations.push_back({"spec.part_digest", std::string(digest.status().message())});
   }
   if (static_cast<size_t>(spec.obstacles_size()) > kMaxObstacles) {
     violations.push_back({"spec.obstacles", absl::StrCat("at most ", kMaxObstacles)});
@@ -137,8 +122,8 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   for (int i = 0; i < spec.obstacles_size() && violations.size() < 10; ++i) {
     const v1::SceneObstacle& obstacle = spec.obstacles(i);
     const std::string path = absl::StrCat("spec.obstacles[", i, "]");
-    if (!IsDigest(obstacle.part_digest())) {
-      violations.push_back({path + ".part_digest", "must be 64 lower-case hexadecimal digits"});
+    if (const auto digest = ParsePartDigest(obstacle.part_digest()); !digest.ok()) {
+      violations.push_back({path + ".part_digest", std::string(digest.status().message())});
     }
     const std::optional<ObstacleFrame> frame = ObstacleFrameFromProto(obstacle.frame());
     if (!frame) {

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cstdio>
+#include <cstdlib>
 #include <new>
 #include <utility>
 #include <vector>
@@ -44,6 +45,7 @@ int RunCommandProgram(int argc, char** argv, std::string_view program,
   // One that is not valid counts as none, as the specification has it.
   const std::string traceparent = ValidTraceparent(options.traceparent);
   SetProcessTraceparent(traceparent.empty() ? NewTraceparent() : traceparent);
+  if (!options.step_cache.empty()) setenv(kStepCacheEnvironment, options.step_cache.c_str(), 1);
   if (options.parent_fd >= 0) {
     if (absl::Status watched = EndWithParent(options.parent_fd); !watched.ok()) {
       return ReportError(watched);

@@ -5,6 +5,7 @@
 #include <cstdio>
 #include <memory>
 
+#include "core/command_options/option_values.h"
 #include "core/version/version.h"
 #include "planner_client/command_line/help/help_format.h"
 #include "planner_client/command_line/help/wrong_arguments.h"
@@ -42,6 +43,10 @@ void SetUpCommandLine(CLI::App& app, const std::string& program, GlobalOptions* 
                  "W3C trace context of the request that this command is part of, for the logs of "
                  "servers; default: a new one")
       ->envname("TRACEPARENT");
+  app.add_option("--step-cache", options->step_cache,
+                 "folder in which meshes of STEP files are kept; default: sightline/step in the "
+                 "user's cache")
+      ->envname(kStepCacheEnvironment);
 }
 
 void AddHelpExamples(CLI::App& app) { app.footer(kExamples); }
@@ -51,6 +56,7 @@ std::string ShortHelp() {
 }
 
 int ParseCommandLine(CLI::App& app, const std::vector<std::string>& words) {
+  RequireStrictNumbers(app);
   try {
     // CLI11 takes the words from the end.
     app.parse(std::vector<std::string>(words.rbegin(), words.rend()));

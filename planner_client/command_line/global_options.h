@@ -9,11 +9,15 @@
 
 namespace sightline {
 
+// The environment variable of --step-cache, which planner_client/part_files/step_mesh.h reads.
+inline constexpr char kStepCacheEnvironment[] = "SIGHTLINE_STEP_CACHE";
+
 // Options before the command.
 struct GlobalOptions {
   std::string progress = "text";  // or "json"
   int parent_fd = -1;             // -1: none
   std::string traceparent;        // W3C trace context; empty: none
+  std::string step_cache;         // folder of meshes of STEP files; empty: the user's cache
 };
 
 // Sets name, description, form of --help, --version (which names `program`) and the options.

@@ -5,12 +5,13 @@
 #include <filesystem>
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/json/strict_json.h"
+#include "core/file/atomic_write.h"
+#include "core/text/number.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -39,10 +40,11 @@ absl::StatusOr<GainWeights> GainNamed(const std::string& name) {
   if (name == "tu") return GainWeights{.total_uncertainty = 1};
   if (name == "information") return GainWeights{.information = 1};
   constexpr char kRelaxed[] = "ra:";
-  double alpha = -1;
-  if (name.rfind(kRelaxed, 0) == 0 && absl::SimpleAtod(name.substr(sizeof(kRelaxed) - 1), &alpha) &&
-      alpha >= 0 && alpha <= 1) {
-    return GainWeights{.admissible = alpha, .relaxed = 1 - alpha};
+  if (name.starts_with(kRelaxed)) {
+    const auto alpha = ParseReal(std::string_view(name).substr(sizeof(kRelaxed) - 1));
+    if (alpha.ok() && *alpha >= 0 && *alpha <= 1) {
+      return GainWeights{.admissible = *alpha, .relaxed = 1 - *alpha};
+    }
   }
   return absl::InvalidArgumentError(
       absl::StrCat("--gains: \"", name, "\" is none of ra:ALPHA (0 to 1), tu, information, own"));
@@ -125,7 +127,8 @@ int RunCompare(CompareOptions& options) {
   for (const Variant& variant : variants) {
     const std::string& strategy = variant.strategy;
     if (variant.gain) {
-      static_cast<UncertaintyOracle&>(*session->oracle).set_weights(*variant.gain);
+      absl::Status status = session->oracle->SetWeights(*variant.gain);
+      if (!status.ok()) return ReportError(status);
     }
     Run run{variant.label, std::vector<std::vector<int>>(options.goals.size()), {}, 0};
     // One run to the highest goal holds the answer for all if plans grow scan by scan. Other
@@ -266,7 +269,15 @@ Command AddCompareCommand(CLI::App& app) {
   app.add_option("--coverage-server", options->session.coverage_server,
                  "unix:PATH or HOST:PORT; default: one of our own");
   AddServerTlsOptions(app, &options->session.tls);
-  return [options] { return RunCompare(*options); };
+  return [&app, options] {
+    const std::vector<std::string>& strategies = options->strategies;
+    if (app.count("--matrix-samples") > 0 && !strategies.empty() &&
+        std::find(strategies.begin(), strategies.end(), kMatrixStrategy) == strategies.end()) {
+      std::fprintf(stderr, "warning: --matrix-samples has no effect without the strategy %s\n",
+                   kMatrixStrategy);
+    }
+    return RunCompare(*options);
+  };
 }
 
 }  // namespace sightline

@@ -14,12 +14,14 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/atomic_write.h"
 #include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/commands.h"
+#include "planner_client/commands/other_part.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/plan_outputs.h"
@@ -28,6 +30,7 @@
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/explore/explore_routes.h"
 #include "planner_client/explore/explore_session.h"
+#include "planner_client/plan_file/plan_file.h"
 #include "planner_client/plan_oracle/coverage_oracle.h"
 #include "planning_service/http/http_server.h"
 
@@ -93,10 +96,11 @@ absl::StatusOr<std::unique_ptr<HttpServer>> ListenForPage(const ExploreOptions& 
   return server;
 }
 
-absl::StatusOr<std::vector<ExploredScan>> ReadFirstScans(const std::string& file) {
+absl::StatusOr<std::vector<ExploredScan>> ReadFirstScans(const std::string& file,
+                                                         GivenPlans* plans) {
   std::vector<ExploredScan> scans;
   if (file.empty()) return scans;
-  const auto given = ReadPlanScans(file);
+  const auto given = ReadPlanScans(file, plans);
   if (!given.ok()) return given.status();
   for (size_t i = 0; i < given->all.size(); ++i) {
     const v1::PlannedScan& planned = given->plan.scans(static_cast<int>(i));
@@ -164,8 +168,10 @@ absl::StatusOr<SavedPlan> SavePlan(PlanningSession& session, const std::string& 
 }
 
 // Scans that nobody has saved, where --plan can read them.
-absl::StatusOr<std::string> KeepUnsaved(const ExploreSession& session, const std::string& folder) {
+absl::StatusOr<std::string> KeepUnsaved(const ExploreSession& session, const PartDigest& part,
+                                        const std::string& folder) {
   v1::Plan plan;
+  plan.set_part_digest(part.Text());
   for (const ExploredScan& scan : session.Scans()) {
     v1::PlannedScan& planned = *plan.add_scans();
     *planned.mutable_measurement() = MeasurementToProto(scan.measurement);
@@ -181,7 +187,7 @@ int RunExplore(ExploreOptions& options) {
   // Errors in the inspection, the plan and the address are found before the scene is built.
   const auto inspection = ReadInspectionWithFiles(options.session.inspection_file);
   if (!inspection.ok()) return ReportError(inspection.status());
-  auto scans = ReadFirstScans(options.plan);
+  auto scans = ReadFirstScans(options.plan, &options.session.plans);
   if (!scans.ok()) return ReportError(scans.status());
   spdlog::set_default_logger(spdlog::stderr_logger_mt("explore"));
   spdlog::set_level(spdlog::level::warn);
@@ -238,7 +244,7 @@ int RunExplore(ExploreOptions& options) {
   (*explore)->Close();
   (*server)->Stop();
   if ((*explore)->HasUnsaved()) {
-    const auto kept = KeepUnsaved(**explore, folder);
+    const auto kept = KeepUnsaved(**explore, session->part_digest, folder);
     if (!kept.ok()) return ReportError(kept.status());
     std::printf("scans that were not saved: %s (go on with --plan)\n", kept->c_str());
   }
@@ -253,6 +259,7 @@ Command AddExploreCommand(CLI::App& app) {
   app.add_option("--listen", options->listen, "HOST:PORT of the page; port 0: any free one")
       ->capture_default_str();
   app.add_option("--plan", options->plan, "plan.json: begin with its scans");
+  AddOtherPartOption(app, &options->session.plans.other_part);
   app.add_option("--out", options->folder,
                  "folder for the plan; default: explored_plan beside the inspection");
   app.add_option("--host", options->hosts,

@@ -2,15 +2,17 @@
 #include "planner_client/commands/frame_choice.h"
 
 #include <array>
-#include <cmath>
 #include <filesystem>
 #include <utility>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/json/strict_json.h"
-#include "planner_client/commands/planning/plan_document.h"
+#include "core/part/part_digest.h"
+#include "core/text/number.h"
+#include "planner_client/commands/other_part.h"
+#include "planner_client/part_files/part_file.h"
+#include "planner_client/plan_file/plan_file.h"
 
 namespace sightline {
 namespace {
@@ -24,8 +26,10 @@ absl::StatusOr<Measurement> ParseMeasurementText(const std::string& text) {
   std::array<double, kMeasurementParameters> values{};
   bool ok = parts.size() == values.size();
   for (size_t i = 0; ok && i < values.size(); ++i) {
-    ok = absl::SimpleAtod(parts[i], &values[i]) && std::isfinite(values[i]);
+    const auto value = ParseReal(parts[i]);
+    ok = value.ok();
     if (!ok) break;
+    values[i] = *value;
     const auto* field =
         v1::Measurement::descriptor()->FindFieldByName(kMeasurementParameterNames[i]);
     message.GetReflection()->SetDouble(&message, field, values[i]);
@@ -84,9 +88,28 @@ v1::PartFrame MakeFrame(const v1::Measurement& measurement, double stage_m, int 
   return message;
 }
 
-absl::StatusOr<std::vector<v1::PartFrame>> FramesOfPlan(const FrameChoice& options) {
-  const auto plan = ReadPlanScans(options.plan);
+// Reads the part only where a plan states one.
+absl::Status CheckPart(const GivenPlans& plans, const Inspection& inspection,
+                       std::vector<std::string>* remarks) {
+  if (!plans.StateAPart()) return absl::OkStatus();
+  PartFileOptions part_options;
+  part_options.construction_geometry = inspection.part_construction_geometry;
+  const auto part = LoadPartFile(inspection.part_file, inspection.part_unit, part_options);
+  if (!part.ok()) return part.status();
+  auto found = plans.CheckBelongTo(PartDigestOf(*part), inspection.part_file);
+  if (!found.ok()) return found.status();
+  remarks->insert(remarks->end(), found->begin(), found->end());
+  return absl::OkStatus();
+}
+
+absl::StatusOr<std::vector<v1::PartFrame>> FramesOfPlan(const FrameChoice& options,
+                                                        const Inspection& inspection,
+                                                        std::vector<std::string>* remarks) {
+  GivenPlans given;
+  given.other_part = options.other_part;
+  const auto plan = ReadPlanScans(options.plan, &given);
   if (!plan.ok()) return plan.status();
+  if (absl::Status status = CheckPart(given, inspection, remarks); !status.ok()) return status;
   const int scans = plan->plan.scans_size();
   if (scans == 0) return absl::InvalidArgumentError(absl::StrCat(options.plan, ": has no scans"));
   if (options.scan && (*options.scan < 1 || *options.scan > scans)) {
@@ -142,7 +165,8 @@ absl::StatusOr<std::string> FindPlan(const FrameChoice& options) {
 }  // namespace
 
 absl::StatusOr<std::vector<v1::PartFrame>> ChooseFrames(FrameChoice options,
-                                                        const Inspection& inspection) {
+                                                        const Inspection& inspection,
+                                                        std::vector<std::string>* remarks) {
   if (options.scan && options.plan.empty()) {
     absl::StatusOr<std::string> plan = FindPlan(options);
     if (!plan.ok()) return plan.status();
@@ -155,7 +179,7 @@ absl::StatusOr<std::vector<v1::PartFrame>> ChooseFrames(FrameChoice options,
     if (!options.measurement.empty()) {
       return absl::InvalidArgumentError("--plan and --measurement exclude each other");
     }
-    return FramesOfPlan(options);
+    return FramesOfPlan(options, inspection, remarks);
   }
   absl::StatusOr<Measurement> measurement = options.measurement.empty()
                                                 ? FixedMeasurement(inspection, options.input)
@@ -178,6 +202,7 @@ void AddFrameOptions(CLI::App& app, FrameChoice* choice) {
   app.add_option("--frame", choice->frame,
                  "only this frame: number in the scan's trigger positions, from 0; without --plan "
                  "the stage position is this many scan steps");
+  AddOtherPartOption(app, &choice->other_part);
   app.add_option("--stage-position", choice->stage_position_m, "only this stage position [m]");
 }
 

@@ -16,17 +16,20 @@ namespace sightline {
 struct FrameChoice {
   std::string input, out;  // inspection file, and the folder for what is made
   std::string plan, measurement;
+  bool other_part = false;  // the plan may be of another part
   std::optional<int> scan, frame;
   std::optional<double> stage_position_m;
 };
 
-// --plan, --measurement, --scan, --frame and --stage-position.
+// --plan, --measurement, --scan, --frame, --stage-position and --other-part.
 void AddFrameOptions(CLI::App& app, FrameChoice* choice);
 
 // All frames of a plan, of one of its scans, one frame; or that of the one measurement that is
 // given or that the inspection fixes. With the settings of the plan's scans. INVALID_ARGUMENT says
-// which options exclude each other, which number is out of range, and what a plan lacks.
+// which options exclude each other, which number is out of range, what a plan lacks, and that it is
+// of another part. Adds to `remarks` what to know of the plan.
 absl::StatusOr<std::vector<v1::PartFrame>> ChooseFrames(FrameChoice options,
-                                                        const Inspection& inspection);
+                                                        const Inspection& inspection,
+                                                        std::vector<std::string>* remarks);
 
 }  // namespace sightline

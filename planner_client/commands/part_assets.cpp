@@ -30,15 +30,16 @@ absl::Status AddAsset(const std::string& path, const std::string& name,
 }
 
 // A mesh file. A STEP file goes as its mesh, a glTF file with its buffers elsewhere as PLY.
-absl::Status AddMesh(const std::string& prefix, std::string* file, std::string* unit,
-                     std::vector<AssetFile>* assets) {
+absl::Status AddMesh(const std::string& prefix, const PartFileOptions& options, std::string* file,
+                     std::string* unit, std::vector<AssetFile>* assets) {
   const std::string path = *file;
-  const absl::StatusOr<std::string> mesh_file = MeshFileOf(path);
+  const absl::StatusOr<MeshFile> mesh_file = MeshFileOf(path, *unit, options);
   if (!mesh_file.ok()) return mesh_file.status();
-  const std::string extension = fs::path(*mesh_file).extension();
+  *unit = mesh_file->unit;
+  const std::string extension = fs::path(mesh_file->path).extension();
   if (!absl::EqualsIgnoreCase(extension, ".gltf")) {
     *file = absl::StrCat(prefix, fs::path(path).stem().string(), extension);
-    return AddAsset(*mesh_file, *file, assets);
+    return AddAsset(mesh_file->path, *file, assets);
   }
   absl::StatusOr<TriangleMesh> mesh = LoadPart(path, *unit);
   if (!mesh.ok()) return mesh.status();
@@ -85,12 +86,15 @@ absl::Status TakeAssets(const std::string& context, v1::Inspection* inspection,
   inspection->clear_costs();
   inspection->clear_uncertainty();
   inspection->clear_tolerances();
-  absl::Status status = AddMesh("", inspection->mutable_part()->mutable_file(),
+  PartFileOptions options;
+  options.construction_geometry = inspection->part().construction_geometry();
+  absl::Status status = AddMesh("", options, inspection->mutable_part()->mutable_file(),
                                 inspection->mutable_part()->mutable_unit(), assets);
+  inspection->mutable_part()->clear_construction_geometry();
   if (!status.ok()) return status;
   for (int i = 0; i < inspection->obstacles_size(); ++i) {
     v1::Obstacle* obstacle = inspection->mutable_obstacles(i);
-    status = AddMesh(absl::StrCat("obstacle-", i, "/"), obstacle->mutable_file(),
+    status = AddMesh(absl::StrCat("obstacle-", i, "/"), {}, obstacle->mutable_file(),
                      obstacle->mutable_unit(), assets);
     if (!status.ok()) return status;
   }

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/command_options/option_values.h"
 #include "core/json/strict_json.h"
 #include "core/part/part_health.h"
 #include "core/part/part_health_proto.h"
@@ -76,8 +77,10 @@ void PrintTolerances(const ToleranceReport& report) {
   for (const std::string& note : report.notes) std::printf("  %s\n", note.c_str());
 }
 
-int ReportTolerances(const std::string& file, const std::string& qif_schema, bool json) {
+int ReportTolerances(const std::string& file, const std::string& unit,
+                     const std::string& qif_schema, bool json) {
   ToleranceImportOptions options;
+  options.length_unit = unit;
   options.qif_schema_folder = qif_schema;
   const auto imported = ImportTolerances(file, options);
   if (!imported.ok()) return ReportError(imported.status());
@@ -95,7 +98,7 @@ int ReportTolerances(const std::string& file, const std::string& qif_schema, boo
 Command AddPartCommand(CLI::App& app) {
   struct Options {
     std::string file, unit, qif_schema;
-    bool tolerances = false, json = false;
+    bool construction_geometry = false, tolerances = false, json = false;
   };
   auto options = std::make_shared<Options>();
   app.add_option(
@@ -103,7 +106,11 @@ Command AddPartCommand(CLI::App& app) {
          absl::StrCat("part file (", PartFileEndings(), "); for --tolerances .step, .stp, .qif"))
       ->required();
   app.add_option("--unit", options->unit,
-                 "length unit of a file that states none, as STL: m, cm, mm, um, inch");
+                 "length unit of a file that states none, as STL: m, cm, mm, um, inch")
+      ->transform(NameOfLengthUnit());
+  app.add_flag("--construction-geometry", options->construction_geometry,
+               "of a STEP file, take construction geometry for the part; it is left out and named "
+               "otherwise");
   CLI::Option* tolerances = app.add_flag(
       "--tolerances", options->tolerances,
       "list the tolerances of a STEP (AP242) or QIF 3.0 file, and what of them cannot be read");
@@ -113,9 +120,11 @@ Command AddPartCommand(CLI::App& app) {
   app.add_flag("--json", options->json, "print the report as JSON");
   return [options]() -> int {
     if (options->tolerances) {
-      return ReportTolerances(options->file, options->qif_schema, options->json);
+      return ReportTolerances(options->file, options->unit, options->qif_schema, options->json);
     }
-    const auto mesh = LoadPartFile(options->file, options->unit);
+    PartFileOptions part_options;
+    part_options.construction_geometry = options->construction_geometry;
+    const auto mesh = LoadPartFile(options->file, options->unit, part_options);
     if (!mesh.ok()) return ReportError(mesh.status());
     const PartHealth health = CheckPartHealth(*mesh);
     if (options->json) {

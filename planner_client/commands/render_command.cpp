@@ -10,13 +10,15 @@
 #include <vector>
 
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
+#include "core/command_options/option_values.h"
+#include "core/file/atomic_write.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
 #include "core/sensor/sensor.h"
+#include "core/text/number.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/commands.h"
@@ -70,17 +72,16 @@ absl::StatusOr<v1::PlateRender> ReadEffects(const std::string& path) {
 absl::Status CropCamera(const std::string& crop, const std::string& input, v1::Camera* camera) {
   const v1::Sensor& sensor = camera->sensor();
   const std::vector<std::string> sides = absl::StrSplit(crop, 'x');
-  int columns = 0, rows = 0;
-  const bool numbers = sides.size() == 2 && absl::SimpleAtoi(sides[0], &columns) &&
-                       absl::SimpleAtoi(sides[1], &rows);
-  if (!numbers || columns < 16 || rows < 16 || columns > sensor.sensor_columns_px() ||
-      rows > sensor.sensor_rows_px() || columns % 2 != 0 || rows % 2 != 0) {
+  const auto columns = ParseWhole(sides.front()), rows = ParseWhole(sides.back());
+  const bool numbers = sides.size() == 2 && columns.ok() && rows.ok();
+  if (!numbers || *columns < 16 || *rows < 16 || *columns > sensor.sensor_columns_px() ||
+      *rows > sensor.sensor_rows_px() || *columns % 2 != 0 || *rows % 2 != 0) {
     return absl::InvalidArgumentError(absl::StrCat(
         "--crop ", crop, ": must be COLUMNSxROWS, even numbers from 16x16 to the ",
         sensor.sensor_columns_px(), "x", sensor.sensor_rows_px(), " of the sensor of ", input));
   }
-  camera->set_columns_px(columns);
-  camera->set_rows_px(rows);
+  camera->set_columns_px(static_cast<int>(*columns));
+  camera->set_rows_px(static_cast<int>(*rows));
   camera->clear_vertical_fov_deg();  // that of all rows; now by sensor and lens
   return absl::OkStatus();
 }
@@ -104,8 +105,12 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
   for (const v1::Effect& effect : effects->effects()) *message.add_effects() = effect;
   auto checked = CheckImagingInspection(message, options.choice.input);
   if (!checked.ok()) return checked.status();
-  auto frames = ChooseFrames(options.choice, checked->inspection);
+  std::vector<std::string> remarks;
+  auto frames = ChooseFrames(options.choice, checked->inspection, &remarks);
   if (!frames.ok()) return frames.status();
+  for (const std::string& remark : remarks) {
+    std::fprintf(stderr, "warning: %s\n", remark.c_str());
+  }
 
   v1::RenderSpec spec;
   v1::PartRender* part = spec.mutable_part();
@@ -151,6 +156,7 @@ absl::StatusOr<v1::RenderSpec> PlateSpec(const RenderOptions& options) {
                                                    " say themselves how each was made"));
   };
   if (!options.choice.plan.empty()) return refuse("--plan");
+  if (options.choice.other_part) return refuse("--other-part");
   if (!options.choice.measurement.empty()) return refuse("--measurement");
   if (options.choice.scan) return refuse("--scan");
   if (options.choice.frame) return refuse("--frame");
@@ -237,9 +243,8 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   output->set_layers(options.layers);
   output->set_demosaic(options.demosaic);
   // Parts of the images are made by several commands at once.
-  const auto out_lock =
-      OpenOutputFolder(options.choice.out,
-                       part->IsWhole() ? FolderLock::Kind::kExclusive : FolderLock::Kind::kShared);
+  const auto out_lock = OpenOutputFolder(
+      options.choice.out, part->IsWhole() ? FileLock::Kind::kExclusive : FileLock::Kind::kShared);
   if (!out_lock.ok()) return out_lock.status();
 
   // Files of plates have the names and the place that their shot list gives them; nothing is added.
@@ -313,6 +318,7 @@ Command AddRenderCommand(CLI::App& app) {
                  "noise of a draft's incoherent light, relative to the signal")
       ->check(CLI::Range(0.001, 1.0))
       ->capture_default_str();
+  NeedOption(app, {"--draft-pixels", "--draft-noise"}, "--draft");
   app.add_option("--crop", options->crop,
                  "COLUMNSxROWS: only so many pixels in the middle of the sensor (parts)");
   app.add_flag("--no-speckle", options->no_speckle, "image laser light without speckle");
@@ -324,8 +330,8 @@ Command AddRenderCommand(CLI::App& app) {
                  "with the same --out and --checkpoint; the same command without --part, after all "
                  "of them, makes what is left and recordings.json");
   AddWorkerOptions(app, &options->worker);
-  app.add_option("--max-image-bytes", options->worker.max_image_bytes,
-                 "memory of our own worker for one image, e.g. 16GB; default 8GB");
+  TakeSizes(*app.add_option("--max-image-bytes", options->worker.max_image_bytes,
+                            "memory of our own worker for one image, e.g. 16GB; default 8GB"));
   return [options]() -> int {
     const absl::StatusOr<int> code = Render(*options);
     return code.ok() ? *code : ReportError(code.status());

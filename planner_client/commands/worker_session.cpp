@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
+#include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "proto/status/rpc_status.h"
 
@@ -54,14 +55,11 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
 }
 
 absl::Status AboutInput(const absl::Status& status, const std::string& input) {
-  static const std::set<std::string> too_much = {"IMAGE_TOO_LARGE", "ASSET_TOO_LARGE",
-                                                 "SET_TOO_LARGE"};
   // The worker forgot what it did.
   static const std::set<std::string> lost = {"JOB_UNKNOWN", "RESULT_DROPPED"};
   const std::string reason = ErrorReason(status);
   if (lost.count(reason) > 0) return absl::InternalError(status.message());
-  const bool wrong_input = absl::IsInvalidArgument(status) || absl::IsNotFound(status) ||
-                           absl::IsFailedPrecondition(status) || too_much.count(reason) > 0;
+  const bool wrong_input = IsRefusedInput(status) || absl::IsFailedPrecondition(status);
   if (!wrong_input) return status;
   std::string message(status.message());
   if (const std::vector<FieldViolation> violations = FieldViolations(status);

@@ -25,7 +25,7 @@ namespace sightline {
 namespace {
 
 constexpr int64_t kMaxCoverageBytesPerRequest = 8 << 20;
-// Some seconds' work, so that every request stays far below its deadline.
+// Some seconds' work, so that a request that is tried again repeats little.
 constexpr size_t kExplanationsPerRequest = 2048;
 
 absl::StatusOr<ScanFeasibility> FeasibilityFromProto(v1::Feasibility feasibility) {
@@ -142,7 +142,6 @@ class CoverageClientImpl final : public CoverageClient {
     absl::Status status = scene_.WithRetries([&](CoverageConnection& connection) -> absl::Status {
       result = {};
       grpc::ClientContext context;
-      SetTimeout(&context, scene_.options().build_timeout);
       v1::EvaluateUncertaintyRequest request;
       request.set_scene_digest(scene_.info().scene_digest);
       for (const Measurement& scan : scans) *request.add_measurements() = MeasurementToProto(scan);
@@ -195,7 +194,6 @@ class CoverageClientImpl final : public CoverageClient {
     absl::Status status = scene_.WithRetries([&](CoverageConnection& connection) -> absl::Status {
       points.clear();
       grpc::ClientContext context;
-      SetTimeout(&context, scene_.options().query_timeout);
       v1::StreamMeasurementPointsRequest request;
       request.set_scene_digest(scene_.info().scene_digest);
       *request.mutable_measurement() = MeasurementToProto(measurement);
@@ -261,7 +259,6 @@ class CoverageClientImpl final : public CoverageClient {
     v1::RenderViewResponse response;
     absl::Status status = scene_.WithRetries([&](CoverageConnection& connection) {
       grpc::ClientContext context;
-      SetTimeout(&context, scene_.options().query_timeout);
       return FromGrpcStatus(connection.coverage->RenderView(&context, request, &response));
     });
     if (!status.ok()) return status;

@@ -47,9 +47,6 @@ struct CoverageClientOptions : ServerAccess {
   int min_batch = 64;
   int max_batch = 256;
   int outstanding_requests = 3;
-  // Deadlines.
-  absl::Duration query_timeout = absl::Seconds(120);
-  absl::Duration build_timeout = absl::Minutes(60);
   // UNAVAILABLE only is tried again, with growing pauses, for at most this long.
   absl::Duration retry_for = absl::Seconds(10);
   // Build progress in [0, 1]. Called within Open only, on its thread: not when a scene that a
@@ -62,7 +59,8 @@ struct CoverageClientOptions : ServerAccess {
 struct SceneInfo {
   std::string part_digest;
   std::string scene_digest;
-  v1::SceneSpec spec;  // normalised by the server
+  v1::SceneSpec spec;        // normalised by the server
+  std::string server_build;  // SHA-256 of the server's program; empty: it does not say
   int64_t target_count = 0;
   int64_t measurable_count = 0;
   int64_t measurable_in_free_space_count = 0;
@@ -104,9 +102,10 @@ struct PosteriorUncertainties {
   std::vector<float> after_each_scan_m;  // [target][scan]; empty if not asked for
 };
 
-// Every call has a deadline. A server that was restarted and has forgotten the scene gets it again
-// without the caller noticing. Thread-safe. Errors of the server are passed on with its message;
-// UNAVAILABLE says when an embedded server died and why.
+// Calls wait as long as the server shows signs of life (rpc_client/channel.h). A server that was
+// restarted and has forgotten the scene gets it again without the caller noticing. Thread-safe.
+// Errors of the server are passed on with its message; UNAVAILABLE says when an embedded server
+// died and why.
 class CoverageClient : public GainOracle {
  public:
   // Uploads what the server does not know, has the scene built and fetches its targets.

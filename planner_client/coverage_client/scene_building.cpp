@@ -19,12 +19,6 @@
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
-namespace {
-
-constexpr absl::Duration kShortTimeout = absl::Seconds(20);
-
-}  // namespace
-
 absl::Status SceneConnection::CreateScene(CoverageConnection& connection) {
   // Every part may be missing once, plus one round for a scene dropped in between.
   const int max_rounds = static_cast<int>(meshes_.size()) + 2;
@@ -34,7 +28,6 @@ absl::Status SceneConnection::CreateScene(CoverageConnection& connection) {
     *request.mutable_spec() = spec_;
     v1::CreateSceneResponse response;
     grpc::ClientContext context;
-    SetTimeout(&context, kShortTimeout);
     absl::Status status =
         FromGrpcStatus(connection.coverage->CreateScene(&context, request, &response));
     if (ErrorReason(status) == kReasonPartUnknown) {
@@ -76,7 +69,6 @@ absl::Status SceneConnection::UploadPart(CoverageConnection& connection, const s
   const std::string bytes = EncodePly(*part.mesh);
   v1::UploadPartResponse response;
   grpc::ClientContext context;
-  SetTimeout(&context, UploadTimeout(bytes.size()));
   auto writer = connection.coverage->UploadPart(&context, &response);
   v1::UploadPartRequest message;
   message.mutable_header()->set_format("ply");
@@ -99,7 +91,6 @@ absl::StatusOr<v1::Job> SceneConnection::WaitForJob(CoverageConnection& connecti
   report(job);
   if (finished(job)) return job;
   grpc::ClientContext context;
-  SetTimeout(&context, options_.build_timeout);
   std::atomic<bool> done = false;
   std::thread interrupter;
   if (options_.interrupted != nullptr) {
@@ -147,10 +138,10 @@ absl::Status SceneConnection::FetchScene(CoverageConnection& connection) {
   request.set_scene_digest(info_.scene_digest);
   v1::GetSceneResponse response;
   grpc::ClientContext context;
-  SetTimeout(&context, kShortTimeout);
   absl::Status status = FromGrpcStatus(connection.coverage->GetScene(&context, request, &response));
   if (!status.ok()) return status;
   info_.spec = response.spec();
+  info_.server_build = response.server_build();
   info_.target_count = response.target_count();
   info_.measurable_count = response.measurable_count();
   info_.measurable_in_free_space_count = response.measurable_in_free_space_count();
@@ -167,7 +158,6 @@ absl::Status SceneConnection::FetchTargets(CoverageConnection& connection) {
   targets_ = {};
   measurable_ = TargetBits(static_cast<size_t>(info_.target_count));
   grpc::ClientContext context;
-  SetTimeout(&context, options_.query_timeout);
   v1::StreamTargetsRequest request;
   request.set_scene_digest(info_.scene_digest);
   auto reader = connection.coverage->StreamTargets(&context, request);

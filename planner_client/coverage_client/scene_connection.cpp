@@ -15,6 +15,7 @@
 #include "absl/time/time.h"
 #include "core/inspection/inspection.h"
 #include "core/inspection/vector_proto.h"
+#include "core/part/part_digest.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "proto/status/rpc_status.h"
@@ -32,7 +33,7 @@ constexpr int kMaxRecoveriesPerCall = 3;
 
 SceneConnection::SceneConnection(CoverageClientOptions options, CoverageTask task)
     : options_(std::move(options)), task_(std::move(task)) {
-  const std::string part_digest = PartDigest(*task_.part);
+  const std::string part_digest = PartDigestOf(*task_.part).Text();
   info_.part_digest = part_digest;
   meshes_[part_digest] = {task_.part.get(), task_.part_name};
   spec_.set_part_digest(part_digest);
@@ -48,7 +49,7 @@ SceneConnection::SceneConnection(CoverageClientOptions options, CoverageTask tas
   *spec_.mutable_rig() = RigToProto(task_.rig);
   *spec_.mutable_targets() = TargetSamplingToProto(task_.sampling);
   for (const CoverageTask::Obstacle& obstacle : task_.obstacles) {
-    const std::string digest = PartDigest(*obstacle.mesh);
+    const std::string digest = PartDigestOf(*obstacle.mesh).Text();
     meshes_.try_emplace(digest, NamedMesh{obstacle.mesh.get(), obstacle.name});
     v1::SceneObstacle* message = spec_.add_obstacles();
     message->set_part_digest(digest);

@@ -100,7 +100,6 @@ class SceneConnection {
           pending.slice = slice;
           Request request;
           fill(slices[slice], &request);
-          SetTimeout(&pending.context, options_.query_timeout);
           pending.reader = (used->coverage.get()->*method)(&pending.context, request, &queue);
           pending.reader->Finish(&(*responses)[slice], &pending.status, &pending);
           continue;

@@ -228,6 +228,7 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
   inspection.set_name(request.name);
   inspection.mutable_part()->set_file(request.part_file);
   inspection.mutable_part()->set_unit(request.part_unit);
+  if (request.construction_geometry) inspection.mutable_part()->set_construction_geometry(true);
   comments["part"] = absl::StrCat(SizeText(request.health), ".");
 
   v1::TargetSampling& targets = *inspection.mutable_targets();

@@ -19,6 +19,7 @@ namespace sightline {
 struct DraftRequest {
   std::string name;
   std::string part_file, part_unit;
+  bool construction_geometry = false;  // of a STEP file, part of the part
   PartHealth health;
   v1::Rig::PartHolding holding = v1::Rig::PART_HOLDING_RESTING;
 

@@ -8,7 +8,8 @@
 #include <system_error>
 #include <utility>
 
-#include "core/json/strict_json.h"
+#include "core/digest/sha256.h"
+#include "core/file/atomic_write.h"
 
 namespace sightline {
 namespace {
@@ -17,6 +18,11 @@ using nlohmann::json;
 
 // Far more than a plan of the most scans (1000, of nine numbers) takes.
 constexpr uintmax_t kMostBytes = 4 << 20;
+
+// SHA-256 of the file without this field: a result that somebody has edited is none of a search.
+constexpr char kCheckField[] = "check";
+
+std::string CheckOf(const json& file) { return Sha256Hex(file.dump()); }
 
 // Stop reasons in the files; their numbers may change.
 constexpr std::pair<StopReason, const char*> kStopReasons[] = {
@@ -82,23 +88,35 @@ absl::Status WriteStart(const StartResult& start, const std::string& fingerprint
                      {"evaluations", start.bound->evaluations},
                      {"statement", start.bound->statement}};
   }
+  file[kCheckField] = CheckOf(file);
   return WriteFileAtomically(path, file.dump() + "\n");
 }
 
 std::optional<StartResult> ReadStart(const std::string& path, const std::string& fingerprint,
-                                     int64_t seed) {
+                                     int64_t seed, std::string* why) {
   std::error_code error;
   const uintmax_t bytes = std::filesystem::file_size(path, error);
-  if (error || bytes > kMostBytes) return std::nullopt;
+  if (error) return std::nullopt;
+  const auto refuse = [&](const char* reason) {
+    if (why != nullptr) *why = reason;
+    return std::nullopt;
+  };
+  constexpr char kDamaged[] = "is damaged, or of another version";
+  if (bytes > kMostBytes) return refuse(kDamaged);
   std::ifstream stream(path, std::ios::binary);
   try {
-    const json file = json::parse(stream);
-    if (file.at("fingerprint").get<std::string>() != fingerprint) return std::nullopt;
+    json file = json::parse(stream);
+    const auto check = file.at(kCheckField).get<std::string>();
+    file.erase(kCheckField);
+    if (check != CheckOf(file)) return refuse(kDamaged);
     std::optional<StartResult> start = FromJson(file);
-    if (start && start->seed != seed) start.reset();
+    if (!start) return refuse(kDamaged);
+    if (file.at("fingerprint").get<std::string>() != fingerprint || start->seed != seed) {
+      return refuse("is the result of another search (a file, an option or a program is another)");
+    }
     return start;
   } catch (const json::exception&) {
-    return std::nullopt;
+    return refuse(kDamaged);
   }
 }
 

@@ -16,8 +16,8 @@ absl::Status WriteStart(const StartResult& start, const std::string& fingerprint
                         const std::string& path);
 
 // Empty: there is no file, or it is of another fingerprint or seed, or is damaged; then the search
-// is to be made again.
+// is to be made again. `why`, which may be null, says which of these for a file that is there.
 std::optional<StartResult> ReadStart(const std::string& path, const std::string& fingerprint,
-                                     int64_t seed);
+                                     int64_t seed, std::string* why = nullptr);
 
 }  // namespace sightline

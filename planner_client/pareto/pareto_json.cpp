@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
+#include "planner_client/plan_file/part_of_plan.h"
 
 namespace sightline {
 namespace {
@@ -145,7 +146,7 @@ v1::ParetoFront ParetoToProto(const ParetoResult& result, const ParetoTask& task
   message.set_inspection_name(task.inspection_name);
   message.set_sightline_version(task.sightline_version);
   message.set_seed(seed);
-  message.set_part_digest(task.part_digest);
+  message.set_part_digest(task.part_digest.Text());
   message.set_scene_digest(task.scene_digest);
   if (!task.costs.IsUnit()) *message.mutable_costs() = CostsToProto(task.costs);
   message.set_for_uncertainty(task.for_uncertainty);
@@ -166,12 +167,13 @@ v1::ParetoFront ParetoToProto(const ParetoResult& result, const ParetoTask& task
 }
 
 absl::Status CheckPareto(const v1::ParetoFront& front, const ParetoTask& task,
-                         const std::string& path) {
-  if (front.part_digest() != task.part_digest) {
-    return Differs(path, "part_digest", Quoted(front.part_digest()),
-                   Quoted(task.part_digest) + ": the front is of another part");
-  }
-  if (front.scene_digest() != task.scene_digest) {
+                         const std::string& path, std::string* remark) {
+  const auto other_rule = CheckPlanBelongsToPart(path, front.part_digest(), task.part_digest,
+                                                 task.part_file, OtherPart::kRefused);
+  if (!other_rule.ok()) return other_rule.status();
+  if (remark != nullptr) *remark = *other_rule;
+  // The digest of a scene contains that of its part.
+  if (other_rule->empty() && front.scene_digest() != task.scene_digest) {
     return Differs(
         path, "scene_digest", Quoted(front.scene_digest()),
         Quoted(task.scene_digest) +

@@ -9,6 +9,7 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "core/inspection/inspection.h"
+#include "core/part/part_digest.h"
 #include "planner_client/pareto/make_pareto_front.h"
 #include "sightline/v1/pareto.pb.h"
 
@@ -18,7 +19,8 @@ namespace sightline {
 struct ParetoTask {
   std::string inspection_name;
   std::string sightline_version;
-  std::string part_digest;
+  PartDigest part_digest;
+  std::string part_file;  // for messages
   std::string scene_digest;
   CostModel costs;
   MeasurementDomain domain;
@@ -33,9 +35,11 @@ v1::ParetoFront ParetoToProto(const ParetoResult& result, const ParetoTask& task
                               size_t chosen, v1::Plan::StopReason stop_reason);
 
 // INVALID_ARGUMENT: what `path` holds belongs to another part or task, or is not whole; names the
-// file, the field, its value and what it must be.
+// file, the field, its value and what it must be. The digests of a front whose part's digest is by
+// another rule cannot be compared: it is taken by its other fields, and `remark`, which may be
+// null, says so.
 absl::Status CheckPareto(const v1::ParetoFront& front, const ParetoTask& task,
-                         const std::string& path);
+                         const std::string& path, std::string* remark = nullptr);
 
 // Scans of a point of a checked front.
 std::vector<Measurement> ScansOfPoint(const v1::ParetoPoint& point);

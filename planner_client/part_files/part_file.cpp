@@ -1,34 +1,69 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/part_files/part_file.h"
 
+#include <cstdio>
+#include <utility>
+
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "absl/strings/str_replace.h"
 #include "core/part/load_part.h"
 #include "planner_client/part_files/step_mesh.h"
 
 namespace sightline {
+namespace {
+
+absl::StatusOr<StepMesh> MeshStepPart(const std::string& path, const std::string& unit,
+                                      const PartFileOptions& options) {
+  StepMeshOptions meshing;
+  meshing.unit = unit;
+  meshing.construction_geometry = options.construction_geometry;
+  auto mesh = MeshOfStepFile(path, meshing);
+  if (!mesh.ok()) return mesh;
+  for (const std::string& remark : mesh->remarks) {
+    std::string text = absl::StrCat(path, ": ", remark);
+    if (options.remarks != nullptr) {
+      options.remarks->push_back(std::move(text));
+    } else {
+      std::fprintf(stderr, "%s\n", text.c_str());
+    }
+  }
+  return mesh;
+}
+
+absl::Status CheckOptions(const std::string& path, const PartFileOptions& options) {
+  if (!options.construction_geometry || IsStepFile(path)) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrCat(
+      path, ": construction_geometry is given, but only a STEP file tells it from the part"));
+}
+
+}  // namespace
 
 std::string PartFileEndings() {
   return absl::StrCat(".step, .stp, .", absl::StrJoin(PartFormats(), ", ."));
 }
 
-absl::StatusOr<std::string> MeshFileOf(const std::string& path) {
-  return IsStepFile(path) ? MeshOfStepFile(path) : path;
+absl::StatusOr<MeshFile> MeshFileOf(const std::string& path, const std::string& unit,
+                                    const PartFileOptions& options) {
+  if (absl::Status checked = CheckOptions(path, options); !checked.ok()) return checked;
+  if (!IsStepFile(path)) return MeshFile{path, unit};
+  auto mesh = MeshStepPart(path, unit, options);
+  if (!mesh.ok()) return mesh.status();
+  return MeshFile{std::move(mesh->file), ""};
 }
 
-absl::StatusOr<TriangleMesh> LoadPartFile(const std::string& path, const std::string& unit) {
+absl::StatusOr<TriangleMesh> LoadPartFile(const std::string& path, const std::string& unit,
+                                          const PartFileOptions& options) {
+  if (absl::Status checked = CheckOptions(path, options); !checked.ok()) return checked;
   if (!IsStepFile(path)) return LoadPart(path, unit);
-  if (absl::Status checked = CheckPartUnit(path, unit); !checked.ok()) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": unit ", checked.message()));
-  }
-  const auto file = MeshOfStepFile(path);
-  if (!file.ok()) return file.status();
-  auto mesh = LoadPart(*file, "");
-  if (mesh.ok()) return mesh;
+  const auto mesh = MeshStepPart(path, unit, options);
+  if (!mesh.ok()) return mesh.status();
   // People know the STEP file, not where its mesh is kept.
-  return absl::Status(mesh.status().code(),
-                      absl::StrReplaceAll(mesh.status().message(), {{*file, path}}));
+  return LoadPartFromMemory(mesh->glb, "glb", "", path);
+}
+
+bool NeedsPartUnit(const std::string& path) {
+  if (!IsStepFile(path)) return !CheckPartUnit(path, "").ok();
+  return IsMissingStepUnit(MeshOfStepFile(path).status());
 }
 
 }  // namespace sightline

@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 #include "core/part/mesh.h"
@@ -12,10 +13,30 @@ namespace sightline {
 // Endings of the names of such files, as a list for people: ".step, .stp, .glb, ...".
 std::string PartFileEndings();
 
-// The file itself, or of a STEP file its mesh (step_mesh.h), whose unit is the metre.
-absl::StatusOr<std::string> MeshFileOf(const std::string& path);
+struct PartFileOptions {
+  // Take construction geometry for the part. INVALID_ARGUMENT for a file that is no STEP.
+  bool construction_geometry = false;
+  // Takes what of the file is not in the part. Null: it is written to stderr, so that nothing is
+  // left out without a word.
+  std::vector<std::string>* remarks = nullptr;
+};
 
-// As LoadPart, also of STEP files, which say their unit themselves. Messages name `path`.
-absl::StatusOr<TriangleMesh> LoadPartFile(const std::string& path, const std::string& unit);
+struct MeshFile {
+  std::string path;
+  std::string unit;  // of its lengths; empty if the format says it
+};
+
+// The file itself, or of a STEP file its mesh (step_mesh.h). `unit` as of LoadPartFile.
+absl::StatusOr<MeshFile> MeshFileOf(const std::string& path, const std::string& unit,
+                                    const PartFileOptions& options = {});
+
+// As LoadPart, also of STEP files. `unit` is required for a STEP file that states none, and refused
+// for one that does. Messages name `path`.
+absl::StatusOr<TriangleMesh> LoadPartFile(const std::string& path, const std::string& unit,
+                                          const PartFileOptions& options = {});
+
+// Whether a unit must be given for this file: its format states none, or this STEP file does not.
+// False also of a file that cannot be read.
+bool NeedsPartUnit(const std::string& path);
 
 }  // namespace sightline

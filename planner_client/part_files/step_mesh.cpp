@@ -1,26 +1,22 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/part_files/step_mesh.h"
 
-#include <fcntl.h>
-#include <openssl/evp.h>
-#include <stdlib.h>
-#include <sys/file.h>
-#include <unistd.h>
-
-#include <array>
-#include <cerrno>
 #include <chrono>
 #include <cstdlib>
-#include <cstring>
 #include <filesystem>
-#include <fstream>
-#include <memory>
-#include <mutex>
+#include <optional>
 #include <system_error>
-#include <vector>
+#include <utility>
 
-#include "absl/strings/escaping.h"
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/strip.h"
+#include "core/digest/sha256.h"
+#include "core/file/atomic_write.h"
+#include "core/file/file_lock.h"
+#include "core/file/read_file.h"
+#include "planner_client/part_files/private_folder.h"
 
 namespace sightline {
 namespace {
@@ -28,94 +24,91 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr auto kKeptUnused = std::chrono::hours(24 * 30);
+constexpr uint64_t kMaxGlbBytes = uint64_t{1} << 31;
+constexpr uint64_t kMaxRecordBytes = uint64_t{1} << 20;
+// First line of a record, and part of every key: another number when either changes.
+constexpr char kRecordRule[] = "sightline step mesh 2";
+// Beginning of the importer's lines that say what was left out (tools/step_import/main.cpp).
+constexpr char kRemarkLine[] = "remark: ";
 
-// A folder of this process, removed when it ends.
-class ProcessFolder {
- public:
-  ProcessFolder() {
-    std::string folder = (fs::temp_directory_path() / "sightline-step-XXXXXX").string();
-    if (mkdtemp(folder.data()) != nullptr) path_ = folder;
+absl::StatusOr<std::string> KeyOfMesh(const StepFile& file, const StepMeshOptions& options) {
+  const auto program = FindStepProgram(file.path(), options.program);
+  if (!program.ok()) return program.status();
+  const auto importer = DigestOfFile(*program);
+  if (!importer.ok()) return importer.status();
+  // The mesh names the file that it was made of.
+  return Sha256Hex(absl::StrCat(kRecordRule, "\n", file.sha256(), "\n", importer->sha256, "\n",
+                                options.unit, "\n", options.construction_geometry, "\n",
+                                fs::path(file.path()).filename().string()));
+}
+
+// The record beside a mesh: its digest and remarks, and a digest of these.
+std::string RecordOf(const StepMesh& mesh) {
+  std::string record = absl::StrCat(kRecordRule, "\n", Sha256Hex(mesh.glb), "\n");
+  for (const std::string& remark : mesh.remarks)
+    absl::StrAppend(&record, kRemarkLine, remark, "\n");
+  return absl::StrCat(record, Sha256Hex(record), "\n");
+}
+
+std::vector<std::string> RemarksAmong(absl::string_view lines) {
+  std::vector<std::string> remarks;
+  for (absl::string_view line : absl::StrSplit(lines, '\n')) {
+    if (absl::ConsumePrefix(&line, kRemarkLine)) remarks.emplace_back(line);
   }
-  ~ProcessFolder() {
+  return remarks;
+}
+
+// An entry of the cache.
+class KeptMesh {
+ public:
+  KeptMesh(const fs::path& folder, const std::string& key)
+      : glb_((folder / (key + ".glb")).string()), record_((folder / (key + ".record")).string()) {}
+
+  const std::string& glb_path() const { return glb_; }
+
+  // The mesh, if it is there and whole. `damaged`: it is there and not whole.
+  std::optional<StepMesh> Read(bool* damaged) const {
+    *damaged = false;
+    std::error_code error;
+    // Neither alone is damage: a process ended between the two.
+    if (!fs::exists(glb_, error) || !fs::exists(record_, error)) return std::nullopt;
+    *damaged = true;
+    auto glb = ReadRegularFile(glb_, kMaxGlbBytes);
+    auto record = ReadRegularFile(record_, kMaxRecordBytes);
+    if (!glb.ok() || !record.ok()) return std::nullopt;
+    StepMesh mesh{glb_, *std::move(glb), RemarksAmong(*record)};
+    if (RecordOf(mesh) != *record) return std::nullopt;
+    *damaged = false;
+    return mesh;
+  }
+
+  void Touch() const {
     std::error_code ignored;
-    if (!path_.empty()) fs::remove_all(path_, ignored);
+    const auto now = fs::file_time_type::clock::now();
+    fs::last_write_time(glb_, now, ignored);
+    fs::last_write_time(record_, now, ignored);
   }
-  ProcessFolder(const ProcessFolder&) = delete;
-  ProcessFolder& operator=(const ProcessFolder&) = delete;
-  const std::string& path() const { return path_; }
 
- private:
-  std::string path_;
-};
-
-bool CanWrite(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  return !error && access(folder.c_str(), W_OK | X_OK) == 0;
-}
-
-absl::StatusOr<fs::path> CacheFolder(const std::string& given) {
-  if (!given.empty()) {
-    if (CanWrite(given)) return fs::path(given);
-    return absl::InvalidArgumentError(absl::StrCat(given, ": cannot be written"));
-  }
-  const auto from = [](const char* variable) {
-    const char* value = std::getenv(variable);
-    const fs::path path = value == nullptr ? "" : value;
-    return path.is_absolute() ? path : fs::path();
-  };
-  for (const fs::path& base : {from("XDG_CACHE_HOME"), from("HOME") / ".cache"}) {
-    const fs::path folder = base / "sightline" / "step";
-    if (base.is_absolute() && CanWrite(folder)) return folder;
-  }
-  static const ProcessFolder own;
-  if (!own.path().empty()) return fs::path(own.path());
-  return absl::UnavailableError("no folder can be written for the mesh of a STEP file");
-}
-
-// SHA-256 of what the mesh depends on: the file, and the importer as far as its file tells.
-absl::StatusOr<std::string> KeyOf(const std::string& file, const std::string& program) {
-  std::ifstream bytes(file, std::ios::binary);
-  if (!bytes) return absl::NotFoundError(absl::StrCat(file, ": ", std::strerror(errno)));
-  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> digest(EVP_MD_CTX_new(),
-                                                                       &EVP_MD_CTX_free);
-  EVP_DigestInit_ex(digest.get(), EVP_sha256(), nullptr);
-  std::vector<char> buffer(1 << 20);
-  while (bytes) {
-    bytes.read(buffer.data(), static_cast<std::streamsize>(buffer.size()));
-    EVP_DigestUpdate(digest.get(), buffer.data(), static_cast<size_t>(bytes.gcount()));
-  }
-  if (bytes.bad()) return absl::NotFoundError(absl::StrCat(file, ": cannot be read"));
-  std::error_code error;
-  const std::string importer =
-      absl::StrCat(fs::file_size(program, error), " ",
-                   fs::last_write_time(program, error).time_since_epoch().count());
-  EVP_DigestUpdate(digest.get(), importer.data(), importer.size());
-  std::array<unsigned char, EVP_MAX_MD_SIZE> hash;
-  unsigned int size = 0;
-  EVP_DigestFinal_ex(digest.get(), hash.data(), &size);
-  return absl::BytesToHexString(
-      absl::string_view(reinterpret_cast<const char*>(hash.data()), size));
-}
-
-// Held by one process at a time; the kernel gives it back however the process ends.
-class FileLock {
- public:
-  explicit FileLock(const fs::path& path)
-      : fd_(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600)) {
-    if (fd_ < 0) return;
-    while (flock(fd_, LOCK_EX) != 0 && errno == EINTR) {
+  absl::StatusOr<StepMesh> Make(const StepFile& file, const StepMeshOptions& options) const {
+    auto unfinished = UnfinishedFile::Make(glb_, kPrivateFile);
+    if (!unfinished.ok()) return unfinished.status();
+    std::vector<std::string> arguments = {"--out", unfinished->temporary_path()};
+    if (!options.unit.empty()) arguments.insert(arguments.end(), {"--unit", options.unit});
+    if (options.construction_geometry) arguments.emplace_back("--construction-geometry");
+    const auto said = RunStepImport(file, arguments, options.program);
+    if (!said.ok()) return said.status();
+    auto glb = ReadRegularFile(unfinished->temporary_path(), kMaxGlbBytes);
+    if (!glb.ok()) return glb.status();
+    StepMesh mesh{glb_, *std::move(glb), RemarksAmong(*said)};
+    if (absl::Status s = unfinished->Commit(); !s.ok()) return s;
+    if (absl::Status s = WriteFileAtomically(record_, RecordOf(mesh), kPrivateFile); !s.ok()) {
+      return s;
     }
+    return mesh;
   }
-  ~FileLock() {
-    if (fd_ >= 0) close(fd_);
-  }
-  FileLock(const FileLock&) = delete;
-  FileLock& operator=(const FileLock&) = delete;
-  bool held() const { return fd_ >= 0; }
 
  private:
-  int fd_;
+  const std::string glb_, record_;
 };
 
 void RemoveUnused(const fs::path& folder) {
@@ -127,38 +120,42 @@ void RemoveUnused(const fs::path& folder) {
   }
 }
 
+absl::StatusOr<std::string> CacheFolder(const std::string& given) {
+  std::string folder = given;
+  if (const char* value = std::getenv(kStepCacheVariable); folder.empty() && value != nullptr) {
+    folder = value;
+  }
+  if (!folder.empty()) {
+    if (absl::Status s = MakePrivateFolder(folder); !s.ok()) return s;
+    return folder;
+  }
+  return UserCacheFolder("step");
+}
+
 }  // namespace
 
-absl::StatusOr<std::string> MeshOfStepFile(const std::string& file,
-                                           const StepMeshOptions& options) {
-  std::error_code error;
-  if (!fs::is_regular_file(file, error)) {
-    return absl::NotFoundError(absl::StrCat(file, ": no such file"));
-  }
-  const auto program = FindStepProgram(file, options.program);
-  if (!program.ok()) return program.status();
+absl::StatusOr<StepMesh> MeshOfStepFile(const std::string& file, const StepMeshOptions& options) {
+  const auto step = StepFile::Read(file);
+  if (!step.ok()) return step.status();
+  const auto key = KeyOfMesh(*step, options);
+  if (!key.ok()) return key.status();
   const auto folder = CacheFolder(options.cache_folder);
   if (!folder.ok()) return folder.status();
-  const auto key = KeyOf(file, *program);
-  if (!key.ok()) return key.status();
-  const fs::path mesh = *folder / (*key + ".glb");
-  const FileLock lock(*folder / (*key + ".lock"));
-  if (!lock.held()) {
-    return absl::UnavailableError(absl::StrCat(folder->string(), ": ", std::strerror(errno)));
-  }
-  if (fs::exists(mesh, error)) {
-    fs::last_write_time(mesh, fs::file_time_type::clock::now(), error);
-    return mesh.string();
+  const auto lock = FileLock::AwaitFile((fs::path(*folder) / (*key + ".lock")).string(), {});
+  if (!lock.ok()) return lock.status();
+  const KeptMesh kept(*folder, *key);
+  bool damaged = false;
+  if (auto mesh = kept.Read(&damaged)) {
+    kept.Touch();
+    return *std::move(mesh);
   }
   RemoveUnused(*folder);
-  const fs::path unfinished = *folder / absl::StrCat(*key, ".unfinished.glb");
-  const auto made = RunStepImport(file, {"--out", unfinished.string()}, options.program);
-  if (made.ok()) fs::rename(unfinished, mesh, error);
-  if (made.ok() && !error) return mesh.string();
-  std::error_code ignored;
-  fs::remove(unfinished, ignored);
-  if (!made.ok()) return made.status();
-  return absl::UnavailableError(absl::StrCat(mesh.string(), ": ", error.message()));
+  auto made = kept.Make(*step, options);
+  if (made.ok() && damaged) {
+    made->remarks.push_back(
+        absl::StrCat("the kept mesh ", kept.glb_path(), " was damaged and has been made again"));
+  }
+  return made;
 }
 
 }  // namespace sightline

@@ -1,11 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // The program that reads STEP files: OpenCASCADE, which brings X11 libraries, is not to be part of
 // this one.
+//
+// A CAD system may save a file while it is read. Its bytes are therefore read once, into memory,
+// and these bytes are what is digested and what the program reads.
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/time/time.h"
 
@@ -22,17 +27,51 @@ struct StepProgramOptions {
   absl::Duration time_limit = absl::Minutes(10);
 };
 
-// Where the program is. NOT_FOUND says where it was looked for and how to get it; `file`: of the
-// message.
+// Returns the program's path. NOT_FOUND says where it was looked for and how to get it; `file`: of
+// the message.
 absl::StatusOr<std::string> FindStepProgram(const std::string& file,
                                             const StepProgramOptions& options);
 
-// Runs it on a STEP file with these further arguments; what it wrote to standard output.
-// INVALID_ARGUMENT: the file is wrong (the message names it). NOT_FOUND: as above. CANCELLED: it
-// was interrupted. DEADLINE_EXCEEDED, INTERNAL: it took too long or failed; the message ends with
-// what it wrote to stderr.
+// The bytes of a file at one moment, in memory (memfd_create(2)).
+class StepFile {
+ public:
+  // NOT_FOUND: no such file. INVALID_ARGUMENT: no regular file, or larger than 2 GiB.
+  // RESOURCE_EXHAUSTED: no memory for it.
+  static absl::StatusOr<StepFile> Read(const std::string& path);
+
+  StepFile(StepFile&& other) noexcept
+      : path_(std::move(other.path_)),
+        sha256_(std::move(other.sha256_)),
+        descriptor_(std::exchange(other.descriptor_, -1)) {}
+  StepFile& operator=(StepFile&&) = delete;
+  ~StepFile();
+
+  const std::string& path() const { return path_; }
+  // The digest of the bytes, as 64 hexadecimal digits.
+  const std::string& sha256() const { return sha256_; }
+  int descriptor() const { return descriptor_; }
+
+ private:
+  StepFile(std::string path, int descriptor) : path_(std::move(path)), descriptor_(descriptor) {}
+
+  std::string path_, sha256_;
+  int descriptor_ = -1;
+};
+
+// Runs the program on these bytes with further arguments, one call at a time for one StepFile.
+// Returns what it wrote to standard output.
+// INVALID_ARGUMENT: the file is wrong (the message names it). NOT_FOUND: as FindStepProgram.
+// CANCELLED: it was interrupted. DEADLINE_EXCEEDED, INTERNAL: it took too long or failed; the
+// message ends with what it wrote to stderr.
+absl::StatusOr<std::string> RunStepImport(const StepFile& file,
+                                          const std::vector<std::string>& arguments,
+                                          const StepProgramOptions& options);
+// The same of a file on disk. Errors also as of StepFile::Read.
 absl::StatusOr<std::string> RunStepImport(const std::string& file,
                                           const std::vector<std::string>& arguments,
                                           const StepProgramOptions& options);
+
+// Whether the program refused a file because that states no length unit and none was given.
+bool IsMissingStepUnit(const absl::Status& status);
 
 }  // namespace sightline

@@ -1,9 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/plan_oracle/journalled_oracle.h"
 
-#include <openssl/sha.h>
-
-#include <array>
 #include <cstring>
 #include <filesystem>
 #include <optional>
@@ -11,6 +8,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/digest/sha256.h"
 
 namespace sightline {
 namespace {
@@ -20,7 +18,7 @@ constexpr int64_t kMaxJournalBytes = int64_t{2} << 30;
 // More than any batch of gains or coverages needs.
 constexpr uint32_t kMaxAnswerBytes = 512 << 20;
 // Of what a file is, the layout of answers and the machine's byte order.
-constexpr char kFileType[] = "sightline answers 1\n";
+constexpr char kFileType[] = "sightline answers 2\n";
 
 // Values one after the other, in the machine's own form.
 class Writer {
@@ -44,8 +42,9 @@ class Writer {
 
 // First 8 bytes of the SHA-256.
 uint64_t Digest(const std::string& bytes) {
-  std::array<unsigned char, SHA256_DIGEST_LENGTH> digest;
-  SHA256(reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size(), digest.data());
+  Sha256 hash;
+  hash.Update(bytes);
+  const Sha256::Bytes digest = hash.Finish();
   uint64_t value;
   std::memcpy(&value, digest.data(), sizeof(value));
   return value;
@@ -205,8 +204,10 @@ struct AnswerHeader {
 }  // namespace
 
 absl::StatusOr<std::unique_ptr<JournalledOracle>> JournalledOracle::Open(
-    std::unique_ptr<GainOracle> oracle, const std::string& file, const std::string& fingerprint) {
-  auto journal = std::unique_ptr<JournalledOracle>(new JournalledOracle(std::move(oracle), file));
+    std::unique_ptr<GainOracle> oracle, const std::string& file, const std::string& fingerprint,
+    Remark remark) {
+  auto journal = std::unique_ptr<JournalledOracle>(
+      new JournalledOracle(std::move(oracle), file, std::move(remark)));
   const std::string start = absl::StrCat(kFileType, fingerprint, "\n");
   std::error_code error;
   const auto size = std::filesystem::file_size(file, error);
@@ -215,6 +216,14 @@ absl::StatusOr<std::unique_ptr<JournalledOracle>> JournalledOracle::Open(
     std::string found(start.size(), '\0');
     journal->replay_.read(found.data(), static_cast<std::streamsize>(found.size()));
     journal->replaying_ = journal->replay_ && found == start;
+    if (!journal->replaying_ && journal->remark_) {
+      journal->remark_(absl::StrCat(
+          file,
+          found.starts_with(kFileType)
+              ? ": its answers are to other questions (a file, an option or a program is another)"
+              : ": is damaged, or of another version",
+          "; all are asked again"));
+    }
   }
   if (journal->replaying_) {
     journal->size_bytes_ = static_cast<int64_t>(start.size());
@@ -231,10 +240,13 @@ absl::StatusOr<std::unique_ptr<JournalledOracle>> JournalledOracle::Open(
   return journal;
 }
 
-void JournalledOracle::EndReplay() {
+void JournalledOracle::EndReplay(const std::string& why) {
   replaying_ = false;
   replay_.close();
-  // What follows was not written whole, or answers another question.
+  if (remark_ && !why.empty()) {
+    remark_(absl::StrCat(file_, ": answer ", replayed_queries_ + 1, " ", why,
+                         "; it and those behind it are asked again"));
+  }
   std::error_code error;
   std::filesystem::resize_file(file_, static_cast<uintmax_t>(size_bytes_), error);
   append_.open(file_, std::ios::binary | std::ios::app);
@@ -242,22 +254,23 @@ void JournalledOracle::EndReplay() {
 
 bool JournalledOracle::NextAnswer(uint64_t query, std::string* answer) {
   if (!replaying_) return false;
+  if (size_bytes_ == replay_end_) {
+    EndReplay("");
+    return false;
+  }
   AnswerHeader header;
   replay_.read(reinterpret_cast<char*>(&header), sizeof(header));
   const int64_t left = replay_end_ - size_bytes_ - static_cast<int64_t>(sizeof(header));
-  bool good = replay_ && header.query == query && header.size_bytes <= kMaxAnswerBytes &&
-              header.size_bytes <= left;
-  if (good) {
+  bool whole = replay_ && header.size_bytes <= kMaxAnswerBytes && header.size_bytes <= left;
+  if (whole) {
     answer->resize(header.size_bytes);
     replay_.read(answer->data(), static_cast<std::streamsize>(answer->size()));
-    good = replay_ && Digest(*answer) == header.check;
+    whole = replay_ && Digest(*answer) == header.check;
   }
-  if (!good) {
-    EndReplay();
+  if (!whole || header.query != query) {
+    EndReplay(whole ? "is to another query" : "is damaged or was not written whole");
     return false;
   }
-  size_bytes_ += static_cast<int64_t>(sizeof(header) + answer->size());
-  ++replayed_queries_;
   return true;
 }
 
@@ -276,16 +289,25 @@ absl::StatusOr<Answer> JournalledOracle::AnswerTo(
     uint64_t query, const std::function<absl::StatusOr<Answer>()>& ask) {
   std::string bytes;
   if (NextAnswer(query, &bytes)) {
-    Answer answer;
     Reader in(bytes);
+    const auto counted = in.Get<int64_t>();
+    Answer answer;
     Decode(in, &answer);
-    if (in.AtEnd()) return answer;
-    return absl::DataLossError(
-        absl::StrCat(file_, ": holds an answer of another form; remove it and plan again"));
+    if (in.AtEnd() && counted >= 0) {
+      size_bytes_ += static_cast<int64_t>(sizeof(AnswerHeader) + bytes.size());
+      ++replayed_queries_;
+      evaluations_ += counted;
+      return answer;
+    }
+    EndReplay("is damaged");
   }
+  const int64_t before = oracle_->evaluations();
   absl::StatusOr<Answer> answer = ask();
+  const int64_t counted = oracle_->evaluations() - before;
+  evaluations_ += counted;
   if (!answer.ok()) return answer;
   Writer out;
+  out.Put(counted);
   Encode(*answer, out);
   Append(query, out.bytes());
   return answer;
@@ -293,28 +315,21 @@ absl::StatusOr<Answer> JournalledOracle::AnswerTo(
 
 absl::StatusOr<std::vector<ScanGain>> JournalledOracle::Gains(
     std::span<const Measurement> measurements, std::span<const float> known) {
-  auto gains = AnswerTo<std::vector<ScanGain>>(QueryDigest(QueryKind::kGains, measurements, known),
-                                               [&] { return oracle_->Gains(measurements, known); });
-  if (gains.ok()) evaluations_ += static_cast<int64_t>(measurements.size());
-  return gains;
+  return AnswerTo<std::vector<ScanGain>>(QueryDigest(QueryKind::kGains, measurements, known),
+                                         [&] { return oracle_->Gains(measurements, known); });
 }
 
 absl::StatusOr<std::vector<ScanGain>> JournalledOracle::WeightedGains(
     std::span<const Measurement> measurements, std::span<const float> weights) {
-  auto gains = AnswerTo<std::vector<ScanGain>>(
+  return AnswerTo<std::vector<ScanGain>>(
       QueryDigest(QueryKind::kWeightedGains, measurements, weights),
       [&] { return oracle_->WeightedGains(measurements, weights); });
-  if (gains.ok()) evaluations_ += static_cast<int64_t>(measurements.size());
-  return gains;
 }
 
 absl::StatusOr<std::vector<ScanCoverage>> JournalledOracle::FastCoverage(
     std::span<const Measurement> measurements) {
-  auto coverages =
-      AnswerTo<std::vector<ScanCoverage>>(QueryDigest(QueryKind::kFastCoverage, measurements),
-                                          [&] { return oracle_->FastCoverage(measurements); });
-  if (coverages.ok()) evaluations_ += static_cast<int64_t>(measurements.size());
-  return coverages;
+  return AnswerTo<std::vector<ScanCoverage>>(QueryDigest(QueryKind::kFastCoverage, measurements),
+                                             [&] { return oracle_->FastCoverage(measurements); });
 }
 
 absl::StatusOr<std::vector<ScanCoverage>> JournalledOracle::ExactCoverage(

@@ -23,12 +23,17 @@ namespace sightline {
 
 class JournalledOracle final : public GainOracle {
  public:
+  // Takes a sentence about the file that people should know.
+  using Remark = std::function<void(const std::string&)>;
+
   // `fingerprint` names everything that the answers depend on (part, inspection, program). A file
-  // of another fingerprint, a damaged one, and what follows an answer that was not written whole
-  // are not used. INTERNAL: the file cannot be opened for writing.
+  // of another fingerprint is written anew. An answer that is damaged, was not written whole or is
+  // to another query is asked again, and so are those behind it. `remark`, which may be empty,
+  // hears of all of that. INTERNAL: the file cannot be opened for writing.
   static absl::StatusOr<std::unique_ptr<JournalledOracle>> Open(std::unique_ptr<GainOracle> oracle,
                                                                 const std::string& file,
-                                                                const std::string& fingerprint);
+                                                                const std::string& fingerprint,
+                                                                Remark remark = {});
 
   // Gives back the oracle that it was opened with, after which it answers nothing any more.
   std::unique_ptr<GainOracle> Release() { return std::move(oracle_); }
@@ -46,7 +51,8 @@ class JournalledOracle final : public GainOracle {
       std::span<const Measurement> measurements) override;
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override;
-  // Replayed ones included.
+  // As many as the oracle counts where it answers all queries itself: its count is kept with every
+  // answer, so that plans with and without a journal are equal.
   int64_t evaluations() const override { return evaluations_; }
 
   std::vector<ShareStep> steps() const override { return oracle_->steps(); }
@@ -56,12 +62,12 @@ class JournalledOracle final : public GainOracle {
       std::span<const Measurement> scans) override;
 
  private:
-  JournalledOracle(std::unique_ptr<GainOracle> oracle, std::string file)
-      : oracle_(std::move(oracle)), file_(std::move(file)) {}
+  JournalledOracle(std::unique_ptr<GainOracle> oracle, std::string file, Remark remark)
+      : oracle_(std::move(oracle)), file_(std::move(file)), remark_(std::move(remark)) {}
 
-  // The next answer of the file if it is to this query; ends the replay if it is not.
+  // The next answer of the file if it is to this query and whole; ends the replay if it is not.
   bool NextAnswer(uint64_t query, std::string* answer);
-  void EndReplay();
+  void EndReplay(const std::string& why);
   void Append(uint64_t query, const std::string& answer);
   // From the file, or from `ask` and then into the file.
   template <typename Answer>
@@ -70,6 +76,7 @@ class JournalledOracle final : public GainOracle {
 
   std::unique_ptr<GainOracle> oracle_;
   const std::string file_;
+  const Remark remark_;
   std::ifstream replay_;
   int64_t replay_end_ = 0;  // size of the file when it was opened
   bool replaying_ = false;

@@ -45,6 +45,9 @@ class ReachableOracle final : public GainOracle {
   // Those that are not reached included.
   int64_t evaluations() const override { return oracle_->evaluations() + unreached_; }
 
+  absl::Status SetWeights(const GainWeights& weights) override {
+    return oracle_->SetWeights(weights);
+  }
   std::vector<ShareStep> steps() const override { return oracle_->steps(); }
   bool ScoresPlans() const override { return oracle_->ScoresPlans(); }
   absl::StatusOr<PlanScore> ScorePlan(std::span<const Measurement> scans, bool thorough) override {

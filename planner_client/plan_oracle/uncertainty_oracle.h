@@ -39,8 +39,10 @@ class UncertaintyOracle final : public GainOracle {
   UncertaintyOracle(Sampling planned, Sampling fresh, const UncertaintyModel& model,
                     const GainWeights& weights, double relaxed_uncertainty_m);
 
-  // What later searches go by.
-  void set_weights(const GainWeights& weights) { query_.weights = weights; }
+  absl::Status SetWeights(const GainWeights& weights) override {
+    query_.weights = weights;
+    return absl::OkStatus();
+  }
 
   const TargetBits& measurable() const override { return planned_.targets.judged; }
   const TargetBits& fresh_measurable() const override { return fresh_.targets.judged; }

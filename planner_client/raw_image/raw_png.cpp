@@ -8,6 +8,7 @@
 #include <filesystem>
 
 #include "absl/strings/str_cat.h"
+#include "core/image/read_raw_image.h"
 
 namespace sightline {
 namespace {
@@ -46,25 +47,20 @@ bool Write(png_structp png, png_infop info, const uint8_t* values, png_uint_32 c
 }  // namespace
 
 absl::StatusOr<RawPng> ReadRawPng(const std::string& file, uint64_t max_pixels) {
-  png_image image = {};
-  image.version = PNG_IMAGE_VERSION;
-  const auto unreadable = [&] {
-    png_image_free(&image);
-    return absl::InternalError(absl::StrCat(std::filesystem::path(file).filename().string(),
-                                            ": cannot be read as a 16-bit greyscale PNG"));
+  const auto check_size = [&](int columns_px, int rows_px) {
+    return uint64_t(columns_px) * uint64_t(rows_px) <= max_pixels
+               ? absl::OkStatus()
+               : absl::InvalidArgumentError("is too large for a picture");
   };
-  if (!png_image_begin_read_from_file(&image, file.c_str())) return unreadable();
-  if (image.width == 0 || image.height == 0 || uint64_t{image.width} * image.height > max_pixels) {
-    return unreadable();
+  absl::StatusOr<RawImageFile> image = ReadRawImageFile(file, check_size);
+  if (!image.ok()) {
+    return absl::InternalError(absl::StrCat(std::filesystem::path(file).filename().string(),
+                                            ": cannot be read as a 16-bit greyscale image"));
   }
   RawPng raw;
-  raw.columns_px = static_cast<int>(image.width);
-  raw.rows_px = static_cast<int>(image.height);
-  image.format = PNG_FORMAT_LINEAR_Y;
-  raw.values_dn.resize(size_t{image.width} * image.height);
-  if (!png_image_finish_read(&image, nullptr, raw.values_dn.data(), 0, nullptr)) {
-    return unreadable();
-  }
+  raw.columns_px = image->raw_dn.columns_px;
+  raw.rows_px = image->raw_dn.rows_px;
+  raw.values_dn = std::move(image->raw_dn.values);
   return raw;
 }
 

@@ -20,8 +20,8 @@ struct RawPng {
   }
 };
 
-// A 16-bit greyscale PNG. INTERNAL names the file without its folder: it is none, is damaged, or
-// has more than `max_pixels`.
+// A greyscale image as core/image reads it. INTERNAL names the file without its folder: it is none,
+// is damaged, or has more than `max_pixels`.
 absl::StatusOr<RawPng> ReadRawPng(const std::string& file, uint64_t max_pixels);
 
 // 8-bit PNG of grey or red, green, blue values, row by row; `description` (may be empty) becomes

@@ -13,7 +13,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
-#include "planner_client/rpc_client/sha256.h"
+#include "core/digest/sha256.h"
 
 namespace sightline {
 namespace {
@@ -30,21 +30,12 @@ std::string RequestDigest(const v1::RenderSpec& spec) {
     coded.SetSerializationDeterministic(true);
     spec.SerializeToCodedStream(&coded);
   }
-  Sha256 digest;
-  digest.Add(bytes);
-  return digest.Hex();
+  return Sha256Hex(bytes);
 }
 
 bool HasDigest(const fs::path& path, const std::string& sha256) {
-  std::ifstream file(path, std::ios::binary);
-  if (!file) return false;
-  Sha256 digest;
-  std::string buffer(1 << 16, '\0');
-  while (file.read(buffer.data(), static_cast<std::streamsize>(buffer.size())) ||
-         file.gcount() > 0) {
-    digest.Add(buffer.substr(0, static_cast<size_t>(file.gcount())));
-  }
-  return digest.Hex() == sha256;
+  const auto digest = DigestOfFile(path.string());
+  return digest.ok() && digest->sha256 == sha256;
 }
 
 // A line as it is written: {"image":3,"files":[["images/003.png","ab12..."]]}.

@@ -17,8 +17,8 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/digest/sha256.h"
 #include "planner_client/render_client/finished_images.h"
-#include "planner_client/rpc_client/sha256.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/render_service.grpc.pb.h"
 
@@ -154,8 +154,6 @@ class RenderCall {
   // Streams files while another thread follows the job's progress and a third the interrupt.
   absl::StatusOr<std::vector<std::string>> Receive(const v1::Job& job, const std::string& folder) {
     grpc::ClientContext files_context, watch_context;
-    SetTimeout(&files_context, options_.job_timeout);
-    SetTimeout(&watch_context, options_.job_timeout);
     std::jthread watcher([&] { call_.Watch(job.job_id(), &watch_context).IgnoreError(); });
     std::jthread interrupter = call_.CancelWhenInterrupted(job.job_id(), &files_context);
     absl::StatusOr<std::vector<std::string>> files = ReadFiles(job, folder, &files_context);
@@ -209,7 +207,7 @@ class RenderCall {
           return absl::InternalError(
               absl::StrCat("the worker sent ", header.file(), " with another size than it said"));
         }
-        hash.Add(response.chunk());
+        hash.Update(response.chunk());
         if (absl::Status status = file.Write(response.chunk()); !status.ok()) return status;
       }
       if (hash.Hex() != header.sha256()) {

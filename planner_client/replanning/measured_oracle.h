@@ -61,6 +61,9 @@ class MeasuredOracle final : public GainOracle {
     return oracle_->WeightedGains(measurements, weights);
   }
   int64_t evaluations() const override { return oracle_->evaluations(); }
+  absl::Status SetWeights(const GainWeights& weights) override {
+    return oracle_->SetWeights(weights);
+  }
   std::vector<ShareStep> steps() const override { return oracle_->steps(); }
   bool ScoresPlans() const override { return oracle_->ScoresPlans(); }
 

@@ -7,6 +7,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "planner_client/requirements/faces_on_part.h"
 
 namespace sightline {
 namespace {
@@ -38,7 +39,7 @@ absl::Status AddSurface(FaceTriangles face, const std::string& context,
 absl::StatusOr<TolerancedFeature> FeatureOfRegion(const TolerancedRegion& region,
                                                   const TriangleMesh& part,
                                                   const std::map<int, const FaceTriangles*>& faces,
-                                                  const std::string& path) {
+                                                  FacesOnPart& on_part, const std::string& path) {
   TolerancedFeature feature;
   feature.name = region.name;
   feature.zone_width_m = region.zone_width_m;
@@ -66,6 +67,7 @@ absl::StatusOr<TolerancedFeature> FeatureOfRegion(const TolerancedRegion& region
     if (absl::Status status = AddSurface(*face->second, path, &feature.faces); !status.ok()) {
       return status;
     }
+    if (absl::Status on = on_part.Check(*face->second, path); !on.ok()) return on;
   }
   return feature;
 }
@@ -129,6 +131,7 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
   }
   std::map<int, const FaceTriangles*> by_number;
   for (const FaceTriangles& face : faces) by_number[face.face] = &face;
+  FacesOnPart on_part(part);
 
   if (report) {
     requirements.left_out = report->not_read;
@@ -147,9 +150,10 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
       for (const int number : tolerance.faces) {
         const auto face = by_number.find(number);
         if (face == by_number.end()) continue;
-        absl::Status status =
-            AddSurface(*face->second, absl::StrCat("tolerance ", tolerance.name), &feature.faces);
+        const std::string binds = absl::StrCat(given.file, ": tolerance ", tolerance.name);
+        absl::Status status = AddSurface(*face->second, binds, &feature.faces);
         if (!status.ok()) return status;
+        if (status = on_part.Check(*face->second, binds); !status.ok()) return status;
       }
       if (feature.faces.empty()) {
         requirements.left_out.push_back(
@@ -164,7 +168,7 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
     const std::string path = absl::StrCat("tolerances.regions[", i, "]");
     absl::Status status = check_zone(path + ".zone_width_m", given.regions[i].zone_width_m);
     if (!status.ok()) return status;
-    auto feature = FeatureOfRegion(given.regions[i], part, by_number, path);
+    auto feature = FeatureOfRegion(given.regions[i], part, by_number, on_part, path);
     if (!feature.ok()) return feature.status();
     requirements.features.push_back(*std::move(feature));
   }

@@ -50,7 +50,8 @@ struct Requirements {
 
 // `report` and `faces` are those of inspection.tolerances.file, if there is one. INVALID_ARGUMENT
 // names the region or tolerance: a material that the part has not, a face that the file has not, a
-// zone that is wider than the part, no tolerance at all.
+// face that does not lie on the part (FacesOnPart), a zone that is wider than the part, no
+// tolerance at all.
 absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
                                               const TriangleMesh& part,
                                               const std::optional<ToleranceReport>& report,

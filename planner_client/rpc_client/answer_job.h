@@ -24,12 +24,9 @@ inline void AddAssetDigests(const WorkerCall& call, const std::vector<AssetFile>
   }
 }
 
-// A cancelled job ends with the step at hand.
-constexpr absl::Duration kLongestStep = absl::Minutes(10);
-
 // Creates a job, waits for its end and fetches its answer. `create` sets `created`. With
-// `on_waiting_for_rest` a job that an interrupt has cancelled is waited for, since it may leave
-// what it has by then; it is called when the waiting begins.
+// `on_waiting_for_rest` a job that an interrupt has cancelled is waited for until it has ended with
+// the step at hand, since it may leave what it has by then; it is called when the waiting begins.
 template <typename Created>
 absl::Status RunAnswerJob(WorkerCall* call, const Created& created,
                           const std::function<grpc::Status(grpc::ClientContext*)>& create,
@@ -40,12 +37,10 @@ absl::Status RunAnswerJob(WorkerCall* call, const Created& created,
   if (!created.job().job_id().empty() && call->Interrupted() && on_waiting_for_rest) {
     on_waiting_for_rest();
     grpc::ClientContext context;
-    SetTimeout(&context, kLongestStep);
     status = call->Watch(created.job().job_id(), &context);
   }
   if (status.ok()) {
     grpc::ClientContext context;
-    SetTimeout(&context, absl::Seconds(60));
     // The job's error if it failed.
     status = FromGrpcStatus(get(&context));
   }

@@ -50,6 +50,14 @@ std::shared_ptr<grpc::Channel> OpenChannel(const ServerAccess& access) {
   arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 2000);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
   arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  // The socket of an embedded server ends with its process; a ping would only add a time limit.
+  if (access.embedded == nullptr) {
+    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS,
+                     static_cast<int>(absl::ToInt64Milliseconds(kPingInterval)));
+    arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS,
+                     static_cast<int>(absl::ToInt64Milliseconds(kSilence)));
+    arguments.SetInt(GRPC_ARG_HTTP2_MAX_PINGS_WITHOUT_DATA, 0);
+  }
   // The retries are ours.
   arguments.SetInt(GRPC_ARG_ENABLE_RETRIES, 0);
   std::shared_ptr<grpc::ChannelCredentials> credentials = grpc::InsecureChannelCredentials();
@@ -72,10 +80,6 @@ std::shared_ptr<grpc::Channel> OpenChannel(const ServerAccess& access) {
 void SetTimeout(grpc::ClientContext* context, absl::Duration timeout) {
   context->set_deadline(std::chrono::system_clock::now() +
                         std::chrono::milliseconds(absl::ToInt64Milliseconds(timeout)));
-}
-
-absl::Duration UploadTimeout(size_t bytes) {
-  return absl::Seconds(60) + absl::Seconds(static_cast<double>(bytes) / 1e6);
 }
 
 std::string NewRequestId() {

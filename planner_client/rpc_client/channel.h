@@ -1,5 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 // What the clients of every server have in common.
+//
+// How long a client waits: as long as the server shows that it is there, and no longer. Calls that
+// do work have no deadline, because a time that is ample on an idle machine is short on a busy one,
+// and the plan that a call belongs to may have taken hours. The signs of life are:
+// - of an embedded server its process. When it ends, the kernel closes its socket and every call
+//   ends with UNAVAILABLE.
+// - of a remote server its answers to HTTP/2 pings (gRPC keepalive). They tell a server that
+//   computes from a machine or network that is gone. Each call under way ends with UNAVAILABLE
+//   after kSilence without an answer.
+// UNAVAILABLE is tried again. A user ends the wait for a server that is there and does not finish
+// with Ctrl-C. Calls that work cancels on the way out have a deadline (SetTimeout), since nobody
+// needs their answer.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -29,14 +41,17 @@ struct ServerAccess {
   const std::string& Address() const { return embedded != nullptr ? embedded->address() : address; }
 };
 
+// A remote server that answers no ping for the sum of both is taken for lost. Its limit for pings
+// that come too often must be below kPingInterval: rpc_server/rpc_server.cpp.
+inline constexpr absl::Duration kPingInterval = absl::Seconds(60);
+inline constexpr absl::Duration kSilence = absl::Seconds(60);
+
 // Finds a server that was restarted quickly; does not try calls again by itself. Calls carry the
 // CurrentTraceparent() of the thread that makes them.
 std::shared_ptr<grpc::Channel> OpenChannel(const ServerAccess& access);
 
-// Deadline of a call, from now on.
+// Deadline, from now on, of a call whose answer is of no use: one that cancels a job.
 void SetTimeout(grpc::ClientContext* context, absl::Duration timeout);
-// Time for sending so many bytes.
-absl::Duration UploadTimeout(size_t bytes);
 
 // Different every time.
 std::string NewRequestId();

@@ -3,16 +3,16 @@
 
 #include <algorithm>
 #include <chrono>
+#include <condition_variable>
+#include <mutex>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/rpc_client/sha256.h"
+#include "core/digest/sha256.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
 namespace {
 
-// Checking a set of recordings reads all its images.
-constexpr absl::Duration kCreateTimeout = absl::Seconds(60);
 // Names the asset that must be uploaded; see RenderService.
 constexpr char kReasonAssetUnknown[] = "ASSET_UNKNOWN";
 
@@ -20,11 +20,7 @@ constexpr char kReasonAssetUnknown[] = "ASSET_UNKNOWN";
 
 WorkerCall::WorkerCall(const WorkerClientOptions& options, const std::vector<AssetFile>& assets)
     : options_(options), assets_(assets), channel_(OpenChannel(options)) {
-  for (const AssetFile& asset : assets_) {
-    Sha256 hash;
-    hash.Add(asset.bytes);
-    digests_.push_back(hash.Hex());
-  }
+  for (const AssetFile& asset : assets_) digests_.push_back(Sha256Hex(asset.bytes));
   assets_stub_ = v1::RenderService::NewStub(channel_);
   jobs_ = v1::JobService::NewStub(channel_);
 }
@@ -36,7 +32,6 @@ absl::Status WorkerCall::Create(const std::function<grpc::Status(grpc::ClientCon
   for (int attempt = 0;;) {
     if (Interrupted()) return absl::CancelledError("interrupted");
     grpc::ClientContext context;
-    SetTimeout(&context, kCreateTimeout);
     absl::Status status = FromGrpcStatus(create(&context));
     if (status.ok()) return status;
     if (ErrorReason(status) == kReasonAssetUnknown && uploads_left-- > 0) {
@@ -71,7 +66,6 @@ absl::Status WorkerCall::Upload(const std::string& digest) {
   if (options_.on_progress) options_.on_progress(0, absl::StrCat("uploading ", asset.file));
   v1::UploadAssetResponse response;
   grpc::ClientContext context;
-  SetTimeout(&context, UploadTimeout(asset.bytes.size()));
   auto writer = assets_stub_->UploadAsset(&context, &response);
   v1::UploadAssetRequest message;
   message.mutable_header()->set_size_bytes(static_cast<int64_t>(asset.bytes.size()));
@@ -85,18 +79,30 @@ absl::Status WorkerCall::Watch(const std::string& job_id, grpc::ClientContext* c
   v1::WatchJobRequest request;
   request.set_job_id(job_id);
   auto reader = jobs_->WatchJob(context, request);
+  std::mutex mutex;
+  std::condition_variable_any ended;
+  v1::Job last;
+  const auto report = [&] {
+    if (options_.on_progress) options_.on_progress(last.progress(), last.message());
+  };
+  const std::jthread repeater([&](const std::stop_token& stop) {
+    std::unique_lock lock(mutex);
+    while (!ended.wait_for(lock, stop, std::chrono::seconds(1),
+                           [&] { return stop.stop_requested(); })) {
+      if (!last.job_id().empty() && !stop.stop_requested()) report();
+    }
+  });
   v1::WatchJobResponse response;
   while (reader->Read(&response)) {
-    if (options_.on_progress) {
-      options_.on_progress(response.job().progress(), response.job().message());
-    }
+    const std::lock_guard lock(mutex);
+    last = response.job();
+    report();
   }
   return FromGrpcStatus(reader->Finish());
 }
 
 absl::Status WorkerCall::WaitForJob(const std::string& job_id) {
   grpc::ClientContext context;
-  SetTimeout(&context, options_.job_timeout);
   std::jthread interrupter = CancelWhenInterrupted(job_id, &context);
   absl::Status status = Watch(job_id, &context);
   interrupter.request_stop();

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One job of a render worker: assets, retries, progress, interrupt.
+// One job of a render worker: assets, retries, progress, interrupt. Calls wait as long as the
+// worker shows signs of life: channel.h.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -21,8 +22,6 @@
 namespace sightline {
 
 struct WorkerClientOptions : ServerAccess {
-  // Longest time of the whole job.
-  absl::Duration job_timeout = absl::Hours(24);
   // UNAVAILABLE before the job was created is tried again for at most this long. Later it is an
   // error: a worker that ended has lost the job.
   absl::Duration retry_for = absl::Seconds(10);
@@ -51,11 +50,14 @@ class WorkerCall {
   // was UNAVAILABLE. `create` sends the same request every time.
   absl::Status Create(const std::function<grpc::Status(grpc::ClientContext*)>& create);
 
-  // Reports progress until the job is finished; the stream's error if it ends before.
+  // Reports progress until the job is finished; the stream's error if it ends before. A step that
+  // takes long is reported every second, so that the time it takes is seen to pass. These reports
+  // come from a thread of their own, one report at a time.
   absl::Status Watch(const std::string& job_id, grpc::ClientContext* context);
   // While it runs: an interrupt cancels the job and `context`. Ends when asked to stop.
   std::jthread CancelWhenInterrupted(const std::string& job_id, grpc::ClientContext* context);
-  // Watches the job until it is finished, however that is; gives it up when it takes too long.
+  // Watches the job until it is finished, however that is; cancels it if the stream breaks for
+  // another reason than the end of the worker.
   absl::Status WaitForJob(const std::string& job_id);
   void Cancel(const std::string& job_id);
 

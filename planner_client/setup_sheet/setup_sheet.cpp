@@ -115,9 +115,9 @@ class Sheet {
         "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
         "style-src 'unsafe-inline'\">\n<title>",
         EscapeHtml(name), " \u2013 set-up sheet</title>\n<link rel=\"icon\" href=\"data:,\">\n",
-        "<style>\n", SheetStyle(), "</style>\n</head>\n<body>\n", Overview(name));
+        "<style>\n", SheetStyle(), "</style>\n</head>\n<body>\n<main>\n", Overview(name));
     for (int i = 0; i < plan_.scans_size(); ++i) html += ScanPage(i);
-    return html + "</body>\n</html>\n";
+    return html + "</main>\n</body>\n</html>\n";
   }
 
  private:
@@ -160,9 +160,13 @@ class Sheet {
   std::string RestingFaces() const {
     if (plan_.resting_faces().empty()) return "";
     std::string html =
-        "<h3>Faces that the part rests on</h3>\n<table><thead><tr><th class=\"words\">face</th>"
-        "<th class=\"words\">down: outward normal in the CAD file</th><th>its centre in the CAD "
-        "file<br>mm</th><th>area<br>mm\u00b2</th><th>topples after</th><th class=\"words\">scans"
+        "<h2 class=\"minor\">Faces that the part rests on</h2>\n<table><thead><tr><th "
+        "scope=\"col\" "
+        "class=\"words\">face</th>"
+        "<th scope=\"col\" class=\"words\">down: outward normal in the CAD file</th><th "
+        "scope=\"col\">its centre in the CAD "
+        "file<br>mm</th><th scope=\"col\">area<br>mm\u00b2</th><th scope=\"col\">topples "
+        "after</th><th scope=\"col\" class=\"words\">scans"
         "</th></tr></thead>\n<tbody>\n";
     for (int f = 0; f < plan_.resting_faces_size(); ++f) {
       const v1::RestingFace& face = plan_.resting_faces(f);
@@ -192,13 +196,17 @@ class Sheet {
     const bool faces = !plan_.resting_faces().empty();
     const bool timed = plan_.cost().scan_time_s() > 0;
     std::string html =
-        "<h3>Scans in order</h3>\n<table class=\"overview\"><thead><tr><th>scan</th>";
-    absl::StrAppend(&html, faces ? "<th class=\"words\">lies on</th>" : "",
-                    "<th>part turned<br>\u03b1 / \u03b2 / \u03b3</th><th class=\"words\">camera"
-                    "</th><th>triang.<br>angle</th><th>distance<br>mm</th><th>stage<br>mm</th>"
-                    "<th>frames</th>",
-                    timed ? "<th>time<br>s</th>" : "", "<th>covered<br>so far</th>",
-                    "<th class=\"box\">done</th></tr></thead>\n<tbody>\n");
+        "<h2 class=\"minor\">Scans in order</h2>\n<table class=\"overview\"><thead><tr><th "
+        "scope=\"col\">scan</th>";
+    absl::StrAppend(&html, faces ? "<th scope=\"col\" class=\"words\">lies on</th>" : "",
+                    "<th scope=\"col\">part turned<br>\u03b1 / \u03b2 / \u03b3</th><th "
+                    "scope=\"col\" class=\"words\">camera"
+                    "</th><th scope=\"col\">triang.<br>angle</th><th "
+                    "scope=\"col\">distance<br>mm</th><th scope=\"col\">stage<br>mm</th>"
+                    "<th scope=\"col\">frames</th>",
+                    timed ? "<th scope=\"col\">time<br>s</th>" : "",
+                    "<th scope=\"col\">covered<br>so far</th>",
+                    "<th scope=\"col\" class=\"box\">done</th></tr></thead>\n<tbody>\n");
     const double measurable =
         std::max<double>(1, static_cast<double>(plan_.coverage().measurable_targets()));
     for (int i = 0; i < plan_.scans_size(); ++i) {
@@ -430,14 +438,15 @@ class Sheet {
         "Where it is",        "Position x / y / z", "Distance to the origin",
         "Azimuth, elevation", "Looks along",        "Image rows, laser line along"};
     std::string html =
-        "<table class=\"sensors\"><thead><tr><th class=\"words\"></th><th>Camera, by its entrance "
-        "pupil</th><th>Laser, by its source</th></tr></thead>\n<tbody>\n";
+        "<table class=\"sensors\"><thead><tr><td class=\"words\"></td><th scope=\"col\">Camera, by "
+        "its entrance "
+        "pupil</th><th scope=\"col\">Laser, by its source</th></tr></thead>\n<tbody>\n";
     for (size_t row = 0; row < rows.size(); ++row) {
-      absl::StrAppend(&html, "<tr><th class=\"words\" scope=\"row\">", kNames[row], "</th>",
+      absl::StrAppend(&html, "<tr><th scope=\"row\" class=\"words\">", kNames[row], "</th>",
                       rows[row], "</tr>\n");
     }
     absl::StrAppend(&html,
-                    "<tr><th class=\"words\" scope=\"row\">Triangulation angle, camera to "
+                    "<tr><th scope=\"row\" class=\"words\">Triangulation angle, camera to "
                     "laser</th><td colspan=\"2\">",
                     Deg(m.triangulation_angle_deg(), 2), "</td></tr>\n");
     return html + "</tbody></table>\n";
@@ -484,8 +493,10 @@ class Sheet {
     const ScanFrames& frames = frames_[static_cast<size_t>(i)];
     std::string html =
         "<h3>Corners of the CAD bounding box, from the machine\u2019s origin, stage at 0</h3>\n"
-        "<table><thead><tr><th class=\"words\">corner</th><th>CAD x / y / z [mm]</th><th>machine "
-        "x / y / z [mm]</th><th class=\"words\">corner</th><th>CAD x / y / z [mm]</th><th>machine "
+        "<table><thead><tr><th scope=\"col\" class=\"words\">corner</th><th scope=\"col\">CAD x / "
+        "y / z [mm]</th><th scope=\"col\">machine "
+        "x / y / z [mm]</th><th scope=\"col\" class=\"words\">corner</th><th scope=\"col\">CAD x / "
+        "y / z [mm]</th><th scope=\"col\">machine "
         "x "
         "/ y / z [mm]</th></tr></thead>\n<tbody>\n";
     const auto cells = [&](int corner) {

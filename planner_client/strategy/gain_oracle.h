@@ -16,6 +16,8 @@
 
 namespace sightline {
 
+struct GainWeights;
+
 enum class ScanFeasibility { kFeasible, kCollision, kTravel, kOutOfBounds, kUnreachable };
 
 struct ScanGain {
@@ -84,6 +86,12 @@ class GainOracle {
       std::span<const Measurement> measurements) = 0;
   // Number of measurements evaluated so far by Gains, WeightedGains and FastCoverage.
   virtual int64_t evaluations() const = 0;
+
+  // Weights of the gain that later searches maximise. An oracle that asks another one forwards
+  // them. UNIMPLEMENTED: the gain of this oracle has no weights.
+  virtual absl::Status SetWeights(const GainWeights& /*weights*/) {
+    return absl::UnimplementedError("this gain has no weights");
+  }
 
   // What gains are made of, as far as steps can say it; for searches over pools of scans.
   virtual std::vector<ShareStep> steps() const { return {{1.0, {1.0f}}}; }

@@ -98,7 +98,7 @@ const std::vector<Strategy>& KnownStrategies() {
        PlanGreedilyBy<Method::kCmaEs, 5>},
       {{"greedy-de", "greedy next best scan, self-adaptive differential evolution", true},
        PlanGreedilyBy<Method::kDifferentialEvolution, 1>},
-      {{"matrix", "measurability matrix of random scans, lazy greedy choice", true},
+      {{kMatrixStrategy, "measurability matrix of random scans, lazy greedy choice", true},
        PlanWithMatrix},
   };
   return strategies;

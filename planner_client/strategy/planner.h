@@ -76,6 +76,9 @@ struct PlannerResult {
 // What a plan is to settle: admissible uncertainties if the goal asks for them, else coverage.
 double GoalFraction(const PlanningGoal& goal);
 
+// The strategy that samples a measurability matrix.
+inline constexpr char kMatrixStrategy[] = "matrix";
+
 // Names and one-line descriptions for --strategy and `sightline compare`.
 struct StrategyDescription {
   std::string name;

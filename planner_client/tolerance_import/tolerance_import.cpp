@@ -19,7 +19,10 @@ namespace fs = std::filesystem;
 absl::StatusOr<ImportedTolerances> ImportStep(const std::string& file,
                                               const ToleranceImportOptions& options) {
   const StepProgramOptions program{options.step_import_program, options.time_limit};
-  const auto json = RunStepImport(file, {"--tolerances", "-"}, program);
+  std::vector<std::string> arguments = {"--tolerances", "-"};
+  if (!options.length_unit.empty())
+    arguments.insert(arguments.end(), {"--unit", options.length_unit});
+  const auto json = RunStepImport(file, arguments, program);
   if (!json.ok()) return json.status();
   v1::ToleranceReport message;
   if (absl::Status parsed =
@@ -54,7 +57,7 @@ absl::StatusOr<ImportedTolerances> ImportTolerances(const std::string& file,
   std::error_code error;
   if (!fs::is_regular_file(file, error)) return absl::NotFoundError(file + ": no such file");
   if (step) return ImportStep(file, options);
-  auto report = ReadQif(file, options.qif_schema_folder);
+  auto report = ReadQif(file, options.qif_schema_folder, options.length_unit);
   if (!report.ok()) return report.status();
   return ImportedTolerances{*std::move(report), {}};
 }

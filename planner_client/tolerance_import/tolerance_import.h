@@ -15,6 +15,9 @@ namespace sightline {
 struct ToleranceImportOptions {
   // Folder of the QIF 3.0 schema to validate QIF files against. Empty: not validated.
   std::string qif_schema_folder;
+  // Unit of lengths for which a QIF or STEP file states none: "m", "cm", "mm", "um", "inch". Empty:
+  // such a file is refused.
+  std::string length_unit;
   // The program that reads STEP. Empty: sightline_step_import beside the running program, or in
   // PATH.
   std::string step_import_program;

@@ -15,7 +15,7 @@ namespace sightline {
 
 // How a peer shows who it is.
 struct PeerCredentials {
-  // Common name and subject alternative names of a client certificate that TLS has verified.
+  // Names of a client certificate that TLS has verified: certificate_names.h.
   std::vector<std::string> certificate_names;
   // From "Authorization: Bearer TOKEN"; empty: none.
   std::string bearer_token;

@@ -1,8 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planning_service/access/clients_file.h"
 
-#include <openssl/sha.h>
-
 #include <algorithm>
 #include <utility>
 
@@ -11,6 +9,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/digest/sha256.h"
 #include "core/json/strict_json.h"
 #include "sightline/v1/planning_access.pb.h"
 
@@ -187,9 +186,9 @@ class Reader {
 }  // namespace
 
 TokenDigest DigestOfToken(const std::string& token) {
-  TokenDigest digest;
-  SHA256(reinterpret_cast<const unsigned char*>(token.data()), token.size(), digest.data());
-  return digest;
+  Sha256 digest;
+  digest.Update(token);
+  return digest.Finish();
 }
 
 absl::StatusOr<KnownClients> ParseClientsFile(const std::string& json, const std::string& file) {

@@ -2,7 +2,6 @@
 // What the clients file says, checked.
 #pragma once
 
-#include <array>
 #include <cstdint>
 #include <map>
 #include <optional>
@@ -10,11 +9,12 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/digest/sha256.h"
 #include "planning_service/access/client_access.h"
 
 namespace sightline {
 
-using TokenDigest = std::array<uint8_t, 32>;  // SHA-256
+using TokenDigest = Sha256::Bytes;
 
 TokenDigest DigestOfToken(const std::string& token);
 

@@ -3,7 +3,6 @@
 
 #include <fcntl.h>
 #include <linux/fs.h>
-#include <openssl/evp.h>
 #include <sys/file.h>
 #include <sys/ioctl.h>
 #include <sys/stat.h>
@@ -18,6 +17,8 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "core/digest/sha256.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -26,6 +27,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr size_t kBlockBytes = 1 << 20;
+// Files of which is remembered that they were checked; some 20 MB.
+constexpr size_t kMostChecked = 100'000;
 constexpr int64_t kMaxReadBytes = int64_t{64} << 20;
 constexpr absl::Duration kMaxIncomingAge = absl::Hours(24);
 constexpr size_t kDigestLength = 64;
@@ -69,27 +72,6 @@ class FileDescriptor {
   int fd_;
 };
 
-class Sha256 {
- public:
-  Sha256() : context_(EVP_MD_CTX_new()) {
-    EVP_DigestInit_ex(context_.get(), EVP_sha256(), nullptr);
-  }
-  void Add(const char* bytes, size_t size) { EVP_DigestUpdate(context_.get(), bytes, size); }
-  // Lower-case hex. Nothing can be added after that.
-  std::string Finish() {
-    unsigned char digest[EVP_MAX_MD_SIZE];
-    unsigned int size = 0;
-    EVP_DigestFinal_ex(context_.get(), digest, &size);
-    return absl::BytesToHexString({reinterpret_cast<const char*>(digest), size});
-  }
-
- private:
-  struct Free {
-    void operator()(EVP_MD_CTX* context) const { EVP_MD_CTX_free(context); }
-  };
-  std::unique_ptr<EVP_MD_CTX, Free> context_;
-};
-
 bool IsDigest(const std::string& text) {
   return text.size() == kDigestLength && std::all_of(text.begin(), text.end(), [](char c) {
            return (c >= '0' && c <= '9') || (c >= 'a' && c <= 'f');
@@ -127,7 +109,7 @@ absl::Status FlushFolder(const std::string& folder) {
 }
 
 absl::Status MakeFolder(const std::string& folder) {
-  if (mkdir(folder.c_str(), 0777) == 0) {
+  if (mkdir(folder.c_str(), 0700) == 0) {
     const std::string parent = fs::path(folder).parent_path().string();
     return FlushFolder(parent.empty() ? "." : parent);
   }
@@ -175,14 +157,14 @@ absl::StatusOr<Copied> Copy(int from, const std::string& from_path, int to,
     if (size < 0 && errno == EINTR) continue;
     if (size < 0) return FileError(errno, from_path, "cannot be read");
     if (size == 0) break;
-    digest.Add(block.data(), size);
+    digest.Update({block.data(), static_cast<size_t>(size)});
     copied.size_bytes += size;
     if (cloned) continue;
     if (const int error = WriteAll(to, block.data(), size); error != 0) {
       return FileError(error, to_path, "cannot be written");
     }
   }
-  copied.digest = digest.Finish();
+  copied.digest = digest.Hex();
   return copied;
 }
 
@@ -196,7 +178,7 @@ absl::StatusOr<FileDescriptor> NewTemporary(std::string* path) {
 // A lock of the folder; the kernel frees it however a process ends.
 absl::StatusOr<FileDescriptor> Lock(const std::string& folder, const char* name, int operation) {
   const std::string path = absl::StrCat(folder, "/", name);
-  FileDescriptor fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
+  FileDescriptor fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (!fd.is_open()) return FileError(errno, path, "cannot be opened");
   while (flock(fd.get(), operation) != 0) {
     if (errno == EINTR) continue;
@@ -216,7 +198,7 @@ absl::StatusOr<FileDescriptor> LockNames(const std::string& folder, int operatio
 // so that a full disk can be cleared.
 absl::StatusOr<absl::Time> FileTimeNow(const std::string& folder) {
   const std::string path = absl::StrCat(folder, "/", kLockFile);
-  const FileDescriptor fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0666));
+  const FileDescriptor fd(open(path.c_str(), O_RDWR | O_CREAT | O_CLOEXEC, 0600));
   if (!fd.is_open()) return FileError(errno, path, "cannot be opened");
   struct stat info {};
   if (futimens(fd.get(), nullptr) != 0 || fstat(fd.get(), &info) != 0) {
@@ -245,6 +227,7 @@ struct ArtefactWriter::Impl {
   FileDescriptor fd;
   Sha256 digest;
   absl::Status status;  // first error
+  bool discarded = false;
 
   ~Impl() {
     if (!path.empty()) unlink(path.c_str());
@@ -253,7 +236,7 @@ struct ArtefactWriter::Impl {
   // Flushes the file and gives it its name.
   absl::Status Keep(const std::string& name) {
     // Jobs and people read it, nobody writes to it. The time of its name is its age.
-    if (fchmod(fd.get(), 0444) != 0 || futimens(fd.get(), nullptr) != 0) {
+    if (fchmod(fd.get(), 0400) != 0 || futimens(fd.get(), nullptr) != 0) {
       return FileError(errno, path, "cannot be changed");
     }
     if (fsync(fd.get()) != 0) return FileError(errno, path, "cannot be flushed to disk");
@@ -281,28 +264,44 @@ ArtefactWriter::~ArtefactWriter() = default;
 absl::Status ArtefactWriter::Write(const std::string& bytes) {
   if (!impl_->status.ok()) return impl_->status;
   if (!impl_->fd.is_open()) return absl::FailedPreconditionError("the file is complete");
+  if (impl_->discarded) {
+    impl_->digest.Update(bytes);
+    size_bytes_ += static_cast<int64_t>(bytes.size());
+    return absl::OkStatus();
+  }
   if (!HasMoreThan(impl_->folder, impl_->reserve_bytes)) {
     return impl_->status = DiskFull(absl::StrCat(impl_->folder, ": the disk is full"));
   }
   if (const int error = WriteAll(impl_->fd.get(), bytes.data(), bytes.size()); error != 0) {
     return impl_->status = FileError(error, impl_->path, "cannot be written");
   }
-  impl_->digest.Add(bytes.data(), bytes.size());
+  impl_->digest.Update(bytes);
   size_bytes_ += static_cast<int64_t>(bytes.size());
   return absl::OkStatus();
 }
 
-absl::StatusOr<std::string> ArtefactWriter::Commit(const std::string& expected_digest) {
+void ArtefactWriter::DiscardBytes() {
+  impl_->discarded = true;
+  // The file goes with this object if its blocks cannot be given back at once.
+  if (impl_->fd.is_open() && ftruncate(impl_->fd.get(), 0) != 0) return;
+}
+
+absl::StatusOr<std::string> ArtefactWriter::Digest(const std::string& expected_digest) {
   if (!impl_->status.ok()) return impl_->status;
   if (!impl_->fd.is_open()) return absl::FailedPreconditionError("the file is complete");
-  const std::string digest = impl_->digest.Finish();
-  if (!expected_digest.empty() && digest != expected_digest) {
-    return impl_->status = WithErrorInfo(
-               absl::InvalidArgumentError(absl::StrCat("the file's digest is ", digest, ", not \"",
-                                                       absl::CHexEscape(expected_digest), "\"")),
-               "DIGEST_MISMATCH", {{"digest", digest}});
-  }
-  if (absl::Status kept = impl_->Keep(digest); !kept.ok()) return impl_->status = kept;
+  const std::string digest = impl_->digest.Hex();
+  if (expected_digest.empty() || digest == expected_digest) return digest;
+  return impl_->status = WithErrorInfo(
+             absl::InvalidArgumentError(absl::StrCat("the file's digest is ", digest, ", not \"",
+                                                     absl::CHexEscape(expected_digest), "\"")),
+             "DIGEST_MISMATCH", {{"digest", digest}});
+}
+
+absl::StatusOr<std::string> ArtefactWriter::Commit(const std::string& expected_digest) {
+  if (impl_->discarded) return absl::FailedPreconditionError("the bytes were discarded");
+  absl::StatusOr<std::string> digest = Digest(expected_digest);
+  if (!digest.ok()) return digest;
+  if (absl::Status kept = impl_->Keep(*digest); !kept.ok()) return impl_->status = kept;
   return digest;
 }
 
@@ -404,6 +403,32 @@ absl::StatusOr<std::string> ArtefactStore::Read(const std::string& digest, int64
   return bytes;
 }
 
+absl::StatusOr<std::string> ArtefactStore::CheckedPath(const std::string& digest) const {
+  absl::StatusOr<std::string> path = Path(digest);
+  if (!path.ok()) return path;
+  struct stat info {};
+  if (stat(path->c_str(), &info) != 0) return FileError(errno, *path, "cannot be read");
+  const Checked now = {info.st_ino,
+                       int64_t{info.st_mtim.tv_sec} * 1'000'000'000 + info.st_mtim.tv_nsec,
+                       info.st_size};
+  {
+    std::lock_guard lock(checked_mutex_);
+    const auto known = checked_.find(digest);
+    if (known != checked_.end() && known->second == now) return path;
+  }
+  const absl::StatusOr<FileDigest> actual = DigestOfFile(*path);
+  if (!actual.ok()) return actual.status();
+  if (actual->sha256 != digest) {
+    return absl::DataLossError(absl::StrCat(*path, ": is damaged: its digest is ", actual->sha256));
+  }
+  // A change within one tick of the file system's clock would keep the time of change.
+  if (absl::Now() - absl::TimeFromTimespec(info.st_mtim) < absl::Seconds(1)) return path;
+  std::lock_guard lock(checked_mutex_);
+  if (checked_.size() >= kMostChecked) checked_.clear();
+  checked_[digest] = now;
+  return path;
+}
+
 absl::Status ArtefactStore::Materialise(const std::string& digest, const std::string& path) const {
   const auto stored = Path(digest);
   if (!stored.ok()) return stored.status();
@@ -424,7 +449,7 @@ absl::Status ArtefactStore::Materialise(const std::string& digest, const std::st
     status =
         absl::DataLossError(absl::StrCat(*stored, ": is damaged: its digest is ", copied->digest));
   }
-  if (status.ok() && fchmod(target->get(), 0444) != 0) {
+  if (status.ok() && fchmod(target->get(), 0400) != 0) {
     status = FileError(errno, part, "cannot be changed");
   }
   if (status.ok() && rename(part.c_str(), path.c_str()) != 0) {

@@ -7,8 +7,10 @@
 
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <set>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -29,8 +31,13 @@ class ArtefactWriter {
   // RESOURCE_EXHAUSTED, reason DISK_FULL.
   absl::Status Write(const std::string& bytes);
   int64_t size_bytes() const { return size_bytes_; }
-  // Returns the digest. With `expected_digest` not empty: INVALID_ARGUMENT, reason DIGEST_MISMATCH,
-  // if the bytes have another one.
+  // From now on bytes count for the digest only, and those on disk are given back. No Commit after
+  // it.
+  void DiscardBytes();
+  // The digest of all bytes; nothing can be written after it. With `expected_digest` not empty:
+  // INVALID_ARGUMENT, reason DIGEST_MISMATCH, if the bytes have another one.
+  absl::StatusOr<std::string> Digest(const std::string& expected_digest);
+  // Gives the file its name and returns its digest; errors as of Digest.
   absl::StatusOr<std::string> Commit(const std::string& expected_digest);
 
  private:
@@ -77,6 +84,9 @@ class ArtefactStore {
   std::set<std::string> Digests() const;
   // NOT_FOUND; a `digest` that is none is NOT_FOUND too.
   absl::StatusOr<std::string> Path(const std::string& digest) const;
+  // As Path, with the digest of the bytes on disk checked: DATA_LOSS if they are others. A file
+  // that was checked is read again only when its inode, time of change or size is another.
+  absl::StatusOr<std::string> CheckedPath(const std::string& digest) const;
   // Up to `limit` bytes from `offset` on; empty at the end. DATA_LOSS is not checked here.
   absl::StatusOr<std::string> Read(const std::string& digest, int64_t offset, int64_t limit) const;
   // Puts the file at `path` for a job to read: as a copy that the job may not change. Checks the
@@ -95,8 +105,18 @@ class ArtefactStore {
 
  private:
   ArtefactStore(std::string folder, int64_t reserve_bytes);
+  // A file at the time when its digest was checked.
+  struct Checked {
+    uint64_t inode = 0;
+    int64_t changed_ns = 0;
+    int64_t size_bytes = 0;
+    bool operator==(const Checked&) const = default;
+  };
+
   const std::string folder_;
   const int64_t reserve_bytes_;
+  mutable std::mutex checked_mutex_;
+  mutable std::unordered_map<std::string, Checked> checked_;  // by digest, by checked_mutex_
 };
 
 }  // namespace sightline

@@ -12,7 +12,9 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/atomic_write.h"
 #include "planning_service/artefact_store/artefact_store.h"
+#include "planning_service/job_store/database_identity.h"
 #include "planning_service/job_store/planning_job_store.h"
 #include "planning_service/job_store/sqlite_database.h"
 
@@ -22,6 +24,8 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kDatabase[] = "jobs.sqlite";
+// Empty file in a backup without a database.
+constexpr char kBackupMark[] = "backup-of-files";
 
 std::string In(const std::string& folder, const char* name) {
   return absl::StrCat(folder, "/", name);
@@ -40,6 +44,7 @@ absl::Status CheckFolders(const std::string& data_folder, const std::string& bac
         absl::StrCat(backup_folder, ": is the data folder itself"));
   }
   fs::create_directories(backup_folder, error);
+  if (!error) fs::permissions(backup_folder, fs::perms::owner_all, error);  // parts are secrets
   if (error)
     return absl::ErrnoToStatus(error.value(), absl::StrCat(backup_folder, ": cannot be made"));
   return absl::OkStatus();
@@ -50,6 +55,56 @@ absl::StatusOr<std::set<std::string>> NamedIn(const std::string& database) {
   auto store = OpenSqliteJobStore(database);
   if (!store.ok()) return store.status();
   return (*store)->NamedDigests();
+}
+
+bool HaveJobInCommon(PlanningJobStore* one, PlanningJobStore* other) {
+  PlanningJobFilter page;
+  page.limit = 1000;
+  while (true) {
+    const auto jobs = one->List(page);
+    if (!jobs.ok() || jobs->empty()) return false;
+    for (const PlanningJob& job : *jobs) {
+      if (other->Get(job.job_id).ok()) return true;
+    }
+    page.before_sequence = jobs->back().sequence;
+  }
+}
+
+// Whether the database of `backup_folder`, which exists, may be replaced by the `copy` of another:
+// only an earlier backup of the same jobs may.
+absl::Status CheckReplaceable(const std::string& database, const std::string& copy) {
+  const std::string folder = fs::path(database).parent_path().string();
+  const auto theirs = ReadSqliteIdentity(database);
+  if (!theirs.ok()) return theirs.status();
+  const auto ours = ReadSqliteIdentity(copy);
+  if (!ours.ok()) return ours.status();
+  if (*theirs && !(*theirs)->is_unchanged_copy) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(folder,
+                     ": has jobs of a service that worked with this folder, so that it is"
+                     " no backup; nothing was changed. Choose another folder"));
+  }
+  if (*theirs && *ours) {
+    if ((*theirs)->identity == (*ours)->identity) return absl::OkStatus();
+    return absl::FailedPreconditionError(absl::StrCat(
+        folder, ": holds the backup of another service (", (*theirs)->identity.substr(0, 8),
+        ", not ", (*ours)->identity.substr(0, 8), "); nothing was changed. Choose another folder"));
+  }
+  // One of the two is of an older version, which made no identities.
+  const auto target = OpenSqliteJobStore(database);
+  if (!target.ok()) return target.status();
+  PlanningJobFilter any;
+  any.limit = 1;
+  const auto jobs = (*target)->List(any);
+  if (!jobs.ok()) return jobs.status();
+  if (jobs->empty()) return absl::OkStatus();
+  const auto source = OpenSqliteJobStore(copy);
+  if (!source.ok()) return source.status();
+  if (HaveJobInCommon(target->get(), source->get())) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      absl::StrCat(folder,
+                   ": has jobs, and none of them is of the data folder; nothing was"
+                   " changed. Choose another folder"));
 }
 
 void RemoveDatabase(const std::string& file) {
@@ -97,18 +152,42 @@ absl::StatusOr<BackupReport> BackUp(const std::string& data_folder,
   std::set<std::string> named;
   std::unique_ptr<SqlDatabase> earlier;  // open, so that no service begins to work with it
   if (only_files) {
-    named = (*from)->Digests();
-  } else {
     std::error_code error;
     if (fs::exists(database, error)) {
-      auto opened = OpenSqliteDatabase(database);
-      if (!opened.ok()) return opened.status();
-      earlier = *std::move(opened);
+      return absl::FailedPreconditionError(
+          absl::StrCat(backup_folder,
+                       ": holds a database, and --only-files would take away the"
+                       " files that it names. Choose another folder"));
     }
+    // A service makes the folder "work". Backups of older versions have neither.
+    if (fs::exists(In(backup_folder, "work"), error) &&
+        !fs::exists(In(backup_folder, kBackupMark), error)) {
+      return absl::FailedPreconditionError(
+          absl::StrCat(backup_folder,
+                       ": is the data folder of a service; nothing was changed."
+                       " Choose another folder"));
+    }
+    if (absl::Status marked = WriteFileAtomically(In(backup_folder, kBackupMark), "", kPrivateFile);
+        !marked.ok()) {
+      return marked;
+    }
+    named = (*from)->Digests();
+  } else {
     RemoveDatabase(copy);
     if (absl::Status copied = CopySqliteDatabase(In(data_folder, kDatabase), copy); !copied.ok()) {
       return copied;
     }
+    std::error_code error;
+    if (fs::exists(database, error)) {
+      if (absl::Status allowed = CheckReplaceable(database, copy); !allowed.ok()) {
+        RemoveDatabase(copy);
+        return allowed;
+      }
+      auto opened = OpenSqliteDatabase(database);
+      if (!opened.ok()) return opened.status();
+      earlier = *std::move(opened);
+    }
+    if (absl::Status marked = MarkSqliteCopy(copy); !marked.ok()) return marked;
     auto digests = NamedIn(copy);
     if (!digests.ok()) return digests.status();
     named = *std::move(digests);

@@ -3,15 +3,14 @@
 
 #include <arpa/inet.h>
 #include <curl/curl.h>
-#include <openssl/sha.h>
 
 #include <algorithm>
 #include <memory>
 
 #include "absl/strings/ascii.h"
-#include "absl/strings/escaping.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/digest/sha256.h"
+#include "core/text/number.h"
 
 namespace sightline {
 namespace {
@@ -66,19 +65,18 @@ absl::StatusOr<ReceiverUrl> ParseReceiverUrl(const std::string& option, const st
   }
   if (result.host.empty()) return error("has no host");
   const std::string port = Part(parsed.get(), CURLUPART_PORT);
-  if (!port.empty() &&
-      (!absl::SimpleAtoi(port, &result.port) || result.port < 1 || result.port > 65535)) {
-    return error("has a port outside [1, 65535]");
+  if (!port.empty()) {
+    const auto number = ParseUnsigned(port);
+    if (!number.ok() || *number < 1 || *number > 65535) {
+      return error("has a port outside [1, 65535]");
+    }
+    result.port = static_cast<int>(*number);
   }
   result.is_loopback = IsLoopback(result.host);
   return result;
 }
 
-std::string ShortDigest(const std::string& text) {
-  unsigned char digest[SHA256_DIGEST_LENGTH];
-  SHA256(reinterpret_cast<const unsigned char*>(text.data()), text.size(), digest);
-  return absl::BytesToHexString(std::string(reinterpret_cast<const char*>(digest), 6));
-}
+std::string ShortDigest(const std::string& text) { return Sha256Hex(text).substr(0, 12); }
 
 std::string ReceiverName(const std::string& kind, const ReceiverUrl& url,
                          const std::string& identity) {

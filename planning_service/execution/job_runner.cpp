@@ -79,10 +79,10 @@ bool RanOutOfDisk(const JobFailure& failure) {
          absl::StrContains(failure.message, std::strerror(ENOSPC));
 }
 
-// What the servers of the job's commands log names the request as well.
-void AddTraceparent(const std::string& traceparent, TaskCommands* commands) {
-  if (traceparent.empty()) return;
-  const std::string option = absl::StrCat("--traceparent=", traceparent);
+// Adds an option before the command to all commands of the job, unless its value is empty.
+void AddGlobalOption(const std::string& name, const std::string& value, TaskCommands* commands) {
+  if (value.empty()) return;
+  const std::string option = absl::StrCat(name, "=", value);
   for (std::vector<std::string>& part : commands->parts) part.insert(part.begin(), option);
   commands->conclusion.insert(commands->conclusion.begin(), option);
 }
@@ -204,7 +204,9 @@ void JobRunner::Run(const PlanningJob& job) {
   options.program = options_.program;
   options.folder = folder;
   options.commands = SplitTask(task, "../out", "../checkpoint", options_.parts);
-  AddTraceparent(job.traceparent, &options.commands);
+  // What the servers of the job's commands log names the request as well.
+  AddGlobalOption("--traceparent", job.traceparent, &options.commands);
+  AddGlobalOption("--step-cache", options_.step_cache_folder, &options.commands);
   options.prepare = [&] { return Prepare(job, folder); };
   options.lock_fd = lock.fd();
   options.max_memory_bytes = options_.max_memory_bytes;

@@ -22,8 +22,10 @@ namespace sightline {
 struct JobRunnerOptions {
   std::string program;      // path of `sightline`
   std::string work_folder;  // jobs have their folders in it; they stay over restarts until done
-  int workers = 1;          // jobs at a time; 0: others run them
-  int parts = 1;            // into how many a job is split that can be
+  // Where jobs keep meshes of STEP files, for all machines that run them; empty: each user's cache.
+  std::string step_cache_folder;
+  int workers = 1;                                     // jobs at a time; 0: others run them
+  int parts = 1;                                       // into how many a job is split that can be
   int64_t max_memory_bytes = 0;                        // of each of its commands; 0: no limit
   absl::Duration max_time = absl::InfiniteDuration();  // of each of an attempt's commands
 };

@@ -8,6 +8,7 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "planning_service/access/certificate_names.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/file_stream.h"
 #include "rpc_server/upload.h"
@@ -24,10 +25,8 @@ std::string Text(const grpc::string_ref& value) { return {value.data(), value.si
 PeerCredentials CredentialsOf(const grpc::ServerContext& context) {
   PeerCredentials peer;
   if (const auto auth = context.auth_context(); auth != nullptr && auth->IsPeerAuthenticated()) {
-    for (const char* property : {"x509_common_name", "x509_subject_alternative_name"}) {
-      for (const grpc::string_ref& name : auth->FindPropertyValues(property)) {
-        peer.certificate_names.push_back(Text(name));
-      }
+    for (const grpc::string_ref& pem : auth->FindPropertyValues("x509_pem_cert")) {
+      peer.certificate_names = CertificateNamesOfPem({pem.data(), pem.size()});
     }
   }
   const auto& metadata = context.client_metadata();

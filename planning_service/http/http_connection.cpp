@@ -61,6 +61,12 @@ absl::Status ParseError(const error_code& error) {
   return absl::InvalidArgumentError(absl::StrCat("not an HTTP/1.1 request: ", error.message()));
 }
 
+// Whether a line of a head continues the one before it (obsolete line folding). Others on the way
+// may read it as a header of its own, so it is refused (RFC 9112 5.2).
+bool HasFoldedLine(absl::string_view head) {
+  return absl::StrContains(head, "\r\n ") || absl::StrContains(head, "\r\n\t");
+}
+
 class Exchange : public HttpExchange {
  public:
   Exchange(ConnectionStream* stream, boost::beast::flat_buffer* buffer,
@@ -130,24 +136,56 @@ absl::Status Exchange::ReadHead() {
       if (absl::Status status = Fill(deadline); !status.ok()) return status;
     }
     error_code error;
-    buffer_->consume(parser_.put(buffer_->data(), error));
+    const size_t parsed = parser_.put(buffer_->data(), error);
+    const bool is_folded =
+        HasFoldedLine({static_cast<const char*>(buffer_->data().data()), parsed});
+    buffer_->consume(parsed);
     if (error == http::error::need_more) {
       if (absl::Status status = Fill(deadline); !status.ok()) return status;
     } else if (error) {
       return ParseError(error);
     }
+    if (is_folded) {
+      return absl::InvalidArgumentError(
+          "not an HTTP/1.1 request: a header line begins with a blank");
+    }
   }
   return FillRequest();
+}
+
+// Whether the body has one length that everybody on the way reads alike. Beast takes a body of a
+// transfer coding that it does not know for none, so that the body would be read as the next
+// request (RFC 9112 6.1 and 6.3: 501 for an unknown coding, 400 otherwise, and the end of the
+// connection).
+absl::Status CheckBodyLength(const HttpRequest& request, unsigned version, int codings) {
+  const std::string length = request.Header("content-length");
+  if (!std::all_of(length.begin(), length.end(), absl::ascii_isdigit)) {
+    return absl::InvalidArgumentError("Content-Length: must be one number");
+  }
+  const auto coding = request.headers.find("transfer-encoding");
+  if (coding == request.headers.end()) return absl::OkStatus();
+  if (codings > 1) return absl::InvalidArgumentError("Transfer-Encoding: is given twice");
+  if (version < 11) {
+    return absl::InvalidArgumentError("Transfer-Encoding: HTTP/1.0 does not have it");
+  }
+  if (request.headers.contains("content-length")) {
+    return absl::InvalidArgumentError("Transfer-Encoding: stands beside Content-Length");
+  }
+  if (absl::EqualsIgnoreCase(absl::StripAsciiWhitespace(coding->second), "chunked")) {
+    return absl::OkStatus();
+  }
+  return absl::UnimplementedError("Transfer-Encoding: this server knows only \"chunked\"");
 }
 
 absl::Status Exchange::FillRequest() {
   const auto& message = parser_.get();
   request_.method = Text(message.method_string());
   request_.target = Text(message.target());
-  int hosts = 0;
+  int hosts = 0, codings = 0;
   for (const auto& field : message) {
     const std::string name = absl::AsciiStrToLower(Text(field.name_string()));
     if (name == "host") ++hosts;
+    if (name == "transfer-encoding") ++codings;
     std::string& value = request_.headers[name];
     if (value.empty()) {
       value = Text(field.value());
@@ -162,6 +200,9 @@ absl::Status Exchange::FillRequest() {
     return absl::InvalidArgumentError("the request must have one Host header");
   }
   if (!request_.url.authority.empty()) request_.headers["host"] = request_.url.authority;
+  if (absl::Status length = CheckBodyLength(request_, message.version(), codings); !length.ok()) {
+    return length;
+  }
   // Unpacking would let a small request become a large one.
   if (const std::string encoding = request_.Header("content-encoding");
       !encoding.empty() && !absl::EqualsIgnoreCase(encoding, "identity")) {

@@ -12,8 +12,8 @@
 #include <memory>
 #include <utility>
 
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/text/number.h"
 
 namespace sightline {
 namespace {
@@ -50,12 +50,12 @@ FileDescriptor& FileDescriptor::operator=(FileDescriptor&& other) noexcept {
 
 absl::StatusOr<ListeningSocket> ListenTcp(const std::string& option, const std::string& listen) {
   const size_t colon = listen.rfind(':');
-  int port = -1;
+  const auto port = ParseUnsigned(listen.substr(colon == std::string::npos ? 0 : colon + 1));
   std::string host = colon == std::string::npos ? "" : listen.substr(0, colon);
   const bool bracketed = host.size() > 2 && host.front() == '[' && host.back() == ']';
   if (bracketed) host = host.substr(1, host.size() - 2);
-  if (host.empty() || (!bracketed && host.find(':') != std::string::npos) ||
-      !absl::SimpleAtoi(listen.substr(colon + 1), &port) || port < 0 || port > 65535) {
+  if (host.empty() || (!bracketed && host.find(':') != std::string::npos) || !port.ok() ||
+      *port > 65535) {
     return absl::InvalidArgumentError(
         absl::StrCat(option, " ", listen, ": must be HOST:PORT or [IPv6]:PORT"));
   }
@@ -63,7 +63,7 @@ absl::StatusOr<ListeningSocket> ListenTcp(const std::string& option, const std::
   hints.ai_socktype = SOCK_STREAM;
   hints.ai_flags = AI_PASSIVE | AI_NUMERICSERV;
   addrinfo* found = nullptr;
-  if (const int error = getaddrinfo(host.c_str(), std::to_string(port).c_str(), &hints, &found);
+  if (const int error = getaddrinfo(host.c_str(), std::to_string(*port).c_str(), &hints, &found);
       error != 0) {
     return absl::InvalidArgumentError(
         absl::StrCat(option, " ", listen, ": ", host, ": ", gai_strerror(error)));

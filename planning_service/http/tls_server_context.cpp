@@ -1,18 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planning_service/http/tls_server_context.h"
 
-#include <arpa/inet.h>
 #include <openssl/err.h>
 #include <openssl/pem.h>
-#include <openssl/x509v3.h>
+#include <openssl/x509.h>
 #include <spdlog/spdlog.h>
 #include <sys/stat.h>
 
-#include <algorithm>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
 #include "absl/time/clock.h"
+#include "planning_service/access/certificate_names.h"
 
 namespace sightline {
 namespace {
@@ -77,32 +76,6 @@ std::string LookOf(const TlsFiles& files) {
   return look;
 }
 
-void AddName(const ASN1_STRING* text, std::vector<std::string>* names) {
-  unsigned char* utf8 = nullptr;
-  const int length = text == nullptr ? -1 : ASN1_STRING_to_UTF8(&utf8, text);
-  if (length > 0) {
-    std::string name(reinterpret_cast<const char*>(utf8), static_cast<size_t>(length));
-    // A NUL inside would let "admin\0.example" pass for another name elsewhere.
-    const bool plain = std::none_of(name.begin(), name.end(), [](char c) {
-      return static_cast<unsigned char>(c) < 0x20 || c == 0x7f;
-    });
-    if (plain && std::find(names->begin(), names->end(), name) == names->end()) {
-      names->push_back(std::move(name));
-    }
-  }
-  OPENSSL_free(utf8);
-}
-
-void AddAddress(const ASN1_OCTET_STRING& bytes, std::vector<std::string>* names) {
-  char text[INET6_ADDRSTRLEN] = "";
-  const int length = ASN1_STRING_length(&bytes);
-  const int family = length == 4 ? AF_INET : length == 16 ? AF_INET6 : AF_UNSPEC;
-  if (family != AF_UNSPEC &&
-      inet_ntop(family, ASN1_STRING_get0_data(&bytes), text, sizeof(text)) != nullptr) {
-    names->push_back(text);
-  }
-}
-
 }  // namespace
 
 TlsServerContext::TlsServerContext(TlsFiles files, absl::Duration check_interval)
@@ -138,28 +111,13 @@ std::shared_ptr<SSL_CTX> TlsServerContext::Current() {
 }
 
 std::vector<std::string> VerifiedPeerNames(SSL* connection) {
-  std::vector<std::string> names;
   const std::unique_ptr<X509, void (*)(X509*)> certificate(SSL_get1_peer_certificate(connection),
                                                            X509_free);
   if (certificate == nullptr || (SSL_get_verify_mode(connection) & SSL_VERIFY_PEER) == 0 ||
       SSL_get_verify_result(connection) != X509_V_OK) {
-    return names;
+    return {};
   }
-  X509_NAME* subject = X509_get_subject_name(certificate.get());
-  const int index = X509_NAME_get_index_by_NID(subject, NID_commonName, -1);
-  if (index >= 0) AddName(X509_NAME_ENTRY_get_data(X509_NAME_get_entry(subject, index)), &names);
-  auto* alternatives = static_cast<GENERAL_NAMES*>(
-      X509_get_ext_d2i(certificate.get(), NID_subject_alt_name, nullptr, nullptr));
-  constexpr int kMaxNames = 100;
-  for (int i = 0; i < std::min(sk_GENERAL_NAME_num(alternatives), kMaxNames); ++i) {
-    const GENERAL_NAME* name = sk_GENERAL_NAME_value(alternatives, i);
-    if (name->type == GEN_DNS) AddName(name->d.dNSName, &names);
-    if (name->type == GEN_URI) AddName(name->d.uniformResourceIdentifier, &names);
-    if (name->type == GEN_EMAIL) AddName(name->d.rfc822Name, &names);
-    if (name->type == GEN_IPADD) AddAddress(*name->d.iPAddress, &names);
-  }
-  GENERAL_NAMES_free(alternatives);
-  return names;
+  return CertificateNames(certificate.get());
 }
 
 }  // namespace sightline

@@ -42,8 +42,7 @@ class TlsServerContext {
   std::chrono::steady_clock::time_point checked_;
 };
 
-// Common name and subject alternative names of the peer's verified certificate; empty if it has
-// none.
+// Names of the peer's verified certificate (certificate_names.h); empty if it has none.
 std::vector<std::string> VerifiedPeerNames(SSL* connection);
 
 }  // namespace sightline

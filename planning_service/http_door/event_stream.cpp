@@ -24,10 +24,21 @@ bool IsFinal(const std::string& type) {
   return type == "done" || type == "failed" || type == "cancelled";
 }
 
-std::string FinalType(JobState state) {
-  return state == JobState::kSucceeded ? "done"
-         : state == JobState::kFailed  ? "failed"
-                                       : "cancelled";
+// Type of the event that leads to this state.
+std::string StateEventType(JobState state) {
+  switch (state) {
+    case JobState::kQueued:
+      return "accepted";
+    case JobState::kRunning:
+      return "progress";
+    case JobState::kSucceeded:
+      return "done";
+    case JobState::kFailed:
+      return "failed";
+    case JobState::kCancelled:
+      return "cancelled";
+  }
+  return "progress";
 }
 
 std::string EventText(const std::string& id, const std::string& type, const PlanningJob& job) {
@@ -47,12 +58,18 @@ void StreamEvents(HttpExchange& exchange, PlanningJobs* jobs, const Client& clie
     if (!last.ok()) return ReplyError(exchange, last.status());
     sequence = *last;
   }
+  // Read before the job, so that nothing that happens later is left out.
+  const absl::StatusOr<int64_t> newest = jobs->NewestEvent();
+  if (!newest.ok()) return ReplyError(exchange, newest.status());
+  const absl::StatusOr<bool> is_known = jobs->KnowsEvent(sequence);
+  if (!is_known.ok()) return ReplyError(exchange, is_known.status());
   absl::StatusOr<PlanningJob> job = jobs->Get(client, job_id);
   if (!job.ok()) return ReplyError(exchange, job.status());
+  if (!*is_known) sequence = *newest;
   absl::StatusOr<std::vector<JobEvent>> events =
       jobs->WaitForEvents(client, job_id, sequence, absl::ZeroDuration());
   if (!events.ok()) return ReplyError(exchange, events.status());
-  if (job->IsFinished() && events->empty() && !last_id.empty()) {
+  if (*is_known && job->IsFinished() && events->empty() && !last_id.empty()) {
     // To a browser this says: do not connect again.
     return ReplyText(exchange, 204, {}, "", "");
   }
@@ -68,6 +85,12 @@ void StreamEvents(HttpExchange& exchange, PlanningJobs* jobs, const Client& clie
   }
   if (exchange.request().method == "HEAD") return exchange.End().IgnoreError();
   if (!exchange.Write("retry: 2000\n\n").ok()) return;
+  if (!*is_known) {
+    // What the receiver missed is not known: it gets the present state, with an id to go on from.
+    const std::string text = EventText(absl::StrCat(*newest), StateEventType(job->state), *job);
+    if (!exchange.Write(text).ok()) return;
+    if (job->IsFinished()) return exchange.End().IgnoreError();
+  }
   Clock::time_point last_sent = Clock::now();
   while (exchange.IsWanted()) {
     // The job is read before its events: if it is finished here, its last event is there too.
@@ -87,7 +110,7 @@ void StreamEvents(HttpExchange& exchange, PlanningJobs* jobs, const Client& clie
     }
     if (job->IsFinished() && events->empty()) {
       // Retention has taken the events of an old job; its state is known all the same.
-      if (exchange.Write(EventText("", FinalType(job->state), *job)).ok()) {
+      if (exchange.Write(EventText("", StateEventType(job->state), *job)).ok()) {
         exchange.End().IgnoreError();
       }
       return;

@@ -12,7 +12,7 @@ struct HttpDoor::Impl {
   Impl(const HttpDoorOptions& options, std::unique_ptr<HttpServer> http_server, PlanningJobs* jobs,
        ClientAccess* access)
       : routes(jobs, access, MakeBrowserGuard(options.allowed_hosts, http_server->listening()),
-               options.max_event_streams, options.web_files),
+               options.max_event_streams, options.max_body_memory_bytes, options.web_files),
         server(std::move(http_server)) {}
 
   Routes routes;

@@ -37,6 +37,10 @@ struct HttpDoorOptions {
   int max_connections = 128;
   int max_event_streams = 64;
   int64_t max_request_bytes = int64_t{4} << 30;
+  // Memory of all JSON bodies that are being read, and of their messages, at a time; half of it at
+  // most for one client. Further ones get 503. At least 256 MiB lets the largest body, of 16 MiB,
+  // in while others are read.
+  int64_t max_body_memory_bytes = int64_t{256} << 20;
   // Longest time in which a peer neither sends nor takes anything, and in which the head of a
   // request must be complete; in (0, 24 h]. Bodies slower than 4 KiB/s on the whole are cut off
   // after it.

@@ -9,12 +9,12 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
+#include "core/text/number.h"
 #include "planning_service/http/multipart_reader.h"
 #include "planning_service/task/planning_task.h"
 #include "proto/status/rpc_status.h"
@@ -24,6 +24,8 @@ namespace {
 
 // Tasks are text written by hand or by programs; the large things are files.
 constexpr size_t kMaxJsonBytes = 16 << 20;
+// Memory of a text that grows by doubling, and then of its copy with numbers for null positions.
+constexpr int64_t kBytesPerTextByte = 2;
 constexpr size_t kMaxFieldBytes = 64;
 constexpr int kMaxParts = 1000;
 
@@ -56,13 +58,34 @@ absl::Status WithField(const absl::Status& status, const std::string& document,
   return violations.empty() ? status : InvalidFields(violations);
 }
 
-absl::Status ParseTask(const std::string& json, v1::PlanningTask* task) {
-  return WithField(ParseStrictJson(NumberNullPlatePositions(json), "task", task), "task", "task.");
+// Takes memory, or says that there is none at the moment.
+absl::Status TakeMemory(SharedLimit::Share* memory, int64_t bytes) {
+  const std::optional<Shortage> shortage = memory->Grow(bytes);
+  if (!shortage) return absl::OkStatus();
+  return WithRetryDelay(
+      WithErrorInfo(absl::UnavailableError(absl::StrCat(
+                        "overloaded: JSON bodies of ", shortage->of_owner ? "yours" : "all clients",
+                        " that are being read take ", shortage->held, " of ", shortage->limit,
+                        " bytes of memory")),
+                    "OVERLOADED"),
+      absl::Seconds(1));
 }
 
-// The rest of what `read` gives.
+// `document` is what errors call the text.
+absl::Status ParseBody(std::string json, const std::string& document,
+                       const std::string& field_prefix, SharedLimit::Share* memory,
+                       google::protobuf::Message* message) {
+  absl::Status room = TakeMemory(memory, static_cast<int64_t>(MostMessageBytes(json.size())));
+  if (!room.ok()) return room;
+  return WithField(ParseStrictJson(NumberNullPlatePositions(std::move(json)), document, message),
+                   document, field_prefix);
+}
+
+// The rest of what `read` gives. Bytes take memory when they come: who announces much and sends
+// nothing takes nothing.
 template <typename Read>
-absl::StatusOr<std::string> ReadText(const std::string& field, size_t max_bytes, Read read) {
+absl::StatusOr<std::string> ReadText(const std::string& field, size_t max_bytes,
+                                     SharedLimit::Share* memory, Read read) {
   std::string text;
   for (;;) {
     absl::StatusOr<std::string> piece = read();
@@ -73,6 +96,8 @@ absl::StatusOr<std::string> ReadText(const std::string& field, size_t max_bytes,
                                absl::StrCat(field, ": must have at most ", max_bytes, " bytes")),
                            "REQUEST_TOO_LARGE");
     }
+    absl::Status room = TakeMemory(memory, kBytesPerTextByte * static_cast<int64_t>(piece->size()));
+    if (!room.ok()) return room;
     text += *piece;
   }
 }
@@ -98,16 +123,16 @@ bool IsMultipartForm(const HttpRequest& request) {
 
 absl::StatusOr<int64_t> ReadInteger(const std::string& field, const std::string& text, int64_t min,
                                     int64_t max) {
-  int64_t value = 0;
-  if (!absl::SimpleAtoi(text, &value) || value < min || value > max) {
+  const auto value = ParseWhole(text);
+  if (!value.ok() || *value < min || *value > max) {
     return InvalidFields({{field, absl::StrCat("is \"", text.substr(0, kMaxFieldBytes),
                                                "\", must be an integer from ", min, " to ", max)}});
   }
-  return value;
+  return *value;
 }
 
 absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs,
-                                      const Client& client) {
+                                      const Client& client, SharedLimit::Share* memory) {
   absl::StatusOr<std::string> boundary =
       MultipartBoundary(exchange.request().Header("content-type"));
   if (!boundary.ok()) return boundary.status();
@@ -128,16 +153,17 @@ absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs
     if (field == "task") {
       if (has_task) return InvalidFields({{"task", "is given twice"}});
       has_task = true;
-      absl::StatusOr<std::string> json = ReadText("task", kMaxJsonBytes, read);
+      absl::StatusOr<std::string> json = ReadText("task", kMaxJsonBytes, memory, read);
       if (!json.ok()) return json.status();
       // Before the files: a task that cannot be read is refused at once.
-      if (absl::Status status = ParseTask(*json, &form.task); !status.ok()) return status;
+      absl::Status parsed = ParseBody(*std::move(json), "task", "task.", memory, &form.task);
+      if (!parsed.ok()) return parsed;
       continue;
     }
     if (field == "priority") {
       if (form.has_priority) return InvalidFields({{"priority", "is given twice"}});
       form.has_priority = true;
-      absl::StatusOr<std::string> text = ReadText("priority", kMaxFieldBytes, read);
+      absl::StatusOr<std::string> text = ReadText("priority", kMaxFieldBytes, memory, read);
       if (!text.ok()) return text.status();
       absl::StatusOr<int64_t> priority = ReadInteger("priority", *text, -100, 100);
       if (!priority.ok()) return priority.status();
@@ -168,18 +194,18 @@ absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs
   return form;
 }
 
-absl::Status ReadJsonBody(HttpExchange& exchange, bool may_be_empty,
+absl::Status ReadJsonBody(HttpExchange& exchange, bool may_be_empty, SharedLimit::Share* memory,
                           google::protobuf::Message* message) {
   const std::string type = MediaType(exchange.request());
   if (type != "application/json" && !(type.empty() && may_be_empty)) {
     return UnsupportedMediaType("application/json");
   }
   absl::StatusOr<std::string> json =
-      ReadText("body", kMaxJsonBytes, [&exchange] { return exchange.ReadBody(); });
+      ReadText("body", kMaxJsonBytes, memory, [&exchange] { return exchange.ReadBody(); });
   if (!json.ok()) return json.status();
   if (json->empty() && may_be_empty) return absl::OkStatus();
   if (type.empty()) return UnsupportedMediaType("application/json");
-  return WithField(ParseStrictJson(NumberNullPlatePositions(*json), "body", message), "body", "");
+  return ParseBody(*std::move(json), "body", "", memory, message);
 }
 
 absl::StatusOr<JobFile> ReadFileBody(HttpExchange& exchange, PlanningJobs* jobs,

@@ -1,18 +1,18 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planning_service/http_door/routes.h"
 
-#include <openssl/evp.h>
+#include <spdlog/spdlog.h>
 
 #include <algorithm>
-#include <array>
+#include <new>
 #include <optional>
 #include <set>
 #include <utility>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/digest/sha256.h"
 #include "core/json/message_json.h"
 #include "planning_service/http/http_reply.h"
 #include "planning_service/http_door/event_stream.h"
@@ -29,14 +29,6 @@ constexpr char kPagePolicy[] =
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
     "font-src 'self'; connect-src 'self'; frame-src 'self' blob:; base-uri 'none'; "
     "form-action 'self'; frame-ancestors 'none'";
-
-std::string Sha256Hex(const std::string& bytes) {
-  std::array<unsigned char, EVP_MAX_MD_SIZE> digest{};
-  unsigned int size = 0;
-  EVP_Digest(bytes.data(), bytes.size(), digest.data(), &size, EVP_sha256(), nullptr);
-  return absl::BytesToHexString(
-      absl::string_view(reinterpret_cast<const char*>(digest.data()), size));
-}
 
 std::string Location(const std::string& job_id) {
   return absl::StrCat("/v1/jobs/", PercentEncode(job_id, /*keep_slashes=*/false));
@@ -110,11 +102,12 @@ absl::StatusOr<v1::ListPlanningJobsRequest> ReadListQuery(const HttpRequest& req
 }  // namespace
 
 Routes::Routes(PlanningJobs* jobs, ClientAccess* access, BrowserGuard guard, int max_event_streams,
-               const std::vector<WebFile>& web_files)
+               int64_t max_body_memory_bytes, const std::vector<WebFile>& web_files)
     : jobs_(jobs),
       access_(access),
       guard_(std::move(guard)),
       event_streams_(2 * int64_t{max_event_streams}, max_event_streams),
+      body_memory_(max_body_memory_bytes, max_body_memory_bytes / 2),
       openapi_(OpenApiJson()),
       routes_{
           {"POST", {"v1", "jobs"}, &Routes::CreateJob},
@@ -207,20 +200,33 @@ void Routes::Answer(HttpExchange& exchange) {
   }
   absl::StatusOr<Client> client = access_->Identify(request.peer);
   if (!client.ok()) return ReplyError(exchange, client.status());
-  (this->*chosen->handler)(exchange, *client, request.url.path);
+  Handle(*chosen, exchange, *client);
+}
+
+void Routes::Handle(const Route& route, HttpExchange& exchange, const Client& client) {
+  try {
+    (this->*route.handler)(exchange, client, exchange.request().url.path);
+  } catch (const std::bad_alloc&) {
+    if (exchange.has_begun()) throw;
+    spdlog::error("event=http_out_of_memory client={:?}", client.name);
+    ReplyError(exchange,
+               WithErrorInfo(absl::UnavailableError("overloaded: the service is out of memory"),
+                             "OVERLOADED"));
+  }
 }
 
 void Routes::CreateJob(HttpExchange& exchange, const Client& client, const Path&) {
+  SharedLimit::Share memory = body_memory_.Of(client.name);
   v1::CreatePlanningJobRequest body;
   std::vector<JobFile> files;
   if (IsMultipartForm(exchange.request())) {
-    absl::StatusOr<TaskForm> form = ReadTaskForm(exchange, jobs_, client);
+    absl::StatusOr<TaskForm> form = ReadTaskForm(exchange, jobs_, client, &memory);
     if (!form.ok()) return ReplyError(exchange, form.status());
     *body.mutable_task() = std::move(form->task);
     body.set_priority(form->priority);
     files = std::move(form->files);
   } else {
-    absl::Status status = ReadJsonBody(exchange, /*may_be_empty=*/false, &body);
+    absl::Status status = ReadJsonBody(exchange, /*may_be_empty=*/false, &memory, &body);
     if (!status.ok()) return ReplyError(exchange, status);
     if (!body.has_task()) {
       return ReplyError(exchange, InvalidFields({{"task", "is missing"}}));
@@ -305,10 +311,11 @@ void Routes::PutFile(HttpExchange& exchange, const Client& client, const Path&) 
 }
 
 void Routes::PutRecipe(HttpExchange& exchange, const Client& client, const Path& path) {
+  SharedLimit::Share memory = body_memory_.Of(client.name);
   v1::PrepareRecipeRequest body;
   std::vector<JobFile> files;
   if (IsMultipartForm(exchange.request())) {
-    absl::StatusOr<TaskForm> form = ReadTaskForm(exchange, jobs_, client);
+    absl::StatusOr<TaskForm> form = ReadTaskForm(exchange, jobs_, client, &memory);
     if (!form.ok()) return ReplyError(exchange, form.status());
     if (form->has_priority) {
       return ReplyError(exchange,
@@ -317,7 +324,7 @@ void Routes::PutRecipe(HttpExchange& exchange, const Client& client, const Path&
     *body.mutable_task() = std::move(form->task);
     files = std::move(form->files);
   } else {
-    absl::Status status = ReadJsonBody(exchange, /*may_be_empty=*/false, &body);
+    absl::Status status = ReadJsonBody(exchange, /*may_be_empty=*/false, &memory, &body);
     if (!status.ok()) return ReplyError(exchange, status);
     if (!body.has_task()) {
       return ReplyError(exchange, InvalidFields({{"task", "is missing"}}));
@@ -344,8 +351,10 @@ void Routes::DeleteRecipe(HttpExchange& exchange, const Client& client, const Pa
 }
 
 void Routes::StartRecipe(HttpExchange& exchange, const Client& client, const Path& path) {
+  SharedLimit::Share memory = body_memory_.Of(client.name);
   v1::StartJobRequest body;
-  if (absl::Status status = ReadJsonBody(exchange, /*may_be_empty=*/true, &body); !status.ok()) {
+  if (absl::Status status = ReadJsonBody(exchange, /*may_be_empty=*/true, &memory, &body);
+      !status.ok()) {
     return ReplyError(exchange, status);
   }
   if (!body.recipe_id().empty() && body.recipe_id() != path[2]) {

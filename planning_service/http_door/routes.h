@@ -2,6 +2,7 @@
 // What each path and method of the HTTP door does.
 #pragma once
 
+#include <cstdint>
 #include <map>
 #include <string>
 #include <vector>
@@ -21,7 +22,7 @@ class Routes {
  public:
   // Pointers must outlive it.
   Routes(PlanningJobs* jobs, ClientAccess* access, BrowserGuard guard, int max_event_streams,
-         const std::vector<WebFile>& web_files);
+         int64_t max_body_memory_bytes, const std::vector<WebFile>& web_files);
 
   // Answers the request.
   void Answer(HttpExchange& exchange);
@@ -40,6 +41,8 @@ class Routes {
   };
 
   static bool Matches(const Path& pattern, const Path& path);
+  // Calls the handler; without memory the answer is 503, since trying again helps.
+  void Handle(const Route& route, HttpExchange& exchange, const Client& client);
   bool AnswerWebFile(HttpExchange& exchange);
 
   void CreateJob(HttpExchange& exchange, const Client& client, const Path& path);
@@ -60,6 +63,8 @@ class Routes {
   const BrowserGuard guard_;
   // Of one client; all together have twice as many, so that one leaves half to the others.
   const SharedLimit event_streams_;
+  // Memory of JSON bodies and of their messages [bytes]: one client leaves half to the others.
+  const SharedLimit body_memory_;
   const std::string openapi_;
   const std::vector<Route> routes_;
   std::map<std::string, WebReply> web_files_;  // by path

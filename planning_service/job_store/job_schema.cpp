@@ -100,8 +100,14 @@ const std::vector<std::string> kVersion2 = {
     "ALTER TABLE job ADD COLUMN traceparent TEXT NOT NULL DEFAULT ''",
 };
 
+// One row, made by the first service of this version: see database_identity.h.
+const std::vector<std::string> kVersion3 = {
+    "CREATE TABLE database_identity (identity TEXT NOT NULL, instance TEXT NOT NULL,"
+    " copied_event BIGINT NOT NULL)",
+};
+
 // Step i leads from version i to i + 1. Steps that were released never change.
-const std::vector<const std::vector<std::string>*> kSteps = {&kVersion1, &kVersion2};
+const std::vector<const std::vector<std::string>*> kSteps = {&kVersion1, &kVersion2, &kVersion3};
 
 }  // namespace
 

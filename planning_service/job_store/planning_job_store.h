@@ -78,6 +78,10 @@ class PlanningJobStore {
  public:
   virtual ~PlanningJobStore() = default;
 
+  // Called by a service before anything else. A database that was restored from a backup continues
+  // with event ids that were never given; returns whether it did (database_identity.h).
+  virtual absl::StatusOr<bool> BeginService() = 0;
+
   // The same client's same non-empty request_id gives the same job; ALREADY_EXISTS, reason
   // REQUEST_ID_REUSED, if its fingerprint differs. RESOURCE_EXHAUSTED, reason QUOTA_EXCEEDED (an
   // idempotent repetition never is).
@@ -140,6 +144,10 @@ class PlanningJobStore {
                                                        int limit) = 0;
   // Waits until there is an event after `sequence` or the timeout passes.
   virtual void WaitForEvent(int64_t after_sequence, absl::Duration timeout) = 0;
+  // Largest id given so far; 0: none.
+  virtual absl::StatusOr<int64_t> NewestEvent() = 0;
+  // Whether an event has this id: not if it was removed, or lost by a restore.
+  virtual absl::StatusOr<bool> HasEvent(int64_t sequence) = 0;
   // How far a receiver of events got; 0 at first.
   virtual absl::StatusOr<int64_t> EventCursor(const std::string& receiver) = 0;
   virtual absl::Status SetEventCursor(const std::string& receiver, int64_t sequence) = 0;

@@ -3,7 +3,6 @@
 
 #include <endian.h>
 #include <libpq-fe.h>
-#include <openssl/evp.h>
 
 #include <algorithm>
 #include <bit>
@@ -17,6 +16,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/digest/sha256.h"
 #include "planning_service/job_store/random_number.h"
 #include "proto/status/rpc_status.h"
 
@@ -317,6 +317,18 @@ class PostgresDatabase : public SqlDatabase {
     return connection;
   }
   bool IsShared() const override { return true; }
+  // A restored dump has tables of other object numbers, another cluster has another system
+  // identifier, and a recovery to an earlier moment or a standby that took over another timeline.
+  absl::StatusOr<std::string> Instance(SqlConnection* connection) override {
+    const auto rows = connection->Run(
+        "SELECT 'cluster ' || system_identifier::text || ', timeline ' || timeline_id::text ||"
+        " ', table ' || 'sightline.event'::regclass::oid::text"
+        " FROM pg_control_system(), pg_control_checkpoint()",
+        {});
+    if (!rows.ok()) return rows.status();
+    if (rows->empty()) return absl::InternalError(absl::StrCat(name_, ": has no identity"));
+    return rows->front().Text(0);
+  }
   std::string Name() const override { return name_; }
 
   absl::StatusOr<int64_t> Owner() override {
@@ -344,9 +356,9 @@ class PostgresDatabase : public SqlDatabase {
  private:
   // Positive, so that it is an owner's number only by a chance of 2^-62.
   static int64_t RoleNumber(const std::string& role) {
-    unsigned char digest[EVP_MAX_MD_SIZE] = {};
-    EVP_Digest(role.data(), role.size(), digest, nullptr, EVP_sha256(), nullptr);
-    return static_cast<int64_t>(FromWire<uint64_t>(digest) >> 1);
+    Sha256 digest;
+    digest.Update(role);
+    return static_cast<int64_t>(FromWire<uint64_t>(digest.Finish().data()) >> 1);
   }
 
   bool TryLock(int64_t number) {

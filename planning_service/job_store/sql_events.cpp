@@ -69,13 +69,23 @@ void SqlJobStore::WaitForEvent(int64_t after_sequence, absl::Duration timeout) {
   const auto end = EndOf(timeout);
   while (true) {
     const int64_t seen = Changes();
-    const auto last = Read([](SqlTransaction& sql) -> absl::StatusOr<int64_t> {
-      const SqlRows rows = sql.Run("SELECT value FROM counter WHERE name = 'event'");
-      return rows.empty() ? 0 : rows.front().Int(0);
-    });
+    const absl::StatusOr<int64_t> last = NewestEvent();
     if ((last.ok() && *last > after_sequence) || std::chrono::steady_clock::now() >= end) return;
     AwaitChange(seen, end);
   }
+}
+
+absl::StatusOr<int64_t> SqlJobStore::NewestEvent() {
+  return Read([](SqlTransaction& sql) -> absl::StatusOr<int64_t> {
+    const SqlRows rows = sql.Run("SELECT value FROM counter WHERE name = 'event'");
+    return rows.empty() ? 0 : rows.front().Int(0);
+  });
+}
+
+absl::StatusOr<bool> SqlJobStore::HasEvent(int64_t sequence) {
+  return Read([&](SqlTransaction& sql) -> absl::StatusOr<bool> {
+    return !sql.Run("SELECT 1 FROM event WHERE sequence = $1", {sequence}).empty();
+  });
 }
 
 absl::StatusOr<int64_t> SqlJobStore::EventCursor(const std::string& receiver) {

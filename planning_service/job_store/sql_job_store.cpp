@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "planning_service/job_store/database_identity.h"
 #include "planning_service/job_store/job_rows.h"
 #include "planning_service/job_store/job_schema.h"
 #include "planning_service/job_store/postgres_database.h"
@@ -47,6 +48,14 @@ steady_clock::time_point SqlJobStore::EndOf(absl::Duration timeout) {
   // An endless wait is cut: the clock's arithmetic would overflow.
   return steady_clock::now() +
          absl::ToChronoMilliseconds(std::clamp(timeout, absl::ZeroDuration(), kLongestWait));
+}
+
+absl::StatusOr<bool> SqlJobStore::BeginService() {
+  return Write([&](SqlTransaction& sql) -> absl::StatusOr<bool> {
+    const absl::StatusOr<std::string> instance = database_->Instance(sql.connection());
+    if (!instance.ok()) return instance.status();
+    return SettleDatabaseIdentity(sql, *instance);
+  });
 }
 
 absl::Status SqlJobStore::AdvanceServiceTime(absl::Duration by) {

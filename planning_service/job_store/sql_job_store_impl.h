@@ -48,6 +48,7 @@ class SqlJobStore : public PlanningJobStore {
         writer_(std::move(writer)),
         reader_(std::move(reader)) {}
 
+  absl::StatusOr<bool> BeginService() override;
   absl::StatusOr<PlanningJob> Create(const NewPlanningJob& job, const ClientQuota& quota) override;
   absl::StatusOr<PlanningJob> Get(const std::string& job_id) override;
   absl::StatusOr<std::vector<PlanningJob>> List(const PlanningJobFilter& filter) override;
@@ -77,6 +78,8 @@ class SqlJobStore : public PlanningJobStore {
                                                const std::optional<std::string>& job_id,
                                                int limit) override;
   void WaitForEvent(int64_t after_sequence, absl::Duration timeout) override;
+  absl::StatusOr<int64_t> NewestEvent() override;
+  absl::StatusOr<bool> HasEvent(int64_t sequence) override;
   absl::StatusOr<int64_t> EventCursor(const std::string& receiver) override;
   absl::Status SetEventCursor(const std::string& receiver, int64_t sequence) override;
   bool HoldsReceiver(const std::string& receiver) override;

@@ -203,6 +203,17 @@ class SqliteDatabase : public SqlDatabase {
     return SqliteConnection::Open(file_);
   }
   bool IsShared() const override { return false; }
+  // The time of creation tells a new file from an old one whose inode it got.
+  absl::StatusOr<std::string> Instance(SqlConnection*) override {
+    struct statx about = {};
+    if (statx(AT_FDCWD, file_.c_str(), 0, STATX_INO | STATX_BTIME, &about) != 0) {
+      return absl::ErrnoToStatus(errno, absl::StrCat(file_, ": its inode cannot be read"));
+    }
+    const bool has_birth_time = (about.stx_mask & STATX_BTIME) != 0;
+    return absl::StrCat("inode ", about.stx_ino, " of ",
+                        has_birth_time ? about.stx_btime.tv_sec : 0, ".",
+                        has_birth_time ? about.stx_btime.tv_nsec : 0);
+  }
   std::string Name() const override { return file_; }
   absl::StatusOr<int64_t> Owner() override { return owner_; }
   // The lock file lets one owner live at a time.

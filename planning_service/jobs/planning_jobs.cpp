@@ -8,10 +8,11 @@
 #include <utility>
 
 #include "absl/strings/escaping.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/text/number.h"
 #include "core/trace/trace_context.h"
+#include "planning_service/job_store/job_checks.h"
 #include "planning_service/task/planning_task.h"
 #include "proto/status/rpc_status.h"
 
@@ -81,6 +82,17 @@ absl::Status NotFinished(const std::string& job_id) {
                        "JOB_NOT_FINISHED");
 }
 
+// An error of the artefact store as a client may see it. Its paths are the server's own business.
+absl::Status StoringFailed(const absl::Status& status) {
+  if (status.ok() || absl::IsInvalidArgument(status)) return status;
+  spdlog::error("event=storing_failed error={:?}", status.ToString());
+  const absl::Status shown(status.code(), absl::IsResourceExhausted(status)
+                                              ? "the disk of the service is full"
+                                              : "the service could not store the file");
+  const std::string reason = ErrorReason(status);
+  return reason.empty() ? shown : WithErrorInfo(shown, reason);
+}
+
 absl::Status CheckId(const std::string& field, const std::string& id, bool may_be_empty) {
   if (id.empty() && !may_be_empty) return InvalidFields({{field, "is missing"}});
   if (id.size() > kMaxRequestIdBytes) {
@@ -141,8 +153,13 @@ v1::PlanningJob PlanningJobToProto(const PlanningJob& job) {
 }
 
 FileUpload::FileUpload(PlanningJobStore* store, Client client,
-                       std::unique_ptr<ArtefactWriter> writer)
-    : store_(store), client_(std::move(client)), writer_(std::move(writer)) {}
+                       std::unique_ptr<ArtefactWriter> writer, int64_t stored_bytes,
+                       ArrivingBytes* arriving)
+    : store_(store),
+      client_(std::move(client)),
+      writer_(std::move(writer)),
+      stored_bytes_(stored_bytes),
+      arriving_(arriving, client_.name) {}
 
 absl::Status FileUpload::Write(const std::string& bytes) {
   const int64_t size = writer_->size_bytes() + static_cast<int64_t>(bytes.size());
@@ -151,15 +168,32 @@ absl::Status FileUpload::Write(const std::string& bytes) {
                              "a file may have at most ", client_.max_upload_bytes, " bytes")),
                          "UPLOAD_TOO_LARGE");
   }
-  return writer_->Write(bytes);
+  if (!over_quota_) {
+    const int64_t arriving = arriving_.Add(static_cast<int64_t>(bytes.size()));
+    if (stored_bytes_ + arriving > client_.quota.max_stored_bytes) {
+      over_quota_ = true;
+      arriving_.Release();
+      writer_->DiscardBytes();
+    }
+  }
+  return StoringFailed(writer_->Write(bytes));
 }
 
 absl::StatusOr<JobFile> FileUpload::Finish(const std::string& expected_digest) {
   JobFile file;
   file.size_bytes = writer_->size_bytes();
-  absl::StatusOr<std::string> digest = writer_->Commit(expected_digest);
-  if (!digest.ok()) return digest.status();
+  absl::StatusOr<std::string> digest =
+      over_quota_ ? writer_->Digest(expected_digest) : writer_->Commit(expected_digest);
+  if (!digest.ok()) return StoringFailed(digest.status());
   file.digest = *std::move(digest);
+  if (over_quota_) {
+    const auto held = store_->FindFile(client_.name, file.digest);
+    if (!held.ok()) return held.status();
+    if (!*held) {
+      return QuotaExceeded(absl::StrCat("max_stored_bytes of client ", client_.name),
+                           stored_bytes_ + file.size_bytes, client_.quota.max_stored_bytes);
+    }
+  }
   absl::Status added = store_->AddUpload(client_.name, file, client_.quota);
   if (!added.ok()) return added;
   return file;
@@ -169,9 +203,11 @@ PlanningJobs::PlanningJobs(PlanningJobStore* store, ArtefactStore* artefacts)
     : store_(store), artefacts_(artefacts) {}
 
 absl::StatusOr<FileUpload> PlanningJobs::Upload(const Client& client) {
+  const auto counts = store_->Count(client.name);
+  if (!counts.ok()) return counts.status();
   auto writer = artefacts_->NewFile();
-  if (!writer.ok()) return writer.status();
-  return FileUpload(store_, client, *std::move(writer));
+  if (!writer.ok()) return StoringFailed(writer.status());
+  return FileUpload(store_, client, *std::move(writer), counts->stored_bytes, &arriving_);
 }
 
 absl::Status PlanningJobs::Check(const Client& client, const v1::PlanningTask& task,
@@ -287,10 +323,12 @@ absl::StatusOr<PlanningJobs::Page> PlanningJobs::List(const Client& client,
     return InvalidFields({{"page_size", absl::StrCat("is ", request.page_size(),
                                                      ", must be in [0, ", kLargestPage, "]")}});
   }
-  if (!request.page_token().empty() &&
-      (!absl::SimpleAtoi(request.page_token(), &filter.before_sequence) ||
-       filter.before_sequence <= 0)) {
-    return InvalidFields({{"page_token", "was not given by this service"}});
+  if (!request.page_token().empty()) {
+    const auto sequence = ParseWhole(request.page_token());
+    if (!sequence.ok() || *sequence <= 0) {
+      return InvalidFields({{"page_token", "was not given by this service"}});
+    }
+    filter.before_sequence = *sequence;
   }
   const int size = request.page_size() == 0 ? kDefaultPage : request.page_size();
   filter.limit = size + 1;
@@ -335,6 +373,13 @@ absl::StatusOr<std::vector<JobEvent>> PlanningJobs::WaitForEvents(const Client& 
   }
 }
 
+absl::StatusOr<bool> PlanningJobs::KnowsEvent(int64_t sequence) {
+  const absl::StatusOr<int64_t> newest = store_->NewestEvent();
+  if (!newest.ok()) return newest.status();
+  if (sequence == 0 || sequence == *newest) return true;
+  return store_->HasEvent(sequence);
+}
+
 absl::StatusOr<OpenResult> PlanningJobs::Result(const Client& client, const std::string& job_id,
                                                 const std::string& name) {
   auto job = Get(client, job_id);
@@ -342,8 +387,14 @@ absl::StatusOr<OpenResult> PlanningJobs::Result(const Client& client, const std:
   if (!job->IsFinished()) return NotFinished(job_id);
   for (const JobFile& file : job->results) {
     if (file.name != name) continue;
-    auto path = artefacts_->Path(file.digest);
-    if (!path.ok()) return path.status();
+    auto path = artefacts_->CheckedPath(file.digest);
+    if (!path.ok()) {
+      // The path is the server's own business.
+      spdlog::error("event=result_damaged job={} result={:?} error={:?}", job_id, name,
+                    std::string(path.status().message()));
+      return absl::DataLossError(absl::StrCat("the bytes of result ", file.name, " of job ", job_id,
+                                              " are damaged or lost: a backup has them"));
+    }
     return OpenResult{file, *std::move(path)};
   }
   std::vector<std::string> names;

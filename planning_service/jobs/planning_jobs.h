@@ -15,6 +15,7 @@
 #include "planning_service/access/client_access.h"
 #include "planning_service/artefact_store/artefact_store.h"
 #include "planning_service/job_store/planning_job_store.h"
+#include "planning_service/jobs/arriving_bytes.h"
 #include "sightline/v1/planning_service.pb.h"
 #include "sightline/v1/planning_task.pb.h"
 
@@ -22,10 +23,13 @@ namespace sightline {
 
 v1::PlanningJob PlanningJobToProto(const PlanningJob& job);
 
-// A file on its way in, counted against its client.
+// A file on its way in, counted against its client. Bytes beyond the client's quota are not stored;
+// they still count for the digest, because a file that the client has already takes no more room.
 class FileUpload {
  public:
-  FileUpload(PlanningJobStore* store, Client client, std::unique_ptr<ArtefactWriter> writer);
+  // `stored_bytes`: what the client has without the uploads under way.
+  FileUpload(PlanningJobStore* store, Client client, std::unique_ptr<ArtefactWriter> writer,
+             int64_t stored_bytes, ArrivingBytes* arriving);
   // RESOURCE_EXHAUSTED, reasons UPLOAD_TOO_LARGE, DISK_FULL.
   absl::Status Write(const std::string& bytes);
   // Digest and size; `name` is empty. INVALID_ARGUMENT, reason DIGEST_MISMATCH, if
@@ -36,6 +40,9 @@ class FileUpload {
   PlanningJobStore* store_;
   Client client_;
   std::unique_ptr<ArtefactWriter> writer_;
+  int64_t stored_bytes_;
+  ArrivingBytes::Upload arriving_;
+  bool over_quota_ = false;
 };
 
 // A result that can be read piece by piece.
@@ -69,7 +76,13 @@ class PlanningJobs {
   absl::StatusOr<std::vector<JobEvent>> WaitForEvents(const Client& client,
                                                       const std::string& job_id, int64_t sequence,
                                                       absl::Duration timeout);
-  // FAILED_PRECONDITION, reason JOB_NOT_FINISHED; NOT_FOUND, reasons JOB_UNKNOWN, RESULT_UNKNOWN.
+  // As PlanningJobStore::NewestEvent.
+  absl::StatusOr<int64_t> NewestEvent() { return store_->NewestEvent(); }
+  // Whether a receiver that names this id as its last one may have missed nothing but what follows
+  // it. Not so if the id was never given, was lost by a restore, or was removed.
+  absl::StatusOr<bool> KnowsEvent(int64_t sequence);
+  // FAILED_PRECONDITION, reason JOB_NOT_FINISHED; NOT_FOUND, reasons JOB_UNKNOWN, RESULT_UNKNOWN;
+  // DATA_LOSS: the bytes on disk are not those that were stored.
   absl::StatusOr<OpenResult> Result(const Client& client, const std::string& job_id,
                                     const std::string& name);
 
@@ -91,6 +104,7 @@ class PlanningJobs {
 
   PlanningJobStore* store_;
   ArtefactStore* artefacts_;
+  ArrivingBytes arriving_;
 };
 
 }  // namespace sightline

@@ -2,6 +2,7 @@
 #include "planning_service/server/planning_server.h"
 
 #include <grpcpp/grpcpp.h>
+#include <spdlog/spdlog.h>
 
 #include <filesystem>
 #include <utility>
@@ -126,6 +127,13 @@ class PlanningServerImpl final : public PlanningServer {
                                           : OpenPostgresJobStore(options.database);
     if (!store.ok()) return store.status();
     store_ = *std::move(store);
+    const absl::StatusOr<bool> restored = store_->BeginService();
+    if (!restored.ok()) return restored.status();
+    if (*restored) {
+      spdlog::warn(
+          "event=database_moved hint=\"the database was restored, copied or made by an"
+          " older version: event ids go on 2^32 higher\"");
+    }
     metrics_.SetStore(store_.get());
     auto artefacts =
         ArtefactStore::Open(options.data_folder + "/artefacts", options.min_free_bytes);
@@ -155,6 +163,7 @@ class PlanningServerImpl final : public PlanningServer {
     JobRunnerOptions runner;
     runner.program = options.program;
     runner.work_folder = fs::absolute(work_folder).string();
+    runner.step_cache_folder = fs::absolute(options.data_folder + "/step_cache").string();
     runner.workers = options.workers;
     runner.parts = options.parts;
     runner.max_memory_bytes = options.max_job_memory_bytes;

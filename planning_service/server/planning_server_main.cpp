@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <sys/stat.h>
 #include <unistd.h>
 
 #include <cstdio>
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/command_options/option_values.h"
 #include "core/process/program_path.h"
 #include "planning_service/server/planning_server.h"
 #include "rpc_server/server_main.h"
@@ -36,6 +38,9 @@ void AddEventOptions(CLI::App& app, EventFlags* flags) {
   app.add_option("--webhook-secret", flags->webhook_secret,
                  "File of the secret that signs them (HMAC-SHA256)");
   app.add_option("--webhook-ca", flags->webhook_ca, "PEM of who signed the receiver's certificate");
+  NeedOption(app, {"--mqtt-prefix", "--mqtt-credentials", "--mqtt-ca", "--mqtt-cert", "--mqtt-key"},
+             "--mqtt");
+  NeedOption(app, {"--webhook-secret", "--webhook-ca"}, "--webhook");
 }
 
 void AddRunnerOptions(CLI::App& app, PlanningServerOptions* options, int* cpus) {
@@ -63,6 +68,29 @@ void AddRunnerOptions(CLI::App& app, PlanningServerOptions* options, int* cpus) 
                  "Claim of the volume that has --data");
   app.add_option("--kubernetes-mount-path", options->kubernetes.mount_path,
                  "Where the volume is mounted, as for this server; default: --data");
+  NeedOption(app,
+             {"--cpus", "--slurm-partition", "--slurm-account", "--kubernetes-namespace",
+              "--kubernetes-image", "--kubernetes-volume-claim", "--kubernetes-mount-path"},
+             "--runner");
+}
+
+// Options of a cluster other than that of --runner have no effect.
+absl::Status CheckRunnerOptions(const PlanningServerOptions& options, int cpus) {
+  const SlurmOptions& slurm = options.slurm;
+  const KubernetesOptions& kubernetes = options.kubernetes;
+  const std::string& runner = options.runner;
+  const auto wrong = [&](const char* names) {
+    return absl::InvalidArgumentError(absl::StrCat(names, " has no effect with --runner ", runner));
+  };
+  if (runner == "local" && cpus > 0) return wrong("--cpus");
+  if (runner != "slurm" && !(slurm.partition.empty() && slurm.account.empty())) {
+    return wrong("--slurm-partition or --slurm-account");
+  }
+  if (runner != "kubernetes" && !(kubernetes.image.empty() && kubernetes.volume_claim.empty() &&
+                                  kubernetes.mount_path.empty())) {
+    return wrong("--kubernetes-image, --kubernetes-volume-claim or --kubernetes-mount-path");
+  }
+  return absl::OkStatus();
 }
 
 void FillEventOptions(const EventFlags& flags, bool allow_plaintext,
@@ -91,6 +119,8 @@ void FillEventOptions(const EventFlags& flags, bool allow_plaintext,
 }  // namespace
 
 int PlanningServerMain(int argc, char** argv) {
+  // Parts, tasks and results are their clients' secrets: nothing is readable by other users.
+  umask(S_IRWXG | S_IRWXO);
   PlanningServerOptions options;
   EventFlags events;
   double max_job_time_s = 0;
@@ -123,6 +153,7 @@ int PlanningServerMain(int argc, char** argv) {
                    "How long finished jobs are kept, in days that the service was running")
         ->check(CLI::Range(0.0, 36500.0))
         ->capture_default_str();
+    NeedOption(app, {"--http-host"}, "--http");
     AddBytesOption(app, "--min-free", &options.min_free_bytes,
                    "Free space of the disk below which nothing is accepted or started");
     AddBytesOption(app, "--max-request-bytes", &options.max_request_bytes,
@@ -141,6 +172,7 @@ int PlanningServerMain(int argc, char** argv) {
                        "there is no executable ",
                        options.program));
     }
+    if (absl::Status s = CheckRunnerOptions(options, cpus); !s.ok()) return s;
     if (max_job_time_s > 0) options.max_job_time = absl::Seconds(max_job_time_s);
     options.slurm.cpus = options.kubernetes.cpus = cpus;
     options.keep_finished = absl::Hours(24 * retention_days);

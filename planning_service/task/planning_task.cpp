@@ -1,17 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planning_service/task/planning_task.h"
 
-#include <openssl/evp.h>
 #include <stdlib.h>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
 #include <limits>
 #include <map>
+#include <optional>
 #include <set>
 #include <utility>
 
@@ -22,11 +21,15 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_split.h"
 #include "absl/strings/strip.h"
+#include "core/digest/sha256.h"
+#include "core/file/atomic_write.h"
 #include "core/inspection/inspection.h"
+#include "core/json/finite_numbers.h"
 #include "core/json/strict_json.h"
 #include "core/process_folder/process_folder.h"
 #include "core/recordings/assumed_values.h"
 #include "core/recordings/recordings.h"
+#include "core/text/length_unit.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -249,10 +252,11 @@ absl::Status CheckOptions(const v1::PlanningTask& task) {
                          "is not the name of an effect"));
       }
     }
-    if (!options.part_unit().empty() &&
-        !std::all_of(options.part_unit().begin(), options.part_unit().end(),
-                     [](unsigned char c) { return absl::ascii_isalpha(c); })) {
-      s.Update(Invalid("diagnose_options.part_unit", "must be m, cm, mm, um or inch"));
+    if (!options.part_unit().empty()) {
+      const auto unit = LengthUnitNamed(options.part_unit());
+      if (!unit.ok()) {
+        s.Update(Invalid("diagnose_options.part_unit", std::string(unit.status().message())));
+      }
     }
   }
   return s;
@@ -362,14 +366,6 @@ absl::Status CheckInspection(const v1::Inspection& message, const std::set<std::
   return absl::OkStatus();
 }
 
-std::string Sha256Hex(const std::string& bytes) {
-  std::array<unsigned char, 32> digest;
-  unsigned int size = 0;
-  EVP_Digest(bytes.data(), bytes.size(), digest.data(), &size, EVP_sha256(), nullptr);
-  return absl::BytesToHexString(
-      absl::string_view(reinterpret_cast<const char*>(digest.data()), digest.size()));
-}
-
 }  // namespace
 
 const std::vector<std::string>& TaskKinds() {
@@ -396,7 +392,7 @@ absl::Status CheckFileName(const std::string& name) {
     }
   }
   for (const char* own : {kInspectionFile, kRecordingsFile, kPlanFile}) {
-    if (name == own) {
+    if (name == own || absl::StartsWith(name, absl::StrCat(own, "/"))) {
       return bad("is one that the service writes itself: its content belongs into the task");
     }
   }
@@ -405,6 +401,9 @@ absl::Status CheckFileName(const std::string& name) {
 
 absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::string>& files,
                        const TaskFileReader& read) {
+  if (const std::optional<std::string> field = FirstNonFiniteField(task)) {
+    return Invalid(*field, "must be a finite number");
+  }
   if (absl::Status s = CheckKind(task); !s.ok()) return s;
   if (absl::Status s = CheckOptions(task); !s.ok()) return s;
   if (files.size() > kMostFiles) {
@@ -551,7 +550,9 @@ std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::
     const v1::DiagnoseJobOptions& options = task.diagnose_options();
     if (task.has_inspection()) arguments.Add("--inspection", std::string(kInspectionFile));
     if (!options.part_file().empty()) arguments.Add("--part", options.part_file());
-    if (!options.part_unit().empty()) arguments.Add("--part-unit", options.part_unit());
+    if (!options.part_unit().empty()) {
+      arguments.Add("--part-unit", LengthUnitNamed(options.part_unit()).value_or(""));
+    }
     for (const std::string& id : options.excluded_effects()) arguments.Add("--exclude", id);
     if (options.has_max_effects()) arguments.Add("--max-effects", options.max_effects());
   }

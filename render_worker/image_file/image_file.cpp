@@ -2,7 +2,6 @@
 #include "render_worker/image_file/image_file.h"
 
 // clang-format off: before OpenImageIO, whose macros of byte order would hide what protobuf needs.
-#include "core/json/strict_json.h"
 // clang-format on
 
 #include <OpenImageIO/filesystem.h>
@@ -19,6 +18,7 @@
 #include <memory>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/atomic_write.h"
 
 namespace sightline {
 namespace {

@@ -5,13 +5,10 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <sstream>
 
-#include "absl/strings/ascii.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_split.h"
 #include "core/file/read_file.h"
+#include "core/text/number_table.h"
 #include "render_worker/material/fresnel.h"
 #include "render_worker/material/microfacet.h"
 #include "render_worker/material/models.h"
@@ -128,31 +125,16 @@ absl::StatusOr<RefractiveIndexTable> ReadRefractiveIndex(const std::string& path
     return absl::Status(bytes.status().code(),
                         absl::StrCat(context, ": ", bytes.status().message()));
   }
-  std::istringstream file(*bytes);
   RefractiveIndexTable table;
-  std::string line;
-  for (int number = 1; std::getline(file, line); ++number) {
-    const std::string text(absl::StripAsciiWhitespace(line));
-    if (text.empty() || text[0] == '#') continue;
-    if (number == 1 && absl::ascii_isalpha(static_cast<unsigned char>(text[0]))) {
-      if (text != "wavelength_nm,n,k") {
-        return absl::InvalidArgumentError(absl::StrCat(context, ": ", path, ", line 1 is \"", text,
-                                                       "\", must be wavelength_nm,n,k"));
-      }
-      continue;
-    }
-    const std::vector<std::string> fields = absl::StrSplit(text, ',');
-    double values[3];
-    bool good = fields.size() == 3;
-    for (size_t i = 0; good && i < 3; ++i) good = absl::SimpleAtod(fields[i], &values[i]);
-    if (!good) {
-      return absl::InvalidArgumentError(absl::StrCat(context, ": ", path, ", line ", number, ": \"",
-                                                     text, "\" is not wavelength_nm,n,k"));
-    }
-    table.wavelength_m.push_back(values[0] * 1e-9);
-    table.n.push_back(values[1]);
-    table.k.push_back(values[2]);
-  }
+  const absl::Status status = ReadNumberTable(
+      *bytes, {.columns = {"wavelength_nm", "n", "k"}, .comments = true},
+      absl::StrCat(context, ": ", path), {}, [&](int, const std::vector<double>& values) {
+        table.wavelength_m.push_back(values[0] * 1e-9);
+        table.n.push_back(values[1]);
+        table.k.push_back(values[2]);
+        return absl::OkStatus();
+      });
+  if (!status.ok()) return status;
   return table;
 }
 

@@ -4,15 +4,15 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-#include <cstdlib>
 #include <filesystem>
-#include <sstream>
+#include <vector>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/file/read_file.h"
 #include "core/image/read_raw_image.h"
+#include "core/text/number_table.h"
 
 namespace sightline {
 namespace {
@@ -69,39 +69,18 @@ absl::StatusOr<Image<float>> ReadHeightText(const std::string& path, const std::
     return absl::Status(bytes.status().code(),
                         absl::StrCat(context, ": ", bytes.status().message()));
   }
-  std::istringstream file(*bytes);
   Image<float> image;
-  std::string line;
-  for (int number = 1; std::getline(file, line); ++number) {
-    if (absl::StripAsciiWhitespace(line).empty()) continue;
-    if (image.values.size() > static_cast<size_t>(kMostSamples)) break;
-    int columns = 0;
-    const char* place = line.c_str();
-    while (true) {
-      while (*place == ' ' || *place == '\t' || *place == ',' || *place == '\r') ++place;
-      if (*place == '\0') break;
-      char* end = nullptr;
-      const double value = std::strtod(place, &end);
-      if (end == place || !std::isfinite(value)) {
-        return absl::InvalidArgumentError(absl::StrCat(context, ": ", path, ", line ", number,
-                                                       ", column ", columns + 1, ": not a number"));
-      }
-      image.values.push_back(static_cast<float>(value));
-      place = end;
-      ++columns;
-    }
-    if (image.rows_px > 0 && columns != image.columns_px) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(context, ": ", path, ", line ", number, " has ", columns,
-                       " values, the lines before have ", image.columns_px));
-    }
-    image.columns_px = columns;
-    ++image.rows_px;
-  }
-  if (image.values.size() > static_cast<size_t>(kMostSamples)) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(context, ": ", path, " has more than ", kMostSamples, " heights"));
-  }
+  const absl::Status status =
+      ReadNumberTable(*bytes, {.max_numbers = kMostSamples}, absl::StrCat(context, ": ", path), {},
+                      [&](int, const std::vector<double>& values) {
+                        for (const double value : values) {
+                          image.values.push_back(static_cast<float>(value));
+                        }
+                        image.columns_px = static_cast<int>(values.size());
+                        ++image.rows_px;
+                        return absl::OkStatus();
+                      });
+  if (!status.ok()) return status;
   return image;
 }
 

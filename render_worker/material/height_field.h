@@ -41,9 +41,9 @@ class HeightField {
   std::vector<Level> levels_;
 };
 
-// Text of heights (one row of samples per line, separated by tabs, blanks or commas) or a
-// single-channel image (PNG, TIFF) of 16-bit numbers, in height_unit_m. INVALID_ARGUMENT names
-// `context`, the file and the line; NOT_FOUND.
+// Text of heights (one row of samples per line, see core/text/number_table.h for separators and
+// decimal signs) or a single-channel image (PNG, TIFF) of 16-bit numbers, in height_unit_m.
+// INVALID_ARGUMENT names `context`, the file and the line; NOT_FOUND.
 absl::StatusOr<HeightField> ReadHeightField(const std::string& path, double sample_pitch_m,
                                             double height_unit_m, const std::string& context);
 

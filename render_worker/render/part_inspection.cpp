@@ -13,6 +13,7 @@
 #include "core/inspection/field_checks.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
+#include "core/part/part_digest.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -170,7 +171,7 @@ absl::StatusOr<std::unique_ptr<PartScene>> LoadPartScene(const Inspection& inspe
   input.assets = assets;
   auto part = LoadMeshAsset(inspection.part_file, inspection.part_unit, assets);
   if (!part.ok()) return part.status();
-  if (part_digest != nullptr) *part_digest = PartDigest(*part);
+  if (part_digest != nullptr) *part_digest = PartDigestOf(*part).Text();
   input.part = *std::move(part);
   auto obstacles = LoadObstacles(inspection, assets);
   if (!obstacles.ok()) return obstacles.status();

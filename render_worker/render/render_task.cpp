@@ -1,10 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render_worker/render/render_task.h"
 
-#include <openssl/evp.h>
-
 #include <algorithm>
-#include <array>
 #include <filesystem>
 #include <fstream>
 #include <optional>
@@ -12,10 +9,11 @@
 #include <tuple>
 #include <utility>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/digest/sha256.h"
+#include "core/file/atomic_write.h"
 #include "core/inspection/imaging.h"
 #include "core/json/strict_json.h"
 #include "proto/status/rpc_status.h"
@@ -34,22 +32,13 @@ namespace {
 namespace fs = std::filesystem;
 
 absl::StatusOr<RenderedFile> Describe(const std::string& folder, const std::string& name) {
-  std::ifstream file(fs::path(folder) / name, std::ios::binary);
-  if (!file) return absl::InternalError(absl::StrCat(name, ": was just written, is not there"));
-  const std::unique_ptr<EVP_MD_CTX, decltype(&EVP_MD_CTX_free)> hash(EVP_MD_CTX_new(),
-                                                                     EVP_MD_CTX_free);
-  EVP_DigestInit_ex(hash.get(), EVP_sha256(), nullptr);
+  const auto digest = DigestOfFile((fs::path(folder) / name).string());
+  if (!digest.ok())
+    return absl::InternalError(absl::StrCat(name, ": was just written, is not there"));
   RenderedFile result;
   result.file = name;
-  std::array<char, 1 << 16> buffer;
-  while (file.read(buffer.data(), buffer.size()) || file.gcount() > 0) {
-    EVP_DigestUpdate(hash.get(), buffer.data(), static_cast<size_t>(file.gcount()));
-    result.size_bytes += file.gcount();
-  }
-  std::array<unsigned char, 32> digest;
-  EVP_DigestFinal_ex(hash.get(), digest.data(), nullptr);
-  result.sha256 = absl::BytesToHexString(
-      absl::string_view(reinterpret_cast<const char*>(digest.data()), digest.size()));
+  result.sha256 = digest->sha256;
+  result.size_bytes = digest->size_bytes;
   return result;
 }
 

@@ -12,6 +12,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/recordings/raw_numbers.h"
+#include "core/sensor/emva1288_data.h"
 #include "core/sensor/sensor.h"
 #include "render_worker/sensor/emva1288_measurement.h"
 #include "render_worker/sensor_diagnosis/fixed_pattern.h"
@@ -85,6 +87,13 @@ absl::StatusOr<SetStatistics> ReadFrames(const v1::SensorSet& set,
     if (step.has_photons() && !step.dark()) statistics.photons = step.photons();
     result.steps.push_back(std::move(statistics));
   }
+  // A camera may clip below 2^bits - 1.
+  const int limit = UpperLimit(result.counts, largest);
+  for (FlatFieldStatistics& step : result.steps) {
+    if (limit < largest && step.largest_seen_dn == limit) {
+      step.share_at_largest = step.share_at_largest_seen;
+    }
+  }
   return result;
 }
 
@@ -99,6 +108,7 @@ class SensorDiagnosis {
   }
 
   absl::StatusOr<v1::SensorDiagnosis> Run() {
+    for (const std::string& remark : SensorSetRemarks(set_)) Warn(remark);
     FindSaturation();
     MeasureByStandard();
     if (absl::Status status = FitPhotonTransfer(); !status.ok()) return status;

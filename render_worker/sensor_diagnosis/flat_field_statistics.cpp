@@ -95,6 +95,11 @@ void FlatFieldAccumulator::Add(const Image<uint16_t>& frame_dn) {
   for (size_t i = 0; i < frame_dn.values.size(); ++i) {
     at_zero_ += frame_dn.values[i] == 0;
     at_largest_ += frame_dn.values[i] >= largest_dn_;
+    if (frame_dn.values[i] > largest_seen_dn_) {
+      largest_seen_dn_ = frame_dn.values[i];
+      at_largest_seen_ = 0;
+    }
+    at_largest_seen_ += frame_dn.values[i] == largest_seen_dn_;
     if (keep_mean_) sum_.values[i] += frame_dn.values[i];
   }
   if (frame_mean_dn_.size() == 2) pair_ = StatisticsOfPair(last_.front(), frame_dn);
@@ -114,6 +119,8 @@ FlatFieldStatistics FlatFieldAccumulator::Finish() const {
   const double pixels = static_cast<double>(rows_) * columns_;
   result.share_at_zero = at_zero_ / frames / pixels;
   result.share_at_largest = at_largest_ / frames / pixels;
+  result.largest_seen_dn = largest_seen_dn_;
+  result.share_at_largest_seen = at_largest_seen_ / frames / pixels;
   const auto over_parts = [&](const std::function<double(const PartSums&)>& value) {
     std::vector<double> values;
     for (const PartSums& part : parts_) values.push_back(value(part));

@@ -38,6 +38,8 @@ struct FlatFieldStatistics {
   std::vector<double> frame_mean_dn;  // in the order of the files
   TemporalNoise noise;
   double share_at_zero = 0, share_at_largest = 0;  // of all pixels of all frames
+  int largest_seen_dn = 0;                         // largest number of all pixels of all frames
+  double share_at_largest_seen = 0;                // of all pixels of all frames
   Image<double> mean_dn;                           // averaged frame; only if it is kept
   int frames() const { return static_cast<int>(frame_mean_dn.size()); }
   double MeanDn() const;
@@ -69,7 +71,8 @@ class FlatFieldAccumulator {
   std::vector<double> row_mean_squares_, column_mean_squares_;  // one per difference
   std::vector<double> frame_mean_dn_;
   std::optional<PairStatistics> pair_;
-  double at_zero_ = 0, at_largest_ = 0;
+  double at_zero_ = 0, at_largest_ = 0, at_largest_seen_ = 0;
+  int largest_seen_dn_ = 0;
   Image<double> sum_;
   int rows_ = 0, columns_ = 0;
 };

@@ -42,7 +42,8 @@ std::vector<Departure> LineNoiseDepartures(std::span<const FlatFieldStatistics* 
 std::vector<Departure> NeighbourDepartures(std::span<const FlatFieldStatistics* const> steps,
                                            std::span<const double> signal_dn);
 
-// Counts of all values [0, 2^bits), of all frames together.
+// Counts of all values [0, 2^bits), of all frames together. Where the camera clips is found from
+// them; the lowest and the highest value that occur are taken for clipped ones.
 std::vector<Departure> ConverterDepartures(const std::vector<int64_t>& counts, int bit_depth_bit,
                                            double share_of_dark_at_zero);
 

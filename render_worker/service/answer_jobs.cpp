@@ -7,6 +7,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "core/digest/sha256.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/service/without_folders.h"
 #include "rpc_server/rpc_server.h"

@@ -15,9 +15,6 @@
 
 namespace sightline {
 
-// SHA-256, lower-case hex.
-std::string Sha256Hex(const std::string& bytes);
-
 // Digest of a message: the same for equal messages, whatever order their maps are in.
 std::string MessageDigest(const google::protobuf::Message& message);
 

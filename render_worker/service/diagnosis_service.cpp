@@ -12,6 +12,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/part/mesh.h"
+#include "core/part/part_digest.h"
 #include "core/recordings/assumed_values.h"
 #include "core/recordings/check/check_recordings.h"
 #include "core/recordings/load_images.h"
@@ -155,6 +156,7 @@ absl::StatusOr<std::shared_ptr<DiagnosisServiceImpl::CheckedSet>> DiagnosisServi
   if (!loaded.ok()) return loaded.status();
   if (!loaded->errors.empty()) return InvalidImages(files, loaded->errors);
   checked->images = std::move(loaded->raw_dn);
+  assumptions.insert(assumptions.end(), loaded->remarks.begin(), loaded->remarks.end());
   if (loaded->eight_bit_files) {
     assumptions.push_back(
         TakeNarrowNumbers(EightBitNumbers(description->camera), &*description, &checked->images));
@@ -231,12 +233,16 @@ absl::StatusOr<v1::Diagnosis> DiagnosisServiceImpl::RunScene(CheckedScene& work,
   if (!part.ok()) return part.status();
   scene.part = *std::move(part);
   const std::string& stated = scene.recordings.part->part_digest;
-  if (const std::string digest = PartDigest(scene.part); !stated.empty() && digest != stated) {
+  const PartDigest digest = PartDigestOf(scene.part);
+  const absl::StatusOr<PartDigest> recorded = ParsePartDigest(stated);
+  // Digests by an older rule cannot be compared: the part is taken.
+  if (!stated.empty() &&
+      (!recorded.ok() || Compare(*recorded, digest) == DigestComparison::kOtherPart)) {
     const auto size_mm = (1e3 * scene.part.BoundingBox().sizes()).eval();
     return absl::InvalidArgumentError(absl::StrFormat(
         "%s: is not the part of the recordings (part.part_digest): another file or another unit; "
         "it measures %.4g x %.4g x %.4g mm, its digest is %s, that of the recordings %s",
-        inspection.part_file, size_mm.x(), size_mm.y(), size_mm.z(), digest, stated));
+        inspection.part_file, size_mm.x(), size_mm.y(), size_mm.z(), digest.Text(), stated));
   }
   auto obstacles = LoadObstacles(inspection, scene.assets);
   if (!obstacles.ok()) return obstacles.status();

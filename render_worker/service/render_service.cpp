@@ -12,6 +12,7 @@
 
 #include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
+#include "core/digest/sha256.h"
 #include "core/parallel/exception_status.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/service/answer_jobs.h"

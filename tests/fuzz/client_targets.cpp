@@ -61,7 +61,7 @@ void ReadJournal(std::string_view bytes) {
 void ReadPareto(std::string_view bytes) {
   const auto front = ReadJson<v1::ParetoFront>(bytes);
   ParetoTask task;
-  task.part_digest = front.part_digest();
+  task.part_digest = ParsePartDigest(front.part_digest()).value_or(PartDigest{});
   task.scene_digest = front.scene_digest();
   task.domain = ThesisDomain();
   task.for_uncertainty = front.for_uncertainty();

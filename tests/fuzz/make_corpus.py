@@ -78,6 +78,31 @@ def gltf(uri=None, indices=True):
     return document, positions + triangles
 
 
+def changed(document, **changes):
+    """The document with other values at its top."""
+    return {**document, **changes}
+
+
+def gltf_of_extensions():
+    """Documents that use extensions and sparse accessors, with the binary of gltf()."""
+    document, _ = gltf()
+    node, accessor = document["nodes"][0], document["accessors"][0]
+    sparse = {"count": 2, "indices": {"bufferView": 1, "componentType": 5123}, "values": {"bufferView": 0}}
+    instancing = {"EXT_mesh_gpu_instancing": {"attributes": {"TRANSLATION": 0, "SCALE": 0}}}
+    hidden = {"KHR_node_visibility": {"visible": False}}
+    short = {"bufferView": 0, "componentType": 5122, "normalized": True, "type": "VEC3", "count": 4}
+    others = document["accessors"][1:]
+    return {
+        "sparse": changed(document, accessors=[{**accessor, "sparse": sparse}, *others]),
+        "sparse_alone": changed(document, accessors=[{**accessor, "bufferView": -1, "count": 900_000, "sparse": sparse},
+                                                     *others]),
+        "instances": changed(document, nodes=[{**node, "extensions": instancing}, document["nodes"][1]]),
+        "hidden": changed(document, nodes=[{**node, "extensions": hidden}, document["nodes"][1]]),
+        "quantised": changed(document, accessors=[short, *others], extensionsRequired=["KHR_mesh_quantization"]),
+        "unknown": changed(document, extensions={"ACME_bend": {}}),
+    }
+
+
 def stl_binary(count=2):
     facets = b"".join(struct.pack("<12fH", 0, 0, 0, *SQUARE[0], *SQUARE[i + 1], *SQUARE[i + 2], 0)
                       for i in range(2))
@@ -205,7 +230,7 @@ def pareto():
     points = [{"number": i + 1, "scans": i + 1, "time_s": 4.5 * (i + 1), "settled": 0.5 + 0.1 * i,
                "settled_targets": 100, "measurements": [MEASUREMENT] * (i + 1), "locked_scans": i}
               for i in range(3)]
-    return {"inspection_name": "a", "part_digest": "ab", "scene_digest": "cd", "goal": 0.9, "judged_targets": 200,
+    return {"inspection_name": "a", "part_digest": "2:" + 64 * "a", "scene_digest": "cd", "goal": 0.9, "judged_targets": 200,
             "points": points, "dominated": [{"scans": 4, "settled": 0.5}], "chosen": 2}
 
 
@@ -240,6 +265,7 @@ def hostile_urdf():
         "declaration": "<?xml >" + "<a>" * deep,
         "attributes": "<robot " + " ".join('a%d="1"' % i for i in range(3000)) + "/>",
         "loop": URDF.replace('<child link="arm"/>', '<child link="base"/>'),
+        "misspelt": URDF.replace("collision>", "colision>"),
     }
 
 
@@ -248,6 +274,7 @@ HTTP = {
     "post": "POST /v1/jobs HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\nExpect: 100-continue\r\n\r\nhelloGET / HTTP/1.0\r\n\r\n",
     "chunked": "PUT /a HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: chunked\r\n\r\n5;x=y\r\nhello\r\n0\r\nT: 1\r\n\r\n",
     "two_lengths": "POST / HTTP/1.1\r\nHost: a\r\nContent-Length: 5\r\nTransfer-Encoding: chunked\r\n\r\n0\r\n\r\n",
+    "unknown_coding": "POST / HTTP/1.1\r\nHost: a\r\nTransfer-Encoding: xchunked\r\n\r\n5\r\nhello\r\n0\r\n\r\n",
     "absolute": "HEAD http://a:80/%2e%2e/b HTTP/1.1\r\nHost: b\r\nAuthorization: Bearer abc\r\n\r\n",
 }
 
@@ -282,10 +309,11 @@ def journal():
     coverage = (struct.pack("<i", 0) + bits(70, (2**63 + 1, 3)) + bits(0, ()) + struct.pack("<iiq", 3, 40, 1000)
                 + bits(0, ()) + struct.pack("<QI", 1, 7) + struct.pack("<Qf", 1, 0.5))
     score = struct.pack("<qqq", 60, 65, 70) + struct.pack("<Bq", 1, 40) + struct.pack("<Bq", 0, 0) + struct.pack("<q", 50)
-    answers = b"sightline answers 1\nseed\n"
+    answers = b"sightline answers 2\nseed\n"
     for asked, answer in ((query(1), struct.pack("<Q", 2) + gain * 2),
                           (query(4), struct.pack("<Q", 2) + coverage * 2),
                           (query(5, struct.pack("<f", 1)), score)):
+        answer = struct.pack("<q", 2) + answer  # evaluations that it cost
         answers += asked + digest(answer) + struct.pack("<II", len(answer), 0) + answer
     return answers
 
@@ -315,15 +343,19 @@ def small():
     escape = '{"\\u001b[31mname": 1}'
     zeros = ",".join(["0"] * 2000)
     return {
-        "glb": {"square": glb(square, binary), "no_indices": glb(gltf(indices=False)[0], binary),
+        "glb": {**{name: glb(document, binary) for name, document in gltf_of_extensions().items()},
+                "left_over": glb(square, binary + bytes(64)), "square": glb(square, binary), "no_indices": glb(gltf(indices=False)[0], binary),
                 "extras": glb(('{"asset":{"version":"2.0"},"extras":[%s]}' % zeros).encode()),
                 "deep": glb(('{"asset":' + "[" * 70 + "]" * 70 + "}").encode())},
         "gltf": {"data_uri": json.dumps(gltf("data:application/octet-stream;base64,AAAAAA==")[0]),
                  "outside": json.dumps(gltf("../outside.bin")[0]),
                  "escaped": json.dumps(gltf("%2e%2e/outside.bin")[0])},
-        "stl": {"binary": stl_binary(), "claims_more": stl_binary(4_000_000_000), "text": STL_TEXT},
-        "ply": {form: ply(form) for form in ("ascii", "binary_little_endian", "binary_big_endian")},
-        "obj": {"comb": obj(comb(12), 2), "negative": "v 0 0 0\nv 9 0 0\nv 0 9 0\nf -3 -2 \\\n -1\n",
+        "stl": {"binary": stl_binary(), "claims_more": stl_binary(4_000_000_000), "text": STL_TEXT,
+                "marks": "\ufeff" + STL_TEXT.replace("endsolid", "end solid").replace("\n", "\r") + "\0\x1a"},
+        "ply": {**{form: ply(form) for form in ("ascii", "binary_little_endian", "binary_big_endian")},
+                "left_over": ply("binary_little_endian") + bytes(24)},
+        "obj": {"comb": obj(comb(12), 2),
+                "joined": "v 0 0 0\nv 9 0 \\\r\n0\rv 0 9 0 # C:\\\nvn 0 \\\n1\nf 1 2\\\n 3\nf 1 1 2\nv 1e9 0 0\nf 1 2 4\n", "negative": "v 0 0 0\nv 9 0 0\nv 0 9 0\nf -3 -2 \\\n -1\n",
                 "nan": "v nan 0 0\nv 9 0 0\nv 0 9 0\nv 1e308 -1e308 0\nf 1 2 4 3\n"},
         "points": {form: ply(form) for form in ("ascii", "binary_little_endian")},
         "image": {"grey16.png": png(32, 32), "grey8.png": png(16, 8, bits=8), "short.png": png(32, 32, rows_given=9),
@@ -332,8 +364,12 @@ def small():
                   "deflate.tif": tiff(32, 32, zlib.compress(pixels), 8),
                   "deflate_cut.tif": tiff(32, 32, zlib.compress(pixels), 8)[:-20],
                   "claims_40000.tif": tiff(40000, 40000, bytes(60)),
-                  "tiles.tif": tiff(32, 32, pixels, extra=((322, 4, 16), (323, 4, 16)))},
-        "height_field": {"text": "0 1 2\n3, 4, 5\n", "uneven": "1 2\n3\n"},
+                  "tiles.tif": tiff(32, 32, pixels, extra=((322, 4, 16), (323, 4, 16))),
+                  "turned.tif": tiff(32, 32, pixels, extra=((274, 3, 6),)),
+                  "left_over.tif": tiff(32, 32, pixels) + b"more", "sub.tif": tiff(32, 32, pixels, extra=((330, 4, 8),)),
+                  "left_over.png": png(32, 32) + b"more"},
+        "height_field": {"text": "0 1 2\n3 4 5\n", "decimal_commas": "0,5\t1,25\n2\t3,5\n",
+                         "two_ways": "0,5 1,5\n2 3\n", "semicolons": "\ufeff0,5;1\r\n2;3\r\n", "uneven": "1 2\n3\n"},
         "measured_table": {"text": "theta_l_deg,theta_d_deg,phi_d_deg,brdf_per_sr\n30,30,0,1.5\n30,32,-4,1\n"},
         "refractive_index": {"text": "wavelength_nm,n,k\n400,1.2,6.5\n700,1.9,8\n"},
         "inspection_json": {"cylinder_head": example("cylinder_head", "inspection.json"),

@@ -31,14 +31,16 @@ class TestAuthority {
 
   std::string certificate() const { return Pem(certificate_.get()); }
 
-  // `alternative_names` as OpenSSL writes them, e.g. "DNS:localhost,IP:127.0.0.1".
+  // `alternative_names` as OpenSSL writes them, e.g. "DNS:localhost,IP:127.0.0.1"; empty: none.
   PemPair Issue(const std::string& common_name,
                 const std::string& alternative_names = "DNS:localhost,IP:127.0.0.1") const {
     const Key key(EVP_EC_gen("P-256"), &EVP_PKEY_free);
     const Certificate certificate(X509_new(), &X509_free);
     Fill(certificate.get(), common_name, key.get());
     X509_set_issuer_name(certificate.get(), X509_get_subject_name(certificate_.get()));
-    AddExtension(certificate.get(), NID_subject_alt_name, alternative_names.c_str());
+    if (!alternative_names.empty()) {
+      AddExtension(certificate.get(), NID_subject_alt_name, alternative_names.c_str());
+    }
     EXPECT_GT(X509_sign(certificate.get(), key_.get(), EVP_sha256()), 0);
     const std::unique_ptr<BIO, decltype(&BIO_free)> out(BIO_new(BIO_s_mem()), &BIO_free);
     PEM_write_bio_PrivateKey(out.get(), key.get(), nullptr, nullptr, 0, nullptr, nullptr);

@@ -102,6 +102,20 @@ class FunctionOracle : public GainOracle {
   int64_t exact_evaluations_ = 0;
 };
 
+// A gain with weights, which it remembers.
+class WeightedOracle final : public FunctionOracle {
+ public:
+  using FunctionOracle::FunctionOracle;
+  absl::Status SetWeights(const GainWeights& weights) override {
+    weights_ = weights;
+    return absl::OkStatus();
+  }
+  const GainWeights& weights() const { return weights_; }
+
+ private:
+  GainWeights weights_;
+};
+
 // Targets on a line from 0 to 1, one every hundredth. A scan at offset y brings a share of 0.4 to
 // those within 0.26 of y: three scans settle a target, however they lie. Exact scores are the same.
 class ShareOracle final : public GainOracle {

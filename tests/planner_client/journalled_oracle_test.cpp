@@ -2,6 +2,7 @@
 // Planning that is broken off and run again with its journal makes the plan of an unbroken run.
 #include "planner_client/plan_oracle/journalled_oracle.h"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,6 +10,7 @@
 #include <fstream>
 #include <memory>
 #include <string>
+#include <vector>
 
 #include "planner_client/strategy/planner.h"
 #include "tests/planner_client/analytic_oracle.h"
@@ -17,6 +19,10 @@ namespace sightline {
 namespace {
 
 namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 constexpr size_t kTargets = 200;
 
@@ -52,6 +58,7 @@ class JournalledOracleTest : public testing::Test {
     int64_t evaluations = 0;
     int64_t asked = 0;
     int64_t replayed = 0;
+    std::vector<std::string> remarks;
   };
   // Stops after so many queries of gains; 0: runs to the end.
   Run Plan(int stop_after_queries, const std::string& fingerprint = "part 1") {
@@ -62,13 +69,15 @@ class JournalledOracleTest : public testing::Test {
     oracle.set_on_query([&] {
       if (stop_after_queries > 0 && ++queries >= stop_after_queries) interrupted = true;
     });
-    auto journal = JournalledOracle::Open(std::move(owned), file_, fingerprint);
+    Run run;
+    auto journal =
+        JournalledOracle::Open(std::move(owned), file_, fingerprint,
+                               [&](const std::string& text) { run.remarks.push_back(text); });
     EXPECT_TRUE(journal.ok()) << journal.status();
     PlannerRequest request = Request();
     request.interrupted = &interrupted;
     auto plan = MakePlan(**journal, request);
     EXPECT_TRUE(plan.ok()) << plan.status();
-    Run run;
     for (const ChosenScan& scan : plan->scans) run.scans.push_back(ToArray(scan.measurement));
     run.evaluations = plan->evaluations;
     run.asked = oracle.evaluations();
@@ -127,7 +136,49 @@ TEST_F(JournalledOracleTest, ADamagedAnswerIsAskedAgain) {
   }
   const Run again = Plan(0);
   EXPECT_EQ(again.scans, first.scans);
+  EXPECT_EQ(again.evaluations, first.evaluations);
   EXPECT_GT(again.asked, 0);
+  // It is named, once, and remade: nothing is said of it the next time.
+  EXPECT_THAT(again.remarks, ElementsAre(AllOf(HasSubstr(file_), HasSubstr("is damaged"))));
+  const Run last = Plan(0);
+  EXPECT_EQ(last.asked, 0);
+  EXPECT_THAT(last.remarks, IsEmpty());
+}
+
+// The count that an oracle keeps is its own: some queries cost nothing, others more than a scan
+// each.
+class CountingOracle final : public FunctionOracle {
+ public:
+  CountingOracle() : FunctionOracle(kTargets, sightline::Covers) {}
+  absl::StatusOr<std::vector<ScanGain>> Gains(std::span<const Measurement> measurements,
+                                              std::span<const float> known) override {
+    gains_ += 7;
+    return FunctionOracle::Gains(measurements, known);
+  }
+  int64_t evaluations() const override { return gains_; }
+
+ private:
+  int64_t gains_ = 0;
+};
+
+TEST_F(JournalledOracleTest, CountsAsTheOracleAloneWouldHaveCounted) {
+  CountingOracle alone;
+  const auto count = [](GainOracle& oracle) {
+    const std::vector<Measurement> scans(3);
+    const std::vector<float> known(kTargets, 0.0f);
+    EXPECT_TRUE(oracle.Gains(scans, known).ok());
+    EXPECT_TRUE(oracle.FastCoverage(scans).ok());
+    EXPECT_TRUE(oracle.Gains(scans, known).ok());
+    return oracle.evaluations();
+  };
+  const int64_t expected = count(alone);
+  EXPECT_EQ(expected, 14);
+  for (const bool replayed : {false, true}) {
+    auto journal = JournalledOracle::Open(std::make_unique<CountingOracle>(), file_, "part 1");
+    ASSERT_TRUE(journal.ok()) << journal.status();
+    EXPECT_EQ(count(**journal), expected) << replayed;
+    EXPECT_EQ((*journal)->replayed_queries(), replayed ? 3 : 0);
+  }
 }
 
 TEST_F(JournalledOracleTest, AnswersOfAnotherPartAreNotUsed) {
@@ -135,6 +186,8 @@ TEST_F(JournalledOracleTest, AnswersOfAnotherPartAreNotUsed) {
   const Run other = Plan(0, "part 2");
   EXPECT_EQ(other.replayed, 0);
   EXPECT_EQ(other.asked, first.asked);
+  EXPECT_THAT(first.remarks, IsEmpty());
+  EXPECT_THAT(other.remarks, ElementsAre(HasSubstr("other questions")));
 }
 
 // For the journal of another search.

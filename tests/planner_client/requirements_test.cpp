@@ -13,6 +13,7 @@
 namespace sightline {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 // Two squares of 100 mm side by side in the plane z = 0, the second of material "ground".
@@ -90,6 +91,61 @@ TEST(Requirements, RefusesWhatThePartHasNot) {
   inspection = Task();
   inspection.tolerances->file = "a.stp";
   expect(inspection, "holds no tolerance that can be planned for");
+}
+
+// A rectangle of the file of tolerances in the plane z, wound so that it faces up or down.
+FaceTriangles Rectangle(int number, double x_m, double z_m, bool up = true) {
+  FaceTriangles face{number, {}, {}};
+  face.positions_m = {{0, 0, z_m}, {x_m, 0, z_m}, {x_m, 0.1, z_m}, {0, 0.1, z_m}};
+  if (up) {
+    face.triangles = {{0, 1, 2}, {0, 2, 3}};
+  } else {
+    face.triangles = {{0, 2, 1}, {0, 3, 2}};
+  }
+  return face;
+}
+
+// A file of another revision has the same names and faces at other places.
+TEST(Requirements, FacesThatAToleranceBindsLieOnThePart) {
+  Inspection inspection = Task();
+  inspection.tolerances->file = "part.stp";
+  const auto require = [&](const FaceTriangles& face, bool by_region) {
+    ToleranceReport report;
+    Inspection task = inspection;
+    if (by_region) {
+      task.tolerances->regions.push_back({"a", 0.0002, std::nullopt, {}, {face.face}});
+    } else {
+      Tolerance tolerance;
+      tolerance.id = "#57";
+      tolerance.name = "flat";
+      tolerance.zone_width_m = 0.0002;
+      tolerance.faces = {face.face};
+      report.read.push_back(tolerance);
+    }
+    // Faces that nothing binds may be anywhere: the file may hold other bodies, too.
+    return MakeRequirements(task, TwoSquares(), report, {face, Rectangle(99, 0.2, 5)}).status();
+  };
+  for (const bool by_region : {false, true}) {
+    const std::string by = by_region ? "tolerances.regions[0]" : "part.stp: tolerance flat";
+    EXPECT_TRUE(require(Rectangle(3, 0.2, 0), by_region).ok());
+    EXPECT_TRUE(require(Rectangle(3, 0.1, 0), by_region).ok());
+    EXPECT_TRUE(require(Rectangle(3, 0.2, 0.00015), by_region).ok());  // two chord tolerances
+    struct Wrong {
+      FaceTriangles face;
+      const char* words;
+    };
+    for (const Wrong& wrong : {Wrong{Rectangle(3, 0.2, 0.012), "lies 12.000 mm off"},
+                               Wrong{Rectangle(3, 0.2, -0.0003), "lies 0.300 mm off"},
+                               // Half of it lies on the part.
+                               Wrong{Rectangle(3, 0.4, 0), "lies 200.000 mm off"},
+                               Wrong{Rectangle(3, 0.2, 1000), "off the part's mesh"},
+                               Wrong{Rectangle(3, 0.2, 0, false), "faces the other way"}}) {
+      const absl::Status refused = require(wrong.face, by_region);
+      EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument) << wrong.words;
+      EXPECT_THAT(std::string(refused.message()),
+                  AllOf(HasSubstr(by), HasSubstr("face 3"), HasSubstr(wrong.words)));
+    }
+  }
 }
 
 TEST(Requirements, AZoneBeyondTheRigIsRefusedAtOnce) {

@@ -54,6 +54,9 @@ TEST_F(NewStepProcessTest, IsTakenWhereverAPartIs) {
     meshes += entry.path().extension() == ".glb";
   }
   EXPECT_EQ(meshes, 1);
+  // Jobs of a service keep theirs elsewhere.
+  EXPECT_EQ(Run("--step-cache job_cache part 'Box 1.STP'").first, 0);
+  EXPECT_TRUE(fs::exists(folder_ + "/job_cache"));
   EXPECT_THAT(Run("part 'Box 1.STP' --unit mm").second,
               AllOf(HasSubstr("Box 1.STP: unit is given"), HasSubstr("says its unit itself")));
 }

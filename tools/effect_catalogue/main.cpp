@@ -13,7 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_replace.h"
-#include "core/json/strict_json.h"
+#include "core/file/atomic_write.h"
 #include "render_worker/effects/effect.h"
 #include "render_worker/effects/stage_name.h"
 #include "render_worker/image_chain/form_image.h"

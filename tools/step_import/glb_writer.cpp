@@ -41,7 +41,7 @@ int AddPositions(tinygltf::Model& model, const ShapeMesh& mesh) {
   const std::size_t offset = bytes.size();
   for (const auto& p_mm : mesh.positions_mm) {
     for (std::size_t k = 0; k < 3; ++k) {
-      const float value_m = static_cast<float>(p_mm[k] * 1e-3);
+      const float value_m = static_cast<float>((p_mm[k] - mesh.origin_mm[k]) * 1e-3);
       Append(bytes, value_m);
       accessor.minValues[k] = std::min<double>(accessor.minValues[k], value_m);
       accessor.maxValues[k] = std::max<double>(accessor.maxValues[k], value_m);
@@ -139,6 +139,9 @@ void WriteGlb(const std::vector<ShapeMesh>& meshes, const GlbDescription& descri
     tinygltf::Node node;
     node.name = mesh.name;
     node.mesh = static_cast<int>(model.meshes.size() - 1);
+    if (mesh.origin_mm != std::array<double, 3>{}) {
+      for (const double mm : mesh.origin_mm) node.translation.push_back(mm * 1e-3);
+    }
     model.nodes.push_back(node);
     scene.nodes.push_back(static_cast<int>(model.nodes.size() - 1));
   }

@@ -19,7 +19,8 @@ struct GlbDescription {
 
 // Writes binary glTF 2.0: one node and one mesh per entry, one primitive per material (materials by
 // name only), indexed triangles, positions as float
-// METRES, axes as modelled, no transforms, no normals (flat facets are the truth about them).
+// METRES from the mesh's origin, which is the node's translation, axes as modelled, no normals
+// (flat facets are the truth about them).
 // Throws std::invalid_argument if there is no triangle or an index points nowhere, and
 // std::runtime_error if the file cannot be written.
 void WriteGlb(const std::vector<ShapeMesh>& meshes, const GlbDescription& description,

@@ -7,35 +7,50 @@
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
 #include <Standard_Failure.hxx>
+#include <Standard_OutOfMemory.hxx>
 #include <algorithm>
 #include <cstdio>
 #include <exception>
 #include <filesystem>
+#include <new>
 #include <set>
 #include <stdexcept>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/command_options/option_values.h"
+#include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
 #include "core/process/start_process.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "core/version/version.h"
 #include "tools/step_import/glb_writer.h"
+#include "tools/step_import/model/crash_report.h"
+#include "tools/step_import/model/exchange_structure.h"
 #include "tools/step_import/shape_mesh.h"
 #include "tools/step_import/step_reader.h"
 
 namespace sightline {
 namespace {
 
+constexpr char kProgram[] = "sightline_step_import";
 constexpr int kFailed = 1;
 constexpr int kInputWrong = 2;
 
+// Beginning of lines that say what of the file is left out. planner_client/part_files/step_mesh.cpp
+// looks for them.
+constexpr char kRemark[] = "remark: ";
+
 struct Arguments {
-  std::filesystem::path in;
+  std::filesystem::path in;  // "-": standard input
+  std::string name;          // what messages call it; empty: `in`
   std::filesystem::path out;
   std::filesystem::path tolerances;  // "-": standard output
   MeshingOptions meshing;
+  StepReadOptions reading;
+
+  std::string NameOfInput() const { return name.empty() ? in.string() : name; }
 
   // Where to say what was meshed: never between lines of JSON.
   FILE* log() const { return tolerances == "-" ? stderr : stdout; }
@@ -46,9 +61,27 @@ struct BodyMesh {
   bool turned = false;  // the file has it inside out
 };
 
-BodyMesh MeshBody(const StepBody& body, const MeshingOptions& meshing, FILE* log) {
-  ShapeMesh mesh = MeshShape(body.shape, meshing);
-  mesh.name = body.name;
+// A line that names from the file cannot break.
+std::string OneLine(std::string text) {
+  for (char& c : text) {
+    if (static_cast<unsigned char>(c) < ' ') c = ' ';
+  }
+  return text;
+}
+
+ShapeMesh MeshOf(const std::string& file, const StepBody& body, const MeshingOptions& meshing) {
+  if (body.shape.IsNull()) return body.tessellation;
+  try {
+    return MeshShape(body.shape, meshing);
+  } catch (const std::runtime_error& error) {
+    throw StepInputError(file + ": " + OneLine(body.name) + ": " + error.what());
+  }
+}
+
+BodyMesh MeshBody(const std::string& file, const StepBody& body, const MeshingOptions& meshing,
+                  FILE* log) {
+  ShapeMesh mesh = MeshOf(file, body, meshing);
+  mesh.name = OneLine(body.name);
   MeshHealth health = CheckMesh(mesh);
   bool turned = false;
   if (health.watertight() && health.volume_mm3 < 0.0) {
@@ -121,29 +154,61 @@ void WriteTolerances(const StepModel& model, const std::vector<bool>& turned,
   if (!status.ok()) throw std::runtime_error(std::string(status.message()));
 }
 
+// A file's model, and the mesh of each of its bodies.
+struct MeshedModel {
+  StepModel model;
+  std::vector<ShapeMesh> meshes;
+  std::vector<bool> turned;
+};
+
+// Throws StepInputError for whatever goes wrong in the geometry of the file, inside OpenCASCADE,
+// too; std::bad_alloc when memory ends.
+MeshedModel ReadAndMesh(const StepText& text, const Arguments& arguments) {
+  const CrashReport crashes(std::string(kProgram) + ": " + text.name +
+                                ": OpenCASCADE crashed when it translated the file; its geometry "
+                                "is damaged, or of a kind that OpenCASCADE does not read",
+                            kInputWrong);
+  try {
+    StepReadOptions reading = arguments.reading;
+    reading.with_tolerances = !arguments.tolerances.empty();
+    MeshedModel meshed;
+    meshed.model = ReadStep(text, reading);
+    for (const std::string& remark : meshed.model.remarks) {
+      std::fprintf(arguments.log(), "%s%s\n", kRemark, OneLine(remark).c_str());
+    }
+    for (const StepBody& body : meshed.model.bodies) {
+      BodyMesh mesh = MeshBody(text.name, body, arguments.meshing, arguments.log());
+      meshed.meshes.push_back(std::move(mesh.mesh));
+      meshed.turned.push_back(mesh.turned);
+    }
+    return meshed;
+  } catch (const Standard_OutOfMemory&) {
+    throw std::bad_alloc();
+  } catch (const Standard_Failure& failure) {
+    throw StepInputError(text.name + ": OpenCASCADE cannot translate the file: " +
+                         failure.DynamicType()->Name() + ": " + failure.GetMessageString());
+  }
+}
+
 void Import(const Arguments& arguments) {
   if (arguments.out.empty() && arguments.tolerances.empty()) {
     throw StepInputError("nothing to do: give --out, --tolerances or both");
   }
   RequireFolder("--out", arguments.out);
   RequireFolder("--tolerances", arguments.tolerances);
-  const StepModel model = ReadStep(arguments.in, !arguments.tolerances.empty());
-  std::vector<ShapeMesh> meshes;
-  std::vector<bool> turned;
-  for (const StepBody& body : model.bodies) {
-    BodyMesh meshed = MeshBody(body, arguments.meshing, arguments.log());
-    meshes.push_back(std::move(meshed.mesh));
-    turned.push_back(meshed.turned);
-  }
-  if (!arguments.tolerances.empty()) WriteTolerances(model, turned, arguments);
+  StepText text = arguments.in == "-" ? ReadStepTextFromInput(arguments.NameOfInput())
+                                      : ReadStepText(arguments.in);
+  text.name = arguments.NameOfInput();
+  const MeshedModel meshed = ReadAndMesh(text, arguments);
+  if (!arguments.tolerances.empty()) WriteTolerances(meshed.model, meshed.turned, arguments);
   if (arguments.out.empty()) return;
   GlbDescription description;
-  description.generator = "sightline_step_import";
-  description.extras["source_file"] = arguments.in.filename().string();
+  description.generator = kProgram;
+  description.extras["source_file"] = std::filesystem::path(text.name).filename().string();
   description.extras["chord_tolerance_mm"] = arguments.meshing.chord_tolerance_mm;
   description.extras["angular_tolerance_deg"] = arguments.meshing.angular_tolerance_deg;
-  description.extras["step_length_unit"] = model.length_unit;
-  WriteGlb(meshes, description, arguments.out);
+  description.extras["step_length_unit"] = meshed.model.length_unit;
+  WriteGlb(meshed.meshes, description, arguments.out);
 }
 
 }  // namespace
@@ -155,7 +220,14 @@ int main(int argc, char** argv) {
   CLI::App app(
       "Meshes the solids of a STEP file and writes them as GLB, in metres; reads its tolerances.");
   app.set_version_flag("--version", sightline::VersionText("sightline_step_import"));
-  app.add_option("IN", arguments.in, "STEP file (AP203, AP214, AP242)")->required();
+  app.add_option("IN", arguments.in, "STEP file (AP203, AP214, AP242); -: standard input")
+      ->required();
+  app.add_option("--name", arguments.name, "what messages call the file; default: IN");
+  app.add_option("--unit", arguments.reading.unit,
+                 "length unit of a file that states none: m, cm, mm, um, inch")
+      ->transform(sightline::NameOfLengthUnit());
+  app.add_flag("--construction-geometry", arguments.reading.construction_geometry,
+               "mesh construction geometry as well, which is no part of the product's shape");
   app.add_option("--out", arguments.out, "GLB file to write");
   app.add_option("--tolerances", arguments.tolerances,
                  "JSON file to write: the file's tolerances, what could not be read of them, and "
@@ -168,6 +240,7 @@ int main(int argc, char** argv) {
                  "largest turn of the normal across a facet")
       ->check(CLI::Range(0.1, 90.0))
       ->capture_default_str();
+  sightline::RequireStrictNumbers(app);
   try {
     app.parse(argc, argv);
   } catch (const CLI::ParseError& error) {
@@ -179,13 +252,14 @@ int main(int argc, char** argv) {
     sightline::Import(arguments);
     return 0;
   } catch (const sightline::StepInputError& error) {
-    std::fprintf(stderr, "sightline_step_import: %s\n", error.what());
+    std::fprintf(stderr, "%s: %s\n", sightline::kProgram, error.what());
     return sightline::kInputWrong;
   } catch (const Standard_Failure& failure) {
-    std::fprintf(stderr, "sightline_step_import: %s: %s: %s\n", arguments.in.c_str(),
+    std::fprintf(stderr, "%s: %s: %s: %s\n", sightline::kProgram, arguments.NameOfInput().c_str(),
                  failure.DynamicType()->Name(), failure.GetMessageString());
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "sightline_step_import: %s: %s\n", arguments.in.c_str(), error.what());
+    std::fprintf(stderr, "%s: %s: %s\n", sightline::kProgram, arguments.NameOfInput().c_str(),
+                 error.what());
   }
   return sightline::kFailed;
 }

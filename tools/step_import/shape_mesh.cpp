@@ -42,9 +42,13 @@ Point Cross(const Point& a, const Point& b, const Point& c) {
 
 double Norm(const Point& v) { return std::sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]); }
 
-std::array<float, 3> FloatMetres(const Point& p_mm) {
-  return {static_cast<float>(p_mm[0] * 1e-3), static_cast<float>(p_mm[1] * 1e-3),
-          static_cast<float>(p_mm[2] * 1e-3)};
+// As the file stores it.
+std::array<float, 3> FloatMetres(const ShapeMesh& mesh, const Point& p_mm) {
+  std::array<float, 3> stored;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    stored[axis] = static_cast<float>((p_mm[axis] - mesh.origin_mm[axis]) * 1e-3);
+  }
+  return stored;
 }
 
 // One mesh vertex per model vertex and per inner point of a discretised model edge.
@@ -152,7 +156,7 @@ double EdgeLength(const ShapeMesh& mesh, const Triangle& t, int k) {
 bool FlatAsFloat(const ShapeMesh& mesh, const Triangle& t) {
   std::array<Point, 3> p;
   for (int k = 0; k < 3; ++k) {
-    const std::array<float, 3> f = FloatMetres(mesh.positions_mm[t[k]]);
+    const std::array<float, 3> f = FloatMetres(mesh, mesh.positions_mm[t[k]]);
     p[k] = {f[0], f[1], f[2]};
   }
   return Norm(Cross(p[0], p[1], p[2])) <= 0.0;
@@ -224,6 +228,7 @@ ShapeMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options) {
     welder.AddFace(TopoDS::Face(it.Current()));
   }
   ShapeMesh mesh = welder.Take();
+  SetOrigin(mesh);
   FlipFlatTriangles(mesh);
   return mesh;
 }
@@ -254,6 +259,24 @@ std::vector<FaceTriangles> TriangulatedFaces(const TopoDS_Shape& shape, bool tur
     faces.push_back(std::move(out));
   }
   return faces;
+}
+
+void SetOrigin(ShapeMesh& mesh) {
+  constexpr double kNear_mm = 2000;
+  mesh.origin_mm = {};
+  if (mesh.positions_mm.empty()) return;
+  Point low = mesh.positions_mm.front(), high = low;
+  for (const Point& p : mesh.positions_mm) {
+    for (std::size_t axis = 0; axis < 3; ++axis) {
+      low[axis] = std::min(low[axis], p[axis]);
+      high[axis] = std::max(high[axis], p[axis]);
+    }
+  }
+  const auto near = [](double coordinate) { return std::abs(coordinate) <= kNear_mm; };
+  if (std::ranges::all_of(low, near) && std::ranges::all_of(high, near)) return;
+  for (std::size_t axis = 0; axis < 3; ++axis) {
+    mesh.origin_mm[axis] = std::round((low[axis] + high[axis]) / 2);
+  }
 }
 
 MeshHealth CheckMesh(const ShapeMesh& mesh) {
@@ -287,7 +310,7 @@ MeshHealth CheckMesh(const ShapeMesh& mesh) {
   }
   std::vector<std::array<float, 3>> stored;
   stored.reserve(mesh.positions_mm.size());
-  for (const Point& p : mesh.positions_mm) stored.push_back(FloatMetres(p));
+  for (const Point& p : mesh.positions_mm) stored.push_back(FloatMetres(mesh, p));
   std::sort(stored.begin(), stored.end());
   for (std::size_t i = 1; i < stored.size(); ++i) {
     if (stored[i] == stored[i - 1]) ++health.repeated_positions;

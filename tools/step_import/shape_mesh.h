@@ -19,6 +19,9 @@ namespace sightline {
 struct ShapeMesh {
   std::string name;
   std::vector<std::array<double, 3>> positions_mm;
+  // Where the file's node stands: positions are stored as float metres from here. 0 for a mesh
+  // within 2 m of the origin of the model, where floats are exact to 0.12 um.
+  std::array<double, 3> origin_mm{};
   std::vector<std::array<std::uint32_t, 3>> triangles;
   // Index into material_names of every triangle; empty: no materials.
   std::vector<std::uint16_t> triangle_material;
@@ -59,6 +62,9 @@ ShapeMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options);
 // welded, each with vertices of its own in metres, rounded to a nanometre. `turned`: the other way
 // round. Numbers of the faces are left 0. Throws std::runtime_error if a face has no triangulation.
 std::vector<FaceTriangles> TriangulatedFaces(const TopoDS_Shape& shape, bool turned);
+
+// Sets the origin of a mesh that is far from the model's: the centre of its box, in whole mm.
+void SetOrigin(ShapeMesh& mesh);
 
 // Indices must be in range.
 MeshHealth CheckMesh(const ShapeMesh& mesh);

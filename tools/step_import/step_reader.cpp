@@ -3,19 +3,12 @@
 
 #include <BRep_Builder.hxx>
 #include <Interface_Check.hxx>
-#include <Interface_ReportEntity.hxx>
+#include <NCollection_DataMap.hxx>
+#include <STEPCAFControl_ExternFile.hxx>
 #include <STEPCAFControl_Reader.hxx>
 #include <STEPControl_Reader.hxx>
-#include <StepBasic_ConversionBasedUnitAndLengthUnit.hxx>
-#include <StepBasic_SiUnitAndLengthUnit.hxx>
 #include <StepData_StepModel.hxx>
-#include <StepGeom_GeomRepContextAndGlobUnitAssCtxAndGlobUncertaintyAssCtx.hxx>
-#include <StepGeom_GeometricRepresentationContextAndGlobalUnitAssignedContext.hxx>
-#include <StepGeom_GeometricRepresentationItem.hxx>
-#include <StepRepr_GlobalUnitAssignedContext.hxx>
-#include <StepShape_TopologicalRepresentationItem.hxx>
 #include <TCollection_AsciiString.hxx>
-#include <TCollection_HAsciiString.hxx>
 #include <TDF_Label.hxx>
 #include <TDF_LabelSequence.hxx>
 #include <TDataStd_Name.hxx>
@@ -23,49 +16,29 @@
 #include <TopExp_Explorer.hxx>
 #include <TopLoc_Location.hxx>
 #include <TopoDS_Compound.hxx>
+#include <TopoDS_TShape.hxx>
+#include <TransferBRep.hxx>
+#include <Transfer_TransientProcess.hxx>
 #include <XCAFDoc_DocumentTool.hxx>
 #include <XCAFDoc_ShapeTool.hxx>
+#include <XSControl_TransferReader.hxx>
+#include <XSControl_WorkSession.hxx>
 #include <algorithm>
-#include <cctype>
-#include <fstream>
-#include <optional>
+#include <istream>
 #include <set>
 #include <string_view>
+#include <utility>
 
+#include "tools/step_import/model/intact_geometry.h"
+#include "tools/step_import/model/length_unit.h"
+#include "tools/step_import/model/part_items.h"
+#include "tools/step_import/model/tessellation.h"
 #include "tools/step_import/tolerances/step_tolerances.h"
 
 namespace sightline {
 namespace {
 
-// OpenCASCADE reads a truncated file as far as it goes and calls that success, so look for the two
-// marks every exchange structure must have before handing the file over.
-void RequireExchangeStructure(const std::filesystem::path& file) {
-  constexpr std::string_view kBegin = "ISO-10303-21;";
-  constexpr std::string_view kEnd = "END-ISO-10303-21;";
-  constexpr std::streamoff kWindow = 4096;
-  std::error_code error;
-  if (!std::filesystem::is_regular_file(file, error)) {
-    throw StepInputError(file.string() + ": no such file");
-  }
-  std::ifstream in(file, std::ios::binary);
-  if (!in) throw StepInputError(file.string() + ": cannot be opened for reading");
-  in.seekg(0, std::ios::end);
-  const std::streamoff size = in.tellg();
-  const auto window = [&](std::streamoff from) {
-    std::string text(static_cast<std::size_t>(std::min(kWindow, size - from)), '\0');
-    in.seekg(from);
-    in.read(text.data(), static_cast<std::streamsize>(text.size()));
-    return text;
-  };
-  if (window(0).find(kBegin) == std::string::npos) {
-    throw StepInputError(file.string() + ": not a STEP file (it does not begin with " +
-                         std::string(kBegin) + ")");
-  }
-  if (window(std::max<std::streamoff>(0, size - kWindow)).find(kEnd) == std::string::npos) {
-    throw StepInputError(file.string() + ": truncated (" + std::string(kEnd) +
-                         " is missing at the end)");
-  }
-}
+using FaceSet = std::set<const TopoDS_TShape*>;
 
 std::string NameOf(const TDF_Label& label) {
   Handle(TDataStd_Name) name;
@@ -77,148 +50,251 @@ std::string NameOf(const TDF_Label& label) {
 
 bool HasFaces(const TopoDS_Shape& shape) { return TopExp_Explorer(shape, TopAbs_FACE).More(); }
 
-// A part without a name of its own is called after what it is a part of.
-void AppendBodies(const TDF_Label& label, const TopLoc_Location& placement,
-                  const std::string& parent_name, std::vector<StepBody>& bodies) {
-  std::string name = NameOf(label);
-  if (name.empty()) name = parent_name;
-  if (XCAFDoc_ShapeTool::IsAssembly(label)) {
-    TDF_LabelSequence components;
-    XCAFDoc_ShapeTool::GetComponents(label, components);
-    for (const TDF_Label& component : components) {
-      TDF_Label part;
-      if (!XCAFDoc_ShapeTool::GetReferredShape(component, part)) continue;
-      AppendBodies(part, placement * XCAFDoc_ShapeTool::GetLocation(component), name, bodies);
+FaceSet FacesOf(const TopoDS_Shape& shape) {
+  FaceSet faces;
+  for (TopExp_Explorer face(shape, TopAbs_FACE); face.More(); face.Next()) {
+    faces.insert(face.Current().TShape().get());
+  }
+  return faces;
+}
+
+// Gathers bodies without those faces that are construction geometry.
+class BodyCollector {
+ public:
+  explicit BodyCollector(FaceSet left_out) : left_out_(std::move(left_out)) {}
+
+  // A part without a name of its own is called after what it is a part of.
+  void AddProduct(const TDF_Label& label, const TopLoc_Location& placement,
+                  const std::string& parent_name) {
+    std::string name = NameOf(label);
+    if (name.empty()) name = parent_name;
+    if (XCAFDoc_ShapeTool::IsAssembly(label)) {
+      TDF_LabelSequence components;
+      XCAFDoc_ShapeTool::GetComponents(label, components);
+      for (const TDF_Label& component : components) {
+        TDF_Label part;
+        if (!XCAFDoc_ShapeTool::GetReferredShape(component, part)) continue;
+        AddProduct(part, placement * XCAFDoc_ShapeTool::GetLocation(component), name);
+      }
+      return;
     }
-    return;
+    AddShape(XCAFDoc_ShapeTool::GetShape(label).Moved(placement), name);
   }
-  const TopoDS_Shape shape = XCAFDoc_ShapeTool::GetShape(label).Moved(placement);
-  for (TopExp_Explorer solid(shape, TopAbs_SOLID); solid.More(); solid.Next()) {
-    if (HasFaces(solid.Current())) bodies.push_back({name, solid.Current()});
+
+  void AddShape(const TopoDS_Shape& shape, const std::string& name) {
+    for (TopExp_Explorer solid(shape, TopAbs_SOLID); solid.More(); solid.Next()) {
+      const FaceSet faces = FacesOf(solid.Current());
+      if (!std::ranges::includes(left_out_, faces)) bodies_.push_back({name, solid.Current(), {}});
+    }
+    TopoDS_Compound loose;
+    BRep_Builder builder;
+    builder.MakeCompound(loose);
+    for (TopExp_Explorer face(shape, TopAbs_FACE, TopAbs_SOLID); face.More(); face.Next()) {
+      if (!left_out_.contains(face.Current().TShape().get())) builder.Add(loose, face.Current());
+    }
+    if (HasFaces(loose)) bodies_.push_back({name, loose, {}});
   }
-  TopoDS_Compound loose;
-  BRep_Builder builder;
-  builder.MakeCompound(loose);
-  for (TopExp_Explorer face(shape, TopAbs_FACE, TopAbs_SOLID); face.More(); face.Next()) {
-    builder.Add(loose, face.Current());
-  }
-  if (HasFaces(loose)) bodies.push_back({name, loose});
+
+  std::vector<StepBody> Take() { return std::move(bodies_); }
+
+ private:
+  const FaceSet left_out_;
+  std::vector<StepBody> bodies_;
+};
+
+// What OpenCASCADE says of an entity that it could not translate.
+std::string FailureText(const Handle(Transfer_TransientProcess) & process,
+                        const Handle(Standard_Transient) & entity) {
+  const Handle(Transfer_Binder) binder = process->Find(entity);
+  if (!binder.IsNull() && binder->Check()->HasFailed()) return binder->Check()->CFail(1);
+  const Handle(Interface_Check) check = process->Check(entity);
+  if (!check.IsNull() && check->HasFailed()) return check->CFail(1);
+  return "OpenCASCADE does not say why";
 }
 
-std::string UnitName(const Handle(StepBasic_NamedUnit) & unit) {
-  if (const auto inch = Handle(StepBasic_ConversionBasedUnitAndLengthUnit)::DownCast(unit);
-      !inch.IsNull()) {
-    std::string name = inch->Name().IsNull() ? "" : inch->Name()->ToCString();
-    std::transform(name.begin(), name.end(), name.begin(),
-                   [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-    return name;
+std::string Quoted(const std::vector<std::string>& names) {
+  constexpr size_t kMostNamed = 20;
+  std::string text;
+  for (size_t i = 0; i < std::min(names.size(), kMostNamed); ++i) {
+    text += (i > 0 ? ", \"" : "\"") + names[i] + "\"";
   }
-  const auto metre = Handle(StepBasic_SiUnitAndLengthUnit)::DownCast(unit);
-  if (metre.IsNull()) return {};
-  if (!metre->HasPrefix()) return "metre";
-  switch (metre->Prefix()) {
-    case StepBasic_spKilo:
-      return "kilometre";
-    case StepBasic_spDeci:
-      return "decimetre";
-    case StepBasic_spCenti:
-      return "centimetre";
-    case StepBasic_spMilli:
-      return "millimetre";
-    case StepBasic_spMicro:
-      return "micrometre";
-    default:
-      return "metre with another prefix";
+  if (names.size() > kMostNamed) {
+    text += " and " + std::to_string(names.size() - kMostNamed) + " more";
   }
+  return text;
 }
 
-Handle(StepRepr_GlobalUnitAssignedContext) UnitContext(const Handle(Standard_Transient) & entity) {
-  if (const auto context = Handle(
-          StepGeom_GeomRepContextAndGlobUnitAssCtxAndGlobUncertaintyAssCtx)::DownCast(entity);
-      !context.IsNull()) {
-    return context->GlobalUnitAssignedContext();
-  }
-  if (const auto context = Handle(
-          StepGeom_GeometricRepresentationContextAndGlobalUnitAssignedContext)::DownCast(entity);
-      !context.IsNull()) {
-    return context->GlobalUnitAssignedContext();
-  }
-  return Handle(StepRepr_GlobalUnitAssignedContext)::DownCast(entity);
+bool MayHaveTessellatedBodies(std::string_view text) {
+  constexpr auto kNone = std::string_view::npos;
+  return text.find("TRIANGULATED_") != kNone || text.find("TESSELLATED_S") != kNone;
 }
 
-// Length units of all geometric contexts. OpenCASCADE's own FileUnits() finds none in some files
-// that it converts correctly.
-std::string LengthUnits(const Handle(Interface_InterfaceModel) & model) {
-  std::set<std::string> names;
-  for (int i = 1; i <= model->NbEntities(); ++i) {
-    const Handle(StepRepr_GlobalUnitAssignedContext) context = UnitContext(model->Value(i));
-    if (context.IsNull() || context->Units().IsNull()) continue;
-    for (int k = 1; k <= context->NbUnits(); ++k) names.insert(UnitName(context->UnitsValue(k)));
+// The entities of a file, translated by OpenCASCADE.
+class StepTranslation {
+ public:
+  StepTranslation(const StepText& file, const StepReadOptions& options)
+      : file_(file), options_(options) {
+    reader_.SetNameMode(true);
+    reader_.SetColorMode(false);
+    reader_.SetLayerMode(false);
+    reader_.SetPropsMode(false);
+    TextBuffer buffer(file.text);
+    std::istream stream(&buffer);
+    if (reader_.ChangeReader().ReadStream(file.name.c_str(), stream) != IFSelect_RetDone) {
+      throw StepInputError(file.name + ": not a STEP file that can be parsed");
+    }
+    RequireIntactGeometry(file.name, graph());
+    items_ = FindPartItems(graph(), options.construction_geometry);
+    RequireThreeCoordinates(file.name, graph(), items_);
+    SettleLengthUnit(file.name, options.unit, graph().Model(), items_.representations);
   }
-  names.erase("");
-  std::string units;
-  for (const std::string& name : names) units += (units.empty() ? "" : ", ") + name;
-  return units.empty() ? "not stated" : units;
-}
 
-// OpenCASCADE skips what it cannot read and carries on. Annotations it does not know do no harm,
-// but a body with a lost edge must not pass for a part.
-void RequireIntactGeometry(const std::filesystem::path& file,
-                           const Handle(StepData_StepModel) & model) {
-  const Handle(Interface_Check) syntax = model->GlobalCheck(/*syntactic=*/true);
-  if (syntax->HasFailed())
-    throw StepInputError(file.string() + ": cannot be parsed: " + syntax->CFail(1));
-  for (int i = 1; i <= model->NbEntities(); ++i) {
-    if (!model->IsErrorEntity(i)) continue;
-    const Handle(Standard_Transient) entity = model->Value(i);
-    const std::string_view type = entity->DynamicType()->Name();
-    const bool geometry = entity->IsKind(STANDARD_TYPE(StepShape_TopologicalRepresentationItem)) ||
-                          (entity->IsKind(STANDARD_TYPE(StepGeom_GeometricRepresentationItem)) &&
-                           (type.starts_with("StepGeom_") || type.starts_with("StepShape_")));
-    if (!geometry) continue;
-    const Handle(Interface_Check) check = model->ReportEntity(i)->Check();
-    throw StepInputError(file.string() + ": damaged geometry: #" +
-                         std::to_string(model->IdentLabel(entity)) + " " +
-                         std::string(type.substr(type.find('_') + 1)) + ": " +
-                         (check->HasFailed() ? check->CFail(1) : "cannot be read"));
+  // Translates all products into bodies. None if the file has no exact geometry.
+  std::vector<StepBody> Translate(bool compare_tolerances) {
+    reader_.SetGDTMode(compare_tolerances);
+    document_ = new TDocStd_Document("sightline");
+    const bool translated = reader_.NbRootsForTransfer() > 0 && reader_.Transfer(document_);
+    RequireOwnGeometry();
+    RequireTranslatedParts();
+    BodyCollector bodies(LeftOutFaces());
+    if (translated) {
+      TDF_LabelSequence roots;
+      XCAFDoc_DocumentTool::ShapeTool(document_->Main())->GetFreeShapes(roots);
+      for (const TDF_Label& root : roots) bodies.AddProduct(root, TopLoc_Location(), "body");
+    }
+    for (const auto& [shape, name] : added_) bodies.AddShape(shape, name);
+    return bodies.Take();
   }
+
+  // After Translate. Names of what is not in the bodies.
+  std::vector<std::string> LeftOut() const {
+    std::vector<std::string> names;
+    for (const StepItem& item : items_.construction) names.push_back(item.name);
+    return names;
+  }
+  std::string LengthUnit() const {
+    const std::string stated = StatedLengthUnits(graph().Model());
+    return options_.unit.empty() ? stated : options_.unit;
+  }
+  ToleranceReport Bind(StepTolerances& tolerances, const std::vector<StepBody>& bodies) {
+    std::vector<TopoDS_Shape> shapes;
+    for (const StepBody& body : bodies) shapes.push_back(body.shape);
+    return tolerances.Bind(reader_, document_, shapes);
+  }
+
+ private:
+  const Interface_Graph& graph() const { return reader_.Reader().WS()->Graph(); }
+  Handle(Transfer_TransientProcess) process() const {
+    return reader_.Reader().WS()->TransferReader()->TransientProcess();
+  }
+
+  // A file may leave the geometry of its components to other files. Those are not read: the part
+  // would depend on files that nobody named.
+  void RequireOwnGeometry() const {
+    std::vector<std::string> names;
+    using Files = NCollection_DataMap<TCollection_AsciiString, Handle(STEPCAFControl_ExternFile)>;
+    for (Files::Iterator it(reader_.ExternFiles()); it.More(); it.Next()) {
+      names.emplace_back(it.Key().ToCString());
+    }
+    if (names.empty()) return;
+    throw StepInputError(file_.name + ": the geometry of some components is in other files (" +
+                         Quoted(names) + "); save the assembly as a single file");
+  }
+
+  // OpenCASCADE leaves out what it cannot translate. Construction geometry that it has passed over
+  // is translated here if it was asked for.
+  void RequireTranslatedParts() {
+    for (const StepItem& item : items_.part) {
+      if (!TransferBRep::ShapeResult(process(), item.entity).IsNull()) continue;
+      if (options_.construction_geometry) {
+        if (items_.has_assembly) {
+          throw StepInputError(file_.name + ": " + EntityText(graph(), item.entity) + " \"" +
+                               item.name +
+                               "\": construction geometry in an assembly has no place that is "
+                               "known; leave --construction-geometry out");
+        }
+        if (reader_.ChangeReader().TransferEntity(item.entity)) {
+          const TopoDS_Shape shape = TransferBRep::ShapeResult(process(), item.entity);
+          if (!shape.IsNull()) {
+            added_.emplace_back(shape, item.name);
+            continue;
+          }
+        }
+      }
+      throw StepInputError(file_.name + ": " + EntityText(graph(), item.entity) + " \"" +
+                           item.name +
+                           "\" cannot be translated: " + FailureText(process(), item.entity));
+    }
+  }
+
+  FaceSet LeftOutFaces() const {
+    FaceSet left_out;
+    for (const StepItem& item : items_.construction) {
+      left_out.merge(FacesOf(TransferBRep::ShapeResult(process(), item.entity)));
+    }
+    for (const StepItem& item : items_.part) {
+      for (const TopoDS_TShape* face : FacesOf(TransferBRep::ShapeResult(process(), item.entity))) {
+        left_out.erase(face);
+      }
+    }
+    return left_out;
+  }
+
+  const StepText& file_;
+  const StepReadOptions& options_;
+  STEPCAFControl_Reader reader_;
+  Handle(TDocStd_Document) document_;
+  PartItems items_;
+  std::vector<std::pair<TopoDS_Shape, std::string>> added_;
+};
+
+[[noreturn]] void FailWithoutBodies(const StepText& file,
+                                    const std::vector<std::string>& construction) {
+  if (!construction.empty()) {
+    throw StepInputError(file.name + ": no solid and no surface in the product's shape; " +
+                         Quoted(construction) +
+                         " is construction geometry, which --construction-geometry takes in");
+  }
+  throw StepInputError(file.name +
+                       ": no solid and no surface in it; its shape representations "
+                       "hold " +
+                       ItemTypesText(Part21File(file.text, file.name)));
 }
 
 }  // namespace
 
-StepModel ReadStep(const std::filesystem::path& file, bool with_tolerances) {
-  RequireExchangeStructure(file);
-  STEPCAFControl_Reader reader;
-  reader.SetNameMode(true);
-  reader.SetColorMode(false);
-  reader.SetLayerMode(false);
-  reader.SetPropsMode(false);
-  if (reader.ReadFile(file.c_str()) != IFSelect_RetDone) {
-    throw StepInputError(file.string() + ": not a STEP file that can be parsed");
-  }
-  RequireIntactGeometry(file, reader.Reader().StepModel());
-  if (reader.NbRootsForTransfer() == 0) {
-    throw StepInputError(file.string() + ": no shape in it");
-  }
+StepModel ReadStep(const StepText& file, const StepReadOptions& options) {
+  StepTranslation translation(file, options);
   std::optional<StepTolerances> tolerances;
-  if (with_tolerances) tolerances.emplace(file);
-  reader.SetGDTMode(tolerances && tolerances->compared());
-  Handle(TDocStd_Document) document = new TDocStd_Document("sightline");
-  if (!reader.Transfer(document)) {
-    throw StepInputError(file.string() + ": its shapes cannot be translated");
-  }
+  if (options.with_tolerances) tolerances.emplace(file);
   StepModel model;
-  model.length_unit = LengthUnits(reader.Reader().StepModel());
-  TDF_LabelSequence roots;
-  XCAFDoc_DocumentTool::ShapeTool(document->Main())->GetFreeShapes(roots);
-  for (const TDF_Label& root : roots) AppendBodies(root, TopLoc_Location(), "body", model.bodies);
-  if (model.bodies.empty()) throw StepInputError(file.string() + ": no solids and no faces in it");
-  if (tolerances) {
-    std::vector<TopoDS_Shape> bodies;
-    for (const StepBody& body : model.bodies) bodies.push_back(body.shape);
-    model.tolerances = tolerances->Bind(reader, document, bodies);
+  model.bodies = translation.Translate(tolerances && tolerances->compared());
+  const std::vector<std::string> construction = translation.LeftOut();
+  if (!construction.empty() && !model.bodies.empty()) {
+    model.remarks.push_back("left out as construction geometry: " + Quoted(construction) +
+                            "; --construction-geometry takes it in");
   }
+  if (MayHaveTessellatedBodies(file.text)) {
+    TessellatedBodies tessellated =
+        ReadTessellation(Part21File(file.text, file.name), options.unit);
+    for (ShapeMesh& mesh : tessellated.bodies) {
+      model.bodies.push_back({mesh.name, {}, std::move(mesh)});
+    }
+    if (!tessellated.left_out.empty() && !model.bodies.empty()) {
+      model.remarks.push_back("left out: tessellated " + Quoted(tessellated.left_out) +
+                              ", since the part has exact geometry");
+    }
+  }
+  if (model.bodies.empty()) FailWithoutBodies(file, construction);
+  model.length_unit = translation.LengthUnit();
+  if (tolerances) model.tolerances = translation.Bind(*tolerances, model.bodies);
   return model;
+}
+
+StepModel ReadStep(const std::filesystem::path& file, bool with_tolerances) {
+  StepReadOptions options;
+  options.with_tolerances = with_tolerances;
+  return ReadStep(ReadStepText(file), options);
 }
 
 }  // namespace sightline

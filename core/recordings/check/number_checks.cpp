@@ -95,7 +95,8 @@ void RecordingChecks::CheckNumbers() {
     return;
   }
   constexpr double kComb = 0.4;
-  if (const double missing = MissingValueShare(all_, Largest()); missing > kComb) {
+  if (const double missing = MissingValueShare(all_, UpperLimit(all_, Largest()));
+      missing > kComb) {
     Error(absl::StrFormat("camera.bit_depth_bit is %d, but %.0f %% of the values in between never "
                           "occur: the images were stretched from fewer values (8-bit data such "
                           "as JPEG, a contrast curve); record raw numbers",
@@ -106,7 +107,9 @@ void RecordingChecks::CheckNumbers() {
   }
   // Some images only.
   for (int i = 0; i < count_; ++i) {
-    if (!Has(i) || MissingValueShare(CountValues(raw_[i]), Largest()) <= kComb) continue;
+    if (!Has(i)) continue;
+    const Histogram counts = CountValues(raw_[i]);
+    if (MissingValueShare(counts, UpperLimit(counts, Largest())) <= kComb) continue;
     Error(
         "most of the values in between never occur, unlike in the other images: stretched from "
         "fewer values (8-bit data such as JPEG, a contrast curve); record raw numbers",

@@ -14,7 +14,7 @@ std::atomic<bool> interrupted{false};
 void OnSignal(int signal) {
   // Of what is allowed in a handler: write, not stdio.
   constexpr std::string_view kMessage =
-      "\ninterrupted: what there is so far is kept; once more ends at once\n";
+      "\ninterrupted: ending at the next step; once more ends at once\n";
   if (!interrupted.exchange(true)) {
     [[maybe_unused]] const ssize_t written = write(STDERR_FILENO, kMessage.data(), kMessage.size());
   }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Ctrl-C: the first asks the running command to stop and keep what it has, and says so on stderr;
-// the second ends it.
+// Ctrl-C: the first asks the running command to stop, and says so on stderr; the second ends it.
+// Only the command knows whether anything is kept, and says so when it ends.
 #pragma once
 
 #include <atomic>

@@ -7,7 +7,7 @@
 #include <system_error>
 
 #include "absl/strings/str_cat.h"
-#include "core/json/strict_json.h"
+#include "core/file/atomic_write.h"
 
 namespace sightline {
 
@@ -19,9 +19,9 @@ absl::Status MakeOutputFolder(const std::string& path) {
       absl::StrCat("cannot make folder ", path, ": ", error.message()));
 }
 
-absl::StatusOr<FolderLock> OpenOutputFolder(const std::string& path, FolderLock::Kind kind) {
+absl::StatusOr<FileLock> OpenOutputFolder(const std::string& path, FileLock::Kind kind) {
   if (absl::Status made = MakeOutputFolder(path); !made.ok()) return made;
-  absl::StatusOr<FolderLock> lock = FolderLock::Take(path, kind);
+  absl::StatusOr<FileLock> lock = FileLock::TakeFolder(path, kind);
   if (absl::IsFailedPrecondition(lock.status())) {
     return absl::FailedPreconditionError(
         absl::StrCat("--out ", path,

@@ -8,7 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/file/folder_lock.h"
+#include "core/file/file_lock.h"
 
 namespace sightline {
 
@@ -18,8 +18,8 @@ absl::Status MakeOutputFolder(const std::string& path);
 // The same for the folder of a whole command, as long as the result lives: also INVALID_ARGUMENT if
 // nothing can be written there, so that this is said before hours of work, and FAILED_PRECONDITION
 // if another command writes there at the moment. `kind`: kShared for commands that divide the work.
-absl::StatusOr<FolderLock> OpenOutputFolder(const std::string& path,
-                                            FolderLock::Kind kind = FolderLock::Kind::kExclusive);
+absl::StatusOr<FileLock> OpenOutputFolder(const std::string& path,
+                                          FileLock::Kind kind = FileLock::Kind::kExclusive);
 
 // Removes files of an earlier command that would not belong to what is written now. Those that are
 // not there are no error. INTERNAL names the file that cannot be removed.

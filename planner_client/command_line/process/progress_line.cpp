@@ -26,6 +26,19 @@ bool json_progress = false;
 void UseJsonProgress() { json_progress = true; }
 bool UsesJsonProgress() { return json_progress; }
 
+std::string TimeText(double fraction, absl::Duration elapsed) {
+  constexpr double kLeastFraction = 0.05;
+  const auto text = [](absl::Duration duration) {
+    // FormatDuration writes no unit behind zero.
+    const absl::Duration whole = absl::Trunc(duration, absl::Seconds(1));
+    return whole == absl::ZeroDuration() ? std::string("0s") : absl::FormatDuration(whole);
+  };
+  if (elapsed < absl::Seconds(2)) return "";
+  const std::string so_far = text(elapsed) + " so far";
+  if (fraction < kLeastFraction || elapsed < absl::Seconds(10)) return so_far;
+  return so_far + ", about " + text(elapsed * ((1 - fraction) / fraction)) + " left";
+}
+
 ProgressLine::ProgressLine(ProgressPhase phase)
     : phase_(phase), terminal_(!json_progress && isatty(STDERR_FILENO) != 0) {}
 
@@ -44,10 +57,14 @@ void ProgressLine::Show(double fraction, const std::string& text) {
         {"progress", phase_.begin + fraction * (phase_.end - phase_.begin)}, {"message", text}};
     std::fprintf(stderr, "%s\n",
                  line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace).c_str());
-  } else if (terminal_) {
+    return;
+  }
+  const std::string time = TimeText(fraction, absl::FromChrono(now - phase_start_));
+  const std::string told = time.empty() ? text : absl::StrFormat("%s (%s)", text, time);
+  if (terminal_) {
     const int filled = static_cast<int>(std::lround(fraction * kBarWidth));
     const std::string bar = std::string(filled, '#') + std::string(kBarWidth - filled, '.');
-    std::string line = absl::StrFormat("[%s] %3.0f %%  %s", bar, 100 * fraction, text);
+    std::string line = absl::StrFormat("[%s] %3.0f %%  %s", bar, 100 * fraction, told);
     // A line that wraps could not be drawn over; the last column would wrap on some terminals.
     const size_t columns = TerminalColumns(STDERR_FILENO, 80) - 1;
     if (line.size() > columns) line = line.substr(0, columns - 3) + "...";
@@ -55,7 +72,7 @@ void ProgressLine::Show(double fraction, const std::string& text) {
     std::fflush(stderr);
     drawn_ = true;
   } else {
-    std::fprintf(stderr, "%3.0f %%  %s\n", 100 * fraction, text.c_str());
+    std::fprintf(stderr, "%3.0f %%  %s\n", 100 * fraction, told.c_str());
   }
 }
 

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 // Progress on stderr: one line redrawn in place on a terminal, a line now and then elsewhere, lines
-// of JSON for programs that asked for them.
+// of JSON for programs that asked for them. People are also told for how long the phase has been
+// running and, once a twentieth of it is done, how long the rest takes at the same rate.
 #pragma once
 
 #include <chrono>
 #include <string>
+
+#include "absl/time/time.h"
 
 namespace sightline {
 
@@ -19,6 +22,11 @@ struct ProgressPhase {
   double end = 1;
 };
 
+// "2m10s so far, about 5m left" of a phase of which `fraction` is done after `elapsed`; no estimate
+// of the rest before a twentieth of the phase and ten seconds have passed, and nothing in the first
+// two seconds.
+std::string TimeText(double fraction, absl::Duration elapsed);
+
 class ProgressLine {
  public:
   explicit ProgressLine(ProgressPhase phase = {});
@@ -27,7 +35,10 @@ class ProgressLine {
   ProgressLine& operator=(const ProgressLine&) = delete;
 
   // What follows belongs to another phase.
-  void Enter(ProgressPhase phase) { phase_ = phase; }
+  void Enter(ProgressPhase phase) {
+    phase_ = phase;
+    phase_start_ = std::chrono::steady_clock::now();
+  }
   // `fraction` of the phase, in [0, 1].
   void Show(double fraction, const std::string& text);
   // Leaves the last state on the screen and starts a new line.
@@ -37,6 +48,7 @@ class ProgressLine {
   ProgressPhase phase_;
   bool terminal_;
   bool drawn_ = false;
+  std::chrono::steady_clock::time_point phase_start_ = std::chrono::steady_clock::now();
   std::chrono::steady_clock::time_point last_{};
 };
 

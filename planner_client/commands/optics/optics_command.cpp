@@ -9,6 +9,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/command_options/option_values.h"
+#include "core/file/atomic_write.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "planner_client/command_line/process/exit_code.h"
@@ -23,6 +25,7 @@
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/optics_client/optics_client.h"
 #include "planner_client/optics_client/uncertainty_correction.h"
+#include "planner_client/plan_file/plan_file.h"
 #include "planner_client/report/optics/optics_report.h"
 
 namespace sightline {
@@ -46,6 +49,14 @@ std::string DetectedChannel(const Inspection& inspection) {
   const int best = inspection.optics->detector.channel.value_or(
       MostSensitiveChannel(sensor, inspection.rig.laser.wavelength_m));
   return best == kRed ? "red" : best == kGreen ? "green" : "blue";
+}
+
+// Before those of the render worker.
+void PutWarningsFirst(const std::vector<std::string>& first, v1::OpticsPlan* optics) {
+  const std::vector<std::string> others(optics->warnings().begin(), optics->warnings().end());
+  optics->clear_warnings();
+  for (const std::string& warning : first) optics->add_warnings(warning);
+  for (const std::string& warning : others) optics->add_warnings(warning);
 }
 
 void Print(const v1::OpticsPlan& optics) {
@@ -78,7 +89,7 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
   v1::CreateOpticsRequest& request = made_request->request;
   if (options.seed) request.set_seed(*options.seed);
   request.set_per_scan(!options.common);
-  std::optional<v1::UncertaintyCorrection> correction;
+  std::optional<VerifiedCorrection> correction;
   if (!options.verification.empty()) {
     v1::Verification verification;
     absl::Status s = ReadStrictJsonFile(options.verification, &verification);
@@ -114,6 +125,7 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
   progress.Finish();
   if (!optics.ok()) return AboutInput(optics.status(), input);
   optics->set_sightline_version(SIGHTLINE_VERSION);
+  PutWarningsFirst(made_request->remarks, &*optics);
   if (correction) ApplyCorrection(*correction, &*optics);
 
   Print(*optics);
@@ -132,7 +144,8 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
   }
   if (!options.choice.plan.empty() && !options.choice.scan) {
     const std::string file = (out / "plan.json").string();
-    auto plan = ReadPlanScans(options.choice.plan);
+    GivenPlans known;  // compared with the part where its frames were chosen
+    auto plan = ReadPlanScans(options.choice.plan, &known);
     if (!plan.ok()) return plan.status();
     SetSettings(*optics, &plan->plan);
     if (absl::Status s = WriteFileAtomically(file, ToJson(plan->plan) + "\n"); !s.ok()) return s;
@@ -161,10 +174,12 @@ Command AddOpticsCommand(CLI::App& app) {
   app.add_option("--catalogue", options->catalogue,
                  "folder of cameras/, lenses/ and lasers/ to choose from");
   AddDeviceOptions(app, &options->devices);
+  NeedOption(app, {"--max-footprint", "--min-view", "--min-depth", "--max-price", "--rendered"},
+             "--catalogue");
   app.add_option("--seed", options->seed, "of simulated speckle, photons and noise; default 1");
   AddWorkerOptions(app, &options->worker);
-  app.add_option("--max-image-bytes", options->worker.max_image_bytes,
-                 "memory of our own worker for one image, e.g. 16GB; default 8GB");
+  TakeSizes(*app.add_option("--max-image-bytes", options->worker.max_image_bytes,
+                            "memory of our own worker for one image, e.g. 16GB; default 8GB"));
   return [options]() -> int {
     const absl::StatusOr<int> code = Optics(*options);
     return code.ok() ? *code : ReportError(code.status());

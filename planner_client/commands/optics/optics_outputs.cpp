@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/commands/optics/optics_outputs.h"
 
+#include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
 
 namespace sightline {

@@ -17,7 +17,7 @@ absl::StatusOr<OpticsRequest> MakeOpticsRequest(const FrameChoice& choice) {
   if (!checked.ok()) return checked.status();
   OpticsRequest made;
   made.inspection = std::move(checked->inspection);
-  auto frames = ChooseFrames(choice, made.inspection);
+  auto frames = ChooseFrames(choice, made.inspection, &made.remarks);
   if (!frames.ok()) return frames.status();
   for (v1::PartFrame& frame : *frames) {
     frame.clear_setting();  // it is what is looked for

@@ -2,6 +2,7 @@
 // What a render worker is asked when a setting of camera and laser is looked for.
 #pragma once
 
+#include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -16,6 +17,7 @@ struct OpticsRequest {
   Inspection inspection;
   v1::CreateOpticsRequest request;  // without id and assets
   std::vector<AssetFile> assets;
+  std::vector<std::string> remarks;  // what to know of the plan
 };
 
 // Of the frames that are chosen. INVALID_ARGUMENT: the inspection lacks what images need

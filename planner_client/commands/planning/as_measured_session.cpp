@@ -8,9 +8,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/command_options/option_values.h"
 #include "core/part/load_part.h"
 #include "core/physics/angle.h"
 #include "planner_client/coverage_client/part_upload.h"
+#include "planner_client/plan_file/plan_file.h"
 #include "planner_client/replanning/measured_oracle.h"
 
 namespace sightline {
@@ -88,6 +90,7 @@ void AddAsMeasuredOptions(CLI::App& app, AsMeasuredOptions* options) {
   app.add_option("--tolerated-distance-mm", options->tolerated_distance_mm,
                  "with --measured: three quarters of a file's points must be this near to the part")
       ->check(CLI::Range(0.001, 5.0));
+  NeedOption(app, {"--pose-prior-mm", "--pose-prior-deg", "--tolerated-distance-mm"}, "--measured");
 }
 
 std::vector<Measurement> EarlierPlan::Measured() const {
@@ -108,7 +111,8 @@ absl::StatusOr<EarlierPlan> LockMeasuredScans(const AsMeasuredOptions& options,
                        "measured points elsewhere"));
     }
   }
-  auto plan = ReadPlanScans(folder + "/plan.json");
+  GivenPlans known;  // --resume has read this plan before
+  auto plan = ReadPlanScans(folder + "/plan.json", &known);
   if (!plan.ok()) return plan.status();
   EarlierPlan earlier;
   earlier.scans = std::move(plan->all);

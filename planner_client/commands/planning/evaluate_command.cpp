@@ -9,9 +9,11 @@
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/commands.h"
+#include "planner_client/commands/other_part.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/plan_file/plan_file.h"
 
 namespace sightline {
 namespace {
@@ -44,6 +46,7 @@ Command AddEvaluateCommand(CLI::App& app) {
   app.add_option("--coverage-server", options->session.coverage_server,
                  "unix:PATH or HOST:PORT; default: one of our own");
   AddServerTlsOptions(app, &options->session.tls);
+  AddOtherPartOption(app, &options->session.plans.other_part);
   app.add_flag("!--no-pictures", options->output.pictures,
                "leave the rendered views out of the report");
   app.add_flag("!--no-point-clouds", options->output.point_clouds,
@@ -51,7 +54,7 @@ Command AddEvaluateCommand(CLI::App& app) {
   app.add_flag("--ellipsoids", options->output.ellipsoids,
                "for uncertainty: write points/scan_NN_ellipsoids.ply too");
   return [options]() -> int {
-    auto given = ReadPlanScans(options->plan);
+    auto given = ReadPlanScans(options->plan, &options->session.plans);
     if (!given.ok()) return ReportError(given.status());
     const auto out_lock = OpenOutputFolder(options->output.folder);
     if (!out_lock.ok()) return ReportError(out_lock.status());

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -22,7 +23,8 @@ ParetoTask TaskOf(const PlanningSession& session, const PlanningGoal& goal) {
   ParetoTask task;
   task.inspection_name = session.inspection.name;
   task.sightline_version = SIGHTLINE_VERSION;
-  task.part_digest = scene.part_digest;
+  task.part_digest = session.part_digest;
+  task.part_file = session.inspection.part_file;
   task.scene_digest = scene.scene_digest;
   task.costs = session.inspection.costs;
   task.domain = session.inspection.domain;
@@ -171,8 +173,14 @@ int RunPick(const SessionOptions& session_options, const ParetoPick& pick, Outpu
   // The goal may have been another one for the planning; the front states it.
   PlanningGoal& goal = session->inspection.goal;
   (goal.admissible ? *goal.admissible : goal.coverage) = front.goal();
-  if (absl::Status status = CheckPareto(front, TaskOf(*session, goal), path); !status.ok()) {
+  std::string remark;
+  if (absl::Status status = CheckPareto(front, TaskOf(*session, goal), path, &remark);
+      !status.ok()) {
     return ReportError(status);
+  }
+  if (!remark.empty()) {
+    std::fprintf(stderr, "warning: %s\n", remark.c_str());
+    session->plan_remarks.push_back(std::move(remark));
   }
   const v1::ParetoPoint point = front.points(*index);
   auto scans = EvaluateAgain(*session, point, path);

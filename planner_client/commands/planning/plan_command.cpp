@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/command_options/option_values.h"
 #include "core/json/strict_json.h"
 #include "planner_client/command_line/help/terminal.h"
 #include "planner_client/command_line/process/exit_code.h"
@@ -19,6 +20,7 @@
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/optics/optics_outputs.h"
+#include "planner_client/commands/other_part.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/part_of_work.h"
 #include "planner_client/commands/planning/as_measured_session.h"
@@ -30,6 +32,7 @@
 #include "planner_client/commands/starts/plan_starts.h"
 #include "planner_client/commands/starts/search_checkpoint.h"
 #include "planner_client/multi_start/start_result.h"
+#include "planner_client/plan_file/plan_file.h"
 #include "planner_client/report/optics/optics_report.h"
 #include "planner_client/strategy/priced_plan.h"
 
@@ -69,15 +72,15 @@ double SecondsSince(std::chrono::steady_clock::time_point start) {
 }
 
 // Wrong input is found before the scene is built, which takes seconds.
-absl::Status ReadGivenScans(const PlanOptions& options, PlannerRequest& request) {
+absl::Status ReadGivenScans(PlanOptions& options, PlannerRequest& request) {
   if (!options.keep.empty()) {
-    auto kept = ReadPlanScans(options.keep);
+    auto kept = ReadPlanScans(options.keep, &options.session.plans);
     if (!kept.ok()) return kept.status();
     request.locked = std::move(kept->all);
   }
   if (options.resume) {
     const std::string path = options.output.folder + "/plan.json";
-    auto earlier = ReadPlanScans(path);
+    auto earlier = ReadPlanScans(path, &options.session.plans);
     if (!earlier.ok()) return earlier.status();
     for (size_t i = 0; i < earlier->all.size(); ++i) {
       (earlier->locked[i] ? request.locked : request.starting).push_back(earlier->all[i]);
@@ -148,11 +151,12 @@ void SetGoal(const PlanOptions& options, PlanningGoal& goal) {
 class Planning {
  public:
   Planning(PlanOptions& options, PlannerRequest request, const PartOfWork& part,
-           const EarlierPlan& earlier, PlanningSession& session,
-           std::chrono::steady_clock::time_point start)
+           const EarlierPlan& earlier, std::optional<SearchQuestion> question,
+           PlanningSession& session, std::chrono::steady_clock::time_point start)
       : options_(options),
         part_(part),
         earlier_(earlier),
+        question_(std::move(question)),
         session_(session),
         request_(std::move(request)),
         start_(start),
@@ -177,9 +181,13 @@ class Planning {
   }
 
   absl::Status Run() {
-    auto checkpoint =
-        SearchCheckpoint::Open(options_.checkpoint, session_, options_.session.inspection_file,
-                               request_, options_.bound_evaluations);
+    absl::StatusOr<SearchCheckpoint> checkpoint;
+    if (question_) {
+      checkpoint = SearchCheckpoint::Open(options_.checkpoint, session_, *question_, request_,
+                                          options_.bound_evaluations);
+    } else {
+      checkpoint.emplace();
+    }
     if (!checkpoint.ok()) return checkpoint.status();
     if (options_.starts.Several()) {
       if (auto status = SearchFromAllStarts(*checkpoint); !status.ok()) return status;
@@ -200,9 +208,11 @@ class Planning {
       if (!InterruptFlag()) std::printf("part %d of %d is done\n", part_.number, part_.count);
       return;
     }
-    PrintWrapped(absl::StrFormat("%s%s%s%.1f s from cold start to plan.\n",
-                                 SummarisePlan(document_.plan), SummariseStarts(document_.plan),
-                                 SummariseAsMeasured(document_.plan), time_to_plan_s_));
+    PrintWrapped(absl::StrFormat(
+        "%s%s%s%.1f s from cold start to plan, %.1f s in all: with the lower bound, better plans, "
+        "reasons, pictures and files.\n",
+        SummarisePlan(document_.plan), SummariseStarts(document_.plan),
+        SummariseAsMeasured(document_.plan), time_to_plan_s_, SecondsSince(start_)));
     if (options_.output.pareto) {
       std::printf("%s", SummarisePareto(*options_.output.pareto).c_str());
     }
@@ -404,6 +414,7 @@ class Planning {
   PlanOptions& options_;
   const PartOfWork part_;  // of the starts
   const EarlierPlan& earlier_;
+  const std::optional<SearchQuestion> question_;  // set if answers are kept
   PlanningSession& session_;
   PlannerRequest request_;
   std::chrono::steady_clock::time_point start_;
@@ -416,6 +427,27 @@ class Planning {
   double planning_s_ = 0, time_to_plan_s_ = 0;
 };
 
+// What the answers that --checkpoint keeps depend on; unset without it.
+absl::StatusOr<std::optional<SearchQuestion>> QuestionOf(const PlanOptions& options) {
+  if (options.checkpoint.empty()) return std::nullopt;
+  auto files = FilesOfInspection(options.session.inspection_file);
+  if (!files.ok()) return files.status();
+  for (const std::string& file : options.measured.files) {
+    // The name may say which scan has measured the points.
+    files->push_back(
+        {absl::StrCat("--measured ", std::filesystem::path(file).filename().string()), file});
+  }
+  auto contents = FileContents::Of(*std::move(files));
+  if (!contents.ok()) return contents.status();
+  const AsMeasuredOptions& m = options.measured;
+  return SearchQuestion{
+      *std::move(contents),
+      m.files.empty() ? ""
+                      : absl::StrFormat("pose prior %s mm, %s deg; tolerated distance %s mm",
+                                        NumberText(m.pose_prior_mm), NumberText(m.pose_prior_deg),
+                                        NumberText(m.tolerated_distance_mm))};
+}
+
 absl::Status PlanParsed(PlanOptions& options, const PartOfWork& part) {
   PlannerRequest request;
   if (auto status = ReadGivenScans(options, request); !status.ok()) return status;
@@ -427,19 +459,22 @@ absl::Status PlanParsed(PlanOptions& options, const PartOfWork& part) {
   if (auto status = CheckOptics(options); !status.ok()) return status;
   options.session.kept_scans = request.locked;
   // Parts of the starts leave the folder to the run that chooses.
-  std::optional<FolderLock> out_lock;
+  std::optional<FileLock> out_lock;
   if (part.IsWhole()) {
     auto taken = OpenOutputFolder(options.output.folder);
     if (!taken.ok()) return taken.status();
     out_lock = *std::move(taken);
   }
   const auto start = std::chrono::steady_clock::now();
+  auto question = QuestionOf(options);
+  if (!question.ok()) return question.status();
   auto session = OpenSession(options.session);
   if (!session.ok()) return session.status();
   if (measured) {
     if (auto status = AskMeasuredPoints(*earlier, &*session); !status.ok()) return status;
   }
-  Planning planning(options, std::move(request), part, *earlier, *session, start);
+  Planning planning(options, std::move(request), part, *earlier, *std::move(question), *session,
+                    start);
   if (auto status = planning.Run(); !status.ok()) return status;
   planning.Print();
   return absl::OkStatus();
@@ -485,6 +520,7 @@ Command AddPlanCommand(CLI::App& app) {
   app.add_option("--keep", options->keep,
                  "plan.json whose scans stay as they are; the rest is planned");
   app.add_flag("--resume", options->resume, "go on from the plan.json in --out");
+  AddOtherPartOption(app, &options->session.plans.other_part);
   AddAsMeasuredOptions(app, &options->measured);
   AddParetoOptions(app, &options->pareto);
   AddStartsOptions(app, &options->starts);
@@ -519,7 +555,21 @@ Command AddPlanCommand(CLI::App& app) {
                "do not write points/scan_NN.ply");
   app.add_flag("--ellipsoids", options->output.ellipsoids,
                "for uncertainty: write points/scan_NN_ellipsoids.ply too");
-  return [options] {
+  NeedOption(app, {"--optics-rounds", "--render-worker", "--threads"}, "--optics");
+  return [&app, options] {
+    // A point of the front has been planned before.
+    for (const char* pick : {"--pick", "--pick-scans", "--pick-seconds"}) {
+      absl::Status status =
+          CheckExcluded(app, pick,
+                        {"--strategy", "--seed", "--goal", "--max-scans", "--max-time-s", "--keep",
+                         "--resume", "--starts", "--checkpoint", "--evaluations-per-scan",
+                         "--matrix-samples", "--bound-evaluations"});
+      if (!status.ok()) return ReportError(status);
+    }
+    if (app.count("--matrix-samples") > 0 && options->strategy != kMatrixStrategy) {
+      std::fprintf(stderr, "warning: --matrix-samples has no effect without --strategy %s\n",
+                   kMatrixStrategy);
+    }
     GiveBothServersTls(options->session.coverage_server, &options->session.tls,
                        options->worker.address, &options->worker.tls);
     return RunPlan(*options);

@@ -5,7 +5,6 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <numbers>
 #include <system_error>
 #include <vector>
 
@@ -15,7 +14,6 @@
 #include "absl/strings/str_join.h"
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
-#include "core/json/strict_json.h"
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -263,7 +261,8 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
   plan.set_sightline_version(SIGHTLINE_VERSION);
   plan.set_strategy(source.strategy);
   plan.set_seed(source.seed);
-  plan.set_part_digest(scene.part_digest);
+  plan.set_part_digest(session.part_digest.Text());
+  for (const std::string& remark : session.plan_remarks) plan.add_part_remarks(remark);
   plan.set_scene_digest(scene.scene_digest);
   plan.set_gain_evaluations(source.evaluations);
   plan.set_stop_reason(source.stop_reason);
@@ -328,7 +327,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
   }
   AddSetups(session, &plan);
   AddRemarks(session, document.scans, given, &plan);
-  if (absl::Status status = AddScanQuality(session, document); !status.ok()) return status;
+  AddScanQuality(session, document);
   if (session.ForUncertainty()) {
     if (absl::Status status = AddUncertainty(session, document); !status.ok()) return status;
   }
@@ -342,43 +341,6 @@ void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan) {
   message.set_converged(bound.converged);
   message.set_pricing_evaluations(bound.evaluations);
   message.set_statement(bound.statement);
-}
-
-absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path) {
-  PlanFileScans scans;
-  if (absl::Status status = ReadStrictJsonFile(path, &scans.plan); !status.ok()) return status;
-  if (scans.plan.scans_size() > kMostPlanScans) {
-    return absl::InvalidArgumentError(absl::StrCat(path, ": scans has ", scans.plan.scans_size(),
-                                                   " entries, at most ", kMostPlanScans,
-                                                   " can be evaluated"));
-  }
-  const MeasurementDomain domain = ThesisDomain();
-  for (int i = 0; i < scans.plan.scans_size(); ++i) {
-    const v1::PlannedScan& scan = scans.plan.scans(i);
-    if (!scan.has_measurement()) {
-      return absl::InvalidArgumentError(
-          absl::StrCat(path, ": scans[", i, "].measurement is missing"));
-    }
-    const Measurement measurement = MeasurementFromProto(scan.measurement());
-    const auto values = ToArray(measurement);
-    for (int p = 0; p < kMeasurementParameters; ++p) {
-      if (domain.parameters[p].Contains(values[p])) continue;
-      const bool angle = p >= 1 && p <= 6;
-      std::string allowed;
-      for (const auto& range : domain.parameters[p].ranges) {
-        const double scale = angle ? 180 / std::numbers::pi : 1;
-        absl::StrAppend(&allowed, allowed.empty() ? "" : " or ",
-                        absl::StrFormat("[%.6g, %.6g]", scale * range.min, scale * range.max));
-      }
-      return absl::InvalidArgumentError(
-          absl::StrFormat("%s: scans[%d].measurement.%s is %.9g, must be in %s", path, i,
-                          kMeasurementParameterNames[p],
-                          angle ? values[p] * 180 / std::numbers::pi : values[p], allowed));
-    }
-    scans.all.push_back(measurement);
-    scans.locked.push_back(scan.locked());
-  }
-  return scans;
 }
 
 namespace {
@@ -428,7 +390,10 @@ std::string SummariseReach(const v1::Plan& plan) {
 
 std::string SummarisePlan(const v1::Plan& plan) {
   const v1::PlanCoverage& c = plan.coverage();
-  std::string text = absl::StrFormat(
+  std::string text;
+  for (const std::string& remark : plan.part_remarks()) absl::StrAppend(&text, remark, ".\n");
+  absl::StrAppendFormat(
+      &text,
       "%d %s %.2f %% of the %d measurable targets (%swithout the gate on normals %.2f %%).\n"
       "fast estimate against exact: mean |error| %.3f %%, largest %.3f %% of all targets, over "
       "this plan's scans.\n",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// From chosen scans to the plan: poses, travel, numbers; and back from a plan file.
+// From chosen scans to the plan: poses, travel, numbers.
 #pragma once
 
 #include <string>
@@ -7,6 +7,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
+#include "absl/strings/str_cat.h"
 #include "planner_client/commands/planning/planning_session.h"
 #include "planner_client/strategy/planner.h"
 #include "planner_client/strategy/scan_count_bound.h"
@@ -23,6 +24,14 @@ struct PlanDocument {
   std::vector<float> admissible_uncertainty_m;
   // One per target, as far as it is not covered; empty until ExplainUncovered.
   std::vector<TargetReason> reasons;
+  // What else belongs to the plan but could not be had from the server, a sentence each: pictures,
+  // explanations, qualities. The plan is kept without it; the report and stderr name it.
+  std::vector<std::string> missing;
+
+  // Adds that something, as "picture of scan 3", is missing and why.
+  void Miss(const std::string& what, const absl::Status& why) {
+    missing.push_back(absl::StrCat("missing: ", what, ": ", why.message()));
+  }
 };
 
 struct PlanSource {
@@ -43,17 +52,6 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
 
 // Adds the lower bound, to what the plan is for.
 void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan);
-
-// As many as goal.max_scans can be.
-inline constexpr int kMostPlanScans = 1000;
-
-// Scans of a plan file, at most kMostPlanScans. INVALID_ARGUMENT names the file, scan and field.
-struct PlanFileScans {
-  std::vector<Measurement> all;
-  std::vector<bool> locked;
-  v1::Plan plan;
-};
-absl::StatusOr<PlanFileScans> ReadPlanScans(const std::string& path);
 
 // One paragraph for the terminal.
 std::string SummarisePlan(const v1::Plan& plan);

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <chrono>
 #include <cmath>
+#include <cstdio>
 #include <filesystem>
 #include <memory>
 #include <system_error>
@@ -14,6 +15,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/string_view.h"
 #include "absl/strings/strip.h"
+#include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
 #include "core/parallel/for_each_index.h"
 #include "core/part/load_part.h"
@@ -110,6 +112,10 @@ absl::StatusOr<ReportData> DescribeForReport(const PlanningSession& session,
         WriteUncertaintyFiles(session, document, *data.uncertainty, options.folder);
     if (!status.ok()) return status;
     if (options.point_clouds) data.uncertainty->scan_sensitivities.resize(document.scans.size());
+  } else if (options.ellipsoids) {
+    std::fprintf(stderr,
+                 "warning: --ellipsoids has no effect: the inspection's goal is coverage, not "
+                 "uncertainty\n");
   }
   return data;
 }
@@ -147,30 +153,32 @@ absl::StatusOr<std::string> PictureOfTargets(const PlanningSession& session,
 
 // Of plans for uncertainty with the sensitivity of the scan's points, into `sensitivity`.
 absl::Status WritePointsOfScan(const PlanningSession& session, const ChosenScan& scan, size_t index,
-                               const OutputOptions& options, ScanSensitivityMap* sensitivity) {
+                               const std::vector<ScanPoint>& points, const OutputOptions& options,
+                               ScanSensitivityMap* sensitivity) {
   const auto path = [&](const char* kind) {
     return absl::StrFormat("%s/points/scan_%02d%s.ply", options.folder, index + 1, kind);
   };
-  auto points = session.client->MeasurementPoints(scan.measurement);
-  // A scan given by hand that collides.
-  if (absl::IsFailedPrecondition(points.status())) return absl::OkStatus();
-  if (!points.ok()) return points.status();
   std::vector<Eigen::Vector3f> positions, normals;
   const Eigen::Isometry3f to_stage = ToStage(session);
-  for (const ScanPoint& p : *points) {
+  for (const ScanPoint& p : points) {
     positions.push_back(to_stage * p.position_m);
     normals.push_back(to_stage.linear() * p.normal);
   }
   absl::Status status = WritePlyPoints(path(""), positions, normals);
   if (!status.ok() || sensitivity == nullptr) return status;
-  *sensitivity = SensitivityOf(session, scan.measurement, *points);
+  *sensitivity = SensitivityOf(session, scan.measurement, points);
   for (Eigen::Vector3f& place : sensitivity->positions_m) place = to_stage * place;
   if (!options.ellipsoids) return absl::OkStatus();
-  return WriteEllipsoids(session, scan.measurement, *points, path("_ellipsoids"));
+  return WriteEllipsoids(session, scan.measurement, points, path("_ellipsoids"));
 }
 
-// Pictures and point clouds, of several scans at a time.
-absl::Status ShowScans(const PlanningSession& session, const PlanDocument& document,
+// What the server answered for the outputs of a scan.
+struct ScanAnswers {
+  absl::Status picture, points;
+};
+
+// Pictures and point clouds, of several scans at a time. What the server does not give is missing.
+absl::Status ShowScans(const PlanningSession& session, PlanDocument& document,
                        const OutputOptions& options, ReportData* data) {
   std::vector<TargetBits> covered_until;
   TargetBits covered(data->targets.size());
@@ -188,24 +196,37 @@ absl::Status ShowScans(const PlanningSession& session, const PlanDocument& docum
     *place = *std::move(png);
     return absl::OkStatus();
   };
+  std::vector<ScanAnswers> answers(document.scans.size());
   absl::Status status = ForEachIndex(document.scans.size(), [&](size_t i) -> absl::Status {
     const ChosenScan& scan = document.scans[i];
     if (options.pictures) {
-      absl::Status shown = picture(PictureOfScan(session, scan, covered_until[i]),
+      answers[i].picture = picture(PictureOfScan(session, scan, covered_until[i]),
                                    &data->scans[i].rendered_view_png);
-      if (!shown.ok()) return shown;
     }
     if (!options.point_clouds) return absl::OkStatus();
+    const auto points = session.client->MeasurementPoints(scan.measurement);
+    // A scan given by hand that collides has none.
+    if (absl::IsFailedPrecondition(points.status())) return absl::OkStatus();
+    answers[i].points = points.status();
+    if (!points.ok()) return absl::OkStatus();
     return WritePointsOfScan(
-        session, scan, i, options,
+        session, scan, i, *points, options,
         data->uncertainty ? &data->uncertainty->scan_sensitivities[i] : nullptr);
   });
+  for (size_t i = 0; i < answers.size(); ++i) {
+    const auto& [shown, measured] = answers[i];
+    if (!shown.ok()) document.Miss(absl::StrCat("picture of scan ", i + 1), shown);
+    if (!measured.ok()) document.Miss(absl::StrCat("points of scan ", i + 1), measured);
+  }
   if (!status.ok() || !options.pictures) return status;
   using View = v1::RenderViewRequest;
-  status = picture(PictureOfTargets(session, View::VIEW_MEASURABILITY, covered),
-                   &data->measurability_png);
-  if (!status.ok()) return status;
-  return picture(PictureOfTargets(session, View::VIEW_COVERAGE, covered), &data->coverage_png);
+  const absl::Status measurability = picture(
+      PictureOfTargets(session, View::VIEW_MEASURABILITY, covered), &data->measurability_png);
+  if (!measurability.ok()) document.Miss("picture of what is measurable", measurability);
+  const absl::Status coverage =
+      picture(PictureOfTargets(session, View::VIEW_COVERAGE, covered), &data->coverage_png);
+  if (!coverage.ok()) document.Miss("picture of what is measured", coverage);
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -223,7 +244,9 @@ absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
                               const OutputOptions& options) {
   if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
   const auto explaining = std::chrono::steady_clock::now();
-  if (absl::Status status = ExplainUncovered(session, &document); !status.ok()) return status;
+  if (absl::Status status = ExplainUncovered(session, &document); !status.ok()) {
+    document.Miss("reasons why targets are not covered", status);
+  }
   const auto start = std::chrono::steady_clock::now();
   if (absl::Status status = WritePlanJson(document, options.folder); !status.ok()) return status;
   auto data = DescribeForReport(session, document, options);
@@ -240,6 +263,10 @@ absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
   data->timings.push_back(
       {"pictures and point clouds",
        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
+  for (const std::string& missing : document.missing) {
+    data->notes.push_back(missing);
+    std::fprintf(stderr, "warning: %s\n", missing.c_str());
+  }
   auto html = RenderReport(*data);
   if (!html.ok()) return html.status();
   return WriteFileAtomically(options.folder + "/report.html", *html);

@@ -27,7 +27,9 @@ struct OutputOptions {
 // Writes plan.json and plan.csv; then, with the reasons why targets stay uncovered, plan.json
 // again, pictures, report.html and points/scan_NN.ply. plan.json comes first, so that an
 // interruption keeps it; before, what an earlier plan left in the folder about its scans goes
-// (report, point clouds, uncertainty). Prints nothing.
+// (report, point clouds, uncertainty). What the server does not give is left out of the files,
+// named in the notes of the report and by a warning on stderr: no plan is lost for a picture. The
+// errors are those of writing.
 absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder);
 absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
                               const OutputOptions& options);

@@ -38,7 +38,10 @@ absl::Status ReadRequirements(PlanningSession& session) {
   std::optional<ToleranceReport> report;
   std::vector<FaceTriangles> faces;
   if (const std::string& file = session.inspection.tolerances->file; !file.empty()) {
-    auto read = ImportTolerances(file);
+    ToleranceImportOptions options;
+    // The unit of a STEP file that states none is that of the part.
+    if (file == session.inspection.part_file) options.length_unit = session.inspection.part_unit;
+    auto read = ImportTolerances(file, options);
     if (!read.ok()) return read.status();
     report = std::move(read->report);
     faces = std::move(read->faces);
@@ -143,10 +146,20 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
     session.inspection.uncertainty->detection = *options.line_detection;
   }
 
-  auto part = LoadPartFile(session.inspection.part_file, session.inspection.part_unit);
+  PartFileOptions part_options;
+  part_options.construction_geometry = session.inspection.part_construction_geometry;
+  auto part =
+      LoadPartFile(session.inspection.part_file, session.inspection.part_unit, part_options);
   if (!part.ok()) return part.status();
   session.health = CheckPartHealth(*part);
   session.part = std::make_shared<const TriangleMesh>(std::move(*part));
+  session.part_digest = PartDigestOf(*session.part);
+  auto remarks = options.plans.CheckBelongTo(session.part_digest, session.inspection.part_file);
+  if (!remarks.ok()) return remarks.status();
+  session.plan_remarks = *std::move(remarks);
+  for (const std::string& remark : session.plan_remarks) {
+    std::fprintf(stderr, "warning: %s\n", remark.c_str());
+  }
   session.model_centre_m = session.part->BoundingBox().center();
   const Eigen::Vector3d size_mm = 1e3 * session.health.bounding_box_m.sizes();
   std::fprintf(stderr, "part: %s, %.1f x %.1f x %.1f mm, %lld triangles, %.1f cm2\n",

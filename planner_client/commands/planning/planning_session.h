@@ -13,10 +13,12 @@
 #include "core/inspection/inspection.h"
 #include "core/inspection/part_holding.h"
 #include "core/part/mesh.h"
+#include "core/part/part_digest.h"
 #include "core/part/part_health.h"
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/server_tls.h"
 #include "planner_client/coverage_client/coverage_client.h"
+#include "planner_client/plan_file/part_of_plan.h"
 #include "planner_client/plan_oracle/uncertainty_oracle.h"
 #include "planner_client/replanning/measured_oracle.h"
 #include "planner_client/replanning/measured_part.h"
@@ -39,6 +41,8 @@ struct SessionOptions {
   std::optional<LineDetectionNoise> line_detection;
   // Scans that are in the plan whether or not the inspection's robot reaches them.
   std::vector<Measurement> kept_scans;
+  // Plans that scans were taken from; those of another part are refused.
+  GivenPlans plans;
   // Called with the inspection, its part and its obstacles as they were read, before anything is
   // uploaded; what it changes is what will be planned for. May be null.
   std::function<absl::Status(PlanningSession&, CoverageTask&)> before_upload;
@@ -47,6 +51,10 @@ struct SessionOptions {
 struct PlanningSession {
   Inspection inspection;
   std::shared_ptr<const TriangleMesh> part;
+  // Of the part as its file describes it, also where `part` is the part as measured.
+  PartDigest part_digest;
+  // What to know of the plans that scans were taken from, for the first lines of reports.
+  std::vector<std::string> plan_remarks;
   // What the part lies on; the domain of `inspection` has its orientations.
   HeldPart held;
   PartHealth health;

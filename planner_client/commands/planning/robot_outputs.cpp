@@ -126,6 +126,9 @@ std::unique_ptr<GainOracle> WithinReach(const PlanningSession& session,
 
 void AskRobotFirst(const std::vector<Measurement>& kept, PlanningSession* session) {
   if (!session->robot) return;
+  for (const std::string& remark : session->robot->model().remarks) {
+    std::fprintf(stderr, "robot: %s\n", remark.c_str());
+  }
   PrintReach(*session);
   session->oracle = WithinReach(*session, std::move(session->oracle), kept);
 }

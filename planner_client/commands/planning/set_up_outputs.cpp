@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/json/strict_json.h"
+#include "core/file/atomic_write.h"
 #include "core/parallel/for_each_index.h"
 #include "core/physics/angle.h"
 #include "planner_client/command_line/process/output_folder.h"
@@ -55,13 +55,14 @@ Eigen::Isometry3f ToStage(const PlanningSession& session) {
                           : Eigen::Isometry3f::Identity();
 }
 
-absl::Status AddScanQuality(const PlanningSession& session, PlanDocument& document) {
+void AddScanQuality(const PlanningSession& session, PlanDocument& document) {
   const Rig rig = RigOfPoses(session);
   const Eigen::Isometry3f to_stage = ToStage(session);
   const std::vector<double> overlaps = Overlaps(CoveredBy(document));
   std::vector<v1::PlannedScan*> scans;
   for (v1::PlannedScan& scan : *document.plan.mutable_scans()) scans.push_back(&scan);
-  return ForEachIndex(document.scans.size(), [&](size_t i) -> absl::Status {
+  std::vector<absl::Status> got(document.scans.size());
+  const auto add = [&](size_t i) -> absl::Status {
     const ChosenScan& scan = document.scans[i];
     if (scan.exact.feasibility != ScanFeasibility::kFeasible) return absl::OkStatus();
     auto given = session.client->MeasurementPoints(scan.measurement);
@@ -79,7 +80,15 @@ absl::Status AddScanQuality(const PlanningSession& session, PlanDocument& docume
     message.set_overlap(overlaps[i]);
     *scans[i]->mutable_quality() = std::move(message);
     return absl::OkStatus();
+  };
+  absl::Status all = ForEachIndex(document.scans.size(), [&](size_t i) {
+    got[i] = add(i);
+    return absl::OkStatus();
   });
+  if (!all.ok()) document.Miss("quality of scans", all);
+  for (size_t i = 0; i < got.size(); ++i) {
+    if (!got[i].ok()) document.Miss(absl::StrCat("quality of scan ", i + 1), got[i]);
+  }
 }
 
 std::vector<float> DepthPerPixel(const PlanningSession& session, const PlanDocument& document,

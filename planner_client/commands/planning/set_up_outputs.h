@@ -19,9 +19,9 @@ inline constexpr char kSetUpSheetFile[] = "setup.html";
 // points found it.
 Eigen::Isometry3f ToStage(const PlanningSession& session);
 
-// Sets PlannedScan.quality of every scan that measures anything, from all of its points. Errors of
-// the coverage server are passed on.
-absl::Status AddScanQuality(const PlanningSession& session, PlanDocument& document);
+// Sets PlannedScan.quality of every scan that measures anything, from all of its points. What the
+// coverage server does not give is missing in the document.
+void AddScanQuality(const PlanningSession& session, PlanDocument& document);
 
 // Depth per pixel of the targets that the plan covers (ReportData.depth_per_pixel_m).
 std::vector<float> DepthPerPixel(const PlanningSession& session, const PlanDocument& document,

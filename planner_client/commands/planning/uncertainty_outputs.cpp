@@ -5,7 +5,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/json/strict_json.h"
+#include "core/file/atomic_write.h"
 #include "core/rig/scan_geometry.h"
 #include "core/triangulation/triangulation.h"
 #include "planner_client/report/uncertainty/inadmissible.h"

@@ -13,6 +13,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/command_options/option_values.h"
+#include "core/file/atomic_write.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
@@ -358,7 +360,9 @@ Command AddDiagnoseCommand(CLI::App& app) {
   app.add_option("--part", options->part,
                  "file of the part that the recordings show; default: as it is named there, in "
                  "their folder");
-  app.add_option("--part-unit", options->part_unit, "of an STL, PLY or OBJ file: m, cm, mm, inch");
+  app.add_option("--part-unit", options->part_unit,
+                 "of an STL, PLY or OBJ file: m, cm, mm, um, inch")
+      ->transform(NameOfLengthUnit());
   app.add_option("--exclude", options->excluded, "effect not to consider; may be repeated")
       ->allow_extra_args(false);
   app.add_option("--max-effects", options->max_effects,

@@ -11,6 +11,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "core/file/atomic_write.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/check/check_recordings.h"
@@ -94,6 +95,7 @@ absl::StatusOr<int> Check(const std::string& input) {
   }
   std::vector<Image<uint16_t>>& images = loaded->raw_dn;
   std::vector<std::string> errors = loaded->errors;
+  notes.insert(notes.end(), loaded->remarks.begin(), loaded->remarks.end());
   if (loaded->eight_bit_files) {
     notes.push_back(TakeNarrowNumbers(EightBitNumbers(set->camera), &*set, &images));
   }

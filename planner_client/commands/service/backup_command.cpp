@@ -1,4 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
+#include <sys/stat.h>
+
 #include <cstdio>
 #include <memory>
 #include <string>
@@ -17,6 +19,8 @@ struct BackupOptions {
 };
 
 int RunBackup(const BackupOptions& options) {
+  // The jobs of a service are its clients' secrets: nothing is readable by other users.
+  umask(S_IRWXG | S_IRWXO);
   const auto report = BackUp(options.data, options.out, options.only_files, InterruptFlag());
   if (absl::IsCancelled(report.status())) {
     ReportError(report.status());

@@ -9,6 +9,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/command_options/option_values.h"
 #include "core/json/strict_json.h"
 #include "core/spelling/nearest_name.h"
 #include "planner_client/command_line/help/terminal.h"
@@ -114,8 +115,9 @@ Command AddEffectsCommand(CLI::App& app) {
   app.add_option("name", options->name,
                  "an effect, e.g. optics.coma, or a part of names, e.g. optics; default: all");
   app.add_flag("--json", options->json, "the whole vocabulary as JSON");
-  return [options] {
+  return [&app, options] {
     if (!options->json) return Print(options->name);
+    if (absl::Status s = CheckExcluded(app, "--json", {"name"}); !s.ok()) return ReportError(s);
     const std::string_view json = EffectListJson();
     std::fwrite(json.data(), 1, json.size(), stdout);
     return kExitDone;

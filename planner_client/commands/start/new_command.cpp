@@ -14,11 +14,12 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/catalogue/catalogue.h"
+#include "core/command_options/option_values.h"
+#include "core/file/atomic_write.h"
 #include "core/inspection/inspection.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
@@ -26,6 +27,8 @@
 #include "core/part/part_health.h"
 #include "core/process/program_path.h"
 #include "core/spelling/nearest_name.h"
+#include "core/text/length_unit.h"
+#include "core/text/number.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
 #include "planner_client/commands/commands.h"
@@ -51,7 +54,7 @@ struct NewInspectionOptions {
   std::optional<int> columns_px, rows_px;
   std::optional<double> pixel_pitch_um, fov_deg, focal_length_mm, f_number;
   std::optional<double> goal, spacing_mm, tolerance_mm;
-  bool force = false, no_questions = false;
+  bool construction_geometry = false, force = false, no_questions = false;
   bool holding_given = false;
 };
 
@@ -63,9 +66,12 @@ struct SizeInUnit {
 
 // Units in which the part has a size that is worth inspecting.
 std::vector<SizeInUnit> PlausibleUnits(const std::string& file) {
+  std::vector<std::string> remarks;  // said when the part is read in its unit
+  PartFileOptions part_options;
+  part_options.remarks = &remarks;
   std::vector<SizeInUnit> sizes;
   for (const char* unit : {"mm", "cm", "m", "inch", "um"}) {
-    const auto mesh = LoadPart(file, unit);
+    const auto mesh = LoadPartFile(file, unit, part_options);
     if (!mesh.ok()) continue;
     const Eigen::Vector3d mm = 1e3 * mesh->BoundingBox().sizes().cast<double>();
     sizes.push_back({unit, absl::StrFormat("%.4g x %.4g x %.4g mm", mm.x(), mm.y(), mm.z())});
@@ -80,7 +86,7 @@ std::string UnitsText(const std::vector<SizeInUnit>& sizes) {
 }
 
 bool NeedsUnit(const NewInspectionOptions& options) {
-  return options.unit.empty() && !CheckPartUnit(options.part, "").ok();
+  return options.unit.empty() && NeedsPartUnit(options.part);
 }
 
 // --- questions -----------------------------------------------------------------------------------
@@ -115,12 +121,12 @@ absl::Status TakeOneOf(const std::string& answer, const std::vector<std::string>
 absl::Status TakeNumber(const std::string& answer, double above, double most,
                         std::optional<double>* value) {
   if (answer.empty() || answer == "none") return absl::OkStatus();
-  double number = 0;
-  if (!absl::SimpleAtod(answer, &number) || !(number > above && number <= most)) {
+  const auto number = ParseReal(answer);
+  if (!number.ok() || !(*number > above && *number <= most)) {
     return absl::InvalidArgumentError(absl::StrCat("must be a number above ", NumberText(above),
                                                    " and at most ", NumberText(most)));
   }
-  *value = number;
+  *value = *number;
   return absl::OkStatus();
 }
 
@@ -128,12 +134,14 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
   if (NeedsUnit(*options)) {
     const std::vector<SizeInUnit> sizes = PlausibleUnits(options->part);
     if (!sizes.empty()) {
-      absl::Status asked = Ask(absl::StrCat("Length unit of the file (", UnitsText(sizes), ")"),
-                               sizes.front().unit, [&](const std::string& answer) {
-                                 std::vector<std::string> units;
-                                 for (const SizeInUnit& size : sizes) units.push_back(size.unit);
-                                 return TakeOneOf(answer, units, &options->unit);
-                               });
+      absl::Status asked =
+          Ask(absl::StrCat("Length unit of the file (", UnitsText(sizes), ")"), sizes.front().unit,
+              [&](const std::string& answer) {
+                std::vector<std::string> units;
+                for (const SizeInUnit& size : sizes) units.push_back(size.unit);
+                const auto unit = LengthUnitNamed(answer);
+                return TakeOneOf(unit.ok() ? *unit : answer, units, &options->unit);
+              });
       if (!asked.ok()) return asked;
     }
   }
@@ -270,7 +278,9 @@ absl::Status TakeTolerances(const NewInspectionOptions& options, DraftRequest* r
   const bool own = options.tolerances == "part";
   const std::string file = own || options.tolerances.empty() ? options.part : options.tolerances;
   if (options.tolerances.empty() && !IsStepFile(file)) return absl::OkStatus();
-  const auto imported = ImportTolerances(file);
+  ToleranceImportOptions import_options;
+  if (file == options.part) import_options.length_unit = options.unit;
+  const auto imported = ImportTolerances(file, import_options);
   // Nobody has asked for those of the part.
   if (options.tolerances.empty() && !imported.ok()) return absl::OkStatus();
   if (!imported.ok()) return imported.status();
@@ -297,12 +307,15 @@ v1::Rig::PartHolding HoldingOf(const std::string& word) {
 
 absl::StatusOr<DraftRequest> MakeRequest(const NewInspectionOptions& options) {
   DraftRequest request;
-  const auto part = LoadPartFile(options.part, options.unit);
+  PartFileOptions part_options;
+  part_options.construction_geometry = options.construction_geometry;
+  const auto part = LoadPartFile(options.part, options.unit, part_options);
   if (!part.ok()) return part.status();
   request.health = CheckPartHealth(*part);
   request.name = options.name.empty() ? fs::path(options.part).stem().string() : options.name;
   request.part_file = FromFolderOf(options.out, options.part);
   request.part_unit = options.unit;
+  request.construction_geometry = options.construction_geometry;
   request.holding = HoldingOf(options.holding);
   request.columns_px = options.columns_px;
   request.rows_px = options.rows_px;
@@ -362,8 +375,11 @@ Command AddNewCommand(CLI::App& app) {
   app.add_option("part", options->part, absl::StrCat("part file (", PartFileEndings(), ")"))
       ->required();
   app.add_option("--out", options->out, "inspection file to write")->capture_default_str();
-  app.add_option("--unit", options->unit, "length unit of a file that states none, as STL")
-      ->check(CLI::IsMember({"m", "cm", "mm", "um", "inch"}));
+  app.add_option("--unit", options->unit,
+                 "length unit of a file that states none, as STL: m, cm, mm, um, inch")
+      ->transform(NameOfLengthUnit());
+  app.add_flag("--construction-geometry", options->construction_geometry,
+               "of a STEP file, take construction geometry for the part");
   app.add_option("--name", options->name, "of the inspection; default: that of the part's file");
   CLI::Option* holding =
       app.add_option("--holding", options->holding,

@@ -1,73 +1,109 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planner_client/commands/starts/search_checkpoint.h"
 
+#include <cstdio>
 #include <filesystem>
+#include <span>
+#include <string_view>
 #include <system_error>
+#include <type_traits>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "core/json/strict_json.h"
-#include "core/process/program_path.h"
-#include "planner_client/commands/part_assets.h"
+#include "core/digest/sha256.h"
+#include "core/process/program_build.h"
 #include "planner_client/multi_start/start_file.h"
-#include "planner_client/rpc_client/sha256.h"
 
 namespace sightline {
 namespace {
 
 namespace fs = std::filesystem;
 
-// Names all that the answers of the session's coverage servers depend on.
-absl::StatusOr<std::string> FingerprintOfAnswers(const PlanningSession& session,
-                                                 const std::string& inspection_file) {
-  const auto inspection = ReadFile(inspection_file);
-  if (!inspection.ok()) return inspection.status();
-  // Another build may answer otherwise.
-  std::error_code error;
-  const auto built = fs::last_write_time(OwnProgram(), error).time_since_epoch().count();
-  Sha256 fingerprint;
-  fingerprint.Add(*inspection);
-  fingerprint.Add(session.client->scene().scene_digest);
-  if (session.fresh_client) fingerprint.Add(session.fresh_client->scene().scene_digest);
-  if (session.robot) fingerprint.Add(session.robot->model().digest);
-  fingerprint.Add(absl::StrCat(SIGHTLINE_VERSION, " ", built));
-  return fingerprint.Hex();
+// A key of named pieces. Lengths stand before them, so that no two lists of pieces have the same
+// bytes.
+class KeyOfPieces {
+ public:
+  void Add(std::string_view name, std::string_view value) {
+    digest_.Update(absl::StrCat(std::string(name), " ", value.size(), "\n"));
+    digest_.Update(value);
+  }
+  template <typename T>
+  void AddAll(std::string_view name, std::span<const T> values) {
+    static_assert(std::is_arithmetic_v<T>);
+    Add(name, {reinterpret_cast<const char*>(values.data()), values.size_bytes()});
+  }
+  void AddScans(std::string_view name, const std::vector<Measurement>& scans) {
+    std::vector<double> values;
+    for (const Measurement& scan : scans) {
+      const auto parameters = ToArray(scan);
+      values.insert(values.end(), parameters.begin(), parameters.end());
+    }
+    AddAll<double>(name, values);
+  }
+  std::string Hex() { return digest_.Hex(); }
+
+ private:
+  Sha256 digest_;
+};
+
+// Names all that the answers of the session's oracle depend on.
+std::string FingerprintOfAnswers(const PlanningSession& session, const SearchQuestion& question,
+                                 const PlannerRequest& request) {
+  KeyOfPieces key;
+  key.Add("files", question.files.Digest());
+  key.Add("options", question.options);
+  key.Add("version", SIGHTLINE_VERSION);
+  key.Add("program", ProgramBuild());
+  for (const CoverageClient* client : {session.client.get(), session.fresh_client.get()}) {
+    if (client == nullptr) continue;
+    key.Add("server", client->scene().server_build);
+    key.Add("scene", client->scene().scene_digest);
+    if (!session.requirements) continue;
+    // Another program may have read the file of tolerances.
+    const std::vector<float> admissible_m =
+        session.requirements->AdmissibleUncertainties(client->targets());
+    key.AddAll<float>("admissible", admissible_m);
+  }
+  if (session.robot) key.Add("robot", session.robot->model().digest);
+  // Scans that stay are in the plan, reached by the robot or not.
+  key.AddScans("locked", request.locked);
+  return key.Hex();
 }
 
-// And what searches are asked for, whatever their seed.
+// Names what searches are asked for besides, whatever their seed.
 std::string FingerprintOfResults(const std::string& answers, const PlannerRequest& request,
                                  int64_t bound_evaluations) {
-  Sha256 fingerprint;
-  fingerprint.Add(answers);
-  fingerprint.Add(absl::StrCat(
-      request.strategy, " ", NumberText(GoalFraction(request.goal)), " ", request.goal.max_scans,
-      " ", NumberText(request.goal.max_time_s.value_or(0)), " ", request.evaluations_per_scan, " ",
-      request.matrix_samples, " ", bound_evaluations));
-  for (const std::vector<Measurement>* scans : {&request.locked, &request.starting}) {
-    fingerprint.Add(absl::StrCat(" ", scans->size()));
-    for (const Measurement& scan : *scans) {
-      for (const double value : ToArray(scan)) fingerprint.Add(" " + NumberText(value));
-    }
-  }
-  return fingerprint.Hex();
+  KeyOfPieces key;
+  key.Add("answers", answers);
+  key.Add("strategy", request.strategy);
+  const double numbers[] = {GoalFraction(request.goal), request.goal.max_time_s.value_or(0)};
+  key.AddAll<double>("goal", numbers);
+  const int64_t counts[] = {request.goal.max_scans, request.evaluations_per_scan,
+                            request.matrix_samples, bound_evaluations};
+  key.AddAll<int64_t>("counts", counts);
+  key.AddScans("starting", request.starting);
+  return key.Hex();
+}
+
+void SayAboutCheckpoint(const std::string& remark) {
+  std::fprintf(stderr, "checkpoint: %s\n", remark.c_str());
 }
 
 }  // namespace
 
 absl::StatusOr<SearchCheckpoint> SearchCheckpoint::Open(const std::string& folder,
                                                         const PlanningSession& session,
-                                                        const std::string& inspection_file,
+                                                        const SearchQuestion& question,
                                                         const PlannerRequest& request,
                                                         int64_t bound_evaluations) {
-  SearchCheckpoint checkpoint(folder);
-  if (folder.empty()) return checkpoint;
+  SearchCheckpoint checkpoint;
+  checkpoint.folder_ = folder;
   std::error_code error;
   fs::create_directories(folder, error);
   if (error) return absl::InternalError(absl::StrCat(folder, ": ", error.message()));
-  auto answers = FingerprintOfAnswers(session, inspection_file);
-  if (!answers.ok()) return answers.status();
-  checkpoint.answers_fingerprint_ = *std::move(answers);
+  if (absl::Status same = question.files.CheckUnchanged(); !same.ok()) return same;
+  checkpoint.answers_fingerprint_ = FingerprintOfAnswers(session, question, request);
   checkpoint.results_fingerprint_ =
       FingerprintOfResults(checkpoint.answers_fingerprint_, request, bound_evaluations);
   return checkpoint;
@@ -75,8 +111,8 @@ absl::StatusOr<SearchCheckpoint> SearchCheckpoint::Open(const std::string& folde
 
 absl::Status SearchCheckpoint::KeepAnswers(const std::string& search, PlanningSession* session) {
   if (folder_.empty()) return absl::OkStatus();
-  auto journal =
-      JournalledOracle::Open(std::move(session->oracle), AnswersFile(search), answers_fingerprint_);
+  auto journal = JournalledOracle::Open(std::move(session->oracle), AnswersFile(search),
+                                        answers_fingerprint_, SayAboutCheckpoint);
   if (!journal.ok()) return journal.status();
   journal_ = journal->get();
   session->oracle = *std::move(journal);
@@ -90,7 +126,13 @@ void SearchCheckpoint::LeaveAnswers(PlanningSession* session) {
 
 std::optional<StartResult> SearchCheckpoint::ResultOf(int64_t seed) const {
   if (folder_.empty()) return std::nullopt;
-  return ReadStart(ResultFile(seed), results_fingerprint_, seed);
+  std::string why;
+  auto start = ReadStart(ResultFile(seed), results_fingerprint_, seed, &why);
+  if (!why.empty()) {
+    SayAboutCheckpoint(
+        absl::StrCat(ResultFile(seed), ": ", why, "; the search of this seed is made again"));
+  }
+  return start;
 }
 
 absl::Status SearchCheckpoint::KeepResult(const StartResult& start,

@@ -10,22 +10,37 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/kept_answers/question_files.h"
 #include "planner_client/multi_start/start_result.h"
 #include "planner_client/plan_oracle/journalled_oracle.h"
 #include "planner_client/strategy/planner.h"
 
 namespace sightline {
 
+// What searches depend on and a session that is open does not know any more.
+struct SearchQuestion {
+  // The inspection with all that it refers to, and measured points; as they were before the session
+  // was opened, so that no file can change unseen between its digest and its reading.
+  FileContents files;
+  // Options that are in no file and not in the request: "pose prior 5 mm, ...".
+  std::string options;
+};
+
 // A folder with what the coverage server has answered searches that were broken off, in `answers…`,
 // and the results of those that have ended, in `start-SEED.json`. Several processes may use it for
 // different searches.
 class SearchCheckpoint {
  public:
-  // An empty `folder` keeps nothing. The rest is what results depend on, beside the seed. INTERNAL:
-  // the folder cannot be made; errors of reading the inspection.
+  // A folder for nothing: no answers are kept.
+  SearchCheckpoint() = default;
+  // Answers and results are kept under the content of all that they depend on: the question's
+  // files, the scenes, what is admissible at every target, the robot, the scans that stay, the
+  // programs of client and server; results also under the request, apart from its seed. Entries of
+  // other content and damaged ones are named on stderr and made again. INTERNAL: the folder cannot
+  // be made. ABORTED: a file has changed since its content was taken.
   static absl::StatusOr<SearchCheckpoint> Open(const std::string& folder,
                                                const PlanningSession& session,
-                                               const std::string& inspection_file,
+                                               const SearchQuestion& question,
                                                const PlannerRequest& request,
                                                int64_t bound_evaluations);
 
@@ -40,12 +55,10 @@ class SearchCheckpoint {
   absl::Status KeepResult(const StartResult& start, const std::string& search) const;
 
  private:
-  explicit SearchCheckpoint(std::string folder) : folder_(std::move(folder)) {}
-
   std::string AnswersFile(const std::string& search) const;
   std::string ResultFile(int64_t seed) const;
 
-  std::string folder_;
+  std::string folder_;  // empty: nothing is kept
   std::string answers_fingerprint_, results_fingerprint_;
   JournalledOracle* journal_ = nullptr;  // the session's oracle, if that keeps its answers
 };

@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
 #include "planner_client/report/optics/detection_section.h"
 #include "planner_client/report/optics/optics_charts.h"
@@ -478,7 +479,9 @@ class Report {
       for (const v1::UncertaintyCorrection::FNumberError& error : correction.by_f_number()) {
         rows.push_back({EscapeHtml(FNumberText(error.f_number())),
                         EscapeHtml(QuantityText("e_relative", error.mean_e_u(), 2)),
-                        EscapeHtml(QuantityText("e_relative", error.standard_deviation(), 2)),
+                        error.recordings() > 1 || error.standard_deviation() > 0
+                            ? EscapeHtml(QuantityText("e_relative", error.standard_deviation(), 2))
+                            : "not known",
                         absl::StrCat(error.recordings())});
       }
       if (!rows.empty()) {

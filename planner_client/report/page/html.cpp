@@ -16,6 +16,22 @@ std::string SoftParagraph(absl::string_view html) {
   return absl::StrCat("<p class=\"soft\">", html, "</p>\n");
 }
 
+std::string ScrollingTable(absl::string_view label_html, absl::string_view attributes) {
+  std::string label;
+  bool in_tag = false;
+  for (const char c : label_html) {
+    if (c == '<') in_tag = true;
+    if (!in_tag) label += c;
+    if (c == '>' && in_tag) {
+      in_tag = false;
+      label += ' ';
+    }
+  }
+  return absl::StrCat("<div class=\"table-wrap\" tabindex=\"0\" role=\"group\" aria-label=\"",
+                      absl::StrReplaceAll(label, {{"\"", "&quot;"}}), "\"><table",
+                      attributes.empty() ? "" : " ", attributes, ">");
+}
+
 std::string CodeHtml(absl::string_view text) {
   return absl::StrCat("<code>", EscapeHtml(text), "</code>");
 }

@@ -94,9 +94,13 @@ std::string PageTable(const std::vector<std::string>& head,
                ? " class=\"words\""
                : "";
   };
-  std::string html = "<div class=\"table-wrap\"><table>\n<thead><tr>";
+  // Readers of the screen hear the first column's name.
+  std::string html =
+      absl::StrCat(ScrollingTable(head.empty() ? "Table" : head.front()), "\n<thead><tr>");
   for (size_t i = 0; i < head.size(); ++i) {
-    absl::StrAppend(&html, "<th scope=\"col\"", css(i), ">", head[i], "</th>");
+    // A column without a name has no header cell.
+    absl::StrAppend(&html, head[i].empty() ? "<td" : "<th scope=\"col\"", css(i), ">", head[i],
+                    head[i].empty() ? "</td>" : "</th>");
   }
   html += "</tr></thead>\n<tbody>\n";
   for (const std::vector<std::string>& row : rows) {

@@ -13,7 +13,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
-#include "core/json/strict_json.h"
+#include "core/file/atomic_write.h"
 #include "planner_client/report/charts/xy_chart.h"
 #include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"

@@ -7,6 +7,7 @@
 #include <charconv>
 #include <cmath>
 #include <cstdint>
+#include <optional>
 #include <utility>
 #include <vector>
 
@@ -81,6 +82,12 @@ std::string Decimal(double value) {
   return std::string(buffer.data(), end);
 }
 
+// Lengths [mm] below this magnitude are written. With 12 digits after the point they have at most
+// 21 digits; XML Schema processors need not take more than 18, and xmllint takes 24.
+constexpr double kLargestLength_mm = 1e9;
+// Narrower zones would be written as 0.
+constexpr double kNarrowestZone_mm = 1e-9;
+
 // In millimetres, without the dust of the multiplication: 12 digits.
 double RoundedMillimetres(double length_m) {
   if (!std::isfinite(length_m)) return length_m;
@@ -88,6 +95,18 @@ double RoundedMillimetres(double length_m) {
   const std::string text = absl::StrFormat("%.12g", 1e3 * length_m);
   std::from_chars(text.data(), text.data() + text.size(), value);
   return value;
+}
+
+bool IsWritable(const std::optional<double>& length_m) {
+  return length_m && std::abs(RoundedMillimetres(*length_m)) < kLargestLength_mm;
+}
+
+// A length in millimetres as xs:decimal: at most 12 digits after the point. `length_m` is writable.
+std::string MillimetreText(double length_m) {
+  std::string text = absl::StrFormat("%.12f", RoundedMillimetres(length_m));
+  text.erase(text.find_last_not_of('0') + 1);
+  if (text.ends_with('.')) text.pop_back();
+  return text == "-0" ? "0" : text;
 }
 
 // Elements, indented; every one opened is closed.
@@ -172,7 +191,7 @@ enum class Form {
   kPosition,      // likewise
   kCoaxiality,    // and ZoneShape
   kLimits,        // Tolerance with two limits
-  kOther,         // no kind of QIF, or without a zone
+  kOther,         // user-defined: no zone, or the schema demands what a plan does not know
 };
 struct QifKind {
   std::string name;  // of elements, before "CharacteristicDefinition", ...
@@ -186,12 +205,13 @@ constexpr std::array<std::pair<ToleranceKind, std::pair<const char*, Form>>, 15>
      {ToleranceKind::kRoundness, {"Circularity", Form::kValue}},
      {ToleranceKind::kCylindricity, {"Cylindricity", Form::kValue}},
      {ToleranceKind::kSurfaceProfile, {"SurfaceProfile", Form::kValue}},
-     {ToleranceKind::kLineProfile, {"LineProfile", Form::kValue}},
+     // The nominal of a line profile must have the normal of the profile's plane.
+     {ToleranceKind::kLineProfile, {"LineProfile", Form::kOther}},
      {ToleranceKind::kPosition, {"Position", Form::kPosition}},
      {ToleranceKind::kParallelism, {"Parallelism", Form::kOrientation}},
      {ToleranceKind::kPerpendicularity, {"Perpendicularity", Form::kOrientation}},
      {ToleranceKind::kAngularity, {"Angularity", Form::kOrientation}},
-     {ToleranceKind::kConcentricity, {"Concentricity", Form::kValue}},
+     {ToleranceKind::kConcentricity, {"Concentricity", Form::kCoaxiality}},
      {ToleranceKind::kCoaxiality, {"Coaxiality", Form::kCoaxiality}},
      {ToleranceKind::kSymmetry, {"Symmetry", Form::kValue}},
      {ToleranceKind::kCircularRunout, {"CircularRunout", Form::kValue}},
@@ -204,7 +224,7 @@ bool Has(const Tolerance* tolerance, absl::string_view modifier) {
 
 QifKind KindOf(const v1::FeatureVerdict& feature, const Tolerance* tolerance) {
   const double width_m = feature.zone_width_m();
-  if (std::isfinite(width_m) && width_m > 0) {
+  if (IsWritable(width_m) && RoundedMillimetres(width_m) >= kNarrowestZone_mm) {
     for (const auto& [kind, written] : kKinds) {
       if (feature.kind() == ToleranceKindName(kind) && written.second != Form::kOther)
         return {written.first, written.second};
@@ -243,8 +263,8 @@ struct Limits {
   bool deviations;
 };
 Limits LimitsOf(const Characteristic& c) {
-  if (c.tolerance != nullptr && c.tolerance->lower_m && c.tolerance->upper_m &&
-      std::isfinite(*c.tolerance->lower_m) && std::isfinite(*c.tolerance->upper_m)) {
+  if (c.tolerance != nullptr && IsWritable(c.tolerance->lower_m) &&
+      IsWritable(c.tolerance->upper_m)) {
     return {*c.tolerance->lower_m, *c.tolerance->upper_m, false};
   }
   return {-0.5 * c.feature->zone_width_m(), 0.5 * c.feature->zone_width_m(), true};
@@ -259,18 +279,18 @@ void WriteDefinition(const Characteristic& c, XmlWriter& xml) {
     xml.Close();
   };
   if (c.kind.form == Form::kOther) {
-    xml.Leaf("WhatToMeasure", c.tolerance != nullptr
-                                  ? c.tolerance->text
-                                  : absl::StrCat(c.feature->kind(), " ", c.feature->name()));
+    const bool drawn = c.tolerance != nullptr && !c.tolerance->text.empty();
+    xml.Leaf("WhatToMeasure",
+             drawn ? c.tolerance->text : absl::StrCat(c.feature->kind(), " ", c.feature->name()));
   } else if (c.kind.form == Form::kLimits) {
     const Limits limits = LimitsOf(c);
     xml.Open("Tolerance");
-    xml.Leaf("MaxValue", Decimal(RoundedMillimetres(limits.upper_m)));
-    xml.Leaf("MinValue", Decimal(RoundedMillimetres(limits.lower_m)));
+    xml.Leaf("MaxValue", MillimetreText(limits.upper_m));
+    xml.Leaf("MinValue", MillimetreText(limits.lower_m));
     xml.Leaf("DefinedAsLimit", limits.deviations ? "false" : "true");
     xml.Close();
   } else {
-    xml.Leaf("ToleranceValue", Decimal(RoundedMillimetres(c.feature->zone_width_m())));
+    xml.Leaf("ToleranceValue", MillimetreText(c.feature->zone_width_m()));
     if (c.kind.form == Form::kPosition || c.kind.form == Form::kOrientation)
       xml.Leaf("MaterialCondition", MaterialCondition(c.tolerance));
     if (c.kind.form == Form::kOrientation) zone("PlanarZone");
@@ -288,8 +308,8 @@ void WriteNominal(const Characteristic& c, XmlWriter& xml) {
   if (c.kind.form == Form::kLimits) {
     // Where deviations are written for want of limits, there is no nominal value; 0 would be a lie,
     // but deviations need one to be read.
-    if (c.tolerance != nullptr && c.tolerance->nominal_m && std::isfinite(*c.tolerance->nominal_m))
-      xml.Leaf("TargetValue", Decimal(RoundedMillimetres(*c.tolerance->nominal_m)));
+    if (c.tolerance != nullptr && IsWritable(c.tolerance->nominal_m))
+      xml.Leaf("TargetValue", MillimetreText(*c.tolerance->nominal_m));
     if (c.kind.name == "DistanceBetween") xml.Leaf("AnalysisMode", "THREEDIMENSIONAL");
   }
   xml.Close();
@@ -388,9 +408,24 @@ void WriteFeatures(const std::vector<QifFeature>& features, XmlWriter& xml) {
   xml.Close();
 }
 
-void WriteCharacteristics(const std::vector<Characteristic>& characteristics, XmlWriter& xml) {
-  if (characteristics.empty()) return;
+// The standard by which the plan's verdicts decide. Characteristics must refer to one.
+void WriteStandard(int64_t id, XmlWriter& xml) {
+  xml.OpenList("StandardsDefinitions", 1);
+  xml.OpenWithId("Standard", id);
+  xml.Open("Organization");
+  xml.Leaf("StandardsOrganizationEnum", "ISO");
+  xml.Close();
+  xml.Leaf("Designator", "14253-1");
+  xml.Leaf("Year", "2017");
+  xml.Leaf("Title", "Decision rules for verifying conformity or nonconformity with specifications");
+  xml.Close();
+  xml.Close();
+}
+
+void WriteCharacteristics(const std::vector<Characteristic>& characteristics, int64_t standard,
+                          XmlWriter& xml) {
   xml.Open("Characteristics");
+  xml.Leaf("FormalStandardId", standard);
   xml.OpenList("CharacteristicDefinitions", characteristics.size());
   for (const Characteristic& c : characteristics) WriteDefinition(c, xml);
   xml.Close();
@@ -546,6 +581,7 @@ absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string&
     features.push_back({"measurable surface of the part", last_id + 1, last_id + 2, last_id + 3});
     last_id += 3;
   }
+  const int64_t standard = characteristics.empty() ? 0 : ++last_id;
   std::vector<int64_t> instructions, methods, feature_items, characteristic_items;
   for (int i = 0; i < plan.scans_size(); ++i) {
     instructions.push_back(++last_id);
@@ -562,9 +598,10 @@ absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string&
   xml.Leaf("Name", "Sightline");
   xml.Close();
   xml.Close();
+  if (!characteristics.empty()) WriteStandard(standard, xml);
   WriteUnits(xml);
   WriteFeatures(features, xml);
-  WriteCharacteristics(characteristics, xml);
+  if (!characteristics.empty()) WriteCharacteristics(characteristics, standard, xml);
   if (!plan.scans().empty()) {
     xml.Open("Plan");
     xml.OpenList("WorkInstructions", instructions.size());

@@ -244,11 +244,13 @@ std::string FeatureSection(const v1::Plan& plan, bool selectable) {
       "about; its parts add up as squares. Probabilities of deciding wrongly are those of a part "
       "taken from production (JCGM 106).";
   if (selectable) body += " Select a row to see the feature in the part above.";
-  body +=
-      "</p>\n<div class=\"table-wrap\"><table id=\"feature-table\">\n<thead>\n<tr class=\"groups\">"
-      "<th></th><th></th><th colspan=\"2\">Zone, mm</th>"
-      "<th colspan=\"5\">Standard uncertainty, \u00b5m</th>"
-      "<th colspan=\"2\">Wrong decisions</th><th colspan=\"2\">Targets</th></tr>\n<tr>"
+  absl::StrAppend(
+      &body, "</p>\n", ScrollingTable("Toleranced features", "id=\"feature-table\""),
+      "\n<thead>\n<tr class=\"groups\">"
+      "<td></td><td></td><th scope=\"colgroup\" colspan=\"2\">Zone, mm</th>"
+      "<th scope=\"colgroup\" colspan=\"5\">Standard uncertainty, \u00b5m</th>"
+      "<th scope=\"colgroup\" colspan=\"2\">Wrong decisions</th><th scope=\"colgroup\" "
+      "colspan=\"2\">Targets</th></tr>\n<tr>"
       "<th scope=\"col\" class=\"words\">feature</th><th scope=\"col\" class=\"words\">verdict</th>"
       "<th scope=\"col\" class=\"first\">tolerance</th><th scope=\"col\">acceptance</th>"
       "<th scope=\"col\" class=\"first\">u</th><th scope=\"col\">noise</th>"
@@ -256,7 +258,7 @@ std::string FeatureSection(const v1::Plan& plan, bool selectable) {
       "<th scope=\"col\">admissible</th>"
       "<th scope=\"col\" class=\"first\">acceptance</th><th scope=\"col\">rejection</th>"
       "<th scope=\"col\" class=\"first\">measured</th><th scope=\"col\">admissible</th>"
-      "</tr>\n</thead>\n<tbody>\n";
+      "</tr>\n</thead>\n<tbody>\n");
   const auto share = [](int64_t part, int64_t all) {
     return all > 0 ? KnownPercent(static_cast<double>(part) / static_cast<double>(all), 0)
                    : std::string(kUnknown);

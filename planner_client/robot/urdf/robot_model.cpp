@@ -13,10 +13,13 @@
 
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_join.h"
+#include "core/digest/sha256.h"
+#include "core/file/no_such_file.h"
 #include "core/json/strict_json.h"
-#include "core/part/load_part.h"
+#include "core/part/part_digest.h"
+#include "planner_client/robot/urdf/robot_mesh.h"
 #include "planner_client/robot/urdf/urdf_file.h"
-#include "planner_client/rpc_client/sha256.h"
 
 namespace sightline {
 namespace {
@@ -30,6 +33,11 @@ constexpr size_t kMostTriangles = 500000;
 constexpr uintmax_t kMostMeshBytes = 256 << 20;  // of all files that meshes are read from
 // Of any length in a URDF; larger ones are in other units than metres.
 constexpr double kMostMetres = 100;
+// Of a revolute joint's limits, either way. Published robots have up to 10 rad; in degrees the
+// narrowest joints have more than that.
+constexpr double kMostTurnRad = 4 * std::numbers::pi;
+// Of rotary joints [rad/s]. The fastest axes of small industrial arms do some 20 rad/s.
+constexpr double kFastRadPerS = 8 * std::numbers::pi;
 
 class Reader {
  public:
@@ -39,7 +47,8 @@ class Reader {
     auto file = ReadUrdfFile(mount_.urdf_file);
     if (!file.ok()) return file.status();
     urdf_ = file->model;
-    digest_.Add(file->digest);
+    model_.remarks = file->remarks;
+    digest_.Update(file->digest);
     if (urdf_->links_.size() > kMostLinks) {
       return Bad(absl::StrCat("has ", urdf_->links_.size(), " links, at most ", kMostLinks));
     }
@@ -49,6 +58,7 @@ class Reader {
     for (size_t i = 0; i < model_.links.size(); ++i) {
       if (auto status = AddShapes(i); !status.ok()) return status;
     }
+    RemarkOnMissingSolids();
     if (auto status = SetHome(); !status.ok()) return status;
     model_.digest = digest_.Hex();
     return std::move(model_);
@@ -149,7 +159,9 @@ class Reader {
       if (auto status = AddJoint(*source_[i]->parent_joint, i); !status.ok()) return status;
     }
     for (size_t i = 0; i < model_.links.size(); ++i) {
-      if (model_.links[i].joint < 0) RestLink(i);
+      if (model_.links[i].joint >= 0) continue;
+      RemarkOnMimic(i);
+      if (auto status = RestLink(i); !status.ok()) return status;
     }
     if (model_.joints.empty()) {
       return Bad(absl::StrCat("has no movable joint between ", model_.links[model_.base].name,
@@ -168,6 +180,50 @@ class Reader {
       return Bad(absl::StrCat("joint ", joint.name, ": axis is zero or not finite"));
     }
     return Eigen::Vector3d(axis.normalized());
+  }
+
+  // Positions that a revolute, continuous or prismatic joint with <limit> may have: within the
+  // limits and, where they are stated, the soft limits of <safety_controller>. The specification
+  // gives both of these 0 if they are left out.
+  absl::StatusOr<std::pair<double, double>> RangeOf(const urdf::Joint& joint) const {
+    const std::string where = absl::StrCat("joint ", joint.name);
+    const auto text = [](double lower, double upper) {
+      return absl::StrCat(NumberText(lower), " to ", NumberText(upper));
+    };
+    const double soft_lower = joint.safety ? joint.safety->soft_lower_limit : 0;
+    const double soft_upper = joint.safety ? joint.safety->soft_upper_limit : 0;
+    const bool has_soft = soft_lower != 0 || soft_upper != 0;
+    if (joint.type == urdf::Joint::CONTINUOUS) {
+      if (has_soft) {
+        return Bad(absl::StrCat(where,
+                                ": turns without end (continuous), but its safety_controller ",
+                                "has soft limits ", text(soft_lower, soft_upper),
+                                "; make it revolute with <limit> lower and upper"));
+      }
+      return std::pair(-std::numbers::pi, std::numbers::pi);
+    }
+    const double lower = joint.limits->lower, upper = joint.limits->upper;
+    if (!(std::isfinite(lower) && std::isfinite(upper) && lower < upper)) {
+      return Bad(
+          absl::StrCat(where, ": limits are ", text(lower, upper), ", lower must be below upper"));
+    }
+    const bool rotary = joint.type == urdf::Joint::REVOLUTE;
+    const double most = rotary ? kMostTurnRad : kMostMetres;
+    if (std::max(std::abs(lower), std::abs(upper)) > most) {
+      return Bad(absl::StrCat(where, ": limits are ", text(lower, upper),
+                              rotary ? " rad, must be in [-4 pi, 4 pi]: they look like degrees; a "
+                                       "URDF has radians, and a joint that turns without end is "
+                                       "continuous"
+                                     : " m, must be in [-100, 100]"));
+    }
+    if (!has_soft) return std::pair(lower, upper);
+    const std::pair within(std::max(lower, soft_lower), std::min(upper, soft_upper));
+    if (!(within.first < within.second)) {
+      return Bad(absl::StrCat(where, ": limits are ", text(lower, upper),
+                              ", the soft limits of its safety_controller are ",
+                              text(soft_lower, soft_upper), ": no position is within both"));
+    }
+    return within;
   }
 
   absl::Status AddJoint(const urdf::Joint& joint, int link) {
@@ -196,39 +252,84 @@ class Reader {
       return Bad(absl::StrCat(where, ": limit velocity is ", NumberText(added.max_speed),
                               ", must be above 0"));
     }
-    if (added.continuous) {
-      added.min = -std::numbers::pi;
-      added.max = std::numbers::pi;
-    } else {
-      added.min = joint.limits->lower;
-      added.max = joint.limits->upper;
-      if (!std::isfinite(added.min) || !std::isfinite(added.max) || !(added.min < added.max) ||
-          added.max - added.min > 1000) {
-        return Bad(absl::StrCat(where, ": limits are ", NumberText(added.min), " to ",
-                                NumberText(added.max), ", lower must be below upper"));
-      }
+    if (added.rotary && added.max_speed > kFastRadPerS) {
+      model_.remarks.push_back(
+          absl::StrCat(where, ": limit velocity is ", NumberText(added.max_speed),
+                       " rad/s, more than arms and tables do; is it in deg/s?"));
     }
+    const auto range = RangeOf(joint);
+    if (!range.ok()) return range.status();
+    added.min = range->first;
+    added.max = range->second;
     model_.links[link].axis = *axis;
     model_.links[link].joint = static_cast<int>(model_.joints.size());
     model_.joints.push_back(std::move(added));
     return absl::OkStatus();
   }
 
-  // A joint beside the chain is at 0, or at the limit next to it.
-  void RestLink(size_t i) {
+  // A joint beside the chain stands still, also one that would move with a joint of the chain.
+  void RemarkOnMimic(size_t i) {
     const urdf::JointSharedPtr& joint = source_[i]->parent_joint;
-    if (!joint || !joint->limits) return;
+    if (!joint || !joint->mimic) return;
+    const std::string& mimicked = joint->mimic->joint_name;
+    if (std::ranges::find(model_.joints, mimicked, &RobotJoint::name) == model_.joints.end())
+      return;
+    model_.remarks.push_back(absl::StrCat("joint ", joint->name, " mimics joint ", mimicked,
+                                          " of the chain; it is taken to stand still"));
+  }
+
+  // Moves a link beside the chain to where its joint rests: at 0, or at the limit next to it.
+  absl::Status RestLink(size_t i) {
+    const urdf::JointSharedPtr& joint = source_[i]->parent_joint;
+    if (!joint) return absl::OkStatus();
     const bool rotary = joint->type == urdf::Joint::REVOLUTE;
-    if (!rotary && joint->type != urdf::Joint::PRISMATIC) return;
-    if (!(joint->limits->lower <= joint->limits->upper)) return;
-    const double at = std::clamp(0.0, joint->limits->lower, joint->limits->upper);
-    const Eigen::Vector3d axis(joint->axis.x, joint->axis.y, joint->axis.z);
-    if (!axis.allFinite() || !(axis.norm() > 1e-6) || !std::isfinite(at)) return;
-    if (rotary) {
-      model_.links[i].origin.rotate(Eigen::AngleAxisd(at, axis.normalized()));
-    } else {
-      model_.links[i].origin.translate(at * axis.normalized());
+    if (!rotary && joint->type != urdf::Joint::PRISMATIC) return absl::OkStatus();
+    if (!joint->limits || joint->limits->lower == joint->limits->upper) return absl::OkStatus();
+    // A joint that may be at 0 rests there, whatever the unit of its limits.
+    const bool soft_at_0 = !joint->safety || (joint->safety->soft_lower_limit <= 0 &&
+                                              joint->safety->soft_upper_limit >= 0);
+    if (joint->limits->lower <= 0 && joint->limits->upper >= 0 && soft_at_0) {
+      return absl::OkStatus();
     }
+    const auto range = RangeOf(*joint);
+    if (!range.ok()) return range.status();
+    const double at = std::clamp(0.0, range->first, range->second);
+    auto axis = AxisOf(*joint);
+    if (!axis.ok()) return axis.status();
+    if (rotary) {
+      model_.links[i].origin.rotate(Eigen::AngleAxisd(at, *axis));
+    } else {
+      model_.links[i].origin.translate(at * *axis);
+    }
+    return absl::OkStatus();
+  }
+
+  // Collisions are found between solids of <collision> alone. A link that is drawn but has none,
+  // and an arm without any, are passed through by everything.
+  void RemarkOnMissingSolids() {
+    constexpr size_t kMostNamed = 5;
+    std::vector<std::string> drawn_only;
+    std::vector<bool> moves(model_.links.size());
+    bool moving_solid = false;
+    for (size_t i = 0; i < model_.links.size(); ++i) {
+      const RobotLink& link = model_.links[i];
+      moves[i] = link.joint >= 0 || (link.parent >= 0 && moves[static_cast<size_t>(link.parent)]);
+      moving_solid |= moves[i] && !link.shapes.empty();
+      if (link.shapes.empty() && source_[i]->visual) drawn_only.push_back(link.name);
+    }
+    if (!moving_solid) {
+      model_.remarks.push_back(
+          "no link that moves has a solid (<collision>): that the robot touches something is not "
+          "noticed");
+    }
+    if (drawn_only.empty()) return;
+    const size_t count = drawn_only.size();
+    drawn_only.resize(std::min(count, kMostNamed));
+    model_.remarks.push_back(absl::StrCat(
+        count == 1 ? "link " : "links ", absl::StrJoin(drawn_only, ", "),
+        count > kMostNamed ? absl::StrCat(" and ", count - kMostNamed, " more") : "",
+        count == 1 ? " has" : " have", " a <visual> but no <collision>: collisions with ",
+        count == 1 ? "it" : "them", " are not noticed"));
   }
 
   absl::StatusOr<MeshShape> MeshOf(const urdf::Mesh& mesh, const std::string& where) {
@@ -246,16 +347,15 @@ class Reader {
     const fs::path path = fs::path(mount_.urdf_file).parent_path() / relative;
     std::error_code error;
     if (!fs::exists(path, error)) {
-      return absl::NotFoundError(
-          absl::StrCat(mount_.urdf_file, ": ", where, ": mesh ", path.string(), ": no such file"));
+      const std::string other = NameInOtherCase(path.string());
+      return absl::NotFoundError(absl::StrCat(mount_.urdf_file, ": ", where, ": mesh ",
+                                              path.string(),
+                                              other.empty() ? ": no such file" : other));
     }
     if (!fs::is_regular_file(path, error)) {
       return Bad(absl::StrCat(where, ": mesh ", path.string(), " is not a regular file"));
     }
     const Eigen::Vector3d scale(mesh.scale.x, mesh.scale.y, mesh.scale.z);
-    if (!scale.allFinite() || !(scale.cwiseAbs().minCoeff() > 0)) {
-      return Bad(where + ": mesh scale must be finite and not 0");
-    }
     // Thousands of solids may name the same file.
     MeshShape& known = meshes_[{path.string(), {scale.x(), scale.y(), scale.z()}}];
     if (known == nullptr) {
@@ -264,32 +364,19 @@ class Reader {
         return Bad(absl::StrCat(where, ": mesh ", path.string(), ": mesh files have more than ",
                                 kMostMeshBytes, " bytes together"));
       }
-      auto loaded = LoadMesh(path, scale, where);
-      if (!loaded.ok()) return loaded.status();
-      known = *std::move(loaded);
+      auto loaded = LoadRobotMesh(path.string(), scale);
+      if (!loaded.ok()) {
+        return absl::Status(loaded.status().code(), absl::StrCat(mount_.urdf_file, ": ", where,
+                                                                 ": ", loaded.status().message()));
+      }
+      known = std::make_shared<const TriangleMesh>(*std::move(loaded));
     }
     triangles_ += known->triangles.size();
     if (triangles_ > kMostTriangles) {
       return Bad(absl::StrCat("has meshes of more than ", kMostTriangles, " triangles"));
     }
-    digest_.Add(PartDigest(*known));
+    digest_.Update(PartDigestOf(*known).Text());
     return known;
-  }
-
-  absl::StatusOr<MeshShape> LoadMesh(const fs::path& path, const Eigen::Vector3d& scale,
-                                     const std::string& where) const {
-    // Files in millimetres have a scale of 0.001: looked at by size only after scaling.
-    const bool millimetres = (scale - Eigen::Vector3d::Constant(1e-3)).norm() < 1e-9;
-    const bool has_unit = CheckPartUnit(path.string(), "").ok();
-    auto loaded = LoadPart(path.string(), has_unit ? "" : millimetres ? "mm" : "m");
-    if (!loaded.ok()) {
-      return absl::Status(loaded.status().code(), absl::StrCat(mount_.urdf_file, ": ", where, ": ",
-                                                               loaded.status().message()));
-    }
-    if (has_unit || !millimetres) {
-      for (Eigen::Vector3f& p : loaded->positions_m) p = p.cwiseProduct(scale.cast<float>());
-    }
-    return std::make_shared<const TriangleMesh>(*std::move(loaded));
   }
 
   absl::Status AddShapes(size_t i) {

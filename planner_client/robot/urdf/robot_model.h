@@ -36,7 +36,7 @@ struct RobotJoint {
   std::string name;
   bool rotary = true;
   bool continuous = false;  // turns without end: no limits
-  double min = 0, max = 0;  // continuous: -pi, pi
+  double min = 0, max = 0;  // soft limits of the URDF included; continuous: -pi, pi
   double max_speed = 0;     // rad/s or m/s, of the URDF
 };
 
@@ -59,7 +59,8 @@ struct RobotModel {
   std::vector<RobotJoint> joints;
   int base = 0, tip = 0;  // indices of links
   JointPositions home;
-  std::string digest;  // of the URDF and its meshes
+  std::string digest;                // of the URDF and its meshes
+  std::vector<std::string> remarks;  // what was left out or is likely forgotten, a sentence each
 
   // Pose of every link in the frame of the base link; q has one number per joint.
   std::vector<Eigen::Isometry3d> LinkPoses(const JointPositions& q) const;
@@ -68,10 +69,11 @@ struct RobotModel {
 // Reads the chain from mount.base_link to mount.tip_link of a URDF; other links are fixed to it,
 // movable ones where they are at 0 or, if that is beyond a limit, at that limit. Solids are those
 // of <collision>. Meshes are .stl, .obj, .ply, .glb, .gltf in metres times their scale, in files
-// below the folder of the URDF. NOT_FOUND, INVALID_ARGUMENT name file and reason: joints without
-// limits or speed, loops, numbers that are not finite, more than 200 links, 16 joints or 500 000
-// triangles, joints of the chain that are planar, floating or mimic others; a home that is not of
-// the chain's length or beyond its limits names the field of the inspection.
+// below the folder of the URDF. NOT_FOUND, INVALID_ARGUMENT name file and reason: words outside the
+// URDF specification, joints without limits or speed or with limits in degrees, loops, numbers that
+// are not finite, more than 200 links, 16 joints or 500 000 triangles, joints of the chain that are
+// planar, floating or mimic others; a home that is not of the chain's length or beyond its limits
+// names the field of the inspection.
 absl::StatusOr<RobotModel> ReadRobotModel(const RobotMount& mount);
 
 }  // namespace sightline

@@ -17,7 +17,9 @@
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/rpc_client/sha256.h"
+#include "core/digest/sha256.h"
+#include "core/file/no_such_file.h"
+#include "planner_client/robot/urdf/urdf_vocabulary.h"
 
 namespace sightline {
 namespace {
@@ -28,18 +30,20 @@ constexpr uintmax_t kMostBytes = 4 << 20;
 constexpr int kMostDepth = 64;
 constexpr int kMostAttributes = 64;
 
-// What urdfdom says on its console.
+// What urdfdom says on its console. Only its second error names the joint or link of the first.
 class Messages final : public console_bridge::OutputHandler {
  public:
   void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {
-    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_ERROR && first_error_.empty()) {
-      first_error_ = text;
+    if (level >= console_bridge::CONSOLE_BRIDGE_LOG_ERROR && count_++ < kMostErrors) {
+      absl::StrAppend(&errors_, errors_.empty() ? "" : "; ", text);
     }
   }
-  const std::string& first_error() const { return first_error_; }
+  const std::string& errors() const { return errors_; }
 
  private:
-  std::string first_error_;
+  static constexpr int kMostErrors = 2;
+  int count_ = 0;
+  std::string errors_;
 };
 
 // What TinyXML must not be given: empty if nothing. It reads elements by recursion and looks for
@@ -47,13 +51,22 @@ class Messages final : public console_bridge::OutputHandler {
 // from XML: otherwise what looks like a comment here could be an element there.
 std::string Refuse(std::string_view xml) {
   int depth = 0;
+  bool after_root = false;
   size_t at = 0;
+  size_t end = 0;  // of what was looked at
+  // TinyXML stops without a word at text behind the root.
+  const auto has_text_behind_root = [&](size_t until) {
+    const std::string_view between = xml.substr(end, until - end);
+    return after_root && depth == 0 && between.find_first_not_of(" \t\r\n") != between.npos;
+  };
   while ((at = xml.find('<', at)) != std::string_view::npos) {
+    if (has_text_behind_root(at)) return "has text behind its root element";
     const std::string_view rest = xml.substr(at);
     size_t length = 0;
     if (rest.starts_with("<!--")) {
       // Unlike in XML the dashes at its start may not be those at its end, as in <!-->.
-      length = std::min(rest.find("-->", 4), rest.size());
+      length = rest.find("-->", 4);
+      length = length == rest.npos ? rest.size() : length + 2;
     } else if (rest.starts_with("<![CDATA[")) {
       return "has a CDATA section, which a URDF does not need";
     } else if (rest.starts_with("<?")) {
@@ -65,6 +78,7 @@ std::string Refuse(std::string_view xml) {
       return "has a document type declaration, which a URDF does not need";
     } else if (rest.starts_with("</")) {
       if (--depth < 0) return "closes an element that is not open";
+      after_root = true;
       length = std::min(rest.find('>'), rest.size());
     } else {
       // Attributes may hold '>' between quotes.
@@ -83,29 +97,28 @@ std::string Refuse(std::string_view xml) {
       if (attributes > kMostAttributes) {
         return absl::StrCat("has an element with more than ", kMostAttributes, " attributes");
       }
-      if (rest[length - 1] != '/' && ++depth > kMostDepth) {
+      if (after_root && depth == 0) return "has a second root element";
+      if (rest[length - 1] == '/') {
+        after_root = true;
+      } else if (++depth > kMostDepth) {
         return absl::StrCat("has elements nested more than ", kMostDepth, " deep");
       }
     }
-    at += length;
+    at = std::min(at + length, xml.size());
+    end = std::min(at + 1, xml.size());
   }
-  return "";
+  return has_text_behind_root(xml.size()) ? "has text behind its root element" : "";
 }
 
-// Why the links of a document that Refuse lets pass are no forest: empty if they are, or if the
-// document is not well formed, which urdfdom says. Links that own one another in a loop would never
-// be freed.
-std::string RefuseLoops(const std::string& xml) {
-  TiXmlDocument document;
-  document.Parse(xml.c_str());
-  const TiXmlElement* robot = document.RootElement();
-  if (document.Error() || robot == nullptr) return "";
+// Why the links of a robot are no forest: empty if they are. Links that own one another in a loop
+// would never be freed.
+std::string RefuseLoops(const TiXmlElement& robot) {
   std::map<std::string, std::string> parent_of;
   const auto link_of = [](const TiXmlElement* end) {
     const char* name = end != nullptr ? end->Attribute("link") : nullptr;
     return std::string(name != nullptr ? name : "");
   };
-  for (const TiXmlElement* joint = robot->FirstChildElement("joint"); joint != nullptr;
+  for (const TiXmlElement* joint = robot.FirstChildElement("joint"); joint != nullptr;
        joint = joint->NextSiblingElement("joint")) {
     const std::string child = link_of(joint->FirstChildElement("child"));
     const std::string parent = link_of(joint->FirstChildElement("parent"));
@@ -144,7 +157,8 @@ absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
   if (!std::filesystem::exists(status)) {
-    return absl::NotFoundError(absl::StrCat(path, ": no such file"));
+    const std::string other = NameInOtherCase(path);
+    return absl::NotFoundError(absl::StrCat(path, other.empty() ? ": no such file" : other));
   }
   if (!std::filesystem::is_regular_file(status)) return bad("is not a regular file");
   if (const uintmax_t bytes = std::filesystem::file_size(path, error);
@@ -158,9 +172,21 @@ absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
   if (!file || xml.size() > kMostBytes) return bad("cannot be read");
   if (xml.find('\0') != std::string::npos) return bad("is not XML: it holds zero bytes");
   if (const std::string reason = Refuse(xml); !reason.empty()) return bad(reason);
-  if (const std::string reason = RefuseLoops(xml); !reason.empty()) return bad(reason);
-
   UrdfFile result;
+  {
+    TiXmlDocument document;
+    document.Parse(xml.c_str());
+    if (document.Error()) {
+      return bad(absl::StrCat("line ", document.ErrorRow(),
+                              ": is not well formed: ", document.ErrorDesc()));
+    }
+    const TiXmlElement* robot = document.RootElement();
+    if (robot == nullptr) return bad("is not a URDF: it has no element");
+    const absl::Status known = CheckUrdfVocabulary(*robot, &result.remarks);
+    if (!known.ok()) return bad(std::string(known.message()));
+    if (const std::string reason = RefuseLoops(*robot); !reason.empty()) return bad(reason);
+  }
+
   // The console of urdfdom is one for the whole process.
   static std::mutex console;
   const std::lock_guard<std::mutex> lock(console);
@@ -174,11 +200,11 @@ absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
   }
   console_bridge::restorePreviousOutputHandler();
   // urdfdom goes on after some errors, without what was wrong.
-  if (!messages.first_error().empty()) return bad(messages.first_error());
+  if (!messages.errors().empty()) return bad(messages.errors());
   if (!thrown.empty()) return bad(thrown);
   if (!result.model) return bad("is not a URDF");
   Sha256 digest;
-  digest.Add(xml);
+  digest.Update(xml);
   result.digest = digest.Hex();
   return result;
 }

@@ -1,10 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// A URDF file read by urdfdom, which trusts its input: what it cannot be given is refused before.
+// A URDF file read by urdfdom. That library trusts its input and skips what it does not know, so
+// hostile structure and words outside the specification (urdf_vocabulary.h) are refused first.
 #pragma once
 
 #include <urdf_world/types.h>
 
 #include <string>
+#include <vector>
 
 #include "absl/status/statusor.h"
 
@@ -12,12 +14,13 @@ namespace sightline {
 
 struct UrdfFile {
   urdf::ModelInterfaceSharedPtr model;
-  std::string digest;  // SHA-256 of the file
+  std::string digest;                // SHA-256 of the file
+  std::vector<std::string> remarks;  // what was left out, a sentence each
 };
 
 // NOT_FOUND: no such file. INVALID_ARGUMENT names the file and the reason: not a regular file, more
-// than 4 MB, document type declarations (entities), elements nested more than 64 deep, what urdfdom
-// finds wrong.
+// than 4 MB, document type declarations (entities), elements nested more than 64 deep, text or
+// elements behind the root, what CheckUrdfVocabulary refuses, what urdfdom finds wrong.
 absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path);
 
 }  // namespace sightline

@@ -13,7 +13,7 @@
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/json/strict_json.h"
+#include "core/file/atomic_write.h"
 #include "core/process/run_program.h"
 #include "planning_service/execution/engine/batch_scheduler.h"
 #include "planning_service/job_store/random_number.h"

@@ -14,7 +14,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
-#include "core/json/strict_json.h"
+#include "core/file/atomic_write.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {

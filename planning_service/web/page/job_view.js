@@ -1,12 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 // One job: state, progress, results.
-import {cancelJob, getJob, openEvents, resultPath, token} from './api.js';
+import {cancelJob, getJob, listJobs, openEvents, resultPath, token} from './api.js';
 import {confirmDialog, h, kindTitle, stateBadge, timeText} from './dom.js';
 import {isFinished, watchJob} from './event_stream.js';
+import {queueText} from './queue.js';
 import {download, openReport} from './results.js';
 import {bytesText} from './units.js';
 
 const REPORT = 'report.html';
+const QUEUE_REFRESH_S = 5;
 // Kinds that go on from a plan.
 const ON_A_PLAN = {optics: 'Choose optics for it', render: 'Render its images', evaluate: 'Evaluate it'};
 
@@ -36,6 +38,7 @@ export class JobView {
     this.id = id;
     this.job = null;
     this.drawn = '';
+    this.queueText = 'Waiting to start.';
     this.body.hidden = true;
     this.error.textContent = '';
     this.heading.replaceChildren('Job ', h('code', {}, id));
@@ -45,6 +48,8 @@ export class JobView {
 
   hide() {
     this.stop?.abort();
+    clearTimeout(this.queueTimer);
+    this.queueTimer = null;
     this.showConnection(null);
     this.stop = null;
   }
@@ -100,6 +105,25 @@ export class JobView {
     if (this.job && Number(job.revision) < Number(this.job.revision)) return;
     this.job = {...this.job, ...job};
     this.draw();
+    if (this.job.state === 'QUEUED' && !this.queueTimer) this.followQueue(signal);
+  }
+
+  // Says what a queued job waits for, for as long as it does.
+  async followQueue(signal) {
+    clearTimeout(this.queueTimer);
+    this.queueTimer = null;
+    if (signal.aborted || this.job?.state !== 'QUEUED') return;
+    this.queueTimer = setTimeout(() => this.followQueue(signal), 1000 * QUEUE_REFRESH_S);
+    try {
+      const [queued, running] = await Promise.all(['QUEUED', 'RUNNING'].map((state) =>
+        listJobs({state, pageSize: 1000, signal})));
+      if (signal.aborted || this.job?.state !== 'QUEUED') return;
+      this.queueText = queueText(this.job, queued.jobs ?? [], running.jobs ?? [],
+          Boolean(queued.next_page_token || running.next_page_token));
+      this.draw();
+    } catch {
+      // The next time will tell.
+    }
   }
 
   draw() {
@@ -112,14 +136,17 @@ export class JobView {
       this.state.dataset.state = job.state;
       this.state.replaceChildren(stateBadge(job.state));
     }
-    document.title = `${isFinished(job) ? '' : `${percent} % · `}${kindTitle(job.kind)} · Sightline`;
+    const isQueued = job.state === 'QUEUED';
+    const message = isQueued ? this.queueText : job.message;
+    document.title = `${isFinished(job) ? '' : isQueued ? 'Queued · ' : `${percent} % · `}${kindTitle(job.kind)} · Sightline`;
     this.heading.replaceChildren(`${kindTitle(job.kind)} `, h('code', {}, job.job_id));
-    this.barRow.hidden = isFinished(job);
+    // A percentage would say that it has begun.
+    this.barRow.hidden = isFinished(job) || isQueued;
     this.bar.value = percent;
     this.percent.textContent = `${percent} %`;
-    this.message.textContent = job.message ?? '';
+    this.message.textContent = message ?? '';
     // What it was doing last is of no interest any more.
-    this.message.hidden = !job.message || isFinished(job);
+    this.message.hidden = !message || isFinished(job);
     const failure = job.state === 'FAILED' ? job.failure ?? {} : null;
     this.failure.hidden = !failure;
     if (failure) {

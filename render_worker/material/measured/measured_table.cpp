@@ -11,15 +11,13 @@
 // inclinations beyond the largest measured one its values. Linear between the nodes.
 #include <algorithm>
 #include <cmath>
-#include <cstdlib>
 #include <numbers>
 #include <set>
-#include <sstream>
 
-#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/file/read_file.h"
 #include "core/json/strict_json.h"
+#include "core/text/number_table.h"
 #include "render_worker/material/measured/tabulated_material.h"
 #include "render_worker/material/models.h"
 
@@ -162,27 +160,10 @@ absl::StatusOr<std::vector<Row>> ReadRows(const std::string& path, const std::st
     return absl::Status(bytes.status().code(),
                         absl::StrCat(context, ": ", bytes.status().message()));
   }
-  std::istringstream file(*bytes);
   std::vector<Row> rows;
-  std::string line;
-  for (int number = 1; std::getline(file, line); ++number) {
-    const std::string text(absl::StripAsciiWhitespace(line));
-    if (text.empty() || text[0] == '#') continue;
-    if (number == 1 && text == "theta_l_deg,theta_d_deg,phi_d_deg,brdf_per_sr") continue;
-    double values[4];
-    const char* place = text.c_str();
-    bool good = true;
-    for (int i = 0; i < 4 && good; ++i) {
-      char* end = nullptr;
-      values[i] = std::strtod(place, &end);
-      good = end != place && *end == (i < 3 ? ',' : '\0');
-      place = end + 1;
-    }
-    const auto where = [&] { return absl::StrCat(context, ": ", path, ", line ", number); };
-    if (!good) {
-      return absl::InvalidArgumentError(absl::StrCat(
-          where(), ": \"", text, "\" is not theta_l_deg,theta_d_deg,phi_d_deg,brdf_per_sr"));
-    }
+  const std::string table = absl::StrCat(context, ": ", path);
+  const auto add = [&](int line, const std::vector<double>& values) {
+    const auto where = [&] { return absl::StrCat(table, ", line ", line); };
     for (int i = 0; i < 2; ++i) {
       if (!(values[i] >= 0 && values[i] <= 90)) {
         return absl::InvalidArgumentError(
@@ -199,10 +180,13 @@ absl::StatusOr<std::vector<Row>> ReadRows(const std::string& path, const std::st
           where(), ": brdf_per_sr is ", NumberText(values[3]), ", must be in [0, 1e6)"));
     }
     rows.push_back({values[0], values[1], values[2], values[3]});
-  }
-  if (rows.empty()) {
-    return absl::InvalidArgumentError(absl::StrCat(context, ": ", path, " holds no values"));
-  }
+    return absl::OkStatus();
+  };
+  const absl::Status status = ReadNumberTable(
+      *bytes,
+      {.columns = {"theta_l_deg", "theta_d_deg", "phi_d_deg", "brdf_per_sr"}, .comments = true},
+      table, {}, add);
+  if (!status.ok()) return status;
   std::set<float> inclinations, azimuths;
   for (const Row& row : rows) {
     inclinations.insert(static_cast<float>(row.theta_l_deg));

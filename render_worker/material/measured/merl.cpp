@@ -100,7 +100,6 @@ absl::StatusOr<std::shared_ptr<const Material>> ReadMerl(DetailedMaterial::Commo
                                                          const std::string& path,
                                                          double laser_wavelength_m,
                                                          const std::string& context) {
-  // What is behind the third colour is of no concern.
   constexpr uint64_t kMaxFileBytes = uint64_t{64} << 20;
   const absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxFileBytes);
   if (!bytes.ok()) {
@@ -138,6 +137,11 @@ absl::StatusOr<std::shared_ptr<const Material>> ReadMerl(DetailedMaterial::Commo
     }
     channel.laser_share = laser[colour];
     channels.push_back(std::move(channel));
+  }
+  if (file.peek() != std::istringstream::traits_type::eof()) {
+    return absl::InvalidArgumentError(absl::StrCat(context, ": ", path, " has ", bytes->size(),
+                                                   " bytes, more than 3 x ", kCells,
+                                                   " doubles need: left over"));
   }
   return std::make_shared<TabulatedMaterial>(std::move(common), std::move(channels), std::nullopt);
 }

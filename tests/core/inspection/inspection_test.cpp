@@ -270,13 +270,16 @@ TEST(Inspection, NamesAllFilesThatAreNotThere) {
   std::filesystem::remove_all(folder);
 }
 
-TEST(Inspection, AStepFileSaysItsUnitItself) {
+// Whether a STEP file states its unit is known only when it is read.
+TEST(Inspection, AStepFileMayNeedAUnit) {
   v1::Inspection message;
   message.mutable_part()->set_file("a.STEP");
   EXPECT_TRUE(ParseInspection(message, "f", "").ok());
   message.mutable_part()->set_unit("mm");
+  EXPECT_TRUE(ParseInspection(message, "f", "").ok());
+  message.mutable_part()->set_unit("furlong");
   EXPECT_THAT(std::string(ParseInspection(message, "f", "").status().message()),
-              HasSubstr("part.unit is given, must be left out"));
+              HasSubstr("part.unit is \"furlong\""));
 }
 
 // --- domains ------------------------------------------------------------------------------------

@@ -15,6 +15,7 @@
 #include <thread>
 
 #include "absl/strings/str_cat.h"
+#include "core/file/atomic_write.h"
 #include "core/json/printable.h"
 #include "google/protobuf/util/message_differencer.h"
 #include "sightline/v1/inspection.pb.h"
@@ -53,6 +54,21 @@ TEST(StrictJson, ReadsAFullMessage) {
   EXPECT_EQ(message.targets().regions(0).min_m().x(), -1e-3);
   EXPECT_EQ(message.obstacles(0).frame(), v1::Obstacle::FRAME_STAGE);
   EXPECT_EQ(message.measurement().part_beta_deg().values(1), 90.5);
+}
+
+TEST(StrictJson, ByteOrderMarksAndEndMarks) {
+  const std::string text = R"({"name": "bracket"})";
+  for (const std::string& good : {"\xef\xbb\xbf" + text, text + "\r\n\x1a",
+                                  text + std::string(3, '\0'), "\xef\xbb\xbf// comment\n" + text}) {
+    v1::Inspection message;
+    EXPECT_TRUE(ParseStrictJson(good, "bracket.json", &message).ok());
+    EXPECT_EQ(message.name(), "bracket");
+  }
+  EXPECT_THAT(ParseErrorOf(std::string("\xff\xfe{\0}\0", 6)),
+              AllOf(HasSubstr("bracket.json"), HasSubstr("byte order mark of UTF-16")));
+  // The parser would take NUL for the end and drop what is behind it.
+  EXPECT_THAT(ParseErrorOf(text + std::string("\0{}", 3)),
+              AllOf(HasSubstr("column 20"), HasSubstr("NUL byte")));
 }
 
 TEST(StrictJson, MapsKeepTheirKeysAndComeBackSorted) {
@@ -341,7 +357,8 @@ TEST(StrictJson, KeysWithTheSameHashTakeNoTime) {
   const auto effect = [](const std::vector<std::string>& keys) {
     std::string parameters;
     for (const std::string& key : keys) {
-      absl::StrAppend(&parameters, parameters.empty() ? "\"" : ", \"", key, "\": 1");
+      // The digits keep the text within what a text of its size may take in memory.
+      absl::StrAppend(&parameters, parameters.empty() ? "\"" : ", \"", key, "\": 1.00000000000000");
     }
     return absl::StrCat(R"({"effect": "optics.coma", "parameters": {)", parameters, "}}");
   };
@@ -354,7 +371,7 @@ TEST(StrictJson, KeysWithTheSameHashTakeNoTime) {
 
   const std::string full = effect({keys.begin(), keys.begin() + 100});
   std::string effects = full;
-  for (int i = 1; i < 10'000; ++i) absl::StrAppend(&effects, ", ", full);
+  for (int i = 1; i < 4'000; ++i) absl::StrAppend(&effects, ", ", full);
   EXPECT_EQ(WithinLimits({.cpu_time_s = 10},
                          [&] {
                            v1::Inspection message;
@@ -362,7 +379,7 @@ TEST(StrictJson, KeysWithTheSameHashTakeNoTime) {
                                absl::StrCat(R"({"effects": [)", effects, "]}"), "a.json", &message);
                            return absl::StrCat(status.ToString(), " ", message.effects_size());
                          }),
-            "OK 10000");
+            "OK 4000");
 }
 
 TEST(StrictJson, ValuesAreCounted) {
@@ -372,6 +389,61 @@ TEST(StrictJson, ValuesAreCounted) {
   EXPECT_EQ(WithinLimits({.cpu_time_s = 5, .memory_bytes = int64_t{800} << 20},
                          [&] { return ParseErrorOf(json); }),
             "bracket.json: has more than 2000000 values");
+}
+
+// Texts of 4 MiB that repeat what makes most of a byte; a further one joins with a line.
+std::vector<std::string> DenseTexts() {
+  const auto repeat = [](absl::string_view begin, absl::string_view item, absl::string_view end) {
+    // Fewer than the most values that a text may have.
+    const size_t count = std::min<size_t>((size_t{4} << 20) / item.size(), 600'000);
+    std::string text(begin);
+    for (size_t i = 0; i < count; ++i) absl::StrAppend(&text, i == 0 ? "" : ",", item);
+    return absl::StrCat(text, end);
+  };
+  const std::string x(4 << 20, 'x');
+  return {repeat(R"({"obstacles": [)", "{}", "]}"),
+          repeat(R"({"obstacles": [)", R"({"frame":"FRAME_PART"})", "]}"),
+          repeat(R"({"effects": [)", "{}", "]}"),
+          repeat(R"({"effects": [)", R"({"parameters":{"a":1,"b":2}})", "]}"),
+          repeat(R"({"measurement": {"part_beta_deg": {"values": [)", "1", "]}}}"),
+          repeat(R"({"measurement": {"part_beta_deg": {"values": [)", "0.12345", "]}}}"),
+          repeat("{", R"("x":1)", "}"),
+          repeat(R"({"name": [)", "[]", "]}"),
+          repeat("{", R"("name":null)", "}"),
+          absl::StrCat(R"({"name": ")", x, "\"}"),
+          absl::StrCat(R"({")", x, R"(": 1})"),
+          absl::StrCat(R"({"name": ")", x)};
+}
+
+TEST(StrictJson, TakesNoMoreThanSomeTenBytesOfMemoryAByte) {
+  for (const std::string& json : DenseTexts()) {
+    SCOPED_TRACE(json.substr(0, 60));
+    const auto text_bytes = static_cast<int64_t>(json.size());
+    const std::string outcome =
+        WithinLimits({.cpu_time_s = 10, .memory_bytes = 13 * text_bytes + (int64_t{8} << 20)}, [&] {
+          v1::Inspection message;
+          const absl::Status status = ParseStrictJson(json, "a.json", &message);
+          if (!status.ok()) return std::string(status.message().substr(0, 1000));
+          return message.SpaceUsedLong() <= MostMessageBytes(json.size())
+                     ? std::string("as large as announced")
+                     : absl::StrCat(message.SpaceUsedLong(), " bytes");
+        });
+    EXPECT_THAT(outcome, testing::AnyOf("as large as announced", testing::StartsWith("a.json: ")));
+  }
+}
+
+TEST(StrictJson, TextsWithMuchToSayAreNotRefused) {
+  // The densest text that ToJson makes of such messages is far from the limit.
+  v1::Inspection message;
+  for (int i = 0; i < 20'000; ++i) {
+    message.add_obstacles()->set_frame(v1::Obstacle::FRAME_PART);
+    message.mutable_measurement()->mutable_part_beta_deg()->add_values(i % 10);
+    (*message.add_effects()->mutable_parameters())["w131_waves"] = 0.5;
+  }
+  v1::Inspection back;
+  const absl::Status status = ParseStrictJson(ToJson(message), "a.json", &back);
+  ASSERT_TRUE(status.ok()) << status;
+  EXPECT_TRUE(google::protobuf::util::MessageDifferencer::Equals(message, back));
 }
 
 TEST(StrictJson, ControlCharactersInKeysAreShownAsEscapes) {

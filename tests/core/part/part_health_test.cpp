@@ -119,6 +119,23 @@ TEST(PartHealth, DegenerateAndDuplicateTrianglesAreCounted) {
   EXPECT_EQ(health.non_manifold_edge_count, 3);
 }
 
+TEST(PartHealth, ASheetWithTwoSidesIsNoInnerWall) {
+  TriangleMesh sheet = PlateMesh(0.2, 0.1, 4, 2);
+  for (const auto& t : TriangleMesh(sheet).triangles) sheet.triangles.push_back({t[0], t[2], t[1]});
+  const PartHealth health = CheckPartHealth(sheet);
+  EXPECT_EQ(health.duplicate_triangle_count, 16);
+  EXPECT_GT(health.non_manifold_edge_count, 0);
+  EXPECT_THAT(health.findings, ElementsAre(HasSubstr("a sheet without thickness with two sides")));
+}
+
+TEST(PartHealth, TrianglesWithoutAreaAreNoDuplicates) {
+  TriangleMesh mesh = kOuter;
+  for (int i = 0; i < 2; ++i) mesh.triangles.push_back({0, 1, 1});
+  const PartHealth health = CheckPartHealth(mesh);
+  EXPECT_EQ(health.degenerate_triangle_count, 2);
+  EXPECT_EQ(health.duplicate_triangle_count, 0);
+}
+
 TEST(PartHealth, BodiesThatShareAnEdgeAreNonManifold) {
   TriangleMesh mesh = Merged(BoxMesh({0, 0, 0}, {1, 1, 1}), BoxMesh({1, 1, 0}, {2, 2, 1}));
   // Weld the common edge (1, 1, 0..1): corners 3 and 7 of the first, 0 and 4 of the second.

@@ -8,6 +8,7 @@
 #include <map>
 
 #include "core/inspection/inspection.h"
+#include "core/part/part_digest.h"
 #include "core/part/part_health.h"
 #include "core/registration/deformed_mesh.h"
 #include "core/targets/poisson_disk.h"
@@ -259,11 +260,11 @@ TEST(DeformMesh, StaysClosedAndKeepsItsMaterials) {
 TEST(DeformMesh, WithoutDeviationsIsTheMesh) {
   const TriangleMesh box = BoxMesh({0, 0, 0}, {0.05f, 0.04f, 0.03f});
   DeviationField field;
-  EXPECT_EQ(PartDigest(DeformMesh(box, field)), PartDigest(box));
+  EXPECT_EQ(PartDigestOf(DeformMesh(box, field)), PartDigestOf(box));
   field.positions_m = {{0.02f, 0.02f, 0.03f}};
   field.normals = {Eigen::Vector3f::UnitZ()};
   field.deviations_m = {0};
-  EXPECT_EQ(PartDigest(DeformMesh(box, field)), PartDigest(box));
+  EXPECT_EQ(PartDigestOf(DeformMesh(box, field)), PartDigestOf(box));
 }
 
 TEST(DeformMesh, StopsRefiningAtTheLimit) {

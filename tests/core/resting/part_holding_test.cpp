@@ -7,6 +7,7 @@
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
+#include "core/part/part_digest.h"
 #include "core/physics/angle.h"
 #include "core/rig/scan_geometry.h"
 #include "tests/core/inspection/parse_fields.h"
@@ -65,7 +66,7 @@ TEST(PartHolding, TheTableIsTheSameWhenItIsReadAgain) {
   }
   const auto read = LoadPartFromMemory(text, "obj", "m", "table");
   ASSERT_TRUE(read.ok()) << read.status();
-  EXPECT_EQ(PartDigest(*read), PartDigest(*held->table));
+  EXPECT_EQ(PartDigestOf(*read), PartDigestOf(*held->table));
 }
 
 TEST(PartHolding, ThePartsFacesBecomeTheDomain) {

@@ -580,7 +580,7 @@ TEST_F(QifTest, ReferencesDoNotMultiplyWhatIsRead) {
   const auto document = [](const std::string& feature, int characteristics) {
     std::string text = absl::StrCat(
         R"(<QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">
-  <FileUnits><PrimaryUnits><LinearUnit><SIUnitName>meter</SIUnitName></LinearUnit></PrimaryUnits></FileUnits>
+  <FileUnits><PrimaryUnits><LinearUnit><UnitName>m</UnitName></LinearUnit></PrimaryUnits></FileUnits>
   <Features><FeatureNominals><PlaneFeatureNominal id="f">)",
         feature, R"(</PlaneFeatureNominal></FeatureNominals></Features><Characteristics>
   <CharacteristicDefinitions><FlatnessCharacteristicDefinition id="d"><ToleranceValue>1e-4</ToleranceValue>
@@ -644,6 +644,134 @@ TEST_F(QifTest, DamagedFilesDoNotCrash) {
     }
   }
   EXPECT_GT(refused, 200);
+}
+
+// --- units of QIF
+
+constexpr char kDegreeUnit[] =
+    "<AngularUnit><UnitName>degree</UnitName><UnitConversion><Factor>0.017453293</Factor>"
+    "</UnitConversion></AngularUnit>";
+
+class QifUnitsTest : public QifTest {
+ protected:
+  static std::string File(const std::string& linear, const std::string& angular) {
+    std::string text = kQif;
+    const size_t begin = text.find("<LinearUnit>"), end = text.find("</PrimaryUnits>");
+    return text.replace(begin, end - begin, angular + linear);
+  }
+  absl::StatusOr<ToleranceReport> Read(const std::string& linear, const std::string& angular,
+                                       const std::string& stated = "") const {
+    return ReadQif(Write(File(linear, angular)), "", stated);
+  }
+};
+
+const Tolerance& WithId(const ToleranceReport& report, const std::string& id) {
+  for (const Tolerance& tolerance : report.read) {
+    if (tolerance.id == id) return tolerance;
+  }
+  ADD_FAILURE() << "no tolerance " << id;
+  return report.read.front();
+}
+
+TEST_F(QifUnitsTest, AUnitIsKnownByItsConversionOrByItsName) {
+  const auto linear = [](const std::string& name, const std::string& factor = "") {
+    return "<LinearUnit><UnitName>" + name + "</UnitName>" +
+           (factor.empty() ? ""
+                           : "<UnitConversion><Factor>" + factor + "</Factor></UnitConversion>") +
+           "</LinearUnit>";
+  };
+  const std::vector<std::pair<std::string, double>> lengths = {
+      {linear("mm"), 0.2e-3},
+      {linear("MM"), 0.2e-3},
+      {linear("millimeter"), 0.2e-3},
+      {linear("Millimetre"), 0.2e-3},
+      {linear("cm"), 0.2e-2},
+      {linear("um"), 0.2e-6},
+      {linear("\u00b5m"), 0.2e-6},
+      {linear("m"), 0.2},
+      {linear("meter"), 0.2},
+      {linear("inch"), 0.2 * 0.0254},
+      {linear("in"), 0.2 * 0.0254},
+      {linear("foot"), 0.2 * 0.3048},
+      {linear("mm", "0.001"), 0.2e-3},
+      {linear("tenth", "0.0001"), 0.2e-4},
+      {"<LinearUnit><SIUnitName>meter</SIUnitName><UnitName>mm</UnitName></LinearUnit>", 0.2e-3},
+      // Units of the PMI come before the others, in both orders.
+      {linear("mm") + "<PMILinearUnit><UnitName>in</UnitName></PMILinearUnit>", 0.2 * 0.0254},
+      {"<PMILinearUnit><UnitName>in</UnitName></PMILinearUnit>" + linear("mm"), 0.2 * 0.0254},
+  };
+  for (const auto& [unit, width_m] : lengths) {
+    const auto report = Read(unit, kDegreeUnit);
+    ASSERT_TRUE(report.ok()) << unit << ": " << report.status();
+    EXPECT_NEAR(WithId(*report, "31").zone_width_m, width_m, 1e-12 * width_m) << unit;
+    EXPECT_NEAR(WithId(*report, "32").zone_width_m, 0.01 * 0.0254, 1e-15) << unit;
+  }
+  for (const auto& [name, radians] : {std::pair{"degree", std::numbers::pi / 180},
+                                      {"Degrees", std::numbers::pi / 180},
+                                      {"deg", std::numbers::pi / 180},
+                                      {"radian", 1.0},
+                                      {"gon", std::numbers::pi / 200}}) {
+    const auto report = Read(
+        linear("mm"), absl::StrCat("<AngularUnit><UnitName>", name, "</UnitName></AngularUnit>"));
+    ASSERT_TRUE(report.ok()) << name << ": " << report.status();
+    EXPECT_NEAR(WithId(*report, "35").zone_width_rad, radians, 1e-12) << name;
+    EXPECT_NEAR(*WithId(*report, "35").nominal_rad, 60 * radians, 1e-10) << name;
+  }
+}
+
+TEST_F(QifUnitsTest, AUnitThatIsNotKnownIsRefusedUnlessItIsStated) {
+  for (const char* unit : {"", "<LinearUnit><UnitName>furlong</UnitName></LinearUnit>",
+                           "<LinearUnit><UnitName>Mm</UnitName></LinearUnit>"}) {
+    const auto refused = Read(unit, kDegreeUnit);
+    EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument) << unit;
+    EXPECT_THAT(std::string(refused.status().message()),
+                AllOf(HasSubstr("part.qif:"), HasSubstr("<ToleranceValue>"), HasSubstr("--unit")))
+        << unit;
+    const auto stated = Read(unit, kDegreeUnit, "mm");
+    ASSERT_TRUE(stated.ok()) << unit << ": " << stated.status();
+    EXPECT_DOUBLE_EQ(WithId(*stated, "31").zone_width_m, 0.2e-3);
+    // A value with a unit of its own keeps it.
+    EXPECT_NEAR(WithId(*stated, "32").zone_width_m, 0.01 * 0.0254, 1e-15);
+  }
+  const std::string mm = "<LinearUnit><UnitName>mm</UnitName></LinearUnit>";
+  for (const char* unit : {"", "<AngularUnit><UnitName>point</UnitName></AngularUnit>"}) {
+    EXPECT_THAT(std::string(Read(mm, unit).status().message()),
+                AllOf(HasSubstr("part.qif:"), HasSubstr("Value>"), HasSubstr("<FileUnits>")))
+        << unit;
+  }
+  // An unknown unit that no value has is no obstacle.
+  EXPECT_TRUE(Read(mm + "<PMIAreaUnit><UnitName>acre</UnitName></PMIAreaUnit>", kDegreeUnit).ok());
+}
+
+TEST_F(QifUnitsTest, ContradictionsAreNamed) {
+  const auto error = [&](const std::string& linear, const std::string& stated = "") {
+    return std::string(Read(linear, kDegreeUnit, stated).status().message());
+  };
+  const std::string mm = "<LinearUnit><UnitName>mm</UnitName></LinearUnit>";
+  EXPECT_THAT(error("<LinearUnit><UnitName>mm</UnitName><UnitConversion><Factor>0.0254</Factor>"
+                    "</UnitConversion></LinearUnit>"),
+              AllOf(HasSubstr("part.qif:"), HasSubstr("0.0254 contradicts the UnitName mm")));
+  EXPECT_THAT(error("<LinearUnit><SIUnitName>mm</SIUnitName><UnitName>mm</UnitName></LinearUnit>"),
+              HasSubstr("SIUnitName is \"mm\"; must be meter"));
+  EXPECT_THAT(error("<LinearUnit/>"), HasSubstr("<UnitName> is missing"));
+  EXPECT_THAT(error("<LinearUnit><UnitName>x</UnitName><UnitConversion><Factor>0x1</Factor>"
+                    "</UnitConversion></LinearUnit>"),
+              HasSubstr("<Factor> is \"0x1\""));
+  EXPECT_THAT(error("<LinearUnit><UnitName>x</UnitName><UnitConversion><Factor>1</Factor><Offset>3"
+                    "</Offset></UnitConversion></LinearUnit>"),
+              HasSubstr("<Offset>"));
+  EXPECT_THAT(error(mm, "mm"), HasSubstr("--unit must be left out"));
+  EXPECT_THAT(error("", "cubit"), HasSubstr("--unit is \"cubit\""));
+}
+
+// Bytes before and behind the document.
+TEST_F(QifUnitsTest, AByteOrderMarkIsReadAndBytesLeftOverAreAnError) {
+  EXPECT_TRUE(ReadQif(Write(absl::StrCat("\xEF\xBB\xBF", kQif))).ok());
+  EXPECT_TRUE(ReadQif(Write(absl::StrCat(kQif, "\n  <!-- end -->\n"))).ok());
+  for (const std::string& tail : {std::string("x"), std::string("<QIFDocument/>"),
+                                  std::string("\x1a"), std::string(1, '\0')}) {
+    EXPECT_THAT(ErrorOf(kQif + tail), HasSubstr("part.qif:")) << tail;
+  }
 }
 
 // A schema of this test's own that knows fewer elements than QIF has.

@@ -11,6 +11,7 @@
 #include <limits>
 #include <thread>
 
+#include "core/part/part_digest.h"
 #include "grpcpp/generic/generic_stub.h"
 #include "planner_client/coverage_client/coverage_client.h"
 #include "tests/integration/coverage_server/fake_scene.h"
@@ -57,7 +58,7 @@ TEST_F(CoverageServiceTest, UploadsPartsAndReportsTheirHealth) {
   v1::UploadPartResponse response;
   absl::Status status = connection_->Upload(EncodePly(box), "ply", "m", &response);
   ASSERT_TRUE(status.ok()) << status;
-  EXPECT_EQ(response.part_digest(), PartDigest(*LoadedBox({0.1f, 0.2f, 0.3f})));
+  EXPECT_EQ(response.part_digest(), PartDigestOf(*LoadedBox({0.1f, 0.2f, 0.3f})).Text());
   EXPECT_EQ(response.health().triangle_count(), 12);
   EXPECT_EQ(response.health().open_edge_count(), 0);
   EXPECT_NEAR(response.health().area_m2(), 0.22, 1e-6);

@@ -18,7 +18,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/json/strict_json.h"
+#include "core/file/atomic_write.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/health_check.h"
 #include "rpc_server/job_service.h"

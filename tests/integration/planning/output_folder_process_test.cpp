@@ -7,7 +7,7 @@
 #include <filesystem>
 #include <string>
 
-#include "core/file/folder_lock.h"
+#include "core/file/file_lock.h"
 #include "sightline/v1/plan.pb.h"
 #include "tests/integration/planning/box_process.h"
 
@@ -65,7 +65,7 @@ TEST_F(OutputFolderTest, NothingStaysOfThePlanBefore) {
 
 TEST_F(OutputFolderTest, OneCommandAtATimeWritesThere) {
   fs::create_directories(folder_ + "/a");
-  const auto lock = FolderLock::Take(folder_ + "/a");
+  const auto lock = FileLock::TakeFolder(folder_ + "/a");
   ASSERT_TRUE(lock.ok()) << lock.status();
   const auto [code, output] = Plan("--max-scans 1");
   EXPECT_EQ(code, 1);
@@ -78,7 +78,7 @@ TEST_F(OutputFolderTest, ExploreHasItsFolderForItself) {
       "explore inspection.json --listen 127.0.0.1:0 --field-directions 64 --out a";
   {
     fs::create_directories(folder_ + "/a");
-    const auto lock = FolderLock::Take(folder_ + "/a");
+    const auto lock = FileLock::TakeFolder(folder_ + "/a");
     ASSERT_TRUE(lock.ok()) << lock.status();
     const auto [code, output] = Run(explore);
     EXPECT_EQ(code, 1) << output;
@@ -148,9 +148,9 @@ TEST_F(OutputFolderTest, PlanFilesHaveAtMostAThousandScans) {
 
 // Memory for the program, not enough for the file.
 TEST_F(OutputFolderTest, OutOfMemoryIsSaid) {
-  std::string zeros = "0";
-  for (int i = 0; i < 1'900'000; ++i) zeros += ",0";
-  Write("large.json", absl::StrCat("{\"obstacles\": [", zeros, "]}"));
+  Write("large.stl", "");
+  std::filesystem::resize_file(absl::StrCat(folder_, "/large.stl"), 600'000'000);
+  Write("large.json", R"({"part": {"file": "large.stl", "unit": "mm"}})");
   const ProcessResult result =
       RunProcess(absl::StrCat("cd ", folder_, " && (ulimit -v 400000; ", BinFolder(),
                               "/sightline plan large.json --out a)"));

@@ -94,6 +94,36 @@ TEST_F(PlanProcessTest, PlansForATolerancedTopAndProvesIt) {
   EXPECT_EQ(exports.exit_code, 0) << exports.output;
 }
 
+// A service plans with a checkpoint, the command without one: their plans are the same.
+TEST_F(PlanProcessTest, KeptAnswersGiveTheSameBytesAndAreOfTheSameQuestion) {
+  const std::string options =
+      "plan inspection.json --evaluations-per-scan 300 --bound-evaluations 1000 --no-pictures "
+      "--no-point-clouds --field-directions 576 --out ";
+  ASSERT_EQ(Run(options + "without").first, 0);
+  const std::string plan = Bytes("without/plan.json");
+  const auto run = [&](const std::string& what) {
+    const auto [code, output] = Run(options + "kept --checkpoint answers");
+    EXPECT_EQ(code, 0) << output;
+    EXPECT_EQ(Bytes("kept/plan.json"), plan) << what;
+    const size_t at = output.find("checkpoint: ");
+    return at == std::string::npos ? "" : output.substr(at);
+  };
+  EXPECT_EQ(run("answers are asked"), "");
+  EXPECT_EQ(run("answers are replayed"), "");
+
+  // The mesh is the same, the file is not.
+  Write("box.obj", "# again\n" + Bytes("box.obj"));
+  EXPECT_THAT(run("another file"), HasSubstr("answers are to other questions"));
+  EXPECT_EQ(run("the other file again"), "");
+
+  std::string damaged = Bytes("answers/answers");
+  damaged.replace(damaged.size() / 2, 64, std::string(64, 'Z'));
+  Write("answers/answers", damaged);
+  EXPECT_THAT(run("a damaged answer"),
+              AllOf(HasSubstr("answers/answers: answer "), HasSubstr("asked again")));
+  EXPECT_EQ(run("a mended answer"), "");
+}
+
 TEST_F(PlanProcessTest, ComparesGainFunctions) {
   const auto [code, output] =
       Run("compare inspection.json --out d --strategies greedy-pso-1 --gains ra:0.4,tu,own "

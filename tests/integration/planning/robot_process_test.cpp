@@ -83,6 +83,24 @@ TEST_F(RobotProcessTest, ScansOutOfReachAreSaidToBe) {
   EXPECT_THAT(plan.scans(0).remarks(), Contains(HasSubstr("the nearest that it can make")));
 }
 
+// The gains are those of the oracle that the robot's oracle asks.
+TEST_F(RobotProcessTest, ComparesGainsWithinReach) {
+  Write("uncertain.json",
+        absl::StrReplaceAll(kRobotInspection, {{R"("goal": {"coverage": 0.7, "max_scans": 4})",
+                                                R"("goal": {"admissible": 0.3, "max_scans": 3},
+  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}},
+  "tolerances": {"regions": [{"name": "top", "zone_width_m": 0.0002,
+    "min_m": {"x": -1, "y": -1, "z": 0.0199}, "max_m": {"x": 1, "y": 1, "z": 1}}]})"}}));
+  const auto [code, output] = Run(
+      "compare uncertain.json --out gains --strategies refined --gains ra:0.5,tu,information,own "
+      "--seeds 1 --evaluations-per-scan 100");
+  ASSERT_EQ(code, 0) << output;
+  for (const char* row : {"refined ra:0.5", "refined tu", "refined information", "refined own"}) {
+    EXPECT_THAT(output, HasSubstr(row));
+    EXPECT_THAT(Bytes("gains/comparison.csv"), HasSubstr(row));
+  }
+}
+
 TEST_F(RobotProcessTest, WrongRobotsAreWrongInput) {
   const auto refused = [&](const std::string& from, const std::string& to) {
     Write("wrong.json", absl::StrReplaceAll(kRobotInspection, {{from, to}}));
@@ -92,6 +110,11 @@ TEST_F(RobotProcessTest, WrongRobotsAreWrongInput) {
   };
   EXPECT_THAT(refused("arm.urdf", "other.urdf"), HasSubstr("other.urdf: no such file"));
   EXPECT_THAT(refused("\"flange\"", "\"hand\""), HasSubstr("has no link \"hand\""));
+  std::string urdf = Bytes("arm.urdf");
+  ASSERT_THAT(urdf, HasSubstr("<collision>"));
+  Write("misspelt.urdf", absl::StrReplaceAll(urdf, {{"collision>", "colision>"}}));
+  EXPECT_THAT(refused("arm.urdf", "misspelt.urdf"),
+              HasSubstr("unknown element \"colision\"; did you mean <collision>?"));
   EXPECT_THAT(refused("\"fixed\": 0.35", "\"values\": [0.3, 0.35]"),
               HasSubstr("measurement.camera_distance_m must be fixed"));
   EXPECT_THAT(refused("[-1.5708, ", "["), HasSubstr("home_position has 5 entries"));

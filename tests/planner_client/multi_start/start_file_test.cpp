@@ -83,9 +83,14 @@ TEST_F(StartFileTest, ReadsBackEveryBit) {
 
 TEST_F(StartFileTest, IsNotUsedForAnotherQuestion) {
   const std::string path = folder_ + "/start.json";
-  EXPECT_FALSE(ReadStart(path, "inspection 1", -7).has_value());
+  std::string why;
+  EXPECT_FALSE(ReadStart(path, "inspection 1", -7, &why).has_value());
+  EXPECT_EQ(why, "");  // no file, nothing to say
   ASSERT_TRUE(WriteStart(Sample(), "inspection 1", path).ok());
-  EXPECT_FALSE(ReadStart(path, "inspection 2", -7).has_value());
+  EXPECT_TRUE(ReadStart(path, "inspection 1", -7, &why).has_value());
+  EXPECT_EQ(why, "");
+  EXPECT_FALSE(ReadStart(path, "inspection 2", -7, &why).has_value());
+  EXPECT_NE(why.find("another search"), std::string::npos) << why;
   EXPECT_FALSE(ReadStart(path, "inspection 1", 7).has_value());
   EXPECT_FALSE(ReadStart(folder_, "inspection 1", -7).has_value());
 }
@@ -107,13 +112,18 @@ TEST_F(StartFileTest, IsNotUsedWhenDamaged) {
   for (const auto& [from, to] :
        {std::pair("\"max scans\"", "\"tired\""), std::pair("\"locked\":true", "\"locked\":1.5"),
         std::pair("\"parameters\":[", "\"parameters\":[[],"),
-        std::pair("\"settled\":", "\"settles\":")}) {
+        std::pair("\"settled\":", "\"settles\":"),
+        // Sound JSON of another result.
+        std::pair("\"locked\":true", "\"locked\":false"),
+        std::pair("\"evaluations\":1", "\"evaluations\":2")}) {
     std::string wrong = good;
     const size_t at = wrong.find(from);
     ASSERT_NE(at, std::string::npos) << from;
     wrong.replace(at, std::string(from).size(), to);
     write(wrong);
-    EXPECT_FALSE(ReadStart(path, "inspection 1", -7).has_value()) << to;
+    std::string why;
+    EXPECT_FALSE(ReadStart(path, "inspection 1", -7, &why).has_value()) << to;
+    EXPECT_NE(why.find("damaged"), std::string::npos) << to << ": " << why;
   }
   write(good);
   EXPECT_TRUE(ReadStart(path, "inspection 1", -7).has_value());

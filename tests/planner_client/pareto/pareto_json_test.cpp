@@ -14,12 +14,14 @@ namespace {
 
 using ::testing::AllOf;
 using ::testing::HasSubstr;
+using ::testing::Not;
 
 ParetoTask Task() {
   ParetoTask task;
   task.inspection_name = "plate";
   task.sightline_version = "1";
-  task.part_digest = "aa";
+  task.part_digest.hex = std::string(64, 'a');
+  task.part_file = "plate.stl";
   task.scene_digest = "bb";
   task.costs.stage_speed_m_per_s = 0.1;
   task.costs.reposition_speed_rad_per_s = 0.4;
@@ -30,7 +32,7 @@ ParetoTask Task() {
   return task;
 }
 
-ParetoPoint Point(int scans, double seconds, int64_t settled, int64_t fresh) {
+ParetoPoint FrontPoint(int scans, double seconds, int64_t settled, int64_t fresh) {
   ParetoPoint point;
   for (int i = 0; i < scans; ++i) {
     ChosenScan scan;
@@ -52,9 +54,9 @@ ParetoPoint Point(int scans, double seconds, int64_t settled, int64_t fresh) {
 
 v1::ParetoFront Front() {
   ParetoResult result;
-  result.front.points = {Point(1, 5, 40, 20), Point(2, 9, 70, 35), Point(3, 8, 70, 35),
-                         Point(3, 20, 97, 48)};
-  result.front.dominated = {Point(3, 30, 60, 30)};
+  result.front.points = {FrontPoint(1, 5, 40, 20), FrontPoint(2, 9, 70, 35),
+                         FrontPoint(3, 8, 70, 35), FrontPoint(3, 20, 97, 48)};
+  result.front.dominated = {FrontPoint(3, 30, 60, 30)};
   result.evaluations = 1234;
   return ParetoToProto(result, Task(), 7, 3, v1::Plan::STOP_REASON_GOAL_REACHED);
 }
@@ -116,9 +118,11 @@ TEST(ParetoJsonTest, HasTheNumbersOfThePoints) {
 TEST(ParetoJsonTest, FrontsOfAnotherPartOrInspectionAreRefusedByFileAndField) {
   const v1::ParetoFront front = Front();
   ParetoTask task = Task();
-  task.part_digest = "cc";
+  task.part_digest.hex = std::string(64, 'c');
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")),
-              AllOf(HasSubstr("d/pareto.json: part_digest"), HasSubstr("another part")));
+              AllOf(HasSubstr("d/pareto.json: part_digest"), HasSubstr("another part"),
+                    HasSubstr(std::string(64, 'a')), HasSubstr(task.part_digest.Text()),
+                    Not(HasSubstr("--other-part"))));
   task = Task();
   task.scene_digest = "cc";
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")), HasSubstr("scene_digest"));
@@ -141,6 +145,22 @@ TEST(ParetoJsonTest, FrontsOfAnotherPartOrInspectionAreRefusedByFileAndField) {
   // The first scan is locked: it need not be in the domain.
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")),
               HasSubstr("points[1].measurements[1].offset_y_m is 0.1"));
+}
+
+// Its digests differ from those of the same part by the rule of today.
+TEST(ParetoJsonTest, AFrontOfAnOlderRuleIsTakenWithARemark) {
+  v1::ParetoFront front = Front();
+  front.set_part_digest(std::string(64, 'e'));
+  front.set_scene_digest("another");
+  std::string remark;
+  const absl::Status taken = CheckPareto(front, Task(), "d/pareto.json", &remark);
+  EXPECT_TRUE(taken.ok()) << taken;
+  EXPECT_THAT(remark, AllOf(HasSubstr("pareto.json"), HasSubstr("rule 1"), HasSubstr("plate.stl")));
+  EXPECT_TRUE(CheckPareto(Front(), Task(), "d/pareto.json", &remark).ok());
+  EXPECT_EQ(remark, "");
+  ParetoTask task = Task();
+  task.judged_targets = 99;
+  EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")), HasSubstr("judged_targets"));
 }
 
 TEST(ParetoJsonTest, DamagedFrontsAreRefused) {
@@ -199,7 +219,7 @@ TEST(ParetoJsonTest, APickBesideTheFrontSaysWhatThereIs) {
 
 TEST(ParetoJsonTest, NumbersThatExactEvaluationDoesNotGiveAreRefused) {
   const v1::ParetoFront front = Front();
-  const ParetoPoint point = Point(2, 9, 70, 35);
+  const ParetoPoint point = FrontPoint(2, 9, 70, 35);
   EXPECT_TRUE(CheckSameNumbers(front.points(1), point.score, point.time, "p").ok());
   PlanScore score = point.score;
   score.settled = 69;

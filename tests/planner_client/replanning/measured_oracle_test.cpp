@@ -50,6 +50,14 @@ TEST(MeasuredOracle, MeasuredScansSettleWhatTheirPointsSay) {
   EXPECT_EQ((*oracle->ExactCoverage(asked))[1].measurement_points, 1234);
 }
 
+TEST(MeasuredOracle, ForwardsWeightsOfTheGain) {
+  auto weighted = std::make_unique<WeightedOracle>(kTargets, Covers);
+  const WeightedOracle& asked = *weighted;
+  const auto oracle = Oracle(std::move(weighted));
+  EXPECT_TRUE(oracle->SetWeights({.information = 0.5}).ok());
+  EXPECT_EQ(asked.weights().information, 0.5);
+}
+
 // Whatever simulation says of a scan that has been made.
 TEST(MeasuredOracle, MeasuredScansAreFeasible) {
   auto simulated = std::make_unique<FunctionOracle>(kTargets, Covers);

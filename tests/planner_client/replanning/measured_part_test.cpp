@@ -9,6 +9,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/part/load_part.h"
+#include "core/part/part_digest.h"
 #include "core/physics/angle.h"
 #include "tests/core/registration/measured_shapes.h"
 #include "tests/limits/within_limits.h"
@@ -120,7 +121,7 @@ TEST_F(MeasuredPartTest, PartIsFoundWhereItLies) {
   EXPECT_NEAR(message.rotation_deg().z(), -0.5, 0.01);
   // No surface deviates: nothing moves.
   EXPECT_EQ(message.deviation().significant_targets(), 0);
-  EXPECT_EQ(PartDigest(*part->mesh), PartDigest(model_));
+  EXPECT_EQ(PartDigestOf(*part->mesh), PartDigestOf(model_));
 }
 
 TEST_F(MeasuredPartTest, SameFilesSameBytesWhateverTheThreads) {

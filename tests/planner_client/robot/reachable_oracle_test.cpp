@@ -116,6 +116,20 @@ TEST_F(ReachableOracleTest, KeptScansAreThereReachedOrNot) {
   EXPECT_EQ(exact->front().covered.Count(), 1);
 }
 
+TEST_F(ReachableOracleTest, ForwardsWeightsOfTheGain) {
+  const auto cell = OneSidedCell();
+  ASSERT_NE(cell, nullptr);
+  auto weighted =
+      std::make_unique<WeightedOracle>(1, [](const Measurement&, size_t) { return true; });
+  const WeightedOracle& asked = *weighted;
+  ReachableOracle oracle(std::move(weighted), cell, Travel, 0.001);
+  EXPECT_TRUE(oracle.SetWeights({.admissible = 0.25, .relaxed = 0.75}).ok());
+  EXPECT_EQ(asked.weights().admissible, 0.25);
+  EXPECT_EQ(asked.weights().relaxed, 0.75);
+  ReachableOracle without(Azimuths(), cell, Travel, 0.001);
+  EXPECT_EQ(without.SetWeights({}).code(), absl::StatusCode::kUnimplemented);
+}
+
 TEST_F(ReachableOracleTest, StrategiesHonourIt) {
   const auto cell = OneSidedCell();
   ASSERT_NE(cell, nullptr);

@@ -5,7 +5,9 @@
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 
+#include <algorithm>
 #include <numbers>
+#include <tuple>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
@@ -15,6 +17,8 @@
 namespace sightline {
 namespace {
 
+using ::testing::AllOf;
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 
 constexpr double kPi = std::numbers::pi;
@@ -126,6 +130,144 @@ TEST_F(RobotModelTest, MeshesBelongToTheDigest) {
     ASSERT_FALSE(refused.ok()) << mesh;
     EXPECT_THAT(std::string(refused.status().message()), HasSubstr(why)) << mesh;
   }
+}
+
+// A tetrahedron with edges of 0.1 m along the axes, in files of any unit. The volume from the
+// triangles' winding is positive where normals point outwards.
+TEST_F(RobotModelTest, MeshesAreMetresTimesScale) {
+  RobotMount mount;
+  mount.tip_link = "tip";
+  for (const auto& [unit_m, scale, mirrored] : {
+           std::tuple{1.0, "1 1 1", false},
+           std::tuple{1.0, "", false},
+           std::tuple{1e-3, "0.001 0.001 0.001", false},
+           std::tuple{1e-2, "0.01 0.01 0.01", false},
+           std::tuple{0.0254, "0.0254 0.0254 0.0254", false},
+           std::tuple{1e-6, "1e-6 1e-6 1e-6", false},
+           std::tuple{0.1, "0.1 0.1 0.1", false},
+           std::tuple{5e-4, "0.0005 0.0005 0.0005", false},
+           std::tuple{1.0, "1 -1 1", true},
+           std::tuple{1e-2, "-0.01 0.01 0.01", true},
+           std::tuple{1e-3, "-0.001 -0.001 -0.001", true},
+           std::tuple{1e-3, "-0.001 -0.001 0.001", false},
+       }) {
+    const std::string d = absl::StrCat(0.1 / unit_m);
+    Write("hand.obj", absl::StrCat("v 0 0 0\nv ", d, " 0 0\nv 0 ", d, " 0\nv 0 0 ", d,
+                                   "\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"));
+    const std::string mesh =
+        absl::StrCat("<mesh filename=\"hand.obj\"",
+                     *scale == 0 ? std::string() : absl::StrCat(" scale=\"", scale, "\""), "/>");
+    mount.urdf_file = Write(
+        "arm.urdf", absl::StrReplaceAll(PlanarArm(), {{"<box size=\"0.4 0.02 0.02\"/>", mesh}}));
+    const auto model = ReadRobotModel(mount);
+    ASSERT_TRUE(model.ok()) << scale << ": " << model.status();
+    const auto fore = std::ranges::find(model->links, "fore", &RobotLink::name);
+    ASSERT_EQ(fore->shapes.size(), 1u);
+    const TriangleMesh& hand = *std::get<MeshShape>(fore->shapes[0].solid);
+    EXPECT_TRUE(hand.BoundingBox().sizes().isApprox(Eigen::Vector3d::Constant(0.1), 1e-6)) << scale;
+    double volume_m3 = 0;
+    for (size_t t = 0; t < hand.triangles.size(); ++t) {
+      volume_m3 += hand.Corner(t, 0).dot(hand.Corner(t, 1).cross(hand.Corner(t, 2))) / 6;
+    }
+    EXPECT_NEAR(volume_m3, 1e-3 / 6, 1e-9) << scale;
+    const Eigen::AlignedBox3d box = hand.BoundingBox();
+    EXPECT_EQ((box.center().array() < 0).count() % 2 == 1, mirrored) << scale;
+  }
+}
+
+TEST_F(RobotModelTest, MissingMeshesNameTheFileThatIsThere) {
+  Write("hand.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+  const std::string urdf = absl::StrReplaceAll(
+      PlanarArm(), {{"<box size=\"0.4 0.02 0.02\"/>", "<mesh filename=\"Hand.OBJ\"/>"}});
+  const absl::Status status = Refusal(urdf);
+  EXPECT_EQ(status.code(), absl::StatusCode::kNotFound);
+  EXPECT_THAT(std::string(status.message()),
+              AllOf(HasSubstr("Hand.OBJ"), HasSubstr("no such file"), HasSubstr("\"hand.obj\"")));
+}
+
+TEST_F(RobotModelTest, SoftLimitsBoundTheJoint) {
+  RobotMount mount;
+  mount.tip_link = "tip";
+  const auto with = [&](const std::string& safety) {
+    mount.urdf_file = Write(
+        "arm.urdf",
+        absl::StrReplaceAll(PlanarArm(R"(lower="-2" upper="1")"),
+                            {{"velocity=\"2\"/>", absl::StrCat("velocity=\"2\"/>", safety)}}));
+    return ReadRobotModel(mount);
+  };
+  const struct {
+    const char* limits;
+    double min, max;
+  } cases[] = {
+      {R"(k_velocity="1")", -2, 1},  // none stated
+      {R"(soft_lower_limit="0" soft_upper_limit="0" k_velocity="1")", -2, 1},
+      {R"(soft_lower_limit="-1.5" soft_upper_limit="0.5" k_velocity="1")", -1.5, 0.5},
+      {R"(soft_lower_limit="-1.5" soft_upper_limit="3" k_velocity="1")", -1.5, 1},
+      {R"(soft_lower_limit="-12.6" soft_upper_limit="13" k_velocity="1")", -2, 1},  // wider
+      {R"(soft_upper_limit="0.5" k_velocity="1")", 0, 0.5},  // the other one is 0 by default
+  };
+  for (const auto& c : cases) {
+    const auto model = with(absl::StrCat("<safety_controller ", c.limits, "/>"));
+    ASSERT_TRUE(model.ok()) << c.limits << ": " << model.status();
+    EXPECT_EQ(model->joints[1].min, c.min) << c.limits;
+    EXPECT_EQ(model->joints[1].max, c.max) << c.limits;
+    EXPECT_EQ(model->home[1], (c.min + c.max) / 2) << c.limits;
+  }
+  const auto none =
+      with(R"(<safety_controller soft_lower_limit="1.5" soft_upper_limit="2" k_velocity="1"/>)");
+  EXPECT_THAT(std::string(none.status().message()),
+              AllOf(HasSubstr("joint elbow: limits are -2 to 1"), HasSubstr("1.5 to 2")));
+  ExpectRefused(absl::StrReplaceAll(PlanarArm(),
+                                    {{"type=\"revolute\"", "type=\"continuous\""},
+                                     {"velocity=\"2\"/>",
+                                      "velocity=\"2\"/><safety_controller soft_lower_limit=\"-1\" "
+                                      "soft_upper_limit=\"1\" k_velocity=\"1\"/>"}}),
+                "joint elbow: turns without end");
+}
+
+TEST_F(RobotModelTest, LimitsInDegreesAreNamed) {
+  for (const char* degrees :
+       {R"(lower="-180" upper="180")", R"(lower="0" upper="90")", R"(lower="-13" upper="2")"}) {
+    ExpectRefused(PlanarArm(degrees), "joint elbow: limits are ");
+    ExpectRefused(PlanarArm(degrees), "they look like degrees");
+  }
+  // Joints of published robots that turn more than once.
+  EXPECT_TRUE(Refusal(PlanarArm(R"(lower="-10" upper="10")")).ok());
+  ExpectRefused(PlanarArm(R"(lower="x" upper="90")"), "joint elbow: <limit>: lower must be");
+  // Metres of a linear joint are metres.
+  const auto slide = [](const std::string& limits) {
+    return absl::StrReplaceAll(PlanarArm(limits), {{R"(name="elbow" type="revolute")",
+                                                    R"(name="elbow" type="prismatic")"}});
+  };
+  EXPECT_TRUE(Refusal(slide(R"(lower="0" upper="90")")).ok());
+  ExpectRefused(slide(R"(lower="0" upper="600")"), "joint elbow: limits are 0 to 600 m");
+}
+
+TEST_F(RobotModelTest, RemarksOnSolidsThatAreLikelyForgotten) {
+  RobotMount mount;
+  mount.tip_link = "tip";
+  const auto remarks = [&](const std::string& urdf) {
+    mount.urdf_file = Write("arm.urdf", urdf);
+    const auto model = ReadRobotModel(mount);
+    EXPECT_TRUE(model.ok()) << model.status();
+    return model.ok() ? model->remarks : std::vector<std::string>{"refused"};
+  };
+  EXPECT_THAT(remarks(PlanarArm()), ElementsAre());
+  EXPECT_THAT(remarks(absl::StrReplaceAll(PlanarArm(), {{"collision>", "visual>"}})),
+              ElementsAre(HasSubstr("no link that moves has a solid"),
+                          HasSubstr("links upper, fore have a <visual> but no <collision>")));
+  // A pedestal is no solid of the chain.
+  const std::string bare = R"(<robot name="bare"><link name="base"><collision><geometry>
+<sphere radius="0.1"/></geometry></collision></link><joint name="turn" type="continuous">
+<parent link="base"/><child link="tip"/><limit effort="1" velocity="1"/></joint>
+<link name="tip"/></robot>)";
+  EXPECT_THAT(remarks(bare), ElementsAre(HasSubstr("no link that moves has a solid")));
+  EXPECT_THAT(remarks(absl::StrReplaceAll(PlanarArm(), {{"velocity=\"2\"", "velocity=\"120\""}})),
+              ElementsAre(HasSubstr("joint elbow: limit velocity is 120 rad/s")));
+  EXPECT_THAT(remarks(PlanarArm(R"(lower="-2" upper="2")", R"(<link name="rod"/>
+<joint name="rod_joint" type="revolute"><parent link="base"/><child link="rod"/>
+<limit lower="-1" upper="1" effort="1" velocity="1"/><mimic joint="elbow"/></joint>)")),
+              ElementsAre(HasSubstr("joint rod_joint mimics joint elbow")));
 }
 
 TEST_F(RobotModelTest, MeshFilesAreReadOnceAndHaveALimitTogether) {

@@ -5,7 +5,6 @@
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
-#include <openssl/sha.h>
 #include <spdlog/sinks/ringbuffer_sink.h>
 #include <spdlog/spdlog.h>
 #include <sys/stat.h>
@@ -18,9 +17,9 @@
 #include <functional>
 #include <thread>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/str_cat.h"
-#include "core/json/strict_json.h"
+#include "core/digest/sha256.h"
+#include "core/file/atomic_write.h"
 #include "proto/status/rpc_status.h"
 #include "tests/limits/wait_until.h"
 
@@ -34,13 +33,6 @@ using ::testing::Not;
 
 constexpr char kTokenA[] = "token-of-line-3-that-nobody-guesses";
 constexpr char kTokenB[] = "token-of-the-gateway-that-nobody-guesses";
-
-std::string Sha256Hex(const std::string& text) {
-  std::string digest(SHA256_DIGEST_LENGTH, '\0');
-  SHA256(reinterpret_cast<const unsigned char*>(text.data()), text.size(),
-         reinterpret_cast<unsigned char*>(digest.data()));
-  return absl::BytesToHexString(digest);
-}
 
 std::string TwoClients() {
   return absl::StrCat(

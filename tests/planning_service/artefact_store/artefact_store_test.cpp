@@ -117,8 +117,7 @@ TEST_F(ArtefactStoreTest, KeepsFilesByDigest) {
   EXPECT_TRUE(store_->Has(kAbc));
   EXPECT_EQ(*store_->Path(kAbc), absl::StrCat(files_, "/ba/", kAbc));
   EXPECT_EQ(Bytes(*store_->Path(kAbc)), "abc");
-  EXPECT_EQ(fs::status(*store_->Path(kAbc)).permissions(),
-            fs::perms::owner_read | fs::perms::group_read | fs::perms::others_read);
+  EXPECT_EQ(fs::status(*store_->Path(kAbc)).permissions(), fs::perms::owner_read);
   EXPECT_EQ(Put(""), kNothing);
   EXPECT_EQ(*store_->Read(kNothing, 0, 10), "");
   EXPECT_THAT(Incoming(), IsEmpty());

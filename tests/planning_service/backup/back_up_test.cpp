@@ -100,6 +100,102 @@ TEST_F(BackUpTest, IsADataFolderOfTheSameJobs) {
   EXPECT_EQ(CheckWhole(backup_), 3u);
 }
 
+// Work as of a service that runs: one job, then the end of the service.
+int64_t ServeOneJob(const std::string& folder) {
+  auto store = *OpenSqliteJobStore(folder + "/jobs.sqlite");
+  EXPECT_TRUE(store->BeginService().ok());
+  NewPlanningJob job;
+  job.client = "mes";
+  job.kind = "plan";
+  job.task = "task of a later job";
+  EXPECT_TRUE(store->Create(job, {}).ok());
+  return *store->NewestEvent();
+}
+
+TEST_F(BackUpTest, EventIdsOfARestoredServiceWereNeverGivenBefore) {
+  ASSERT_TRUE(store_->BeginService().ok());
+  Create("one");
+  ASSERT_TRUE(BackUpNow().ok());
+  Create("two");
+  Create("three");
+  const int64_t delivered = *store_->NewestEvent();
+  const int64_t first = ServeOneJob(backup_);
+  EXPECT_GT(first, delivered);
+  // Without another restore ids are consecutive.
+  EXPECT_EQ(ServeOneJob(backup_), first + 1);
+  // A file that was copied by other means is a restored one, too.
+  const std::string copy = folder_ + "/copy";
+  fs::create_directory(copy);
+  fs::copy_file(backup_ + "/jobs.sqlite", copy + "/jobs.sqlite");
+  EXPECT_GT(ServeOneJob(copy), first + 1000);
+  // JSON numbers are exact up to 2^53.
+  EXPECT_LT(ServeOneJob(copy), int64_t{1} << 53);
+}
+
+TEST_F(BackUpTest, JobsOfAnotherServiceAreNotReplaced) {
+  ASSERT_TRUE(store_->BeginService().ok());
+  Create("one");
+  // A stopped service of its own.
+  ServeOneJob((fs::create_directory(backup_), backup_));
+  const absl::Status own = BackUpNow().status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(own)) << own;
+  EXPECT_THAT(std::string(own.message()), HasSubstr("nothing was changed"));
+  EXPECT_EQ((*OpenSqliteJobStore(backup_ + "/jobs.sqlite"))->List(PlanningJobFilter())->size(), 1u);
+  EXPECT_FALSE(fs::exists(backup_ + "/jobs.sqlite.new"));
+
+  // The backup of another service.
+  const std::string other = folder_ + "/other", backup_of_other = folder_ + "/backup-of-other";
+  ASSERT_TRUE(ArtefactStore::Open(other + "/artefacts", 0).ok());
+  ServeOneJob(other);
+  ASSERT_TRUE(BackUp(other, backup_of_other, false, stop_).ok());
+  const absl::Status mixed = BackUp(data_, backup_of_other, false, stop_).status();
+  EXPECT_TRUE(absl::IsFailedPrecondition(mixed)) << mixed;
+  EXPECT_THAT(std::string(mixed.message()), HasSubstr("another service"));
+  EXPECT_TRUE(BackUp(other, backup_of_other, false, stop_).ok());
+}
+
+TEST_F(BackUpTest, GoesOnInItsFolderAfterRetentionAndALook) {
+  ASSERT_TRUE(store_->BeginService().ok());
+  Create("one");
+  ASSERT_TRUE(BackUpNow().ok());
+  // A look: `sightline serve --workers 0` on the backup.
+  ASSERT_TRUE((*OpenSqliteJobStore(backup_ + "/jobs.sqlite"))->BeginService().ok());
+  EXPECT_TRUE(store_->RequestCancel(store_->List(PlanningJobFilter())->front().job_id).ok());
+  ASSERT_TRUE(store_->AdvanceServiceTime(absl::Hours(1)).ok());
+  ASSERT_EQ(*store_->RemoveOlderThan(absl::Minutes(1)), 1);
+  Create("two");
+  const auto next = BackUpNow();
+  EXPECT_TRUE(next.ok()) << next.status();
+  EXPECT_EQ(CheckWhole(backup_), 1u);
+  // A job that came to the restored service is not lost to the next backup.
+  ServeOneJob(backup_);
+  EXPECT_TRUE(absl::IsFailedPrecondition(BackUpNow().status()));
+}
+
+TEST_F(BackUpTest, FilesAloneDoNotReplaceThoseOfAService) {
+  const std::string digest = Create("one");
+  for (const char* of_a_service : {"jobs.sqlite", "work"}) {
+    const std::string target = absl::StrCat(folder_, "/", of_a_service, "-folder");
+    fs::create_directories(absl::StrCat(target, "/", of_a_service));
+    const absl::Status refused = BackUp(data_, target, true, stop_).status();
+    EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << of_a_service << refused;
+  }
+  ASSERT_TRUE(BackUpNow(true).ok());
+  EXPECT_TRUE(BackUpNow(true).ok());
+  EXPECT_TRUE((*ArtefactStore::Open(backup_ + "/artefacts", 0))->Has(digest));
+}
+
+TEST_F(BackUpTest, IsReadableByItsOwnerOnly) {
+  ASSERT_TRUE(store_->BeginService().ok());
+  Create("one");
+  ASSERT_TRUE(BackUpNow().ok());
+  EXPECT_EQ(fs::status(backup_).permissions(), fs::perms::owner_all);
+  for (const auto& entry : fs::recursive_directory_iterator(backup_ + "/artefacts")) {
+    EXPECT_EQ(entry.status().permissions() & ~fs::perms::owner_all, fs::perms::none)
+        << entry.path();
+  }
+}
+
 TEST_F(BackUpTest, TheNextOneCopiesWhatIsNewAndDropsWhatIsGone) {
   Create("one");
   ASSERT_TRUE(BackUpNow().ok());

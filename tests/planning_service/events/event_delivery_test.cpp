@@ -55,6 +55,9 @@ class FakeEventStore final : public PlanningJobStore {
   void WaitForEvent(int64_t, absl::Duration timeout) override {
     absl::SleepFor(std::min(timeout, absl::Milliseconds(1)));
   }
+  absl::StatusOr<bool> BeginService() override { return false; }
+  absl::StatusOr<int64_t> NewestEvent() override { return Not(); }
+  absl::StatusOr<bool> HasEvent(int64_t) override { return Not(); }
   absl::StatusOr<int64_t> EventCursor(const std::string& receiver) override {
     return Cursor(receiver);
   }

@@ -5,7 +5,6 @@
 #include <gmock/gmock.h>
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
-#include <openssl/sha.h>
 #include <unistd.h>
 
 #include <filesystem>
@@ -13,7 +12,7 @@
 #include <memory>
 #include <thread>
 
-#include "absl/strings/escaping.h"
+#include "core/digest/sha256.h"
 #include "proto/status/rpc_status.h"
 #include "rpc_server/server_metrics.h"
 #include "tests/limits/wait_until.h"
@@ -22,13 +21,6 @@ namespace sightline {
 namespace {
 
 namespace fs = std::filesystem;
-
-std::string Sha256(const std::string& bytes) {
-  std::array<unsigned char, SHA256_DIGEST_LENGTH> digest;
-  SHA256(reinterpret_cast<const unsigned char*>(bytes.data()), bytes.size(), digest.data());
-  return absl::BytesToHexString(
-      absl::string_view(reinterpret_cast<const char*>(digest.data()), digest.size()));
-}
 
 v1::PlanningTask PlanTask() {
   v1::PlanningTask task;
@@ -44,10 +36,10 @@ class PlanningServiceTest : public testing::Test {
     ASSERT_NE(mkdtemp(folder.data()), nullptr);
     folder_ = folder;
     std::ofstream(folder_ + "/clients.json")
-        << R"({"clients": [{"name": "mes", "token_sha256": ")" << Sha256("mes-token-0123456789")
+        << R"({"clients": [{"name": "mes", "token_sha256": ")" << Sha256Hex("mes-token-0123456789")
         << R"(", "kinds": ["plan", "evaluate"], "max_queued_jobs": 3},
                {"name": "lab", "token_sha256": ")"
-        << Sha256("lab-token-0123456789") << R"(", "operator": true, "max_priority": 5}]})";
+        << Sha256Hex("lab-token-0123456789") << R"(", "operator": true, "max_priority": 5}]})";
     auto access = ReadClientAccess(folder_ + "/clients.json");
     ASSERT_TRUE(access.ok()) << access.status();
     access_ = *std::move(access);
@@ -175,9 +167,9 @@ class PlanningServiceTest : public testing::Test {
 
 TEST_F(PlanningServiceTest, FromUploadToResult) {
   const std::string part(5000, 'p');
-  const auto digest = Upload(part, kMes, Sha256(part));
+  const auto digest = Upload(part, kMes, Sha256Hex(part));
   ASSERT_TRUE(digest.ok()) << digest.status();
-  EXPECT_EQ(*digest, Sha256(part));
+  EXPECT_EQ(*digest, Sha256Hex(part));
   const auto job = Create(*digest, "order-1");
   ASSERT_TRUE(job.ok()) << job.status();
   EXPECT_EQ(job->state(), v1::PlanningJob::QUEUED);
@@ -222,8 +214,8 @@ TEST_F(PlanningServiceTest, ClientsDoNotSeeEachOther) {
   ASSERT_TRUE(job.ok());
   // Another client's file and job are as unknown as those that never were.
   std::ofstream(folder_ + "/clients.json")
-      << R"({"clients": [{"name": "mes", "token_sha256": ")" << Sha256(kMes)
-      << R"("}, {"name": "lab", "token_sha256": ")" << Sha256(kLab) << R"("}]})";
+      << R"({"clients": [{"name": "mes", "token_sha256": ")" << Sha256Hex(kMes)
+      << R"("}, {"name": "lab", "token_sha256": ")" << Sha256Hex(kLab) << R"("}]})";
   auto access = ReadClientAccess(folder_ + "/clients.json");
   ASSERT_TRUE(access.ok());
   const Client lab = *(*access)->Identify({{}, kLab});
@@ -258,8 +250,62 @@ TEST_F(PlanningServiceTest, QuotasHold) {
   EXPECT_EQ(ErrorReason(refused.status()), "QUOTA_EXCEEDED");
 }
 
+// Bytes of all files below a folder.
+int64_t BytesIn(const std::string& folder) {
+  int64_t sum = 0;
+  for (const auto& entry : fs::recursive_directory_iterator(folder)) {
+    if (entry.is_regular_file()) sum += static_cast<int64_t>(entry.file_size());
+  }
+  return sum;
+}
+
+TEST_F(PlanningServiceTest, RefusedUploadsTakeNoRoom) {
+  Client client;
+  client.name = "mes";
+  client.quota.max_stored_bytes = 20'000;
+  const auto upload = [&](const std::string& bytes) -> absl::StatusOr<JobFile> {
+    absl::StatusOr<FileUpload> file = jobs_->Upload(client);
+    if (!file.ok()) return file.status();
+    for (size_t i = 0; i < bytes.size(); i += 1000) {
+      if (absl::Status s = file->Write(bytes.substr(i, 1000)); !s.ok()) return s;
+      EXPECT_LE(BytesIn(folder_ + "/artefacts"), client.quota.max_stored_bytes);
+    }
+    return file->Finish("");
+  };
+  const std::string first(12'000, 'a');
+  ASSERT_TRUE(upload(first).ok());
+  for (int i = 0; i < 5; ++i) {
+    const absl::Status refused = upload(std::string(12'000, static_cast<char>('b' + i))).status();
+    EXPECT_EQ(ErrorReason(refused), "QUOTA_EXCEEDED") << refused;
+  }
+  EXPECT_EQ(BytesIn(folder_ + "/artefacts"), 12'000);
+  // A file that the client has already takes no more room.
+  const auto again = upload(first);
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_EQ(again->digest, Sha256Hex(first));
+  EXPECT_TRUE(artefacts_->Has(again->digest));
+}
+
+TEST_F(PlanningServiceTest, UploadsUnderWayCountTogether) {
+  Client client;
+  client.name = "mes";
+  client.quota.max_stored_bytes = 10'000;
+  {
+    std::vector<FileUpload> uploads;
+    for (int i = 0; i < 4; ++i) uploads.push_back(*jobs_->Upload(client));
+    for (FileUpload& upload : uploads) {
+      ASSERT_TRUE(upload.Write(std::string(4000, static_cast<char>('a' + uploads.size()))).ok());
+    }
+    EXPECT_LE(BytesIn(folder_ + "/artefacts"), client.quota.max_stored_bytes);
+  }
+  // Uploads that were broken off count no more.
+  absl::StatusOr<FileUpload> alone = jobs_->Upload(client);
+  ASSERT_TRUE(alone.ok() && alone->Write(std::string(9000, 'z')).ok());
+  EXPECT_TRUE(alone->Finish("").ok());
+}
+
 TEST_F(PlanningServiceTest, BrokenUploadsAreRefused) {
-  EXPECT_EQ(ErrorReason(Upload("bytes", kMes, Sha256("other")).status()), "DIGEST_MISMATCH");
+  EXPECT_EQ(ErrorReason(Upload("bytes", kMes, Sha256Hex("other")).status()), "DIGEST_MISMATCH");
   const auto context = As(kMes);
   v1::UploadFileResponse response;
   auto writer = stub_->UploadFile(context.get(), &response);
@@ -343,7 +389,7 @@ TEST_F(PlanningServiceTest, APlanOfAnEarlierJobIsTaken) {
   const auto kept = store_->Get(made->job_id());
   ASSERT_EQ(kept->files.size(), 2u);
   EXPECT_EQ(kept->files[1].name, "plan.json");
-  EXPECT_EQ(kept->files[1].digest, Sha256("{}"));
+  EXPECT_EQ(kept->files[1].digest, Sha256Hex("{}"));
 }
 
 }  // namespace

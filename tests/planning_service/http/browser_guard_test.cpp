@@ -24,8 +24,11 @@ TEST(BrowserGuard, ChecksTheHost) {
                            "planner.plant", "planner.plant.:80", "[fe80::1]:1"}) {
     EXPECT_TRUE(guard.Check(Request("GET", host)).ok()) << host;
   }
-  for (const char* host : {"", "evil.example", "evil.example:8080", "localhost.evil.example",
-                           "127.0.0.1.evil.example", "[::2]", "["}) {
+  for (const char* host :
+       {"", "evil.example", "evil.example:8080", "localhost.evil.example", "127.0.0.1.evil.example",
+        "[::2]", "[", "localhost:80@evil.example", "[::1]evil.example", "[::1]:80@evil.example",
+        "localhost:80:80", "localhost:x", "localhost/", "localhost evil", "user@localhost",
+        "localhost:123456", "[::1", "::1"}) {
     EXPECT_EQ(ErrorReason(guard.Check(Request("GET", host))), "HOST_NOT_ALLOWED") << host;
   }
 }

@@ -5,7 +5,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <httplib.h>
-#include <openssl/sha.h>
 #include <stdlib.h>
 
 #include <filesystem>
@@ -16,19 +15,12 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/escaping.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/digest/sha256.h"
 #include "planning_service/http_door/http_door.h"
 
 namespace sightline {
-
-inline std::string Sha256Hex(const std::string& text) {
-  std::string digest(SHA256_DIGEST_LENGTH, '\0');
-  SHA256(reinterpret_cast<const unsigned char*>(text.data()), text.size(),
-         reinterpret_cast<unsigned char*>(digest.data()));
-  return absl::BytesToHexString(digest);
-}
 
 inline constexpr char kPlanTask[] =
     R"({"kind": "plan", "inspection": {"part": {"file": "part.glb"}}, "seed": 7})";

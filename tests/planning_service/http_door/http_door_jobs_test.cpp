@@ -53,7 +53,7 @@ std::vector<std::string> Types(const std::vector<Event>& events) {
 TEST_F(HttpDoorJobs, CreatesAJobOfAForm) {
   StartDoor();
   auto form = PlanForm();
-  form.push_back({"priority", " -5 ", "", ""});
+  form.push_back({"priority", "-5", "", ""});
   form.push_back({"materials/steel.json", "{}", "", ""});
   const auto answer = NewClient()->Post("/v1/jobs", {{"Idempotency-Key", "order 1%2"}}, form);
   const json job = Json(answer);
@@ -292,6 +292,16 @@ TEST_F(HttpDoorJobs, ResumesEvents) {
   const auto nothing = client->Get(path, {{"Last-Event-ID", events.back().id}});
   ASSERT_TRUE(nothing);
   EXPECT_EQ(nothing->status, 204);
+  // An id that the service never gave is no reason for silence: the receiver gets the present state
+  // and an id that the service knows.
+  const auto unknown = client->Get(path, {{"Last-Event-ID", "123456789"}});
+  ASSERT_TRUE(unknown);
+  EXPECT_EQ(unknown->status, 200);
+  const std::vector<Event> state = ParseEvents(unknown->body);
+  ASSERT_EQ(state.size(), 1u);
+  EXPECT_EQ(state[0].type, "done");
+  EXPECT_EQ(state[0].data["state"], "SUCCEEDED");
+  EXPECT_EQ(client->Get(path, {{"Last-Event-ID", state[0].id}})->status, 204);
   EXPECT_EQ(client->Head(path)->status, 200);
   Error(client->Get(path, {{"Last-Event-ID", "x"}}), 400, "INVALID_FIELD");
   Error(client->Get(path, {{"Last-Event-ID", "-1"}}), 400, "INVALID_FIELD");

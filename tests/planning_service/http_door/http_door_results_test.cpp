@@ -3,6 +3,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <filesystem>
+#include <fstream>
+
 #include "tests/planning_service/http_door/door_fixture.h"
 
 namespace sightline {
@@ -125,6 +128,27 @@ TEST_F(HttpDoorResults, ThatAreLostAreSaidToBe) {
   std::filesystem::permissions(*path, std::filesystem::perms::owner_all);
   std::filesystem::resize_file(*path, 10);
   Error(client_->Get(path_ + "/points/scan_01.ply"), 500, "DATA_LOSS");
+}
+
+// Damage that leaves the size as it is: every byte counts, before and after a good delivery.
+TEST_F(HttpDoorResults, ThatAreDamagedAreNotDelivered) {
+  Finish();
+  const auto path = artefacts_->Path(Sha256Hex(points_));
+  ASSERT_TRUE(path.ok());
+  std::filesystem::permissions(*path, std::filesystem::perms::owner_all);
+  const std::string name = path_ + "/points/scan_01.ply";
+  const auto set_byte = [&](size_t at, char value) {
+    std::fstream file(*path, std::ios::in | std::ios::out | std::ios::binary);
+    file.seekp(static_cast<std::streamoff>(at));
+    file.put(value);
+  };
+  for (const size_t at : {size_t{0}, points_.size() / 2, points_.size() - 1}) {
+    EXPECT_EQ(client_->Get(name)->status, 200) << at;
+    set_byte(at, static_cast<char>(points_[at] ^ 1));
+    Error(client_->Get(name), 500, "DATA_LOSS");
+    Error(client_->Get(name, {{"Range", "bytes=7-9"}}), 500, "DATA_LOSS");
+    set_byte(at, points_[at]);
+  }
 }
 
 using HttpDoorPage = DoorTest;

@@ -92,7 +92,9 @@ TEST_F(HttpDoorTls, KnowsClientsByTheirCertificates) {
     const auto answer = NewTlsClient(pair)->Post("/v1/jobs", PlanForm());
     return answer && answer->status == 201 ? Json(answer).value("client", "") : "";
   };
-  EXPECT_EQ(name_of(authority_.Issue("gateway")), "gateway");
+  EXPECT_EQ(name_of(authority_.Issue("gateway", "")), "gateway");
+  // RFC 6125 6.4.4: beside an alternative name the common name does not count.
+  EXPECT_EQ(name_of(authority_.Issue("gateway", "DNS:localhost")), "");
   EXPECT_EQ(name_of(authority_.Issue("x", "DNS:mes.line3.plant,DNS:other")), "line");
   EXPECT_EQ(name_of(authority_.Issue("x", "IP:10.0.0.3")), "cell");
   Error(NewTlsClient(authority_.Issue("stranger"))->Get("/v1/jobs"), 401, "CREDENTIALS_UNKNOWN");

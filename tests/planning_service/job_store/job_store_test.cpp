@@ -752,7 +752,7 @@ TEST_P(JobStoreTest, RefusesNewerTables) {
   const absl::Status refused = TryOpen().status();
   EXPECT_TRUE(absl::IsFailedPrecondition(refused)) << refused;
   EXPECT_THAT(refused.message(), HasSubstr("version 99"));
-  EXPECT_THAT(refused.message(), HasSubstr("version 2"));
+  EXPECT_THAT(refused.message(), HasSubstr("version 3"));
 }
 
 // What a program of the first version left behind.
@@ -766,6 +766,7 @@ TEST_P(JobStoreTest, TakesOverTablesOfVersion1) {
     const auto connection = database->Connect();
     ASSERT_TRUE((*connection)->Begin(SqlAccess::kWrite).ok());
     ASSERT_TRUE((*connection)->Run("ALTER TABLE job DROP COLUMN traceparent", {}).ok());
+    ASSERT_TRUE((*connection)->Run("DROP TABLE database_identity", {}).ok());
     ASSERT_TRUE((*connection)->Run("UPDATE schema_version SET version = 1", {}).ok());
     ASSERT_TRUE((*connection)->Commit().ok());
   }
@@ -777,6 +778,38 @@ TEST_P(JobStoreTest, TakesOverTablesOfVersion1) {
   asked.traceparent = kTraceparent;
   EXPECT_EQ(store_->Create(asked, {})->traceparent, kTraceparent);
   EXPECT_EQ(Claim().job_id, running.job_id);
+}
+
+TEST_P(JobStoreTest, EventIdsGoOnAfterEveryStart) {
+  // A new database has given no ids that another event could get.
+  EXPECT_FALSE(*store_->BeginService());
+  EXPECT_EQ(*store_->NewestEvent(), 0);
+  Create();
+  const int64_t first = *store_->NewestEvent();
+  EXPECT_TRUE(*store_->HasEvent(first));
+  EXPECT_FALSE(*store_->HasEvent(first + 1));
+  EXPECT_FALSE(*Reopen().BeginService());
+  Create();
+  EXPECT_EQ(*store_->NewestEvent(), first + 1);
+}
+
+// A restored dump is a database whose tables live elsewhere.
+TEST_P(JobStoreTest, EventIdsOfARestoredDatabaseWereNeverGiven) {
+  ASSERT_TRUE(store_->BeginService().ok());
+  Create();
+  const int64_t given = *store_->NewestEvent();
+  store_.reset();
+  {
+    const auto database = OpenDatabase();
+    const auto connection = database->Connect();
+    ASSERT_TRUE((*connection)->Begin(SqlAccess::kWrite).ok());
+    ASSERT_TRUE((*connection)->Run("UPDATE database_identity SET instance = 'elsewhere'", {}).ok());
+    ASSERT_TRUE((*connection)->Commit().ok());
+  }
+  EXPECT_TRUE(*Reopen().BeginService());
+  EXPECT_FALSE(*store_->BeginService());
+  Create();
+  EXPECT_EQ(*store_->NewestEvent(), given + (int64_t{1} << 32) + 1);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
 #include <map>
 
@@ -52,6 +53,32 @@ TEST(PlanningTask, APlanNeedsItsPart) {
   EXPECT_TRUE(absl::IsNotFound(missing)) << missing;
   EXPECT_EQ(ErrorReason(missing), "FILE_UNKNOWN");
   EXPECT_EQ(ErrorMetadata(missing)["field"], "inspection.part.file");
+}
+
+TEST(PlanningTask, FilesDoNotCollideWithThoseOfTheService) {
+  for (const char* name : {"inspection.json", "inspection.json/x", "plan.json/a/b"}) {
+    EXPECT_EQ(FieldOf(Check(kPlan, {{"part.stl", "solid"}, {name, ""}})).substr(0, 6), "files[")
+        << name;
+  }
+  EXPECT_TRUE(Check(kPlan, {{"part.stl", "solid"}, {"more/inspection.json", ""}}).ok());
+}
+
+// A real number anywhere in a task: in its plan, options, or inspection.
+TEST(PlanningTask, NumbersAreFinite) {
+  for (const double bad : {std::nan(""), HUGE_VAL, -HUGE_VAL}) {
+    v1::PlanningTask task = Task(kPlan);
+    const auto check = [&] {
+      return CheckTask(task, {"part.stl"},
+                       [](const std::string&) -> absl::StatusOr<std::string> { return "solid"; });
+    };
+    ASSERT_TRUE(check().ok()) << check();
+    task.mutable_plan()->add_scans();
+    task.mutable_plan()->add_scans()->add_trigger_positions_m(bad);
+    EXPECT_EQ(FieldOf(check()), "plan.scans[1].trigger_positions_m[0]");
+    task.clear_plan();
+    task.mutable_inspection()->mutable_goal()->set_coverage(bad);
+    EXPECT_EQ(FieldOf(check()), "inspection.goal.coverage");
+  }
 }
 
 TEST(PlanningTask, KindsSayWhatTheyTake) {

@@ -18,6 +18,7 @@
 namespace sightline {
 namespace {
 
+using ::testing::AllOf;
 using ::testing::HasSubstr;
 
 constexpr double kPitch = 2e-6;
@@ -136,6 +137,35 @@ TEST(HeightField, BadFilesAreNamedWithTheirLine) {
               HasSubstr("line 2 has 2 values"));
   EXPECT_EQ(ReadHeightField("/does/not/exist.txt", 1e-6, 1e-6, "m").status().code(),
             absl::StatusCode::kNotFound);
+}
+
+// The same heights with tabs and decimal commas, as instruments with German settings write them.
+TEST(HeightField, DecimalCommasAreReadOrRefused) {
+  const auto heights = [](const char* separator, char decimal) {
+    std::string text;
+    for (int row = 0; row < 4; ++row) {
+      for (int column = 0; column < 5; ++column) {
+        text += std::to_string(row) + decimal + std::to_string(1237 * (row + 1) + column);
+        text += column == 4 ? "\n" : separator;
+      }
+    }
+    return text;
+  };
+  const std::string path = TestFile("heights_decimal.txt");
+  std::ofstream(path) << heights("\t", '.');
+  const auto points = ReadHeightField(path, kPitch, 1e-6, "m");
+  ASSERT_TRUE(points.ok()) << points.status();
+  for (const char* separator : {"\t", ";"}) {
+    std::ofstream(path) << heights(separator, ',');
+    const auto commas = ReadHeightField(path, kPitch, 1e-6, "m");
+    ASSERT_TRUE(commas.ok()) << commas.status();
+    EXPECT_EQ(commas->height_deviation_m(), points->height_deviation_m());
+  }
+  std::ofstream(path) << heights(" ", ',');
+  const auto blanks = ReadHeightField(path, kPitch, 1e-6, "m");
+  EXPECT_EQ(blanks.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(blanks.status().message()),
+              AllOf(HasSubstr(path), HasSubstr("read in two ways")));
 }
 
 // A ramp along part x on a face whose normal is z: the detail's normal leans against the slope, in

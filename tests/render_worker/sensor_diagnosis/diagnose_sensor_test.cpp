@@ -135,8 +135,8 @@ std::vector<std::string> Found(const v1::SensorDiagnosis& diagnosis) {
   return found;
 }
 
-const v1::SensorDeparture& Departure(const v1::SensorDiagnosis& diagnosis,
-                                     const std::string& effect) {
+const v1::SensorDeparture& DepartureNamed(const v1::SensorDiagnosis& diagnosis,
+                                          const std::string& effect) {
   for (const v1::SensorDeparture& departure : diagnosis.departures()) {
     if (departure.effect() == effect) return departure;
   }
@@ -182,7 +182,7 @@ TEST(DiagnoseSensor, ResponseAndExposureTimeAreToldApart) {
   EXPECT_THAT(Found(bent), UnorderedElementsAre("sensor.response_nonlinearity"));
   const v1::SensorDiagnosis late = DiagnosisOf({.time_offset_s = 20e-6});
   EXPECT_THAT(Found(late), UnorderedElementsAre("time.exposure_time_offset"));
-  ExpectParameter(Departure(late, "time.exposure_time_offset"), 20e-6);
+  ExpectParameter(DepartureNamed(late, "time.exposure_time_offset"), 20e-6);
   for (const v1::SensorDiagnosis* diagnosis : {&bent, &late}) {
     EXPECT_LT(diagnosis->model_fit().held_out_chi_squared(),
               1.5 * diagnosis->model_fit().held_out_numbers());
@@ -193,14 +193,14 @@ TEST(DiagnoseSensor, ResponseAndExposureTimeAreToldApart) {
 TEST(DiagnoseSensor, ReadoutPatternsAreFoundByTheirNames) {
   const v1::SensorDiagnosis rows = DiagnosisOf({.row_noise_dn = 0.8});
   EXPECT_THAT(Found(rows), testing::Contains("sensor.row_noise"));
-  ExpectParameter(Departure(rows, "sensor.row_noise"), 0.8);
+  ExpectParameter(DepartureNamed(rows, "sensor.row_noise"), 0.8);
   const v1::SensorDiagnosis columns = DiagnosisOf({.column_offset_dn = 1});
   EXPECT_THAT(Found(columns),
               testing::IsSupersetOf({"sensor.dsnu_column_pattern", "dark_column_period"}));
-  EXPECT_NEAR(Departure(columns, "dark_column_period").parameters(0).value(), 4, 0.1);
+  EXPECT_NEAR(DepartureNamed(columns, "dark_column_period").parameters(0).value(), 4, 0.1);
   const v1::SensorDiagnosis hot = DiagnosisOf({.hot_pixels = 12});
   EXPECT_THAT(Found(hot), UnorderedElementsAre("sensor.hot_pixels"));
-  EXPECT_EQ(Departure(hot, "sensor.hot_pixels").parameters(0).value(), 12);
+  EXPECT_EQ(DepartureNamed(hot, "sensor.hot_pixels").parameters(0).value(), 12);
   const v1::SensorDiagnosis bits = DiagnosisOf({.drop_lowest_bit = true});
   EXPECT_THAT(Found(bits), testing::Contains("sensor.adc_missing_bits"));
 }
@@ -210,16 +210,16 @@ TEST(DiagnoseSensor, CarriedOverSignalAndDriftAreFoundByTheirNames) {
   EXPECT_THAT(Found(averaged), testing::Contains("frame_correlation"));
   const v1::SensorDiagnosis drift = DiagnosisOf({.light_drift = 0.02});
   EXPECT_THAT(Found(drift), testing::Contains("light_drift"));
-  EXPECT_NEAR(Departure(drift, "light_drift").parameters(0).value(), 0.02, 0.003);
+  EXPECT_NEAR(DepartureNamed(drift, "light_drift").parameters(0).value(), 0.02, 0.003);
 }
 
 TEST(DiagnoseSensor, SaysWhatASetCannotShow) {
   TestSet pairs({}, /*with_series=*/false);
   const auto diagnosis = pairs.Diagnose();
   ASSERT_TRUE(diagnosis.ok()) << diagnosis.status();
-  EXPECT_FALSE(Departure(*diagnosis, "frame_correlation").testable());
-  EXPECT_FALSE(Departure(*diagnosis, "dark_pattern").testable());
-  EXPECT_FALSE(Departure(*diagnosis, "reciprocity_failure").testable());
+  EXPECT_FALSE(DepartureNamed(*diagnosis, "frame_correlation").testable());
+  EXPECT_FALSE(DepartureNamed(*diagnosis, "dark_pattern").testable());
+  EXPECT_FALSE(DepartureNamed(*diagnosis, "reciprocity_failure").testable());
   TestSet dark({});
   auto* steps = dark.set().mutable_steps();
   steps->erase(std::remove_if(steps->begin(), steps->end(),

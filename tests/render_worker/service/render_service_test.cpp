@@ -12,6 +12,7 @@
 #include <functional>
 
 #include "absl/strings/str_cat.h"
+#include "core/digest/sha256.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/recordings.h"
 #include "planner_client/render_client/render_client.h"

@@ -5,12 +5,14 @@
 #include <gtest/gtest.h>
 #include <png.h>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <filesystem>
 #include <fstream>
 #include <functional>
 #include <numbers>
+#include <sstream>
 
 #include "absl/strings/str_cat.h"
 #include "core/recordings/check/check_recordings.h"
@@ -589,6 +591,41 @@ TEST_F(RecordingFiles, NamesEveryFileThatCannotBeUsed) {
                                         HasSubstr("wrong region of interest")));
   EXPECT_THAT(errors[1], testing::AllOf(HasSubstr("images/002.png"),
                                         HasSubstr("recordings[2].file is missing")));
+}
+
+// An upside-down image whose tag says so is the image of the upright camera.
+TEST_F(RecordingFiles, OrientationIsObeyedAndRemarked) {
+  RecordingSet set = SmallSet(ColourFilter::kMono);
+  set.recordings.resize(2);
+  Image<uint16_t> upright(set.recordings[0].roi_columns_px, set.recordings[0].roi_rows_px);
+  for (size_t i = 0; i < upright.values.size(); ++i) {
+    upright.values[i] = static_cast<uint16_t>(i % 4096);
+  }
+  Image<uint16_t> turned = upright;
+  std::reverse(turned.values.begin(), turned.values.end());
+  ASSERT_TRUE(WriteRawImage(Path("0.png"), upright, "", ImageFormat::kPng).ok());
+  ASSERT_TRUE(WriteRawImage(Path("1.png"), turned, "", ImageFormat::kPng).ok());
+  std::ostringstream bytes;
+  bytes << std::ifstream(Path("1.png"), std::ios::binary).rdbuf();
+  // Exif with Orientation 3 (rotated by 180 degrees), to stand behind signature and IHDR.
+  constexpr size_t kBehindHeader = 33;
+  const std::string exif(
+      "\0\0\0\x1a"
+      "eXIf"
+      "II*\0\x08\0\0\0"
+      "\x01\0"
+      "\x12\x01\x03\0\x01\0\0\0\x03\0\0\0"
+      "\0\0\0\0"
+      "\xff\xa8\x1f\x4d",
+      38);
+  WriteBytes("1.png", bytes.str().insert(kBehindHeader, exif));
+  const auto loaded = LoadRecordedImages(set, {Path("0.png"), Path("1.png")});
+  ASSERT_TRUE(loaded.ok()) << loaded.status();
+  EXPECT_THAT(loaded->errors, testing::IsEmpty());
+  EXPECT_EQ(loaded->raw_dn[1], upright);
+  ASSERT_EQ(loaded->remarks.size(), 1u);
+  EXPECT_THAT(loaded->remarks[0],
+              testing::AllOf(HasSubstr(set.recordings[1].file), HasSubstr("180 degrees")));
 }
 
 TEST_F(RecordingFiles, AreReadAsLongAsSomebodyWaits) {

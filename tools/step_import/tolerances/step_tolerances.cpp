@@ -14,6 +14,7 @@
 #include <XSControl_TransferReader.hxx>
 #include <XSControl_WorkSession.hxx>
 #include <algorithm>
+#include <filesystem>
 #include <map>
 #include <set>
 #include <string>
@@ -64,9 +65,9 @@ std::vector<TopoDS_Face> FacesInOrder(const std::vector<TopoDS_Shape>& bodies) {
   return faces;
 }
 
-StepTolerances::StepTolerances(const std::filesystem::path& file)
-    : entities_(Part21File::Read(file)), pmi_(ReadStepPmi(entities_)) {
-  pmi_.report.file = file.filename().string();
+StepTolerances::StepTolerances(const StepText& file)
+    : entities_(file.text, file.name), pmi_(ReadStepPmi(entities_)) {
+  pmi_.report.file = std::filesystem::path(file.name).filename().string();
 }
 
 ToleranceReport StepTolerances::Bind(STEPCAFControl_Reader& reader,

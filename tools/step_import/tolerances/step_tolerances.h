@@ -5,10 +5,10 @@
 #include <Standard_Handle.hxx>
 #include <TopoDS_Face.hxx>
 #include <TopoDS_Shape.hxx>
-#include <filesystem>
 #include <vector>
 
 #include "core/tolerance/tolerance.h"
+#include "tools/step_import/model/exchange_structure.h"
 #include "tools/step_import/tolerances/part21.h"
 #include "tools/step_import/tolerances/step_pmi.h"
 
@@ -24,9 +24,9 @@ std::vector<TopoDS_Face> FacesInOrder(const std::vector<TopoDS_Shape>& bodies);
 // compared with it, since it loses values and mixes units, and what differs is in the notes.
 class StepTolerances {
  public:
-  // Reads the entities of `file`, before OpenCASCADE follows their references with more memory for
+  // Reads the entities of a file, before OpenCASCADE follows their references with more memory for
   // each. Throws StepInputError as Part21File and ReadStepPmi do.
-  explicit StepTolerances(const std::filesystem::path& file);
+  explicit StepTolerances(const StepText& file);
 
   // Whether OpenCASCADE is to read them too (its GD&T mode), which takes far longer: of files whose
   // tolerances and bound entities are not unusually many.

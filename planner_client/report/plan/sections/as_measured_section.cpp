@@ -39,8 +39,9 @@ std::string PoseTable(const v1::AsMeasured& found) {
     return html + "</tr>\n";
   };
   return absl::StrCat(
-      "<div class=\"table-wrap\"><table class=\"facts\">\n<thead><tr><th></th><th>x</th><th>y</th>"
-      "<th>z</th></tr></thead>\n<tbody>\n",
+      ScrollingTable("Pose of the part as it was found", "class=\"facts\""),
+      "\n<thead><tr><td></td><th scope=\"col\">x</th><th scope=\"col\">y</th>"
+      "<th scope=\"col\">z</th></tr></thead>\n<tbody>\n",
       row("shift, mm (\u00b1 2\u03c3)", found.translation_m(),
           found.translation_standard_deviation_m(), 1e3),
       row("turn, \u00b0 (\u00b1 2\u03c3)", found.rotation_deg(),
@@ -77,9 +78,12 @@ std::string Unfixed(const v1::AsMeasured& found) {
 
 std::string ScansTable(const v1::AsMeasured& found) {
   std::string html =
-      "<div class=\"table-wrap\"><table class=\"facts\">\n<thead><tr><th>measured "
-      "scan</th><th>file</th><th>points</th><th>median distance<br>mm</th><th>three quarters "
-      "within<br>mm</th><th>targets by points</th><th>by simulation</th></tr></thead>\n<tbody>\n";
+      absl::StrCat(ScrollingTable("Measured scans", "class=\"facts\""),
+                   "\n<thead><tr><th scope=\"col\">measured "
+                   "scan</th><th scope=\"col\">file</th><th scope=\"col\">points</th><th "
+                   "scope=\"col\">median distance<br>mm</th><th scope=\"col\">three quarters "
+                   "within<br>mm</th><th scope=\"col\">targets by points</th><th scope=\"col\">by "
+                   "simulation</th></tr></thead>\n<tbody>\n");
   for (const v1::MeasuredScan& scan : found.scans()) {
     absl::StrAppend(
         &html, "<tr><th scope=\"row\">", scan.scan(),
@@ -101,8 +105,9 @@ std::string ChangeTable(const v1::AsMeasured& found, int scans, bool for_uncerta
                         Percent(settled, 2), "</td></tr>\n");
   };
   return absl::StrCat(
-      "<div class=\"table-wrap\"><table class=\"facts\">\n<thead><tr><th>on the part as it was "
-      "found</th><th>scans</th><th>",
+      ScrollingTable("Plans on the part as it was found", "class=\"facts\""),
+      "\n<thead><tr><th scope=\"col\">on the part as it was "
+      "found</th><th scope=\"col\">scans</th><th scope=\"col\">",
       for_uncertainty ? "known admissibly" : "measured", "</th></tr></thead>\n<tbody>\n",
       row("measured scans, by their points", found.scans_size(), found.measured_settled()),
       row("earlier plan", found.earlier_scans(), found.earlier_settled()),

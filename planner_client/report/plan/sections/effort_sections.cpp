@@ -51,12 +51,14 @@ std::string TimingSection(const ReportData& data) {
 }
 
 std::string ComparisonSection(const ComparisonTable& table) {
-  std::string body =
+  std::string body = absl::StrCat(
       "<p class=\"soft\">Scans needed at equal numbers of gain evaluations: median over the seeds, "
       "with the "
-      "range.</p>\n<div class=\"table-wrap\"><table class=\"facts\">\n<thead><tr><th>strategy</th>"
-      "<th>seeds</th>";
-  for (const double goal : table.goals) absl::StrAppend(&body, "<th>", GoalText(goal), "</th>");
+      "range.</p>\n",
+      ScrollingTable("Scans that each strategy needs", "class=\"facts\""),
+      "\n<thead><tr><th scope=\"col\">strategy</th><th scope=\"col\">seeds</th>");
+  for (const double goal : table.goals)
+    absl::StrAppend(&body, "<th scope=\"col\">", GoalText(goal), "</th>");
   body += "</tr></thead>\n<tbody>\n";
   for (const StrategyComparison& strategy : table.strategies) {
     absl::StrAppend(&body, "<tr><th scope=\"row\">", EscapeHtml(strategy.strategy), "</th><td>",

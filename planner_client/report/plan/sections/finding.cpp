@@ -36,9 +36,7 @@ std::string MeasurableShare(const v1::PlanCoverage& coverage) {
                       ".");
 }
 
-}  // namespace
-
-std::string FindingHtml(const v1::Plan& plan) {
+std::string ScansFinding(const v1::Plan& plan) {
   const v1::PlanCoverage& coverage = plan.coverage();
   const int scans = plan.scans_size();
   if (plan.has_uncertainty()) {
@@ -73,6 +71,16 @@ std::string FindingHtml(const v1::Plan& plan) {
                     " scans; it is not proven to be a bound.");
   }
   return html + MeasurableShare(coverage);
+}
+
+}  // namespace
+
+std::string FindingHtml(const v1::Plan& plan) {
+  std::string remarks;
+  for (const std::string& remark : plan.part_remarks()) {
+    absl::StrAppend(&remarks, "<strong>", EscapeHtml(remark), ".</strong> ");
+  }
+  return remarks + ScansFinding(plan);
 }
 
 std::string FiguresHtml(const ReportData& data) {

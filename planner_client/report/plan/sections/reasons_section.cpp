@@ -47,9 +47,12 @@ std::string ReasonTable(const v1::PlanCoverage& coverage) {
     return targets;
   };
   std::string html =
-      "<div class=\"table-wrap\"><table class=\"facts\" id=\"reason-table\">\n<thead><tr>"
-      "<th class=\"words\">reason</th><th>targets</th><th>of all</th><th>counted as "
-      "measurable</th><th>not measurable</th></tr></thead>\n<tbody>\n";
+      absl::StrCat(ScrollingTable("Reasons for which targets are not measured",
+                                  "class=\"facts\" id=\"reason-table\""),
+                   "\n<thead><tr>"
+                   "<th scope=\"col\" class=\"words\">reason</th><th scope=\"col\">targets</th><th "
+                   "scope=\"col\">of all</th><th scope=\"col\">counted as "
+                   "measurable</th><th scope=\"col\">not measurable</th></tr></thead>\n<tbody>\n");
   int64_t sum = 0, sum_measurable = 0;
   for (const v1::UncoveredCount& reason : JoinMeasurable(counts)) {
     const int64_t measurable = targets_of(reason, true);
@@ -77,9 +80,11 @@ struct NamedTargets {
 
 std::string NamedTable(const std::string& title, const std::vector<NamedTargets>& rows) {
   std::string html = absl::StrCat(
-      "<div class=\"table-wrap\"><table class=\"facts\">\n<thead><tr><th class=\"words\">", title,
-      "</th><th>targets</th><th>measurable</th><th>measured</th><th>of its targets</th>"
-      "<th class=\"words\">why not the others</th></tr></thead>\n<tbody>\n");
+      ScrollingTable(title, "class=\"facts\""), "\n<thead><tr><th scope=\"col\" class=\"words\">",
+      title,
+      "</th><th scope=\"col\">targets</th><th scope=\"col\">measurable</th><th "
+      "scope=\"col\">measured</th><th scope=\"col\">of its targets</th>"
+      "<th scope=\"col\" class=\"words\">why not the others</th></tr></thead>\n<tbody>\n");
   for (const NamedTargets& row : rows) {
     absl::StrAppend(&html, "<tr><td class=\"words\">", EscapeHtml(row.name), "</td><td>",
                     GroupedInteger(row.targets), "</td><td>", GroupedInteger(row.measurable),

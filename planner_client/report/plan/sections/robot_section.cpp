@@ -58,12 +58,15 @@ std::string RobotSection(const v1::Plan& plan, const ReportRobot& robot) {
       unreached == 0 ? "It reaches every scan."
                      : absl::StrCat("<strong>It cannot make ", unreached, " of ", plan.scans_size(),
                                     plan.scans_size() == 1 ? " scan" : " scans", ".</strong>"),
-      "</p>\n<div class=\"table-wrap\"><table class=\"facts\">\n<thead><tr><th>scan</th>");
+      "</p>\n", ScrollingTable("Joints of the robot at every scan", "class=\"facts\""),
+      "\n<thead><tr><th scope=\"col\">scan</th>");
   for (const ReportRobot::Joint& joint : robot.joints) {
-    absl::StrAppend(&html, "<th>", EscapeHtml(joint.name), "<br>", joint.rotary ? "\u00b0" : "mm",
-                    "</th>");
+    absl::StrAppend(&html, "<th scope=\"col\">", EscapeHtml(joint.name), "<br>",
+                    joint.rotary ? "\u00b0" : "mm", "</th>");
   }
-  html += "<th>move<br>s</th><th class=\"words\"></th></tr></thead>\n<tbody>\n";
+  html +=
+      "<th scope=\"col\">move<br>s</th><th scope=\"col\" "
+      "class=\"words\">remarks</th></tr></thead>\n<tbody>\n";
   for (const v1::PlannedScan& scan : plan.scans()) {
     absl::StrAppend(&html, "<tr class=\"selectable\" data-scan=\"", scan.index(),
                     "\"><td class=\"strong\">", scan.index(), "</td>");

@@ -63,26 +63,37 @@ std::string ScanRow(const v1::PlannedScan& scan, const ReportScan& extra, int nu
 
 std::string ScansSection(const ReportData& data) {
   if (data.scans.empty()) return PlanSection("scans", "Scans", "<p>The plan has no scans.</p>\n");
-  std::string body =
+  std::string body = absl::StrCat(
       "<p class=\"soft\">Select a row to see the scan in the part above; click a picture to "
       "enlarge it. "
       "Camera distance, triangulation angle \u03c4, azimuth \u03c6 and polar angle \u03b8 place "
       "camera and "
-      "laser; \u03b1, \u03b2, \u03b3 turn the part about x, y, z; y and z shift it.</p>\n"
-      "<div class=\"table-wrap\"><table id=\"scan-table\">\n<thead>\n<tr "
-      "class=\"groups\"><th></th><th></th>"
-      "<th colspan=\"4\">Camera and laser</th><th colspan=\"5\">Part</th><th "
-      "colspan=\"4\">Stage</th>"
-      "<th colspan=\"3\">Targets</th>{{GROUP}}</tr>\n"
-      "<tr><th>scan</th><th></th><th class=\"first\">distance<br>mm</th><th>\u03c4<br>\u00b0</th>"
-      "<th>\u03c6<br>\u00b0</th><th>\u03b8<br>\u00b0</th><th class=\"first\">\u03b1<br>\u00b0</th>"
-      "<th>\u03b2<br>\u00b0</th><th>\u03b3<br>\u00b0</th><th>y<br>mm</th><th>z<br>mm</th>"
-      "<th class=\"first\">start<br>mm</th><th>end<br>mm</th><th>frames</th><th>time<br>s</th>"
-      "<th class=\"first\">measured</th><th>new</th><th>sum</th>{{HEAD}}</tr>\n</thead>\n<tbody>\n";
+      "laser; \u03b1, \u03b2, \u03b3 turn the part about x, y, z; y and z shift "
+      "it.</p>\n",
+      ScrollingTable("Scans", "id=\"scan-table\""),
+      "\n<thead>\n<tr class=\"groups\"><td></td><td></td>"
+      "<th scope=\"colgroup\" colspan=\"4\">Camera and laser</th><th scope=\"colgroup\" "
+      "colspan=\"5\">Part</th><th scope=\"colgroup\" colspan=\"4\">Stage</th>"
+      "<th scope=\"colgroup\" colspan=\"3\">Targets</th>{{GROUP}}</tr>\n"
+      "<tr><th scope=\"col\">scan</th><td></td><th scope=\"col\" "
+      "class=\"first\">distance<br>mm</th><th scope=\"col\">\u03c4<br>\u00b0</th>"
+      "<th scope=\"col\">\u03c6<br>\u00b0</th><th scope=\"col\">\u03b8<br>\u00b0</th><th "
+      "scope=\"col\" class=\"first\">\u03b1<br>\u00b0</th>"
+      "<th scope=\"col\">\u03b2<br>\u00b0</th><th scope=\"col\">\u03b3<br>\u00b0</th><th "
+      "scope=\"col\">y<br>mm</th><th scope=\"col\">z<br>mm</th>"
+      "<th scope=\"col\" class=\"first\">start<br>mm</th><th scope=\"col\">end<br>mm</th><th "
+      "scope=\"col\">frames</th><th scope=\"col\">time<br>s</th>"
+      "<th scope=\"col\" class=\"first\">measured</th><th scope=\"col\">new</th><th "
+      "scope=\"col\">sum</th>{{HEAD}}</tr>\n</thead>\n<tbody>\n");
   const bool uncertain = data.plan.has_uncertainty();
   body = absl::StrReplaceAll(
-      body, {{"{{GROUP}}", uncertain ? "<th colspan=\"2\">Known well enough</th>" : ""},
-             {"{{HEAD}}", uncertain ? "<th class=\"first\">admissible</th><th>relaxed</th>" : ""}});
+      body,
+      {{"{{GROUP}}",
+        uncertain ? "<th scope=\"colgroup\" colspan=\"2\">Known well enough</th>" : ""},
+       {"{{HEAD}}",
+        uncertain
+            ? "<th scope=\"col\" class=\"first\">admissible</th><th scope=\"col\">relaxed</th>"
+            : ""}});
   const double judged =
       uncertain ? std::max<double>(1, static_cast<double>(data.plan.uncertainty().judged_targets()))
                 : 0;

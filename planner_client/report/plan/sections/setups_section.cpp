@@ -24,15 +24,19 @@ std::string SetupText(const v1::Plan& plan, const v1::PlannedScan& scan) {
 std::string SetupsHtml(const v1::Plan& plan, const std::vector<std::string>& pictures_png) {
   std::string html;
   if (plan.resting_faces_size() > 0) {
-    html +=
+    absl::StrAppend(
+        &html,
         "<p class=\"soft\">The part is laid on the table on one of its faces and turned about the "
         "vertical by \u03b3. Stability is the smallest tilt that topples it. \u03b1 and \u03b2 "
         "bring the face down; its normal is in coordinates of the CAD model. The table\u2019s "
-        "height is that of its upper face over the axis of the stage.</p>\n"
-        "<div class=\"table-wrap\"><table id=\"setup-table\">\n<thead><tr><th>face</th><th></th>"
-        "<th>normal</th><th>\u03b1<br>\u00b0</th><th>\u03b2<br>\u00b0</th>"
-        "<th>stability<br>\u00b0</th><th>area<br>cm\u00b2</th><th>centre over table<br>mm</th>"
-        "<th class=\"words\">scans</th></tr></thead>\n<tbody>\n";
+        "height is that of its upper face over the axis of the stage.</p>\n",
+        ScrollingTable("Faces that the part rests on", "id=\"setup-table\""),
+        "\n<thead><tr><th scope=\"col\">face</th><td></td>"
+        "<th scope=\"col\">normal</th><th scope=\"col\">\u03b1<br>\u00b0</th><th "
+        "scope=\"col\">\u03b2<br>\u00b0</th>"
+        "<th scope=\"col\">stability<br>\u00b0</th><th scope=\"col\">area<br>cm\u00b2</th><th "
+        "scope=\"col\">centre over table<br>mm</th>"
+        "<th scope=\"col\" class=\"words\">scans</th></tr></thead>\n<tbody>\n");
     for (int f = 0; f < plan.resting_faces_size(); ++f) {
       const v1::RestingFace& face = plan.resting_faces(f);
       std::string picture, scans;

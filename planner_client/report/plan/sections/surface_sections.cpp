@@ -39,13 +39,15 @@ std::string UncoveredSection(const ReportData& data, const std::vector<Uncovered
       CountText(static_cast<int64_t>(region_count), "connected region"),
       " are not measured by any scan",
       region_count > regions.size() ? absl::StrCat("; the ", regions.size(), " largest") : "",
-      ". Select a row to look at it above.</p>\n"
-      "<div class=\"table-wrap\"><table "
-      "id=\"region-table\">\n<thead><tr><th>region</th><th>targets</th>"
-      "<th>of the surface</th><th>area<br>mm\u00b2</th><th>extent<br>mm</th><th>centre x, y, "
+      ". Select a row to look at it above.</p>\n",
+      ScrollingTable("Connected regions that no scan measures", "id=\"region-table\""),
+      "\n<thead><tr><th scope=\"col\">region</th><th scope=\"col\">targets</th>"
+      "<th scope=\"col\">of the surface</th><th scope=\"col\">area<br>mm\u00b2</th><th "
+      "scope=\"col\">extent<br>mm</th><th scope=\"col\">centre x, y, "
       "z<br>mm</th>"
-      "<th class=\"words\">where</th>",
-      data.reasons.empty() ? "" : "<th class=\"words\">why</th>", "</tr></thead>\n<tbody>\n");
+      "<th scope=\"col\" class=\"words\">where</th>",
+      data.reasons.empty() ? "" : "<th scope=\"col\" class=\"words\">why</th>",
+      "</tr></thead>\n<tbody>\n");
   for (size_t i = 0; i < regions.size(); ++i) {
     const UncoveredRegion& region = regions[i];
     const Eigen::Vector3d size = region.bounds_m.sizes();

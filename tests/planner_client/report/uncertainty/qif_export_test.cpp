@@ -16,6 +16,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
+#include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
 #include "core/tolerance/qif_reader.h"
 #include "core/tolerance/qif_xml.h"
@@ -173,24 +174,25 @@ TEST(QifExport, EveryKindComesBack) {
     tolerances.push_back(tolerance);
   }
   const ToleranceReport report = Read(Document(plan, tolerances));
-  EXPECT_EQ(report.read.size(), kinds.size() - 2);
+  EXPECT_EQ(report.read.size(), kinds.size() - 3);
   for (const Tolerance& tolerance : report.read) {
     EXPECT_EQ(tolerance.kind, kinds[tolerance.name]) << tolerance.name;
     EXPECT_NEAR(tolerance.zone_width_m, 1e-5 * (static_cast<int>(tolerance.kind) + 1), 1e-12);
   }
-  // Angles have no zone in metres: user-defined characteristics.
+  // Angles have no zone in metres, and the plane of a line profile is not known: user-defined
+  // characteristics.
   std::vector<std::string> unread;
   for (const UnreadTolerance& tolerance : report.not_read)
     unread.push_back(tolerance.name.substr(0, 3));
-  EXPECT_THAT(unread, UnorderedElementsAre("f16", "f18"));
+  EXPECT_THAT(unread, UnorderedElementsAre("f5 ", "f16", "f18"));
 }
 
 TEST(QifExport, PartsComeInTheOrderOfTheSchema) {
   const Element root = Tree(Document(SampleUncertaintyPlan().plan));
   std::vector<std::string> names;
   for (const Element& child : root.children) names.push_back(child.name);
-  EXPECT_EQ(names, (std::vector<std::string>{"QPId", "Attributes", "Header", "FileUnits",
-                                             "Features", "Characteristics", "Plan"}));
+  EXPECT_EQ(names, (std::vector<std::string>{"QPId", "Attributes", "Header", "StandardsDefinitions",
+                                             "FileUnits", "Features", "Characteristics", "Plan"}));
   EXPECT_EQ(root.attributes.at("xmlns"), "http://qifstandards.org/xsd/qif3");
   EXPECT_EQ(root.attributes.at("versionQIF"), "3.0.0");
 }
@@ -212,9 +214,10 @@ TEST(QifExport, CountsIdsAndReferencesAreRight) {
     largest = std::max(largest, number);
   });
   EXPECT_EQ(root.attributes.at("idMax"), absl::StrCat(largest));
-  // 5 features and characteristics of three elements each, 2 scans of two.
-  EXPECT_EQ(ids.size(), 5u * 6 + 2 * 2);
+  // 5 features and characteristics of three elements each, 2 scans of two, the standard.
+  EXPECT_EQ(ids.size(), 5u * 6 + 2 * 2 + 1);
   const std::map<std::string, std::string> kEnds = {
+      {"FormalStandardId", "Standard"},
       {"FeatureDefinitionId", "FeatureDefinition"},
       {"FeatureNominalId", "FeatureNominal"},
       {"CharacteristicDefinitionId", "CharacteristicDefinition"},
@@ -235,7 +238,7 @@ TEST(QifExport, CountsIdsAndReferencesAreRight) {
       EXPECT_TRUE(absl::EndsWith(ids[target], end->second)) << element.name << " " << target;
     }
   });
-  EXPECT_EQ(references, 5 * 5 + 2 * (1 + 1 + 5) + 5);
+  EXPECT_EQ(references, 1 + 5 * 5 + 2 * (1 + 1 + 5) + 5);
 }
 
 TEST(QifExport, StepsAreTheScansAndThenTheEvaluation) {

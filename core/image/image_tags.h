@@ -1,0 +1,53 @@
+// SPDX-License-Identifier: Apache-2.0
+// Tags of image files that say what the stored pixels mean, and one rule for all formats.
+//
+// A reader of a format collects the tags (ImageTags), whatever they are called there. CheckTags
+// then decides for every format alike: an orientation is obeyed, every other tag that would change
+// the pixels' place or meaning is an error that names the tag. Orientations are numbered as in
+// TIFF 6.0 and Exif: 1 is as stored, 3 is rotated by 180 degrees, 5 to 8 swap rows and columns.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/image/image.h"
+
+namespace sightline {
+
+struct OrientationTag {
+  std::string where;  // "the TIFF tag Orientation"
+  uint64_t value = 1;
+};
+
+struct ImageTags {
+  std::vector<OrientationTag> orientations;
+  // Images of full resolution in the file; thumbnails and masks do not count.
+  uint64_t full_images = 1;
+  // Position behind the last byte that belongs to the image [bytes].
+  uint64_t end = 0;
+  // What else changes the pixels, as the end of a sentence that begins with the file's name.
+  std::vector<std::string> refusals;
+};
+
+// The orientation to obey, 1 to 8. INVALID_ARGUMENT: more than one image, two tags that contradict
+// each other, an orientation that does not exist, or any refusal.
+absl::StatusOr<int> CheckTags(const ImageTags& tags);
+
+inline bool SwapsSides(int orientation) { return orientation >= 5; }
+
+// "rotated by 180 degrees".
+std::string OrientationText(int orientation);
+
+// The image as it is to be seen: its row 0 is the top row, its column 0 the left column.
+Image<uint16_t> Oriented(Image<uint16_t> stored, int orientation);
+
+// Adds an orientation tag; `where` names it in messages.
+void AddOrientation(std::string_view where, uint64_t value, ImageTags* tags);
+
+// Adds the orientation that an XMP packet (`tiff:Orientation`) states, if it states any.
+void AddXmpOrientation(std::string_view packet, ImageTags* tags);
+
+}  // namespace sightline

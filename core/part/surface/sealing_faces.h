@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// Triangles without area that close T-junctions of a surface.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "absl/status/statusor.h"
+#include "core/job/stop_check.h"
+
+namespace sightline {
+
+// A triangle without area. Its corners are vertices of faces with area.
+struct ThinFace {
+  std::array<uint32_t, 3> corners;
+  // Whether the corner opposite to the edge from corner k to k + 1 lies on that edge.
+  std::array<bool, 3> lies_on_edge;
+};
+
+// Which of `thin` lie on an edge that has only one triangle, among `surface` and those chosen
+// before. Such a triangle adds no point to the surface but joins its edges; any other would stand
+// in the air.
+absl::StatusOr<std::vector<bool>> SealingFaces(std::span<const std::array<uint32_t, 3>> surface,
+                                               std::span<const ThinFace> thin,
+                                               const StopCheck& stop);
+
+}  // namespace sightline

@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// Folders that this user alone can enter.
+#pragma once
+
+#include <string>
+
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+
+namespace sightline {
+
+// Makes the folder with mode 0700, and those above it if they are missing. A folder that exists
+// gets this mode. INVALID_ARGUMENT names the folder: it cannot be made or written, or it belongs to
+// somebody else.
+absl::Status MakePrivateFolder(const std::string& folder);
+
+// $XDG_CACHE_HOME/sightline/NAME, else ~/.cache/sightline/NAME; where neither can be used, a folder
+// of this process, gone when it ends. INVALID_ARGUMENT: not even that can be made.
+absl::StatusOr<std::string> UserCacheFolder(const std::string& name);
+
+}  // namespace sightline

@@ -1,0 +1,90 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planning_service/job_store/database_identity.h"
+
+#include <cstdint>
+#include <memory>
+#include <utility>
+
+#include "absl/strings/str_cat.h"
+#include "planning_service/job_store/random_number.h"
+#include "planning_service/job_store/sqlite_database.h"
+
+namespace sightline {
+namespace {
+
+constexpr int64_t kEventIdStep = int64_t{1} << 32;
+// `copied_event`, the newest event at the time of the copy, of a database that is no copy.
+constexpr int64_t kNoCopy = -1;
+
+// Runs `body(sql)` in a transaction on an SQLite file that nobody else has open.
+template <typename Body>
+absl::Status InSqliteFile(const std::string& file, SqlAccess access, Body body) {
+  auto database = OpenSqliteDatabase(file);
+  if (!database.ok()) return database.status();
+  auto connection = (*database)->Connect();
+  if (!connection.ok()) return connection.status();
+  if (absl::Status begun = (*connection)->Begin(access); !begun.ok()) return begun;
+  SqlTransaction sql(connection->get());
+  body(sql);
+  absl::Status status = sql.status();
+  if (status.ok()) status = (*connection)->Commit();
+  if (!status.ok()) (*connection)->Rollback();
+  return status;
+}
+
+bool HasIdentityTable(SqlTransaction& sql) {
+  return !sql.Run("SELECT 1 FROM sqlite_master WHERE type = 'table' AND name = 'database_identity'")
+              .empty();
+}
+
+}  // namespace
+
+std::optional<DatabaseIdentity> ReadDatabaseIdentity(SqlTransaction& sql) {
+  const SqlRows rows = sql.Run("SELECT identity, instance, copied_event FROM database_identity");
+  if (rows.empty()) return std::nullopt;
+  const int64_t copied_event = rows.front().Int(2);
+  const bool is_unchanged =
+      copied_event != kNoCopy &&
+      sql.Run("SELECT 1 FROM event WHERE sequence > $1 LIMIT 1", {copied_event}).empty();
+  return DatabaseIdentity{rows.front().Text(0), rows.front().Text(1), is_unchanged};
+}
+
+bool SettleDatabaseIdentity(SqlTransaction& sql, const std::string& instance) {
+  const std::optional<DatabaseIdentity> known = ReadDatabaseIdentity(sql);
+  if (known && known->instance == instance) return false;
+  if (known) {
+    sql.Run("UPDATE database_identity SET instance = $1", {instance});
+  } else {
+    sql.Run("INSERT INTO database_identity (identity, instance, copied_event) VALUES ($1, $2, $3)",
+            {absl::StrCat(absl::Hex(RandomBits(), absl::kZeroPad16),
+                          absl::Hex(RandomBits(), absl::kZeroPad16)),
+             instance, kNoCopy});
+  }
+  // A database of an older version may be a restored one: only one without events is surely not.
+  const SqlRows moved = sql.Run(
+      "UPDATE counter SET value = value + $1 WHERE name = 'event' AND value > 0"
+      " RETURNING value",
+      {kEventIdStep});
+  return !moved.empty();
+}
+
+absl::StatusOr<std::optional<DatabaseIdentity>> ReadSqliteIdentity(const std::string& file) {
+  std::optional<DatabaseIdentity> identity;
+  const absl::Status read = InSqliteFile(file, SqlAccess::kRead, [&](SqlTransaction& sql) {
+    if (HasIdentityTable(sql)) identity = ReadDatabaseIdentity(sql);
+  });
+  if (!read.ok()) return read;
+  return identity;
+}
+
+absl::Status MarkSqliteCopy(const std::string& file) {
+  return InSqliteFile(file, SqlAccess::kWrite, [](SqlTransaction& sql) {
+    if (HasIdentityTable(sql)) {
+      sql.Run(
+          "UPDATE database_identity SET instance = '',"
+          " copied_event = (SELECT value FROM counter WHERE name = 'event')");
+    }
+  });
+}
+
+}  // namespace sightline

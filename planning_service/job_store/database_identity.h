@@ -1,0 +1,42 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which database this is, and where it lives.
+//
+// A database has a random identity, made when a service first works with it and kept by backups and
+// restores. Beside it stands the instance that a service last worked with, for example the inode of
+// the file. A restored database has the identity of the original and another instance.
+//
+// Events that were delivered after the backup are unknown to a restored database, and it would give
+// their ids to other events: receivers that leave out known ids would then miss these. A service
+// that finds another instance therefore continues at the largest id + 2^32. Ids stay below 2^53,
+// where JSON numbers are exact, for two million restores.
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include "absl/status/statusor.h"
+#include "planning_service/job_store/sql_database.h"
+
+namespace sightline {
+
+struct DatabaseIdentity {
+  std::string identity;  // 32 hexadecimal digits
+  std::string instance;  // empty: a backup that no service was started with
+  // A backup to which nothing has happened since: no job came and none ran.
+  bool is_unchanged_copy = false;
+};
+
+// Identity as stored; none before a service of this version has worked with the database.
+std::optional<DatabaseIdentity> ReadDatabaseIdentity(SqlTransaction& sql);
+
+// Makes the identity if there is none, and moves event ids on if the database is a copy or may be
+// one. Returns whether ids were moved. `instance` is not empty.
+bool SettleDatabaseIdentity(SqlTransaction& sql, const std::string& instance);
+
+// Identity of the jobs in an SQLite file that nobody has open; none if an older version made it.
+absl::StatusOr<std::optional<DatabaseIdentity>> ReadSqliteIdentity(const std::string& file);
+
+// Marks a fresh copy as one to which nothing has happened yet.
+absl::Status MarkSqliteCopy(const std::string& file);
+
+}  // namespace sightline

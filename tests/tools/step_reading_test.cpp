@@ -1,0 +1,438 @@
+// SPDX-License-Identifier: Apache-2.0
+// What of a STEP file is the part, in which unit, and what is refused: on files that OpenCASCADE
+// writes and on hand-written ones.
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <signal.h>
+#include <tiny_gltf.h>
+#include <unistd.h>
+
+#include <BRepBuilderAPI_MakeFace.hxx>
+#include <BRepPrimAPI_MakeBox.hxx>
+#include <BRep_Builder.hxx>
+#include <Interface_Static.hxx>
+#include <Message.hxx>
+#include <Message_Messenger.hxx>
+#include <STEPControl_Writer.hxx>
+#include <TopoDS_Shell.hxx>
+#include <algorithm>
+#include <array>
+#include <cstdlib>
+#include <filesystem>
+#include <fstream>
+#include <gp_Pln.hxx>
+#include <regex>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_replace.h"
+#include "planner_client/part_files/step_program.h"
+#include "tools/step_import/glb_writer.h"
+#include "tools/step_import/model/crash_report.h"
+#include "tools/step_import/model/exchange_structure.h"
+#include "tools/step_import/shape_mesh.h"
+#include "tools/step_import/step_reader.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+using ::testing::AllOf;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::SizeIs;
+
+constexpr char kEndOfData[] = "ENDSEC;\nEND-ISO-10303-21;";
+
+StepModel Read(const std::string& text, const StepReadOptions& options = {}) {
+  return ReadStep(CheckedStepText("test.stp", text), options);
+}
+
+// The reason why it is refused; empty if it is not.
+std::string Refusal(const std::string& text, const StepReadOptions& options = {}) {
+  try {
+    Read(text, options);
+    return "";
+  } catch (const StepInputError& error) {
+    return error.what();
+  }
+}
+
+MeshHealth HealthOf(const StepBody& body) {
+  return CheckMesh(body.shape.IsNull() ? body.tessellation : MeshShape(body.shape, {}));
+}
+
+// OpenCASCADE's file of a box of 50 x 30 x 20 mm, a product of its own for each of two squares.
+class StepReadingTest : public ::testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    Message::DefaultMessenger()->ChangePrinters().Clear();
+    const std::string path =
+        (fs::temp_directory_path() / ("step_reading_" + std::to_string(getpid()) + ".stp"))
+            .string();
+    STEPControl_Writer writer;
+    ASSERT_EQ(writer.Transfer(BRepPrimAPI_MakeBox(50, 30, 20).Shape(), STEPControl_AsIs),
+              IFSelect_RetDone);
+    ASSERT_EQ(writer.Write(path.c_str()), IFSelect_RetDone);
+    box_ = Text(path);
+    for (const double height_mm : {60.0, 80.0}) {
+      TopoDS_Shell shell;
+      BRep_Builder builder;
+      builder.MakeShell(shell);
+      const gp_Pln plane(gp_Pnt(0, 0, height_mm), gp_Dir(0, 0, 1));
+      builder.Add(shell, BRepBuilderAPI_MakeFace(plane, 0, 10, 0, 10).Face());
+      ASSERT_EQ(writer.Transfer(shell, STEPControl_ShellBasedSurfaceModel), IFSelect_RetDone);
+    }
+    ASSERT_EQ(writer.Write(path.c_str()), IFSelect_RetDone);
+    box_and_squares_ = Text(path);
+    fs::remove(path);
+  }
+
+  static std::string Text(const std::string& path) {
+    std::ifstream file(path);
+    std::ostringstream text;
+    text << file.rdbuf();
+    return text.str();
+  }
+
+  static std::string box_, box_and_squares_;
+};
+std::string StepReadingTest::box_;
+std::string StepReadingTest::box_and_squares_;
+
+// --- Construction geometry -----------------------------------------------------------------------
+
+// A simple instance: "#12", and its attributes as they are written.
+struct Found {
+  std::string id, values;
+};
+std::vector<Found> FindAll(const std::string& text, const std::string& type) {
+  std::vector<Found> found;
+  const std::regex entity("(#\\d+) *= *" + type + " *\\(([^;]*)\\) *;");
+  for (std::sregex_iterator it(text.begin(), text.end(), entity), end; it != end; ++it) {
+    found.push_back({(*it)[1], (*it)[2]});
+  }
+  return found;
+}
+
+// Binds the two squares to the box's product in the given way instead of products of their own.
+// In `entities`: $ITEM a square's surface model, $CONTEXT its context, $BOX the representation of
+// the box, $SHAPE its PRODUCT_DEFINITION_SHAPE; $1 to $9 numbers for the square's own use.
+std::string BindSquares(std::string text, const std::string& entities) {
+  const auto uses = FindAll(text, "SHAPE_DEFINITION_REPRESENTATION");
+  const auto surfaces = FindAll(text, "MANIFOLD_SURFACE_SHAPE_REPRESENTATION");
+  const auto models = FindAll(text, "SHELL_BASED_SURFACE_MODEL");
+  EXPECT_THAT(uses, SizeIs(3));
+  EXPECT_THAT(surfaces, SizeIs(2));
+  EXPECT_THAT(models, SizeIs(2));
+  const auto shape_and_box = uses.at(0).values;  // "#4,#10"
+  const size_t comma = shape_and_box.find(',');
+  std::string added;
+  const std::vector<std::string> names = {"Extract.1", "Join.2"};
+  for (size_t i = 0; i < 2; ++i) {
+    const std::string context = surfaces[i].values.substr(surfaces[i].values.rfind('#'));
+    std::vector<std::pair<std::string, std::string>> words = {
+        {"$ITEM", models[i].id},
+        {"$CONTEXT", context},
+        {"$SHAPE", shape_and_box.substr(0, comma)},
+        {"$BOX", shape_and_box.substr(comma + 1)}};
+    for (int k = 1; k < 10; ++k) {
+      words.emplace_back("$" + std::to_string(k),
+                         "#" + std::to_string(900000 + 10 * static_cast<int>(i) + k));
+    }
+    added += absl::StrReplaceAll(entities, words);
+    text =
+        std::regex_replace(text, std::regex(models[i].id + " *= *SHELL_BASED_SURFACE_MODEL\\(''"),
+                           models[i].id + "=SHELL_BASED_SURFACE_MODEL('" + names[i] + "'");
+    // No product uses them any more.
+    text = std::regex_replace(text, std::regex(uses[i + 1].id + " *= *[^;]*;"), "");
+    text = std::regex_replace(text, std::regex(surfaces[i].id + " *= *[^;]*;"), "");
+  }
+  text.insert(text.rfind(kEndOfData), added);
+  return text;
+}
+
+struct Binding {
+  const char* name;
+  const char* entities;
+  bool is_part;
+};
+constexpr char kByRelationship[] =
+    "$1=CONSTRUCTIVE_GEOMETRY_REPRESENTATION('supplemental geometry',($ITEM),$CONTEXT);\n"
+    "$2=CONSTRUCTIVE_GEOMETRY_REPRESENTATION_RELATIONSHIP('','',$BOX,$1);\n";
+constexpr char kByAspect[] =
+    "$3=SHAPE_ASPECT('','',$SHAPE,.F.);\n$4=PROPERTY_DEFINITION('','',$3);\n"
+    "$5=SHAPE_REPRESENTATION('',($ITEM),$CONTEXT);\n"
+    "$6=SHAPE_DEFINITION_REPRESENTATION($4,$5);\n";
+constexpr char kByName[] =
+    "$1=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('Supplemental Geometry',($ITEM),$CONTEXT);\n"
+    "$2=SHAPE_REPRESENTATION_RELATIONSHIP('','',$BOX,$1);\n";
+// AP203 of 1998: a hybrid model, whose surfaces are as much the part as its solid.
+constexpr char kHybrid[] =
+    "$1=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',($ITEM),$CONTEXT);\n"
+    "$2=SHAPE_REPRESENTATION_RELATIONSHIP('','',$BOX,$1);\n";
+constexpr char kHybridWithAspect[] =
+    "$1=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',($ITEM),$CONTEXT);\n"
+    "$2=SHAPE_REPRESENTATION_RELATIONSHIP('','',$BOX,$1);\n"
+    "$3=SHAPE_ASPECT('','',$SHAPE,.F.);\n$4=PROPERTY_DEFINITION('','',$3);\n"
+    "$5=SHAPE_REPRESENTATION('',($ITEM),$CONTEXT);\n"
+    "$6=SHAPE_DEFINITION_REPRESENTATION($4,$5);\n";
+
+TEST_F(StepReadingTest, OnlyTheProductsShapeIsThePart) {
+  const std::string both = std::string(kByRelationship) + kByAspect;
+  for (const auto& [name, entities, is_part] :
+       {Binding{"constructive geometry", kByRelationship, false},
+        Binding{"shape aspects", kByAspect, false}, Binding{"both", both.c_str(), false},
+        Binding{"by name", kByName, false}, Binding{"hybrid", kHybrid, true},
+        Binding{"hybrid with aspects", kHybridWithAspect, true}}) {
+    const std::string text = BindSquares(box_and_squares_, entities);
+    const StepModel model = Read(text);
+    ASSERT_THAT(model.bodies, SizeIs(is_part ? 3 : 1)) << name;
+    EXPECT_TRUE(HealthOf(model.bodies[0]).watertight()) << name;
+    if (is_part) {
+      EXPECT_THAT(model.remarks, IsEmpty()) << name;
+      continue;
+    }
+    EXPECT_THAT(model.remarks, ElementsAre(AllOf(HasSubstr("\"Extract.1\", \"Join.2\""),
+                                                 HasSubstr("--construction-geometry"))))
+        << name;
+    StepReadOptions all;
+    all.construction_geometry = true;
+    const StepModel taken = Read(text, all);
+    ASSERT_THAT(taken.bodies, SizeIs(3)) << name;
+    EXPECT_THAT(taken.remarks, IsEmpty()) << name;
+    for (size_t i = 1; i < 3; ++i) {
+      EXPECT_NEAR(HealthOf(taken.bodies[i]).area_mm2, 100, 1e-9) << name;
+    }
+  }
+}
+
+// --- Length unit ---------------------------------------------------------------------------------
+
+TEST_F(StepReadingTest, AUnitThatIsNotStatedIsAskedFor) {
+  const std::string no_units = std::regex_replace(
+      box_, std::regex("\\( *GEOMETRIC_REPRESENTATION_CONTEXT\\(3\\)\\s*GLOBAL_UNCERTAINTY[^;]*;"),
+      "(GEOMETRIC_REPRESENTATION_CONTEXT(3)REPRESENTATION_CONTEXT('',''));");
+  std::smatch length;
+  ASSERT_TRUE(std::regex_search(box_, length, std::regex("(#\\d+) *= *\\( *LENGTH_UNIT\\(\\)")));
+  const std::string id = length[1];
+  const std::string no_length =
+      std::regex_replace(box_, std::regex("GLOBAL_UNIT_ASSIGNED_CONTEXT\\s*\\(\\(" + id + ","),
+                         "GLOBAL_UNIT_ASSIGNED_CONTEXT((");
+  for (const std::string& text : {no_units, no_length}) {
+    ASSERT_NE(text, box_);
+    EXPECT_THAT(Refusal(text), AllOf(HasSubstr("test.stp: part.unit"), HasSubstr("--unit")));
+    for (const auto& [unit, millimetres] :
+         {std::pair("m", 1e3), std::pair("cm", 10.0), std::pair("mm", 1.0), std::pair("um", 1e-3),
+          std::pair("inch", 25.4), std::pair("in", 25.4)}) {
+      StepReadOptions options;
+      options.unit = unit;
+      const StepModel model = Read(text, options);
+      const auto& positions = MeshShape(model.bodies.at(0).shape, {}).positions_mm;
+      double largest_mm = 0;
+      for (const auto& p : positions) largest_mm = std::max(largest_mm, p[0]);
+      EXPECT_NEAR(largest_mm, 50 * millimetres, 1e-9 * 50 * millimetres) << unit;
+    }
+    StepReadOptions unknown;
+    unknown.unit = "furlong";
+    EXPECT_THAT(Refusal(text, unknown), HasSubstr("furlong"));
+  }
+  StepReadOptions second;
+  second.unit = "mm";
+  EXPECT_THAT(Refusal(box_, second),
+              AllOf(HasSubstr("says its unit itself"), HasSubstr("millimetre")));
+}
+
+// --- The exchange structure ----------------------------------------------------------------------
+
+TEST_F(StepReadingTest, BytesBehindTheEndMarkAreAnErrorUnlessTheySayNothing) {
+  const std::string blank(5000, ' ');
+  for (const std::string& end :
+       {std::string(), std::string("\r\n"), blank, std::string(9000, '\n'), std::string(3, '\0'),
+        std::string("\x1a"), std::string("\nSIGNATURE;\nQUJD\nENDSEC;\n")}) {
+    EXPECT_EQ(Refusal(box_ + end), "");
+  }
+  EXPECT_EQ(Refusal("\xEF\xBB\xBF" + box_), "");
+  for (const std::string& end : {std::string("x"), "\n#5=FOO();\n" + blank, box_}) {
+    EXPECT_THAT(Refusal(box_ + end), HasSubstr("behind its end mark"));
+  }
+}
+
+TEST_F(StepReadingTest, ATruncatedFileIsRefused) {
+  const std::string whole = box_.substr(0, box_.find("END-ISO"));
+  EXPECT_THAT(Refusal(whole), HasSubstr("truncated"));
+  EXPECT_THAT(Refusal("solid x"), HasSubstr("not a STEP file"));
+  // The mark in a name is none.
+  const std::string named =
+      std::regex_replace(box_, std::regex("PRODUCT\\('"), "PRODUCT('END-ISO-10303-21; ");
+  ASSERT_NE(named, box_);
+  EXPECT_EQ(Refusal(named), "");
+}
+
+// --- Tessellated geometry ------------------------------------------------------------------------
+
+// A tetrahedron with legs of 10 along the axes.
+std::string Tessellated(const std::string& face, const std::string& more = "") {
+  return "ISO-10303-21;\nHEADER;\nFILE_SCHEMA(('AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF'"
+         "));\nENDSEC;\nDATA;\n"
+         "#3=(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.CENTI.,.METRE.));\n"
+         "#5=(GEOMETRIC_REPRESENTATION_CONTEXT(3)GLOBAL_UNIT_ASSIGNED_CONTEXT((#3))"
+         "REPRESENTATION_CONTEXT('',''));\n"
+         "#6=COORDINATES_LIST('',5,((9.,9.,9.),(0.,0.,0.),(1.,0.,0.),(0.,1.,0.),(0.,0.,1.)));\n"
+         "#7=" +
+         face +
+         ";\n#8=TESSELLATED_SOLID('T',(#7),$);\n"
+         "#9=APPLICATION_CONTEXT('managed model based 3d engineering');\n"
+         "#11=PRODUCT_CONTEXT('',#9,'mechanical');\n"
+         "#12=PRODUCT_DEFINITION_CONTEXT('part definition',#9,'design');\n"
+         "#13=PRODUCT('L','L','',(#11));\n#14=PRODUCT_DEFINITION_FORMATION('','',#13);\n"
+         "#15=PRODUCT_DEFINITION('design','',#14,#12);\n"
+         "#16=PRODUCT_DEFINITION_SHAPE('','',#15);\n"
+         "#17=TESSELLATED_SHAPE_REPRESENTATION('L',(#8),#5);\n"
+         "#18=SHAPE_DEFINITION_REPRESENTATION(#16,#17);\n" +
+         more + kEndOfData;
+}
+
+TEST_F(StepReadingTest, TessellatedSolidsAreReadAsTriangles) {
+  for (const char* face :
+       {"TRIANGULATED_FACE('',#6,4,(),$,(2,3,4,5),((1,3,2),(1,2,4),(1,4,3),(2,3,4)))",
+        "TRIANGULATED_FACE('',#6,5,(),$,(),((2,4,3),(2,3,5),(2,5,4),(3,4,5)))",
+        "COMPLEX_TRIANGULATED_FACE('',#6,4,(),$,(2,3,4,5),((1,2,4,3),(1,3,2)),((1,4,3)))",
+        "COMPLEX_TRIANGULATED_FACE('',#6,4,(),$,(2,3,4,5),((2,3,4)),((1,3,2,4,3)))"}) {
+    const StepModel model = Read(Tessellated(face));
+    ASSERT_THAT(model.bodies, SizeIs(1)) << face;
+    EXPECT_EQ(model.bodies[0].name, "T");
+    const MeshHealth health = HealthOf(model.bodies[0]);
+    EXPECT_TRUE(health.watertight()) << face;
+    EXPECT_NEAR(health.volume_mm3, 1000.0 / 6, 1e-9) << face;
+  }
+  const std::string good =
+      "TRIANGULATED_FACE('',#6,4,(),$,(2,3,4,5),((1,3,2),(1,2,4),(1,4,3),(2,3,4)))";
+  EXPECT_THAT(Refusal(absl::StrReplaceAll(Tessellated(good), {{"(2,3,4))", "(2,3,9))"}})),
+              AllOf(HasSubstr("#7"), HasSubstr("index")));
+  EXPECT_THAT(Refusal(absl::StrReplaceAll(Tessellated(good), {{"(0.,0.,1.)", "(0.,1.)"}})),
+              AllOf(HasSubstr("#6"), HasSubstr("2 coordinates")));
+  EXPECT_THAT(Refusal(Tessellated("CUBIC_BEZIER_TRIANGULATED_FACE('',#6,4,(),$,(),())")),
+              AllOf(HasSubstr("#7"), HasSubstr("not read")));
+  EXPECT_THAT(
+      Refusal(Tessellated(good, "#20=NEXT_ASSEMBLY_USAGE_OCCURRENCE('','','',#15,#15,$);\n")),
+      AllOf(HasSubstr("#8"), HasSubstr("assembly")));
+  // Without a length unit.
+  const std::string unitless =
+      absl::StrReplaceAll(Tessellated(good), {{"GLOBAL_UNIT_ASSIGNED_CONTEXT((#3))", ""}});
+  EXPECT_THAT(Refusal(unitless), HasSubstr("part.unit is missing"));
+  StepReadOptions millimetres;
+  millimetres.unit = "mm";
+  EXPECT_NEAR(HealthOf(Read(unitless, millimetres).bodies.at(0)).volume_mm3, 1.0 / 6, 1e-12);
+  EXPECT_THAT(Refusal(Tessellated(good), millimetres), HasSubstr("says its unit itself"));
+}
+
+TEST_F(StepReadingTest, AFileWithoutSurfacesSaysWhatItHolds) {
+  const std::string text = absl::StrReplaceAll(
+      Tessellated("TRIANGULATED_FACE('',#6,4,(),$,(),((2,3,4)))"),
+      {{"TESSELLATED_SHAPE_REPRESENTATION('L',(#8)", "SHAPE_REPRESENTATION('L',(#6)"}});
+  EXPECT_THAT(Refusal(text),
+              AllOf(HasSubstr("no solid and no surface"), HasSubstr("COORDINATES_LIST")));
+}
+
+// --- Far from the origin -------------------------------------------------------------------------
+
+TEST_F(StepReadingTest, APartFarFromTheOriginKeepsItsShape) {
+  for (const double far_mm : {0.0, 1900.0, 4e5}) {
+    const TopoDS_Shape box = BRepPrimAPI_MakeBox(gp_Pnt(far_mm, -far_mm, 7), 20.1, 30.2, 40.3);
+    const ShapeMesh mesh = MeshShape(box, {});
+    const std::string path =
+        (fs::temp_directory_path() / ("far_" + std::to_string(getpid()) + ".glb")).string();
+    WriteGlb({mesh}, {}, path);
+    tinygltf::Model model;
+    tinygltf::TinyGLTF loader;
+    std::string error, warning;
+    ASSERT_TRUE(loader.LoadBinaryFromFile(&model, &error, &warning, path)) << error;
+    fs::remove(path);
+    const auto& translation = model.nodes.at(0).translation;
+    const auto& accessor = model.accessors.at(0);
+    for (size_t axis = 0; axis < 3; ++axis) {
+      const double origin_m = translation.empty() ? 0 : translation.at(axis);
+      const std::array<double, 3> low_mm = {far_mm, -far_mm, 7}, size_mm = {20.1, 30.2, 40.3};
+      EXPECT_NEAR(origin_m + accessor.minValues.at(axis), 1e-3 * low_mm[axis], 2e-7);
+      EXPECT_NEAR(origin_m + accessor.maxValues.at(axis), 1e-3 * (low_mm[axis] + size_mm[axis]),
+                  2e-7);
+    }
+  }
+}
+
+// --- Damage --------------------------------------------------------------------------------------
+
+TEST_F(StepReadingTest, APointWithTwoCoordinatesIsRefusedOrOfNoConsequence) {
+  const std::regex triple(
+      "(CARTESIAN_POINT|DIRECTION)\\(('[^']*'),\\(([^,()]+),([^,()]+),([^,()]+)\\)");
+  int refused = 0;
+  for (std::sregex_iterator it(box_.begin(), box_.end(), triple), end; it != end; ++it) {
+    const std::smatch& match = *it;
+    std::string text = box_;
+    text.replace(
+        static_cast<size_t>(match.position()), static_cast<size_t>(match.length()),
+        match[1].str() + "(" + match[2].str() + ",(" + match[3].str() + "," + match[4].str() + ")");
+    const std::string refusal = Refusal(text);
+    if (refusal.empty()) {
+      EXPECT_NEAR(HealthOf(Read(text).bodies.at(0)).volume_mm3, 30000, 1e-6);
+    } else {
+      EXPECT_THAT(refusal, HasSubstr("has 2 coordinates, must have 3"));
+      ++refused;
+    }
+  }
+  EXPECT_GT(refused, 30);
+}
+
+TEST(CrashReportTest, ACrashIsARefusalOfTheFile) {
+  for (const int number : {SIGSEGV, SIGABRT, SIGFPE}) {
+    EXPECT_EXIT(
+        {
+          const CrashReport report("a.stp: crashed", 2);
+          raise(number);
+        },
+        ::testing::ExitedWithCode(2),
+        "a\\.stp: crashed \\(signal 0?" + std::to_string(number) + "\\)");
+  }
+}
+
+// --- The program ---------------------------------------------------------------------------------
+
+TEST_F(StepReadingTest, TheProgramRefusesWithTheReason) {
+  StepProgramOptions program;
+  if (const char* bin = std::getenv("SIGHTLINE_BIN_DIR")) {
+    program.program = std::string(bin) + "/sightline_step_import";
+  }
+  const fs::path folder = fs::temp_directory_path();
+  const std::string path = (folder / ("-refused " + std::to_string(getpid()) + ".stp")).string();
+  const auto run = [&](const std::string& text, std::vector<std::string> arguments) {
+    std::ofstream(path, std::ios::trunc) << text;
+    arguments.insert(arguments.end(), {"--out", path + ".glb"});
+    return RunStepImport(path, arguments, program);
+  };
+  const std::string no_unit = absl::StrReplaceAll(
+      Tessellated("TRIANGULATED_FACE('',#6,4,(),$,(2,3,4,5),((1,3,2),(1,2,4),(1,4,3),(2,3,4)))"),
+      {{"GLOBAL_UNIT_ASSIGNED_CONTEXT((#3))", ""}});
+  const absl::Status missing = run(no_unit, {}).status();
+  EXPECT_TRUE(IsMissingStepUnit(missing)) << missing;
+  EXPECT_THAT(std::string(missing.message()), AllOf(HasSubstr(path), HasSubstr("--unit")));
+  EXPECT_TRUE(run(no_unit, {"--unit", "mm"}).ok());
+  const std::string squares = BindSquares(box_and_squares_, kByRelationship);
+  const auto read = run(squares, {});
+  ASSERT_TRUE(read.ok()) << read.status();
+  EXPECT_THAT(*read, HasSubstr("remark: left out as construction geometry: \"Extract.1\""));
+  const absl::Status damaged =
+      run(std::regex_replace(box_, std::regex("(CARTESIAN_POINT\\('',\\([^,]+,[^,]+),[^,)]+\\)"),
+                             "$1)"),
+          {})
+          .status();
+  EXPECT_EQ(damaged.code(), absl::StatusCode::kInvalidArgument) << damaged;
+  fs::remove(path);
+  fs::remove(path + ".glb");
+}
+
+}  // namespace
+}  // namespace sightline
