@@ -145,6 +145,25 @@ class LaserImaging {
         }
       }
     });
+    FindNearestLitTiles();
+  }
+
+  void FindNearestLitTiles() {
+    const int columns = lit_tiles_.columns_px;
+    lit_from_ = Image<int>(columns, lit_tiles_.rows_px);
+    lit_until_ = lit_from_;
+    for (int i = 0; i < lit_tiles_.rows_px; ++i) {
+      int until = -1;
+      for (int j = 0; j < columns; ++j) {
+        if (lit_tiles_.At(i, j) != 0) until = j;
+        lit_until_.At(i, j) = until;
+      }
+      int from = columns;
+      for (int j = columns - 1; j >= 0; --j) {
+        if (lit_tiles_.At(i, j) != 0) from = j;
+        lit_from_.At(i, j) = from;
+      }
+    }
   }
 
   double CurvatureAt(int row, int column) const {
@@ -208,14 +227,16 @@ class LaserImaging {
   Rectangle LitPart(const Rectangle& within) const {
     Rectangle lit = {{within.columns.end, within.columns.begin},
                      {within.rows.end, within.rows.begin}};
+    if (within.empty()) return lit;
+    const int first_column = within.columns.begin / kTile_px;
+    const int last_column = (within.columns.end - 1) / kTile_px;
     for (int i = within.rows.begin / kTile_px; i * kTile_px < within.rows.end; ++i) {
-      for (int j = within.columns.begin / kTile_px; j * kTile_px < within.columns.end; ++j) {
-        if (lit_tiles_.At(i, j) == 0) continue;
-        lit.rows.begin = std::min(lit.rows.begin, i * kTile_px);
-        lit.rows.end = std::max(lit.rows.end, (i + 1) * kTile_px);
-        lit.columns.begin = std::min(lit.columns.begin, j * kTile_px);
-        lit.columns.end = std::max(lit.columns.end, (j + 1) * kTile_px);
-      }
+      const int from = lit_from_.At(i, first_column), until = lit_until_.At(i, last_column);
+      if (from > until) continue;
+      lit.rows.begin = std::min(lit.rows.begin, i * kTile_px);
+      lit.rows.end = std::max(lit.rows.end, (i + 1) * kTile_px);
+      lit.columns.begin = std::min(lit.columns.begin, from * kTile_px);
+      lit.columns.end = std::max(lit.columns.end, (until + 1) * kTile_px);
     }
     return {Meet(lit.columns, within.columns), Meet(lit.rows, within.rows)};
   }
@@ -628,6 +649,10 @@ class LaserImaging {
   const ClearFractionMap clear_;
   float dark_ = 0;
   Image<uint8_t> lit_tiles_;
+  // Column of the nearest tile with light in a tile's row: from the tile on to the right (the
+  // number of columns if there is none), and up to the tile (-1). A division of the image into
+  // blocks asks for the lit part of thousands of rectangles.
+  Image<int> lit_from_, lit_until_;
   std::vector<double> layers_;  // curvature of each
   Image<uint16_t> layer_of_;    // empty: one layer
   Image<LayerSpan> tile_layers_;
