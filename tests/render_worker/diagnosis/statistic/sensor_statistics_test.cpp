@@ -10,6 +10,7 @@
 #include <memory>
 #include <numbers>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "render_worker/diagnosis/statistic/burst_statistic.h"
@@ -149,41 +150,51 @@ ActiveEffect Active(const std::string& id, const std::vector<double>& parameters
   return {FindEffect(id), parameters};
 }
 
+using SetKey = std::tuple<bool, uint64_t, std::map<std::string, std::vector<double>>>;
+
+SetKey KeyOf(bool colour, uint64_t seed, const std::vector<ActiveEffect>& effects) {
+  std::map<std::string, std::vector<double>> parameters;
+  for (const ActiveEffect& active : effects) {
+    parameters[std::string(active.effect->description().id)] = active.parameters;
+  }
+  return {colour, seed, parameters};
+}
+
+// Recordings(colour) with these effects. Every set is rendered once per program.
+const RecordedSet& Rendered(bool colour, uint64_t seed, const std::vector<ActiveEffect>& effects) {
+  static auto* const sets = new std::map<SetKey, RecordedSet>;
+  const SetKey key = KeyOf(colour, seed, effects);
+  const auto known = sets->find(key);
+  if (known != sets->end()) return known->second;
+  return sets->emplace(key, Render(Recordings(colour), seed, effects)).first->second;
+}
+
+// The expectation of Recordings(colour), which is the same for all seeds.
+const ExpectedSet& Expected(bool colour, const std::vector<ActiveEffect>& effects) {
+  static auto* const expectations = new std::map<SetKey, ExpectedSet>;
+  const SetKey key = KeyOf(colour, 0, effects);
+  const auto known = expectations->find(key);
+  if (known != expectations->end()) return known->second;
+  return expectations->emplace(key, Expect(Rendered(colour, 1, {}), effects)).first->second;
+}
+
 template <typename Statistic>
 class NullTest : public testing::Test {};
 using Statistics = testing::Types<SharedSpeckleStatistic, HistogramStatistic, FixedPatternStatistic,
                                   BurstStatistic>;
 TYPED_TEST_SUITE(NullTest, Statistics);
 
-struct NullSet {
-  RecordedSet set;
-  ExpectedSet expected;
-};
-
-// Rendered once.
-const std::vector<NullSet>& NullSets() {
-  static const std::vector<NullSet>* const sets = [] {
-    auto* all = new std::vector<NullSet>;
-    for (const bool colour : {false, true}) {
-      for (uint64_t seed = 1; seed <= 2; ++seed) {
-        RecordedSet set = Render(Recordings(colour), seed, {});
-        ExpectedSet expected = Expect(set, {});
-        all->push_back({std::move(set), std::move(expected)});
-      }
-    }
-    return all;
-  }();
-  return *sets;
-}
-
 TYPED_TEST(NullTest, ScattersAsItsCovarianceSays) {
   Comparison sum;
-  for (const NullSet& null : NullSets()) {
-    const TypeParam statistic(null.set);
-    ASSERT_GT(statistic.entries(), 0);
-    const Comparison one = Compare(statistic, null.set, null.expected);
-    sum.chi_squared += one.chi_squared;
-    sum.count += one.count;
+  for (const bool colour : {false, true}) {
+    for (uint64_t seed = 1; seed <= 2; ++seed) {
+      const RecordedSet& set = Rendered(colour, seed, {});
+      const TypeParam statistic(set);
+      ASSERT_GT(statistic.entries(), 0);
+      const Comparison one = Compare(statistic, set, Expected(colour, {}));
+      sum.chi_squared += one.chi_squared;
+      sum.count += one.count;
+    }
   }
   // Some numbers have no pixels and count for nothing, so only the upper side is a sharp bound: 4
   // standard deviations.
@@ -194,8 +205,8 @@ TYPED_TEST(NullTest, ScattersAsItsCovarianceSays) {
 // A set that is planned only has no images: its covariance follows from the model alone.
 TYPED_TEST(NullTest, NeedsNoImages) {
   const RecordedSet planned = MakeRecordedSet(Recordings(false), {});
-  const ExpectedSet& expected = NullSets().front().expected;
-  const TypeParam statistic(planned), recorded(NullSets().front().set);
+  const ExpectedSet& expected = Expected(false, {});
+  const TypeParam statistic(planned), recorded(Rendered(false, 1, {}));
   ASSERT_EQ(statistic.entries(), recorded.entries());
   for (int entry = 0; entry < statistic.entries(); ++entry) {
     const Eigen::MatrixXd covariance = statistic.Covariance(expected, entry);
@@ -214,13 +225,12 @@ struct Planted {
 
 template <typename Statistic>
 void ExpectRefuted(const std::vector<Planted>& all, bool colour = false) {
-  const RecordingSet description = Recordings(colour);
   for (const Planted& planted : all) {
     const std::vector<ActiveEffect> effects = {Active(planted.id, planted.parameters)};
-    const RecordedSet set = Render(description, kSeed, effects);
+    const RecordedSet& set = Rendered(colour, kSeed, effects);
     const Statistic statistic(set);
-    const Comparison null = Compare(statistic, set, Expect(set, {}));
-    const Comparison right = Compare(statistic, set, Expect(set, effects));
+    const Comparison null = Compare(statistic, set, Expected(colour, {}));
+    const Comparison right = Compare(statistic, set, Expected(colour, effects));
     EXPECT_GT(null.chi_squared, null.count + planted.refuted) << planted.id;
     EXPECT_LT(right.chi_squared, planted.slack * right.count) << planted.id;
   }
@@ -247,13 +257,13 @@ TEST(SharedSpeckleStatistic, ChargeFlowsAsItIsRendered) {
   for (const bool colour : {false, true}) {
     double seen = 0, expected = 0;  // projected on the model's change
     for (uint64_t seed = 1; seed <= 3; ++seed) {
-      const RecordedSet set = Render(Recordings(colour), seed, effects);
-      const RecordedSet without = Render(Recordings(colour), seed, {});
+      const RecordedSet& set = Rendered(colour, seed, effects);
+      const RecordedSet& without = Rendered(colour, seed, {});
       const SharedSpeckleStatistic statistic(set);
       const Eigen::VectorXd change = statistic.Observed(set, 0) - statistic.Observed(without, 0);
-      const Eigen::VectorXd model =
-          statistic.Expected(Expect(set, effects), 0) - statistic.Expected(Expect(set, {}), 0);
-      const Eigen::LLT<Eigen::MatrixXd> covariance(statistic.Covariance(Expect(set, {}), 0));
+      const Eigen::VectorXd model = statistic.Expected(Expected(colour, effects), 0) -
+                                    statistic.Expected(Expected(colour, {}), 0);
+      const Eigen::LLT<Eigen::MatrixXd> covariance(statistic.Covariance(Expected(colour, {}), 0));
       const Eigen::VectorXd whitened = covariance.matrixL().solve(model);
       seen += whitened.dot(covariance.matrixL().solve(change));
       expected += whitened.squaredNorm();
@@ -271,8 +281,8 @@ TEST(SharedSpeckleStatistic, LagHasTheSpeckleOfTheFrameBefore) {
   int count = 0;
   const std::vector<ActiveEffect> effects = {Active("sensor.image_lag", {0.02})};
   for (uint64_t seed = 1; seed <= 3; ++seed) {
-    const RecordedSet set = Render(Recordings(false), seed, effects);
-    const Comparison right = Compare(SharedSpeckleStatistic(set), set, Expect(set, effects));
+    const RecordedSet& set = Rendered(false, seed, effects);
+    const Comparison right = Compare(SharedSpeckleStatistic(set), set, Expected(false, effects));
     chi_squared += right.chi_squared;
     count += right.count;
   }
@@ -292,8 +302,8 @@ TYPED_TEST(RowNoiseTest, ScattersAsItsCovarianceSays) {
     int count = 0;
     const std::vector<ActiveEffect> effects = {Active("sensor.row_noise", {electrons})};
     for (uint64_t seed = 1; seed <= 3; ++seed) {
-      const RecordedSet set = Render(Recordings(false), seed, effects);
-      const Comparison right = Compare(TypeParam(set), set, Expect(set, effects));
+      const RecordedSet& set = Rendered(false, seed, effects);
+      const Comparison right = Compare(TypeParam(set), set, Expected(false, effects));
       chi_squared += right.chi_squared;
       count += right.count;
     }
@@ -307,8 +317,8 @@ TEST(BurstStatistic, LagScattersAsTheFrameBefore) {
   int burst_count = 0, profile_count = 0;
   const std::vector<ActiveEffect> effects = {Active("sensor.image_lag", {0.02})};
   for (uint64_t seed = 1; seed <= 3; ++seed) {
-    const RecordedSet set = Render(Recordings(false), seed, effects);
-    const ExpectedSet expected = Expect(set, effects);
+    const RecordedSet& set = Rendered(false, seed, effects);
+    const ExpectedSet& expected = Expected(false, effects);
     const Comparison one = Compare(BurstStatistic(set), set, expected);
     const Comparison other = Compare(ProfileStatistic(set, kBlocks), set, expected);
     burst += one.chi_squared;
@@ -349,13 +359,13 @@ TEST(SharedSpeckleStatistic, ALittleMotionAddsTheVarianceThatIsRendered) {
     const std::vector<ActiveEffect> effects = {Active("time.plate_motion", {speed_m_s})};
     double seen = 0, expected = 0;
     for (uint64_t seed = 1; seed <= 2; ++seed) {
-      const RecordedSet set = Render(Recordings(false), seed, effects);
-      const RecordedSet unmoved = Render(Recordings(false), seed, {});
+      const RecordedSet& set = Rendered(false, seed, effects);
+      const RecordedSet& unmoved = Rendered(false, seed, {});
       const SharedSpeckleStatistic statistic(set);
       ASSERT_EQ(statistic.entries(), 1);
       const Eigen::VectorXd change = statistic.Observed(set, 0) - statistic.Observed(unmoved, 0);
-      const Eigen::VectorXd model =
-          statistic.Expected(Expect(set, effects), 0) - statistic.Expected(Expect(set, {}), 0);
+      const Eigen::VectorXd model = statistic.Expected(Expected(false, effects), 0) -
+                                    statistic.Expected(Expected(false, {}), 0);
       const Eigen::Index size = change.size() / kPairs;
       // The last of each pair: variance over that of the noise.
       for (Eigen::Index at = size - 1; at < change.size(); at += size) {
@@ -424,19 +434,18 @@ TEST(TextureStatistic, ChargeThatSpreadsTakesContrastAndCorrelates) {
 // A bug found: the image's blur left speckle as it was, and what took contrast from saturated rows
 // led strong vibrations astray.
 TEST(TextureStatistic, BlurOfTheImageTakesTheContrastThatIsRendered) {
-  const RecordingSet description = Recordings(false);
-  const RecordedSet sharp = Render(description, kSeed, {});
+  const RecordedSet& sharp = Rendered(false, kSeed, {});
   for (const auto& [id, parameters] : std::map<std::string, std::vector<double>>{
            {"optics.veiling_glare", {0.3, 3e-5}}, {"time.vibration_blur", {1.5, 1000}}}) {
     const std::vector<ActiveEffect> effects = {Active(id, parameters)};
-    const RecordedSet blurred = Render(description, kSeed, effects);
+    const RecordedSet& blurred = Rendered(false, kSeed, effects);
     const Texture before(sharp), after(blurred);
     double seen = 0, expected = 0;  // change of squared contrast, the first number
     for (int e = 0; e < before.entries(); ++e) {
       if (before.Observed(sharp, e).size() == 0) continue;
       seen += after.Observed(blurred, e)[0] - before.Observed(sharp, e)[0];
-      expected +=
-          after.Expected(Expect(blurred, effects), e)[0] - before.Expected(Expect(sharp, {}), e)[0];
+      expected += after.Expected(Expected(false, effects), e)[0] -
+                  before.Expected(Expected(false, {}), e)[0];
     }
     EXPECT_LT(seen, 0) << id;
     EXPECT_NEAR(expected / seen, 1, 0.1) << id;
@@ -451,14 +460,14 @@ struct TextureChange {
 TextureChange ChangeOfTexture(const RecordingSet& description, const ActiveEffect& effect) {
   const RecordedSet plain = Render(description, kSeed, {});
   const RecordedSet changed = Render(description, kSeed, {effect});
+  const ExpectedSet expected_before = Expect(plain, {}), expected_after = Expect(changed, {effect});
   const Texture before(plain), after(changed);
   TextureChange sum;
   for (int e = 0; e < before.entries(); ++e) {
     const Eigen::VectorXd was = before.Observed(plain, e), is = after.Observed(changed, e);
     if (was.size() == 0) continue;
     sum.seen += is[0] - was[0];
-    sum.expected +=
-        after.Expected(Expect(changed, {effect}), e)[0] - before.Expected(Expect(plain, {}), e)[0];
+    sum.expected += after.Expected(expected_after, e)[0] - before.Expected(expected_before, e)[0];
   }
   return sum;
 }
@@ -526,15 +535,16 @@ TEST(RepeatStatistic, NoiseIsExpectedAtTheMeanThatIsRecorded) {
                             ImageOf(RecordingKind::kLaser, 0.05, 32, 1)};
   constexpr int kSeeds = 16;
   double square = 0, information = 0, of_gain = 0;
+  const RecordedSet planned = MakeRecordedSet(description, {});
+  const ExpectedSet expected = Expect(planned, {});
+  const ExpectedSet expected_of_gain = Expect(planned, {Active("sensor.gain_error", {1.1})});
   for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const RecordedSet set = Render(description, seed, {});
     const RepeatStatistic statistic(set);
     ASSERT_EQ(statistic.entries(), 1);
-    const ExpectedSet expected = Expect(set, {});
     const Eigen::VectorXd values = statistic.Expected(expected, 0);
     const Eigen::VectorXd residual = statistic.Observed(set, 0) - values;
-    const Eigen::VectorXd gained =
-        statistic.Expected(Expect(set, {Active("sensor.gain_error", {1.1})}), 0) - values;
+    const Eigen::VectorXd gained = statistic.Expected(expected_of_gain, 0) - values;
     const Eigen::VectorXd weight = statistic.Covariance(expected, 0).diagonal().cwiseInverse();
     // Of the amount of noise where there is light, over the errors stated.
     double lit_information = 0, slope = 0, gain_slope = 0;
@@ -557,10 +567,10 @@ TEST(RepeatStatistic, NoiseIsExpectedAtTheMeanThatIsRecorded) {
 
 // A bug found: the image that a bright frame left in a dark one was called row noise.
 TEST(DarkStatistic, LeavesOutFramesThatFollowLight) {
-  const RecordedSet set = Render(Recordings(false), kSeed, {Active("sensor.image_lag", {2e-3})});
+  const RecordedSet& set = Rendered(false, kSeed, {Active("sensor.image_lag", {2e-3})});
   const DarkStatistic statistic(set);
   EXPECT_EQ(statistic.entries(), 3);
-  const Comparison null = Compare(statistic, set, Expect(set, {}));
+  const Comparison null = Compare(statistic, set, Expected(false, {}));
   EXPECT_LT(null.chi_squared, 2.5 * null.count);
 }
 
@@ -570,7 +580,8 @@ TEST(BurstStatistic, ShowsWhatTheFrameBeforeLeft) {
 
 // Saturated pixels of the longer exposure are told by the shorter one.
 TEST(SharedSpeckleStatistic, ExpectsTheTopWhereTheShorterExposureSaysSo) {
-  const auto& [set, expected] = NullSets().front();
+  const RecordedSet& set = Rendered(false, 1, {});
+  const ExpectedSet& expected = Expected(false, {});
   const SharedSpeckleStatistic statistic(set);
   const Eigen::VectorXd seen = statistic.Observed(set, 0);
   const Eigen::VectorXd mean = statistic.Expected(expected, 0);
