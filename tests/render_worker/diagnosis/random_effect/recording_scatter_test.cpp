@@ -4,7 +4,11 @@
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <initializer_list>
+#include <map>
+#include <memory>
 #include <numbers>
 #include <string_view>
 #include <vector>
@@ -64,37 +68,91 @@ RecordedSet Render(const std::vector<ActiveEffect>& effects, uint64_t seed,
 
 struct Compared {
   FitResult null;
-  std::vector<ScatterCandidate> candidates;
-  const ScatterCandidate* best = nullptr;
+  std::vector<ScatterCandidate> candidates;  // the vocabulary's four effects, then free-form terms
+  const ScatterCandidate* best = nullptr;    // of the vocabulary
+
+  const ScatterCandidate& Of(std::string_view id) const {
+    for (const ScatterCandidate& candidate : candidates) {
+      if (candidate.effect->description().id == id) return candidate;
+    }
+    ADD_FAILURE() << id << " was not compared";
+    return candidates.front();
+  }
 };
 
-Compared Compare(const SetModel& model) {
-  const std::vector<const Effect*> effects = {FindEffect(kPowerNoise), FindEffect(kExposureJitter),
-                                              FindEffect(kAlbedoTexture), FindEffect(kVibration)};
-  SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
+Compared Compare(const SetModel& model, const std::vector<std::string_view>& terms = {}) {
+  std::vector<const Effect*> effects = {FindEffect(kPowerNoise), FindEffect(kExposureJitter),
+                                        FindEffect(kAlbedoTexture), FindEffect(kVibration)};
+  const size_t known = effects.size();
+  for (const std::string_view term : terms) effects.push_back(FindFreeFormTerm(term));
   Compared compared;
-  compared.null = FitSet(model, start, {}, {}, nullptr);
+  compared.null = FitNull(model);
   compared.candidates = CompareRecordingScatter(model, compared.null, effects);
-  for (const ScatterCandidate& candidate : compared.candidates) {
-    if (compared.best == nullptr || candidate.log_evidence > compared.best->log_evidence) {
-      compared.best = &candidate;
-    }
-  }
+  compared.best = &*std::max_element(
+      compared.candidates.begin(), compared.candidates.begin() + static_cast<ptrdiff_t>(known),
+      [](const auto& a, const auto& b) { return a.log_evidence < b.log_evidence; });
   return compared;
 }
 
+// A set that is recorded with one effect, and how that compares with others. Each case is rendered
+// and compared once per program: several tests look at it.
+struct EffectCase {
+  std::string_view id;
+  std::vector<double> parameters;
+  uint64_t seed;
+  std::vector<std::string_view> terms;  // compared too
+};
+
+struct ComparedSet {
+  explicit ComparedSet(const EffectCase& of)
+      : set(Render({ActiveEffect{FindEffect(of.id), of.parameters}}, of.seed)),
+        model(set, {}),
+        compared(Compare(model, of.terms)) {}
+  const RecordedSet set;
+  const SetModel model;
+  const Compared compared;
+};
+
+const ComparedSet& ComparedOnce(const EffectCase& of) {
+  static auto* const known = new std::map<uint64_t, std::unique_ptr<const ComparedSet>>;
+  auto& compared = (*known)[of.seed];
+  if (compared == nullptr) compared = std::make_unique<const ComparedSet>(of);
+  return *compared;
+}
+
+const EffectCase& WithPowerNoise() {
+  static const EffectCase with{kPowerNoise, {0.06}, 21, {"unknown.power_scatter"}};
+  return with;
+}
+const EffectCase& WithExposureJitter() {
+  static const EffectCase with{
+      kExposureJitter, {5e-5}, 22, {"unknown.exposure_scatter", "unknown.power_scatter"}};
+  return with;
+}
+const EffectCase& WithTexture() {
+  static const EffectCase with{kAlbedoTexture, {0.15, 3e-3}, 23, {"unknown.reflectance_scatter"}};
+  return with;
+}
+const EffectCase& WithVibration() {
+  static const EffectCase with{
+      kVibration, {1.0, 60}, 24, {"unknown.power_scatter", "unknown.movement"}};
+  return with;
+}
+// Blocks that are half as bright as others, or twice.
+const EffectCase& WithStrongTexture() {
+  static const EffectCase with{kAlbedoTexture, {0.35, 4e-3}, 27, {}};
+  return with;
+}
+
 // The effect is named among the four and its strength found; what it has drawn is taken off.
-void ExpectFound(std::string_view id, std::vector<double> parameters, uint64_t seed) {
-  SCOPED_TRACE(id);
-  const RecordedSet set = Render({ActiveEffect{FindEffect(id), parameters}}, seed);
-  const SetModel model(set, {});
-  const Compared compared = Compare(model);
-  ASSERT_EQ(compared.candidates.size(), 4u);
+void ExpectFound(const EffectCase& planted) {
+  SCOPED_TRACE(planted.id);
+  const auto& [set, model, compared] = ComparedOnce(planted);
+  ASSERT_EQ(compared.candidates.size(), 4 + planted.terms.size());
   const ScatterCandidate& best = *compared.best;
-  EXPECT_EQ(best.effect->description().id, id);
+  EXPECT_EQ(best.effect->description().id, planted.id);
   EXPECT_GT(best.log_evidence, 5);
-  EXPECT_NEAR(best.parameters[0], parameters[0], 3 * best.standard_errors[0]);
+  EXPECT_NEAR(best.parameters[0], planted.parameters[0], 3 * best.standard_errors[0]);
   EXPECT_LT(best.fit.chi_squared, compared.null.chi_squared);
   // A recording's own realisation is not known before it is looked at: those not fitted scatter by
   // it.
@@ -140,7 +198,7 @@ TEST(CompareRecordingScatter, FindsNothingWhereNothingScatters) {
   }
 }
 
-TEST(CompareRecordingScatter, NamesPowerNoise) { ExpectFound(kPowerNoise, {0.06}, 21); }
+TEST(CompareRecordingScatter, NamesPowerNoise) { ExpectFound(WithPowerNoise()); }
 
 // Exposures of one speckle tell their ratios so well that the null model is led astray by power
 // noise: known parameters and what was drawn are found in turn.
@@ -167,11 +225,11 @@ TEST(CompareRecordingScatter, NamesPowerNoiseThatLeadsTheNullModelAstray) {
   EXPECT_LT(compared.best->fit.chi_squared, 1.1 * compared.best->fit.data_count);
 }
 
-TEST(CompareRecordingScatter, NamesExposureJitter) { ExpectFound(kExposureJitter, {5e-5}, 22); }
+TEST(CompareRecordingScatter, NamesExposureJitter) { ExpectFound(WithExposureJitter()); }
 
-TEST(CompareRecordingScatter, NamesAlbedoTexture) { ExpectFound(kAlbedoTexture, {0.15, 3e-3}, 23); }
+TEST(CompareRecordingScatter, NamesAlbedoTexture) { ExpectFound(WithTexture()); }
 
-TEST(CompareRecordingScatter, NamesVibration) { ExpectFound(kVibration, {1.0, 60}, 24); }
+TEST(CompareRecordingScatter, NamesVibration) { ExpectFound(WithVibration()); }
 
 // Exposures that hold parts of a period have skew and flat displacements, by a phase each; speckle
 // of two of them is that of two places of the line.
@@ -211,23 +269,19 @@ TEST(CompareRecordingScatter, FollowsThePhasesOfAStrongVibration) {
   EXPECT_GT(farthest_px, 1);
 }
 
-// Blocks that are half as bright as others, or twice.
 TEST(CompareRecordingScatter, FindsAStrongTexturesLength) {
-  constexpr double kRms = 0.35, kLength_m = 4e-3;
-  const RecordedSet set = Render({ActiveEffect{FindEffect(kAlbedoTexture), {kRms, kLength_m}}}, 27);
-  const SetModel model(set, {});
-  const Compared compared = Compare(model);
+  const Compared& compared = ComparedOnce(WithStrongTexture()).compared;
+  const double rms = WithStrongTexture().parameters[0];
+  const double length_m = WithStrongTexture().parameters[1];
   ASSERT_EQ(compared.best->effect->description().id, kAlbedoTexture);
-  EXPECT_NEAR(compared.best->parameters[0], kRms, 0.3 * kRms);
-  EXPECT_NEAR(compared.best->parameters[1], kLength_m, 3 * compared.best->standard_errors[1]);
-  EXPECT_LT(compared.best->standard_errors[1], 0.4 * kLength_m);
+  EXPECT_NEAR(compared.best->parameters[0], rms, 0.3 * rms);
+  EXPECT_NEAR(compared.best->parameters[1], length_m, 3 * compared.best->standard_errors[1]);
+  EXPECT_LT(compared.best->standard_errors[1], 0.4 * length_m);
   EXPECT_LT(compared.best->fit.chi_squared, 1.1 * compared.best->fit.data_count);
 }
 
 TEST(CompareRecordingScatter, PicturesShowTheLightThatPlacesHaveDrawn) {
-  const RecordedSet set = Render({{FindEffect(kAlbedoTexture), {0.3, 4e-3}}}, 29);
-  const SetModel model(set, {});
-  const Compared compared = Compare(model);
+  const auto& [set, model, compared] = ComparedOnce(WithStrongTexture());
   double before = 0, after = 0;
   for (const int f : TellingRecordings(model, compared.null, compared.best->fit, 4)) {
     const v1::ProfileComparison profile =
@@ -242,7 +296,7 @@ TEST(CompareRecordingScatter, PicturesShowTheLightThatPlacesHaveDrawn) {
 }
 
 TEST(RealisedReflectance, MakesBlocksOfAPlacesRecordingsBrighter) {
-  const RecordedSet set = Render({}, 28);
+  const RecordedSet set = MakeRecordedSet(Description(), {});
   const SetModel model(set, {});
   const int blocks = model.blocks_along_line();
   Eigen::VectorXd reflectance =
@@ -271,24 +325,16 @@ TEST(RealisedReflectance, MakesBlocksOfAPlacesRecordingsBrighter) {
 }
 
 TEST(CompareRecordingScatter, WithoutItsEffectTextureIsScatterOfTheReflectance) {
-  const RecordedSet set = Render({ActiveEffect{FindEffect(kAlbedoTexture), {0.15, 3e-3}}}, 23);
-  const SetModel model(set, {});
-  SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
-  const FitResult null = FitSet(model, start, {}, {}, nullptr);
-  const std::vector<const Effect*> effects = {FindEffect(kAlbedoTexture), FindEffect(kPowerNoise),
-                                              FindEffect(kExposureJitter), FindEffect(kVibration),
-                                              FindFreeFormTerm("unknown.reflectance_scatter")};
-  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
-  EXPECT_NEAR(candidates.back().log_evidence, candidates.front().log_evidence, 4);
-  for (size_t i = 1; i + 1 < candidates.size(); ++i) {
-    EXPECT_GT(candidates.back().log_evidence, candidates[i].log_evidence + 3)
-        << effects[i]->description().id;
+  const Compared& compared = ComparedOnce(WithTexture()).compared;
+  const double of_term = compared.Of("unknown.reflectance_scatter").log_evidence;
+  EXPECT_NEAR(of_term, compared.Of(kAlbedoTexture).log_evidence, 4);
+  for (const std::string_view other : {kPowerNoise, kExposureJitter, kVibration}) {
+    EXPECT_GT(of_term, compared.Of(other).log_evidence + 3) << other;
   }
 }
 
 TEST(ScatterLaw, WhatWandersMovesRecordingsOrBlursThem) {
-  const RecordedSet set = Render({}, 23);
+  const RecordedSet set = MakeRecordedSet(Description(), {});
   const SetModel model(set, {});
   const ScatterLaw law = ScatterLawOf("unknown.movement", model);
   for (const double correlation_time_s : {1e-5, 1e-3, 1e-1}) {
@@ -316,25 +362,14 @@ TEST(ScatterLaw, WhatWandersMovesRecordingsOrBlursThem) {
 }
 
 TEST(CompareRecordingScatter, WithoutItsEffectVibrationIsMovement) {
-  const RecordedSet set = Render({ActiveEffect{FindEffect(kVibration), {1.0, 60}}}, 24);
-  const SetModel model(set, {});
-  SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
-  const FitResult null = FitSet(model, start, {}, {}, nullptr);
-  const std::vector<const Effect*> effects = {FindEffect(kVibration),
-                                              FindEffect(kPowerNoise),
-                                              FindEffect(kExposureJitter),
-                                              FindEffect(kAlbedoTexture),
-                                              FindFreeFormTerm("unknown.power_scatter"),
-                                              FindFreeFormTerm("unknown.movement")};
-  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
-  const ScatterCandidate &vibration = candidates.front(), &movement = candidates.back();
-  for (size_t i = 1; i + 1 < candidates.size(); ++i) {
-    EXPECT_GT(movement.log_evidence, candidates[i].log_evidence + 10)
-        << effects[i]->description().id;
+  const Compared& compared = ComparedOnce(WithVibration()).compared;
+  const ScatterCandidate& movement = compared.Of("unknown.movement");
+  for (const std::string_view other : std::initializer_list<std::string_view>{
+           kPowerNoise, kExposureJitter, kAlbedoTexture, "unknown.power_scatter"}) {
+    EXPECT_GT(movement.log_evidence, compared.Of(other).log_evidence + 10) << other;
   }
   // The root mean square of a sinusoid.
-  const double root_mean_square = std::sqrt(0.5) * vibration.parameters[0];
+  const double root_mean_square = std::sqrt(0.5) * compared.Of(kVibration).parameters[0];
   EXPECT_NEAR(movement.parameters[0], root_mean_square, 0.2 * root_mean_square);
 }
 
@@ -375,37 +410,26 @@ TEST(CompareRecordingScatter, APowerThatSwingsIsNoNoiseOfAVocabularyButRemembers
 }
 
 TEST(CompareRecordingScatter, NoiseOfThePowerForgetsAtOnce) {
-  const RecordedSet set = Render({ActiveEffect{FindEffect(kPowerNoise), {0.06}}}, 21);
-  const SetModel model(set, {});
-  SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
-  const FitResult null = FitSet(model, start, {}, {}, nullptr);
-  const std::vector<const Effect*> effects = {FindEffect(kPowerNoise),
-                                              FindFreeFormTerm("unknown.power_scatter")};
-  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  const Compared& compared = ComparedOnce(WithPowerNoise()).compared;
+  const ScatterCandidate& noise = compared.Of(kPowerNoise);
+  const ScatterCandidate& term = compared.Of("unknown.power_scatter");
   // It contains the law and pays for the time that it leaves open.
-  EXPECT_NEAR(candidates[1].largest_gain, candidates[0].largest_gain, 1.5);
-  EXPECT_LT(candidates[1].log_evidence, candidates[0].log_evidence);
-  EXPECT_GT(candidates[1].log_evidence, candidates[0].log_evidence - 4);
+  EXPECT_NEAR(term.largest_gain, noise.largest_gain, 1.5);
+  EXPECT_LT(term.log_evidence, noise.log_evidence);
+  EXPECT_GT(term.log_evidence, noise.log_evidence - 4);
 }
 
 TEST(CompareRecordingScatter, JitterOfTheExposureScattersShortOnesMost) {
-  const RecordedSet set = Render({ActiveEffect{FindEffect(kExposureJitter), {5e-5}}}, 22);
-  const SetModel model(set, {});
-  SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
-  const FitResult null = FitSet(model, start, {}, {}, nullptr);
-  const std::vector<const Effect*> effects = {
-      FindEffect(kExposureJitter), FindFreeFormTerm("unknown.exposure_scatter"),
-      FindEffect(kPowerNoise), FindFreeFormTerm("unknown.power_scatter")};
-  const std::vector<ScatterCandidate> candidates = CompareRecordingScatter(model, null, effects);
+  const Compared& compared = ComparedOnce(WithExposureJitter()).compared;
+  const ScatterCandidate& jitter = compared.Of(kExposureJitter);
+  const ScatterCandidate& term = compared.Of("unknown.exposure_scatter");
   // It contains the law and pays for the exponent that it leaves open.
-  EXPECT_NEAR(candidates[1].parameters[1], 1, 0.3);
-  EXPECT_GT(candidates[1].log_evidence, candidates[0].log_evidence - 4);
-  EXPECT_LT(candidates[1].log_evidence, candidates[0].log_evidence);
+  EXPECT_NEAR(term.parameters[1], 1, 0.3);
+  EXPECT_GT(term.log_evidence, jitter.log_evidence - 4);
+  EXPECT_LT(term.log_evidence, jitter.log_evidence);
   // Without the effect itself, the term of its stage is left.
-  EXPECT_GT(candidates[1].log_evidence, candidates[2].log_evidence + 2);
-  EXPECT_GT(candidates[1].log_evidence, candidates[3].log_evidence + 2);
+  EXPECT_GT(term.log_evidence, compared.Of(kPowerNoise).log_evidence + 2);
+  EXPECT_GT(term.log_evidence, compared.Of("unknown.power_scatter").log_evidence + 2);
 }
 
 Candidate BestOf(const RecordedSet& set, const std::vector<const Effect*>& effects) {
