@@ -8,7 +8,6 @@
 #include <condition_variable>
 #include <map>
 #include <mutex>
-#include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
@@ -39,6 +38,19 @@ std::string ReasonText(int code) {
       return text != nullptr ? text : absl::StrCat("error ", code);
     }
   }
+}
+
+// Makes a client that never connects and is never destroyed, so that no other client is the last
+// one. With the last client Paho 1.3.12 ends its two threads (MQTTAsync_terminate). It then frees
+// the buffer of its trace, though the threads may still write there that they return.
+void KeepThreadsOfPaho() {
+  static const MQTTAsync kept = [] {
+    MQTTAsync client = nullptr;
+    MQTTAsync_create(&client, "tcp://localhost:1883", "sightline-idle", MQTTCLIENT_PERSISTENCE_NONE,
+                     /*persistence_context=*/nullptr);
+    return client;
+  }();
+  static_cast<void>(kept);
 }
 
 }  // namespace
@@ -187,13 +199,12 @@ absl::Status MqttConnection::Await(Signal& done, const std::string& what, absl::
 
 absl::Status MqttConnection::Connect(const MqttSettings& settings, absl::Duration timeout) {
   is_connected_ = false;
-  // A new client for every attempt knows nothing of what the one before was doing. The old one goes
-  // after the new one is there: with the last client Paho would end its threads, and wait for them.
-  MQTTAsync old = std::exchange(client_, nullptr);
+  KeepThreadsOfPaho();
+  // A new client for every attempt knows nothing of what the one before was doing.
+  if (client_ != nullptr) MQTTAsync_destroy(&client_);
   const int created =
       MQTTAsync_create(&client_, settings.uri.c_str(), settings.client_id.c_str(),
                        MQTTCLIENT_PERSISTENCE_NONE, /*persistence_context=*/nullptr);
-  if (old != nullptr) MQTTAsync_destroy(&old);
   lost_ = std::make_unique<Registration>();
   if (created != MQTTASYNC_SUCCESS) {
     client_ = nullptr;

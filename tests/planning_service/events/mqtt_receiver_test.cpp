@@ -12,8 +12,12 @@
 #include <sys/wait.h>
 #include <unistd.h>
 
+#include <filesystem>
+#include <fstream>
 #include <nlohmann/json.hpp>
 #include <sstream>
+#include <string>
+#include <vector>
 
 #include "planning_service/events/webhook_receiver.h"
 #include "stored_events.h"
@@ -340,6 +344,27 @@ TEST_F(MqttReceiverTest, UsesTlsAndPasswords) {
   wrong.url = absl::StrCat("ssl://127.0.0.1:", broker.port());
   refused(wrong);
   EXPECT_EQ(WithoutRepetitions(listener.event_ids()), events_.AllIds());
+}
+
+// Names of this process's threads.
+std::vector<std::string> ThreadNames() {
+  std::vector<std::string> names;
+  for (const auto& task : std::filesystem::directory_iterator("/proc/self/task")) {
+    std::ifstream file(task.path() / "comm");
+    names.emplace_back();
+    std::getline(file, names.back());
+  }
+  return names;
+}
+
+// A bug found: Paho ended its threads with the last client and freed their trace buffer while they
+// still wrote to it. A receiver that came or went now and then crashed the process.
+TEST_F(MqttReceiverTest, ThreadsOfPahoOutliveTheLastReceiver) {
+  MqttOptions options;
+  options.url = absl::StrCat("tcp://localhost:", FreePort());  // nobody listens
+  EXPECT_EQ(Mqtt(options)->KeepReady().code(), absl::StatusCode::kUnavailable);
+  EXPECT_THAT(ThreadNames(), Contains("MQTTAsync_rcv"));
+  EXPECT_THAT(ThreadNames(), Contains("MQTTAsync_send"));
 }
 
 TEST_F(MqttReceiverTest, HostThatDoesNotExist) {
