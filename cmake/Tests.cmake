@@ -6,6 +6,10 @@ set(SIGHTLINE_TEST_ENVIRONMENT
   "TSAN_OPTIONS=ignore_noninstrumented_modules=1:suppressions=${PROJECT_SOURCE_DIR}/deploy/sanitizers/thread.supp:print_suppressions=0"
   "SIGHTLINE_SOURCE_DIR=${PROJECT_SOURCE_DIR}" "SIGHTLINE_BIN_DIR=${CMAKE_RUNTIME_OUTPUT_DIRECTORY}" "LP_NUM_THREADS=0")
 
+# Properties of a test whose page has time limits of its own, in a browser: of the six jobs on two processors it leaves
+# one, for a test that waits. Such tests begin first, before others take the jobs.
+set(SIGHTLINE_NEARLY_ALONE PROCESSORS 5 COST 1000)
+
 # sightline_test_program(NAME): the program of all following calls of sightline_test in this folder and below.
 macro(sightline_test_program name)
   add_executable(${name})
@@ -14,10 +18,12 @@ macro(sightline_test_program name)
   set(SIGHTLINE_TEST_PROGRAM ${name})
 endmacro()
 
-# sightline_test(NAME SOURCES... LIBRARIES... [DEFINITIONS...] [DEPENDS targets...] [TIMEOUT s]): adds sources of
-# GoogleTest tests to the module's program, and a test of CTest that runs the tests in these sources.
+# sightline_test(NAME SOURCES... LIBRARIES... [DEFINITIONS...] [DEPENDS targets...] [TIMEOUT s] [DURATION s] [WAITS]):
+# adds sources of GoogleTest tests to the module's program, and a test of CTest that runs the tests in these sources.
+# DURATION: measured time, 10 s by default; longer tests begin earlier. WAITS: the test waits for processes or clocks
+# most of the time. It takes one of CTest's jobs, other tests take two.
 function(sightline_test name)
-  cmake_parse_arguments(ARG "" "TIMEOUT" "SOURCES;LIBRARIES;DEFINITIONS;DEPENDS" ${ARGN})
+  cmake_parse_arguments(ARG "WAITS" "TIMEOUT;DURATION" "SOURCES;LIBRARIES;DEFINITIONS;DEPENDS" ${ARGN})
   set(program ${SIGHTLINE_TEST_PROGRAM})
   set(sources)
   foreach(source ${ARG_SOURCES})
@@ -46,6 +52,14 @@ function(sightline_test name)
   endif()
   add_test(NAME ${name}
     COMMAND ${Python3_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tests/run_sources.py $<TARGET_FILE:${program}> ${sources})
+  if(NOT ARG_DURATION)
+    set(ARG_DURATION 10)
+  endif()
+  set(jobs 2)
+  if(ARG_WAITS)
+    set(jobs 1)
+  endif()
   # Long tests begin first, so that none runs alone at the end.
-  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} COST ${ARG_TIMEOUT} ENVIRONMENT "${SIGHTLINE_TEST_ENVIRONMENT}")
+  set_tests_properties(${name} PROPERTIES TIMEOUT ${ARG_TIMEOUT} COST ${ARG_DURATION} PROCESSORS ${jobs}
+    ENVIRONMENT "${SIGHTLINE_TEST_ENVIRONMENT}")
 endfunction()
