@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <set>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -20,6 +21,72 @@ bool ReversesRows(int orientation) {
 
 bool ReversesColumns(int orientation) {
   return orientation == 2 || orientation == 3 || orientation == 7 || orientation == 8;
+}
+
+constexpr std::string_view kXmlBlanks = " \t\r\n";
+
+bool IsXmlNameByte(char c) {
+  return absl::ascii_isalnum(static_cast<unsigned char>(c)) || c == '_' || c == '-' || c == '.' ||
+         c == ':' || static_cast<unsigned char>(c) >= 0x80;
+}
+
+// The names of the property Orientation in an XMP packet: prefixes are the writer's choice, what
+// counts is the namespace they are bound to, as in xmlns:t="http://ns.adobe.com/tiff/1.0/".
+std::set<std::string> NamesOfXmpOrientation(std::string_view packet) {
+  constexpr std::string_view kNamespace = "http://ns.adobe.com/tiff/1.0/";
+  constexpr std::string_view kBinding = "xmlns";
+  std::set<std::string> names = {"tiff:Orientation"};  // also without the binding
+  for (size_t at = packet.find(kNamespace); at != std::string_view::npos;
+       at = packet.find(kNamespace, at + kNamespace.size())) {
+    std::string_view before = packet.substr(0, at);
+    const auto drop_blanks = [&] {
+      while (!before.empty() && kXmlBlanks.find(before.back()) != std::string_view::npos) {
+        before.remove_suffix(1);
+      }
+    };
+    if (!before.ends_with('"') && !before.ends_with('\'')) continue;
+    before.remove_suffix(1);
+    drop_blanks();
+    if (!before.ends_with('=')) continue;
+    before.remove_suffix(1);
+    drop_blanks();
+    size_t first = before.size();
+    while (first > 0 && IsXmlNameByte(before[first - 1])) --first;
+    std::string_view name = before.substr(first);
+    if (!name.starts_with(kBinding)) continue;
+    name.remove_prefix(kBinding.size());
+    if (name.empty()) {
+      names.insert("Orientation");  // of the elements without a prefix
+    } else if (name.front() == ':') {
+      names.insert(absl::StrCat(std::string(name.substr(1)), ":Orientation"));
+    }
+  }
+  return names;
+}
+
+// Adds each attribute NAME="3" and each element <NAME>3</NAME> of an XMP packet whose name is one
+// of `names`, in one pass.
+void AddOrientationsNamed(const std::set<std::string>& names, std::string_view packet,
+                          ImageTags* tags) {
+  constexpr std::string_view kLocalName = "Orientation";
+  for (size_t at = packet.find(kLocalName); at != std::string_view::npos;
+       at = packet.find(kLocalName, at)) {
+    size_t first = at;
+    at += kLocalName.size();
+    if (at < packet.size() && IsXmlNameByte(packet[at])) continue;
+    while (first > 0 && IsXmlNameByte(packet[first - 1])) --first;
+    const bool closing = first > 0 && packet[first - 1] == '/';
+    if (closing || !names.contains(std::string(packet.substr(first, at - first)))) continue;
+    size_t digit = packet.find_first_not_of(" \t\r\n=\"'>", at);
+    if (digit == std::string_view::npos) break;
+    uint64_t value = 0;
+    const size_t begin = digit;
+    while (digit < packet.size() && digit - begin < 9 &&
+           absl::ascii_isdigit(static_cast<unsigned char>(packet[digit]))) {
+      value = 10 * value + static_cast<uint64_t>(packet[digit++] - '0');
+    }
+    AddOrientation("tiff:Orientation of its XMP packet", value, tags);
+  }
 }
 
 }  // namespace
@@ -98,22 +165,15 @@ void AddOrientation(std::string_view where, uint64_t value, ImageTags* tags) {
 }
 
 void AddXmpOrientation(std::string_view packet, ImageTags* tags) {
-  // An attribute tiff:Orientation="3" or an element <tiff:Orientation>3</tiff:Orientation>.
-  constexpr std::string_view kName = "tiff:Orientation";
-  for (size_t at = packet.find(kName); at != std::string_view::npos; at = packet.find(kName, at)) {
-    const bool closing = at > 0 && packet[at - 1] == '/';
-    at += kName.size();
-    if (closing) continue;
-    size_t digit = packet.find_first_not_of(" \t\r\n=\"'>", at);
-    if (digit == std::string_view::npos) break;
-    uint64_t value = 0;
-    const size_t first = digit;
-    while (digit < packet.size() && digit - first < 9 &&
-           absl::ascii_isdigit(static_cast<unsigned char>(packet[digit]))) {
-      value = 10 * value + static_cast<uint64_t>(packet[digit++] - '0');
-    }
-    AddOrientation("tiff:Orientation of its XMP packet", value, tags);
+  // Padding of the packet; in UTF-16 and UTF-32 NUL bytes are elsewhere too.
+  while (!packet.empty() && packet.back() == '\0') packet.remove_suffix(1);
+  if (packet.find('\0') != std::string_view::npos) {
+    tags->refusals.emplace_back(
+        "has an XMP packet in UTF-16 or UTF-32, in which an orientation could be: save the image "
+        "without it");
+    return;
   }
+  AddOrientationsNamed(NamesOfXmpOrientation(packet), packet, tags);
 }
 
 }  // namespace sightline

@@ -47,7 +47,8 @@ Image<uint16_t> Oriented(Image<uint16_t> stored, int orientation);
 // Adds an orientation tag; `where` names it in messages.
 void AddOrientation(std::string_view where, uint64_t value, ImageTags* tags);
 
-// Adds the orientation that an XMP packet (`tiff:Orientation`) states, if it states any.
+// Adds the orientation that an XMP packet states, if it states any: Orientation in the namespace
+// http://ns.adobe.com/tiff/1.0/, whatever its prefix. A packet in UTF-16 or UTF-32 is a refusal.
 void AddXmpOrientation(std::string_view packet, ImageTags* tags);
 
 }  // namespace sightline

@@ -53,7 +53,10 @@ void AddInternationalText(std::string_view text, ImageTags* tags) {
         "has a compressed XMP packet, in which an orientation could be: save the image without it");
     return;
   }
-  AddXmpOrientation(text.substr(kXmpKey.size()), tags);
+  // Behind the key: two bytes about compression, a language and a translated key, each with a NUL.
+  size_t packet = kXmpKey.size() + 2;
+  for (int i = 0; i < 2; ++i) packet = std::min(text.find('\0', packet), text.size() - 1) + 1;
+  AddXmpOrientation(text.substr(packet), tags);
 }
 
 bool IsText(std::string_view type) { return type == "tEXt" || type == "zTXt" || type == "iTXt"; }

@@ -145,7 +145,7 @@ std::optional<Integer> IntegerOf(const JsonValue& value, uint64_t max_negative,
   }
   if (value.type != JsonValue::Type::kNumber) return std::nullopt;
   const double number = value.number;
-  if (std::trunc(number) != number || std::abs(number) > 9007199254740992.0) return std::nullopt;
+  if (std::trunc(number) != number || std::abs(number) >= 9007199254740992.0) return std::nullopt;
   if (number < 0 ? -number > static_cast<double>(max_negative)
                  : number > static_cast<double>(max_positive)) {
     return std::nullopt;

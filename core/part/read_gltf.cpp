@@ -10,6 +10,7 @@
 #include <initializer_list>
 #include <new>
 #include <nlohmann/json.hpp>
+#include <set>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -19,6 +20,7 @@
 #include "absl/strings/strip.h"
 #include "core/file/read_file.h"
 #include "core/part/gltf_extensions.h"
+#include "core/part/gltf_properties.h"
 #include "core/part/mesh_readers.h"
 #include "core/text/text_encoding.h"
 
@@ -26,14 +28,16 @@ namespace sightline {
 namespace {
 
 // tinygltf walks "extras" recursively: deeper nesting could overflow the stack.
-constexpr int kMaxJsonDepth = 64;
+constexpr size_t kMaxJsonDepth = 64;
 
 absl::Status Refuse(const std::string& reason) { return absl::InvalidArgumentError(reason); }
 
-// Counts the values of a JSON text without keeping them.
+// Counts the values of a JSON text without keeping them, and finds keys that stand twice in an
+// object: parsers differ in which of the two they take.
 class JsonMeasure : public nlohmann::json_sax<nlohmann::json> {
  public:
   bool too_deep = false, too_many = false;
+  std::string repeated;  // place of the first such key, "nodes[3].scale"
 
   bool null() override { return Count(); }
   bool boolean(bool) override { return Count(); }
@@ -42,9 +46,14 @@ class JsonMeasure : public nlohmann::json_sax<nlohmann::json> {
   bool number_float(number_float_t, const string_t&) override { return Count(); }
   bool string(string_t&) override { return Count(); }
   bool binary(binary_t&) override { return Count(); }
-  bool key(string_t&) override { return true; }
-  bool start_object(size_t) override { return Open(); }
-  bool start_array(size_t) override { return Open(); }
+  bool key(string_t& name) override {
+    const auto [entry, is_new] = open_.back().keys.insert(name);
+    open_.back().key = *entry;
+    if (!is_new) repeated = Place();
+    return is_new;
+  }
+  bool start_object(size_t) override { return Open(false); }
+  bool start_array(size_t) override { return Open(true); }
   bool end_object() override { return Close(); }
   bool end_array() override { return Close(); }
   bool parse_error(size_t, const std::string&, const nlohmann::detail::exception&) override {
@@ -52,21 +61,43 @@ class JsonMeasure : public nlohmann::json_sax<nlohmann::json> {
   }
 
  private:
+  // An object or a list that has begun and not ended.
+  struct Container {
+    bool is_list = false;
+    size_t begun = 0;            // elements of the list so far
+    std::set<std::string> keys;  // of the object so far
+    std::string key;             // the last of them
+  };
+
   bool Count() {
+    if (!open_.empty() && open_.back().is_list) ++open_.back().begun;
     too_many = ++values_ > kMaxGltfJsonValues;
     return !too_many;
   }
-  bool Open() {
-    too_deep = ++depth_ > kMaxJsonDepth;
-    return !too_deep && Count();
+  bool Open(bool is_list) {
+    too_deep = open_.size() + 1 > kMaxJsonDepth;
+    if (too_deep || !Count()) return false;
+    open_.emplace_back().is_list = is_list;
+    return true;
   }
   bool Close() {
-    --depth_;
+    open_.pop_back();
     return true;
+  }
+  std::string Place() const {
+    std::string place;
+    for (const Container& container : open_) {
+      if (container.is_list) {
+        absl::StrAppend(&place, "[", container.begun - 1, "]");
+      } else {
+        absl::StrAppend(&place, place.empty() ? "" : ".", Excerpt(container.key));
+      }
+    }
+    return place;
   }
 
   size_t values_ = 0;
-  int depth_ = 0;
+  std::vector<Container> open_;  // the outermost first
 };
 
 // Percent-encoding as tinygltf decodes it.
@@ -174,6 +205,9 @@ absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_f
         absl::StrCat("its JSON has more than the ", kMaxGltfJsonValues,
                      " values that can be read: geometry belongs into buffers, not into extras"));
   }
+  if (!measure.repeated.empty()) {
+    return Refuse(absl::StrCat(measure.repeated, " stands twice in the same object of its JSON"));
+  }
   const nlohmann::json root = parsed
                                   ? nlohmann::json::parse(json.begin(), json.end(), nullptr, false)
                                   : nlohmann::json(nlohmann::json::value_t::discarded);
@@ -185,6 +219,7 @@ absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_f
         absl::StrCat("its JSON has more materials, nodes and other elements than the ",
                      kMaxGltfElementBytes >> 20, " MiB that can be read"));
   }
+  if (absl::Status status = CheckGltfProperties(root); !status.ok()) return status;
   const bool binary = buffer_files == nullptr;
   if (const uint64_t used = OwnBufferBytes(root);
       binary && binary_bytes > (used + 3) / 4 * 4) {  // chunks are padded to words
@@ -453,6 +488,11 @@ class Converter {
     };
     Eigen::Affine3d transform = Eigen::Affine3d::Identity();
     if (!node.matrix.empty()) {
+      if (!node.translation.empty() || !node.rotation.empty() || !node.scale.empty()) {
+        return Refuse(absl::StrCat("nodes[", index,
+                                   "] has a matrix and a translation, rotation or scale, must "
+                                   "have either"));
+      }
       if (node.matrix.size() != 16) return bad_size("matrix", node.matrix.size(), 16);
       transform.matrix() = Eigen::Map<const Eigen::Matrix4d>(node.matrix.data());  // column-major
       if (transform.matrix().row(3) != Eigen::RowVector4d(0, 0, 0, 1)) {
@@ -806,6 +846,10 @@ absl::StatusOr<RawMesh> LoadModel(tinygltf::TinyGLTF& loader, const StopCheck& s
   std::string error, warning;
   try {
     if (!load(&model, &error, &warning)) {
+      // A required extension, for example of compressed buffers, may be why.
+      if (absl::Status status = CheckRequiredExtensions(model.extensionsRequired); !status.ok()) {
+        return status;
+      }
       return Refuse(absl::StrCat("cannot be parsed: ", OneLine(error)));
     }
   } catch (const std::bad_alloc&) {

@@ -66,6 +66,38 @@ bool IsDigit(std::string_view text, size_t place) {
   return place < text.size() && absl::ascii_isdigit(static_cast<unsigned char>(text[place]));
 }
 
+size_t DigitsAt(std::string_view text, size_t place) {
+  size_t digits = 0;
+  while (IsDigit(text, place + digits)) ++digits;
+  return digits;
+}
+
+// Whether `line` can be one number with signs between thousands: 1.234.567,8 or 12,345. Numbers
+// below a thousand have none. Nobody writes thousands behind a leading zero, nor measures more
+// digits than a double holds.
+bool IsOneGroupedNumber(std::string_view line, char thousands, char decimal) {
+  const std::string_view text = WithoutBlanks(line);
+  size_t at = !text.empty() && (text[0] == '-' || text[0] == '+') ? 1 : 0;
+  const bool zero = at < text.size() && text[at] == '0';
+  constexpr size_t kMostDigits = 15;
+  size_t digits = DigitsAt(text, at), all_digits = digits;
+  if (digits == 0) return false;
+  at += digits;
+  while (digits <= 3 && !zero && at < text.size() && text[at] == thousands) {
+    digits = DigitsAt(text, at + 1);
+    all_digits += digits;
+    if (digits != 3 || all_digits > kMostDigits) return false;
+    at += 1 + digits;
+  }
+  if (at < text.size() && text[at] == decimal) at += 1 + DigitsAt(text, at + 1);
+  if (at < text.size() && (text[at] == 'e' || text[at] == 'E')) {
+    ++at;
+    if (at < text.size() && (text[at] == '-' || text[at] == '+')) ++at;
+    at += DigitsAt(text, at);
+  }
+  return at == text.size();
+}
+
 // Which characters stand where in the lines of a table.
 struct Punctuation {
   bool semicolons = false, tabs = false, points = false;
@@ -76,8 +108,12 @@ struct Punctuation {
   bool decimal_commas = false;     // a comma that no thousands could have: 0,5  12,3456
   bool padded_integers = false;    // 0,05 or -0,5: as two whole numbers nobody writes them so
   bool one_comma_in_each_line = true;
+  // Each line can be one number, with points or with commas between thousands.
+  bool points_group = true, commas_group = true;
 
   void Add(std::string_view line) {
+    points_group = points_group && IsOneGroupedNumber(line, '.', ',');
+    commas_group = commas_group && IsOneGroupedNumber(line, ',', '.');
     size_t commas = 0, commas_of_word = 0;
     for (size_t i = 0; i < line.size(); ++i) {
       const char c = line[i];
@@ -197,7 +233,13 @@ absl::StatusOr<NumberTableForm> FormOfNumberTable(std::string_view text,
     }
     return decimal_commas(' ');
   }
-  // Nothing but commas is between values.
+  // Nothing but commas is between values. Points do not settle it: 1.234,567 and 1,234.5 can be one
+  // number or two.
+  if (rules.columns.empty() && (seen.points_group || seen.commas_group)) {
+    return TwoWays(
+        "its commas may separate values, or stand in one number per line, before decimals or "
+        "between thousands");
+  }
   if (seen.points) return NumberTableForm{',', '.'};
   if (seen.commas_in_numbers && seen.commas_beside && rules.columns.empty() &&
       !seen.several_in_a_word) {

@@ -8,6 +8,7 @@
 //   1.5,2.5     commas separate           0,5<tab>1,5   tabs separate, commas are decimal signs
 //   1 2 3       blanks separate           0,5;1,5       semicolons separate, likewise
 //   0,5 1,5     refused                   1,500<tab>2,000   refused: thousands or decimals
+//   1.234,567   refused: one or two values, if each line is such; likewise 1,234.5 and 1,234,567
 #pragma once
 
 #include <cstddef>

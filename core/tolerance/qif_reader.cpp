@@ -291,6 +291,12 @@ class QifReader {
       Collect(datum, "DatumDefinitionId", ids);
       Collect(datum, "MaterialModifier", materials);
       Collect(datum, "PrecedenceEnum", precedence);
+      if (precedence.size() > 1) Break(datum, "<PrecedenceEnum> stands in it twice");
+      if (std::any_of(materials.begin(), materials.end(),
+                      [&](const std::string& material) { return material != materials[0]; })) {
+        throw Unreadable{absl::StrCat("a datum (line ", datum.line,
+                                      ") has different values of <MaterialModifier>")};
+      }
       std::string text;
       for (const std::string& id : ids) {
         const QifElement& definition = Follow(datum_definitions_, datum, id, "datum definition");
@@ -530,9 +536,9 @@ absl::StatusOr<ToleranceReport> ReadQif(const std::string& file, const std::stri
                                         const std::string& length_unit) {
   const auto root = ReadQifXml(file, schema_folder);
   if (!root.ok()) return root.status();
-  auto units = QifUnits::Read(*root, file, length_unit);
-  if (!units.ok()) return units.status();
   try {
+    auto units = QifUnits::Read(*root, file, length_unit);
+    if (!units.ok()) return units.status();
     ToleranceReport report = QifReader(*root, file, *std::move(units)).Read();
     report.notes.push_back(
         schema_folder.empty()
@@ -546,6 +552,10 @@ absl::StatusOr<ToleranceReport> ReadQif(const std::string& file, const std::stri
     return report;
   } catch (const Broken& broken) {
     return broken.status;
+  } catch (const QifRepeated& repeated) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        file, ":", repeated.line, ": <", repeated.name, "> stands twice in <", repeated.parent,
+        ">, must stand once; the first is in line ", repeated.first_line));
   }
 }
 

@@ -125,10 +125,16 @@ absl::StatusOr<QifUnits> QifUnits::Read(const QifElement& document, const std::s
   for (const char* list_name : {"PrimaryUnits", "OtherUnits"}) {
     const QifElement* list = file_units == nullptr ? nullptr : file_units->Child(list_name);
     if (list == nullptr) continue;
+    const bool primary = list_name == std::string_view("PrimaryUnits");
+    std::map<std::string, int64_t> lines;  // of the primary units, by the names of their elements
     for (const QifElement& unit : list->children) {
       const bool linear = absl::EndsWith(unit.name, "LinearUnit");
       if (!linear && !absl::EndsWith(unit.name, "AngularUnit")) continue;
-      absl::Status added = units.Add(unit, !linear, list_name == std::string_view("PrimaryUnits"));
+      if (primary) {
+        const auto [first, is_new] = lines.emplace(unit.name, unit.line);
+        if (!is_new) throw QifRepeated{list->name, unit.name, first->second, unit.line};
+      }
+      absl::Status added = units.Add(unit, !linear, primary);
       if (!added.ok()) return added;
     }
   }

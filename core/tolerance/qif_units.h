@@ -29,7 +29,8 @@ class QifUnits {
   // states none or one that is not known ("mm", ...); empty: such a length is refused.
   // INVALID_ARGUMENT names line and element: SIUnitName is not the SI unit, UnitName is missing or
   // stands twice for different units, the conversion is no positive factor or contradicts the name;
-  // and names --unit if the stated unit is unknown, or if the file states its unit itself.
+  // and names --unit if the stated unit is unknown, or if the file states its unit itself. Throws
+  // QifRepeated for a second primary unit of the same element name.
   static absl::StatusOr<QifUnits> Read(const QifElement& document, const std::string& file,
                                        const std::string& stated_length_unit);
 

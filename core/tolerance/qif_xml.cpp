@@ -251,10 +251,13 @@ absl::StatusOr<fs::path> SchemaFile(const std::string& folder) {
 }  // namespace
 
 const QifElement* QifElement::Child(const std::string& child) const {
+  const QifElement* found = nullptr;
   for (const QifElement& element : children) {
-    if (element.name == child) return &element;
+    if (element.name != child) continue;
+    if (found != nullptr) throw QifRepeated{name, child, found->line, element.line};
+    found = &element;
   }
-  return nullptr;
+  return found;
 }
 
 const std::string& QifElement::ChildText(const std::string& child) const {

@@ -18,10 +18,17 @@ struct QifElement {
   std::string text;                               // of its own, trimmed; long texts are cut
   std::vector<QifElement> children;
 
-  // First child of that name, or null.
+  // The child of that name, or null. Throws QifRepeated if there are several: a file that states a
+  // thing twice does not say which it means.
   const QifElement* Child(const std::string& child) const;
-  // Text of the first child of that name, or empty.
+  // Text of the child of that name, or empty. Throws like Child.
   const std::string& ChildText(const std::string& child) const;
+};
+
+// An element that may stand once in its parent stands there again. ReadQif makes it an error.
+struct QifRepeated {
+  std::string parent, name;
+  int64_t first_line = 0, line = 0;
 };
 
 // Parses and checks a QIF 3.0 document: well-formed XML without a document type, root QIFDocument

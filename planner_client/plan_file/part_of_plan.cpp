@@ -35,6 +35,14 @@ absl::StatusOr<std::string> CheckPlanBelongsToPart(const std::string& file,
     case DigestComparison::kSame:
       return std::string();
     case DigestComparison::kOtherRule:
+      // A later version made the file: only its user can know that the part is the same.
+      if (stated->rule > part.rule && other_part != OtherPart::kTaken) {
+        return absl::InvalidArgumentError(absl::StrCat(
+            file, ": ", both(part_file), ": rule ", stated->rule,
+            " is of a later version and cannot be compared",
+            other_part == OtherPart::kRefusedWithoutOption ? "; --other-part takes it all the same"
+                                                           : ""));
+      }
       return absl::StrCat(NameOf(file), ": the digest of its part is by rule ", stated->rule,
                           ", which this version cannot compare with rule ", part.rule,
                           ": make sure that it is of ", NameOf(part_file));

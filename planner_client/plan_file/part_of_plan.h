@@ -25,9 +25,9 @@ enum class OtherPart {
 
 // Compares the digest that `file` states with that of the part. The answer is a remark for people,
 // empty if the file is of this part or states no digest, as those that are written by hand. It
-// names files without their folders, since plans keep it. A digest by another rule cannot be
+// names files without their folders, since plans keep it. A digest by an older rule cannot be
 // compared: the file is taken, and the remark says so. INVALID_ARGUMENT names both files and both
-// digests of two parts, or a text that is no digest.
+// digests of two parts, a rule of a later version, or a text that is no digest.
 absl::StatusOr<std::string> CheckPlanBelongsToPart(const std::string& file,
                                                    const std::string& stated_digest,
                                                    const PartDigest& part,

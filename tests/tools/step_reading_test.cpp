@@ -17,6 +17,7 @@
 #include <TopoDS_Shell.hxx>
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
@@ -432,6 +433,129 @@ TEST_F(StepReadingTest, TheProgramRefusesWithTheReason) {
   EXPECT_EQ(damaged.code(), absl::StatusCode::kInvalidArgument) << damaged;
   fs::remove(path);
   fs::remove(path + ".glb");
+}
+
+// --- Length units --------------------------------------------------------------------------------
+
+constexpr char kMillimetre[] = "(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(.MILLI.,.METRE.))";
+
+// The box's length unit defined as `unit`; `more`: further instances, numbered from #900001, of
+// which `second` may be a second unit of the same context. $UNIT is the number of the first.
+std::string WithLengthUnit(const std::string& text, const std::string& unit,
+                           const std::string& more, const std::string& second) {
+  const std::regex millimetre(
+      R"((#\d+) *= *\( *LENGTH_UNIT\(\) *NAMED_UNIT\(\*\) *SI_UNIT\(\.MILLI\.,\.METRE\.\) *\);)");
+  std::smatch match;
+  EXPECT_TRUE(std::regex_search(text, match, millimetre));
+  const std::string id = match[1];
+  const std::string definitions =
+      absl::StrReplaceAll(id + "=" + unit + ";\n" + more, {{"$UNIT", id}});
+  const std::string context = "GLOBAL_UNIT_ASSIGNED_CONTEXT((";
+  std::string stated = text;
+  stated.replace(static_cast<size_t>(match.position()), static_cast<size_t>(match.length()),
+                 definitions);
+  if (second.empty()) return stated;
+  EXPECT_THAT(stated, HasSubstr(context));
+  return absl::StrReplaceAll(stated, {{context, context + second + ","}});
+}
+
+// The unit `name`, whose factor is the instance `measure`.
+std::string Conversion(const std::string& name, const std::string& measure) {
+  return "(CONVERSION_BASED_UNIT('" + name + "'," + measure + ")LENGTH_UNIT()NAMED_UNIT(#900001))";
+}
+// The instance `id`: `factor` of the unit `base`.
+std::string Measure(const std::string& id, const std::string& factor, const std::string& base) {
+  return "#900001=DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\n" + id +
+         "=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(" + factor + ")," + base + ");\n";
+}
+// The instance #900002: `factor` of the unit #900003, which is `base_unit`.
+std::string InchOf(const std::string& factor, const std::string& base_unit = kMillimetre) {
+  return Measure("#900002", factor, "#900003") + "#900003=" + base_unit + ";\n";
+}
+
+struct LengthUnitCase {
+  std::string unit, more, second;
+  double millimetres = 0;  // 0: refused with these words
+  std::vector<std::string> words = {};
+};
+
+std::vector<LengthUnitCase> LengthUnitCases() {
+  const auto si = [](const std::string& values) {
+    return "(LENGTH_UNIT()NAMED_UNIT(*)SI_UNIT(" + values + "))";
+  };
+  const std::string inch = Conversion("INCH", "#900002");
+  const std::string foot_in_inch =
+      "#900002=LENGTH_MEASURE_WITH_UNIT(LENGTH_MEASURE(12.),#900004);\n"
+      "#900004=" +
+      Conversion("INCH", "#900005") + ";\n" + Measure("#900005", "25.4", "#900006") +
+      "#900006=" + kMillimetre + ";\n";
+  return {
+      {si(".MILLI.,.METRE."), "", "", 1},
+      {si(".CENTI.,.METRE."), "", "", 10},
+      {si(".DECI.,.METRE."), "", "", 100},
+      {si("$,.METRE."), "", "", 1e3},
+      {inch, InchOf("25.4"), "", 25.4},
+      {inch, InchOf("2.54", si(".CENTI.,.METRE.")), "", 25.4},
+      {Conversion("FOOT", "#900002"), foot_in_inch, "", 304.8},
+      {Conversion("anything", "#900002"), InchOf("3."), "", 3},
+      {kMillimetre, "#900001=" + std::string(kMillimetre) + ";\n", "#900001", 1},
+      {si(".MILLI.,.METER."), "", "", 0, {".METER.", "must be .METRE."}},
+      {si(".MILI.,.METRE."), "", "", 0, {".MILI.", "prefix"}},
+      {si("'MILLI',.METRE."), "", "", 0, {"'MILLI'", "prefix"}},
+      {si("*,.METRE."), "", "", 0, {"prefix *", "must be $"}},
+      {si(".MILLI.,.GRAM."), "", "", 0, {".GRAM.", "must be .METRE."}},
+      {kMillimetre,
+       "#900004=" + inch + ";\n" + InchOf("25.4"),
+       "#900004",
+       0,
+       {"two length units", "inch (#900004)", "millimetre (#"}},
+      {inch, InchOf("25.4"), "#900003", 0, {"two length units", "millimetre (#900003)", "inch (#"}},
+      {inch, InchOf("1.0"), "", 0, {"INCH", "contradicts", "must be 25.4 mm"}},
+      {inch, InchOf("25.4", si("$,.METRE.")), "", 0, {"INCH", "contradicts", "must be 25.4 mm"}},
+      {Conversion("mil", "#900002"), InchOf("2.54"), "", 0, {"mil", "must be 0.0254 mm"}},
+      {inch, InchOf("-25.4"), "", 0, {"#900002", "INCH is -25.4", "> 0"}},
+      {inch, InchOf("0."), "", 0, {"#900002", "INCH is 0", "> 0"}},
+      {inch, Measure("#900002", "25.4", "$UNIT"), "", 0, {"more than 8 conversions"}},
+      {"(CONTEXT_DEPENDENT_UNIT('FURLONG')LENGTH_UNIT()NAMED_UNIT(#900001))",
+       "#900001=DIMENSIONAL_EXPONENTS(1.,0.,0.,0.,0.,0.,0.);\n",
+       "",
+       0,
+       {"unit FURLONG is not read"}},
+  };
+}
+
+TEST_F(StepReadingTest, ALengthUnitIsReadAsStatedOrRefusedWithTheReason) {
+  StepReadOptions given;
+  given.unit = "mm";
+  for (const LengthUnitCase& unit : LengthUnitCases()) {
+    SCOPED_TRACE(unit.unit + " " + unit.more);
+    const std::string text = WithLengthUnit(box_, unit.unit, unit.more, unit.second);
+    const std::string refusal = Refusal(text);
+    // A unit that is given never takes the place of one that the file states.
+    const std::string refusal_of_given = Refusal(text, given);
+    if (unit.millimetres > 0) {
+      ASSERT_EQ(refusal, "");
+      const double volume_mm3 = HealthOf(Read(text).bodies.at(0)).volume_mm3;
+      EXPECT_NEAR(volume_mm3 / (30000 * std::pow(unit.millimetres, 3)), 1, 1e-6);
+      EXPECT_THAT(refusal_of_given, HasSubstr("says its unit itself"));
+      continue;
+    }
+    EXPECT_THAT(refusal, HasSubstr("test.stp: #"));
+    for (const std::string& word : unit.words) EXPECT_THAT(refusal, HasSubstr(word));
+    EXPECT_EQ(refusal_of_given, refusal);
+  }
+}
+
+TEST_F(StepReadingTest, MoreThanThreeCoordinatesAreRefused) {
+  for (const std::string type : {"CARTESIAN_POINT", "DIRECTION"}) {
+    const std::regex triple("(#\\d+) *= *" + type + "\\('[^']*',\\([^,()]+,[^,()]+,[^,()]+");
+    std::smatch match;
+    ASSERT_TRUE(std::regex_search(box_, match, triple));
+    std::string text = box_;
+    text.insert(static_cast<size_t>(match.position() + match.length()), ",7.");
+    EXPECT_THAT(Refusal(text), AllOf(HasSubstr(match[1].str() + " " + type),
+                                     HasSubstr("has 4 coordinates, must have 3")));
+  }
 }
 
 }  // namespace

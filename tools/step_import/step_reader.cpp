@@ -145,8 +145,9 @@ class StepTranslation {
     }
     RequireIntactGeometry(file.name, graph());
     items_ = FindPartItems(graph(), options.construction_geometry);
-    RequireThreeCoordinates(file.name, graph(), items_);
-    SettleLengthUnit(file.name, options.unit, graph().Model(), items_.representations);
+    const Part21File entities(file.text, file.name);
+    RequireThreeCoordinates(entities, graph(), items_);
+    SettleLengthUnit(entities, options.unit, graph().Model(), items_.representations);
   }
 
   // Translates all products into bodies. None if the file has no exact geometry.

@@ -5,7 +5,9 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <map>
+#include <numbers>
 #include <set>
 #include <utility>
 
@@ -24,6 +26,8 @@ using Count = UrdfElement::Count;
 constexpr auto kText = UrdfValue::kText;
 constexpr auto kNumber = UrdfValue::kNumber;
 constexpr auto kVector = UrdfValue::kVector;
+// As of limits of joints: twice the largest turn that has a meaning of its own.
+constexpr double kMostAngleRad = 4 * std::numbers::pi;
 constexpr bool kRequired = true;
 
 // Elements of other programs, as published robots have them.
@@ -116,7 +120,7 @@ std::vector<UrdfElement> MakeElements() {
       {"origin",
        {"inertial", "visual", "collision", "joint"},
        Count::kAtMostOne,
-       {{"xyz", kVector}, {"rpy", kVector}}},
+       {{"xyz", kVector}, {"rpy", UrdfValue::kAngles}}},
       // Some exporters write a pose where the specification has none.
       {"origin",
        {"link"},
@@ -281,6 +285,7 @@ class Checker {
         return number.ok() ? "" : std::string(number.status().message());
       }
       case UrdfValue::kVector:
+      case UrdfValue::kAngles:
       case UrdfValue::kZeros: {
         const std::vector<std::string> words =
             absl::StrSplit(text, absl::ByAnyChar(" \t\r\n"), absl::SkipEmpty());
@@ -290,6 +295,10 @@ class Checker {
         for (const std::string& word : words) {
           const auto number = ParseReal(word);
           if (!number.ok()) return absl::StrCat("of three numbers ", number.status().message());
+          if (attribute.value == UrdfValue::kAngles && std::abs(*number) > kMostAngleRad) {
+            return absl::StrCat("must be in [-4 pi, 4 pi] rad, is ", QuotedExcerpt(text),
+                                ": it looks like degrees; a URDF has radians");
+          }
           if (attribute.value == UrdfValue::kZeros && *number != 0) {
             return absl::StrCat(
                 "is not part of a URDF here and would be ignored; must be 0 0 0, is ",

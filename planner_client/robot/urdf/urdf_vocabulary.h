@@ -20,6 +20,7 @@ enum class UrdfValue {
   kText,
   kNumber,     // finite, decimal digits
   kVector,     // three numbers
+  kAngles,     // three angles within [-4 pi, 4 pi] rad; beyond that they are degrees
   kZeros,      // three zeros: nobody reads it, so that anything else would vanish
   kJointType,  // revolute, continuous, prismatic, fixed, floating or planar
 };

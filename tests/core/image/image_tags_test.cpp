@@ -27,6 +27,7 @@ using ::testing::HasSubstr;
 struct Saying {
   int orientation = 0;      // by the format's own tag (TIFF, Exif); 0: not stated
   int xmp_orientation = 0;  // by an XMP packet
+  std::string packet = {};  // the XMP packet itself, in place of one with the orientation
   int images = 1;
   int surplus_rows = 0;     // stored beyond those that the header claims
   std::string behind = {};  // bytes behind the end
@@ -49,6 +50,12 @@ std::string XmpPacket(int orientation) {
                       "\"/></x:xmpmeta>");
 }
 
+// Empty: the file has no packet.
+std::string PacketOf(const Saying& saying) {
+  if (!saying.packet.empty() || saying.xmp_orientation == 0) return saying.packet;
+  return XmpPacket(saying.xmp_orientation);
+}
+
 std::vector<uint16_t> WithSurplus(const Image<uint16_t>& stored, int rows) {
   std::vector<uint16_t> values = stored.values;
   values.resize(values.size() + static_cast<size_t>(rows) * stored.columns_px, 7);
@@ -68,7 +75,7 @@ std::string TiffWith(const Image<uint16_t>& stored, const Saying& saying,
   for (const uint16_t value : WithSurplus(stored, saying.surplus_rows)) {
     pixels += LittleEndian(value, 2);
   }
-  const std::string xmp = saying.xmp_orientation > 0 ? XmpPacket(saying.xmp_orientation) : "";
+  const std::string xmp = PacketOf(saying);
   for (int image = 0; image < saying.images; ++image) {
     std::vector<TiffEntry> all = {{256, 4, static_cast<uint64_t>(stored.columns_px)},
                                   {257, 4, static_cast<uint64_t>(stored.rows_px)},
@@ -137,9 +144,8 @@ std::string PngWith(const Image<uint16_t>& stored, const Saying& saying, bool ta
   packed.resize(packed_size);
   std::string tags = chunk;
   if (saying.orientation > 0) tags += PngChunk("eXIf", ExifOf(saying.orientation));
-  if (saying.xmp_orientation > 0) {
-    tags += PngChunk("iTXt", std::string("XML:com.adobe.xmp") + std::string(5, '\0') +
-                                 XmpPacket(saying.xmp_orientation));
+  if (const std::string packet = PacketOf(saying); !packet.empty()) {
+    tags += PngChunk("iTXt", std::string("XML:com.adobe.xmp") + std::string(5, '\0') + packet);
   }
   std::string animation;
   if (saying.images > 1) {
@@ -229,6 +235,33 @@ TEST_P(ImageTagsOfFormat, EveryOrientationIsObeyed) {
 TEST_P(ImageTagsOfFormat, OrientationsThatDoNotExistOrContradictAreRefused) {
   EXPECT_THAT(ErrorOf({.orientation = 9}), AllOf(HasSubstr(path_), HasSubstr("must be 1 to 8")));
   EXPECT_THAT(ErrorOf({.orientation = 1, .xmp_orientation = 6}), HasSubstr("read in two ways"));
+}
+
+// The prefix of a namespace is the writer's choice.
+TEST_P(ImageTagsOfFormat, AnXmpOrientationIsFoundByItsNamespace) {
+  const std::string tiff = "http://ns.adobe.com/tiff/1.0/";
+  for (const auto& [packet, orientation] : std::vector<std::pair<std::string, int>>{
+           {"<x xmlns:tiff=\"" + tiff + "\" tiff:Orientation=\"3\"/>", 3},
+           {"<x xmlns:t=\"" + tiff + "\" t:Orientation=\"3\"/>", 3},
+           {"<x t:Orientation = '4' xmlns:t = '" + tiff + "'/>", 4},
+           {"<x xmlns:a.b-c=\"" + tiff + "\"><a.b-c:Orientation>2</a.b-c:Orientation></x>", 2},
+           {"<x><Orientation xmlns=\"" + tiff + "\">3</Orientation></x>", 3},
+           {"<x xmlns:t=\"" + tiff + "\" u:Orientation=\"3\" ut:Orientation=\"3\"/>", 1},
+           {"<x xmlns:t=\"" + tiff + "\" t:OrientationNote=\"3\"/>", 1},
+           {"<x about=\"" + tiff + "\" t:Orientation=\"3\"/>", 1}}) {
+    const auto image = Read({.packet = packet});
+    ASSERT_TRUE(image.ok()) << packet << image.status();
+    EXPECT_EQ(image->orientation, orientation) << packet;
+  }
+  EXPECT_THAT(ErrorOf({.packet = "<x xmlns:t=\"" + tiff + "\" t:Orientation=\"x\"/>"}),
+              HasSubstr("must be 1 to 8"));
+  for (const bool big_endian : {false, true}) {
+    std::string wide;
+    for (const char c : XmpPacket(3)) {
+      wide += big_endian ? std::string({'\0', c}) : std::string({c, '\0'});
+    }
+    EXPECT_THAT(ErrorOf({.packet = wide}), HasSubstr("XMP packet in UTF-16"));
+  }
 }
 
 TEST_P(ImageTagsOfFormat, FurtherImagesAreCountedAndRefused) {

@@ -86,6 +86,11 @@ TEST(NumberTable, TablesThatCanBeReadInTwoWaysAreRefused) {
            "-0,5,1,5\n",                    // nor is -0
            "0,5\n0,75\n",                   // one column or two
            "1,2, 3,4\n",                    // 1.2, 3.4 or four values
+           "1.234,567\n",                   // one value with points between thousands, or two
+           "1.234,5\n0,25\n12,75\n",        // likewise in each line
+           "-1.234,5e2\n-2.345,6e2\n",      // likewise
+           "1,234.5\n12,345.25\n",          // one value with commas between thousands, or two
+           "1,234,567\n2,345,678\n",        // one or three
        }) {
     EXPECT_THAT(ErrorOf(text), HasSubstr("t.txt: the table can be read in two ways")) << text;
   }
@@ -98,6 +103,16 @@ TEST(NumberTable, TablesThatCanBeReadInTwoWaysAreRefused) {
        }) {
     EXPECT_NE(ErrorOf(text), "read") << text;
   }
+}
+
+// One line that cannot be one number settles it, and so do the names of the columns.
+TEST(NumberTable, PointsAndCommasThatCanBeReadInOneWayAreRead) {
+  EXPECT_EQ(*Read("1.234,567\n1.5,2\n"), (Rows{{1.234, 567}, {1.5, 2}}));
+  EXPECT_EQ(*Read("0.234,567\n"), (Rows{{0.234, 567}}));
+  EXPECT_EQ(*Read("1,234.5\n2,34.5\n"), (Rows{{1, 234.5}, {2, 34.5}}));
+  EXPECT_EQ(*Read("123,124,125\n124,9,125\n"), (Rows{{123, 124, 125}, {124, 9, 125}}));
+  EXPECT_EQ(*Read("100,101,102,103,104,105\n"), (Rows{{100, 101, 102, 103, 104, 105}}));
+  EXPECT_EQ(*Read("1.234,567\n", {.columns = {"a", "b"}}), (Rows{{1.234, 567}}));
 }
 
 TEST(NumberTable, UsualTablesAreRead) {

@@ -534,6 +534,50 @@ TEST_F(QifTest, FaultsAreNamedWithLineAndElement) {
   EXPECT_EQ(ReadQif((folder_ / "none.qif").string()).status().code(), absl::StatusCode::kNotFound);
 }
 
+// Of an element that may stand once neither the first nor the last is taken.
+TEST_F(QifTest, ElementsThatStandTwiceAreRefusedWithBothLines) {
+  struct Case {
+    std::string element;  // as it stands in kQif; its first tag names it
+    std::string again;    // with another value
+  };
+  for (const auto& [element, again] : std::vector<Case>{
+           {"<ToleranceValue>0.2</ToleranceValue>", "<ToleranceValue>2</ToleranceValue>"},
+           {"<MaxValue>35.2</MaxValue>", "<MaxValue>36</MaxValue>"},
+           {"<DefinedAsLimit>true</DefinedAsLimit>", "<DefinedAsLimit>false</DefinedAsLimit>"},
+           {"<TargetValue>20</TargetValue>", "<TargetValue>21</TargetValue>"},
+           {"<DatumLabel>A</DatumLabel>", "<DatumLabel>C</DatumLabel>"},
+           {"<DatumReferenceFrameId>3</DatumReferenceFrameId>",
+            "<DatumReferenceFrameId>4</DatumReferenceFrameId>"},
+           {"<MaterialCondition>MAXIMUM</MaterialCondition>",
+            "<MaterialCondition>LEAST</MaterialCondition>"},
+           {"<CharacteristicDefinitionId>21</CharacteristicDefinitionId>",
+            "<CharacteristicDefinitionId>28</CharacteristicDefinitionId>"},
+           {"<UnitName>mm</UnitName>", "<UnitName>inch</UnitName>"},
+           {"<Factor>0.001</Factor>", "<Factor>0.0254</Factor>"},
+           {"<AngularUnit><SIUnitName>radian</SIUnitName><UnitName>degree</UnitName>",
+            "<AngularUnit><UnitName>radian</UnitName></AngularUnit>"},
+           {"<ZoneShape><DiametricalZone/></ZoneShape>", "<ZoneShape/>"},
+           {"<PrecedenceEnum>PRIMARY</PrecedenceEnum>",
+            "<PrecedenceEnum>TERTIARY</PrecedenceEnum>"}}) {
+    ASSERT_EQ(ErrorOf(kQif), "accepted");
+    const std::string name = element.substr(0, element.find('>') + 1);
+    const std::string error = ErrorOf(With(element, again + "\n" + element));
+    EXPECT_THAT(error, AllOf(HasSubstr("part.qif:"), HasSubstr(name), HasSubstr("twice"))) << name;
+  }
+  const std::string text = kQif;
+  const std::string value = "<ToleranceValue>0.2</ToleranceValue>";
+  const auto line =
+      1 +
+      std::count(text.begin(), text.begin() + static_cast<std::ptrdiff_t>(text.find(value)), '\n');
+  EXPECT_THAT(ErrorOf(With(value, value + "\n" + value)),
+              AllOf(HasSubstr(absl::StrCat("part.qif:", line + 1, ":")),
+                    HasSubstr(absl::StrCat("the first is in line ", line))));
+  EXPECT_THAT(ErrorOf(With("<LinearUnit><SIUnitName>meter</SIUnitName><UnitName>mm<",
+                           "<LinearUnit><UnitName>inch</UnitName></LinearUnit><LinearUnit>"
+                           "<SIUnitName>meter</SIUnitName><UnitName>mm<")),
+              AllOf(HasSubstr("<LinearUnit>"), HasSubstr("twice in <PrimaryUnits>")));
+}
+
 TEST_F(QifTest, ValuesThatAreNoZonesAreListed) {
   const auto reasons = [&](const std::string& text) {
     const auto report = ReadQif(Write(text));

@@ -55,15 +55,26 @@ TEST(PartOfPlan, TakesAnotherPartIfAskedToAndSaysSo) {
                     HasSubstr(kPart.Text()), HasSubstr(kOther.Text()), Not(HasSubstr("/"))));
 }
 
-TEST(PartOfPlan, DigestsOfAnotherRuleAreTakenWithARemark) {
+TEST(PartOfPlan, DigestsOfAnOlderRuleAreTakenWithARemark) {
   static_assert(kPartDigestRule > 1, "bare digits are of an older rule");
-  const PartDigest newer{kPartDigestRule + 1, kOther.hex};
-  for (const std::string& stated : {kOther.hex, newer.Text()}) {
-    for (const OtherPart other : {OtherPart::kRefused, OtherPart::kTaken}) {
-      const auto remark = Check(stated, other);
-      ASSERT_TRUE(remark.ok()) << remark.status();
-      EXPECT_THAT(*remark, AllOf(HasSubstr("plan.json"), HasSubstr("rule")));
-    }
+  for (const OtherPart other : {OtherPart::kRefused, OtherPart::kTaken}) {
+    const auto remark = Check(kOther.hex, other);
+    ASSERT_TRUE(remark.ok()) << remark.status();
+    EXPECT_THAT(*remark, AllOf(HasSubstr("plan.json"), HasSubstr("rule")));
+  }
+}
+
+// Else a digest of any rule would do for any part.
+TEST(PartOfPlan, DigestsOfALaterRuleAreRefusedUnlessAskedFor) {
+  for (const int rule : {kPartDigestRule + 1, kPartDigestRule + 997}) {
+    const std::string later = PartDigest{rule, kOther.hex}.Text();
+    const absl::Status refused = Check(later, OtherPart::kRefusedWithoutOption).status();
+    EXPECT_EQ(refused.code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_THAT(std::string(refused.message()),
+                AllOf(HasSubstr("later version"), HasSubstr("--other-part")));
+    const auto taken = Check(later, OtherPart::kTaken);
+    ASSERT_TRUE(taken.ok()) << taken.status();
+    EXPECT_THAT(*taken, HasSubstr("rule"));
   }
 }
 

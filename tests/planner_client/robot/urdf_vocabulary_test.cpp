@@ -31,6 +31,7 @@ std::string ValueOf(const UrdfAttribute& attribute) {
     case UrdfValue::kNumber:
       return "1";
     case UrdfValue::kVector:
+    case UrdfValue::kAngles:
       return "1 1 1";
     case UrdfValue::kZeros:
       return "0 0 0";
@@ -203,6 +204,30 @@ TEST_F(UrdfVocabularyTest, RefusesValuesThatAreNoNumbers) {
       }
     }
   }
+}
+
+// Wherever an element of the table has angles: of solids, joints and links.
+TEST_F(UrdfVocabularyTest, RefusesAnglesInDegrees) {
+  int angles = 0;
+  for (const UrdfElement& element : UrdfElements()) {
+    for (const UrdfAttribute& attribute : element.attributes) {
+      if (attribute.value != UrdfValue::kAngles) continue;
+      for (const std::string& parent : element.parents) {
+        const auto with = [&](const char* value) {
+          return Around(absl::StrCat("<", element.name, " ", attribute.name, "=\"", value, "\"/>"),
+                        element.name, parent);
+        };
+        for (const char* degrees : {"0 90 0", "0 0 -180", "45 0 0"}) {
+          ExpectRefused(with(degrees), "it looks like degrees");
+        }
+        for (const char* radians : {"0 1.5708 0", "0 0 -3.1416", "6.2832 0 0"}) {
+          EXPECT_TRUE(IsKnown(with(radians))) << radians;
+        }
+        ++angles;
+      }
+    }
+  }
+  EXPECT_GE(angles, 3);
 }
 
 TEST_F(UrdfVocabularyTest, NamesLineJointAndPlace) {

@@ -16,6 +16,26 @@
 #include "tools/step_import/step_input_error.h"
 
 namespace sightline {
+namespace {
+
+// OpenCASCADE keeps three of them, so that only the text tells.
+void RequireAtMostThreeCoordinates(const Part21File& file) {
+  const auto has_coordinates = [](std::string_view type) {
+    return type == "CARTESIAN_POINT" || type == "DIRECTION";
+  };
+  for (const int64_t id : file.Find(has_coordinates)) {
+    for (const Part21Record& record : file.Records(id)) {
+      if (!has_coordinates(record.type) || record.values.empty()) continue;
+      const size_t count = record.values.back().list.size();
+      if (count <= 3) continue;
+      throw StepInputError(file.name() + ": damaged geometry: #" + std::to_string(id) + " " +
+                           record.type + ": has " + std::to_string(count) +
+                           " coordinates, must have 3");
+    }
+  }
+}
+
+}  // namespace
 
 void RequireIntactGeometry(const std::string& name, const Interface_Graph& graph) {
   const auto model = Handle(StepData_StepModel)::DownCast(graph.Model());
@@ -35,8 +55,9 @@ void RequireIntactGeometry(const std::string& name, const Interface_Graph& graph
   }
 }
 
-void RequireThreeCoordinates(const std::string& name, const Interface_Graph& graph,
+void RequireThreeCoordinates(const Part21File& file, const Interface_Graph& graph,
                              const PartItems& items) {
+  RequireAtMostThreeCoordinates(file);
   std::vector<bool> seen(static_cast<size_t>(graph.Size()) + 1);
   std::vector<Handle(Standard_Transient)> waiting;
   for (const StepItem& item : items.part) waiting.emplace_back(item.entity);
@@ -60,8 +81,8 @@ void RequireThreeCoordinates(const std::string& name, const Interface_Graph& gra
       count = direction->DirectionRatios().IsNull() ? 0 : direction->NbDirectionRatios();
     }
     if (count != 3) {
-      throw StepInputError(name + ": damaged geometry: " + EntityText(graph, entity) + ": has " +
-                           std::to_string(count) + " coordinates, must have 3");
+      throw StepInputError(file.name() + ": damaged geometry: " + EntityText(graph, entity) +
+                           ": has " + std::to_string(count) + " coordinates, must have 3");
     }
     for (Interface_EntityIterator part = graph.Shareds(entity); part.More(); part.Next()) {
       waiting.push_back(part.Value());

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "tools/step_import/model/part_items.h"
+#include "tools/step_import/tolerances/part21.h"
 
 namespace sightline {
 
@@ -16,8 +17,9 @@ void RequireIntactGeometry(const std::string& name, const Interface_Graph& graph
 
 // Points and directions of the part, its construction geometry and its placements must have three
 // coordinates, except those of curves in the parameter space of a surface (PCURVE). OpenCASCADE
-// reads the missing one from beyond the array. Throws StepInputError naming the entity.
-void RequireThreeCoordinates(const std::string& name, const Interface_Graph& graph,
+// reads the missing one from beyond the array. No point and no direction of the file may have more
+// than three, which OpenCASCADE would leave out. Throws StepInputError naming the entity.
+void RequireThreeCoordinates(const Part21File& file, const Interface_Graph& graph,
                              const PartItems& items);
 
 }  // namespace sightline
