@@ -159,7 +159,6 @@ std::string BindSquares(std::string text, const std::string& entities) {
 struct Binding {
   const char* name;
   const char* entities;
-  bool is_part;
 };
 constexpr char kByRelationship[] =
     "$1=CONSTRUCTIVE_GEOMETRY_REPRESENTATION('supplemental geometry',($ITEM),$CONTEXT);\n"
@@ -171,11 +170,11 @@ constexpr char kByAspect[] =
 constexpr char kByName[] =
     "$1=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('Supplemental Geometry',($ITEM),$CONTEXT);\n"
     "$2=SHAPE_REPRESENTATION_RELATIONSHIP('','',$BOX,$1);\n";
-// AP203 of 1998: a hybrid model, whose surfaces are as much the part as its solid.
-constexpr char kHybrid[] =
+// CATIA writes extracts, joins and splits so.
+constexpr char kBesideSolid[] =
     "$1=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',($ITEM),$CONTEXT);\n"
     "$2=SHAPE_REPRESENTATION_RELATIONSHIP('','',$BOX,$1);\n";
-constexpr char kHybridWithAspect[] =
+constexpr char kBesideSolidWithAspect[] =
     "$1=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',($ITEM),$CONTEXT);\n"
     "$2=SHAPE_REPRESENTATION_RELATIONSHIP('','',$BOX,$1);\n"
     "$3=SHAPE_ASPECT('','',$SHAPE,.F.);\n$4=PROPERTY_DEFINITION('','',$3);\n"
@@ -184,19 +183,16 @@ constexpr char kHybridWithAspect[] =
 
 TEST_F(StepReadingTest, OnlyTheProductsShapeIsThePart) {
   const std::string both = std::string(kByRelationship) + kByAspect;
-  for (const auto& [name, entities, is_part] :
-       {Binding{"constructive geometry", kByRelationship, false},
-        Binding{"shape aspects", kByAspect, false}, Binding{"both", both.c_str(), false},
-        Binding{"by name", kByName, false}, Binding{"hybrid", kHybrid, true},
-        Binding{"hybrid with aspects", kHybridWithAspect, true}}) {
+  for (const auto& [name, entities] :
+       {Binding{"constructive geometry", kByRelationship}, Binding{"shape aspects", kByAspect},
+        Binding{"both", both.c_str()}, Binding{"by name", kByName},
+        Binding{"beside a solid", kBesideSolid},
+        Binding{"beside a solid, with aspects", kBesideSolidWithAspect}}) {
     const std::string text = BindSquares(box_and_squares_, entities);
     const StepModel model = Read(text);
-    ASSERT_THAT(model.bodies, SizeIs(is_part ? 3 : 1)) << name;
+    ASSERT_THAT(model.bodies, SizeIs(1)) << name;
     EXPECT_TRUE(HealthOf(model.bodies[0]).watertight()) << name;
-    if (is_part) {
-      EXPECT_THAT(model.remarks, IsEmpty()) << name;
-      continue;
-    }
+    EXPECT_NEAR(HealthOf(model.bodies[0]).area_mm2, 6200, 1e-9) << name;
     EXPECT_THAT(model.remarks, ElementsAre(AllOf(HasSubstr("\"Extract.1\", \"Join.2\""),
                                                  HasSubstr("--construction-geometry"))))
         << name;
@@ -207,6 +203,39 @@ TEST_F(StepReadingTest, OnlyTheProductsShapeIsThePart) {
     EXPECT_THAT(taken.remarks, IsEmpty()) << name;
     for (size_t i = 1; i < 3; ++i) {
       EXPECT_NEAR(HealthOf(taken.bodies[i]).area_mm2, 100, 1e-9) << name;
+    }
+  }
+}
+
+TEST_F(StepReadingTest, SurfacesOfAProductWithoutSolidAreThePart) {
+  const StepModel model = Read(box_and_squares_);
+  EXPECT_THAT(model.bodies, SizeIs(3));
+  EXPECT_THAT(model.remarks, IsEmpty());
+}
+
+TEST_F(StepReadingTest, ASheetThatRepeatsFacesOfASolidIsNotMeshedTwice) {
+  const std::string shells =
+      "#900001=OPEN_SHELL('',($FACES));\n"
+      "#900002=SHELL_BASED_SURFACE_MODEL('Skin',(#900001));\n"
+      "#900003=MANIFOLD_SURFACE_SHAPE_REPRESENTATION('',(#900002),$CONTEXT);\n"
+      "#900004=SHAPE_REPRESENTATION_RELATIONSHIP('','',$BOX,#900003);\n";
+  const auto use = FindAll(box_, "SHAPE_DEFINITION_REPRESENTATION").at(0).values;
+  const auto solid = FindAll(box_, "ADVANCED_BREP_SHAPE_REPRESENTATION").at(0).values;
+  const auto faces = FindAll(box_, "ADVANCED_FACE");
+  ASSERT_THAT(faces, SizeIs(6));
+  for (const std::string& shared : {faces[2].id, faces[0].id + "," + faces[4].id}) {
+    std::string text = box_;
+    text.insert(text.rfind(kEndOfData),
+                absl::StrReplaceAll(shells, {{"$FACES", shared},
+                                             {"$CONTEXT", solid.substr(solid.rfind('#'))},
+                                             {"$BOX", use.substr(use.find(',') + 1)}}));
+    for (const bool construction_geometry : {false, true}) {
+      StepReadOptions options;
+      options.construction_geometry = construction_geometry;
+      const StepModel model = Read(text, options);
+      ASSERT_THAT(model.bodies, SizeIs(1));
+      EXPECT_NEAR(HealthOf(model.bodies[0]).area_mm2, 6200, 1e-9);
+      EXPECT_THAT(model.remarks, IsEmpty());
     }
   }
 }

@@ -227,7 +227,7 @@ int main(int argc, char** argv) {
                  "length unit of a file that states none: m, cm, mm, um, inch")
       ->transform(sightline::NameOfLengthUnit());
   app.add_flag("--construction-geometry", arguments.reading.construction_geometry,
-               "mesh construction geometry as well, which is no part of the product's shape");
+               "mesh construction geometry and surface models beside a solid as well");
   app.add_option("--out", arguments.out, "GLB file to write");
   app.add_option("--tolerances", arguments.tolerances,
                  "JSON file to write: the file's tolerances, what could not be read of them, and "

@@ -84,13 +84,17 @@ class BodyCollector {
   void AddShape(const TopoDS_Shape& shape, const std::string& name) {
     for (TopExp_Explorer solid(shape, TopAbs_SOLID); solid.More(); solid.Next()) {
       const FaceSet faces = FacesOf(solid.Current());
-      if (!std::ranges::includes(left_out_, faces)) bodies_.push_back({name, solid.Current(), {}});
+      if (std::ranges::includes(left_out_, faces)) continue;
+      bodies_.push_back({name, solid.Current(), {}});
+      of_solids_.insert(faces.begin(), faces.end());
     }
     TopoDS_Compound loose;
     BRep_Builder builder;
     builder.MakeCompound(loose);
     for (TopExp_Explorer face(shape, TopAbs_FACE, TopAbs_SOLID); face.More(); face.Next()) {
-      if (!left_out_.contains(face.Current().TShape().get())) builder.Add(loose, face.Current());
+      const TopoDS_TShape* const surface = face.Current().TShape().get();
+      if (left_out_.contains(surface) || of_solids_.contains(surface)) continue;
+      builder.Add(loose, face.Current());
     }
     if (HasFaces(loose)) bodies_.push_back({name, loose, {}});
   }
@@ -99,6 +103,7 @@ class BodyCollector {
 
  private:
   const FaceSet left_out_;
+  FaceSet of_solids_;  // a sheet may repeat faces of a solid
   std::vector<StepBody> bodies_;
 };
 
@@ -167,10 +172,12 @@ class StepTranslation {
     return bodies.Take();
   }
 
-  // After Translate. Names of what is not in the bodies.
-  std::vector<std::string> LeftOut() const {
+  // After Translate. Names of construction geometry that is not in the bodies.
+  std::vector<std::string> LeftOut(bool beside_solid) const {
     std::vector<std::string> names;
-    for (const StepItem& item : items_.construction) names.push_back(item.name);
+    for (const StepItem& item : items_.construction) {
+      if (item.beside_solid == beside_solid) names.push_back(item.name);
+    }
     return names;
   }
   std::string LengthUnit() const {
@@ -230,8 +237,10 @@ class StepTranslation {
 
   FaceSet LeftOutFaces() const {
     FaceSet left_out;
-    for (const StepItem& item : items_.construction) {
-      left_out.merge(FacesOf(TransferBRep::ShapeResult(process(), item.entity)));
+    for (const auto* items : {&items_.construction, &items_.repeated}) {
+      for (const StepItem& item : *items) {
+        left_out.merge(FacesOf(TransferBRep::ShapeResult(process(), item.entity)));
+      }
     }
     for (const StepItem& item : items_.part) {
       for (const TopoDS_TShape* face : FacesOf(TransferBRep::ShapeResult(process(), item.entity))) {
@@ -270,7 +279,12 @@ StepModel ReadStep(const StepText& file, const StepReadOptions& options) {
   if (options.with_tolerances) tolerances.emplace(file);
   StepModel model;
   model.bodies = translation.Translate(tolerances && tolerances->compared());
-  const std::vector<std::string> construction = translation.LeftOut();
+  const std::vector<std::string> beside_solid = translation.LeftOut(true);
+  const std::vector<std::string> construction = translation.LeftOut(false);
+  if (!beside_solid.empty() && !model.bodies.empty()) {
+    model.remarks.push_back("left out as surfaces of a product that has a solid: " +
+                            Quoted(beside_solid) + "; --construction-geometry takes them in");
+  }
   if (!construction.empty() && !model.bodies.empty()) {
     model.remarks.push_back("left out as construction geometry: " + Quoted(construction) +
                             "; --construction-geometry takes it in");

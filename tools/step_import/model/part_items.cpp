@@ -27,6 +27,8 @@
 #include <set>
 #include <string_view>
 
+#include "core/part/disjoint_sets.h"
+
 namespace sightline {
 namespace {
 
@@ -57,7 +59,8 @@ bool IsBody(const Handle(Standard_Transient) & item) {
 // Finds what belongs to products by following relations from their shape definitions.
 class PartFinder {
  public:
-  explicit PartFinder(const Interface_Graph& graph) : graph_(graph) {}
+  explicit PartFinder(const Interface_Graph& graph)
+      : graph_(graph), products_(static_cast<size_t>(graph.Size()) + 1) {}
 
   PartItems Find(bool construction_geometry) {
     AddProductRepresentations();
@@ -66,18 +69,28 @@ class PartFinder {
       waiting_.pop_back();
       Follow(next);
     }
+    // The surface models of a product that has a solid bound no material.
+    std::set<uint32_t> with_solid;
     for (const int number : shape_) {
-      AddBodies(RepresentationAt(number), found_.part, part_bodies_);
+      if (HoldsSolid(RepresentationAt(number))) with_solid.insert(ProductOf(number));
     }
+    for (const int number : shape_) {
+      const bool only_solids = with_solid.contains(ProductOf(number));
+      AddBodies(RepresentationAt(number), only_solids, found_.part, part_bodies_);
+    }
+    for (const int number : shape_) {
+      AddBodies(RepresentationAt(number), false, found_.construction, other_bodies_);
+    }
+    for (StepItem& item : found_.construction) item.beside_solid = true;
     ForEach<StepRepr_Representation>([&](const Representation& representation) {
       if (shape_.contains(Number(representation))) return;
       const size_t before = found_.construction.size();
-      AddBodies(representation, found_.construction, other_bodies_);
+      AddBodies(representation, false, found_.construction, other_bodies_);
       if (construction_geometry && found_.construction.size() > before) {
         found_.representations.push_back(representation);
       }
     });
-    DropSharedFaces();
+    SetRepeatedAside();
     if (construction_geometry) {
       found_.part.insert(found_.part.end(), found_.construction.begin(), found_.construction.end());
       found_.construction.clear();
@@ -101,6 +114,21 @@ class PartFinder {
     return Handle(StepRepr_Representation)::DownCast(graph_.Entity(number));
   }
 
+  uint32_t ProductOf(int number) { return products_.Find(static_cast<uint32_t>(number)); }
+  void JoinProduct(const Handle(Standard_Transient) & a, const Handle(Standard_Transient) & b) {
+    if (a.IsNull() || b.IsNull()) return;
+    const int a_number = Number(a), b_number = Number(b);
+    if (a_number == 0 || b_number == 0) return;
+    products_.Join(static_cast<uint32_t>(a_number), static_cast<uint32_t>(b_number));
+  }
+  static bool HoldsSolid(const Representation& representation) {
+    for (int i = 1; i <= representation->NbItems(); ++i) {
+      const Handle(StepRepr_RepresentationItem) item = representation->ItemsValue(i);
+      if (!item.IsNull() && item->IsKind(STANDARD_TYPE(StepShape_SolidModel))) return true;
+    }
+    return false;
+  }
+
   void Reach(const Representation& representation) {
     if (representation.IsNull() || IsConstructive(representation)) return;
     const int number = Number(representation);
@@ -115,6 +143,8 @@ class PartFinder {
       const StepRepr_CharacterizedDefinition of = property->Definition();
       if (of.ProductDefinition().IsNull() && of.ProductDefinitionRelationship().IsNull()) return;
       Reach(definition->UsedRepresentation());
+      JoinProduct(definition->UsedRepresentation(), property);
+      JoinProduct(property, of.ProductDefinition());
     });
   }
 
@@ -130,8 +160,10 @@ class PartFinder {
           IsSupplementalName(relation->Name())) {
         continue;
       }
-      measured |= relation->IsKind(
+      const bool placed = relation->IsKind(
           STANDARD_TYPE(StepRepr_ShapeRepresentationRelationshipWithTransformation));
+      measured |= placed;
+      if (!placed) JoinProduct(relation->Rep1(), relation->Rep2());
       Reach(relation->Rep1());
       Reach(relation->Rep2());
     }
@@ -146,17 +178,18 @@ class PartFinder {
     if (measured) found_.representations.push_back(representation);
   }
 
-  void AddBodies(const Representation& representation, std::vector<StepItem>& items,
-                 std::set<int>& known) {
+  void AddBodies(const Representation& representation, bool only_solids,
+                 std::vector<StepItem>& items, std::set<int>& known) {
     for (int i = 1; i <= representation->NbItems(); ++i) {
       const Handle(StepRepr_RepresentationItem) item = representation->ItemsValue(i);
       if (!IsBody(item)) continue;
+      if (only_solids && !item->IsKind(STANDARD_TYPE(StepShape_SolidModel))) continue;
       const int number = Number(item);
       if (part_bodies_.contains(number) || !known.insert(number).second) continue;
       std::string name = TextOf(item->Name());
       if (name.empty()) name = TextOf(representation->Name());
       if (name.empty()) name = EntityText(graph_, item);
-      items.push_back({Handle(StepGeom_GeometricRepresentationItem)::DownCast(item), name});
+      items.push_back({Handle(StepGeom_GeometricRepresentationItem)::DownCast(item), name, false});
     }
   }
 
@@ -180,17 +213,19 @@ class PartFinder {
     return faces;
   }
 
-  void DropSharedFaces() {
+  void SetRepeatedAside() {
     if (found_.construction.empty()) return;
     std::set<int> of_part;
     for (const StepItem& item : found_.part) of_part.merge(FacesOf(item));
-    std::erase_if(found_.construction, [&](const StepItem& item) {
-      const std::set<int> faces = FacesOf(item);
-      return std::ranges::includes(of_part, faces);
-    });
+    const auto repeated = std::ranges::stable_partition(
+        found_.construction,
+        [&](const StepItem& item) { return !std::ranges::includes(of_part, FacesOf(item)); });
+    found_.repeated.assign(repeated.begin(), repeated.end());
+    found_.construction.erase(repeated.begin(), repeated.end());
   }
 
   const Interface_Graph& graph_;
+  DisjointSets products_;  // representations and properties of one product, by number
   PartItems found_;
   std::set<int> shape_;  // numbers of the product's representations
   std::vector<Representation> waiting_;
