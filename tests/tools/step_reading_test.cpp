@@ -360,6 +360,23 @@ TEST_F(StepReadingTest, TessellatedSolidsAreReadAsTriangles) {
   EXPECT_THAT(Refusal(Tessellated(good), millimetres), HasSubstr("says its unit itself"));
 }
 
+TEST_F(StepReadingTest, ATessellatedSolidOfAShapeAspectIsStillTheProducts) {
+  const std::string face =
+      "TRIANGULATED_FACE('',#6,4,(),$,(2,3,4,5),((1,3,2),(1,2,4),(1,4,3),(2,3,4)))";
+  const std::string aspect =
+      "#20=SHAPE_ASPECT('','',#16,.F.);\n#21=PROPERTY_DEFINITION('','',#20);\n"
+      "#10=SHAPE_REPRESENTATION('',(#8),#5);\n#22=SHAPE_DEFINITION_REPRESENTATION(#21,#10);\n";
+  const std::string both = Tessellated(face, aspect);
+  const StepModel model = Read(both);
+  ASSERT_THAT(model.bodies, SizeIs(1));
+  EXPECT_NEAR(HealthOf(model.bodies[0]).volume_mm3, 1000.0 / 6, 1e-9);
+  EXPECT_THAT(model.remarks, IsEmpty());
+  const std::string aspect_only = absl::StrReplaceAll(
+      both, {{"TESSELLATED_SHAPE_REPRESENTATION('L',(#8)", "SHAPE_REPRESENTATION('L',(#6)"}});
+  EXPECT_THAT(Refusal(aspect_only),
+              AllOf(HasSubstr("\"T\""), HasSubstr("in the shape of no product")));
+}
+
 TEST_F(StepReadingTest, AFileWithoutSurfacesSaysWhatItHolds) {
   const std::string text = absl::StrReplaceAll(
       Tessellated("TRIANGULATED_FACE('',#6,4,(),$,(),((2,3,4)))"),

@@ -259,11 +259,16 @@ class StepTranslation {
 };
 
 [[noreturn]] void FailWithoutBodies(const StepText& file,
-                                    const std::vector<std::string>& construction) {
+                                    const std::vector<std::string>& construction,
+                                    const std::vector<std::string>& tessellated) {
   if (!construction.empty()) {
     throw StepInputError(file.name + ": no solid and no surface in the product's shape; " +
                          Quoted(construction) +
                          " is construction geometry, which --construction-geometry takes in");
+  }
+  if (!tessellated.empty()) {
+    throw StepInputError(file.name + ": no solid and no surface in the product's shape; " +
+                         "tessellated " + Quoted(tessellated) + " is in the shape of no product");
   }
   throw StepInputError(file.name +
                        ": no solid and no surface in it; its shape representations "
@@ -289,6 +294,7 @@ StepModel ReadStep(const StepText& file, const StepReadOptions& options) {
     model.remarks.push_back("left out as construction geometry: " + Quoted(construction) +
                             "; --construction-geometry takes it in");
   }
+  std::vector<std::string> of_no_product;
   if (MayHaveTessellatedBodies(file.text)) {
     TessellatedBodies tessellated =
         ReadTessellation(Part21File(file.text, file.name), options.unit);
@@ -299,8 +305,13 @@ StepModel ReadStep(const StepText& file, const StepReadOptions& options) {
       model.remarks.push_back("left out: tessellated " + Quoted(tessellated.left_out) +
                               ", since the part has exact geometry");
     }
+    of_no_product = std::move(tessellated.of_no_product);
+    if (!of_no_product.empty() && !model.bodies.empty()) {
+      model.remarks.push_back("left out: tessellated " + Quoted(of_no_product) +
+                              ", which is in the shape of no product");
+    }
   }
-  if (model.bodies.empty()) FailWithoutBodies(file, construction);
+  if (model.bodies.empty()) FailWithoutBodies(file, construction, of_no_product);
   model.length_unit = translation.LengthUnit();
   if (tolerances) model.tolerances = translation.Bind(*tolerances, model.bodies);
   return model;

@@ -292,10 +292,11 @@ class BodyMesher {
   std::map<int64_t, std::vector<uint32_t>> points_;
 };
 
-// A tessellated body of a representation.
+// A tessellated body and the representations that hold it. A shape aspect may refer to a body in a
+// representation of its own.
 struct FoundBody {
   int64_t id = 0;
-  int64_t representation = 0;
+  std::vector<int64_t> representations;
   std::string name;
 };
 
@@ -305,7 +306,7 @@ std::vector<FoundBody> FindBodies(const Part21File& file) {
     return type.ends_with("SHAPE_REPRESENTATION") ||
            type.starts_with("TESSELLATED_SHAPE_REPRESENTATION");
   });
-  std::set<int64_t> known;
+  std::map<int64_t, size_t> known;  // index in `found`
   for (const int64_t id : representations) {
     const RepresentationValues representation = RepresentationOf(file, id);
     for (const int64_t item : representation.items) {
@@ -313,11 +314,15 @@ std::vector<FoundBody> FindBodies(const Part21File& file) {
           !IsOneOf(file, item, kUnreadSurfaces)) {
         continue;
       }
-      if (!known.insert(item).second) continue;
+      const auto [place, is_new] = known.try_emplace(item, found.size());
+      if (!is_new) {
+        found[place->second].representations.push_back(id);
+        continue;
+      }
       std::string name = Attributes(file, item, 1).front().text;
       if (name.empty()) name = representation.name;
       if (name.empty()) name = "body";
-      found.push_back({item, id, name});
+      found.push_back({item, {id}, name});
     }
   }
   return found;
@@ -343,8 +348,13 @@ TessellatedBodies ReadTessellation(const Part21File& file, const std::string& un
   const bool assembly =
       !file.Find([](std::string_view t) { return t == "NEXT_ASSEMBLY_USAGE_OCCURRENCE"; }).empty();
   for (const FoundBody& body : found) {
-    const int64_t product = joined.SetOf(body.representation);
-    if (!products.contains(product) || exact.contains(product)) {
+    const auto representation = std::ranges::find_if(
+        body.representations, [&](int64_t id) { return products.contains(joined.SetOf(id)); });
+    if (representation == body.representations.end()) {
+      read.of_no_product.push_back(body.name);
+      continue;
+    }
+    if (exact.contains(joined.SetOf(*representation))) {
       read.left_out.push_back(body.name);
       continue;
     }
@@ -358,8 +368,7 @@ TessellatedBodies ReadTessellation(const Part21File& file, const std::string& un
              "tessellated geometry of an assembly is not read; save it as exact geometry, or as a "
              "single part");
     }
-    double millimetres =
-        ContextMillimetres(file, RepresentationOf(file, body.representation).context);
+    double millimetres = ContextMillimetres(file, RepresentationOf(file, *representation).context);
     if (millimetres > 0 && !unit.empty()) {
       FailWithSecondLengthUnit(file.name(), std::to_string(millimetres) + " mm");
     }

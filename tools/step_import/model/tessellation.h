@@ -16,6 +16,7 @@ namespace sightline {
 struct TessellatedBodies {
   std::vector<ShapeMesh> bodies;      // positions in millimetres
   std::vector<std::string> left_out;  // names of those of a product that has exact geometry, too
+  std::vector<std::string> of_no_product;  // names of those that only shape aspects refer to
 };
 
 // The tessellated bodies of the products' shapes. `unit` as of SettleLengthUnit. Throws
