@@ -17,7 +17,9 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
+#include <sstream>
 #include <stdexcept>
+#include <string>
 #include <tuple>
 #include <unordered_map>
 #include <utility>
@@ -64,7 +66,11 @@ class Welder {
   void AddFace(const TopoDS_Face& face) {
     TopLoc_Location location;
     const Handle(Poly_Triangulation) triangulation = BRep_Tool::Triangulation(face, location);
-    if (triangulation.IsNull()) throw std::runtime_error("a face of the model cannot be meshed");
+    ++faces_;
+    if (triangulation.IsNull()) {
+      throw std::runtime_error("face " + std::to_string(faces_) + " of the body" + Place(face) +
+                               " cannot be meshed");
+    }
     std::vector<Point> nodes(static_cast<std::size_t>(triangulation->NbNodes()) + 1);
     for (int i = 1; i <= triangulation->NbNodes(); ++i) {
       const gp_Pnt p = triangulation->Node(i).Transformed(location.Transformation());
@@ -141,6 +147,17 @@ class Welder {
     }
   }
 
+  // Where people find a face in a viewer: " with a corner at (1, 2, 3) mm".
+  static std::string Place(const TopoDS_Face& face) {
+    const TopExp_Explorer corner(face, TopAbs_VERTEX);
+    if (!corner.More()) return "";
+    const gp_Pnt p = BRep_Tool::Pnt(TopoDS::Vertex(corner.Current()));
+    std::ostringstream text;
+    text << " with a corner at (" << p.X() << ", " << p.Y() << ", " << p.Z() << ") mm";
+    return text.str();
+  }
+
+  std::size_t faces_ = 0;  // so far
   TopTools_IndexedMapOfShape vertices_, edges_;
   std::vector<std::uint32_t> vertex_ids_;
   std::vector<std::vector<std::uint32_t>> edge_ids_;
