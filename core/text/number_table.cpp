@@ -234,8 +234,8 @@ absl::StatusOr<NumberTableForm> FormOfNumberTable(std::string_view text,
     return decimal_commas(' ');
   }
   // Nothing but commas is between values. Points do not settle it: 1.234,567 and 1,234.5 can be one
-  // number or two.
-  if (rules.columns.empty() && (seen.points_group || seen.commas_group)) {
+  // number or two. Whole numbers of three digits with commas between them are columns.
+  if (rules.columns.empty() && seen.points && (seen.points_group || seen.commas_group)) {
     return TwoWays(
         "its commas may separate values, or stand in one number per line, before decimals or "
         "between thousands");

@@ -496,13 +496,13 @@ std::string WithLengthUnit(const std::string& text, const std::string& unit,
   const std::string id = match[1];
   const std::string definitions =
       absl::StrReplaceAll(id + "=" + unit + ";\n" + more, {{"$UNIT", id}});
-  const std::string context = "GLOBAL_UNIT_ASSIGNED_CONTEXT((";
+  const std::regex context("GLOBAL_UNIT_ASSIGNED_CONTEXT\\s*\\(\\s*\\(");
   std::string stated = text;
   stated.replace(static_cast<size_t>(match.position()), static_cast<size_t>(match.length()),
                  definitions);
   if (second.empty()) return stated;
-  EXPECT_THAT(stated, HasSubstr(context));
-  return absl::StrReplaceAll(stated, {{context, context + second + ","}});
+  EXPECT_TRUE(std::regex_search(stated, context));
+  return std::regex_replace(stated, context, "GLOBAL_UNIT_ASSIGNED_CONTEXT((" + second + ",");
 }
 
 // The unit `name`, whose factor is the instance `measure`.

@@ -22,7 +22,7 @@
 namespace sightline {
 namespace {
 
-using nlohmann::json;
+using GltfJson = nlohmann::json;
 namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
@@ -39,9 +39,9 @@ std::string ErrorOfGltf(const std::string& text) {
   return mesh.ok() ? "read" : std::string(mesh.status().message());
 }
 
-std::string ErrorWith(const std::string& pointer, const json& value) {
-  json root = json::parse(GltfOfBox());
-  root[json::json_pointer(pointer)] = value;
+std::string ErrorWith(const std::string& pointer, const GltfJson& value) {
+  GltfJson root = GltfJson::parse(GltfOfBox());
+  root[GltfJson::json_pointer(pointer)] = value;
   return ErrorOfGltf(root.dump());
 }
 
@@ -59,11 +59,11 @@ std::string PlaceOf(const std::string& pointer) {
 }
 
 TEST(GltfProperties, WrongTypesAndRangesAreRefusedWithThePlace) {
-  const std::vector<std::pair<std::string, json>> right = {
+  const std::vector<std::pair<std::string, GltfJson>> right = {
       {"/scene", 0},
-      {"/nodes/0/scale", json::array({1, 2.5, 1e0})},
-      {"/nodes/0/translation", json::array({0, 0, 0})},
-      {"/nodes/0/rotation", json::array({0, 0, 0, 1})},
+      {"/nodes/0/scale", GltfJson::array({1, 2.5, 1e0})},
+      {"/nodes/0/translation", GltfJson::array({0, 0, 0})},
+      {"/nodes/0/rotation", GltfJson::array({0, 0, 0, 1})},
       {"/nodes/0/extensions/KHR_node_visibility/visible", true},
       {"/nodes/0/name", 7},  // does not concern the shape
       {"/nodes/0/extras/scale", "2"},
@@ -76,12 +76,12 @@ TEST(GltfProperties, WrongTypesAndRangesAreRefusedWithThePlace) {
   for (const auto& [pointer, value] : right) {
     EXPECT_EQ(ErrorWith(pointer, value), "read") << pointer << " " << value;
   }
-  const std::vector<std::pair<std::string, json>> wrong = {
+  const std::vector<std::pair<std::string, GltfJson>> wrong = {
       {"/scene", 0.0},
       {"/scene", "0"},
       {"/scene", -1},
       {"/scene", 5'000'000'000},
-      {"/scenes", json::object()},
+      {"/scenes", GltfJson::object()},
       {"/scenes/0/nodes", "0"},
       {"/scenes/0/nodes/0", 0.0},
       {"/nodes/0/mesh", 0.0},
@@ -89,19 +89,19 @@ TEST(GltfProperties, WrongTypesAndRangesAreRefusedWithThePlace) {
       {"/nodes/0/mesh", nullptr},
       {"/nodes/0/children", 1},
       {"/nodes/0/scale", 2},
-      {"/nodes/0/scale", json::array({2, 2})},
-      {"/nodes/0/scale", json::array({"2", "2", "2"})},
-      {"/nodes/0/scale", json::array({2, nullptr, 2})},
+      {"/nodes/0/scale", GltfJson::array({2, 2})},
+      {"/nodes/0/scale", GltfJson::array({"2", "2", "2"})},
+      {"/nodes/0/scale", GltfJson::array({2, nullptr, 2})},
       {"/nodes/0/translation", nullptr},
-      {"/nodes/0/rotation", json::array()},
+      {"/nodes/0/rotation", GltfJson::array()},
       {"/nodes/0/matrix", "identity"},
-      {"/nodes/0/extensions", json::array()},
+      {"/nodes/0/extensions", GltfJson::array()},
       {"/nodes/0/extensions/KHR_node_visibility", false},
       {"/nodes/0/extensions/KHR_node_visibility/visible", 0},
       {"/nodes/0/extensions/KHR_node_visibility/visible", "false"},
       {"/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes/Rotation", 0},
       {"/nodes/0/extensions/EXT_mesh_gpu_instancing/attributes/TRANSLATION", 0.0},
-      {"/meshes/0/primitives", json::object()},
+      {"/meshes/0/primitives", GltfJson::object()},
       {"/meshes/0/primitives/0/mode", 5.0},
       {"/meshes/0/primitives/0/mode", "TRIANGLES"},
       {"/meshes/0/primitives/0/mode", -1},
@@ -128,7 +128,7 @@ TEST(GltfProperties, WrongTypesAndRangesAreRefusedWithThePlace) {
       {"/asset/version", 2.0},
       {"/asset/version", "2"},
       {"/asset/minVersion", "2.1"},
-      {"/nodes/0/Scale", json::array({2, 2, 2})}};
+      {"/nodes/0/Scale", GltfJson::array({2, 2, 2})}};
   for (const auto& [pointer, value] : wrong) {
     EXPECT_THAT(ErrorWith(pointer, value),
                 AllOf(HasSubstr("part.gltf: " + PlaceOf(pointer)), HasSubstr(" is ")))
@@ -152,7 +152,7 @@ TEST(GltfProperties, KeysThatStandTwiceAreRefusedWithThePlace) {
 }
 
 TEST(GltfProperties, AMatrixAndAScaleExcludeEachOther) {
-  json root = json::parse(GltfOfBox());
+  GltfJson root = GltfJson::parse(GltfOfBox());
   root["nodes"][0]["matrix"] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1};
   EXPECT_EQ(ErrorOfGltf(root.dump()), "read");
   root["nodes"][0]["scale"] = {2, 2, 2};

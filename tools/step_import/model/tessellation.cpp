@@ -6,6 +6,7 @@
 #include <cmath>
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <set>
 #include <string_view>
 #include <utility>
@@ -20,7 +21,6 @@ using ValueKind = Part21Value::Kind;
 using Values = std::vector<Part21Value>;
 
 constexpr size_t kMostTriangles = 50'000'000;
-constexpr int kMostUnitsDeep = 8;
 constexpr std::array<std::string_view, 2> kBodies = {"TESSELLATED_SOLID", "TESSELLATED_SHELL"};
 constexpr std::array<std::string_view, 4> kSurfaces = {
     "TRIANGULATED_FACE", "COMPLEX_TRIANGULATED_FACE", "TRIANGULATED_SURFACE_SET",
@@ -144,51 +144,11 @@ std::vector<int64_t> JoinProducts(const Part21File& file, JoinedRepresentations&
   return used;
 }
 
-// Millimetres in one unit; 0 if the unit is no length.
-double UnitMillimetres(const Part21File& file, int64_t id, int depth) {
-  if (depth > kMostUnitsDeep || !file.Has(id)) return 0;
-  for (const Part21Record& record : file.Records(id)) {
-    if (record.type == "SI_UNIT" && record.values.size() >= 2 &&
-        record.values.back().text == "METRE") {
-      constexpr std::array<std::pair<std::string_view, double>, 6> kPrefixes = {
-          {{"", 1e3}, {"KILO", 1e6}, {"DECI", 1e2}, {"CENTI", 10}, {"MILLI", 1}, {"MICRO", 1e-3}}};
-      const std::string& prefix = record.values[record.values.size() - 2].text;
-      for (const auto& [name, millimetres] : kPrefixes) {
-        if (name == prefix) return millimetres;
-      }
-      FailAt(file, id, "has prefix " + prefix + ", which is not read");
-    }
-    if (record.type == "CONVERSION_BASED_UNIT" && record.values.size() >= 2 &&
-        record.values.back().kind == ValueKind::kReference) {
-      const int64_t factor = record.values.back().reference;
-      for (const Part21Record& measure : file.Records(factor)) {
-        double number = 0, unit = 0;
-        for (const Part21Value& value : measure.values) {
-          if (value.kind == ValueKind::kTyped && value.list.size() == 1)
-            number = value.list[0].number;
-          if (value.kind == ValueKind::kReference)
-            unit = UnitMillimetres(file, value.reference, depth + 1);
-        }
-        if (number > 0 && unit > 0) return number * unit;
-      }
-    }
-  }
-  return 0;
-}
-
 // Millimetres in one unit of the context's lengths; 0 if it states none.
 double ContextMillimetres(const Part21File& file, int64_t context) {
   if (!file.Has(context)) return 0;
-  for (const Part21Record& record : file.Records(context)) {
-    if (record.type != "GLOBAL_UNIT_ASSIGNED_CONTEXT" || record.values.empty()) continue;
-    for (const int64_t unit : References(record.values.back().list)) {
-      if (!file.IsA(unit, "LENGTH_UNIT")) continue;
-      if (const double millimetres = UnitMillimetres(file, unit, 0); millimetres > 0) {
-        return millimetres;
-      }
-    }
-  }
-  return 0;
+  const std::optional<ContextLengthUnit> unit = LengthUnitOfContext(file, context);
+  return unit ? 1e3 * unit->metres : 0;
 }
 
 // Gathers the surfaces of one body.
