@@ -77,7 +77,12 @@ void AddOrientationsNamed(const std::set<std::string>& names, std::string_view p
     while (first > 0 && IsXmlNameByte(packet[first - 1])) --first;
     const bool closing = first > 0 && packet[first - 1] == '/';
     if (closing || !names.contains(std::string(packet.substr(first, at - first)))) continue;
-    size_t digit = packet.find_first_not_of(" \t\r\n=\"'>", at);
+    size_t digit = packet.find_first_not_of(" \t\r\n", at);
+    if (digit == std::string_view::npos) break;
+    // The value of an element stands behind its attributes, such as a namespace.
+    if (packet[digit] != '=') digit = packet.find('>', digit);
+    if (digit == std::string_view::npos) break;
+    digit = packet.find_first_not_of(" \t\r\n=\"'>", digit);
     if (digit == std::string_view::npos) break;
     uint64_t value = 0;
     const size_t begin = digit;

@@ -240,6 +240,12 @@ absl::Status CheckGltfObject(const nlohmann::json& object, absl::string_view kin
   }
   if (kind == "asset") return CheckAsset(object);
   if (kind == "instancing") return CheckInstancing(object);
+  // tinygltf would leave out the others beside a matrix.
+  if (kind == "node" && object.contains("matrix") &&
+      (object.contains("translation") || object.contains("rotation") || object.contains("scale"))) {
+    return absl::InvalidArgumentError(
+        " has a matrix and a translation, rotation or scale, must have either");
+  }
   return absl::OkStatus();
 }
 

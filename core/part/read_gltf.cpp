@@ -488,11 +488,6 @@ class Converter {
     };
     Eigen::Affine3d transform = Eigen::Affine3d::Identity();
     if (!node.matrix.empty()) {
-      if (!node.translation.empty() || !node.rotation.empty() || !node.scale.empty()) {
-        return Refuse(absl::StrCat("nodes[", index,
-                                   "] has a matrix and a translation, rotation or scale, must "
-                                   "have either"));
-      }
       if (node.matrix.size() != 16) return bad_size("matrix", node.matrix.size(), 16);
       transform.matrix() = Eigen::Map<const Eigen::Matrix4d>(node.matrix.data());  // column-major
       if (transform.matrix().row(3) != Eigen::RowVector4d(0, 0, 0, 1)) {
