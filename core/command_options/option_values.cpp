@@ -15,7 +15,7 @@
 namespace sightline {
 namespace {
 
-// What CLI11 calls the type of an option that TakeSizes has changed.
+// Type that CLI11 shows for an option changed by TakeSizes.
 constexpr char kSizeType[] = "SIZE";
 
 // The type alone: CLI11 puts descriptions of checks behind it, as in "INT:INT in [0 - 9]".

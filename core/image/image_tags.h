@@ -28,7 +28,7 @@ struct ImageTags {
   uint64_t full_images = 1;
   // Position behind the last byte that belongs to the image [bytes].
   uint64_t end = 0;
-  // What else changes the pixels, as the end of a sentence that begins with the file's name.
+  // Other reasons to refuse the file. Each ends a sentence that begins with the file's name.
   std::vector<std::string> refusals;
 };
 

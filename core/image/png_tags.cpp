@@ -93,7 +93,7 @@ absl::StatusOr<ImageTags> ReadPngTags(std::FILE* file, const StopCheck& stop) {
       tags.refusals.emplace_back("has transparency (tRNS), must be greyscale alone");
     if (type == "fcTL" && !in_pixels) image_is_frame = true;
     if (type != "eXIf" && type != "acTL" && !IsText(type)) continue;
-    // Of long texts the key is enough.
+    // The key of a long text is enough.
     const bool whole = length <= kMostMetadataBytes;
     if (!whole && type == "eXIf") {
       tags.refusals.push_back(absl::StrCat("has an eXIf chunk of ", length,

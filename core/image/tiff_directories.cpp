@@ -72,7 +72,7 @@ class DirectoryWalk {
   }
 
   void Reach(uint64_t offset, uint64_t size) {
-    // What lies outside of any file is left to the reader of pixels.
+    // The reader of pixels refuses positions that no file can have.
     if (size > std::numeric_limits<uint64_t>::max() - offset) return;
     found_.end = std::max(found_.end, offset + size);
   }

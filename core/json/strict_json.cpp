@@ -51,9 +51,9 @@ constexpr uint64_t kMaxFileBytes = uint64_t{64} << 20;
 constexpr size_t kFreeMessageBytes = size_t{256} << 10;
 // No message of ours takes as much beyond its text.
 constexpr size_t kMostBytesBeyondText = size_t{64} << 20;
-// Of an allocation: the header of malloc and the space lost to its steps of 16 bytes.
+// Overhead of an allocation: the header of malloc and the space lost to its steps of 16 bytes.
 constexpr size_t kAllocationBytes = 16;
-// Of a map with its first entries.
+// Table of a map with its first entries.
 constexpr size_t kTableBytes = 64;
 
 struct TextPosition {
@@ -122,8 +122,8 @@ std::vector<std::string> NamesOf(const EnumDescriptor& type) {
   return names;
 }
 
-// What to write instead of a number or an array where an object must stand. Messages that say what
-// a number may be have `fixed` for a single one and `values` for several.
+// Advice for a number or an array where an object must stand. Messages for the values of a number
+// have `fixed` for a single one and `values` for several.
 std::string ObjectInstead(const JsonValue& value, const Descriptor& type) {
   const FieldDescriptor* fixed = type.FindFieldByName("fixed");
   if (fixed == nullptr || fixed->cpp_type() != FieldDescriptor::CPPTYPE_DOUBLE) return "";
@@ -165,7 +165,7 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
   const std::string& error() const { return error_; }
   // Place of an error of the syntax.
   std::optional<size_t> error_byte() const { return error_byte_; }
-  // What is wrong with the fields.
+  // Errors of the fields.
   absl::Status FieldErrors() const { return errors_.Status(); }
 
   bool null() override { return Add({}); }
@@ -367,7 +367,7 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
     return true;
   }
 
-  // Where the value at hand belongs: a message and its field, which may be one that has several.
+  // Destination of the present value: a message and its field, which may be repeated.
   struct Place {
     Message* message = nullptr;  // null: it is passed over
     const FieldDescriptor* field = nullptr;
@@ -433,7 +433,7 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
     return level;
   }
 
-  // What an array or object at this place is, which is passed over where it must not be there.
+  // Level of an array or object at this place. It is passed over if the field does not take it.
   Level LevelIn(const Place& place, const JsonValue& value) {
     Level level;
     const FieldDescriptor& field = *place.field;

@@ -33,7 +33,7 @@ constexpr std::string_view kNoShape[] = {
     "VRMC_materials_mtoon",
 };
 
-// What read_gltf.cpp does as they say.
+// Extensions that read_gltf.cpp obeys.
 constexpr std::string_view kObeyed[] = {"EXT_mesh_gpu_instancing", "KHR_mesh_quantization",
                                         "KHR_node_visibility"};
 

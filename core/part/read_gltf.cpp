@@ -369,7 +369,7 @@ class Converter {
   }
 
  private:
-  // What stands at an object of the default scene.
+  // Checks the extensions of an object of the default scene.
   static absl::Status CheckExtensionsAt(const std::string& place,
                                         const tinygltf::ExtensionMap& extensions,
                                         std::initializer_list<std::string_view> obeyed = {}) {

@@ -102,7 +102,7 @@ class PlyBody {
     return true;
   }
 
-  // Of text: whether the line of the element has no more numbers.
+  // Whether the element's line has no more numbers; always true of binary data.
   bool AtLineEnd() { return encoding_ != Encoding::kAscii || scanner_.WordInLine().empty(); }
 
   // Bytes behind the last element that are more than white space.
@@ -189,7 +189,7 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
   }
   if (!ended) return absl::InvalidArgumentError("truncated: the header does not end");
   if (!encoding) return absl::InvalidArgumentError("the header has no format");
-  // Where lines end with CR alone, LF is the first byte of the data.
+  // If lines end with CR alone, LF is the first byte of the data.
   const bool cr_alone = bytes.starts_with("ply\r") && !bytes.starts_with("ply\r\n");
   const size_t header_end = header.position();
   if (!header.NextLine()) return absl::InvalidArgumentError("truncated: no data after the header");

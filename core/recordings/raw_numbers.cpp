@@ -30,7 +30,7 @@ std::optional<int> ClipLevel(const Histogram& counts) {
   const auto last = std::find_if(counts.rbegin(), counts.rend(), [](int64_t n) { return n > 0; });
   if (last == counts.rend()) return std::nullopt;
   const int top = static_cast<int>(counts.rend() - last) - 1;
-  // Of stuck low bits only multiples of the step can occur.
+  // If low bits are stuck, only multiples of the step can occur.
   const int step = CommonPowerOfTwo(counts);
   int compared = 0;
   int64_t below = 0;

@@ -22,7 +22,8 @@ int CommonPowerOfTwo(const Histogram& counts);
 // those of the eight values below, at a level of 0.1 %; nullopt if the test does not reject.
 std::optional<int> ClipLevel(const Histogram& counts);
 
-// Where numbers end: the clip level if there is one below `largest`, otherwise `largest`.
+// Largest number that the camera writes: the clip level if it is below `largest`, otherwise
+// `largest`.
 int UpperLimit(const Histogram& counts, int largest);
 
 // Share of values that do not occur among those that should: where the 17 values about them occur

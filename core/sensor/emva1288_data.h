@@ -37,7 +37,7 @@ absl::StatusOr<v1::SensorSet> ParseEmva1288Data(std::string_view text, const std
 // at least 0 in all bright steps or in none. INVALID_ARGUMENT names `context`, field and value.
 absl::Status CheckSensorSet(const v1::SensorSet& set, const std::string& context);
 
-// What a person should know about a valid set: photons that are the same for every exposure time.
+// Remarks on a valid set: it warns if the photons are the same for every exposure time.
 std::vector<std::string> SensorSetRemarks(const v1::SensorSet& set);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What editors and transfers put around the text of a file: byte order marks in front, NUL and
+// Editors and transfers put bytes around the text of a file: byte order marks in front, NUL and
 // Ctrl-Z behind. Readers of text formats take the text between them.
 #pragma once
 

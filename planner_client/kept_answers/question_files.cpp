@@ -26,7 +26,7 @@ namespace fs = std::filesystem;
 using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 
-// What a file may refer to in turn.
+// Kind of a file, which says what it may refer to in turn.
 enum class Contains { kNothingMore, kMesh, kRobot, kSensor, kMaterial };
 
 struct FileField {

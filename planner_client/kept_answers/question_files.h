@@ -27,7 +27,7 @@ inline constexpr size_t kMostQuestionFiles = 100'000;
 // NOT_FOUND: the inspection cannot be read. INVALID_ARGUMENT also for more than kMostQuestionFiles.
 absl::StatusOr<std::vector<QuestionFile>> FilesOfInspection(const std::string& inspection_file);
 
-// What a string field of an inspection is, and so whether it names a file.
+// Kind of a string field of an inspection: whether it names a file.
 enum class TextField { kFile, kText, kUnknown };
 // kUnknown: the field is in neither of the two tables of question_files.cpp. Fields that are added
 // to the messages of inspections belong into one of them.

@@ -16,7 +16,7 @@
 
 namespace sightline {
 
-// What happens to a file of another part.
+// Treatment of a file of another part.
 enum class OtherPart {
   kRefused,
   kRefusedWithoutOption,  // refused; the message names --other-part

@@ -204,7 +204,7 @@ void JobRunner::Run(const PlanningJob& job) {
   options.program = options_.program;
   options.folder = folder;
   options.commands = SplitTask(task, "../out", "../checkpoint", options_.parts);
-  // What the servers of the job's commands log names the request as well.
+  // The servers of the job's commands name the request in their logs, too.
   AddGlobalOption("--traceparent", job.traceparent, &options.commands);
   AddGlobalOption("--step-cache", options_.step_cache_folder, &options.commands);
   options.prepare = [&] { return Prepare(job, folder); };

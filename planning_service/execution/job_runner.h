@@ -22,7 +22,8 @@ namespace sightline {
 struct JobRunnerOptions {
   std::string program;      // path of `sightline`
   std::string work_folder;  // jobs have their folders in it; they stay over restarts until done
-  // Where jobs keep meshes of STEP files, for all machines that run them; empty: each user's cache.
+  // Folder in which jobs keep meshes of STEP files, on every machine that runs them; empty: the
+  // cache of the user.
   std::string step_cache_folder;
   int workers = 1;                                     // jobs at a time; 0: others run them
   int parts = 1;                                       // into how many a job is split that can be

@@ -86,7 +86,8 @@ void StreamEvents(HttpExchange& exchange, PlanningJobs* jobs, const Client& clie
   if (exchange.request().method == "HEAD") return exchange.End().IgnoreError();
   if (!exchange.Write("retry: 2000\n\n").ok()) return;
   if (!*is_known) {
-    // What the receiver missed is not known: it gets the present state, with an id to go on from.
+    // Nobody knows which events the receiver missed. It gets the present state, with an id to
+    // continue from.
     const std::string text = EventText(absl::StrCat(*newest), StateEventType(job->state), *job);
     if (!exchange.Write(text).ok()) return;
     if (job->IsFinished()) return exchange.End().IgnoreError();

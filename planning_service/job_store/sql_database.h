@@ -76,8 +76,8 @@ class SqlDatabase {
   virtual absl::StatusOr<std::unique_ptr<SqlConnection>> Connect() = 0;
   // Whether other processes may write to it.
   virtual bool IsShared() const = 0;
-  // Where the tables live: the same text at every start, another one after a restore from a dump,
-  // of the file or of the server. `connection` is in a transaction.
+  // Identifies the place of the tables: the same text at every start, another one after a restore
+  // from a dump, of the file or of the server. `connection` is in a transaction.
   virtual absl::StatusOr<std::string> Instance(SqlConnection* connection) = 0;
   // For messages: file, or database and host.
   virtual std::string Name() const = 0;

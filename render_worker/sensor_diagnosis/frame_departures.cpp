@@ -116,7 +116,7 @@ Departure OddEvenWidth(const Histogram& histogram, int largest) {
   // Standard error of a median, from the median deviation.
   const double middle_error =
       1.2533 * 1.4826 * MiddleOf(deviations) / std::sqrt(static_cast<double>(blocks.size()));
-  // Where all blocks scatter more than by chance, the bound for outliers is wider.
+  // If all blocks scatter more than by chance, the bound for outliers is wider.
   std::vector<double> in_errors;
   for (const WidthOfBlock& block : blocks) {
     in_errors.push_back(std::abs(block.width - middle) / std::hypot(block.error, middle_error));

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What of a STEP file is the part, in which unit, and what is refused: on files that OpenCASCADE
-// writes and on hand-written ones.
+// Tests which entities of a STEP file are the part, its unit, and refusals, with files that
+// OpenCASCADE writes and with hand-written ones.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <signal.h>

@@ -147,7 +147,7 @@ class Welder {
     }
   }
 
-  // Where people find a face in a viewer: " with a corner at (1, 2, 3) mm".
+  // Place at which people find a face in a viewer: " with a corner at (1, 2, 3) mm".
   static std::string Place(const TopoDS_Face& face) {
     const TopExp_Explorer corner(face, TopAbs_VERTEX);
     if (!corner.More()) return "";

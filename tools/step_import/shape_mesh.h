@@ -19,7 +19,7 @@ namespace sightline {
 struct ShapeMesh {
   std::string name;
   std::vector<std::array<double, 3>> positions_mm;
-  // Where the file's node stands: positions are stored as float metres from here. 0 for a mesh
+  // Translation of the file's node: positions are stored as float metres from here. 0 for a mesh
   // within 2 m of the origin of the model, where floats are exact to 0.12 um.
   std::array<double, 3> origin_mm{};
   std::vector<std::array<std::uint32_t, 3>> triangles;

@@ -107,7 +107,7 @@ class BodyCollector {
   std::vector<StepBody> bodies_;
 };
 
-// What OpenCASCADE says of an entity that it could not translate.
+// OpenCASCADE's message about an entity that it could not translate.
 std::string FailureText(const Handle(Transfer_TransientProcess) & process,
                         const Handle(Standard_Transient) & entity) {
   const Handle(Transfer_Binder) binder = process->Find(entity);

@@ -31,7 +31,7 @@ struct StepReadOptions {
 struct StepModel {
   std::vector<StepBody> bodies;  // never empty, each with at least one face or triangle
   std::string length_unit;       // as the file names it, e.g. "millimetre", or `unit` as given
-  // What of the file is not in `bodies`, by name, in sentences for people.
+  // Names the items of the file that are not in `bodies`, in sentences for people.
   std::vector<std::string> remarks;
   // If asked for. Faces are counted from 1 through the bodies, in TopExp_Explorer's order in each.
   std::optional<ToleranceReport> tolerances;

@@ -79,7 +79,7 @@ struct Faces {
   }
 };
 
-// What the faces with area say of the whole part.
+// Extent of the faces with area.
 struct PartExtent {
   Eigen::AlignedBox3d box_m;
   double largest_m = 0;  // coordinate

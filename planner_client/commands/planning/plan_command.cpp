@@ -427,7 +427,7 @@ class Planning {
   double planning_s_ = 0, time_to_plan_s_ = 0;
 };
 
-// What the answers that --checkpoint keeps depend on; unset without it.
+// Everything that the answers kept by --checkpoint depend on; unset without this option.
 absl::StatusOr<std::optional<SearchQuestion>> QuestionOf(const PlanOptions& options) {
   if (options.checkpoint.empty()) return std::nullopt;
   auto files = FilesOfInspection(options.session.inspection_file);

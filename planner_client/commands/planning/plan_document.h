@@ -24,8 +24,8 @@ struct PlanDocument {
   std::vector<float> admissible_uncertainty_m;
   // One per target, as far as it is not covered; empty until ExplainUncovered.
   std::vector<TargetReason> reasons;
-  // What else belongs to the plan but could not be had from the server, a sentence each: pictures,
-  // explanations, qualities. The plan is kept without it; the report and stderr name it.
+  // Pictures, explanations and qualities that the server did not give, a sentence each. The plan is
+  // kept without it; the report and stderr name it.
   std::vector<std::string> missing;
 
   // Adds that something, as "picture of scan 3", is missing and why.

@@ -172,7 +172,7 @@ absl::Status WritePointsOfScan(const PlanningSession& session, const ChosenScan&
   return WriteEllipsoids(session, scan.measurement, points, path("_ellipsoids"));
 }
 
-// What the server answered for the outputs of a scan.
+// Answers of the server for the outputs of a scan.
 struct ScanAnswers {
   absl::Status picture, points;
 };

@@ -51,9 +51,9 @@ struct SessionOptions {
 struct PlanningSession {
   Inspection inspection;
   std::shared_ptr<const TriangleMesh> part;
-  // Of the part as its file describes it, also where `part` is the part as measured.
+  // Digest of the CAD file's part, even if `part` is the part as measured.
   PartDigest part_digest;
-  // What to know of the plans that scans were taken from, for the first lines of reports.
+  // Remarks on the plans that scans were taken from, for the first lines of reports.
   std::vector<std::string> plan_remarks;
   // What the part lies on; the domain of `inspection` has its orientations.
   HeldPart held;

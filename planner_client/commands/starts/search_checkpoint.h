@@ -17,7 +17,7 @@
 
 namespace sightline {
 
-// What searches depend on and a session that is open does not know any more.
+// Inputs of a search that an open session no longer knows.
 struct SearchQuestion {
   // The inspection with all that it refers to, and measured points; as they were before the session
   // was opened, so that no file can change unseen between its digest and its reading.

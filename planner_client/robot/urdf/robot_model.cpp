@@ -33,10 +33,11 @@ constexpr size_t kMostTriangles = 500000;
 constexpr uintmax_t kMostMeshBytes = 256 << 20;  // of all files that meshes are read from
 // Of any length in a URDF; larger ones are in other units than metres.
 constexpr double kMostMetres = 100;
-// Of a revolute joint's limits, either way. Published robots have up to 10 rad; in degrees the
-// narrowest joints have more than that.
+// Largest limit of a revolute joint, either way. Published robots have up to 10 rad; in degrees
+// even narrow joints have more than that.
 constexpr double kMostTurnRad = 4 * std::numbers::pi;
-// Of rotary joints [rad/s]. The fastest axes of small industrial arms do some 20 rad/s.
+// Velocity of a rotary joint above which it is remarked [rad/s]. The fastest axes of small
+// industrial arms do some 20 rad/s.
 constexpr double kFastRadPerS = 8 * std::numbers::pi;
 
 class Reader {

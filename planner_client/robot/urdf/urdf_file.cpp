@@ -30,7 +30,8 @@ constexpr uintmax_t kMostBytes = 4 << 20;
 constexpr int kMostDepth = 64;
 constexpr int kMostAttributes = 64;
 
-// What urdfdom says on its console. Only its second error names the joint or link of the first.
+// Collects the messages that urdfdom writes to its console. Only its second error names the joint
+// or link of the first.
 class Messages final : public console_bridge::OutputHandler {
  public:
   void log(const std::string& text, console_bridge::LogLevel level, const char*, int) override {

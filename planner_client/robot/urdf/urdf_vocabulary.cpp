@@ -261,7 +261,7 @@ class Checker {
     return absl::OkStatus();
   }
 
-  // What somebody may have meant by an attribute: first of all one that is not there.
+  // Suggests the attribute that was meant. One that the element lacks is the likeliest.
   static std::string Suggestion(const std::string& name, const UrdfElement& element,
                                 const std::set<std::string>& present) {
     std::vector<std::string> all, absent;

@@ -23,7 +23,7 @@ namespace fs = std::filesystem;
 using ::testing::AllOf;
 using ::testing::HasSubstr;
 
-// What a file of any format is to say beside its pixels.
+// Tags that a file of any format is to have beside its pixels.
 struct Saying {
   int orientation = 0;      // by the format's own tag (TIFF, Exif); 0: not stated
   int xmp_orientation = 0;  // by an XMP packet

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What holds for the readers of all mesh formats: the table is in mesh_formats.cpp.
+// Properties of the readers of all mesh formats. Their table is in mesh_formats.cpp.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -534,7 +534,7 @@ TEST_F(QifTest, FaultsAreNamedWithLineAndElement) {
   EXPECT_EQ(ReadQif((folder_ / "none.qif").string()).status().code(), absl::StatusCode::kNotFound);
 }
 
-// Of an element that may stand once neither the first nor the last is taken.
+// If an element that may stand once stands twice, neither is taken.
 TEST_F(QifTest, ElementsThatStandTwiceAreRefusedWithBothLines) {
   struct Case {
     std::string element;  // as it stands in kQif; its first tag names it

@@ -24,7 +24,8 @@ using ::testing::HasSubstr;
 constexpr const char* kOtherPrograms[] = {"coverage_server", "render_worker",
                                           "sightline_step_import"};
 
-// What is no value of an option, by the option's type in --help. An empty list: any text is one.
+// Texts that are no value of an option, by the option's type in --help. An empty list: any text is
+// a value.
 const std::map<std::string, std::vector<std::string>>& WrongValues() {
   static const std::map<std::string, std::vector<std::string>> values = {
       {"INT", {"010", "0x8", "1e3", "nan", "inf", "18446744073709551617"}},

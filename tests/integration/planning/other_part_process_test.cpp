@@ -90,7 +90,7 @@ TEST_F(OtherPartProcessTest, EveryCommandRefusesIt) {
     EXPECT_THAT(output, AllOf(HasSubstr("part_digest is " + plan_.part_digest()),
                               HasSubstr("tall.obj is "), HasSubstr("--other-part")))
         << use.command << " " << arguments;
-    // Of a plan that is refused nothing is made.
+    // A refused plan leaves no files.
     EXPECT_FALSE(fs::exists(folder_ + "/new/plan.json")) << arguments;
   }
 }

@@ -275,7 +275,7 @@ TEST_F(UrdfVocabularyTest, SkipsExtensionsOfOtherPrograms) {
       EXPECT_TRUE(read.ok()) << read.status();
     }
   }
-  // What another program may call a solid is left out with a remark, once.
+  // An extension that may describe a solid is left out, with one remark.
   const std::string checking = "<self_collision_checking/>";
   const auto read = Read(PlanarArm(R"(lower="-2" upper="2")", checking + checking));
   ASSERT_TRUE(read.ok()) << read.status();

@@ -31,7 +31,7 @@ constexpr int64_t kMaxRequestBytes = 100'000;
 struct Shape {
   std::string name;
   std::string bytes;
-  // Of the first answer. 0: the connection may end without one.
+  // Status of the first answer.
   int status = 0;
   // Requests that reach the handler before the second one: "METHOD TARGET BODY".
   std::vector<std::string> seen;
