@@ -33,7 +33,7 @@ struct Left {
 std::map<std::string, Left> LeftByStatistic(const SetModel& model, const FitResult& fit) {
   constexpr double kWellKnown = 10;  // amounts over their errors; others tell nothing
   std::map<std::string, Left> by_statistic;
-  for (int e = 0; e < model.entries(); ++e) {
+  for (int e = 0; e < model.blocks(); ++e) {
     Left& left = by_statistic[std::string(model.StatisticOf(e).name())];
     left.chi_squared += fit.residual[e].squaredNorm();
     left.count += static_cast<int>(fit.residual[e].size());

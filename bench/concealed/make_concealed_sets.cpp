@@ -24,7 +24,7 @@
 #include "core/random/counter_random.h"
 #include "render_worker/diagnosis/expectation/expected_frame.h"
 #include "render_worker/diagnosis/fit/power.h"
-#include "render_worker/diagnosis/random_effect/recording_scatter.h"
+#include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/effects/stage_name.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/image_file/image_file.h"
@@ -115,7 +115,7 @@ class SetPower {
     }
     return [this, roughly](const std::vector<ActiveEffect>& effects) {
       // What is drawn for every recording counts as known there, which it is not.
-      if (effects.size() == 1 && IsRecordingScatter(*effects[0].effect)) return 0.0;
+      if (effects.size() == 1 && HasRandomLaw(*effects[0].effect)) return 0.0;
       return information_->ExpectedGain(effects, roughly) - gain_of_none_;
     };
   }

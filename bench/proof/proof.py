@@ -3,7 +3,9 @@
 
 bench/proof/claims.json says which benchmark measures a claim and where its values are in the benchmark's
 JSON output. docs/results.json has one row a claim: values with unit, commit, date, machine, options.
-A page shows the table NAME between the lines `<!-- proof:NAME -->` and `<!-- /proof:NAME -->`.
+A page shows the table NAME between the lines `<!-- proof:NAME -->` and `<!-- /proof:NAME -->`. Links in
+claims.json start at the top of the tree. A claim may have a target, {"value": NAME, "at_least": NUMBER} or
+"at_most"; the table then says whether it is met.
 
 A row is *older* if git knows a later commit in the folders that the claim depends on (its module). Git may
 not know: without history no row is older. Marks are therefore left out of comparisons.
@@ -12,6 +14,7 @@ not know: without history no row is older. Marks are therefore left out of compa
 import fnmatch
 import json
 import pathlib
+import posixpath
 import re
 import statistics
 import string
@@ -101,6 +104,28 @@ def measured(claim, row):
         raise ProofError(f"its row does not fit \"measured\" of the claim: {error!r}") from error
 
 
+def target(claim, row):
+    """Whether the row meets the claim's target: "≥ 95 %: met"; empty without a target."""
+    if "target" not in claim:
+        return ""
+    try:
+        wanted = claim["target"]
+        value, unit = row["values"][wanted["value"]]["value"], row["values"][wanted["value"]]["unit"]
+        if "at_least" in wanted:
+            sign, limit, met = "≥", wanted["at_least"], value >= wanted["at_least"]
+        else:
+            sign, limit, met = "≤", wanted["at_most"], value <= wanted["at_most"]
+    except (KeyError, TypeError) as error:
+        raise ProofError(f"its row does not fit \"target\" of the claim: {error!r}") from error
+    return f"{sign} {limit:g}{'' if unit == '1' else f' {unit}'}: {'met' if met else '**missed**'}"
+
+
+def links_from(page, text):
+    """`text` with its links from the top of the tree as links from `page`."""
+    return re.sub(r"\]\((?!\w+:|#)([^)#]+)",
+                  lambda link: f"]({posixpath.relpath(link[1], posixpath.dirname(page) or '.')}", text)
+
+
 def without_marks(text):
     return text.replace(OLDER, "")
 
@@ -170,12 +195,17 @@ class Proof:
         return measured(claim, row)
 
     def table(self, name):
-        lines = ["| claim | measured | date, commit | repeat | read |", "|---|---|---|---|---|"]
+        claims = [self.claims[claim_id] for claim_id in self.tables[name]["claims"]]
+        targets = any("target" in claim for claim in claims)
+        columns = ["claim", "measured", *["target"] * targets, "date, commit", "repeat", "read"]
+        lines = [f"| {' | '.join(columns)} |", "|---" * len(columns) + "|"]
         for claim_id in self.tables[name]["claims"]:
             claim, row = self.claims[claim_id], self.rows[claim_id]
             mark = OLDER if self.is_older(claim_id) else ""
-            lines.append(f"| {claim['claim']} | {measured(claim, row)} | {mark}{row['date']}, {row['commit']} "
-                         f"| `{claim['benchmark']}` | {claim['read']} |")
+            cells = [claim["claim"], measured(claim, row), *[target(claim, row)] * targets,
+                     f"{mark}{row['date']}, {row['commit']}", f"`{claim['benchmark']}`",
+                     links_from(self.tables[name]["page"], claim["read"])]
+            lines.append(f"| {' | '.join(cells)} |")
         return "\n".join(lines)
 
     def problems(self):
@@ -191,6 +221,7 @@ class Proof:
                 else:
                     try:
                         measured(self.claims[claim_id], self.rows[claim_id])
+                        target(self.claims[claim_id], self.rows[claim_id])
                     except ProofError as error:
                         found.append(f"docs/results.json, {claim_id}: {error}")
         for claim_id, claim in self.claims.items():

@@ -46,7 +46,7 @@ Json Ranked(const v1::Diagnosis& diagnosis) {
     entries.push_back(Entry(explanation.effect(), explanation.stage(), explanation.probability(),
                             explanation.effects().empty() ? nullptr : &explanation.effects(0)));
   }
-  // What is first stays first: it is the finding.
+  // The first entry stays first: it is the finding.
   if (!entries.empty()) {
     std::stable_sort(entries.begin() + 1, entries.end(), [](const Json& a, const Json& b) {
       return a["probability"].get<double>() > b["probability"].get<double>();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What was fitted on a plate, carried over to the inspection that uses the same camera, lens and
+// Carries a fit to recordings of a plate over to the inspection that uses the same camera, lens and
 // laser.
 #pragma once
 
@@ -13,12 +13,14 @@
 
 namespace sightline {
 
-// Fitted deviations and effects of `diagnosis` as values of `inspection`, where it has a field that
-// says the same; other effects are named in its `effects`. `nominal`: the description that was
-// diagnosed. Sensor, lens and laser are changed only if they are those of the recordings (type and
-// size of the sensor, focal length, wavelength), materials only if they are the plate's. Ambient
-// light is that which gives the plate the fitted radiance if it comes evenly from everywhere.
-// `inspection` has its sensor and materials inline.
+// Carries the fitted deviations and effects of `diagnosis` over to `inspection`. `nominal`: the
+// description that was diagnosed. Deviations change the fields that say the same; effects change
+// what the worker states in `inspection_changes`. An effect without such a statement becomes one of
+// the inspection's effects, with a warning.
+//
+// Sensor, lens and laser are changed only if they are those of the recordings (type and size of the
+// sensor, focal length, wavelength), materials only if they are the plate's. `inspection` has its
+// sensor and materials inline.
 CalibratedInspection CalibrateInspection(const v1::Inspection& inspection,
                                          const v1::Recordings& nominal,
                                          const v1::Diagnosis& diagnosis);
@@ -29,9 +31,5 @@ absl::StatusOr<CalibratedInspection> CalibrateInspectionFile(const std::string& 
                                                              const v1::Recordings& nominal,
                                                              const v1::Diagnosis& diagnosis,
                                                              const std::string& out_folder);
-
-// True: the renderer draws this effect on flat plates only; for parts it refuses it or would leave
-// it out.
-bool ActsOnPlatesOnly(const std::string& effect);
 
 }  // namespace sightline

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Numbers of an inspection, changed within their ranges, with a record of it.
+// Changes numbers of an inspection within their ranges and records the changes.
+//
+// Fields are named by dotted paths, "laser.power_w". Their defaults and ranges stand in the table
+// of inspection_number.h; nothing here knows an effect.
 #pragma once
 
-#include <google/protobuf/message.h>
-
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "planner_client/diagnosis_client/inspection_number.h"
+#include "sightline/v1/diagnosis.pb.h"
 #include "sightline/v1/inspection.pb.h"
 
 namespace sightline {
@@ -17,37 +21,51 @@ struct CalibratedInspection {
   std::vector<std::string> warnings;  // what could not be carried over, and why
 };
 
-// An optional number of a message.
-struct Number {
-  google::protobuf::Message* message;
-  const char* field;
-  double unset;  // what it is if it is not given
-  double lower, upper;
-
-  const google::protobuf::FieldDescriptor* Descriptor() const;
-  double Get() const;
-  void Set(double value) const;
-};
+// End of a warning about a quantity or an effect that belongs to the recordings' set-up.
+inline constexpr char kOfSetUp[] =
+    ": is of the set-up of the recordings, not of camera, lens or laser: left out";
 
 class InspectionChanges {
  public:
+  // `result` outlives this.
   explicit InspectionChanges(CalibratedInspection* result) : result_(*result) {}
 
+  // Elements of `materials` that paths through them lead to; none before.
+  void set_plate_materials(std::vector<int> indices) { plate_materials_ = std::move(indices); }
+
+  // Applies all changes of one effect of the diagnosis, in order. An effect without changes (of a
+  // worker that does not send them), or with a change that is not known here, becomes one of the
+  // inspection's effects, with a warning. Components are not compared.
+  void Carry(const v1::Effect& effect, const std::vector<v1::InspectionChange>& changes);
+
+  // Multiplies the numbers at `path` by a factor, or adds a summand to them. `source` names the
+  // cause in warnings and in the record. Results out of range are cut, with a warning. `path`
+  // stands in the table of numbers.
+  void Scale(const std::string& path, double factor, const std::string& source);
+  void Shift(const std::string& path, double summand, const std::string& source);
+
   void Warn(const std::string& text) { result_.warnings.push_back(text); }
-  void Note(const std::string& text) { result_.changes.push_back(text); }
-  // `path` of the number's message; `source`: of the change. Values out of range are cut, with a
-  // warning.
-  void Change(const Number& number, const std::string& path, double to, const std::string& source);
-  void Scale(const Number& number, const std::string& path, double factor,
-             const std::string& source);
-  void Shift(const Number& number, const std::string& path, double shift,
-             const std::string& source);
-  // Among the inspection's effects; one that stands there with the same id is replaced.
-  void AddEffect(const v1::Effect& effect);
 
  private:
+  enum class Outcome {
+    kDone,
+    kStop,        // nothing else of the effect can be carried over, as a warning says
+    kKeepEffect,  // the effect itself takes the place of its changes
+  };
+  Outcome Apply(const v1::InspectionChange& change);
+  Outcome ApplyToNumber(const InspectionNumber& number, const v1::InspectionChange& change);
+  void Change(const InspectionNumber& number, double to, const std::string& source);
+  // Puts it among the inspection's effects; one that stands there with the same id is replaced.
+  void AddEffect(const v1::Effect& effect);
+  void Note(const std::string& text) { result_.changes.push_back(text); }
+
   CalibratedInspection& result_;
+  std::vector<int> plate_materials_;
 };
+
+// The changes of `diagnosis` whose source is this effect, in order.
+std::vector<v1::InspectionChange> ChangesOf(const v1::Effect& effect,
+                                            const v1::Diagnosis& diagnosis);
 
 // Renames the files of an inspection with materials inline so that they lead from `folder` to where
 // they are.

@@ -20,7 +20,7 @@ struct RecordedFolder {
 };
 
 enum class Shown { kPlate, kPlateOrPart };
-// What happens to values of a plate's description that are missing: an error, or
+// Treatment of values that a plate's description lacks: an error, or
 // AssumeMissingValues.
 enum class MissingValues { kError, kAssume };
 

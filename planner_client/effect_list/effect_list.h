@@ -20,7 +20,7 @@ struct ListedParameter {
 };
 
 struct ListedEffect {
-  std::string effect;  // "optics.coma"
+  std::string effect;  // stage and name, with a dot between
   std::string stage, summary, source;
   std::vector<ListedParameter> parameters;
 };

@@ -11,6 +11,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "render_worker/calibration/inspection_change.h"
 #include "render_worker/diagnosis/finding/calibrated_set.h"
 #include "render_worker/diagnosis/finding/describe_fit.h"
 #include "render_worker/diagnosis/finding/explanations.h"
@@ -18,15 +19,18 @@
 #include "render_worker/diagnosis/finding/pictures.h"
 #include "render_worker/diagnosis/finding/residual_law.h"
 #include "render_worker/diagnosis/free_form/free_form.h"
-#include "render_worker/diagnosis/selection/competition.h"
+#include "render_worker/diagnosis/selection/compare_models.h"
 #include "render_worker/diagnosis/selection/next_recording.h"
 
 namespace sightline {
 
 namespace {
 
-constexpr int kLeastPositions = 4;  // of the plate: fewer say nothing over so many unknowns
-constexpr int kProfiles = 4;
+// Positions of the plate: speckle of fewer does not determine so many parameters.
+constexpr int kLeastPositions = 4;
+constexpr int kProfiles = 4;        // recordings with pictures in the report
+constexpr int kNextRecordings = 3;  // recordings to make next that are proposed at most
+constexpr double kMisfit = 1e-3;  // p-value below which a warning says that the best model misfits
 
 absl::Status CheckEnough(const RecordedSet& set) {
   std::set<int> positions;
@@ -45,39 +49,121 @@ absl::Status CheckEnough(const RecordedSet& set) {
 std::vector<const Effect*> EffectsToConsider(const std::vector<std::string>& excluded) {
   std::vector<const Effect*> effects;
   for (const Effect* effect : AllEffects()) {
-    const std::string_view id = effect->description().id;
-    // Not in the recordings format's vocabulary: a plate cannot tell them.
-    if (id == "optics.tangential_distortion" || id == "optics.natural_vignetting") continue;
-    if (std::find(excluded.begin(), excluded.end(), id) == excluded.end()) {
+    const EffectDescription& description = effect->description();
+    if (!description.plates_can_show_it) continue;
+    if (std::find(excluded.begin(), excluded.end(), description.id) == excluded.end()) {
       effects.push_back(effect);
     }
   }
   return effects;
 }
 
-// What is known of a competition that was stopped at the fraction `done`. No calibrated set: nobody
-// should render or plan with values that may still change.
-v1::Diagnosis DescribeUnfinished(const SetModel& model, const Competition& competition,
+// Describes a model comparison that was stopped at the fraction `done`. It has no calibrated set:
+// nobody should render or plan with values that may still change.
+v1::Diagnosis DescribeUnfinished(const SetModel& model, const ModelComparison& comparison,
                                  size_t effects, double done, uint64_t seed) {
   v1::Diagnosis diagnosis;
   diagnosis.set_set(model.set().description.name);
   diagnosis.set_seed(static_cast<int64_t>(seed));
   diagnosis.set_verdict("interrupted");
-  AddUnfinished(model, competition, &diagnosis);
-  *diagnosis.mutable_null_fit() = DescribeFit(model, competition.null);
-  const Candidate& best = competition.ranked.front();
+  AddUnfinished(model, comparison, &diagnosis);
+  *diagnosis.mutable_null_fit() = DescribeFit(model, comparison.null);
+  const Hypothesis& best = comparison.ranked.front();
   if (!best.effects.empty()) *diagnosis.mutable_model_fit() = DescribeFit(model, best.fit);
   std::string so_far = "nothing was fitted yet";
   if (!best.effects.empty()) {
     so_far = absl::StrFormat("so far %s explains most, %.3g nats better than no effect",
                              diagnosis.ranked(0).effect(), best.log_evidence);
-  } else if (competition.ranked.size() > 1) {
+  } else if (comparison.ranked.size() > 1) {
     so_far = "so far no effect explains the recordings better than none";
   }
   diagnosis.set_finding(absl::StrFormat(
       "Interrupted after %.0f %% of the comparison of %d effects: %s. This is no finding: nothing "
       "has been held to recordings that were not fitted.",
       100 * done, effects, so_far));
+  return diagnosis;
+}
+
+// Profiles and maps of the recordings that distinguish the best model most from the null model.
+void AddPictures(const SetModel& model, const ModelComparison& comparison, const FitResult& best,
+                 v1::Diagnosis* diagnosis) {
+  for (int recording : TellingRecordings(model, comparison.null, best, kProfiles)) {
+    *diagnosis->add_profiles() = CompareProfiles(model, comparison.null, best, recording);
+    v1::RegionMap map = MapRegions(model, comparison.null, best, recording);
+    if (map.rows() > 0) *diagnosis->add_region_maps() = std::move(map);
+  }
+}
+
+// The curve of a model-discrepancy term, which leads.
+void AddFreeForm(const Hypothesis& best, v1::Diagnosis* diagnosis) {
+  const ActiveEffect& term = best.effects.back();
+  *diagnosis->mutable_free_form() =
+      DescribeFreeForm(*term.effect, term.parameters, CoefficientCovariance(best));
+  if (diagnosis->laws_size() > 0) diagnosis->mutable_free_form()->set_law(diagnosis->laws(0).law());
+  diagnosis->add_warnings(
+      "The free-form term is not among the calibrated effects: renderers do not know it.");
+}
+
+// The description with the fitted values, the effects, and how an inspection expresses these.
+void AddCalibration(const RecordingSet& nominal, const Hypothesis& best, v1::Diagnosis* diagnosis) {
+  *diagnosis->mutable_calibrated() = RecordingsToProto(CalibratedSet(nominal, best.fit));
+  if (IsFreeForm(best)) return;
+  for (const ActiveEffect& active : best.effects) {
+    const EffectDescription& description = active.effect->description();
+    v1::Effect* effect = diagnosis->add_calibrated_effects();
+    effect->set_effect(std::string(description.id));
+    for (size_t k = 0; k < active.parameters.size(); ++k) {
+      (*effect->mutable_parameters())[std::string(description.parameters[k].name)] =
+          active.parameters[k];
+    }
+    AddInspectionChanges(active, nominal, diagnosis);
+  }
+}
+
+void WarnOfMisfit(const FitResult& best, v1::Diagnosis* diagnosis) {
+  const double p_value = diagnosis->model_fit().p_value();
+  if (!(p_value < kMisfit)) return;
+  diagnosis->add_warnings(absl::StrFormat(
+      "Even the best explanation does not describe the recordings fully: chi squared %.4g for "
+      "%d numbers (%s).",
+      best.chi_squared, best.data_count,
+      p_value > 0 ? absl::StrFormat("p = %.1e", p_value) : "p < 1e-300"));
+}
+
+v1::Diagnosis DescribeFinished(const SetModel& model, const ModelComparison& comparison,
+                               uint64_t seed) {
+  const RecordedSet& set = model.set();
+  const Hypothesis& best = comparison.ranked.front();
+  v1::Diagnosis diagnosis;
+  diagnosis.set_set(set.description.name);
+  diagnosis.set_seed(static_cast<int64_t>(seed));
+  AddExplanations(model, comparison, seed, &diagnosis);
+  diagnosis.set_verdict(diagnosis.ranked(0).effect() == "none" ? "none" : "effect");
+  *diagnosis.mutable_held_out_improvement() =
+      DescribeImprovement(model, comparison.null, best.fit, seed);
+  *diagnosis.mutable_null_check() = DescribeCheck(comparison.null_check, comparison.null_check);
+  *diagnosis.mutable_named_check() = DescribeCheck(comparison.named_check, comparison.null_check);
+  if (IsFreeForm(best)) {
+    for (size_t i = 0; i < comparison.named.effects.size(); ++i) {
+      *diagnosis.add_part_of_it() = DescribeEffect(model, comparison.named, i);
+    }
+  }
+  *diagnosis.mutable_null_fit() = DescribeFit(model, comparison.null);
+  *diagnosis.mutable_model_fit() = DescribeFit(model, best.fit);
+  AddStages(comparison, &diagnosis);
+  if (!best.effects.empty()) AddLaws(model, comparison.null, best.fit, seed, &diagnosis);
+  AddPower(comparison, &diagnosis);
+  AddPictures(model, comparison, best.fit, &diagnosis);
+  if (comparison.ranked.size() > 1) {
+    for (v1::NextRecording& next :
+         NextRecordings(set, best, comparison.ranked[1], kNextRecordings)) {
+      *diagnosis.add_next_recordings() = std::move(next);
+    }
+  }
+  if (IsFreeForm(best)) AddFreeForm(best, &diagnosis);
+  AddCalibration(set.description, best, &diagnosis);
+  WarnOfMisfit(best.fit, &diagnosis);
+  diagnosis.set_finding(FindingText(best, diagnosis));
   return diagnosis;
 }
 
@@ -106,83 +192,24 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   start.line_shift_px = model.EstimateLineShifts(start);
   const FitResult null = FitSet(model, start, {}, {}, nullptr);
 
-  CompetitionSettings competition_settings;
+  ComparisonSettings comparison_settings;
   const std::vector<const Effect*> effects = EffectsToConsider(settings.excluded_effects);
-  competition_settings.effects = effects;
-  competition_settings.free_forms = FreeFormTerms();
-  competition_settings.max_effects = settings.max_effects;
-  competition_settings.seed = settings.seed;
+  comparison_settings.effects = effects;
+  comparison_settings.free_forms = FreeFormTerms();
+  comparison_settings.max_effects = settings.max_effects;
+  comparison_settings.seed = settings.seed;
   double done = 0;
-  const Competition competition = Compete(model, null, competition_settings, [&](double fraction) {
-    done = fraction;
-    return report(0.1 + 0.8 * fraction, "comparing explanations");
-  });
-  if (!competition.finished) {
-    return DescribeUnfinished(model, competition, effects.size(), done, settings.seed);
+  const ModelComparison comparison =
+      CompareModels(model, null, comparison_settings, [&](double fraction) {
+        done = fraction;
+        return report(0.1 + 0.8 * fraction, "comparing explanations");
+      });
+  if (!comparison.finished) {
+    return DescribeUnfinished(model, comparison, effects.size(), done, settings.seed);
   }
   report(0.92, "describing");
 
-  const Candidate& best = competition.ranked.front();
-  v1::Diagnosis diagnosis;
-  diagnosis.set_set(set.description.name);
-  diagnosis.set_seed(static_cast<int64_t>(settings.seed));
-  AddExplanations(model, competition, settings.seed, &diagnosis);
-  diagnosis.set_verdict(diagnosis.ranked(0).effect() == "none" ? "none" : "effect");
-  *diagnosis.mutable_held_out_improvement() =
-      DescribeImprovement(model, competition.null, best.fit, settings.seed);
-  *diagnosis.mutable_null_check() = DescribeCheck(competition.null_check, competition.null_check);
-  *diagnosis.mutable_named_check() = DescribeCheck(competition.named_check, competition.null_check);
-  if (IsFreeForm(best)) {
-    for (size_t i = 0; i < competition.named.effects.size(); ++i) {
-      *diagnosis.add_part_of_it() = DescribeEffect(model, competition.named, i);
-    }
-  }
-  *diagnosis.mutable_null_fit() = DescribeFit(model, competition.null);
-  *diagnosis.mutable_model_fit() = DescribeFit(model, best.fit);
-  AddStages(competition, &diagnosis);
-  if (!best.effects.empty()) {
-    AddLaws(model, competition.null, best.fit, settings.seed, &diagnosis);
-  }
-  AddPower(competition, &diagnosis);
-  for (int recording : TellingRecordings(model, competition.null, best.fit, kProfiles)) {
-    *diagnosis.add_profiles() = CompareProfiles(model, competition.null, best.fit, recording);
-    v1::RegionMap map = MapRegions(model, competition.null, best.fit, recording);
-    if (map.rows() > 0) *diagnosis.add_region_maps() = std::move(map);
-  }
-  if (competition.ranked.size() > 1) {
-    for (v1::NextRecording& next : NextRecordings(set, best, competition.ranked[1], 3)) {
-      *diagnosis.add_next_recordings() = std::move(next);
-    }
-  }
-  if (IsFreeForm(best)) {
-    const ActiveEffect& term = best.effects.back();
-    *diagnosis.mutable_free_form() =
-        DescribeFreeForm(*term.effect, term.parameters, CoefficientCovariance(best));
-    if (diagnosis.laws_size() > 0) diagnosis.mutable_free_form()->set_law(diagnosis.laws(0).law());
-    diagnosis.add_warnings(
-        "The free-form term is not among the calibrated effects: renderers do not know it.");
-  }
-  RecordingSet calibrated = CalibratedSet(set.description, best.fit);
-  *diagnosis.mutable_calibrated() = RecordingsToProto(calibrated);
-  for (const ActiveEffect& active : best.effects) {
-    if (IsFreeForm(best)) break;
-    v1::Effect* effect = diagnosis.add_calibrated_effects();
-    effect->set_effect(std::string(active.effect->description().id));
-    for (size_t k = 0; k < active.parameters.size(); ++k) {
-      (*effect
-            ->mutable_parameters())[std::string(active.effect->description().parameters[k].name)] =
-          active.parameters[k];
-    }
-  }
-  const double p_value = diagnosis.model_fit().p_value();
-  if (p_value < 1e-3) {
-    diagnosis.add_warnings(absl::StrFormat(
-        "Even the best explanation does not describe the recordings fully: chi squared %.4g for "
-        "%d numbers (%s).",
-        best.fit.chi_squared, best.fit.data_count,
-        p_value > 0 ? absl::StrFormat("p = %.1e", p_value) : "p < 1e-300"));
-  }
-  diagnosis.set_finding(FindingText(best, diagnosis));
+  v1::Diagnosis diagnosis = DescribeFinished(model, comparison, settings.seed);
   report(1, "done");
   return diagnosis;
 }

@@ -27,12 +27,22 @@ struct EffectParameter {
   // Half of all rigs that have the effect are believed to deviate from the null value by less than
   // this (scale of the prior, in the parameter's unit; > 0).
   double prior_scale;
-  // Of a shape: values from which to search besides the null value, where one does not lead to
-  // another (a place, a phase, a period).
+  // Values from which a search for a mere shape starts in addition to the null value, where a fit
+  // does not move from one to another (a place, a phase, a period).
   std::vector<double> starts = {};
-  // Of an amount that may be anything from hardly seen to blinding: as many decades below
-  // `prior_scale` are believed to be equally likely. 0: as above.
+  // Decades below `prior_scale` that are equally likely, for an amount that may be anything from
+  // hardly seen to blinding. 0: the prior is that of `prior_scale` alone.
   double decades = 0;
+  // The only values that a count can have besides the null value (blades of an aperture, missing
+  // bits); each is tried, none is fitted. Empty: the parameter is continuous.
+  std::vector<double> discrete_values = {};
+};
+
+// How an effect moves charge along a whole column of the sensor.
+enum class ColumnTransport {
+  kNone,
+  kReadout,   // every pixel of the column gains a share of the column's sum
+  kOverflow,  // a fraction (parameter 0) of the charge above a threshold (parameter 1) [electrons]
 };
 
 // How an effect moves charge between neighbouring pixels.
@@ -42,23 +52,112 @@ enum class ChargeTransport {
   kGrowsWithCharge,  // a larger share the more charge there is
 };
 
+// Regions of an image in which an effect shows, and settings on which its size depends, in the
+// words of the recordings format ("line_core", "background"; "f_number", "exposure_time_s").
+struct EffectSignature {
+  std::vector<std::string_view> regions = {}, depends_on = {};
+};
+
+// An effect changes the expectation of every recording, or it is random: only the distribution of
+// its realised values is known, which differ from pixel to pixel, row to row, ...
+enum class EffectKind {
+  kExpected,
+  kRandomPerPixel,
+  kRandomPerRow,
+  kRandomPerColumn,
+  kRandomPerRecording,
+  kRandomPerPlace,  // on the plate
+};
+
+// Distribution of the amplitudes of a random effect per recording or per place. Its covariance
+// function stands in render_worker/diagnosis/random_effect; its parameters are those of the effect.
+enum class RandomLaw {
+  kNone,
+  kPower,                // independent relative deviations of the power
+  kCorrelatedPower,      // relative deviations of the power with a correlation time
+  kExposureTime,         // independent deviations of the exposure time
+  kScaledExposureTime,   // deviations in proportion to a power of the exposure time
+  kGaussianReflectance,  // a texture of the plate with a Gaussian autocorrelation
+  kExponentialReflectance,
+  kVibration,           // sinusoidal movement across the line with a random phase
+  kCorrelatedMovement,  // movement across the line with a correlation time
+};
+
+// How a fit finds its start where it does not move from one shape to another.
+enum class StartSearch {
+  kGrid,                 // EffectParameter::starts
+  kPeriodogramOfTime,    // peaks of a periodogram over the recordings' timestamps
+  kPeriodogramOfSensor,  // peaks of a periodogram over rows and columns of the sensor
+};
+
+// Images on which an effect acts. An inspection may use another set-up than the recordings, and it
+// shows a part.
+enum class EffectScope {
+  kAnyImage,        // the same effect acts on images of parts
+  kFlatPlate,       // acts on flat plates only: the renderer refuses it for parts
+  kRecordingSetUp,  // distances and angles of the recordings, none of camera, lens or laser
+};
+
+// A number of an inspection (docs/api/inspection.md) that says the same as a parameter of an
+// effect.
+struct InspectionField {
+  // Dotted path, as "laser.power_w". "materials.material." leads to every material of the plate.
+  // Empty: images of parts cannot show this parameter.
+  std::string_view field;
+  enum Operation { kFactor, kShift } operation = kFactor;
+  int parameter = 0;  // index of the parameter that is the factor, or what is added
+  // The inspection keeps the effect itself if it does not state the number, or if the changed
+  // number would be out of range. False: the number is cut at its range.
+  bool may_stay_an_effect = false;
+  // The parameter is the radiance of the lit plate, the field that of the light which falls on it:
+  // it is divided by the reflectance of the plate.
+  bool is_radiance_of_plate = false;
+};
+
 struct EffectDescription {
   std::string_view id;  // "optics.veiling_glare"
   Stage stage;
-  // Its realisation is drawn by chance and cannot be known: it does not change the expectation of a
-  // pixel, only how pixels or recordings scatter.
-  bool is_drawn = false;
+  // The realised value of a random effect cannot be known: the effect changes the variance of
+  // pixels or recordings, not their expectation.
+  EffectKind kind = EffectKind::kExpected;
+  RandomLaw random_law = RandomLaw::kNone;
+  StartSearch start_search = StartSearch::kGrid;
+  // False: recordings of a plate are uninformative about it, whatever is varied.
+  bool plates_can_show_it = true;
+  EffectSignature signature = {};
+  EffectScope scope = EffectScope::kAnyImage;
+  // Empty: no field of an inspection says the same.
+  std::vector<InspectionField> inspection_fields = {};
+  // The diagnosis estimates the realised value of this random effect, so that its hooks act on the
+  // expectation of each recording.
+  bool realisation_is_estimated = false;
+  // Its pattern may be finer than the blocks of columns over which statistics average, so that the
+  // expectation of a block is its mean over the block's columns.
+  bool finer_than_block = false;
+  ColumnTransport column_transport = ColumnTransport::kNone;
   ChargeTransport charge_transport = ChargeTransport::kNone;
   std::string_view summary;    // one line of physics
   std::string_view reference;  // paper, standard clause or book
   std::vector<EffectParameter> parameters;
 
+  bool IsRandom() const { return kind != EffectKind::kExpected; }
+  bool ChangesExpectation() const { return !IsRandom() || realisation_is_estimated; }
+  bool VariesOverSensor() const {
+    return kind == EffectKind::kRandomPerPixel || kind == EffectKind::kRandomPerRow ||
+           kind == EffectKind::kRandomPerColumn;
+  }
   bool MovesCharge() const { return charge_transport != ChargeTransport::kNone; }
 };
 
-// What an effect does, by place in the chain. Every hook gets the parameters in the order of the
-// description, and leaves its argument bit-identical when they have their null values. Hooks are
-// pure: what is drawn at random comes from the frame's seeds.
+// Standard deviations of offsets that all pixels of a row, or of a column, share [electrons].
+struct LineOffsets {
+  double row_electrons = 0;     // from scratch in every recording
+  double column_electrons = 0;  // fixed for the sensor
+};
+
+// An effect acts on the image chain through hooks, one for each place in the chain. Every hook gets
+// the parameters in the order of the description, and leaves its argument bit-identical when they
+// have their null values. Hooks are pure: random numbers come from the frame's seeds.
 class Effect {
  public:
   virtual ~Effect() = default;
@@ -84,6 +183,13 @@ class Effect {
   virtual void OnElectrons(Image<double>&, const FrameSetup&, Parameters) const {}
   // Raw numbers.
   virtual void OnRaw(Image<uint16_t>&, const FrameSetup&, Parameters) const {}
+
+  // Random effects on whole rows and columns state their variance here; the diagnosis uses it
+  // instead of the realised offsets.
+  virtual void OnLineOffsets(LineOffsets&, Parameters) const {}
+  // Relative variance of the light of columns about the mean of a block of so many of them (>= 1),
+  // by a pattern of unknown phase that is fixed on the sensor.
+  virtual double VarianceWithinBlock(int /*columns_px*/, Parameters) const { return 0; }
 };
 
 // All effects of the vocabulary, by id.

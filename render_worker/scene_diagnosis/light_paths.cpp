@@ -1,112 +1,41 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render_worker/scene_diagnosis/light_paths.h"
 
-#include <algorithm>
-#include <cmath>
-#include <numbers>
-#include <optional>
-#include <span>
 #include <utility>
 
-#include "absl/strings/str_cat.h"
 #include "render_worker/render/part_frame.h"
+#include "render_worker/scene_diagnosis/light/diffracted_light.h"
+#include "render_worker/scene_diagnosis/light/path_catalogue.h"
+#include "render_worker/scene_diagnosis/light/path_renderer.h"
 
 namespace sightline {
 namespace {
 
-// Standard deviation of a scale the description states but gives no uncertainty of: power, albedo
-// and transmission of a rig that nobody has calibrated.
-constexpr double kUnstatedScale = 0.3;
-// Interreflected light goes with the square of the albedo.
-constexpr double kInterreflectionScale = 0.5;
-constexpr double kUnstatedOffset_electrons = 2;
-// Stray light of the projector: half width of the light beside the line.
-constexpr double kStrayWidths_m[] = {3e-3, 12e-3};
-constexpr double kHaloRadii_m[] = {5e-5, 2e-4, 1e-3};
-// Fraction of light at which the glare's image is computed; the image is linear in it.
-constexpr double kGlare = 0.1;
+// Images of a recording besides those for every width and radius: direct light, interreflection,
+// surround light, lamps, interreflection of lamps.
+constexpr int kImagesWithoutShapes = 5;
 
-// Shapes that lie nearer to the i-th than to the others, on a logarithmic scale.
-std::pair<double, double> ShapeRange(std::span<const double> shapes, size_t i) {
-  const size_t last = shapes.size() - 1;
-  const double below = i > 0 ? shapes[i] / shapes[i - 1] : shapes[1] / shapes[0];
-  const double above = i < last ? shapes[i + 1] / shapes[i] : shapes[last] / shapes[last - 1];
-  return {shapes[i] / std::sqrt(below), shapes[i] * std::sqrt(above)};
-}
-
-struct Variant {
-  bool laser = true;
-  bool lamps = false;
-  bool interreflection = false;
-  int max_bounces = 0;
-  std::optional<double> stray_width_m = {};
-  std::optional<double> surround_radiance_w_m2_sr = {};
-  std::optional<double> halo_radius_m = {};
+// One recording by light path, at factor 1 [electrons].
+struct RecordingLight {
+  std::vector<Image<double>> electrons;  // in the order of the catalogue
+  Image<double> diffracted_laser;
+  SeenSurface surface;
 };
 
-class Renderer {
- public:
-  Renderer(const RecordedScene& scene, const LightPathSettings& settings, int images)
-      : scene_(scene), settings_(settings), images_(images) {}
+// All that the renderings of one recording have in common.
+struct TracedRecording {
+  const RecordedScene& scene;
+  const LightPathSettings& settings;
+  const PathCatalogue& catalogue;
+  int index;  // of the recording
+  PathRenderer* renderer;
 
-  absl::StatusOr<RenderedPartFrame> Render(int recording, const Variant& variant, bool layers) {
-    const RecordedImage& recorded = scene_.recordings.recordings[recording];
-    PartSceneInput input;
-    input.inspection = scene_.inspection;
-    input.part = scene_.part;
-    input.obstacles = scene_.obstacles;
-    input.assets = scene_.assets;
-    Inspection& inspection = input.inspection;
-    inspection.render.speckle = false;
-    inspection.render.seed = static_cast<int64_t>(settings_.seed);
-    inspection.render.exposure_time_s = recorded.exposure_time_s;
-    inspection.render.max_bounces = variant.max_bounces;
-    inspection.render.laser_interreflection = variant.interreflection;
-    inspection.effects.clear();
-    inspection.rig.lens->f_number = recorded.f_number;
-    if (!variant.laser || recorded.kind != RecordingKind::kLaser) inspection.rig.laser.power_w = 0;
-    if (!variant.lamps) inspection.lighting.Clear();
-    if (variant.surround_radiance_w_m2_sr) {
-      v1::Lighting surround;
-      surround.mutable_ambient()->set_radiance_w_m2_sr(*variant.surround_radiance_w_m2_sr);
-      surround.mutable_ambient()->mutable_spectrum()->set_illuminant("d65");
-      inspection.lighting = surround;
-    }
-    if (variant.stray_width_m) {
-      // A Gaussian beam of that width at its waist.
-      Laser& laser = inspection.rig.laser;
-      laser.beam_quality_m2 =
-          *variant.stray_width_m * std::numbers::pi * laser.divergence_rad / laser.wavelength_m;
-    }
-    std::vector<ActiveEffect> effects;
-    if (variant.halo_radius_m) {
-      auto glare =
-          MakeActiveEffect("optics.veiling_glare",
-                           {{"glare_fraction", kGlare}, {"halo_radius_m", *variant.halo_radius_m}});
-      if (!glare.ok()) return glare.status();
-      effects.push_back(*std::move(glare));
-    }
-    auto part_scene = PartScene::Make(std::move(input));
-    if (!part_scene.ok()) return part_scene.status();
-    RenderLimits limits;
-    limits.threads = settings_.threads;
-    limits.max_image_bytes = settings_.max_image_bytes;
-    limits.cancelled = settings_.cancelled;
-    auto frame = RenderPartFrame(**part_scene, {recorded.measurement, recorded.stage_position_m},
-                                 effects, layers, limits);
-    ++done_;
-    if (settings_.progress) settings_.progress(std::min(1.0, done_ / double(images_)));
-    return frame;
+  RecordingKind kind() const {
+    return scene.recordings.recordings[static_cast<size_t>(index)].kind;
   }
-
- private:
-  const RecordedScene& scene_;
-  const LightPathSettings& settings_;
-  const int images_;
-  int done_ = 0;
 };
 
-Image<double> Difference(const Image<double>& a, const Image<double>& b, double factor) {
+Image<double> ScaledDifference(const Image<double>& a, const Image<double>& b, double factor) {
   Image<double> difference = a;
   for (size_t i = 0; i < a.values.size(); ++i) {
     difference.values[i] = factor * (a.values[i] - b.values[i]);
@@ -114,234 +43,129 @@ Image<double> Difference(const Image<double>& a, const Image<double>& b, double 
   return difference;
 }
 
-// What of `electrons` is more than the perfect image within two pixels gives. `radiance`: of that
-// image; both hold the same light in all.
-Image<double> FromAfar(const Image<double>& electrons, const Image<float>& radiance) {
-  constexpr int kNear_px = 2;
-  double light = 0, perfect = 0;
-  for (const double value : electrons.values) light += value;
-  for (const float value : radiance.values) perfect += value;
-  Image<double> afar = electrons;
-  if (perfect <= 0) return afar;
-  for (int i = 0; i < afar.rows_px; ++i) {
-    for (int j = 0; j < afar.columns_px; ++j) {
-      float near = 0;
-      for (int m = std::max(0, i - kNear_px); m <= std::min(afar.rows_px - 1, i + kNear_px); ++m) {
-        for (int n = std::max(0, j - kNear_px); n <= std::min(afar.columns_px - 1, j + kNear_px);
-             ++n) {
-          near = std::max(near, radiance.At(m, n));
-        }
-      }
-      afar.At(i, j) = std::max(0.0, electrons.At(i, j) - light / perfect * near);
-    }
+// Images of stray light and veiling glare: the difference to direct light, at factor 1.
+absl::Status TraceShapes(const TracedRecording& traced, const Image<double>& direct,
+                         RecordingLight* light) {
+  const PathCatalogue& catalogue = traced.catalogue;
+  for (const size_t path : catalogue.stray_light) {
+    auto wide = traced.renderer->Render(
+        traced.index, {.stray_width_m = catalogue.paths[path].shape}, /*layers=*/false);
+    if (!wide.ok()) return wide.status();
+    light->electrons[path] = ScaledDifference(wide->image.mean_photo_electrons, direct, 1);
   }
-  return afar;
+  for (const size_t path : catalogue.veiling_glare) {
+    auto halo = traced.renderer->Render(
+        traced.index, {.halo_radius_m = catalogue.paths[path].shape}, /*layers=*/false);
+    if (!halo.ok()) return halo.status();
+    light->electrons[path] =
+        ScaledDifference(halo->image.mean_photo_electrons, direct, 1 / kRenderedGlareFraction);
+  }
+  return absl::OkStatus();
 }
 
-// Drops the light of recordings behind the first `recordings`.
-void KeepFirst(size_t recordings, SceneLight* light) {
-  for (LightPath& path : light->paths) {
-    path.electrons.resize(recordings);
-    if (path.diffracted_electrons.size() > recordings) path.diffracted_electrons.resize(recordings);
+// Laser light of the null model, and laser light that it may lack.
+absl::Status TraceLaser(const TracedRecording& traced, const RenderedPartFrame& direct,
+                        RecordingLight* light) {
+  const PathCatalogue& catalogue = traced.catalogue;
+  const Image<double>& direct_electrons = direct.image.mean_photo_electrons;
+  if (traced.kind() != RecordingKind::kLaser) {
+    light->diffracted_laser =
+        DiffractedElectrons(direct_electrons, direct.layers->laser_radiance_w_m2_sr);
+    light->electrons[catalogue.laser] = direct_electrons;
+    return absl::OkStatus();
   }
-  if (light->surfaces.size() > recordings) light->surfaces.resize(recordings);
+  const RenderSettings& render = traced.scene.inspection.render;
+  const bool nominal = NullModelHasInterreflection(render);
+  const auto reflected = traced.renderer->Render(
+      traced.index,
+      {.interreflection = true,
+       .max_bounces = nominal ? render.max_bounces : traced.settings.max_bounces},
+      /*layers=*/nominal);
+  if (!reflected.ok()) return reflected.status();
+  if (!nominal) {
+    light->electrons[*catalogue.laser_interreflection] =
+        ScaledDifference(reflected->image.mean_photo_electrons, direct_electrons, 1);
+  }
+  if (absl::Status status = TraceShapes(traced, direct_electrons, light); !status.ok()) {
+    return status;
+  }
+  const RenderedPartFrame& described = nominal ? *reflected : direct;
+  light->diffracted_laser = DiffractedElectrons(described.image.mean_photo_electrons,
+                                                described.layers->laser_radiance_w_m2_sr);
+  light->electrons[catalogue.laser] = described.image.mean_photo_electrons;
+  return absl::OkStatus();
+}
+
+// Light from all around, and that of the described lamps.
+absl::Status TraceOtherLight(const TracedRecording& traced, RecordingLight* light) {
+  const PathCatalogue& catalogue = traced.catalogue;
+  const int max_bounces = traced.settings.max_bounces;
+  auto surround = traced.renderer->Render(
+      traced.index, {.laser = false, .max_bounces = max_bounces, .surround_radiance_w_m2_sr = 1},
+      /*layers=*/false);
+  if (!surround.ok()) return surround.status();
+  light->electrons[catalogue.surround] = std::move(surround->image.mean_photo_electrons);
+  if (!catalogue.lamps) return absl::OkStatus();
+  const int described_bounces = traced.scene.inspection.render.max_bounces;
+  auto lamps = traced.renderer->Render(
+      traced.index, {.laser = false, .lamps = true, .max_bounces = described_bounces},
+      /*layers=*/false);
+  if (!lamps.ok()) return lamps.status();
+  if (catalogue.lamp_interreflection) {
+    auto reflected = traced.renderer->Render(
+        traced.index, {.laser = false, .lamps = true, .max_bounces = max_bounces},
+        /*layers=*/false);
+    if (!reflected.ok()) return reflected.status();
+    light->electrons[*catalogue.lamp_interreflection] = ScaledDifference(
+        reflected->image.mean_photo_electrons, lamps->image.mean_photo_electrons, 1);
+  }
+  light->electrons[*catalogue.lamps] = std::move(lamps->image.mean_photo_electrons);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<RecordingLight> TraceRecording(const TracedRecording& traced) {
+  const PathCatalogue& catalogue = traced.catalogue;
+  const auto direct = traced.renderer->Render(traced.index, {}, /*layers=*/true);
+  if (!direct.ok()) return direct.status();
+  const Image<double>& image = direct->image.mean_photo_electrons;
+  const Image<double> dark(image.columns_px, image.rows_px, 0.0);
+  RecordingLight light;
+  light.electrons.assign(catalogue.paths.size(), dark);
+  light.diffracted_laser = dark;
+  light.surface = {direct->layers->material, direct->layers->depth_m};
+  for (const size_t path : {catalogue.dark_charge, catalogue.sensor_offset}) {
+    for (double& value : light.electrons[path].values) value = 1;
+  }
+  if (traced.kind() == RecordingKind::kDark) return light;
+  if (absl::Status status = TraceLaser(traced, *direct, &light); !status.ok()) return status;
+  if (absl::Status status = TraceOtherLight(traced, &light); !status.ok()) return status;
+  return light;
 }
 
 }  // namespace
 
-const std::vector<std::string>& LeftOutEffects() {
-  static const auto& effects = *new std::vector<std::string>{
-      "illumination.interreflection", "illumination.lamp_interreflection",
-      "illumination.ambient_light",   "illumination.laser_stray_light",
-      "optics.veiling_glare",         "sensor.black_level_error"};
-  return effects;
-}
-
 absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
                                            const LightPathSettings& settings) {
+  const PathCatalogue catalogue = MakePathCatalogue(scene);
   const int recordings = static_cast<int>(scene.recordings.recordings.size());
-  const RenderSettings& render = scene.inspection.render;
-  const bool all_laser_light = render.laser_interreflection && render.max_bounces > 0;
-  const bool all_lamp_light = render.max_bounces > 0;
-  const v1::Lighting& lighting = scene.inspection.lighting;
-  const bool lamps = lighting.ambient().radiance_w_m2_sr() > 0 || lighting.area_lights_size() > 0;
-  const SetupDeviation& stated = scene.recordings.uncertainty;
-  // Factors common to all laser light: power, transmission, albedo, quantum efficiency.
-  const double stated_scale =
-      std::hypot(std::hypot(stated.power_relative, stated.transmission_relative),
-                 std::hypot(stated.diffuse_albedo_relative, stated.quantum_efficiency_relative));
-  const double scale = stated_scale > 0 ? stated_scale : kUnstatedScale;
-
+  const int shapes =
+      static_cast<int>(catalogue.stray_light.size() + catalogue.veiling_glare.size());
+  PathRenderer renderer(scene, settings, recordings * (kImagesWithoutShapes + shapes));
   SceneLight light;
-  const auto add = [&light, recordings](LightPath path) {
-    path.electrons.resize(static_cast<size_t>(recordings));
-    light.paths.push_back(std::move(path));
-    return light.paths.size() - 1;
-  };
-  const size_t laser = add({.effect = "laser_factor",
-                            .stage = "illumination",
-                            .words = "laser light as described",
-                            .parameter = "laser_factor",
-                            .prior_mean = 1,
-                            .prior_standard_deviation = scale,
-                            .laser_light = true,
-                            .nominal = true});
-  const size_t offset =
-      add({.effect = "dark_mean_electrons",
-           .stage = "sensor",
-           .words = "dark charge",
-           .parameter = "dark_mean_electrons",
-           .prior_standard_deviation = stated.dark_mean_electrons > 0 ? stated.dark_mean_electrons
-                                                                      : kUnstatedOffset_electrons,
-           .nominal = true,
-           .may_be_negative = true});
-  std::optional<size_t> lamp;
-  if (lamps) {
-    lamp = add({.effect = "lamp_factor",
-                .stage = "illumination",
-                .words = "other light as described",
-                .parameter = "lamp_factor",
-                .prior_mean = 1,
-                .prior_standard_deviation = kUnstatedScale,
-                .nominal = true});
-  }
-  std::optional<size_t> interreflection, lamp_interreflection;
-  if (!all_laser_light) {
-    interreflection = add({.effect = "illumination.interreflection",
-                           .stage = "illumination",
-                           .words = "laser light reflected from one surface of the part to another",
-                           .parameter = "interreflected_light_factor",
-                           .prior_mean = 1,
-                           .prior_standard_deviation = kInterreflectionScale,
-                           .laser_light = true});
-  }
-  if (lamps && !all_lamp_light) {
-    lamp_interreflection =
-        add({.effect = "illumination.lamp_interreflection",
-             .stage = "illumination",
-             .words = "light of lamps reflected from one surface of the part to another",
-             .parameter = "interreflected_light_factor",
-             .prior_mean = 1,
-             .prior_standard_deviation = kInterreflectionScale});
-  }
-  const size_t surround = add({.effect = "illumination.ambient_light",
-                               .stage = "illumination",
-                               .words = "light from all around that is not described",
-                               .parameter = "ambient_radiance_w_m2_sr",
-                               .prior_standard_deviation = 0.1});
-  std::vector<size_t> stray, glare;
-  for (size_t i = 0; i < std::size(kStrayWidths_m); ++i) {
-    const auto [lower, upper] = ShapeRange(kStrayWidths_m, i);
-    stray.push_back(add({.effect = "illumination.laser_stray_light",
-                         .stage = "illumination",
-                         .words = "light that leaves the projector beside the line",
-                         .parameter = "stray_fraction",
-                         .prior_standard_deviation = 0.05,
-                         .laser_light = true,
-                         .shape_name = "half_width_m",
-                         .shape = kStrayWidths_m[i],
-                         .shape_lower = lower,
-                         .shape_upper = upper}));
-  }
-  for (size_t i = 0; i < std::size(kHaloRadii_m); ++i) {
-    const auto [lower, upper] = ShapeRange(kHaloRadii_m, i);
-    glare.push_back(add({.effect = "optics.veiling_glare",
-                         .stage = "optics",
-                         .words = "light scattered in the lens",
-                         .parameter = "glare_fraction",
-                         .prior_standard_deviation = 0.05,
-                         .laser_light = true,
-                         .shape_name = "halo_radius_m",
-                         .shape = kHaloRadii_m[i],
-                         .shape_lower = lower,
-                         .shape_upper = upper}));
-  }
-  const size_t offset_error = add({.effect = "sensor.black_level_error",
-                                   .stage = "sensor",
-                                   .words = "an offset of the sensor",
-                                   .parameter = "black_level_shift_electrons",
-                                   .prior_standard_deviation = 20,
-                                   .may_be_negative = true});
-
-  Renderer renderer(scene, settings,
-                    recordings * (5 + static_cast<int>(stray.size() + glare.size())));
-  const auto trace = [&](int r) -> absl::Status {
-    const RecordedImage& recorded = scene.recordings.recordings[static_cast<size_t>(r)];
-    const bool open = recorded.kind != RecordingKind::kDark;
-    const auto slot = [&light, r](size_t path) -> Image<double>& {
-      return light.paths[path].electrons[static_cast<size_t>(r)];
-    };
-    auto direct = renderer.Render(r, {}, /*layers=*/true);
-    if (!direct.ok()) return direct.status();
-    const Image<double> dark(direct->image.mean_photo_electrons.columns_px,
-                             direct->image.mean_photo_electrons.rows_px, 0.0);
-    for (LightPath& path : light.paths) path.electrons[static_cast<size_t>(r)] = dark;
-    light.paths[laser].diffracted_electrons.push_back(dark);
-    light.surfaces.push_back({direct->layers->material, direct->layers->depth_m});
-    for (const size_t path : {offset, offset_error}) {
-      for (double& value : slot(path).values) value = 1;
-    }
-    if (!open) return absl::OkStatus();
-    const Image<double>& straight = direct->image.mean_photo_electrons;
-    Image<double> described = straight;  // laser light of the null model
-    const Image<float>* radiance = &direct->layers->laser_radiance_w_m2_sr;
-    absl::StatusOr<RenderedPartFrame> reflected = absl::UnknownError("not rendered");
-    if (recorded.kind == RecordingKind::kLaser) {
-      reflected = renderer.Render(
-          r,
-          {.interreflection = true,
-           .max_bounces = all_laser_light ? render.max_bounces : settings.max_bounces},
-          all_laser_light);
-      if (!reflected.ok()) return reflected.status();
-      if (all_laser_light) {
-        described = reflected->image.mean_photo_electrons;
-        radiance = &reflected->layers->laser_radiance_w_m2_sr;
-      } else {
-        slot(*interreflection) = Difference(reflected->image.mean_photo_electrons, straight, 1);
-      }
-      for (size_t i = 0; i < stray.size(); ++i) {
-        auto wide = renderer.Render(r, {.stray_width_m = kStrayWidths_m[i]}, false);
-        if (!wide.ok()) return wide.status();
-        slot(stray[i]) = Difference(wide->image.mean_photo_electrons, straight, 1);
-      }
-      for (size_t i = 0; i < glare.size(); ++i) {
-        auto halo = renderer.Render(r, {.halo_radius_m = kHaloRadii_m[i]}, false);
-        if (!halo.ok()) return halo.status();
-        slot(glare[i]) = Difference(halo->image.mean_photo_electrons, straight, 1 / kGlare);
-      }
-    }
-    light.paths[laser].diffracted_electrons[static_cast<size_t>(r)] =
-        FromAfar(described, *radiance);
-    slot(laser) = std::move(described);
-    auto all_around = renderer.Render(
-        r, {.laser = false, .max_bounces = settings.max_bounces, .surround_radiance_w_m2_sr = 1},
-        false);
-    if (!all_around.ok()) return all_around.status();
-    slot(surround) = std::move(all_around->image.mean_photo_electrons);
-    if (!lamps) return absl::OkStatus();
-    auto lit = renderer.Render(
-        r, {.laser = false, .lamps = true, .max_bounces = render.max_bounces}, false);
-    if (!lit.ok()) return lit.status();
-    if (lamp_interreflection) {
-      auto more = renderer.Render(
-          r, {.laser = false, .lamps = true, .max_bounces = settings.max_bounces}, false);
-      if (!more.ok()) return more.status();
-      slot(*lamp_interreflection) =
-          Difference(more->image.mean_photo_electrons, lit->image.mean_photo_electrons, 1);
-    }
-    slot(*lamp) = std::move(lit->image.mean_photo_electrons);
-    return absl::OkStatus();
-  };
+  light.paths = catalogue.paths;
   bool laser_traced = false;
   for (int r = 0; r < recordings; ++r) {
-    const absl::Status status = trace(r);
-    if (absl::IsCancelled(status) && laser_traced) {
-      KeepFirst(static_cast<size_t>(r), &light);
-      break;
+    const TracedRecording traced{scene, settings, catalogue, r, &renderer};
+    auto recording = TraceRecording(traced);
+    if (absl::IsCancelled(recording.status()) && laser_traced) break;
+    if (!recording.ok()) return recording.status();
+    for (size_t path = 0; path < light.paths.size(); ++path) {
+      light.paths[path].electrons.push_back(std::move(recording->electrons[path]));
     }
-    if (!status.ok()) return status;
-    const RecordedImage& recorded = scene.recordings.recordings[static_cast<size_t>(r)];
-    laser_traced = laser_traced || recorded.kind == RecordingKind::kLaser;
+    light.paths[catalogue.laser].diffracted_electrons.push_back(
+        std::move(recording->diffracted_laser));
+    light.surfaces.push_back(std::move(recording->surface));
+    laser_traced = laser_traced || traced.kind() == RecordingKind::kLaser;
   }
   return light;
 }

@@ -1,10 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// The expected image taken apart by the way the light came: each part rendered once by light
-// transport and optics, without speckle and noise. Recorded light is a sum of these with unknown
-// factors.
+// The expected images of a part, separated by the path that the light took.
+//
+// A recording is modelled as a sum over light paths k, y = sum_k f_k y_k, with y_k the mean
+// photo-electrons of every pixel [electrons] and f_k a factor that is fitted (fit/path_fit.h).
+// Each y_k is rendered once by light transport and optics, without speckle and noise.
 #pragma once
 
 #include <atomic>
+#include <cstdint>
 #include <functional>
 #include <string>
 #include <vector>
@@ -14,38 +17,40 @@
 
 namespace sightline {
 
-// Light that is (part of) the null model, or that may have been left out of it.
+// Light that the null model contains, or that it may lack.
 struct LightPath {
-  std::string effect = {};  // "illumination.interreflection"; of the null model: name of its factor
-  std::string stage = {};   // "illumination", "optics", "sensor"
-  std::string words = {};   // what it is, for people
-  // Name of the factor with its unit, and the prior of the factor: normal, cut at 0.
+  // Id of the effect, from the vocabulary or from light/path_names.h; paths of the null model have
+  // the name of their factor.
+  std::string effect = {};
+  std::string stage = {};        // "illumination", "optics", "sensor"
+  std::string description = {};  // a noun phrase for reports
+  // Name of the factor with its unit, and its prior: normal, truncated at 0.
   std::string parameter = {};
   double prior_mean = 0, prior_standard_deviation = 1;
-  bool laser_light = false;  // has speckle
-  bool nominal = false;      // in the null model
-  bool may_be_negative = false;
-  // Mean electrons of every recording at factor 1 [electrons].
+  bool laser_light = false;      // coherent light, which has speckle
+  bool nominal = false;          // a path of the null model
+  bool may_be_negative = false;  // the prior is not truncated
+  // Mean photo-electrons of every recording at factor 1 [electrons].
   std::vector<Image<double>> electrons = {};
-  // Part of it that diffraction brought from more than two pixels away; empty: none. Its speckle
-  // is streaks, long in the direction it came from.
+  // The part of `electrons` that diffraction brought from more than two pixels away; empty: none.
+  // Its speckle forms streaks that point to where the light came from.
   std::vector<Image<double>> diffracted_electrons = {};
-  // Shape that is given, not fitted, e.g. the radius of a halo; empty name: none. Between the
-  // geometric means with the next smaller and larger shapes that are tried it is nearest.
+  // A shape parameter that is not fitted but tried at several values, e.g. the radius of a halo.
+  // Empty name: none. The bounds are the geometric means with the next values that are tried.
   std::string shape_name = {};
   double shape = 0, shape_lower = 0, shape_upper = 0;
 };
 
-// Ids of all that may have been left out.
+// Ids of all light paths that the null model may lack.
 const std::vector<std::string>& LeftOutEffects();
 
-// What the camera sees, per recording and pixel.
+// The surface that every pixel of one recording sees.
 struct SeenSurface {
   Image<float> material;  // index into inspection.materials; -1: nothing hit
   Image<float> depth_m;   // along the optical axis; 0: nothing hit
 };
 
-// Of the recordings that were traced, which are the first ones.
+// Light of the recordings that were traced, which are the first ones of the set.
 struct SceneLight {
   std::vector<LightPath> paths;  // those of the null model first
   std::vector<SeenSurface> surfaces;
@@ -54,18 +59,22 @@ struct SceneLight {
 struct LightPathSettings {
   uint64_t seed = 1;
   int threads = 2;
-  int max_bounces = 4;  // of light that is not in the null model
+  int max_bounces = 4;  // reflections of light that is not in the null model; >= 0
   int64_t max_image_bytes = int64_t{8} << 30;
   const std::atomic<bool>* cancelled = nullptr;
   std::function<void(double fraction)> progress;
 };
 
-// Null model: light straight from the laser (all of it, if the inspection has interreflection),
-// lamps as described, dark charge. Left out, if they are not in the null model: laser light after
-// one and more reflections between surfaces, the same of lamps, uniform light from all around, the
-// laser's own stray light beside the line, veiling glare of three radii, an offset.
-// Cancelled after the first recording: of those that were traced by then, a laser's among them.
-// Errors as RenderPartFrame.
+// Renders every light path of every recording.
+//
+// Null model: direct laser light (with interreflection if the inspection's render settings have
+// it), lamps as described, dark charge. Paths that the null model may lack, unless its settings
+// have them: laser light after one and more reflections between surfaces, the same for lamps,
+// uniform light from all around, stray light of the projector beside the line (two widths), veiling
+// glare (three radii), an offset of the sensor.
+//
+// If it is cancelled after a recording with laser light, the answer holds the recordings that were
+// traced completely; earlier: CANCELLED. Other errors are those of RenderPartFrame.
 absl::StatusOr<SceneLight> TraceLightPaths(const RecordedScene& scene,
                                            const LightPathSettings& settings);
 

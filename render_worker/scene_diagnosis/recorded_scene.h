@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recordings of a part (format version 2) with all that its nominal model is computed from.
+// Recordings of a part (format version 2) and the inputs of its nominal model.
 #pragma once
 
 #include <string>
@@ -16,9 +16,9 @@ namespace sightline {
 
 // The inputs of a render job of the same part, and the images.
 struct RecordedScene {
-  // Nominal description: rig, part, materials, lights. Its render settings say what the null model
-  // contains: render.laser_interreflection, render.max_bounces. Exposure time and f-number are
-  // those of each recording.
+  // Nominal description: rig, part, materials, lights. The null model contains the light that its
+  // render settings have: render.laser_interreflection, render.max_bounces. Exposure time and
+  // f-number are those of each recording.
   Inspection inspection;
   TriangleMesh part;
   std::vector<TriangleMesh> obstacles;  // in the order of inspection.obstacles

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A departure from the linear camera model of EMVA 1288 that was looked for in a sensor set.
+// A departure from the linear camera model of EMVA 1288 that was tested for in a sensor set, and
+// p-values of the tests.
 #pragma once
 
 #include <string>
@@ -13,14 +14,14 @@ struct DepartureParameter {
 };
 
 struct Departure {
-  std::string effect;  // id of the vocabulary's effect if there is one
-  std::string stage;   // "illumination", "sensor", "readout", "time"
-  std::string description = {};
-  // Whether the set can show it; if not, `description` says what to record.
+  std::string effect;            // its name (departure_names.h)
+  std::string stage;             // "illumination", "sensor", "readout", "time"
+  std::string description = {};  // with the size, for people
+  // False: the set cannot show it, and `description` says what to record.
   bool testable = true;
-  // Probability of at least this much without the departure; of this test alone.
+  // Probability of a test statistic at least as large without the departure; of this test alone.
   double p_value = 1;
-  // Large enough to matter to somebody who measures with this camera; each test says what that is.
+  // Whether it is large enough to matter for measurements; each test states its threshold.
   bool material = false;
   std::vector<DepartureParameter> parameters = {};
 };

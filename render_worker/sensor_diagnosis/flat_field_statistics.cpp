@@ -11,8 +11,8 @@
 namespace sightline {
 namespace {
 
-// Parts per side of the image from whose scatter standard errors come; 64 parts know a standard
-// error to 9 %.
+// Parts of the image per side; standard errors come from the differences between parts. 64 parts
+// determine a standard error to 9 %.
 constexpr int kPartsPerSide = 8;
 
 double Mean(const Image<uint16_t>& frame) {
@@ -138,9 +138,9 @@ FlatFieldStatistics FlatFieldAccumulator::Finish() const {
       over_parts([](const PartSums& part) { return part.in_row / part.pairs_in_row / 2; });
   noise.covariance_in_column_dn2 =
       over_parts([](const PartSums& part) { return part.in_column / part.pairs_in_column / 2; });
-  // Without noise of whole rows the mean of n pixels has the n-th part of a pixel's variance, and
-  // that of n pixels with correlated neighbours (1 + 2 rho) times as much. Differences of frames
-  // that share a frame are half as many independent ones.
+  // Without noise of whole rows the mean of n pixels has 1/n of a pixel's variance, and (1 + 2 rho)
+  // times as much if neighbours have the correlation rho. Consecutive differences share a frame, so
+  // only half of them are independent.
   const double variance = noise.variance_1_apart_dn2->value;
   const double differences = std::max(1.0, frames / 2);
   const double row_square = MeanOf(row_mean_squares_) / 2;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the frames of one step of a sensor set (uniform light or dark) come down to: means, temporal
-// noise and its correlations, and the averaged frame. Frames are taken one by one, so that memory
-// does not grow with their number.
+// Statistics of the frames of one step of a sensor set (uniform light or dark): means, temporal
+// noise and its correlations, and the averaged frame. Frames are added one by one, so memory does
+// not grow with their number.
 #pragma once
 
 #include <cstdint>
@@ -14,19 +14,19 @@
 
 namespace sightline {
 
-// Temporal noise between frames of the same conditions. Differences of frames are used, less their
-// mean, so that neither the fixed pattern nor a change of the light as a whole enters. Standard
-// errors come from the scatter between parts of the image.
+// Temporal noise between frames of the same conditions. It is computed from differences of frames,
+// less their mean, so that neither the fixed pattern nor a change of the light as a whole enters.
+// Standard errors come from the differences between parts of the image.
 struct TemporalNoise {
-  // Half the variance of the difference of frames one, two and three apart [DN^2]; the temporal
-  // variance, if frames do not depend on each other (EMVA 1288 R4.0, clause 6.6). Without frames
-  // that far apart: unset.
+  // Half the variance of the difference of frames one, two and three apart [DN^2]. It is the
+  // temporal variance if frames are independent (EMVA 1288 R4.0, clause 6.6). Unset: there are no
+  // frames that far apart.
   std::optional<Estimate> variance_1_apart_dn2, variance_2_apart_dn2, variance_3_apart_dn2;
   // Covariance of a pixel's noise with that of its neighbour in the same row, and in the same
   // column [DN^2].
   Estimate covariance_in_row_dn2, covariance_in_column_dn2;
-  // Variance of what all pixels of a row, or of a column, have in common in one frame [DN^2]; may
-  // be below zero by chance.
+  // Variance of the noise that all pixels of a row, or of a column, have in common in one frame
+  // [DN^2]; may be below zero by chance.
   Estimate row_variance_dn2, column_variance_dn2;
 };
 
@@ -34,7 +34,7 @@ struct FlatFieldStatistics {
   bool dark = false;
   double exposure_time_s = 0;
   std::optional<double> photons;
-  PairStatistics pair;                // of the first two frames
+  PairStatistics pair;                // the first two frames
   std::vector<double> frame_mean_dn;  // in the order of the files
   TemporalNoise noise;
   double share_at_zero = 0, share_at_largest = 0;  // of all pixels of all frames
@@ -47,16 +47,16 @@ struct FlatFieldStatistics {
 
 class FlatFieldAccumulator {
  public:
-  // `largest_dn`: where numbers end, 2^bits - 1. `keep_mean`: the averaged frame is wanted.
+  // `largest_dn`: the largest raw number, 2^bits - 1. `keep_mean`: the averaged frame is wanted.
   FlatFieldAccumulator(double largest_dn, bool keep_mean);
 
   // Frames have one size, at least 8 x 8.
   void Add(const Image<uint16_t>& frame_dn);
-  // At least two frames must have been added. Conditions of the step are left to the caller.
+  // At least two frames must have been added. The caller sets the conditions of the step.
   FlatFieldStatistics Finish() const;
 
  private:
-  // Sums over one part of the image, of all differences of frames.
+  // Sums over one part of the image and over all differences of frames.
   struct PartSums {
     double pixels = 0, pairs_in_row = 0, pairs_in_column = 0;
     double squares[3] = {0, 0, 0}, count[3] = {0, 0, 0};

@@ -137,6 +137,31 @@ class TreeTest(unittest.TestCase):
         self.assertEqual(1, check.returncode)
         self.assertIn("README.md: its table is not that of docs/results.json", check.stderr)
 
+    def test_a_table_with_targets_in_a_folder(self):
+        claims = json.loads(json.dumps(CLAIMS))
+        claims["tables"]["more"] = {"page": "docs/page.md", "claims": ["speed", "scans", "least"]}
+        claims["claims"]["speed"].update(target={"value": "rate", "at_least": 30000},
+                                         read="[top](README.md#a-page), [web](https://a.b/c)")
+        least = {**claims["claims"]["scans"], "claim": "one plan needs few scans", "target": {"value": "scans", "at_most": 16}}
+        least["values"] = {"scans": {**least["values"]["scans"], "of": "min"}}
+        claims["claims"]["least"] = least
+        (self.root / "bench/proof/claims.json").write_text(json.dumps(claims))
+        (self.root / "docs/page.md").write_text(PAGE.replace("proof:claims", "proof:more"))
+        self.record()
+        proof.Proof(self.root).record("least", SCANS, "", "1234567")
+        self.assertEqual(0, self.run_tool().returncode)
+        table = (self.root / "docs/page.md").read_text()
+        self.assertIn("| claim | measured | target | date, commit | repeat | read |\n", table)
+        self.assertIn("| ≥ 30000 1/s: **missed** | 2026-01-02, 1234567 | `queries` "
+                      "| [top](../README.md#a-page), [web](https://a.b/c) |\n", table)
+        self.assertIn("| plans need few scans | 16 to 18 scans |  | 2026", table)
+        self.assertIn("| 16 scans | ≤ 16 scans: met | 2026", table)
+        # The same claim in the table of a page at the top: its link needs no way up.
+        self.assertIn("| [top](README.md#a-page), [web](https://a.b/c) |\n", self.page())
+        claims["claims"]["speed"]["target"]["value"] = "sped"
+        (self.root / "bench/proof/claims.json").write_text(json.dumps(claims))
+        self.assertIn("its row does not fit \"target\"", self.run_tool("--check").stderr)
+
     def test_rows_of_a_changed_module_are_older(self):
         self.record(self.commit())
         self.run_tool()

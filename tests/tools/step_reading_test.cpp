@@ -29,6 +29,7 @@
 #include <vector>
 
 #include "absl/strings/str_replace.h"
+#include "core/text/step_length_unit.h"
 #include "planner_client/part_files/step_program.h"
 #include "tools/step_import/glb_writer.h"
 #include "tools/step_import/model/crash_report.h"
@@ -252,8 +253,17 @@ TEST_F(StepReadingTest, AUnitThatIsNotStatedIsAskedFor) {
   const std::string no_length =
       std::regex_replace(box_, std::regex("GLOBAL_UNIT_ASSIGNED_CONTEXT\\s*\\(\\(" + id + ","),
                          "GLOBAL_UNIT_ASSIGNED_CONTEXT((");
+  // The planning service asks for the unit by a pass over the text, and must agree.
+  const auto states_none = [](const std::string& text) {
+    StepLengthUnitScan scan;
+    scan.Add(text);
+    return scan.StatesNone();
+  };
+  EXPECT_FALSE(states_none(box_));
+  EXPECT_FALSE(states_none(box_and_squares_));
   for (const std::string& text : {no_units, no_length}) {
     ASSERT_NE(text, box_);
+    EXPECT_TRUE(states_none(text));
     EXPECT_THAT(Refusal(text), AllOf(HasSubstr("test.stp: part.unit"), HasSubstr("--unit")));
     for (const auto& [unit, millimetres] :
          {std::pair("m", 1e3), std::pair("cm", 10.0), std::pair("mm", 1.0), std::pair("um", 1e-3),

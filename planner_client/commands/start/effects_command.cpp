@@ -113,7 +113,7 @@ Command AddEffectsCommand(CLI::App& app) {
   };
   auto options = std::make_shared<Options>();
   app.add_option("name", options->name,
-                 "an effect, e.g. optics.coma, or a part of names, e.g. optics; default: all");
+                 "name of an effect, or a part of names, e.g. optics; default: all");
   app.add_flag("--json", options->json, "the whole vocabulary as JSON");
   return [&app, options] {
     if (!options->json) return Print(options->name);

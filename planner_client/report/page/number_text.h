@@ -26,7 +26,7 @@ std::string PValueText(double p_value);
 // by the value.
 std::string QuantityName(const std::string& name);
 
-// "optics.veiling_glare" -> "Veiling glare".
+// Name of an effect as a title: "stage.its_name" -> "Its name".
 std::string EffectTitle(const std::string& id);
 
 // Value of a quantity whose name ends in its unit (recordings format): "0.21 mm", "4.8 %", "12 e⁻".

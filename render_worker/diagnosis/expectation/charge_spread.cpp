@@ -57,7 +57,7 @@ Image<double> ChargeShares(const Image<double>& electrons, int row, int column,
   return std::isfinite(sum) ? shares : Image<double>();
 }
 
-// Of the pixels at one place of a cell, 0 to 3 by rows.
+// Speckle of the pixels at one place of a cell, 0 to 3 by rows.
 std::shared_ptr<const LineSpeckle> OfCell(const LineSpeckle& speckle, int cell,
                                           const Image<double>& electrons, const FrameSetup& frame,
                                           std::span<const ActiveEffect> spreading) {

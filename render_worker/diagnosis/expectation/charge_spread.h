@@ -13,15 +13,16 @@
 
 namespace sightline {
 
-// Charge around the pixels of a strip of one column or of even width whose speckle is at a given
-// level: f times the mean light. A neighbour's light is then not f times its mean: of bivariate
-// gamma numbers of contrast squared c and correlation r the other's mean is 1 + r (f - 1), its
-// variance c ((1 - r)^2 + 2 r (1 - r) f) (Kibble, Sankhya 5 (1941) 137).
+// Charge around the pixels of a column sample (one column, or an even number of them) whose speckle
+// is at a given level: f times the mean light. A neighbour's light is then not f times its mean.
+// For a bivariate gamma distribution of contrast squared c and correlation r, its conditional mean
+// is 1 + r (f - 1) and its conditional variance c ((1 - r)^2 + 2 r (1 - r) f) (Kibble, Sankhya 5
+// (1941) 137).
 class NeighboursOfLevel {
  public:
-  // Mean electrons of the laser's light and of all else; `speckle` before anything flows, whose
-  // contrast squared is `pattern_share` of that of one pattern. No pixel holds more than
-  // `full_electrons`.
+  // `laser`, `steady`: mean electrons of the laser's light and of all else. `speckle`: one pattern
+  // before any charge flows; the contrast squared of all patterns is `pattern_share` times its own.
+  // No pixel holds more than `full_electrons`.
   NeighboursOfLevel(Image<double> laser, Image<double> steady, const LineSpeckle& speckle,
                     const FrameSetup& frame, double pattern_share, double full_electrons);
 
@@ -34,17 +35,16 @@ class NeighboursOfLevel {
   double RootMeanSquare(int row, int column, double correlation, double f) const;
 
   Image<double> laser_, steady_;
-  // Of every row: of the pixels, of neighbours.
+  // Contrast squared of every row, and the correlation with neighbours across and along the line.
   std::vector<double> contrast_squared_, across_line_, along_line_;
   double full_electrons_;
 };
 
-// Of the four pixels of a cell of the colour filter (by rows; all four alike without one), the one
-// with most of `electrons`.
+// The pixel with most of `electrons` among the four of a cell of the colour filter, 0 to 3 by rows.
 int BrightestCell(const Image<double>& electrons);
 
 // Speckle of the four pixels of a cell after effects have spread `electrons`, the mean charge of a
-// strip of one column or of even width; null where nothing spreads.
+// column sample (one column, or an even number); null if no effect spreads charge.
 std::array<std::shared_ptr<const LineSpeckle>, 4> AfterChargeSpread(
     const LineSpeckle& speckle, const Image<double>& electrons, const FrameSetup& frame,
     std::span<const ActiveEffect> effects);

@@ -33,7 +33,7 @@ double ContrastKept(const std::vector<double>& light, const FrameSetup& frame,
 }  // namespace
 
 bool IsSmear(const ActiveEffect& active) {
-  return active.effect->description().id == "sensor.smear";
+  return active.effect->description().column_transport == ColumnTransport::kReadout;
 }
 
 SmearTrail TrailOfSmear(const Image<double>& total, const Image<double>& steady,
@@ -62,7 +62,7 @@ SmearTrail TrailOfSmear(const Image<double>& total, const Image<double>& steady,
 }
 
 bool IsBlooming(const ActiveEffect& active) {
-  return active.effect->description().id == "sensor.blooming";
+  return active.effect->description().column_transport == ColumnTransport::kOverflow;
 }
 
 void EvenOutOverflow(const ActiveEffect& blooming, const FrameSetup& frame,

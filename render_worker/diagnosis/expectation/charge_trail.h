@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Charge that comes from elsewhere in its column (smear, blooming), and how it scatters.
+// Charge that comes from elsewhere in its column (smear, blooming), and its variance.
 #pragma once
 
 #include <span>
@@ -11,25 +11,28 @@
 
 namespace sightline {
 
+// True for effects that add a share of the column's sum to every pixel.
 bool IsSmear(const ActiveEffect& active);
 
-// What smear adds gathers the light of a whole column, whose speckle averages out in part.
+// Charge that smear adds. It is a sum over the column, whose speckle averages out in part.
 struct SmearTrail {
   Image<double> laser, steady;  // mean electrons; empty: no smear
   int crest_row = 0;            // where the line is brightest
   double contrast_kept = 0;     // of the column's sum over that of a pixel
 };
 
-// Of mean electrons `total`, `steady` of which are not of the laser. `speckle`: null without laser
-// light.
+// `total`: mean electrons of all light; `steady`: those of light other than the laser's. `speckle`:
+// null without laser light.
 SmearTrail TrailOfSmear(const Image<double>& total, const Image<double>& steady,
                         const FrameSetup& frame, std::span<const ActiveEffect> effects,
                         const LineSpeckle* speckle);
 
+// True for effects that let charge above a threshold overflow along the column.
 bool IsBlooming(const ActiveEffect& active);
 
-// What overflows comes from many rows too, while every level of speckle takes them to be as bright.
-// `without`, `with`: mean electrons at all levels before and after blooming; `with` is corrected.
+// Reduces the variance over the levels of charge that has overflowed: it comes from many rows,
+// whose speckle averages out, while each level takes all rows to be equally bright. `without`,
+// `with`: mean electrons at all levels before and after blooming; `with` is corrected.
 void EvenOutOverflow(const ActiveEffect& blooming, const FrameSetup& frame,
                      const LineSpeckle& speckle, const std::vector<Image<double>>& without,
                      std::vector<Image<double>>& with);

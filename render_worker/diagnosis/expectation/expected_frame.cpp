@@ -3,9 +3,7 @@
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 #include <optional>
-#include <string_view>
 #include <utility>
 
 #include "render_worker/diagnosis/expectation/charge_spread.h"
@@ -21,59 +19,51 @@ namespace sightline {
 
 namespace {
 
-// Relative variance of the light along a block about its mean, over all phases of the fringes.
-double FringeVariance(const std::vector<double>& parameters, int block_columns_px) {
-  const double x = std::numbers::pi * block_columns_px / parameters[1] *
-                   std::cos(parameters[2] * std::numbers::pi / 180);
-  const double of_mean = std::abs(x) < 1e-6 ? 1 : std::sin(x) / x;
-  return 0.5 * parameters[0] * parameters[0] * (1 - of_mean * of_mean);
-}
-
-// Numbers that drawn effects tell of how patterns scatter.
+// Fills in what the effects state about variances between rows and columns: standard deviations of
+// their offsets [DN], and the relative variance of laser light within a block of
+// `block_columns_px` columns (0: no block).
 void AddScatter(const FrameSetup& nominal, std::span<const ActiveEffect> effects,
                 int block_columns_px, ExpectedFrame& expected) {
   const double gain = nominal.sensor.gain_dn_per_electron;
+  LineOffsets offsets;
   for (const ActiveEffect& active : effects) {
-    const std::string_view id = active.effect->description().id;
-    if (id == "sensor.row_noise") expected.row_scatter_dn = gain * active.parameters[0];
-    if (id == "sensor.dsnu_column_pattern") {
-      expected.column_scatter_dn = gain * active.parameters[0];
-    }
-    if (id == "unknown.line_noise") {
-      expected.row_scatter_dn = gain * std::sqrt(active.parameters[0]);
-      expected.column_scatter_dn = gain * std::sqrt(active.parameters[1]);
-    }
-    if (IsTexture(id) && block_columns_px > 0) {
+    active.effect->OnLineOffsets(offsets, active.parameters);
+    if (block_columns_px <= 0) continue;
+    const RandomLaw law = active.effect->description().random_law;
+    if (IsTexture(law)) {
       expected.drawn_variance_along_line +=
-          TextureLaw(id, nominal, active.parameters)
+          TextureLaw(law, nominal, active.parameters)
               .VarianceAlong(LengthOnPlate(nominal, block_columns_px));
     }
-    if (id == kCoverGlassEtalon && block_columns_px > 0) {
-      expected.drawn_variance_along_line += FringeVariance(active.parameters, block_columns_px);
-    }
+    expected.drawn_variance_along_line +=
+        active.effect->VarianceWithinBlock(block_columns_px, active.parameters);
   }
+  expected.row_scatter_dn = gain * offsets.row_electrons;
+  expected.column_scatter_dn = gain * offsets.column_electrons;
 }
 
-// What scatters between recordings does not change what is expected of each.
+// Effects whose numbers of the frame hold for every recording. The hook of an effect that is random
+// per recording sets a realised value.
 std::vector<ActiveEffect> OfEveryFrame(std::span<const ActiveEffect> effects) {
   std::vector<ActiveEffect> kept(effects.begin(), effects.end());
   std::erase_if(kept, [](const ActiveEffect& active) {
-    const std::string_view id = active.effect->description().id;
-    return id == "illumination.power_noise" || id == "time.exposure_jitter";
+    return active.effect->description().kind == EffectKind::kRandomPerRecording;
   });
   return kept;
 }
 
-// To effects that move more charge the more there is, neighbours are not as bright as the pixel.
+// True for effects that move a larger share of the charge the more there is: neighbours of a pixel
+// are not as bright as the pixel itself.
 bool GrowsWithCharge(const Effect& effect) {
   return effect.description().charge_transport == ChargeTransport::kGrowsWithCharge;
 }
 
-// Equally likely levels of speckle, over the mean, of every pixel of a strip.
+// Equally likely levels of speckle, over the mean, of every pixel of a column sample.
 class LevelFactors {
  public:
-  // `speckle`: of the four pixels of a cell of the colour filter, all the same one where they do
-  // not differ; of one pattern, whose contrast squared is `pattern_share` of all.
+  // `speckle`: one pattern for each of the four pixels of a cell of the colour filter, the same
+  // object where they do not differ. `pattern_share`: contrast squared of all patterns over that of
+  // one.
   LevelFactors(const std::array<std::shared_ptr<const LineSpeckle>, 4>& speckle,
                double pattern_share, const FrameSetup& frame, int levels)
       : cells_(speckle[0] == speckle[1] ? 1 : 4), place_of_row_(frame.roi.rows_px) {
@@ -103,7 +93,7 @@ class LevelFactors {
   std::vector<int> place_of_row_;
 };
 
-// Every column as the first.
+// Copies the first column to all of `columns_px`.
 template <typename T>
 Image<T> Widened(const Image<T>& column, int columns_px) {
   Image<T> wide(columns_px, column.rows_px);
@@ -112,9 +102,10 @@ Image<T> Widened(const Image<T>& column, int columns_px) {
   }
   return wide;
 }
-// Noise that all pixels of a frame have alike, besides that of their light.
+
+// Noise that all pixels of a frame have, in addition to the shot noise of their light.
 struct ReadNoise {
-  double dark_electrons = 0;  // mean, besides light
+  double dark_electrons = 0;  // mean without light
   double variance_electrons2 = 0, rounding_variance_dn2 = 0;
 
   // Temporal variance of the number of a pixel with this mean of photo-electrons [DN^2].
@@ -125,8 +116,8 @@ struct ReadNoise {
   }
 };
 
-// Mean photo-electrons of a strip at one level of speckle, after the effects on them. Charge comes
-// from neighbours whose light is as far from its mean: what it scatters in all is in the level
+// Mean photo-electrons of a column sample at one level of speckle, after the effects on them.
+// Charge comes from neighbours at the same level: the level contains the variance of their sum
 // already.
 Image<double> PhotoElectronsAt(int level, const ExpectedLight& light, const LevelFactors* factors,
                                const SmearTrail& smear, const FrameSetup& frame,
@@ -176,7 +167,8 @@ Image<double> PhotoElectronsAt(int level, const ExpectedLight& light, const Leve
   return electrons;
 }
 
-// Mean and variance over the levels, noise and patterns at the mean level.
+// Fills in mean and variance over the levels, and the variances of noise and of fixed patterns at
+// the mean level.
 void AddMoments(const Image<double>& photo_electrons, const ReadNoise& noise,
                 ExpectedFrame& expected) {
   const Sensor& sensor = expected.frame.sensor;
@@ -216,79 +208,138 @@ void AddMoments(const Image<double>& photo_electrons, const ReadNoise& noise,
   }
 }
 
+ReadNoise ReadNoiseOf(const FrameSetup& frame, double rounding_variance_dn2) {
+  const Sensor& sensor = frame.sensor;
+  ReadNoise noise;
+  noise.dark_electrons = sensor.dark_mean_electrons + DarkCurrentElectrons(frame);
+  noise.variance_electrons2 = sensor.dark_noise_electrons * sensor.dark_noise_electrons +
+                              noise.dark_electrons - sensor.dark_mean_electrons;
+  noise.rounding_variance_dn2 = rounding_variance_dn2;
+  return noise;
+}
+
+// How the pixels' light differs between levels of speckle.
+struct LevelModel {
+  std::optional<LevelFactors> factors;  // none: there is no laser light, one level
+  std::optional<NeighboursOfLevel>
+      neighbours;  // none: no effect moves more charge the more there is
+};
+
+// Fills in `model` and the speckle of `expected`, after charge has spread.
+void ModelLevels(const ExpectedLight& light, std::span<const ActiveEffect> effects,
+                 double dark_electrons, int speckle_levels, LevelModel& model,
+                 ExpectedFrame& expected) {
+  const FrameSetup& frame = expected.frame;
+  if (!frame.laser_on || !frame.shutter_open) return;
+  const Image<double>&total = light.total_electrons, &steady = light.steady_electrons;
+  const std::shared_ptr<const LineSpeckle>& optical = light.imaging->speckle;
+  expected.speckle_of_cell = AfterChargeSpread(*optical, total, frame, effects);
+  const bool spreads = expected.speckle_of_cell[0] != nullptr;
+  expected.speckle = spreads ? expected.speckle_of_cell[BrightestCell(total)] : optical;
+  // Charge that flows the more there is of it differs between levels: the flow is computed at each.
+  std::vector<ActiveEffect> but_by_charge(effects.begin(), effects.end());
+  std::erase_if(but_by_charge, [](const auto& active) { return GrowsWithCharge(*active.effect); });
+  const bool by_charge = but_by_charge.size() < effects.size();
+  auto speckle_of_levels = by_charge ? AfterChargeSpread(*optical, total, frame, but_by_charge)
+                                     : expected.speckle_of_cell;
+  if (speckle_of_levels[0] == nullptr) speckle_of_levels.fill(optical);
+  model.factors.emplace(speckle_of_levels, light.pattern_share, frame, speckle_levels);
+  if (!by_charge) return;
+  Image<double> laser = total, other = steady;
+  for (size_t i = 0; i < laser.values.size(); ++i) {
+    laser.values[i] -= steady.values[i];
+    other.values[i] += dark_electrons;
+  }
+  model.neighbours.emplace(std::move(laser), std::move(other), *speckle_of_levels[0], frame,
+                           light.pattern_share, frame.sensor.saturation_capacity_electrons);
+}
+
+// Mean photo-electrons at every level.
+std::vector<Image<double>> PhotoElectronsOfLevels(int level_count, const ExpectedLight& light,
+                                                  const LevelModel& model,
+                                                  const ExpectedFrame& expected,
+                                                  const std::vector<ActiveEffect>& effects,
+                                                  const Image<double>* previous) {
+  const FrameSetup& frame = expected.frame;
+  const LevelFactors* factors = model.factors ? &*model.factors : nullptr;
+  const SmearTrail smear = TrailOfSmear(light.total_electrons, light.steady_electrons, frame,
+                                        effects, expected.speckle.get());
+  const auto at_levels = [&](std::span<const ActiveEffect> acting) {
+    std::vector<Image<double>> levels;
+    for (int level = 0; level < level_count; ++level) {
+      levels.push_back(PhotoElectronsAt(level, light, factors, smear, frame, acting, previous));
+    }
+    return levels;
+  };
+  std::vector<Image<double>> electrons = at_levels(effects);
+  const auto blooming = std::find_if(effects.begin(), effects.end(), IsBlooming);
+  if (blooming != effects.end() && expected.speckle != nullptr) {
+    std::vector<ActiveEffect> others = effects;
+    std::erase_if(others, IsBlooming);
+    EvenOutOverflow(*blooming, frame, *expected.speckle, at_levels(others), electrons);
+  }
+  return electrons;
+}
+
+// Adds the dark signal to the photo-electrons of a level and applies the effects on charge.
+Image<double> ChargeOfLevel(int level, Image<double> electrons, double dark_electrons,
+                            const LevelModel& model, const FrameSetup& frame,
+                            std::span<const ActiveEffect> effects) {
+  // Fuller pixels give the same numbers, whatever the noise.
+  const double capacity = frame.sensor.saturation_capacity_electrons;
+  const double overfull_electrons = capacity + 6 * std::sqrt(capacity);
+  for (double& value : electrons.values) {
+    value = std::min(value + dark_electrons, overfull_electrons);
+  }
+  Image<double> factor;
+  if (model.neighbours) {
+    factor = Image<double>(electrons.columns_px, electrons.rows_px);
+    for (int row = 0; row < factor.rows_px; ++row) {
+      for (int column = 0; column < factor.columns_px; ++column) {
+        factor.At(row, column) = model.factors->At(model.factors->CellOf(row, column), row, level);
+      }
+    }
+  }
+  for (const ActiveEffect& active : effects) {
+    if (model.neighbours && GrowsWithCharge(*active.effect)) {
+      electrons = model.neighbours->After(active, frame, electrons, factor);
+    } else {
+      active.effect->OnElectrons(electrons, frame, active.parameters);
+    }
+  }
+  return electrons;
+}
+
 ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEffect> all_effects,
                             const Image<double>* previous,
                             std::shared_ptr<const LineImaging> known_imaging, int speckle_levels,
                             int block_columns_px) {
   ExpectedFrame expected;
-  // Numbers of the sensor may tell how a pattern scatters.
+  // Set-up: random effects state variances, the others act on the frame and on what follows.
   expected.frame = ApplyFrameEffects(nominal, OfEveryFrame(all_effects));
   AddScatter(nominal, all_effects, block_columns_px, expected);
   std::vector<ActiveEffect> effects(all_effects.begin(), all_effects.end());
-  std::erase_if(effects,
-                [](const ActiveEffect& active) { return active.effect->description().is_drawn; });
+  std::erase_if(effects, [](const ActiveEffect& active) {
+    return !active.effect->description().ChangesExpectation();
+  });
+
+  // Light on the pixels.
   const FrameSetup& frame = expected.frame;
   const ExpectedLight light =
       ExpectLight(frame, effects, std::move(known_imaging), block_columns_px);
-  const Image<double>&total = light.total_electrons, &steady = light.steady_electrons;
   expected.imaging = light.imaging;
   expected.level_along_line = light.level_along_line;
 
-  const Sensor& sensor = frame.sensor;
+  // Charge at every level of speckle.
   MeanNumbers numbers(frame, effects);
-  ReadNoise read_noise;
-  read_noise.dark_electrons = sensor.dark_mean_electrons + DarkCurrentElectrons(frame);
-  read_noise.variance_electrons2 = sensor.dark_noise_electrons * sensor.dark_noise_electrons +
-                                   read_noise.dark_electrons - sensor.dark_mean_electrons;
-  read_noise.rounding_variance_dn2 = numbers.rounding_variance_dn2();
-  // Beyond it nothing changes.
-  const double overfull_electrons =
-      sensor.saturation_capacity_electrons + 6 * std::sqrt(sensor.saturation_capacity_electrons);
+  const ReadNoise read_noise = ReadNoiseOf(frame, numbers.rounding_variance_dn2());
+  LevelModel model;
+  ModelLevels(light, effects, read_noise.dark_electrons, speckle_levels, model, expected);
+  const int level_count = model.factors ? speckle_levels : 1;
+  std::vector<Image<double>> electrons_of_level =
+      PhotoElectronsOfLevels(level_count, light, model, expected, effects, previous);
 
-  std::optional<LevelFactors> factors;
-  std::optional<NeighboursOfLevel> neighbours;
-  if (frame.laser_on && frame.shutter_open) {
-    const std::shared_ptr<const LineSpeckle>& optical = light.imaging->speckle;
-    expected.speckle_of_cell = AfterChargeSpread(*optical, total, frame, effects);
-    const bool spreads = expected.speckle_of_cell[0] != nullptr;
-    expected.speckle = spreads ? expected.speckle_of_cell[BrightestCell(total)] : optical;
-    // Levels of what spreads by charge follow from the flow at each of them.
-    std::vector<ActiveEffect> but_by_charge = effects;
-    std::erase_if(but_by_charge,
-                  [](const auto& active) { return GrowsWithCharge(*active.effect); });
-    const bool by_charge = but_by_charge.size() < effects.size();
-    auto speckle_of_levels = by_charge ? AfterChargeSpread(*optical, total, frame, but_by_charge)
-                                       : expected.speckle_of_cell;
-    if (speckle_of_levels[0] == nullptr) speckle_of_levels.fill(optical);
-    factors.emplace(speckle_of_levels, light.pattern_share, frame, speckle_levels);
-    if (by_charge) {
-      Image<double> laser = total, other = steady;
-      for (size_t i = 0; i < laser.values.size(); ++i) {
-        laser.values[i] -= steady.values[i];
-        other.values[i] += read_noise.dark_electrons;
-      }
-      neighbours.emplace(std::move(laser), std::move(other), *speckle_of_levels[0], frame,
-                         light.pattern_share, sensor.saturation_capacity_electrons);
-    }
-  }
-  const LevelFactors* factors_or_null = factors ? &*factors : nullptr;
-  const SmearTrail smear = TrailOfSmear(total, steady, frame, effects, expected.speckle.get());
-  const int level_count = factors ? speckle_levels : 1;
-  const auto at_levels = [&](std::span<const ActiveEffect> acting) {
-    std::vector<Image<double>> levels;
-    for (int level = 0; level < level_count; ++level) {
-      levels.push_back(
-          PhotoElectronsAt(level, light, factors_or_null, smear, frame, acting, previous));
-    }
-    return levels;
-  };
-  std::vector<Image<double>> electrons_of_level = at_levels(effects);
-  const auto blooming = std::find_if(effects.begin(), effects.end(), IsBlooming);
-  if (blooming != effects.end() && expected.speckle != nullptr) {
-    std::vector<ActiveEffect> others = effects;
-    std::erase_if(others, IsBlooming);
-    EvenOutOverflow(*blooming, frame, *expected.speckle, at_levels(others), electrons_of_level);
-  }
+  // Numbers, and their moments over the levels.
   Image<double> mean_of_levels(frame.roi.columns_px, frame.roi.rows_px, 0.0);
   for (int level = 0; level < level_count; ++level) {
     Image<double>& electrons = electrons_of_level[level];
@@ -296,26 +347,10 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
     for (size_t i = 0; i < electrons.values.size(); ++i) {
       mean_of_levels.values[i] += electrons.values[i] / level_count;
       noise_dn.values[i] = static_cast<float>(
-          std::sqrt(read_noise.VarianceAt(electrons.values[i], sensor.gain_dn_per_electron)));
-      electrons.values[i] =
-          std::min(electrons.values[i] + read_noise.dark_electrons, overfull_electrons);
+          std::sqrt(read_noise.VarianceAt(electrons.values[i], frame.sensor.gain_dn_per_electron)));
     }
-    Image<double> factor;
-    if (neighbours) {
-      factor = Image<double>(electrons.columns_px, electrons.rows_px);
-      for (int row = 0; row < factor.rows_px; ++row) {
-        for (int column = 0; column < factor.columns_px; ++column) {
-          factor.At(row, column) = factors->At(factors->CellOf(row, column), row, level);
-        }
-      }
-    }
-    for (const ActiveEffect& active : effects) {
-      if (neighbours && GrowsWithCharge(*active.effect)) {
-        electrons = neighbours->After(active, frame, electrons, factor);
-      } else {
-        active.effect->OnElectrons(electrons, frame, active.parameters);
-      }
-    }
+    electrons = ChargeOfLevel(level, std::move(electrons), read_noise.dark_electrons, model, frame,
+                              effects);
     expected.level_dn.push_back(numbers.Of(electrons, noise_dn));
   }
   AddMoments(mean_of_levels, read_noise, expected);
@@ -339,7 +374,7 @@ ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect>
     return ExpectColumns(frame, effects, previous, std::move(imaging), speckle_levels,
                          block_columns_px);
   }
-  // Without colours all columns are alike: one will do.
+  // Without colours all columns have the same expectation: one is computed.
   FrameSetup narrow = frame;
   narrow.roi.column_px += columns_px / 2;
   narrow.roi.columns_px = 1;

@@ -1,11 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a recording of the plate shows on average over speckle and noise, computed without drawing
-// either: fast enough to be evaluated thousands of times.
+// The expectation of a recording of the plate over speckle and noise, computed without random
+// numbers: fast enough to be evaluated thousands of times.
 //
 // The laser line is long and its optics change slowly along it, so the mean irradiance across the
 // line is a convolution in one dimension with the line spread function of the pupil, done at a few
-// places along the line. A pixel's irradiance scatters about its mean (SpeckleLevels); the
-// sensor's response is averaged over that. The effects' hooks are those of the renderer.
+// places along the line. Speckle gives a pixel's irradiance a distribution about its mean
+// (SpeckleLevels), over which the sensor's response is averaged. The effects' hooks are those of
+// the renderer.
 #pragma once
 
 #include <array>
@@ -21,7 +22,7 @@
 namespace sightline {
 
 struct ExpectedFrame {
-  FrameSetup frame;  // as the effects of the setup stage leave it
+  FrameSetup frame;  // after the effects on its numbers
   // Mean over the noise at equally likely levels of speckle [DN]; their average is the expected
   // image. Dark frames: one level.
   std::vector<Image<float>> level_dn;
@@ -29,22 +30,24 @@ struct ExpectedFrame {
   Image<double> mean_dn, level_variance_dn2;
   // Temporal noise variance at the mean level [DN^2].
   Image<float> noise_variance_dn2;
-  // Of the temporal noise, where rounding is coarse; empty: 0 everywhere.
+  // Excess kurtosis of the temporal noise, where rounding is coarse; empty: 0 everywhere.
   Image<float> noise_excess_kurtosis;
   // Variance of fixed patterns of the sensor (PRNU, DSNU) at the mean level [DN^2].
   Image<float> pattern_variance_dn2;
-  // Drawn anew for every row of a frame, once for every column of the sensor [DN].
+  // Standard deviations of random offsets of rows, different in every recording, and of columns,
+  // fixed for the sensor [DN].
   double row_scatter_dn = 0, column_scatter_dn = 0;
   Image<double> mean_photo_electrons;          // the next frame of the burst needs it
   std::shared_ptr<const LineSpeckle> speckle;  // of one pattern; null: no laser light
-  // Where charge spreads: of the four pixels of a cell of the colour filter; else null.
+  // Speckle of the four pixels of a cell of the colour filter if charge spreads; else null.
   std::array<std::shared_ptr<const LineSpeckle>, 4> speckle_of_cell;
   std::shared_ptr<const LineImaging> imaging;  // the same
 
-  // Laser light at evenly spaced places of the block that the strip stands for, over its mean;
-  // empty: alike all along.
+  // Laser light at evenly spaced places of the block that the column sample stands for, over its
+  // mean; empty: the same everywhere.
   std::vector<double> level_along_line;
-  // Relative variance of that light by what is drawn anew for every plate position.
+  // Relative variance of that light within the block by random effects and patterns of unknown
+  // phase.
   double drawn_variance_along_line = 0;
 
   double MeanDn(int row, int column) const { return mean_dn.At(row, column); }
@@ -58,9 +61,7 @@ struct ExpectedFrame {
 
 // `frame`: nominal with deviations applied; its region of interest is narrow enough that the line's
 // profile is that of its middle column. `previous`: mean electrons of the frame before in the
-// burst, or nullptr. `imaging`: of another strip of the frame, or null; taken over as far as the
-// optics are the same all over the field, and its speckle always. `block_columns_px`: of the block
-// that the strip is the middle of and whose mean it stands for; 0: for itself.
+// burst, or nullptr. `imaging`, `block_columns_px`: as ExpectLight.
 ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect> effects,
                           const Image<double>* previous, std::shared_ptr<const LineImaging> imaging,
                           int speckle_levels, int block_columns_px = 0);

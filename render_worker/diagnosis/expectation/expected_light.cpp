@@ -23,7 +23,7 @@ constexpr int kPlacesAlongBlock = 16;
 constexpr double kLitAlongLine = 1e-3;  // of the brightest, across the line
 constexpr double kNoLight = 1e-9;       // of the brightest place's: all such places count as dark
 
-// Place on the plate that is seen at (u, v), and its distance.
+// Place on the plate that a place of the sensor sees, and its distance from the lens.
 struct PlatePoint {
   double x_m = 0, s_m = 0, distance_m = 0;
 };
@@ -65,113 +65,174 @@ double LightAcrossLine(const PlateScene& scene, const FrameSetup& frame, double 
   return light;
 }
 
-// Mean irradiance of every pixel, alike in all columns; fills in what `imaging` has not. With
-// `block_columns_px` that of the block in the mean, and `level_along_line`.
+// Samples across the line in the middle column of the region, with room for the blur on both sides.
+struct LineGrid {
+  explicit LineGrid(const FrameSetup& frame)
+      : first_row_px(frame.roi.row_px),
+        length(static_cast<int>(
+            std::bit_ceil(static_cast<unsigned>((frame.roi.rows_px + 256) * kSamplesPerPx)))),
+        margin_px((length / kSamplesPerPx - frame.roi.rows_px) / 2),
+        pitch_m(frame.sensor.pixel_pitch_m),
+        u_m((frame.roi.column_px + 0.5 * (frame.roi.columns_px - 1)) * pitch_m) {}
+
+  double VOf(int i) const {
+    return (first_row_px - margin_px + (i + 0.5) / kSamplesPerPx - 0.5) * pitch_m;
+  }
+  double StepPerM() const { return kSamplesPerPx / (length * pitch_m); }  // of spatial frequency
+
+  int first_row_px;
+  int length, margin_px;
+  double pitch_m, u_m;
+};
+
+// Laser light at the samples: on the plate first, then that of a perfect lens on the sensor.
+struct LineLight {
+  std::vector<PlatePoint> points;
+  std::vector<double> irradiance_w_m2;
+  double brightest_w_m2 = 0;  // on the plate
+};
+
+// `known_w_m2`: irradiance of the plate at the samples if it was computed before, or empty.
+LineLight SampleLine(const PlateScene& scene, const FrameSetup& frame, const LineGrid& grid,
+                     const std::vector<double>& known_w_m2) {
+  LineLight light;
+  light.points.resize(grid.length);
+  light.irradiance_w_m2.resize(grid.length);
+  for (int i = 0; i < grid.length; ++i) {
+    light.points[i] = SeenAt(scene, frame, grid.u_m, grid.VOf(i));
+    light.irradiance_w_m2[i] =
+        known_w_m2.empty() ? scene.laser_irradiance_w_m2(light.points[i].x_m, light.points[i].s_m)
+                           : known_w_m2[i];
+    light.brightest_w_m2 = std::max(light.brightest_w_m2, light.irradiance_w_m2[i]);
+  }
+  return light;
+}
+
+// Scales the light of the middle column to the mean of its block. Returns the light of evenly
+// spaced columns of the block over that mean; empty, and nothing is scaled, without light.
+std::vector<double> ScaleToBlockMean(const PlateScene& scene, const FrameSetup& frame,
+                                     const LineGrid& grid, int block_columns_px, LineLight& light) {
+  std::vector<double>& ideal = light.irradiance_w_m2;
+  const auto lit = [&](double value) { return value > kLitAlongLine * light.brightest_w_m2; };
+  const auto first = std::find_if(ideal.begin(), ideal.end(), lit) - ideal.begin();
+  const auto last = std::find_if(ideal.rbegin(), ideal.rend(), lit).base() - ideal.begin() - 1;
+  // Room for a line that is not straight along the rows: up to 11 degrees.
+  const double room_m = 0.1 * block_columns_px * grid.pitch_m;
+  const double first_v_m = grid.VOf(static_cast<int>(first)) - room_m;
+  const double last_v_m = grid.VOf(static_cast<int>(last)) + room_m;
+  std::vector<double> level_along_line;
+  double mean = 0;
+  for (int i = 0; i < kPlacesAlongBlock; ++i) {
+    const double place = (i + 0.5) / kPlacesAlongBlock - 0.5;
+    level_along_line.push_back(LightAcrossLine(
+        scene, frame, grid.u_m + place * block_columns_px * grid.pitch_m, first_v_m, last_v_m));
+    mean += level_along_line.back() / kPlacesAlongBlock;
+  }
+  const double middle = LightAcrossLine(scene, frame, grid.u_m, first_v_m, last_v_m);
+  if (!(mean > 0 && middle > 0)) return {};
+  for (double& level : level_along_line) level /= mean;
+  for (double& value : ideal) value *= mean / middle;
+  return level_along_line;
+}
+
+// Mean distance and place of the laser light, weighted by its irradiance on the sensor.
+struct LightCentre {
+  double depth_m, v_m;
+};
+
+LightCentre TransferToSensor(const PlateScene& scene, const FrameSetup& frame, const LineGrid& grid,
+                             LineLight& light) {
+  double weighted_depth_m = 0, weighted_v_m = 0, sum = 0;
+  for (int i = 0; i < grid.length; ++i) {
+    double& value = light.irradiance_w_m2[i];
+    if (value <= kNoLight * light.brightest_w_m2) {
+      value = 0;
+      continue;
+    }
+    const double v_m = grid.VOf(i);
+    value *= Throughput(scene, frame, light.points[i], grid.u_m, v_m);
+    weighted_depth_m += value * light.points[i].distance_m;
+    weighted_v_m += value * v_m;
+    sum += value;
+  }
+  if (!(sum > 0)) return {frame.plate.camera_distance_m, 0};
+  return {weighted_depth_m / sum, weighted_v_m / sum};
+}
+
+// Transfer function and speckle at the centre of the light. `known`: of another column sample of
+// the frame, whose speckle is taken over, or null. `ideal`: irradiance of the sensor by a perfect
+// lens.
+std::shared_ptr<LineImaging> MakeLineImaging(const FrameSetup& frame, const OpticsModel& optics,
+                                             const LineGrid& grid, const std::vector<double>& ideal,
+                                             double v_m, double curvature_per_m,
+                                             const LineImaging* known) {
+  auto line = std::make_shared<LineImaging>();
+  line->curvature_per_m = curvature_per_m;
+  line->length = grid.length;
+  const Pupil pupil = optics.pupil(grid.u_m, v_m);
+  line->transfer = LineTransfer(pupil, optics.wavelength_m, optics.image_distance_m,
+                                curvature_per_m, grid.StepPerM(), grid.length / 2 + 1);
+  const double clear = ClearFraction(pupil);
+  const std::vector<std::complex<double>> pixel =
+      PixelTransfer(kSamplesPerPx, grid.length, grid.pitch_m);
+  for (size_t k = 0; k < line->transfer.size(); ++k) line->transfer[k] *= clear * pixel[k];
+  const auto image = [&] {
+    return BlurAcrossLine(ideal, kSamplesPerPx, grid.margin_px, frame.roi.rows_px, line->transfer);
+  };
+  std::vector<double> before;
+  if (known == nullptr && !optics.transfer.empty()) before = image();
+  for (size_t k = 0; k < line->transfer.size(); ++k) {
+    for (const TransferFunction& factor : optics.transfer) {
+      line->transfer[k] *= factor(0, static_cast<double>(k) * grid.StepPerM());
+    }
+  }
+  if (known != nullptr) {
+    line->speckle = known->speckle;
+    return line;
+  }
+  LineSpeckle speckle(
+      pupil, optics.wavelength_m, optics.image_distance_m,
+      optics.image_distance_m * curvature_per_m, grid.pitch_m, ideal,
+      (grid.first_row_px - grid.margin_px + 0.5 / kSamplesPerPx - 0.5) * grid.pitch_m,
+      grid.pitch_m / kSamplesPerPx);
+  if (!before.empty()) {
+    speckle = BlurredSpeckle(speckle, optics.transfer, grid.pitch_m,
+                             grid.first_row_px * grid.pitch_m, before, image());
+  }
+  line->speckle = std::make_shared<LineSpeckle>(std::move(speckle));
+  return line;
+}
+
+// Mean irradiance of every pixel by the laser, the same in all columns. Replaces `imaging` unless
+// it holds for this light; with `block_columns_px` the irradiance is the mean of the block, and
+// `level_along_line` is filled in.
 Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const OpticsModel& optics,
                        int block_columns_px, std::shared_ptr<const LineImaging>& imaging,
                        std::vector<double>& level_along_line) {
   const RegionOfInterest& roi = frame.roi;
-  const double pitch_m = frame.sensor.pixel_pitch_m;
-  const int length =
-      static_cast<int>(std::bit_ceil(static_cast<unsigned>((roi.rows_px + 256) * kSamplesPerPx)));
-  const int margin_px = (length / kSamplesPerPx - roi.rows_px) / 2;
-  const double step_per_m = kSamplesPerPx / (length * pitch_m);
-  const double u_m = (roi.column_px + 0.5 * (roi.columns_px - 1)) * pitch_m;
-  const auto v_of = [&](int i) {
-    return (roi.row_px - margin_px + (i + 0.5) / kSamplesPerPx - 0.5) * pitch_m;
-  };
-  std::vector<double> ideal(length);
-  std::vector<PlatePoint> points(length);
-  double brightest = 0;
+  const LineGrid grid(frame);
   const bool alike = scene.constant_along_line && !scene.height_m && !scene.image_mapping;
-  const bool known =
-      alike && imaging != nullptr && imaging->irradiance_w_m2.size() == static_cast<size_t>(length);
-  for (int i = 0; i < length; ++i) {
-    points[i] = SeenAt(scene, frame, u_m, v_of(i));
-    ideal[i] = known ? imaging->irradiance_w_m2[i]
-                     : scene.laser_irradiance_w_m2(points[i].x_m, points[i].s_m);
-    brightest = std::max(brightest, ideal[i]);
+  const bool known = alike && imaging != nullptr &&
+                     imaging->irradiance_w_m2.size() == static_cast<size_t>(grid.length);
+  LineLight light =
+      SampleLine(scene, frame, grid, known ? imaging->irradiance_w_m2 : std::vector<double>());
+  const std::vector<double> on_plate = alike ? light.irradiance_w_m2 : std::vector<double>();
+  if (!scene.constant_along_line && block_columns_px > 0 && light.brightest_w_m2 > 0) {
+    level_along_line = ScaleToBlockMean(scene, frame, grid, block_columns_px, light);
   }
-  const std::vector<double> irradiance = alike ? ideal : std::vector<double>();
-  if (!scene.constant_along_line && block_columns_px > 0 && brightest > 0) {
-    const auto lit = [&](double value) { return value > kLitAlongLine * brightest; };
-    const auto first = std::find_if(ideal.begin(), ideal.end(), lit) - ideal.begin();
-    const auto last = std::find_if(ideal.rbegin(), ideal.rend(), lit).base() - ideal.begin() - 1;
-    // Room for a line that is not straight along the rows: up to 11 degrees.
-    const double room_m = 0.1 * block_columns_px * pitch_m;
-    const double first_v_m = v_of(static_cast<int>(first)) - room_m;
-    const double last_v_m = v_of(static_cast<int>(last)) + room_m;
-    double mean = 0;
-    for (int i = 0; i < kPlacesAlongBlock; ++i) {
-      const double place = (i + 0.5) / kPlacesAlongBlock - 0.5;
-      level_along_line.push_back(LightAcrossLine(
-          scene, frame, u_m + place * block_columns_px * pitch_m, first_v_m, last_v_m));
-      mean += level_along_line.back() / kPlacesAlongBlock;
-    }
-    const double middle = LightAcrossLine(scene, frame, u_m, first_v_m, last_v_m);
-    if (mean > 0 && middle > 0) {
-      for (double& light : level_along_line) light /= mean;
-      for (double& value : ideal) value *= mean / middle;
-    } else {
-      level_along_line.clear();
-    }
-  }
-  double weighted_depth_m = 0, weighted_v_m = 0, sum = 0;
-  for (int i = 0; i < length; ++i) {
-    if (ideal[i] <= kNoLight * brightest) {
-      ideal[i] = 0;
-      continue;
-    }
-    const double v_m = v_of(i);
-    ideal[i] *= Throughput(scene, frame, points[i], u_m, v_m);
-    weighted_depth_m += ideal[i] * points[i].distance_m;
-    weighted_v_m += ideal[i] * v_m;
-    sum += ideal[i];
-  }
-  const double depth_m = sum > 0 ? weighted_depth_m / sum : frame.plate.camera_distance_m;
-  const double v_m = sum > 0 ? weighted_v_m / sum : 0;
-  const double curvature = optics.curvature(depth_m, u_m, v_m);
-  const bool same = imaging != nullptr && !optics.field_dependent && imaging->length == length &&
+  const LightCentre centre = TransferToSensor(scene, frame, grid, light);
+  const double curvature = optics.curvature(centre.depth_m, grid.u_m, centre.v_m);
+  const bool same = imaging != nullptr && !optics.field_dependent &&
+                    imaging->length == grid.length &&
                     std::abs(imaging->curvature_per_m - curvature) <= 1e-9 * std::abs(curvature);
   if (!same) {
-    auto line = std::make_shared<LineImaging>();
-    line->irradiance_w_m2 = irradiance;
-    line->curvature_per_m = curvature;
-    line->length = length;
-    const Pupil pupil = optics.pupil(u_m, v_m);
-    line->transfer = LineTransfer(pupil, optics.wavelength_m, optics.image_distance_m, curvature,
-                                  step_per_m, length / 2 + 1);
-    const double clear = ClearFraction(pupil);
-    const std::vector<std::complex<double>> pixel = PixelTransfer(kSamplesPerPx, length, pitch_m);
-    for (size_t k = 0; k < line->transfer.size(); ++k) line->transfer[k] *= clear * pixel[k];
-    const auto image = [&] {
-      return BlurAcrossLine(ideal, kSamplesPerPx, margin_px, roi.rows_px, line->transfer);
-    };
-    const bool new_speckle = imaging == nullptr;
-    std::vector<double> before;
-    if (new_speckle && !optics.transfer.empty()) before = image();
-    for (size_t k = 0; k < line->transfer.size(); ++k) {
-      for (const TransferFunction& factor : optics.transfer) {
-        line->transfer[k] *= factor(0, static_cast<double>(k) * step_per_m);
-      }
-    }
-    if (new_speckle) {
-      LineSpeckle speckle(pupil, optics.wavelength_m, optics.image_distance_m,
-                          optics.image_distance_m * curvature, pitch_m, ideal,
-                          (roi.row_px - margin_px + 0.5 / kSamplesPerPx - 0.5) * pitch_m,
-                          pitch_m / kSamplesPerPx);
-      if (!before.empty()) {
-        speckle = BlurredSpeckle(speckle, optics.transfer, pitch_m, roi.row_px * pitch_m, before,
-                                 image());
-      }
-      line->speckle = std::make_shared<LineSpeckle>(std::move(speckle));
-    } else {
-      line->speckle = imaging->speckle;
-    }
-    imaging = std::move(line);
+    const std::shared_ptr<LineImaging> line = MakeLineImaging(
+        frame, optics, grid, light.irradiance_w_m2, centre.v_m, curvature, imaging.get());
+    line->irradiance_w_m2 = on_plate;
+    imaging = line;
   }
-  const std::vector<double> profile =
-      BlurAcrossLine(ideal, kSamplesPerPx, margin_px, roi.rows_px, imaging->transfer);
+  const std::vector<double> profile = BlurAcrossLine(
+      light.irradiance_w_m2, kSamplesPerPx, grid.margin_px, roi.rows_px, imaging->transfer);
   Image<float> image(roi.columns_px, roi.rows_px);
   for (int row = 0; row < roi.rows_px; ++row) {
     for (int column = 0; column < roi.columns_px; ++column) {
@@ -181,8 +242,8 @@ Image<float> ImageLine(const PlateScene& scene, const FrameSetup& frame, const O
   return image;
 }
 
-// Across the line, by the lens in focus (defocus is in the light already): lamps light the plate
-// evenly, which no lens changes; the line's own light of another wavelength does not.
+// Blurs light across the line by the lens in focus (defocus is in the light already). Light that is
+// even within 1e-4, as that of lamps, stays as it is.
 void BlurAcross(const OpticsModel& optics, const Pupil& pupil, double wavelength_m,
                 double pixel_pitch_m, Image<float>& flux) {
   constexpr int kLeastMargin_px = 64;
@@ -213,7 +274,7 @@ void BlurAcross(const OpticsModel& optics, const Pupil& pupil, double wavelength
   }
 }
 
-// Light of the plate that is not the laser's: without speckle.
+// Adds the light of the plate that is not the laser's, which has no speckle.
 void AddAmbient(const PlateScene& scene, const FrameSetup& frame, const OpticsModel& optics,
                 PixelIrradiance& light) {
   PlateScene lamps = scene;
@@ -237,8 +298,9 @@ void AddAmbient(const PlateScene& scene, const FrameSetup& frame, const OpticsMo
   }
 }
 
-// Of fringes a strip takes the block's mean. Rows without laser light stay as they are.
-void MultiplyByBlockMean(const ActiveEffect& fringes, const FrameSetup& frame, int block_columns_px,
+// Multiplies the light of a column sample by the mean of a pattern over the block that the sample
+// stands for. Rows without laser light stay as they are.
+void MultiplyByBlockMean(const ActiveEffect& pattern, const FrameSetup& frame, int block_columns_px,
                          Image<float>& light) {
   const auto lit = [](float value) { return value > 0; };
   const auto first = std::find_if(light.values.begin(), light.values.end(), lit);
@@ -251,7 +313,7 @@ void MultiplyByBlockMean(const ActiveEffect& fringes, const FrameSetup& frame, i
   block.roi = {frame.roi.column_px + (frame.roi.columns_px - block_columns_px) / 2,
                frame.roi.row_px + first_row, block_columns_px, rows};
   block.laser_irradiance_w_m2 = Image<float>(block_columns_px, rows, 1.0F);
-  fringes.effect->OnPixelIrradiance(block, frame, fringes.parameters);
+  pattern.effect->OnPixelIrradiance(block, frame, pattern.parameters);
   for (int row = 0; row < rows; ++row) {
     const float* factors = block.laser_irradiance_w_m2.Row(row);
     const float mean = std::accumulate(factors, factors + block_columns_px, 0.0F) /
@@ -287,7 +349,7 @@ ExpectedLight ExpectLight(const FrameSetup& frame, std::span<const ActiveEffect>
                                             expected.imaging, expected.level_along_line);
   }
   for (const ActiveEffect& active : effects) {
-    if (active.effect->description().id == kCoverGlassEtalon && block_columns_px > 0) {
+    if (active.effect->description().finer_than_block && block_columns_px > 0) {
       MultiplyByBlockMean(active, frame, block_columns_px, light.laser_irradiance_w_m2);
     } else {
       active.effect->OnPixelIrradiance(light, frame, active.parameters);

@@ -73,7 +73,7 @@ std::pair<int, int> InsideOf(int count, bool convex, const Inside& inside) {
   return {first, beyond};
 }
 
-// Of Gauss and Legendre's quadrature over [0, 1].
+// Nodes and weights of the Gauss-Legendre quadrature over [0, 1].
 struct Quadrature {
   std::vector<double> places, weights;
 };

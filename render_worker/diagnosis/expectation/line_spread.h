@@ -17,8 +17,9 @@ std::vector<std::complex<double>> LineTransfer(const Pupil& pupil, double wavele
                                                double defocus_curvature_per_m, double step_per_m,
                                                int count);
 
-// What a pixel adds: its width, and the way to its centre from its first sample, at frequencies k =
-// 0 ... length / 2 of `length` samples across the line, `samples_per_px` of them a pixel.
+// Transfer function of a pixel: its width, and the shift from its first sample to its centre, at
+// frequencies k = 0 ... length / 2 of `length` samples across the line, `samples_per_px` of them a
+// pixel.
 std::vector<std::complex<double>> PixelTransfer(int samples_per_px, int length,
                                                 double pixel_pitch_m);
 

@@ -18,7 +18,7 @@ namespace {
 
 constexpr double kLinear = 0.03;  // of the noise: numbers that differ by less do so linearly
 
-// What the converter makes of every number; empty if it leaves all as they are.
+// The converter's output for every number; empty if it changes none.
 std::vector<uint16_t> ConvertedNumbers(const FrameSetup& frame,
                                        std::span<const ActiveEffect> effects) {
   Image<uint16_t> ramp(static_cast<int>(frame.sensor.largest_dn()) + 1, 1);
@@ -31,8 +31,8 @@ std::vector<uint16_t> ConvertedNumbers(const FrameSetup& frame,
   return ramp.values;
 }
 
-// A full pixel has no noise: what it would hold is cut off together with its noise, at the number
-// a full pixel gives or at the largest.
+// The numbers that full pixels give. A full pixel has no noise: its charge is cut off together with
+// the noise, at the number that a full pixel gives or at the largest.
 Image<double> NumbersOfFullPixels(const FrameSetup& frame, std::span<const ActiveEffect> effects) {
   const Sensor& sensor = frame.sensor;
   Image<double> full(frame.roi.columns_px, frame.roi.rows_px, sensor.saturation_capacity_electrons);
@@ -62,7 +62,8 @@ MeanNumbers::MeanNumbers(const FrameSetup& frame, std::span<const ActiveEffect> 
   rounding_variance_dn2_ = step_dn * step_dn / 12;
 }
 
-// Of min(max(X, 0), top) for X normal, whose variance grows by the gain with its mean (shot noise).
+// Mean of min(max(X, 0), top) for X normal, whose variance grows by the gain with its mean (shot
+// noise).
 MeanNumbers::CutOff MeanNumbers::MeanCutOff(double mean, double deviation, double top) const {
   const double low = -mean / deviation, high = (top - mean) / deviation;
   if (low < -6 && high > 6) return {mean, 1};

@@ -13,10 +13,10 @@ namespace sightline {
 
 class MeanNumbers {
  public:
-  // Of the frames of a strip's size that the effects leave.
+  // `frame`: of a column sample, after the effects on it.
   MeanNumbers(const FrameSetup& frame, std::span<const ActiveEffect> effects);
 
-  // Of the step between the numbers that occur (EMVA 1288 R4.0, section 2.3) [DN^2].
+  // Variance of rounding to the numbers that occur (EMVA 1288 R4.0, section 2.3) [DN^2].
   double rounding_variance_dn2() const { return rounding_variance_dn2_; }
 
   // Mean number of every pixel whose charge has this mean, `noise_dn` its standard deviation as a

@@ -16,7 +16,7 @@ struct RoundedMoments {
 // True where the moments differ from those of the normal number with 1/12 added.
 bool IsCoarselyRounded(double standard_deviation_dn);
 
-// Of max(0, round(X)), X normal with `mean_dn` and `standard_deviation_dn` > 0.
+// Moments of max(0, round(X)), X normal with `mean_dn` and `standard_deviation_dn` > 0.
 RoundedMoments MomentsAfterRounding(double mean_dn, double standard_deviation_dn);
 
 }  // namespace sightline

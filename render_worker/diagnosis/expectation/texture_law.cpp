@@ -14,10 +14,7 @@ namespace sightline {
 
 namespace {
 
-constexpr std::string_view kGaussian = "surface.albedo_texture";
-constexpr std::string_view kExponential = "unknown.reflectance_scatter";
-
-// What is left of the variance after averaging over the width of the line.
+// Fraction of the variance that is left after averaging over the width of the line.
 double LeftByWidth(const FrameSetup& frame, double correlation_m) {
   const double deviation_m = BeamRadius(frame.laser, frame.plate.laser_distance_m) /
                              (2 * std::cos(frame.plate.incidence_angle_rad));
@@ -31,16 +28,16 @@ double LengthOnPlate(const FrameSetup& frame, int columns_px) {
   return columns_px * frame.sensor.pixel_pitch_m / magnification;
 }
 
-bool IsTexture(std::string_view effect_id) {
-  return effect_id == kGaussian || effect_id == kExponential;
+bool IsTexture(RandomLaw law) {
+  return law == RandomLaw::kGaussianReflectance || law == RandomLaw::kExponentialReflectance;
 }
 
-TextureLaw::TextureLaw(std::string_view effect_id, const FrameSetup& frame,
+TextureLaw::TextureLaw(RandomLaw law, const FrameSetup& frame,
                        const std::vector<double>& parameters)
-    : gaussian_(effect_id == kGaussian),
+    : gaussian_(law == RandomLaw::kGaussianReflectance),
       variance_(parameters[0] * parameters[0]),
       correlation_m_(parameters[1]) {
-  assert(IsTexture(effect_id));
+  assert(IsTexture(law));
   if (gaussian_) variance_ *= LeftByWidth(frame, correlation_m_);
 }
 
@@ -65,11 +62,11 @@ double TextureLaw::VarianceAlong(double length_m) const {
 
 double TextureLaw::DeviationOfVarianceAlong(double length_m) const {
   constexpr int kParts = 24;
-  std::array<double, kParts> covariance;  // of parts so far apart
+  std::array<double, kParts> covariance;  // of parts at this distance, in parts
   for (int apart = 0; apart < kParts; ++apart) {
     covariance[apart] = Covariance(length_m / kParts, apart * length_m / kParts);
   }
-  // C about its means: |C|^2 - 2 |C 1|^2/n + (1'C1)^2/n^2.
+  // Squared norm of C about its means: |C|^2 - 2 |C 1|^2/n + (1'C1)^2/n^2.
   double square = 0, square_of_rows = 0, sum = 0;
   for (int i = 0; i < kParts; ++i) {
     double row = 0;

@@ -1,35 +1,35 @@
 // SPDX-License-Identifier: Apache-2.0
-// What reflectance that is a random field along the plate does to blocks of the line.
+// Second moments of a texture of the plate along the line: its reflectance is a random field, and
+// segments of the line average it.
 #pragma once
 
-#include <string_view>
 #include <vector>
 
+#include "render_worker/effects/effect.h"
 #include "render_worker/frame/frame_setup.h"
 
 namespace sightline {
 
-// Of `columns_px` columns of the image, on the plate [m].
+// Length on the plate of `columns_px` columns of the image [m].
 double LengthOnPlate(const FrameSetup& frame, int columns_px);
 
-// True for the effects that have a texture law: surface.albedo_texture, whose correlation is
-// exp(-r^2/l^2), and the free-form unknown.reflectance_scatter: exp(-|X|/l) along the line.
-bool IsTexture(std::string_view effect_id);
+// True for kGaussianReflectance, whose autocorrelation is exp(-r^2/l^2) in both directions, and for
+// kExponentialReflectance: exp(-|X|/l) along the line, constant across it.
+bool IsTexture(RandomLaw law);
 
 class TextureLaw {
  public:
-  // `parameters`: of the effect; standard deviation, relative, and correlation length l [m].
-  TextureLaw(std::string_view effect_id, const FrameSetup& frame,
-             const std::vector<double>& parameters);
+  // `law`: one that IsTexture. `parameters`: standard deviation, relative, and correlation length l
+  // [m] > 0.
+  TextureLaw(RandomLaw law, const FrameSetup& frame, const std::vector<double>& parameters);
 
-  // Covariance of the mean reflectances, relative, of two stretches of the line of equal length
-  // whose middles are `distance_m` apart; averaged over the width of the line too.
+  // Covariance of the mean reflectances, relative, of two segments of the line of equal length
+  // whose centres are `distance_m` apart. The width of the line averages the field, too.
   double Covariance(double length_m, double distance_m) const;
-  // Relative variance of the light along a stretch of the line about its mean there, over all
-  // realisations.
+  // Variance of the light along a segment about its mean there, relative, over all realisations.
   double VarianceAlong(double length_m) const;
-  // Standard deviation between realisations of the same within one: few lengths of the field fit
-  // into a stretch. Isserlis' theorem: of x'Ax, x normal with covariance C, 2 tr(ACAC).
+  // Standard deviation of the same variance between realisations: a segment holds few correlation
+  // lengths. Isserlis' theorem: the variance of x'Ax is 2 tr(ACAC) for normal x with covariance C.
   double DeviationOfVarianceAlong(double length_m) const;
 
  private:

@@ -19,10 +19,10 @@ double IntensityRatio(const SetModel& model, const FitResult& fit, int frame) {
   const Sensor& sensor = model.set().frames[frame].nominal.sensor;
   const double black_dn = DarkMeanDn(sensor);
   double observed = 0, expected = 0;
-  for (int e = 0; e < model.entries(); ++e) {
-    if (model.StatisticOf(e).name() != "profile") continue;
+  for (int e = 0; e < model.blocks(); ++e) {
+    if (model.StatisticOf(e).kind() != StatisticKind::kProfile) continue;
     for (int row = 0; row < static_cast<int>(fit.mean[e].size()); ++row) {
-      if (model.FrameOfRow(e, row) != frame) continue;
+      if (model.FrameOfComponent(e, row) != frame) continue;
       observed += model.observed()[e][row] - black_dn;
       expected += fit.mean[e][row] - black_dn;
     }
@@ -54,9 +54,9 @@ v1::ModelFit DescribeFit(const SetModel& model, const FitResult& fit) {
   }
   std::vector<double> chi_squared(model.set().frames.size(), 0);
   std::vector<int> count(chi_squared.size(), 0);
-  for (int e = 0; e < model.entries(); ++e) {
+  for (int e = 0; e < model.blocks(); ++e) {
     for (int row = 0; row < static_cast<int>(fit.residual[e].size()); ++row) {
-      const int frame = model.FrameOfRow(e, row);
+      const int frame = model.FrameOfComponent(e, row);
       chi_squared[frame] += fit.residual[e][row] * fit.residual[e][row];
       ++count[frame];
     }
@@ -89,18 +89,18 @@ v1::HeldOutImprovement DescribeImprovement(const SetModel& model, const FitResul
     improvement.set_with_effect(after.chi_squared / after.degrees_of_freedom);
   }
   std::vector<std::string> names;
-  for (int e = 0; e < model.entries(); ++e) {
+  for (int e = 0; e < model.blocks(); ++e) {
     const std::string name(model.StatisticOf(e).name());
     if (std::find(names.begin(), names.end(), name) == names.end()) names.push_back(name);
   }
   for (const std::string& name : names) {
     std::vector<bool> others, these;
-    for (int e = 0; e < model.entries(); ++e) {
+    for (int e = 0; e < model.blocks(); ++e) {
       these.push_back(model.StatisticOf(e).name() == name);
       others.push_back(!these.back());
     }
-    const PredictedFit null_fit = PredictEntries(null, others, these);
-    const PredictedFit best_fit = PredictEntries(best, others, these);
+    const PredictedFit null_fit = PredictBlocks(null, others, these);
+    const PredictedFit best_fit = PredictBlocks(best, others, these);
     v1::ObservableFit* observable = improvement.add_observables();
     observable->set_observable(name);
     observable->set_null_chi_squared(null_fit.chi_squared);

@@ -1,34 +1,36 @@
 // SPDX-License-Identifier: Apache-2.0
-// Candidates in the words of the answer.
+// Hypotheses in the words of the answer.
 #pragma once
 
 #include <Eigen/Core>
 #include <cstdint>
 
-#include "render_worker/diagnosis/selection/competition.h"
+#include "render_worker/diagnosis/selection/compare_models.h"
 #include "sightline/v1/diagnosis.pb.h"
 
 namespace sightline {
 
-// Effect `index` of a candidate with its parameters and their 95 % intervals.
-v1::FittedEffect DescribeEffect(const SetModel& model, const Candidate& candidate, size_t index);
+// Effect `index` of a hypothesis with its parameters and their 95 % intervals.
+v1::FittedEffect DescribeEffect(const SetModel& model, const Hypothesis& hypothesis, size_t index);
 
-// Covariance of the coefficients of a candidate's free-form term (its last effect), in their units;
-// those that are not needed are known.
-Eigen::MatrixXd CoefficientCovariance(const Candidate& candidate);
+// Covariance of the coefficients of a hypothesis's free-form term (its last effect), in their
+// units; those that are not needed are known.
+Eigen::MatrixXd CoefficientCovariance(const Hypothesis& hypothesis);
 
 // Explanations with the same leading effect are one, as the most probable of them has it.
-void AddExplanations(const SetModel& model, const Competition& competition, uint64_t seed,
+void AddExplanations(const SetModel& model, const ModelComparison& comparison, uint64_t seed,
                      v1::Diagnosis* diagnosis);
 
-// Of a competition that was stopped: candidates by their evidence so far, and below them the most
-// promising effects that were looked at but not fitted. `ranked` has no word on predictions.
-void AddUnfinished(const SetModel& model, const Competition& competition, v1::Diagnosis* diagnosis);
+// Adds the state of a model comparison that was stopped: hypotheses by their evidence so far, and
+// below them the most promising effects that were screened but not fitted. `ranked` says nothing
+// about predictions.
+void AddUnfinished(const SetModel& model, const ModelComparison& comparison,
+                   v1::Diagnosis* diagnosis);
 
-// What a free term or effect at every stage of the chain absorbs.
-void AddStages(const Competition& competition, v1::Diagnosis* diagnosis);
+// Adds the evidence of the best effect or model-discrepancy term of every stage of the chain.
+void AddStages(const ModelComparison& comparison, v1::Diagnosis* diagnosis);
 
 // Strengths at which effects would have been found.
-void AddPower(const Competition& competition, v1::Diagnosis* diagnosis);
+void AddPower(const ModelComparison& comparison, v1::Diagnosis* diagnosis);
 
 }  // namespace sightline

@@ -37,7 +37,7 @@ std::string EffectsInWords(const google::protobuf::RepeatedPtrField<v1::FittedEf
 
 }  // namespace
 
-std::string FindingText(const Candidate& best, const v1::Diagnosis& diagnosis) {
+std::string FindingText(const Hypothesis& best, const v1::Diagnosis& diagnosis) {
   const v1::Explanation& first = diagnosis.ranked(0);
   const auto chi = [&](double value) { return absl::StrFormat("%.3g", value); };
   const v1::HeldOutImprovement& held_out = diagnosis.held_out_improvement();

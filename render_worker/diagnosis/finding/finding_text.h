@@ -4,12 +4,12 @@
 
 #include <string>
 
-#include "render_worker/diagnosis/selection/candidate.h"
+#include "render_worker/diagnosis/selection/hypothesis.h"
 #include "sightline/v1/diagnosis.pb.h"
 
 namespace sightline {
 
-// `best`: the candidate of `diagnosis.ranked(0)`.
-std::string FindingText(const Candidate& best, const v1::Diagnosis& diagnosis);
+// `best`: the hypothesis of `diagnosis.ranked(0)`.
+std::string FindingText(const Hypothesis& best, const v1::Diagnosis& diagnosis);
 
 }  // namespace sightline

@@ -20,9 +20,9 @@ const char* PlaneName(const Sensor& sensor, int plane) {
 
 std::vector<double> FrameChiSquared(const SetModel& model, const FitResult& fit) {
   std::vector<double> sum(model.set().frames.size(), 0);
-  for (int e = 0; e < model.entries(); ++e) {
+  for (int e = 0; e < model.blocks(); ++e) {
     for (int row = 0; row < static_cast<int>(fit.residual[e].size()); ++row) {
-      sum[model.FrameOfRow(e, row)] += fit.residual[e][row] * fit.residual[e][row];
+      sum[model.FrameOfComponent(e, row)] += fit.residual[e][row] * fit.residual[e][row];
     }
   }
   return sum;
@@ -50,7 +50,7 @@ v1::ProfileComparison CompareProfiles(const SetModel& model, const FitResult& nu
   const Sensor& sensor = frame.nominal.sensor;
   const std::vector<PixelPlane> planes = PixelPlanes(sensor);
   const ExpectedSet before = model.ExpectStrips(null.parameters, false);
-  const ExpectedSet after = model.ExpectStrips(ParametersAsDrawn(best), false);
+  const ExpectedSet after = model.ExpectStrips(ParametersWithRandomEffect(best), false);
   const int blocks = model.blocks_along_line();
   v1::ProfileComparison chosen;
   double most = -1;
@@ -118,12 +118,12 @@ v1::RegionMap MapRegions(const SetModel& model, const FitResult& null, const Fit
   const SetModel::Expectation expectation = model.Expect(best.parameters, true);
   std::vector<std::vector<float>> before(blocks), after(blocks);
   int block = 0;
-  for (int e = 0; e < model.entries(); ++e) {
-    if (model.StatisticOf(e).name() != "profile") continue;
+  for (int e = 0; e < model.blocks(); ++e) {
+    if (model.StatisticOf(e).kind() != StatisticKind::kProfile) continue;
     bool here = false;
     size_t bin = 0;
     for (int row = 0; row < static_cast<int>(null.mean[e].size()); ++row) {
-      if (model.FrameOfRow(e, row) != recording) continue;
+      if (model.FrameOfComponent(e, row) != recording) continue;
       here = true;
       if (bins[bin++].plane != plane) continue;
       const double deviation = std::sqrt(expectation.covariance[e](row, row));

@@ -13,11 +13,11 @@ void AddLaws(const SetModel& model, const FitResult& null, const FitResult& best
   const RecordedSet& set = model.set();
   const size_t frames = set.frames.size();
   std::vector<double> sum(frames, 0), weight(frames, 0);
-  for (int e = 0; e < model.entries(); ++e) {
-    if (model.StatisticOf(e).name() != "profile") continue;
+  for (int e = 0; e < model.blocks(); ++e) {
+    if (model.StatisticOf(e).kind() != StatisticKind::kProfile) continue;
     for (int row = 0; row < static_cast<int>(null.mean[e].size()); ++row) {
-      const int frame = model.FrameOfRow(e, row);
-      // Where the two models differ.
+      const int frame = model.FrameOfComponent(e, row);
+      // Rows in which the two models differ.
       const double change = best.mean[e][row] - null.mean[e][row];
       sum[frame] += change * (model.observed()[e][row] - null.mean[e][row]);
       weight[frame] += change * change;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the null model's residual grows with.
+// Dependence of the null model's residual on the set-up (regression).
 #pragma once
 
 #include <cstdint>
@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// What remains of the null model's residual in every recording [DN], where the two models differ,
-// and the set-up's quantities it grows with.
+// Adds the quantities of the set-up on which the null model's residual depends: its amplitude in
+// every recording [DN], at the rows where the two models differ.
 void AddLaws(const SetModel& model, const FitResult& null, const FitResult& best, uint64_t seed,
              v1::Diagnosis* diagnosis);
 

@@ -244,7 +244,8 @@ class LawSearch {
     for (int q = 0; q < static_cast<int>(quantities_.size()); ++q) {
       for (const double exponent : quantities_[q].exponents) {
         for (const bool offset : {false, true}) {
-          // What changes sign, and what takes two values, has no power law without a constant.
+          // Quantities that change sign or take two values only have no power law without a
+          // constant.
           if (!offset && quantities_[q].exponents_of_products.empty()) continue;
           Form form{Kind::kPowers, {{q, exponent}}, 0, offset, 0, {}};
           form.g = Product(quantities_, form.powers, size_);

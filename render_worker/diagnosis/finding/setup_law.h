@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// By what law something grows with the set-up of the recordings.
+// Dependence of an amplitude on the set-up of the recordings, by regression.
 #pragma once
 
 #include <cstdint>

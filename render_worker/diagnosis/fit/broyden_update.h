@@ -1,13 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
-// Derivatives that follow what was seen, so that they need not be computed anew at every step.
+// Broyden's rank-one update of a Jacobian, so that it need not be computed again at every step.
 #pragma once
 
 #include <Eigen/Core>
 
 namespace sightline {
 
-// Broyden's update: derivatives bent to the `change` that was seen when the parameters moved by
-// `moves`. Derivatives that are zero stay so (Schubert, Math. Comp. 24, 1970, 27-30).
+// Corrects `jacobian` (m x n) so that it maps `moves` (n) to the observed `change` (m).
+// BlockVectors that are zero stay zero (Schubert, Math. Comp. 24 (1970) 27).
 void UpdateDerivatives(const Eigen::VectorXd& moves, const Eigen::VectorXd& change,
                        Eigen::MatrixXd& jacobian);
 

@@ -1,125 +1,99 @@
 // SPDX-License-Identifier: Apache-2.0
-// Fits the parameters of a set's model to its recordings: nominal values within their uncertainties
-// first, effects on top.
+// Fits the parameters of a set's model to its recordings: first the deviations of the set-up within
+// their stated uncertainties, then effects in addition.
+//
+// The fit is a maximum a posteriori estimate by Levenberg-Marquardt with finite differences. It
+// minimises chi squared plus the penalty of the priors (fit_problem.h):
+//   FitResult null = FitSet(model, start, {}, {}, nullptr);
+//   FitResult with = FitSet(model, start_with_effects, FreeParameters(effects), settings, &null);
 #pragma once
 
-#include <Eigen/Cholesky>
 #include <Eigen/Core>
 #include <memory>
 #include <vector>
 
+#include "render_worker/diagnosis/fit/parameter_prior.h"
+#include "render_worker/diagnosis/fit/parameter_vector.h"
 #include "render_worker/diagnosis/fit/set_model.h"
+#include "render_worker/diagnosis/fit/whitening.h"
 
 namespace sightline {
 
-// A parameter of an effect that is fitted; others of the effect stay as they are.
-struct FreeEffectParameter {
-  int effect = 0;     // index into SetParameters::effects
-  int parameter = 0;  // index into its parameters
-};
-
-// Values of a parameter that is tried, not fitted: missing bits, blades. Empty: it is fitted.
-std::vector<double> WholeNumbers(const EffectParameter& parameter);
-// All that are fitted.
-std::vector<FreeEffectParameter> FreeParameters(const std::vector<ActiveEffect>& effects);
-
-// Scale on which a parameter is fitted and its prior is standard normal around the null value:
-// logarithmic where the null value is a typical value of a positive quantity.
-double StandardisedParameter(const EffectParameter& parameter, double value);
-double ParameterFromStandardised(const EffectParameter& parameter, double standardised);
-
-// The prior of an effect's standardised parameter while it is fitted: normal within one scale,
-// Cauchy's tails beyond, so that a strong effect is not pulled towards none. Twice its negative
-// logarithm less that at 0, and the weight w with which its derivative is 2 w z.
-double FitPenalty(double standardised);
-double FitPriorWeight(double standardised);
-
-// Square roots of the inverse covariances of a model's entries.
-class Whitening {
- public:
-  // `unexplained`: standard deviations added to every number, or empty.
-  Whitening(const std::vector<Eigen::MatrixXd>& covariance, const Entries& unexplained);
-  // Logarithm of the determinant of an entry's covariance.
-  double LogDeterminant(int entry) const {
-    return 2 * factors_[entry].matrixLLT().diagonal().array().log().sum();
-  }
-  Eigen::VectorXd operator()(int entry, const Eigen::VectorXd& difference) const {
-    return factors_[entry].matrixL().solve(difference);
-  }
-
- private:
-  std::vector<Eigen::LLT<Eigen::MatrixXd>> factors_;
-};
-
 struct FitSettings {
-  // Rounds: before each the data's covariance is renewed, with these fractions of the signal and of
-  // what is unexplained as further standard deviations, so that a start far off is not held by a
-  // few precise numbers. Empty: the covariance of `reference` is kept.
+  // The covariance of the data is computed anew before each round. Fractions of the signal and of
+  // the residual are added as standard deviations, so that a few precise components do not dominate
+  // while the parameters are still far off. Empty: the covariance of `reference` is kept.
   struct Round {
     double of_signal = 0, of_residual = 0;
   };
+  // Chosen: tolerances that shrink by a factor of 3 to 10, then two rounds with the model's own
+  // covariance at the parameters found.
   std::vector<Round> rounds = {{0.1, 0.3}, {0.01, 0.1}, {0, 0}, {0, 0}};
-  int max_iterations = 4;      // a round
-  bool renew_jacobian = true;  // of the deviations; false: that of `reference` is kept
-  int most_renewals = 0;       // of the derivatives where steps help no more, in a round
-  // Derivatives with respect to the deviations from the middle of the line only: faster, but what
-  // an effect and a deviation do alike is taken for different.
+  // Iterations of a round. Chosen: the derivatives date from the round's start, so that further
+  // iterations gain little.
+  int max_iterations = 4;
+  // False: derivatives with respect to the set-up's parameters are kept from `reference`.
+  bool renew_jacobian = true;
+  // How often a round computes the derivatives again when its steps no longer lower the sum.
+  int most_renewals = 0;
+  // Derivatives with respect to the set-up's parameters are computed in the middle of the line
+  // only. That is faster, but misses how far an effect and a deviation look alike elsewhere.
   bool middle_only = false;
-  // Entries to use; empty: all.
-  std::vector<bool> use_entry;
-  // What is to be explained; null: the model's recordings.
-  const Entries* observed = nullptr;
+  // Observation blocks to use; empty: all.
+  std::vector<bool> use_block;
+  // Data to explain; null: the model's recordings.
+  const BlockVectors* observed = nullptr;
 };
 
+// Vectors and columns over parameters are in the order of ParameterVector.
 struct FitResult {
   SetParameters parameters;
   std::vector<FreeEffectParameter> free;
-  // Standardised: deviations over their uncertainties, line shifts over theirs, errors of the
-  // model, effects' parameters. Columns of the Jacobian are in this order.
   Eigen::VectorXd standardised;
-  Eigen::VectorXd prior_weight;  // inverse variances of their priors: 1, or less of strong effects
-  std::vector<bool> held;        // at a bound that the data would go beyond
-  Eigen::MatrixXd covariance;    // posterior, of `standardised`
+  Eigen::VectorXd prior_weight;  // FitPriorWeight of each parameter, 1 for those of the set-up
+  // True: the bound of the parameter is active; the data would move it further.
+  std::vector<bool> at_bound;
+  Eigen::MatrixXd covariance;                  // posterior covariance of `standardised`
   std::vector<double> effect_standard_errors;  // of `free`, in their units
-  Entries mean;                                // expected
+  BlockVectors mean;                           // expectation
   std::shared_ptr<const Whitening> whitening;
-  Entries residual;                       // observed minus expected, whitened
-  std::vector<Eigen::MatrixXd> jacobian;  // of the expectation, whitened
-  double chi_squared = 0;                 // of the data that was used
-  int data_count = 0;
-  double prior = 0;                       // sum of squared standardised parameters but the effects'
-  double data_log_determinant = 0;        // of the covariances of the data that was used
-  double log_determinant = 0;             // of the information matrix with the priors
-  std::vector<double> entry_chi_squared;  // also of entries not used
-  // What recordings or places have drawn (random_effect), in `mean` but not in `parameters`, whose
-  // last effect is the law it is drawn by: an effect that takes that one's place, or stands besides
-  // it where the law says more of a recording than what was drawn (texture within blocks). Null:
-  // nothing.
-  std::shared_ptr<const Effect> drawn;
-  bool drawn_besides_law = false;
+  BlockVectors residual;                  // data minus expectation, whitened
+  std::vector<Eigen::MatrixXd> jacobian;  // of the whitened expectation
+  double chi_squared = 0;                 // of the blocks used
+  int data_count = 0;                     // components of the blocks used
+  double prior = 0;                       // sum of squares of the set-up's standardised parameters
+  double data_log_determinant = 0;        // of the covariances of the blocks used
+  double log_determinant = 0;             // of the posterior information matrix
+  std::vector<double> block_chi_squared;  // of every block, used or not
+  // Realised values of a random effect, as an effect that changes the expectation (random_effect);
+  // null: none. They are contained in `mean` but not in `parameters`, whose last effect is the
+  // distribution they were estimated under. The realised effect replaces that last effect, or
+  // stands in addition to it where the distribution also describes variation that the realised
+  // values do not (texture within segments along the line).
+  std::shared_ptr<const Effect> random_effect;
+  bool random_effect_is_additional = false;
 };
 
-// The parameters of what a fit expects of these very recordings: with what they have drawn. Valid
-// as long as `fit`.
-SetParameters ParametersAsDrawn(const FitResult& fit);
+// The parameters with which the model expects `fit.mean`: with the realised random effect. They
+// point into `fit` and are valid as long as it lives.
+SetParameters ParametersWithRandomEffect(const FitResult& fit);
 
-// Twice the negative logarithm of the evidence, but for constants: compares fits of the same data,
-// each under a covariance of its own.
+// Twice the negative logarithm of the evidence in Laplace's approximation, without the terms that
+// are equal for all fits of the same data:
+//   chi squared + sum of z^2 + log |Sigma| + log |H|
+// with the data's covariance Sigma and the posterior information H.
 double TwiceCost(const FitResult& fit);
 
-// `from` with deviations, line shifts and errors of the model as `standardised` (first as in
-// FitResult), within their bounds.
-SetParameters AtStandardised(const SetModel& model, const SetParameters& from,
-                             const Eigen::VectorXd& standardised);
-
-// Levenberg-Marquardt with finite differences; `start` must have the line to within its width.
-// `reference`: a fit of the same model with fewer free parameters, or null.
+// `start` must place the line to within its width. `reference`: a fit of the same model with fewer
+// free parameters, or null; it must be given where `settings` keep its covariance or Jacobian.
+// Method: Levenberg-Marquardt (Marquardt, J. SIAM 11 (1963) 431) with a second-order correction
+// (Nocedal and Wright, Numerical Optimization (2006), section 18.3).
 FitResult FitSet(const SetModel& model, const SetParameters& start,
                  const std::vector<FreeEffectParameter>& free, const FitSettings& settings,
                  const FitResult* reference);
 
-// The result of a fit that found `parameters` (without effects) in data that meets its expectation
-// exactly: nothing recorded is looked at.
+// The result of a fit that found `parameters` (without effects) in data equal to their expectation.
+// It does not read recorded images.
 FitResult LineariseSet(const SetModel& model, const SetParameters& parameters);
 
 }  // namespace sightline

@@ -13,10 +13,10 @@ namespace sightline {
 
 std::vector<bool> HeldOutRecordings(const RecordedSet& set, uint64_t seed, int fold) {
   std::vector<bool> held_out(set.frames.size(), false);
-  const auto drawn = [&](const char* what, int id) {
+  const auto uniform = [&](const char* what, int id) {
     return CounterRandom(DeriveSeed(seed, what), static_cast<uint64_t>(id)).Uniform();
   };
-  // In blocks of four, so that a quarter is held out whatever is drawn.
+  // One of every four consecutive ones, so that a quarter is held out for every seed.
   std::map<int, int> order;  // of plate positions
   for (const RecordedFrame& frame : set.frames) {
     if (frame.plate_position_id >= 0) order.emplace(frame.plate_position_id, 0);
@@ -24,7 +24,7 @@ std::vector<bool> HeldOutRecordings(const RecordedSet& set, uint64_t seed, int f
   int position = 0;
   for (auto& [id, index] : order) index = position++;
   const auto chosen = [&](const char* what, int index) {
-    const int first = static_cast<int>(kFolds * drawn(what, index / kFolds));
+    const int first = static_cast<int>(kFolds * uniform(what, index / kFolds));
     return index % kFolds == (first + fold) % kFolds;
   };
   int dark = 0;
@@ -41,9 +41,9 @@ double ChiSquaredPValue(double chi_squared, double degrees_of_freedom) {
   return boost::math::gamma_q(0.5 * degrees_of_freedom, 0.5 * std::max(0.0, chi_squared));
 }
 
-EntrySplit SplitEntries(const SetModel& model, const std::vector<bool>& held_out_recording) {
-  EntrySplit split;
-  for (int e = 0; e < model.entries(); ++e) {
+BlockSplit SplitBlocks(const SetModel& model, const std::vector<bool>& held_out_recording) {
+  BlockSplit split;
+  for (int e = 0; e < model.blocks(); ++e) {
     const std::vector<int>& frames = model.FramesOf(e);
     const auto out = [&](int f) { return static_cast<bool>(held_out_recording[f]); };
     split.used.push_back(std::none_of(frames.begin(), frames.end(), out));
@@ -52,17 +52,17 @@ EntrySplit SplitEntries(const SetModel& model, const std::vector<bool>& held_out
   return split;
 }
 
-Prediction::Prediction(const FitResult& fit, const std::vector<bool>& use_entry) : fit_(fit) {
-  const LinearFit used(fit, use_entry);
+Prediction::Prediction(const FitResult& fit, const std::vector<bool>& use_block) : fit_(fit) {
+  const LinearFit used(fit, use_block);
   step_ = used.Step();
   information_ = used.information();
 }
 
-void Prediction::Add(int entry, Sum* sum) const {
-  const auto e = static_cast<size_t>(entry);
+void Prediction::Add(int block, Sum* sum) const {
+  const auto e = static_cast<size_t>(block);
   Eigen::MatrixXd jacobian = fit_.jacobian[e];
-  for (size_t i = 0; i < fit_.held.size(); ++i) {
-    if (fit_.held[i]) jacobian.col(static_cast<Eigen::Index>(i)).setZero();
+  for (size_t i = 0; i < fit_.at_bound.size(); ++i) {
+    if (fit_.at_bound[i]) jacobian.col(static_cast<Eigen::Index>(i)).setZero();
   }
   const Eigen::VectorXd residual = fit_.residual[e] - jacobian * step_;
   if (sum->numbers == 0) {
@@ -88,12 +88,12 @@ double Prediction::LogDeterminant(const Sum& sum) const {
   return log_determinant(sum.information) - log_determinant(information_);
 }
 
-PredictedFit PredictEntries(const FitResult& fit, const std::vector<bool>& use_entry,
-                            const std::vector<bool>& predict_entry) {
-  const Prediction prediction(fit, use_entry);
+PredictedFit PredictBlocks(const FitResult& fit, const std::vector<bool>& use_block,
+                           const std::vector<bool>& predict_block) {
+  const Prediction prediction(fit, use_block);
   Prediction::Sum sum;
   for (size_t e = 0; e < fit.residual.size(); ++e) {
-    if (predict_entry[e]) prediction.Add(static_cast<int>(e), &sum);
+    if (predict_block[e]) prediction.Add(static_cast<int>(e), &sum);
   }
   return {prediction.ChiSquared(sum), sum.numbers};
 }
@@ -101,8 +101,8 @@ PredictedFit PredictEntries(const FitResult& fit, const std::vector<bool>& use_e
 PredictedFit CrossValidate(const SetModel& model, const FitResult& fit, uint64_t seed) {
   PredictedFit all;
   for (int fold = 0; fold < kFolds; ++fold) {
-    const EntrySplit split = SplitEntries(model, HeldOutRecordings(model.set(), seed, fold));
-    const PredictedFit predicted = PredictEntries(fit, split.used, split.held_out);
+    const BlockSplit split = SplitBlocks(model, HeldOutRecordings(model.set(), seed, fold));
+    const PredictedFit predicted = PredictBlocks(fit, split.used, split.held_out);
     all.chi_squared += predicted.chi_squared;
     all.degrees_of_freedom += predicted.degrees_of_freedom;
   }

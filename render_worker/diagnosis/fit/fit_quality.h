@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well a fitted model predicts recordings that it was not fitted to.
+// How well a fitted model predicts recordings that it was not fitted to: cross-validation in four
+// folds, with each fold's fit by one Gauss-Newton step from the fit to all recordings.
 #pragma once
 
 #include <Eigen/Core>
@@ -9,32 +10,37 @@
 
 namespace sightline {
 
-// Recordings that are not to be used for the fit: every fourth plate position and every fourth dark
-// frame, by chance of the seed. Each recording is in one of the folds 0 ... kFolds - 1.
+// Folds of the cross-validation. Chosen: three quarters of the recordings still determine a fit,
+// and each fold holds out several plate positions of a usual set.
 constexpr int kFolds = 4;
+// True for the recordings held out in a fold 0 ... kFolds - 1: one of every four plate positions
+// and of every four dark frames, chosen at random by the seed. Each recording is in exactly one
+// fold.
 std::vector<bool> HeldOutRecordings(const RecordedSet& set, uint64_t seed, int fold = 0);
 
-// Probability of a chi squared at least as large.
+// Probability of a chi squared at least as large; 1 without degrees of freedom.
 double ChiSquaredPValue(double chi_squared, double degrees_of_freedom);
 
-// What a fit says of entries that it did not use: its parameters, moved to the best for the entries
-// used (one Gauss-Newton step; the fit is close).
+// Predicts observation blocks from the others. The parameters are those of the fit, moved to the
+// optimum of the blocks used by one Gauss-Newton step, which suffices close to the optimum of all.
 class Prediction {
  public:
-  Prediction(const FitResult& fit, const std::vector<bool>& use_entry);
+  // `use_block`: true for the blocks to predict from. `fit` must outlive this.
+  Prediction(const FitResult& fit, const std::vector<bool>& use_block);
 
-  // What is predicted together; empty to begin with.
+  // Sums over the blocks that are predicted together.
   struct Sum {
-    double squares = 0;
-    int numbers = 0;
-    Eigen::MatrixXd information;  // of the parameters, with that of these entries
-    Eigen::VectorXd gradient;
+    double squares = 0;           // r'r of the whitened residuals r
+    int numbers = 0;              // components
+    Eigen::MatrixXd information;  // C^-1 + J'J
+    Eigen::VectorXd gradient;     // J'r
   };
-  void Add(int entry, Sum* sum) const;
+  void Add(int block, Sum* sum) const;
 
-  // Parameters that the used entries do not determine (the line's place on another plate position)
-  // count as far as they are uncertain: r' (I + J C J')^-1 r with the whitened residual r, the
-  // Jacobian J and the covariance C of the parameters by the entries used; and log |I + J C J'|.
+  // Chi squared r' (I + J C J')^-1 r and log-determinant log |I + J C J'| of the prediction, with
+  // the whitened residual r, the Jacobian J and the covariance C of the parameters given the blocks
+  // used. Parameters that these do not determine (the line's position on another plate position)
+  // thereby count with their uncertainty.
   double ChiSquared(const Sum& sum) const;
   double LogDeterminant(const Sum& sum) const;
 
@@ -44,21 +50,22 @@ class Prediction {
   Eigen::MatrixXd information_;
 };
 
+// Chi squared of the blocks of `predict_block`, predicted from those of `use_block`.
 struct PredictedFit {
   double chi_squared = 0;
   int degrees_of_freedom = 0;
 };
-PredictedFit PredictEntries(const FitResult& fit, const std::vector<bool>& use_entry,
-                            const std::vector<bool>& predict_entry);
+PredictedFit PredictBlocks(const FitResult& fit, const std::vector<bool>& use_block,
+                           const std::vector<bool>& predict_block);
 
-// Entries of recordings that are all held out, and entries of recordings none of which is.
-struct EntrySplit {
+// Blocks whose recordings are all held out, and blocks none of whose recordings is.
+struct BlockSplit {
   std::vector<bool> used, held_out;
 };
-EntrySplit SplitEntries(const SetModel& model, const std::vector<bool>& held_out_recording);
+BlockSplit SplitBlocks(const SetModel& model, const std::vector<bool>& held_out_recording);
 
-// Chi squared of every recording by a fit to the other folds: cross-validation, so that whatever
-// recording an effect shows in is held out once.
+// Chi squared of every recording, predicted from the other folds. Each recording in which an effect
+// shows is held out once.
 PredictedFit CrossValidate(const SetModel& model, const FitResult& fit, uint64_t seed);
 
 }  // namespace sightline

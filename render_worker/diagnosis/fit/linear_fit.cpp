@@ -5,9 +5,9 @@
 
 namespace sightline {
 
-LinearFit::LinearFit(const FitResult& fit, std::vector<bool> use_entry, Held held)
-    : fit_(fit), use_entry_(std::move(use_entry)) {
-  if (held == Held::kStays) held_ = fit.held;
+LinearFit::LinearFit(const FitResult& fit, std::vector<bool> use_block, ActiveBounds bounds)
+    : fit_(fit), use_block_(std::move(use_block)) {
+  if (bounds == ActiveBounds::kFixed) fixed_ = fit.at_bound;
   Eigen::Index size = 0;
   for (const Eigen::VectorXd& residual : fit.residual) size += residual.size();
   residual_.setZero(size);
@@ -15,26 +15,26 @@ LinearFit::LinearFit(const FitResult& fit, std::vector<bool> use_entry, Held hel
   Eigen::Index at = 0;
   for (size_t e = 0; e < fit.residual.size(); ++e) {
     const Eigen::Index n = fit.residual[e].size();
-    if (use_entry_.empty() || use_entry_[e]) {
+    if (use_block_.empty() || use_block_[e]) {
       residual_.segment(at, n) = fit.residual[e];
       jacobian_.middleRows(at, n) = fit.jacobian[e];
     }
     at += n;
   }
-  for (size_t i = 0; i < held_.size(); ++i) {
-    if (held_[i]) jacobian_.col(static_cast<Eigen::Index>(i)).setZero();
+  for (size_t i = 0; i < fixed_.size(); ++i) {
+    if (fixed_[i]) jacobian_.col(static_cast<Eigen::Index>(i)).setZero();
   }
   Eigen::MatrixXd information = fit.prior_weight.asDiagonal();
   information.noalias() += jacobian_.transpose() * jacobian_;
   information_.compute(information);
 }
 
-Eigen::VectorXd LinearFit::Change(const Entries& mean) const {
+Eigen::VectorXd LinearFit::Change(const BlockVectors& mean) const {
   Eigen::VectorXd change = Eigen::VectorXd::Zero(residual_.size());
   Eigen::Index at = 0;
   for (size_t e = 0; e < mean.size(); ++e) {
     const Eigen::Index n = mean[e].size();
-    if (use_entry_.empty() || use_entry_[e]) {
+    if (use_block_.empty() || use_block_[e]) {
       change.segment(at, n) = (*fit_.whitening)(static_cast<int>(e), mean[e] - fit_.mean[e]);
     }
     at += n;
@@ -49,8 +49,8 @@ Eigen::VectorXd LinearFit::Absorb(const Eigen::VectorXd& change) const {
 Eigen::VectorXd LinearFit::Step() const {
   Eigen::VectorXd gradient =
       jacobian_.transpose() * residual_ - fit_.prior_weight.cwiseProduct(fit_.standardised);
-  for (size_t i = 0; i < held_.size(); ++i) {
-    if (held_[i]) gradient[static_cast<Eigen::Index>(i)] = 0;
+  for (size_t i = 0; i < fixed_.size(); ++i) {
+    if (fixed_[i]) gradient[static_cast<Eigen::Index>(i)] = 0;
   }
   return information_.solve(gradient);
 }

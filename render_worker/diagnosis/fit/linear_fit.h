@@ -1,6 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// A fit's neighbourhood, linearised: what a small change of the expectation is worth after the
-// parameters fitted have moved to absorb what they can of it.
+// Linear least squares around a fit: how much a small change of the expectation improves chi
+// squared after the fitted parameters have been refitted along with it.
+//
+// With the whitened Jacobian J and posterior information H = prior + J'J, the refitted parameters
+// absorb J H^-1 J' d of a whitened change d. The rest is (I - J H^-1 J') d (Project).
 #pragma once
 
 #include <Eigen/Cholesky>
@@ -12,35 +15,38 @@ namespace sightline {
 
 class LinearFit {
  public:
-  // What a bound holds stays there, or is free: an effect may take over from it.
-  enum class Held { kStays, kFree };
+  // Parameters at an active bound are fixed there (kFixed) or free (kReleased), because a new
+  // effect may release them.
+  enum class ActiveBounds { kFixed, kReleased };
 
-  // Entries not in `use_entry` (empty: all) count nothing.
-  explicit LinearFit(const FitResult& fit, std::vector<bool> use_entry = {},
-                     Held held = Held::kStays);
+  // `use_block`: observation blocks that count; empty: all. `fit` must outlive this.
+  explicit LinearFit(const FitResult& fit, std::vector<bool> use_block = {},
+                     ActiveBounds bounds = ActiveBounds::kFixed);
 
-  // Whitened difference of an expectation from the fit's, all entries one after the other.
-  Eigen::VectorXd Change(const Entries& mean) const;
+  // Whitened difference of an expectation from the fit's, the blocks one after the other; 0 for
+  // those that do not count.
+  Eigen::VectorXd Change(const BlockVectors& mean) const;
   const Eigen::VectorXd& residual() const { return residual_; }  // whitened
 
-  // Inner product of two whitened changes after the best parameters have been taken off both: chi
-  // squared of residual r falls by 2 a Inner(r, d) - a^2 Inner(d, d) for a change a d.
+  // a' (I - J H^-1 J') b, the inner product of two whitened changes after refitting. A change d of
+  // amplitude t lowers chi squared by 2 t Inner(r, d) - t^2 Inner(d, d), with the residual r.
   double Inner(const Eigen::VectorXd& a, const Eigen::VectorXd& b) const;
-  // The change without what the parameters absorb, so that Inner(a, b) = a . Project(b).
+  // (I - J H^-1 J') d, so that Inner(a, b) = a . Project(b).
   Eigen::VectorXd Project(const Eigen::VectorXd& change) const;
-  // Inverse of the parameters' posterior covariance, from the entries used.
+  // H, the inverse of the parameters' posterior covariance.
   Eigen::MatrixXd information() const { return information_.reconstructedMatrix(); }
-  // From the fit's parameters to the best ones for the entries used, and the residual there.
+  // Gauss-Newton step from the fit's parameters to the optimum of the blocks that count, and the
+  // residual there.
   Eigen::VectorXd Step() const;
   Eigen::VectorXd ResidualAtBest() const { return residual_ - jacobian_ * Step(); }
 
  private:
-  // How the parameters (standardised) move to absorb a change of the residual.
+  // H^-1 J' d: how the standardised parameters move to absorb a change of the residual.
   Eigen::VectorXd Absorb(const Eigen::VectorXd& change) const;
 
   const FitResult& fit_;
-  std::vector<bool> use_entry_;
-  std::vector<bool> held_;  // empty: nothing
+  std::vector<bool> use_block_;
+  std::vector<bool> fixed_;  // parameters that are fixed; empty: none
   Eigen::VectorXd residual_;
   Eigen::MatrixXd jacobian_;
   Eigen::LLT<Eigen::MatrixXd> information_;

@@ -1,16 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well the model itself is known: what its errors may be taken for.
+// How accurate the model itself is, so that its errors are not taken for effects.
 #pragma once
 
 namespace sightline {
 
-// The change an effect makes is modelled to about this part of it. Where it is thousands of
-// standard deviations, that part is many, which explanations must not be told apart by.
+// Relative error of the modelled change that an effect causes. Chosen equal to the error that the
+// model of speckle showed against rendered frames (statistic/noise/texture_statistic.cpp). Where a
+// change is thousands of standard deviations, its error is many, and must not decide between
+// explanations.
 constexpr double kEffectError = 0.02;
 
-// The model's own errors (of the speckle's law, of its correlations) are no noise: they can look
-// like an effect. Differences in evidence, and chi squared of predictions, count less by this
-// factor.
+// Factor on differences in evidence and on chi squared of predictions. The model's errors (in the
+// distribution of speckle and in its correlations) are systematic and can look like an effect.
+// Chosen; bench/concealed/check_statistics prints by how much chi squared exceeds its degrees of
+// freedom.
 constexpr double kEvidenceWeight = 0.8;
 
 }  // namespace sightline

@@ -9,11 +9,14 @@ namespace sightline {
 
 namespace {
 
-// Enough where deviations are far from linear; most fits stop after five.
+// Iterations of a refit, and of a rough one. Chosen: most refits converge after five; 40 suffice
+// where the model is far from linear in the deviations.
 constexpr int kMostIterations = 40;
 constexpr int kRoughIterations = 8;
+// Renewals of the derivatives in a refit. Chosen: they bound the time of a refit.
 constexpr int kMostRenewals = 3;
-constexpr double kCertainlySmall = 1;  // [nats]
+// Gain below which no better refit is searched [nats]. Chosen: no decision depends on less.
+constexpr double kCertainlySmall = 1;
 
 }  // namespace
 
@@ -45,7 +48,7 @@ double NullInformation::Left(const std::vector<ActiveEffect>& effects,
   SetParameters truth = null.parameters, start = null.parameters;
   truth.effects = effects;
   start.effects = instead;
-  const Entries observed = state_->model.Expect(truth, false).mean;
+  const BlockVectors observed = state_->model.Expect(truth, false).mean;
   FitSettings settings;
   settings.rounds.clear();
   settings.renew_jacobian = false;
@@ -58,8 +61,8 @@ double NullInformation::Left(const std::vector<ActiveEffect>& effects,
   };
   const double straight = left(start);
   if (most_renewals == 0 || straight < kCertainlySmall) return straight;
-  // Deviations that make up for most of it may lie at the far end of a narrow, bent valley, which
-  // is wider for errors that shrink in rounds.
+  // Deviations that imitate the effects may lie at the far end of a narrow, curved valley. Rounds
+  // with inflated covariances widen it, so a refit with rounds gives a second start.
   FitSettings in_rounds;
   in_rounds.observed = &observed;
   const FitResult found = FitSet(state_->model, start, FreeParameters(instead), in_rounds, nullptr);

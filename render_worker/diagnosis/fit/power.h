@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a set of recordings could show before it is looked at, or taken.
+// Power of a set of recordings: how strongly it could show an effect, before it is evaluated or
+// even recorded.
 #pragma once
 
 #include <memory>
@@ -9,22 +10,22 @@
 
 namespace sightline {
 
-// The null model of a set, linearised about `parameters` (without effects): what an effect changes
-// counts as far as no deviation within its uncertainty changes the same.
+// The null model of a set, linearised at given parameters without effects. A change caused by an
+// effect counts only as far as the deviations, within their uncertainties, cannot cause the same.
 class NullInformation {
  public:
-  // `set` may be planned only: no images. Both must outlive this.
+  // `set` may be planned only, without images. It must outlive this.
   NullInformation(const RecordedSet& set, const SetModelSettings& settings,
                   const SetParameters& parameters);
   ~NullInformation();
 
   // Expected gain in log-likelihood [nats] of the true model over the refitted null model if these
-  // effects are there: half the squared length of the whitened change of the statistics' means,
-  // after the best deviations (with their priors) have been refitted.
-  // `roughly`: some times faster, may be too large where deviations are far from linear.
+  // effects are present: half the squared norm of the whitened change of the expectation that is
+  // left after the deviations have been refitted under their priors. `roughly`: a few iterations
+  // only; the result may be too large where the model is far from linear in the deviations.
   double ExpectedGain(const std::vector<ActiveEffect>& effects, bool roughly = false) const;
-  // What is left of it with other effects in the model, all their parameters refitted from these
-  // values on: near 0 if the recordings cannot tell the two apart.
+  // The gain that is left if the model contains the effects `instead`, whose parameters are
+  // refitted from the given values. It is near 0 if the recordings cannot distinguish the two.
   double GainLeft(const std::vector<ActiveEffect>& effects,
                   const std::vector<ActiveEffect>& instead) const;
 

@@ -17,12 +17,12 @@ namespace sightline {
 
 namespace {
 
-// An entry belongs to its kind of statistic, and to the dark frames or to the values of the set-up
-// that all its recordings share.
-std::vector<std::string> GroupsOf(const SetModel& model, int entry) {
-  std::vector<std::string> names = {std::string(model.StatisticOf(entry).name())};
+// Names of the groups of a block: its statistic, and either "dark frames" or the values of the
+// set-up that all its recordings share.
+std::vector<std::string> GroupsOf(const SetModel& model, int block) {
+  std::vector<std::string> names = {std::string(model.StatisticOf(block).name())};
   const RecordedSet& set = model.set();
-  const std::vector<int>& frames = model.FramesOf(entry);
+  const std::vector<int>& frames = model.FramesOf(block);
   const auto dark = [&](int f) { return set.frames[f].plate_position_id < 0; };
   if (std::all_of(frames.begin(), frames.end(), dark)) {
     names.emplace_back("dark frames");
@@ -56,14 +56,14 @@ PredictiveCheck CheckPredictions(const SetModel& model, const FitResult& fit, co
                                  uint64_t seed) {
   std::map<std::string, PredictedGroup, std::less<>> groups;
   std::vector<std::vector<std::string>> groups_of;
-  for (int e = 0; e < model.entries(); ++e) groups_of.push_back(GroupsOf(model, e));
+  for (int e = 0; e < model.blocks(); ++e) groups_of.push_back(GroupsOf(model, e));
   PredictiveCheck check;
   for (int fold = 0; fold < kFolds; ++fold) {
-    const EntrySplit split = SplitEntries(model, HeldOutRecordings(model.set(), seed, fold));
+    const BlockSplit split = SplitBlocks(model, HeldOutRecordings(model.set(), seed, fold));
     const Prediction prediction(fit, split.used);
     std::map<std::string, Prediction::Sum, std::less<>> sums;
     Prediction::Sum all;
-    for (int e = 0; e < model.entries(); ++e) {
+    for (int e = 0; e < model.blocks(); ++e) {
       if (!split.held_out[e]) continue;
       prediction.Add(e, &all);
       check.log_score -= 0.5 * fit.whitening->LogDeterminant(e);
@@ -82,7 +82,8 @@ PredictiveCheck CheckPredictions(const SetModel& model, const FitResult& fit, co
     }
   }
   for (auto& [name, group] : groups) {
-    // Patnaik: c times a chi squared of h degrees of freedom has the first two moments.
+    // Patnaik's approximation: c times a chi squared of h degrees of freedom has the same mean and
+    // variance as the noncentral chi squared.
     const double n = group.degrees_of_freedom, lambda = group.model_error;
     const double c = (n + 2 * lambda) / (n + lambda);
     const double h = (n + lambda) * (n + lambda) / (n + 2 * lambda);
@@ -101,7 +102,7 @@ void AddTest(const PredictedGroup& test, PredictiveCheck* check) {
 
 double BayesFactorBound(double p_value) {
   if (p_value >= 1 / std::numbers::e) return 1;
-  constexpr double kLeast = 1e-300;
+  constexpr double kLeast = 1e-300;  // keeps the logarithm finite
   const double p = std::max(p_value, kLeast);
   return -1 / (std::numbers::e * p * std::log(p));
 }

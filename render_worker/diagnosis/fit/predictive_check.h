@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Posterior predictive checks: whether a fitted model predicts recordings that it was not fitted
-// to, kind of observable by kind and setting by setting.
+// Posterior predictive check: does a fitted model predict recordings that it was not fitted to? The
+// check is made per statistic and per setting of the set-up.
 #pragma once
 
 #include <cstdint>
@@ -11,40 +11,40 @@
 
 namespace sightline {
 
-// Numbers of the set that are checked together: one kind of statistic in all recordings, or all
-// statistics of the recordings with one value of a quantity of the set-up.
+// Observation blocks that are checked together: one statistic in all recordings, or all statistics
+// of the recordings with one value of a quantity of the set-up.
 struct PredictedGroup {
   std::string name;  // "profile", "f_number 2.8", "dark frames"
   double chi_squared = 0;
   int degrees_of_freedom = 0;
-  // Chi squared that the known error of the modelled change (kEffectError) may add.
+  // Chi squared that the relative error kEffectError of the modelled change may add.
   double model_error = 0;
   double p_value = 1;
 };
 
 struct PredictiveCheck {
   std::vector<PredictedGroup> groups;
-  // The smallest p-value of a group, times the number of groups (Bonferroni), at most 1.
+  // Smallest p-value of a group times the number of groups (Bonferroni's correction), at most 1.
   double p_value = 1;
-  // Logarithm of the density of the held-out data [nats], but for a constant of the data.
+  // Logarithm of the predictive density of the held-out data [nats], up to a constant of the data.
   double log_score = 0;
 };
 
-// Every recording is predicted by a fit to the other folds (HeldOutRecordings), as CrossValidate
-// does. `null`: a fit of the same set without effects; what `fit` changes of its expectation is
-// taken to be modelled to kEffectError, so the chi squared of a group of n numbers of which it
-// changes d (whitened) is held against a noncentral chi squared of n degrees of freedom and
-// noncentrality kEffectError^2 |d|^2, by Patnaik's approximation (Biometrika 36 (1949) 202).
-// The statistics' covariances are models, too: chi squared counts by kEvidenceWeight.
+// Every recording is predicted from the other folds (HeldOutRecordings), as CrossValidate does.
+// `null`: a fit of the same set without effects. The whitened change d from its expectation to that
+// of `fit` has a relative error of kEffectError. Chi squared of a group of n components is
+// therefore compared with a noncentral chi squared distribution of n degrees of freedom and
+// noncentrality kEffectError^2 |d|^2, in Patnaik's approximation (Biometrika 36 (1949) 202). The
+// covariances are model values too, so chi squared is first multiplied by kEvidenceWeight.
 PredictiveCheck CheckPredictions(const SetModel& model, const FitResult& fit, const FitResult& null,
                                  uint64_t seed);
 
-// With the result of another test of the same model, which is reported as a group; p-values of the
-// two tests are combined by Bonferroni's rule.
+// Adds the result of another test of the same model as a group. The p-values of the two tests are
+// combined by Bonferroni's correction.
 void AddTest(const PredictedGroup& test, PredictiveCheck* check);
 
-// Largest Bayes factor against a model that a p-value can stand for: 1 / (-e p ln p) for p < 1/e,
-// else 1 (Sellke, Bayarri and Berger, Am. Stat. 55 (2001) 62).
+// Largest Bayes factor against a model that a p-value is compatible with: 1 / (-e p ln p) for
+// p < 1/e, else 1 (Sellke, Bayarri and Berger, Am. Stat. 55 (2001) 62).
 double BayesFactorBound(double p_value);
 
 }  // namespace sightline

@@ -3,24 +3,28 @@
 
 #include <algorithm>
 #include <atomic>
-#include <string_view>
+#include <span>
+#include <utility>
 
 #include "core/parallel/worker_threads.h"
 #include "render_worker/diagnosis/statistic/burst_statistic.h"
-#include "render_worker/diagnosis/statistic/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/statistic/histogram_statistic.h"
 #include "render_worker/diagnosis/statistic/hot_pixels.h"
 #include "render_worker/diagnosis/statistic/line_displacement.h"
-#include "render_worker/diagnosis/statistic/noise_statistics.h"
+#include "render_worker/diagnosis/statistic/noise/dark_statistic.h"
+#include "render_worker/diagnosis/statistic/noise/repeat_statistic.h"
+#include "render_worker/diagnosis/statistic/noise/texture_statistic.h"
+#include "render_worker/diagnosis/statistic/pattern/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/statistic/profile_statistic.h"
-#include "render_worker/diagnosis/statistic/shared_speckle_statistic.h"
+#include "render_worker/diagnosis/statistic/speckle/shared_speckle_statistic.h"
 #include "render_worker/recordings/strips.h"
 
 namespace sightline {
 
 namespace {
 
-// Runs work(i) for all i; every i writes to places of its own.
+// Runs work(i) for all i < count on several threads. Every call writes to memory of its own, so the
+// result does not depend on the schedule.
 template <typename Work>
 void ForAll(int count, int threads, const Work& work) {
   std::atomic<int> next = 0;
@@ -33,6 +37,7 @@ void ForAll(int count, int threads, const Work& work) {
   workers.Join();
 }
 
+// The image without `margin_px` columns on either side.
 template <typename T>
 Image<T> Inner(const Image<T>& image, int margin_px) {
   Image<T> inner(image.columns_px - 2 * margin_px, image.rows_px);
@@ -42,18 +47,85 @@ Image<T> Inner(const Image<T>& image, int margin_px) {
   return inner;
 }
 
-void CutMargin(ExpectedFrame& strip, int margin_px) {
-  for (Image<float>& level : strip.level_dn) level = Inner(level, margin_px);
-  strip.mean_dn = Inner(strip.mean_dn, margin_px);
-  strip.level_variance_dn2 = Inner(strip.level_variance_dn2, margin_px);
-  strip.noise_variance_dn2 = Inner(strip.noise_variance_dn2, margin_px);
-  if (!strip.noise_excess_kurtosis.empty()) {
-    strip.noise_excess_kurtosis = Inner(strip.noise_excess_kurtosis, margin_px);
+// Removes the margin that ExpectFrame needed to spread charge between columns.
+void CutMargin(ExpectedFrame& sample, int margin_px) {
+  for (Image<float>& level : sample.level_dn) level = Inner(level, margin_px);
+  sample.mean_dn = Inner(sample.mean_dn, margin_px);
+  sample.level_variance_dn2 = Inner(sample.level_variance_dn2, margin_px);
+  sample.noise_variance_dn2 = Inner(sample.noise_variance_dn2, margin_px);
+  if (!sample.noise_excess_kurtosis.empty()) {
+    sample.noise_excess_kurtosis = Inner(sample.noise_excess_kurtosis, margin_px);
   }
-  strip.pattern_variance_dn2 = Inner(strip.pattern_variance_dn2, margin_px);
-  strip.mean_photo_electrons = Inner(strip.mean_photo_electrons, margin_px);
-  strip.frame.roi.column_px += margin_px;
-  strip.frame.roi.columns_px -= 2 * margin_px;
+  sample.pattern_variance_dn2 = Inner(sample.pattern_variance_dn2, margin_px);
+  sample.mean_photo_electrons = Inner(sample.mean_photo_electrons, margin_px);
+  sample.frame.roi.column_px += margin_px;
+  sample.frame.roi.columns_px -= 2 * margin_px;
+}
+
+struct SampleSettings {
+  int columns_px = 2;
+  int speckle_levels = 12;
+  int margin_px = 0;  // columns computed on either side and removed
+  bool middle_only = false;
+};
+
+// Margin of a column sample. On a colour sensor charge that spreads reaches neighbours of another
+// colour, which lie beyond the edges of a narrow sample.
+int MarginPx(const RecordedSet& set, const std::vector<ActiveEffect>& effects) {
+  constexpr int kColourCellMargin_px = 2;  // one cell of the colour filter
+  const bool colour =
+      !set.frames.empty() && set.frames[0].nominal.sensor.colour_filter != ColourFilter::kMono;
+  const bool spreads = std::any_of(effects.begin(), effects.end(), [](const ActiveEffect& active) {
+    return active.effect->description().MovesCharge();
+  });
+  return colour && spreads ? kColourCellMargin_px : 0;
+}
+
+// The sample of one frame in the middle of one segment along the line. `imaging`: of a sample of
+// the same frame that is known already, or null.
+ExpectedFrame ExpectSample(const FrameSetup& setup, int segments, int segment,
+                           const SampleSettings& samples, std::span<const ActiveEffect> effects,
+                           const Image<double>* previous,
+                           std::shared_ptr<const LineImaging> imaging) {
+  FrameSetup frame = setup;
+  frame.roi = StripRegion(frame.roi, segments, segment, samples.columns_px);
+  frame.roi.column_px -= samples.margin_px;
+  frame.roi.columns_px += 2 * samples.margin_px;
+  const auto [first_column, last_column] = BlockColumns(setup.roi.columns_px, segments, segment);
+  ExpectedFrame expected = ExpectFrame(frame, effects, previous, std::move(imaging),
+                                       samples.speckle_levels, last_column - first_column);
+  if (samples.margin_px > 0) CutMargin(expected, samples.margin_px);
+  return expected;
+}
+
+// Computes the column samples of the frames of one burst. Frames of a burst depend on each other
+// (image lag), bursts do not.
+void ExpectBurst(const std::vector<FrameSetup>& setups, std::pair<int, int> burst,
+                 const SampleSettings& samples, ExpectedSet& expected) {
+  const int segments = static_cast<int>(expected.strips.size());
+  const auto [first, last] = burst;
+  for (int f = first; f < last; ++f) {
+    // The middle segment is computed first. Its optics serve all segments where they do not depend
+    // on the field.
+    std::shared_ptr<const LineImaging> imaging;
+    const int computed = samples.middle_only ? std::min(1, segments) : segments;
+    for (int i = 0; i < computed; ++i) {
+      const int segment = (i + segments / 2) % segments;
+      std::vector<ExpectedFrame>& strips = expected.strips[segment];
+      // With a margin the previous frame has another size and is left out: image lag of spread
+      // charge is a second-order effect.
+      const Image<double>* previous =
+          f > first && samples.margin_px == 0 ? &strips[f - 1].mean_photo_electrons : nullptr;
+      strips[f] =
+          ExpectSample(setups[f], segments, segment, samples, expected.effects, previous, imaging);
+      imaging = strips[f].imaging;
+    }
+    if (!samples.middle_only) continue;
+    const int middle = segments / 2;
+    for (int segment = 0; segment < segments; ++segment) {
+      if (segment != middle) expected.strips[segment][f] = expected.strips[middle][f];
+    }
+  }
 }
 
 }  // namespace
@@ -83,31 +155,28 @@ SetModel::SetModel(const RecordedSet& set, const SetModelSettings& settings)
   const bool recorded = !set.frames.empty() && !set.frames.front().raw_dn.values.empty();
   const RecordedSet cleaned = recorded ? WithoutHotPixels(set) : RecordedSet{};
   for (size_t s = 0; s < statistics_.size(); ++s) {
-    // Hot pixels are a fixed pattern.
-    const RecordedSet& seen = statistics_[s]->name() == "fixed pattern" ? set : cleaned;
-    for (int entry = 0; entry < statistics_[s]->entries(); ++entry) {
-      places_.emplace_back(static_cast<int>(s), entry);
-      observed_.push_back(recorded ? statistics_[s]->Observed(seen, entry) : Eigen::VectorXd());
+    // Hot pixels are part of the fixed pattern; they would dominate every other statistic.
+    const RecordedSet& seen =
+        statistics_[s]->kind() == StatisticKind::kFixedPattern ? set : cleaned;
+    for (int block = 0; block < statistics_[s]->blocks(); ++block) {
+      places_.emplace_back(static_cast<int>(s), block);
+      observed_.push_back(recorded ? statistics_[s]->Observed(seen, block) : Eigen::VectorXd());
     }
   }
 }
 
-ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_only) const {
-  const int blocks = settings_.blocks_along_line;
+ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_only,
+                                   const ChangedRecordings* changed) const {
   const int frames = static_cast<int>(set_.frames.size());
-  const int bursts = static_cast<int>(bursts_.size());
   ExpectedSet expected;
   expected.effects = parameters.effects;
   expected.model_error = parameters.model_error;
-  const bool colour =
-      frames > 0 && set_.frames[0].nominal.sensor.colour_filter != ColourFilter::kMono;
-  // On a colour sensor charge goes to the neighbours of a narrow strip's edges too.
-  const bool spreads = std::any_of(
-      parameters.effects.begin(), parameters.effects.end(),
-      [](const ActiveEffect& active) { return active.effect->description().MovesCharge(); });
-  const int margin_px = colour && spreads ? 2 : 0;
+  if (changed != nullptr) {
+    expected.strips = changed->before.strips;
+  } else {
+    expected.strips.assign(settings_.blocks_along_line, std::vector<ExpectedFrame>(frames));
+  }
   std::vector<FrameSetup> setups(frames);
-  expected.strips.assign(blocks, std::vector<ExpectedFrame>(frames));
   for (int f = 0; f < frames; ++f) {
     const RecordedFrame& recorded = set_.frames[f];
     SetupDeviation deviations = parameters.deviations;
@@ -115,42 +184,29 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
     if (shift != parameters.line_shift_px.end()) deviations.line_position_each_px = shift->second;
     setups[f] = DeviatedFrame(set_, f, deviations);
   }
-  ForAll(bursts, settings_.threads, [&](int burst) {
+  const SampleSettings samples = {settings_.strip_columns_px, settings_.speckle_levels,
+                                  MarginPx(set_, parameters.effects), middle_only};
+  ForAll(static_cast<int>(bursts_.size()), settings_.threads, [&](int burst) {
     const auto [first, last] = bursts_[burst];
-    for (int f = first; f < last; ++f) {
-      // The middle first: its optics stand for all where they do not depend on the field.
-      std::shared_ptr<const LineImaging> imaging;
-      for (int i = 0; i < blocks; ++i) {
-        const int block = (i + blocks / 2) % blocks;
-        std::vector<ExpectedFrame>& strips = expected.strips[block];
-        FrameSetup frame = setups[f];
-        frame.roi = StripRegion(frame.roi, blocks, block, settings_.strip_columns_px);
-        // Without margin: lag and charge spread together are second order.
-        const Image<double>* previous =
-            f > first && margin_px == 0 ? &strips[f - 1].mean_photo_electrons : nullptr;
-        frame.roi.column_px -= margin_px;
-        frame.roi.columns_px += 2 * margin_px;
-        const auto [first_column, last_column] =
-            BlockColumns(setups[f].roi.columns_px, blocks, block);
-        strips[f] = ExpectFrame(frame, parameters.effects, previous, imaging,
-                                settings_.speckle_levels, last_column - first_column);
-        if (margin_px > 0) CutMargin(strips[f], margin_px);
-        imaging = strips[f].imaging;
-        if (middle_only) {
-          for (std::vector<ExpectedFrame>& other : expected.strips) {
-            if (&other != &strips) other[f] = strips[f];
-          }
-          break;
-        }
-      }
-    }
+    const bool computed = changed == nullptr ||
+                          std::any_of(changed->changed.begin() + first,
+                                      changed->changed.begin() + last, [](bool c) { return c; });
+    if (computed) ExpectBurst(setups, bursts_[burst], samples, expected);
   });
   return expected;
 }
 
-int SetModel::PlatePositionOf(int entry) const {
+BlockVectors SetModel::MeanOf(const ExpectedSet& expected, const std::vector<bool>& use) const {
+  BlockVectors mean(blocks());
+  ForAll(blocks(), settings_.threads, [&](int e) {
+    if (use.empty() || use[e]) mean[e] = StatisticOf(e).Expected(expected, places_[e].second);
+  });
+  return mean;
+}
+
+int SetModel::PlatePositionOf(int block) const {
   int position = -1;
-  for (int f : FramesOf(entry)) {
+  for (int f : FramesOf(block)) {
     const int id = set_.frames[f].plate_position_id;
     if (id < 0 || id == position) continue;
     if (position >= 0) return -1;
@@ -180,13 +236,13 @@ SetModel::Expectation SetModel::Expect(const SetParameters& parameters, bool wit
                                        bool middle_only) const {
   const ExpectedSet expected = ExpectStrips(parameters, middle_only);
   Expectation expectation;
-  expectation.mean.resize(entries());
-  if (with_covariance) expectation.covariance.resize(entries());
-  ForAll(entries(), settings_.threads, [&](int e) {
-    const int entry = places_[e].second;
-    expectation.mean[e] = StatisticOf(e).Expected(expected, entry);
+  expectation.mean.resize(blocks());
+  if (with_covariance) expectation.covariance.resize(blocks());
+  ForAll(blocks(), settings_.threads, [&](int e) {
+    const int block = places_[e].second;
+    expectation.mean[e] = StatisticOf(e).Expected(expected, block);
     if (with_covariance) {
-      expectation.covariance[e] = StatisticOf(e).Covariance(expected, entry);
+      expectation.covariance[e] = StatisticOf(e).Covariance(expected, block);
     }
   });
   return expectation;

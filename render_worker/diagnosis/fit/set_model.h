@@ -1,5 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Model of a whole set: parameters in, expected statistics out.
+// Model of a whole set of recordings: parameters in, expected statistics out.
+//
+// A statistic (SetStatistic) is computed in observation blocks: vectors of components with a common
+// covariance, independent of the components of other blocks. The model numbers the blocks of all
+// statistics one after the other.
 #pragma once
 
 #include <Eigen/Core>
@@ -16,68 +20,83 @@ namespace sightline {
 
 struct SetParameters {
   SetupDeviation deviations;
-  std::map<int, double> line_shift_px;  // of every plate position, besides the common one
+  // By plate position, in addition to the deviation that all positions have in common.
+  std::map<int, double> line_shift_px;
   ModelError model_error;
   std::vector<ActiveEffect> effects;
 };
 
 struct SetModelSettings {
+  // Segments along the line; a narrow column sample in the middle of each is computed and stands
+  // for it. Chosen: fields change slowly along the line, and four show a gradient and its
+  // curvature.
   int blocks_along_line = 4;
-  int strip_columns_px = 2;  // even
-  int speckle_levels = 12;
+  int strip_columns_px = 2;  // of a column sample; even, so that a colour sensor's cells are whole
+  int speckle_levels = 12;   // equally likely levels of speckle at which a pixel is evaluated
   int threads = 2;
 };
 
-// Vectors of all entries of all statistics, one statistic after the other.
-using Entries = std::vector<Eigen::VectorXd>;
+// One vector per observation block, of all statistics one after the other.
+using BlockVectors = std::vector<Eigen::VectorXd>;
 
 class SetModel {
  public:
+  // Computes the statistics of the recordings, if the set has any; a planned set has none, and its
+  // observed() are empty vectors. `set` must outlive the model.
   SetModel(const RecordedSet& set, const SetModelSettings& settings);
 
   const RecordedSet& set() const { return set_; }
   const std::vector<int>& position_ids() const { return position_ids_; }
 
-  int entries() const { return static_cast<int>(observed_.size()); }
-  const Entries& observed() const { return observed_; }
-  // Which statistic an entry belongs to, and its number there.
-  const SetStatistic& StatisticOf(int entry) const { return *statistics_[places_[entry].first]; }
-  const std::vector<int>& FramesOf(int entry) const {
-    return StatisticOf(entry).Frames(places_[entry].second);
+  int blocks() const { return static_cast<int>(observed_.size()); }
+  const BlockVectors& observed() const { return observed_; }
+  // The statistic that a block belongs to.
+  const SetStatistic& StatisticOf(int block) const { return *statistics_[places_[block].first]; }
+  // Recordings that a block is computed from, in order of time.
+  const std::vector<int>& FramesOf(int block) const {
+    return StatisticOf(block).Frames(places_[block].second);
   }
 
-  // Plate position of all laser recordings that an entry is about; -1: none or several.
-  int PlatePositionOf(int entry) const;
-  // Recordings of one speckle, pixel by pixel.
-  bool ComparesSpeckle(int entry) const { return StatisticOf(entry).compares_speckle(); }
-
-  int FrameOfRow(int entry, int row) const {
-    return StatisticOf(entry).FrameOfRow(places_[entry].second, row);
+  // Plate position of all laser recordings of a block; -1: none or several.
+  int PlatePositionOf(int block) const;
+  // Recording that a component of a block belongs to.
+  int FrameOfComponent(int block, int component) const {
+    return StatisticOf(block).FrameOfComponent(places_[block].second, component);
   }
 
-  // Line position of every plate position, besides the parameters' deviations, by the centroid of
-  // the line [px]: a start for the fit, which needs the line to within its width.
+  // Line shift of every plate position in addition to the parameters' deviations, from the centroid
+  // of the line [px]. It starts the fit, which needs the line to within its width.
   std::map<int, double> EstimateLineShifts(const SetParameters& parameters) const;
 
   struct Expectation {
-    Entries mean;
+    BlockVectors mean;
     std::vector<Eigen::MatrixXd> covariance;  // empty if not asked for
   };
-  // `middle_only`: one block along the line stands for all; a quarter of the time, good enough for
+  // Expected components of every block, and their covariances if asked for. `middle_only`: the
+  // middle segment along the line stands for all. That takes a quarter of the time and suffices for
   // derivatives with respect to deviations.
   Expectation Expect(const SetParameters& parameters, bool with_covariance,
                      bool middle_only = false) const;
 
-  // The frames themselves, as strips in the middle of every block.
-  ExpectedSet ExpectStrips(const SetParameters& parameters, bool middle_only) const;
+  // The expected frames: a column sample in the middle of every segment along the line. If the
+  // effects act differently on some recordings only, `changed` saves the others: their samples are
+  // taken from `before`, which has all other parameters in common. Numbers are the same either way.
+  struct ChangedRecordings {
+    const ExpectedSet& before;
+    std::vector<bool> changed;  // of every recording
+  };
+  ExpectedSet ExpectStrips(const SetParameters& parameters, bool middle_only,
+                           const ChangedRecordings* changed = nullptr) const;
+  // Expected components of the blocks in `use` (empty: all); the others are empty vectors.
+  BlockVectors MeanOf(const ExpectedSet& expected, const std::vector<bool>& use) const;
   int blocks_along_line() const { return settings_.blocks_along_line; }
 
  private:
   const RecordedSet& set_;
   SetModelSettings settings_;
   std::vector<std::unique_ptr<SetStatistic>> statistics_;
-  std::vector<std::pair<int, int>> places_;  // of every entry: statistic, entry of it
-  Entries observed_;
+  std::vector<std::pair<int, int>> places_;  // of every block: statistic, block of it
+  BlockVectors observed_;
   std::vector<int> position_ids_;
   std::vector<std::pair<int, int>> bursts_;  // first frame, one past the last
 };

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Terms that stand for physics nobody has named: one for each way a stage of the chain could differ
-// from its model, with a few coefficients in which the image is linear near 0.
+// Model-discrepancy terms: one for each way in which a stage of the chain could differ from its
+// model, with a few coefficients in which the image is linear near 0. They stand for physics that
+// the vocabulary lacks.
 //
 // They are effects like those of the vocabulary (fitted, rendered, ordered the same way), but not
 // registered in it: an inspection cannot name them.

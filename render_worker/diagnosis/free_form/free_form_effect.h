@@ -17,7 +17,7 @@ inline constexpr double kImageHeight_m = 5e-3;
 
 class FreeFormEffect : public DescribedEffect {
  public:
-  // What the coefficients' curve is drawn over: units stand in the names.
+  // Axes of the coefficients' curve; units stand in the names.
   struct Axes {
     std::string abscissa, ordinate;
     std::vector<double> abscissa_values;

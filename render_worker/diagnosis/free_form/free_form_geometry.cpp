@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Free-form terms of the geometry: where camera, projector and line are, how the sensor lies to
-// them. What scale the image has is the lens's doing.
+// them. The scale of the image belongs to the lens.
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-// What is stated of the rig may be off by more than its uncertainty says.
+// The stated distances and angles of the rig may be off by more than their uncertainties.
 class SetupTerm final : public FreeFormEffect {
  public:
   SetupTerm()
@@ -92,7 +92,7 @@ class KeystoneTerm final : public FreeFormEffect {
   }
 };
 
-// A plane sensor that is tilted, or a plate. What is curved is the lens's field
+// A plane sensor or a plate that is tilted. A curved field belongs to the lens
 // (`unknown.focus_curvature`).
 class FocusFieldTerm final : public FreeFormEffect {
  public:

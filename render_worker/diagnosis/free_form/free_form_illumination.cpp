@@ -73,8 +73,8 @@ class BeamTerm final : public FreeFormEffect {
   }
 };
 
-// What lies beside the beam and grows with it, as no spreading on the plate does: side lobes,
-// spontaneous emission, stray light of the projector.
+// Light beside the beam whose width grows with the beam's, unlike light that spreads on the plate:
+// side lobes, spontaneous emission, stray light of the projector.
 class BeamFootTerm final : public FreeFormEffect {
  public:
   BeamFootTerm()
@@ -232,6 +232,8 @@ class PowerScatterTerm final : public FreeFormEffect {
   PowerScatterTerm()
       : FreeFormEffect("noise", {.id = "unknown.power_scatter",
                                  .stage = Stage::kIllumination,
+                                 .kind = EffectKind::kRandomPerRecording,
+                                 .random_law = RandomLaw::kCorrelatedPower,
                                  .summary = "power of recordings scatters normally by s, with "
                                             "correlation exp(-|time apart| / t)",
                                  .reference = "Uhlenbeck and Ornstein, Phys. Rev. 36 (1930) 823; "

@@ -390,7 +390,7 @@ class DistortionTerm final : public FreeFormEffect {
   }
 };
 
-// What depends on the circle of confusion is the lens's doing. In focus nothing changes.
+// The lens causes changes with the circle of confusion. In focus nothing changes.
 class SpeckleAveragingTerm final : public FreeFormEffect {
  public:
   SpeckleAveragingTerm()

@@ -56,7 +56,7 @@ class LineNoiseTerm final : public FreeFormEffect {
       : FreeFormEffect("noise",
                        {.id = "unknown.line_noise",
                         .stage = Stage::kSensor,
-                        .is_drawn = true,
+                        .kind = EffectKind::kRandomPerRow,
                         .summary = "offsets of rows, drawn anew for every frame, and of columns, "
                                    "drawn once, normally distributed",
                         .reference = "EMVA 1288 R4.0 Linear, section 4 (row and column variation)",
@@ -67,6 +67,9 @@ class LineNoiseTerm final : public FreeFormEffect {
     RowNoise().OnElectrons(electrons, frame, std::array{std::sqrt(p[0])});
     DsnuColumnPattern().OnElectrons(electrons, frame, std::array{std::sqrt(p[1])});
   }
+  void OnLineOffsets(LineOffsets& offsets, Parameters p) const override {
+    offsets = {std::sqrt(p[0]), std::sqrt(p[1])};
+  }
 };
 
 // Which pixels, and how much of the mean, is fixed for a camera.
@@ -76,7 +79,7 @@ class PixelTailTerm final : public FreeFormEffect {
       : FreeFormEffect("offset",
                        {.id = "unknown.pixel_tail",
                         .stage = Stage::kSensor,
-                        .is_drawn = true,
+                        .kind = EffectKind::kRandomPerPixel,
                         .summary = "parts of the pixels have exponentially distributed charge "
                                    "more, of these means",
                         .reference = "EMVA 1288 R4.0 Linear, section 4 (defect pixels)",

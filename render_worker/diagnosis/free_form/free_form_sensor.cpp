@@ -52,8 +52,8 @@ class ResponseTerm final : public FreeFormEffect {
   }
 };
 
-// With as few coefficients as `unknown.exposure` has, so that the two compete on equal terms:
-// exposures of one scene tell a law of the signal from a law of the time by the profile only.
+// It has as few coefficients as `unknown.exposure`, so that the comparison of the two is fair: in
+// exposures of one scene only the profile distinguishes a response to the signal from one to time.
 class ResponseLawTerm final : public FreeFormEffect {
  public:
   ResponseLawTerm()
@@ -105,7 +105,7 @@ class DarkSignalTerm final : public FreeFormEffect {
                  Coefficient("electrons_per_s2", 1e6, 60), Coefficient("slope_u_electrons", 1e3, 3),
                  Coefficient("slope_v_electrons", 1e3, 3)}}) {}
 
-  // What grows with time is charge, with its shot noise.
+  // The part that grows with time is charge, with its shot noise.
   void OnFrame(FrameSetup& frame, Parameters p) const override {
     Sensor& sensor = frame.sensor;
     sensor.dark_mean_electrons += p[0];

@@ -101,8 +101,8 @@ class ReflectanceTerm final : public FreeFormEffect {
   double CurveAt(double t, Parameters p) const override { return 1 + p[4] + t * (p[0] + p[1] * t); }
 };
 
-// Rougher and smoother fields than those of one length. Drawn for every place (texture_law), so it
-// changes no expectation.
+// Random reflectance with rougher and smoother fields than those of one correlation length. It is
+// random per place (expectation/texture_law) and changes no expectation.
 class ReflectanceScatterTerm final : public FreeFormEffect {
  public:
   ReflectanceScatterTerm()
@@ -110,6 +110,8 @@ class ReflectanceScatterTerm final : public FreeFormEffect {
             "noise",
             {.id = "unknown.reflectance_scatter",
              .stage = Stage::kSurface,
+             .kind = EffectKind::kRandomPerPlace,
+             .random_law = RandomLaw::kExponentialReflectance,
              .summary = "reflectance across the line scatters by s from place to place, with "
                         "correlation exp(-|distance along the line|/l)",
              .reference = "Rasmussen and Williams, Gaussian Processes for Machine Learning, 4.2.1",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-form terms of time: what amount of exposure a set time gives, and what drifts.
+// Free-form terms of time: the exposure that a set time gives, and drifts.
 #include <array>
 #include <cmath>
 
@@ -42,13 +42,15 @@ class ExposureTerm final : public FreeFormEffect {
   }
 };
 
-// Short exposures scatter most; the power's own scatter is the same at all. Drawn for every
-// recording (scatter_law), so it changes no expectation.
+// Random deviations of the exposure, relatively largest at short ones; those of the power are the
+// same at all exposures. It is random per recording (random_effect/law) and changes no expectation.
 class ExposureScatterTerm final : public FreeFormEffect {
  public:
   ExposureScatterTerm()
       : FreeFormEffect("noise", {.id = "unknown.exposure_scatter",
                                  .stage = Stage::kTime,
+                                 .kind = EffectKind::kRandomPerRecording,
+                                 .random_law = RandomLaw::kScaledExposureTime,
                                  .summary = "exposures t scatter normally by s (1 ms/t)^a of "
                                             "themselves; a = 1: by a constant time",
                                  .reference = "EMVA 1288 R4.0 Linear, section 2.1 (exposure time)",
@@ -56,13 +58,15 @@ class ExposureScatterTerm final : public FreeFormEffect {
                                                 {"exponent", 1, 0.3, 3, 0.4}}}) {}
 };
 
-// Any movement across the line that forgets where it was: jolts, wandering, vibrations of several
-// frequencies. Drawn for every recording (scatter_law), so it changes no expectation.
+// Any movement across the line with a correlation time: jolts, drift, vibrations of several
+// frequencies. It is random per recording (random_effect/law) and changes no expectation.
 class MovementTerm final : public FreeFormEffect {
  public:
   MovementTerm()
       : FreeFormEffect("noise", {.id = "unknown.movement",
                                  .stage = Stage::kTime,
+                                 .kind = EffectKind::kRandomPerRecording,
+                                 .random_law = RandomLaw::kCorrelatedMovement,
                                  .summary = "image moves across the line normally by s, with "
                                             "correlation exp(-|time apart| / t)",
                                  .reference = "Uhlenbeck and Ornstein, Phys. Rev. 36 (1930) 823",

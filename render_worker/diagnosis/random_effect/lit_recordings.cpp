@@ -25,7 +25,7 @@ std::vector<int> LitRecordings::RecordingsOfEntries(int slot) const {
     recording_of[model_.set().frames[frames_[i]].plate_position_id] = i;
   }
   std::vector<int> recordings;
-  for (int e = 0; e < model_.entries(); ++e) {
+  for (int e = 0; e < model_.blocks(); ++e) {
     const auto recording = recording_of.find(model_.PlatePositionOf(e));
     recordings.push_back(recording == recording_of.end() ? -1 : recording->second);
   }

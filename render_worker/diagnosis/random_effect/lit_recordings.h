@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recordings with laser light, in slots: those of a slot are of different plate positions, so what
-// is changed about each of them shows in different entries and can be tried at once.
+// Recordings with laser light, divided into slots: the n-th recordings of all plate positions form
+// slot n. Recordings of different positions show in different observation blocks, so a finite
+// difference can change all recordings of a slot at once.
 #pragma once
 
 #include <vector>
@@ -9,18 +10,18 @@
 
 namespace sightline {
 
-// `model` must outlive it.
+// `model` must outlive the recordings.
 class LitRecordings {
  public:
   explicit LitRecordings(const SetModel& model);
 
   int count() const { return static_cast<int>(frames_.size()); }
-  // Their places among the set's recordings.
+  // Indices of the recordings in the set.
   const std::vector<int>& frames() const { return frames_; }
   int slots() const { return slots_; }
   int SlotOf(int recording) const { return slot_[recording]; }
-  // Of every entry: the recording of this slot that it is about, as an index into frames(); -1: of
-  // none, or of several plate positions.
+  // For every observation block the recording of this slot that it shows, as an index into
+  // frames(); -1: the block shows none, or several plate positions.
   std::vector<int> RecordingsOfEntries(int slot) const;
 
  private:

@@ -16,20 +16,20 @@ namespace sightline {
 
 namespace {
 
-// Of each of `count` groups of rows of the profiles the scale of the expected line that is nearest
-// to the observed one, where neither is cut off; NaN: there is none.
+// Least-squares scales of the expected line to the observed one, one for each of `count` groups of
+// components of the profiles, where neither is cut off. NaN: a group has no light.
 std::vector<double> ScalesOfLight(const SetModel& model, SetParameters parameters, size_t count,
-                                  const std::function<int(int entry, int row)>& group_of) {
-  // Where a line is not where it is expected, its light would seem to be missing.
+                                  const std::function<int(int block, int component)>& group_of) {
+  // The line must be expected where it is, or its light would seem to be missing.
   parameters.line_shift_px = model.EstimateLineShifts(parameters);
-  const Entries expected = model.Expect(parameters, false).mean;
+  const BlockVectors expected = model.Expect(parameters, false).mean;
   constexpr double kNotCutOff = 0.8;
   std::vector<double> product(count, 0), square(count, 0);
-  for (int e = 0; e < model.entries(); ++e) {
-    if (model.StatisticOf(e).name() != "profile") continue;
+  for (int e = 0; e < model.blocks(); ++e) {
+    if (model.StatisticOf(e).kind() != StatisticKind::kProfile) continue;
     const double background = expected[e].minCoeff();
     for (int row = 0; row < static_cast<int>(expected[e].size()); ++row) {
-      const RecordedFrame& frame = model.set().frames[model.FrameOfRow(e, row)];
+      const RecordedFrame& frame = model.set().frames[model.FrameOfComponent(e, row)];
       const double top_dn = kNotCutOff * frame.nominal.sensor.largest_dn();
       const double observed = model.observed()[e][row];
       if (expected[e][row] > top_dn || observed > top_dn) continue;
@@ -45,7 +45,7 @@ std::vector<double> ScalesOfLight(const SetModel& model, SetParameters parameter
   return product;
 }
 
-// Scales minus their median; 0 where there is none.
+// Scales minus their median; 0 in place of NaN.
 std::vector<double> OverMedian(std::vector<double> scales) {
   std::vector<double> sorted;
   std::copy_if(scales.begin(), scales.end(), std::back_inserter(sorted),
@@ -77,7 +77,7 @@ void RealisedEffect::OnPixelIrradiance(PixelIrradiance& light, const FrameSetup&
   const Realisation::Blocks& blocks = realisation_.blocks[frame.recording_index];
   const auto count = static_cast<int>(blocks.light_relative.size());
   if (count == 0) return;
-  // The frame is a strip of one block.
+  // The frame is a sample of columns of one segment.
   const int middle_px = light.roi.column_px + light.roi.columns_px / 2 - blocks.first_column_px;
   const int block = std::clamp(middle_px * count / blocks.columns_px, 0, count - 1);
   const auto factor = static_cast<float>(std::max(0.0, 1 + blocks.light_relative[block]));
@@ -89,8 +89,8 @@ void RealisedEffect::OnOptics(OpticsModel& optics, const FrameSetup& frame, Para
   const double shift_m = pitch_m * realisation_.shift_px[frame.recording_index];
   const double blur_m2 = pitch_m * pitch_m * realisation_.blur_px2[frame.recording_index];
   if (shift_m == 0 && blur_m2 == 0) return;
-  // Of whole periods of a sinusoid (Lohmann and Paris, Appl. Opt. 4 (1965) 393); for parts of one,
-  // of the right width.
+  // Transfer function of a sinusoidal movement over whole periods (Lohmann and Paris, Appl. Opt. 4
+  // (1965) 393). For parts of a period the blur has the right width, not the right shape.
   const double amplitude_m = std::sqrt(2 * std::max(0.0, blur_m2));
   optics.transfer.push_back([=](double, double qy) {
     const double turn = 2 * std::numbers::pi * qy;
@@ -115,7 +115,7 @@ std::vector<double> LightExcesses(const SetModel& model, SetParameters parameter
   const size_t frames = model.set().frames.size();
   const std::vector<double> light =
       ScalesOfLight(model, std::move(parameters), frames,
-                    [&](int e, int row) { return model.FrameOfRow(e, row); });
+                    [&](int e, int row) { return model.FrameOfComponent(e, row); });
   return OverMedian(light);
 }
 
@@ -125,11 +125,11 @@ Eigen::Index PositionIndex(const SetModel& model, int plate_position_id) {
 }
 
 std::vector<int> BlocksOfEntries(const SetModel& model) {
-  std::vector<int> block_of_entry(model.entries(), -1);
+  std::vector<int> block_of_entry(model.blocks(), -1);
   std::map<int, int> next_block;
-  for (int e = 0; e < model.entries(); ++e) {
+  for (int e = 0; e < model.blocks(); ++e) {
     const int position = model.PlatePositionOf(e);
-    if (position >= 0 && model.StatisticOf(e).name() == "profile") {
+    if (position >= 0 && model.StatisticOf(e).kind() == StatisticKind::kProfile) {
       block_of_entry[e] = next_block[position]++;
     }
   }

@@ -23,7 +23,7 @@ constexpr size_t kLeastPositions = 6;
 struct Position {
   double sum = 0;
   int recordings = 0;
-  std::vector<std::optional<double>> quantities;  // empty: its recordings differ in it
+  std::vector<std::optional<double>> quantities;  // empty: recordings of the position differ
 };
 
 std::vector<double> QuantitiesOf(const FrameSetup& frame) {
@@ -32,7 +32,7 @@ std::vector<double> QuantitiesOf(const FrameSetup& frame) {
           frame.plate.laser_distance_m,  frame.plate.line_offset_m};
 }
 
-// From 1 on; values that are alike share the mean of theirs.
+// Ranks from 1 on; equal values get the mean of their ranks.
 std::vector<double> Ranks(const std::vector<double>& values) {
   std::vector<size_t> order(values.size());
   std::iota(order.begin(), order.end(), size_t{0});
@@ -50,8 +50,8 @@ std::vector<double> Ranks(const std::vector<double>& values) {
   return ranks;
 }
 
-// Positions by the value of one quantity: their indices. Values that a single position has belong
-// together with the value next to them, since one draw tells nothing of a value.
+// Indices of the positions, grouped by the value of one quantity. A group of a single position is
+// joined with the next one, since one realised value is uninformative about its mean.
 std::vector<std::vector<size_t>> Levels(const std::vector<Position>& positions, size_t quantity) {
   std::map<double, std::vector<size_t>> by_value;
   for (size_t p = 0; p < positions.size(); ++p) {
@@ -75,7 +75,7 @@ std::vector<std::vector<size_t>> Levels(const std::vector<Position>& positions, 
   return levels;
 }
 
-// By the chi squared law of H.
+// P-value of H by its asymptotic chi squared distribution.
 double KruskalWallisPValue(const std::vector<std::vector<size_t>>& levels,
                            const std::vector<double>& ranks) {
   double n = 0, total = 0;
@@ -142,7 +142,7 @@ double SetupIndependencePValue(const RecordedSet& set, std::span<const double> d
   std::vector<double> ranks = Ranks(values);
   const double seen = least(ranks);
   CounterRandom random(DeriveSeed(seed, "set-up independence"), 0);
-  int as_strong = 1;  // what was seen itself
+  int as_strong = 1;  // the observed order itself
   for (int k = 0; k < kPermutations; ++k) {
     for (size_t i = ranks.size(); i > 1; --i) {
       const auto j = static_cast<size_t>(random.Uniform() * static_cast<double>(i));

@@ -14,12 +14,13 @@ namespace {
 
 using boost::math::sinc_pi;
 using std::numbers::pi;
-constexpr double kNoLaw = 1e-3;
-// Moments say nothing of a profile's skew, and are taken off a clipped and noisy one.
+constexpr double kOutliers = 1e-3;  // fraction of the recordings
+// Standard errors that moments have because they neglect a profile's skew and are computed from a
+// clipped and noisy one.
 constexpr double kShiftError_px = 0.05, kBlurError_px2 = 0.03, kBlurErrorRelative = 0.05;
 
 // Squared distance from which on exp(-distance / 2) is 0 in double precision (below e^-745.2), as
-// it is in most of the grid. exp() takes longest there.
+// in most of the grid. exp() is slowest there.
 constexpr double kVanishes = 1500;
 
 double Square(double x) { return x * x; }
@@ -66,7 +67,7 @@ double VibrationLogLikelihood(std::span<const RecordedMovement> movements, doubl
   const auto shift_error_of = [](const RecordedMovement& seen) {
     return std::hypot(seen.shift_error_px, kShiftError_px);
   };
-  // Where the law has them least far from it.
+  // The common place that is nearest to all displacements, given their variances.
   double weights = 0, place_px = 0;
   for (const RecordedMovement& seen : movements) {
     const double weight = 1 / (Square(shift_error_of(seen)) + 0.5 * Square(farthest_of(seen)));
@@ -92,7 +93,7 @@ double VibrationLogLikelihood(std::span<const RecordedMovement> movements, doubl
                               Square((seen.blur_px2 - blur) / blur_error);
       if (!(distance > kVanishes)) likelihood += std::exp(-0.5 * distance);
     }
-    sum += std::log(likelihood / PhaseGrid::kCount + kNoLaw);
+    sum += std::log(likelihood / PhaseGrid::kCount + kOutliers);
   }
   return sum;
 }
@@ -123,7 +124,7 @@ VibrationFit FitVibration(std::span<const RecordedMovement> movements) {
                    std::log(best_frequency) + frequency_step, 25};
     evaluate();
   }
-  // How far either way the likelihood falls by half a nat, the other parameter free.
+  // Half width at which the likelihood, maximised over the other parameter, falls by half a nat.
   const auto half_width = [&](double at, double step, const auto& profile) {
     double width = step;
     for (int k = 1; k <= 400; ++k) {

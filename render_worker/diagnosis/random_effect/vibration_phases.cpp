@@ -22,8 +22,9 @@ using std::numbers::pi;
 // Standard deviation of a phase that is uniform over the half turn in which its sine differs.
 const double kPhaseScale = pi / std::sqrt(12.0);
 
-// The phases are those in the middle of the exposures: then amplitude and frequency change them
-// least, and a phase and half a turn minus it look the same.
+// Vibration with a given phase for every recording. Phases are those in the middle of the
+// exposures: there they depend least on amplitude and frequency, and phi and pi - phi give the same
+// image.
 class PhasedVibration final : public DescribedEffect {
  public:
   PhasedVibration(const EffectDescription& description, std::vector<double> phases_rad)
@@ -40,8 +41,9 @@ class PhasedVibration final : public DescribedEffect {
   std::vector<double> phases_rad_;
 };
 
-// Phases in the middle of the exposures that displacement and blur of the recordings speak for.
-// Another effect may displace some of them: none counts for more than a few standard errors.
+// Most probable phases in the middle of the exposures, given displacement and blur of the
+// recordings. Another effect may displace some of them, so a Cauchy distribution limits the cost of
+// each.
 std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
                                 std::span<const RecordedMovement> movements) {
   constexpr int kPhases = 61;
@@ -52,7 +54,7 @@ std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
   };
   double least = 1e300;
   std::vector<double> best_rad;
-  // Of the place about which all move.
+  // Search for the common place about which all recordings move.
   for (double place_px = -3 * amplitude_px; place_px <= 3 * amplitude_px; place_px += 0.1) {
     double sum = 0;
     std::vector<double> phases_rad;
@@ -81,14 +83,14 @@ std::vector<double> FirstPhases(double amplitude_px, double frequency_hz,
   return best_rad;
 }
 
-// What the phases of the recordings with laser light do to the entries.
+// Expectation of the set as a function of the phases of the recordings with laser light.
 class PhaseModel {
  public:
   explicit PhaseModel(const SetModel& model) : model_(model), lit_(model) {}
 
   const std::vector<int>& lit() const { return lit_.frames(); }
 
-  // Whitened change of all entries per standardised phase.
+  // Whitened change of all observation blocks per standardised phase.
   std::vector<Eigen::MatrixXd> Derivatives(const FitResult& fit, const Effect& vibration,
                                            const std::vector<double>& phases_rad) const {
     constexpr double kStep_rad = 0.05;
@@ -101,9 +103,9 @@ class PhaseModel {
       for (int i = 0; i < lit_.count(); ++i) {
         if (lit_.SlotOf(i) == slot) moved_rad[lit()[i]] += kStep_rad;
       }
-      const Entries mean = Expect(fit, vibration, moved_rad, false);
+      const BlockVectors mean = Expect(fit, vibration, moved_rad, false);
       const std::vector<int> moved = lit_.RecordingsOfEntries(slot);
-      for (int e = 0; e < model_.entries(); ++e) {
+      for (int e = 0; e < model_.blocks(); ++e) {
         if (moved[e] < 0) continue;
         change[e].col(moved[e]) =
             (*fit.whitening)(e, (mean[e] - fit.mean[e]) * (kPhaseScale / kStep_rad));
@@ -112,20 +114,20 @@ class PhaseModel {
     return change;
   }
 
-  // Every recording's phase where it fits best while the others stay, over all of them: near where
-  // the image turns, a phase on the wrong side does not find back.
+  // Best phase of every recording on a grid of all phases, given those of the others. A step by the
+  // derivative does not lead from one side of a turning point to the other.
   std::vector<double> Search(const FitResult& fit, const Effect& vibration,
-                             const std::vector<bool>& use_entry,
+                             const std::vector<bool>& use_block,
                              std::vector<double> phases_rad) const {
     constexpr int kPhases = 12;
     for (int slot = 0; slot < lit_.slots(); ++slot) {
-      const Entries origin = Expect(fit, vibration, phases_rad, true);
+      const BlockVectors origin = Expect(fit, vibration, phases_rad, true);
       std::vector<int> moved = lit_.RecordingsOfEntries(slot);
-      for (int e = 0; e < model_.entries(); ++e) {
-        if (!use_entry[e]) moved[e] = -1;
+      for (int e = 0; e < model_.blocks(); ++e) {
+        if (!use_block[e]) moved[e] = -1;
       }
       std::vector<double> least(lit_.count(), 0), best_rad = phases_rad;
-      for (int e = 0; e < model_.entries(); ++e) {
+      for (int e = 0; e < model_.blocks(); ++e) {
         if (moved[e] >= 0) least[moved[e]] += fit.residual[e].squaredNorm();
       }
       for (int k = 0; k < kPhases; ++k) {
@@ -134,9 +136,9 @@ class PhaseModel {
         for (int i = 0; i < lit_.count(); ++i) {
           if (lit_.SlotOf(i) == slot) tried_rad[lit()[i]] = phase_rad;
         }
-        const Entries mean = Expect(fit, vibration, tried_rad, true);
+        const BlockVectors mean = Expect(fit, vibration, tried_rad, true);
         std::vector<double> chi_squared(lit_.count(), 0);
-        for (int e = 0; e < model_.entries(); ++e) {
+        for (int e = 0; e < model_.blocks(); ++e) {
           if (moved[e] < 0) continue;
           chi_squared[moved[e]] +=
               (fit.residual[e] - (*fit.whitening)(e, mean[e] - origin[e])).squaredNorm();
@@ -154,8 +156,8 @@ class PhaseModel {
 
  private:
   // The expectation of `fit`, whose last effect is the vibration, at other phases.
-  Entries Expect(const FitResult& fit, const Effect& vibration,
-                 const std::vector<double>& phases_rad, bool middle_only) const {
+  BlockVectors Expect(const FitResult& fit, const Effect& vibration,
+                      const std::vector<double>& phases_rad, bool middle_only) const {
     const PhasedVibration phased(vibration.description(), phases_rad);
     SetParameters parameters = fit.parameters;
     parameters.effects.back().effect = &phased;
@@ -166,9 +168,9 @@ class PhaseModel {
   LitRecordings lit_;
 };
 
-// With the phases' columns, in front of those of effects.
+// `fit` with standardised phases as further parameters, before those of effects.
 FitResult WithPhases(FitResult fit, const std::vector<Eigen::MatrixXd>& change,
-                     const std::vector<bool>& use_entry, const Eigen::VectorXd& phases) {
+                     const std::vector<bool>& use_block, const Eigen::VectorXd& phases) {
   const auto effects = static_cast<Eigen::Index>(fit.free.size());
   const Eigen::Index known = fit.standardised.size() - effects;
   const Eigen::Index n = known + phases.size() + effects;
@@ -176,7 +178,7 @@ FitResult WithPhases(FitResult fit, const std::vector<Eigen::MatrixXd>& change,
   for (size_t e = 0; e < change.size(); ++e) {
     Eigen::MatrixXd jacobian(change[e].rows(), n);
     jacobian << fit.jacobian[e].leftCols(known), change[e], fit.jacobian[e].rightCols(effects);
-    if (use_entry[e]) information.noalias() += jacobian.transpose() * jacobian;
+    if (use_block[e]) information.noalias() += jacobian.transpose() * jacobian;
     fit.jacobian[e] = std::move(jacobian);
   }
   const auto with = [&](const Eigen::VectorXd& of_phases, const Eigen::VectorXd& others) {
@@ -186,7 +188,7 @@ FitResult WithPhases(FitResult fit, const std::vector<Eigen::MatrixXd>& change,
   };
   fit.standardised = with(phases, fit.standardised);
   fit.prior_weight = with(Eigen::VectorXd::Ones(phases.size()), fit.prior_weight);
-  fit.held.insert(fit.held.begin() + known, phases.size(), false);
+  fit.at_bound.insert(fit.at_bound.begin() + known, phases.size(), false);
   information.diagonal() += fit.prior_weight;
   const Eigen::LLT<Eigen::MatrixXd> solver(information);
   const Eigen::VectorXd conditional = fit.covariance.diagonal().tail(effects);
@@ -199,6 +201,81 @@ FitResult WithPhases(FitResult fit, const std::vector<Eigen::MatrixXd>& change,
   }
   return fit;
 }
+
+// Fits of everything but the phases, and steps of the phases.
+class PhasedFitter {
+ public:
+  // The vibration is effect number `index`; its amplitude and frequency are free, too.
+  PhasedFitter(const SetModel& model, const Effect& vibration,
+               const std::vector<FreeEffectParameter>& free, int index)
+      : model_(model), vibration_(vibration), phases_(model), free_(free) {
+    free_.push_back({index, 0});
+    free_.push_back({index, 1});
+    // Comparisons of speckle are informative about movements far below a pixel, not about larger
+    // ones: they count in the last fit only.
+    for (int e = 0; e < model.blocks(); ++e) {
+      use_block_.push_back(!model.StatisticOf(e).compares_speckle());
+    }
+  }
+
+  void UseAllBlocks() { use_block_.assign(model_.blocks(), true); }
+
+  // `parameters`: the start; the vibration is their last effect. `reference`: the fit whose
+  // covariance and derivatives with respect to the nuisance parameters are kept; null: new ones.
+  FitResult FitAt(SetParameters parameters, const std::vector<double>& at_rad,
+                  const FitResult* reference) const {
+    const PhasedVibration phased(vibration_.description(), at_rad);
+    parameters.effects.back().effect = &phased;
+    FitSettings settings;
+    settings.use_block = use_block_;
+    settings.renew_jacobian = reference == nullptr;
+    settings.rounds.clear();
+    if (reference == nullptr) settings.rounds = {{0, 0.1}, {0, 0}};
+    FitResult fit = FitSet(model_, parameters, free_, settings, reference);
+    Eigen::VectorXd standardised(lit().size());
+    for (size_t i = 0; i < lit().size(); ++i) {
+      standardised[static_cast<Eigen::Index>(i)] = at_rad[lit()[i]] / kPhaseScale;
+    }
+    const std::vector<Eigen::MatrixXd> change = phases_.Derivatives(fit, vibration_, at_rad);
+    fit = WithPhases(std::move(fit), change, use_block_, standardised);
+    fit.parameters.effects.back().effect = &vibration_;
+    return fit;
+  }
+
+  std::vector<double> SearchPhases(const FitResult& fit, std::vector<double> phases_rad) const {
+    return phases_.Search(fit, vibration_, use_block_, std::move(phases_rad));
+  }
+
+  // Phases after `part` of a Gauss-Newton step of all parameters together; the next fit corrects
+  // the others.
+  std::vector<double> StepOfPhases(const FitResult& fit, std::vector<double> phases_rad,
+                                   double part) const {
+    constexpr double kLargestStep_rad = 0.5;
+    Eigen::VectorXd downhill = -fit.prior_weight.cwiseProduct(fit.standardised);
+    for (int e = 0; e < model_.blocks(); ++e) {
+      if (!use_block_[e]) continue;
+      downhill.noalias() += fit.jacobian[e].transpose() * fit.residual[e];
+    }
+    const auto phased_and_free = static_cast<Eigen::Index>(lit().size() + free_.size());
+    const Eigen::VectorXd step = (fit.covariance * downhill)
+                                     .segment(fit.standardised.size() - phased_and_free,
+                                              static_cast<Eigen::Index>(lit().size()));
+    for (size_t i = 0; i < lit().size(); ++i) {
+      phases_rad[lit()[i]] += part * std::clamp(kPhaseScale * step[static_cast<Eigen::Index>(i)],
+                                                -kLargestStep_rad, kLargestStep_rad);
+    }
+    return phases_rad;
+  }
+
+ private:
+  const std::vector<int>& lit() const { return phases_.lit(); }
+
+  const SetModel& model_;
+  const Effect& vibration_;
+  PhaseModel phases_;
+  std::vector<FreeEffectParameter> free_;
+  std::vector<bool> use_block_;
+};
 
 }  // namespace
 
@@ -223,64 +300,18 @@ FollowedVibration FollowVibration(const SetModel& model, const SetParameters& st
                                   const Effect& vibration, const std::vector<double>& law,
                                   std::vector<double> phases_rad) {
   constexpr int kMostTurns = 8;
-  constexpr double kWorthwhile = 1;  // of twice the negative logarithm of the evidence
-  constexpr double kLargestStep_rad = 0.5, kSmallestPart = 0.2;
-  const PhaseModel phases(model);
-  const std::vector<int>& lit = phases.lit();
-  std::vector<FreeEffectParameter> all_free = free;
-  const int last = static_cast<int>(start.effects.size());
-  all_free.push_back({last, 0});
-  all_free.push_back({last, 1});
-  const auto phased_and_free = static_cast<Eigen::Index>(lit.size() + all_free.size());
-  FitSettings settings;
-  // What compares recordings of one speckle tells of movements far below a pixel, and nothing of
-  // larger ones: it counts in the end only.
-  for (int e = 0; e < model.entries(); ++e) {
-    settings.use_entry.push_back(!model.ComparesSpeckle(e));
-  }
-  SetParameters parameters = start;
-  parameters.effects.push_back({&vibration, law});
-  // `reference`: whose covariance and derivatives with respect to the known parameters are kept.
-  const auto fit_at = [&](const std::vector<double>& at_rad, const FitResult* reference) {
-    const PhasedVibration phased(vibration.description(), at_rad);
-    parameters.effects.back().effect = &phased;
-    settings.renew_jacobian = reference == nullptr;
-    settings.rounds.clear();
-    if (reference == nullptr) settings.rounds = {{0, 0.1}, {0, 0}};
-    FitResult fit = FitSet(model, parameters, all_free, settings, reference);
-    Eigen::VectorXd standardised(lit.size());
-    for (size_t i = 0; i < lit.size(); ++i) {
-      standardised[static_cast<Eigen::Index>(i)] = at_rad[lit[i]] / kPhaseScale;
-    }
-    const std::vector<Eigen::MatrixXd> change = phases.Derivatives(fit, vibration, at_rad);
-    fit = WithPhases(std::move(fit), change, settings.use_entry, standardised);
-    fit.parameters.effects.back().effect = &vibration;
-    return fit;
-  };
-  FitResult best = fit_at(phases_rad, nullptr);
+  constexpr double kWorthwhile = 1;  // decrease of twice the negative log evidence
+  constexpr double kSmallestPart = 0.2;
+  PhasedFitter fitter(model, vibration, free, static_cast<int>(start.effects.size()));
+  SetParameters first = start;
+  first.effects.push_back({&vibration, law});
+  FitResult best = fitter.FitAt(std::move(first), phases_rad, nullptr);
   double part = 1;
   for (int turn = 0; turn < kMostTurns && part > kSmallestPart; ++turn) {
-    parameters = best.parameters;
-    std::vector<double> tried_rad = phases_rad;
     const bool search = turn == 0;
-    if (search) {
-      tried_rad = phases.Search(best, vibration, settings.use_entry, phases_rad);
-    } else {
-      // A step of all parameters together leads the phases; the fit mends the others.
-      Eigen::VectorXd downhill = -best.prior_weight.cwiseProduct(best.standardised);
-      for (int e = 0; e < model.entries(); ++e) {
-        if (!settings.use_entry[e]) continue;
-        downhill.noalias() += best.jacobian[e].transpose() * best.residual[e];
-      }
-      const Eigen::VectorXd step = (best.covariance * downhill)
-                                       .segment(best.standardised.size() - phased_and_free,
-                                                static_cast<Eigen::Index>(lit.size()));
-      for (size_t i = 0; i < lit.size(); ++i) {
-        tried_rad[lit[i]] += part * std::clamp(kPhaseScale * step[static_cast<Eigen::Index>(i)],
-                                               -kLargestStep_rad, kLargestStep_rad);
-      }
-    }
-    FitResult tried = fit_at(tried_rad, &best);
+    std::vector<double> tried_rad = search ? fitter.SearchPhases(best, phases_rad)
+                                           : fitter.StepOfPhases(best, phases_rad, part);
+    FitResult tried = fitter.FitAt(best.parameters, tried_rad, &best);
     const double gained = TwiceCost(best) - TwiceCost(tried);
     if (gained > 0) {
       best = std::move(tried);
@@ -291,11 +322,10 @@ FollowedVibration FollowVibration(const SetModel& model, const SetParameters& st
       part /= 2;
     }
   }
-  parameters = best.parameters;
-  settings.use_entry.assign(model.entries(), true);
+  fitter.UseAllBlocks();
   FollowedVibration followed;
-  followed.fit = fit_at(phases_rad, nullptr);
-  followed.fit.drawn = VibrationAtPhases(vibration, phases_rad);
+  followed.fit = fitter.FitAt(best.parameters, phases_rad, nullptr);
+  followed.fit.random_effect = VibrationAtPhases(vibration, phases_rad);
   followed.phases_rad = std::move(phases_rad);
   return followed;
 }

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// A vibration of the image that is seen in single recordings, with the phase that each of them
-// drew: how an exposure's displacements are distributed follows from it exactly, skew and all.
+// A vibration of the image that is seen in single recordings, with the phase of each of them as a
+// parameter. The phase determines the distribution of displacements during an exposure exactly, its
+// skew included.
 #pragma once
 
 #include <memory>
@@ -13,28 +14,28 @@
 
 namespace sightline {
 
-// Phases in the middle of the exposures [rad] that displacement and blur of the recordings speak
-// for, of every recording of the set; 0 for those without laser light. `law`: amplitude [px] and
-// frequency [Hz]. `movements`: of the recordings with laser light, in order.
+// Most probable phases in the middle of the exposures [rad], given displacement and blur of the
+// recordings: one per recording of the set, 0 for those without laser light. `law`: amplitude [px]
+// and frequency [Hz]. `movements`: of the recordings with laser light, in order.
 std::vector<double> PhasesOfMovements(const SetModel& model, const std::vector<double>& law,
                                       std::span<const RecordedMovement> movements);
 
-// The vibration (time.vibration_blur) with these phases instead of drawn ones.
+// The effect `vibration` with these phases, one per recording, instead of random ones.
 std::unique_ptr<const Effect> VibrationAtPhases(const Effect& vibration,
                                                 std::vector<double> phases_rad);
 
 struct FollowedVibration {
-  // The vibration is the last effect, its parameters the last free ones. Columns of the phases of
-  // the recordings with laser light, in order, are in front of those of effects' parameters, in
-  // units of their prior, which is normal with the variance of a uniform phase. Standard errors
-  // have the phases integrated out.
+  // The vibration is the last effect, its parameters the last free ones. The phases of the
+  // recordings with laser light, in order, stand before the effects' parameters, standardised by a
+  // normal prior with the variance of a uniform phase. Standard errors are marginal: phases are
+  // integrated out.
   FitResult fit;
   std::vector<double> phases_rad;
 };
 
-// Fits the known parameters, `free` ones of the effects of `start`, amplitude and frequency of
-// `vibration` (from `law`) and the phases (from `phases_rad`), by the model itself, in turn until
-// neither gains.
+// Fits the nuisance parameters, the parameters `free` of the effects of `start`, amplitude and
+// frequency of `vibration` (from `law`) and the phases (from `phases_rad`) by the full model: the
+// phases and all others in turn, until the cost no longer decreases.
 FollowedVibration FollowVibration(const SetModel& model, const SetParameters& start,
                                   const std::vector<FreeEffectParameter>& free,
                                   const Effect& vibration, const std::vector<double>& law,

@@ -7,24 +7,24 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "render_worker/diagnosis/selection/thresholds.h"
 
 namespace sightline {
 
 namespace {
 
-std::string NameOf(const Candidate& candidate) {
-  if (candidate.effects.empty()) return "none";
-  return std::string(candidate.effects.front().effect->description().id);
+std::string NameOf(const Hypothesis& hypothesis) {
+  if (hypothesis.effects.empty()) return "none";
+  return std::string(hypothesis.effects.front().effect->description().id);
 }
 
-// Variants of one recording of the set: a fresh plate position each.
+// Variants of one recording of the set, each at a plate position of its own.
 std::vector<RecordedImage> Variants(const RecordingSet& set) {
   std::vector<RecordedImage> variants;
   const auto laser =
       std::find_if(set.recordings.begin(), set.recordings.end(),
                    [](const RecordedImage& image) { return image.kind == RecordingKind::kLaser; });
   if (laser == set.recordings.end()) return variants;
-  // As bright as the reference in the plane of focus.
   const RecordedImage& reference = *laser;
   const auto add = [&](auto change) {
     RecordedImage image = reference;
@@ -34,6 +34,7 @@ std::vector<RecordedImage> Variants(const RecordingSet& set) {
     change(image);
     variants.push_back(image);
   };
+  // Another f-number gets the exposure that keeps the line in focus as bright as in the reference.
   for (double f_number : {2.0, 4.0, 8.0, 16.0}) {
     add([&](RecordedImage& image) {
       image.f_number = f_number;
@@ -63,8 +64,8 @@ std::vector<RecordedImage> Variants(const RecordingSet& set) {
 
 }  // namespace
 
-std::vector<v1::NextRecording> NextRecordings(const RecordedSet& set, const Candidate& a,
-                                              const Candidate& b, int count) {
+std::vector<v1::NextRecording> NextRecordings(const RecordedSet& set, const Hypothesis& a,
+                                              const Hypothesis& b, int count) {
   RecordingSet planned = set.description;
   planned.recordings = Variants(set.description);
   if (planned.recordings.empty()) return {};
@@ -79,10 +80,10 @@ std::vector<v1::NextRecording> NextRecordings(const RecordedSet& set, const Cand
   first.line_shift_px.clear();
   second.line_shift_px.clear();
   const SetModel::Expectation expected = model.Expect(first, true);
-  const Entries other = model.Expect(second, false).mean;
+  const BlockVectors other = model.Expect(second, false).mean;
   const Whitening whitening(expected.covariance, {});
   std::vector<double> distance(planned.recordings.size(), 0);
-  for (int e = 0; e < model.entries(); ++e) {
+  for (int e = 0; e < model.blocks(); ++e) {
     if (model.FramesOf(e).size() != 1) continue;
     distance[model.FramesOf(e).front()] += whitening(e, other[e] - expected.mean[e]).squaredNorm();
   }
@@ -90,9 +91,9 @@ std::vector<v1::NextRecording> NextRecordings(const RecordedSet& set, const Cand
   const double entropy = p <= 0 || p >= 1 ? 0 : -(p * std::log2(p) + (1 - p) * std::log2(1 - p));
   std::vector<v1::NextRecording> best;
   for (size_t i = 0; i < planned.recordings.size(); ++i) {
-    // Overlap of two normal laws d apart: exp(-d^2 / 8).
+    // Bhattacharyya's coefficient of two normal distributions: exp(-d^2 / 8).
     const double gain = entropy * (1 - std::exp(-distance[i] / 8));
-    if (!(gain > 0.01)) continue;
+    if (!(gain > thresholds::kWorthARecording_bits)) continue;
     const RecordedImage& image = planned.recordings[i];
     v1::NextRecording next;
     RecordingSet one = planned;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a frame leaves in the next one of the same burst.
+// Image lag: how much of a frame's signal is seen again in the next frame of the same burst.
 #pragma once
 
 #include <vector>
@@ -8,37 +8,41 @@
 
 namespace sightline {
 
-// Each value is a contrast between rows: row means of a frame (or of its difference from an earlier
-// recording of the same scene and settings) times weights that follow the preceding frame's line,
-// scaled so that the value is the part of the preceding signal that is seen again.
-//   - dark frame right after one with light: 0 expected;
-//   - repeats in a burst that follow frames of different brightness: 0 expected, speckle cancels.
-// Entry per value.
+// One observation block of one component per suitable frame. The component is a contrast between
+// rows: the row means of the frame (or of its difference from an earlier recording of the same
+// scene and settings), regressed on those of the preceding frame. It is the fraction of the
+// preceding signal that is seen again. Suitable frames are
+//   - dark frames just after a lit one;
+//   - repeats that follow frames of different brightness; their speckle cancels in the difference.
+// Without image lag the expectation is 0.
 class BurstStatistic : public SetStatistic {
  public:
   explicit BurstStatistic(const RecordedSet& set);
 
+  StatisticKind kind() const override { return StatisticKind::kBurst; }
   std::string_view name() const override { return "burst"; }
-  int entries() const override { return static_cast<int>(entries_.size()); }
-  const std::vector<int>& Frames(int entry) const override { return entries_[entry].frames; }
-  int FrameOfRow(int entry, int /*row*/) const override { return entries_[entry].seen; }
-  Eigen::VectorXd Observed(const RecordedSet& set, int entry) const override;
-  Eigen::VectorXd Expected(const ExpectedSet& expected, int entry) const override;
-  Eigen::MatrixXd Covariance(const ExpectedSet& expected, int entry) const override;
+  int blocks() const override { return static_cast<int>(blocks_.size()); }
+  const std::vector<int>& Frames(int block) const override { return blocks_[block].frames; }
+  int FrameOfComponent(int block, int /*component*/) const override { return blocks_[block].seen; }
+  Eigen::VectorXd Observed(const RecordedSet& set, int block) const override;
+  Eigen::VectorXd Expected(const ExpectedSet& expected, int block) const override;
+  Eigen::MatrixXd Covariance(const ExpectedSet& expected, int block) const override;
 
  private:
-  struct Entry {
+  struct Block {
     std::vector<int> frames;
-    int seen = 0;
-    int compared = -1;            // earlier recording of the same; -1: a dark frame
-    int preceding = 0;            // of `seen`
-    int preceding_compared = -1;  // of `compared`; -1: none
+    int seen = 0;                 // the frame that may show the lag
+    int compared = -1;            // earlier recording of the same scene; -1: `seen` is dark
+    int preceding = 0;            // frame just before `seen`
+    int preceding_compared = -1;  // frame just before `compared`; -1: none
     double columns_px = 0;
-    std::vector<double> weights;  // of the rows, from the recordings; empty: not recorded yet
+    std::vector<double>
+        weights;  // of the rows, from the recordings; empty: the set is only planned
   };
-  std::vector<double> Weights(const ExpectedSet& expected, const Entry& entry) const;
+  static bool FindComparison(const RecordedSet& set, Block& block);
+  static std::vector<double> Weights(const ExpectedSet& expected, const Block& block);
 
-  std::vector<Entry> entries_;
+  std::vector<Block> blocks_;
 };
 
 }  // namespace sightline

@@ -13,8 +13,17 @@ namespace sightline {
 
 namespace {
 
-constexpr double kHotPixelOutlier = 8;  // standard deviations
-constexpr double kUsual = 5;            // of the neighbours
+// Standard deviations of an outlier. Chosen: normal noise has none in any image.
+constexpr double kHotPixelOutlier = 8;
+// Standard deviations up to which a neighbour is none. Chosen: speckle and charge that spreads have
+// neighbours above it.
+constexpr double kUsual = 5;
+// Interquartile range of the standard normal distribution.
+constexpr double kNormalQuartiles = 1.349;
+// Least standard deviation [DN]: values are rounded.
+constexpr double kRounded_dn = 0.5;
+// Pixels of a row that quartiles need. Chosen.
+constexpr size_t kFewPixelsOfRow = 16;
 
 using SensorPixel = std::pair<int, int>;  // row, column
 
@@ -29,6 +38,7 @@ std::vector<int> UnlitRows(const RecordedFrame& recorded, const PixelPlane& plan
   return rows;
 }
 
+// Adds the isolated outliers of one plane of a recording.
 void FindHotPixels(const RecordedFrame& recorded, const PixelPlane& plane,
                    std::set<SensorPixel>& found) {
   const Image<uint16_t>& raw = recorded.raw_dn;
@@ -38,13 +48,13 @@ void FindHotPixels(const RecordedFrame& recorded, const PixelPlane& plane,
     for (int c = plane.first_column; c < raw.columns_px; c += plane.step) {
       values.push_back(raw.At(row, c));
     }
-    if (values.size() < 16) continue;
+    if (values.size() < kFewPixelsOfRow) continue;
     std::vector<double> sorted = values;
     std::sort(sorted.begin(), sorted.end());
     const size_t n = sorted.size();
     const double median = sorted[n / 2];
-    // From the quartiles; numbers are rounded.
-    const double deviation = std::max(0.5, (sorted[3 * n / 4] - sorted[n / 4]) / 1.349);
+    const double deviation =
+        std::max(kRounded_dn, (sorted[3 * n / 4] - sorted[n / 4]) / kNormalQuartiles);
     const auto stands_out = [&](size_t i, double limit) {
       return std::abs(values[i] - median) > limit * deviation;
     };

@@ -1,14 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Single pixels far out of line: a few spoil every variance, so they are looked at by themselves.
+// Removal of hot and dead pixels, because a few of them spoil every variance.
 #pragma once
 
 #include "render_worker/recordings/recorded_set.h"
 
 namespace sightline {
 
-// The set with every pixel that stands out alone, in a dark frame or away from the line, by eight
-// standard deviations in any recording, replaced by its neighbours of the same colour in all of
-// them. Places are those on the sensor; regions of interest may differ.
+// Replaces every pixel that is an isolated outlier of eight standard deviations in any recording,
+// in a dark frame or away from the line, by the mean of its neighbours of the same colour in all
+// recordings. Pixels are identified by their position on the sensor; regions of interest may
+// differ. A planned set is returned as it is.
 RecordedSet WithoutHotPixels(const RecordedSet& set);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the line is and how wide, before anything is fitted.
+// Position and width of the recorded line, before anything is fitted.
 #pragma once
 
 #include "render_worker/diagnosis/statistic/set_statistic.h"
@@ -7,13 +7,15 @@
 
 namespace sightline {
 
-// Of the recorded line over the expected one, across it, by the moments of what is well above the
-// background.
+// Difference of the recorded line from the expected one across it, by the moments of the signal
+// well above the background.
 struct LineDisplacement {
   double shift_px = 0;
-  double broadening_px2 =
-      0;  // of the variance; cut off with the flanks, too small by a fifth or so
+  // Difference of the variances. The threshold cuts the flanks off, so it is about a fifth too
+  // small.
+  double broadening_px2 = 0;
 };
+// `frame`: a lit recording.
 LineDisplacement DisplacementOfLine(const RecordedSet& set, const ExpectedSet& expected, int frame);
 
 }  // namespace sightline

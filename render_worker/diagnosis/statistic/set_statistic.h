@@ -1,5 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// A kind of observable of a set: the same numbers from recordings and from the model.
+// Statistics: observables that are computed from recordings and expected by the model.
+//
+// A statistic consists of observation blocks: vectors of components with a common covariance,
+// independent of other blocks. The set's model (fit/set_model.h) compares Observed with Expected
+// under Covariance. A new statistic is a class derived from SetStatistic, a StatisticKind, and a
+// line in the constructor of SetModel.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,42 +17,61 @@
 
 namespace sightline {
 
-// What the model itself is not sure of, alike in all recordings, over its standard uncertainty:
-// light far from the line, in recordings in focus and out of focus, beyond what the model gives it,
-// over what it leaves at the region's edge (light that leaves one side of a simulated grid comes
-// back on the other; lenses scatter some); the squared contrast of speckle, relative.
+// Nuisance parameters for known model errors, common to all recordings, in units of their prior
+// standard deviation:
+//   - light far from the line in addition to the modelled one, in recordings in focus and out of
+//     focus, relative to the signal at the region's edge. A simulated grid is periodic, so light
+//     that leaves it on one side comes back on the other; lenses scatter light too;
+//   - relative error of the squared contrast of speckle.
 struct ModelError {
   static constexpr int kTailInFocus = 0, kTailOutOfFocus = 1, kContrast = 2, kCount = 3;
+  // Prior standard deviations. Chosen for the tails; that of the contrast as measured
+  // (noise/texture_statistic.cpp).
   static constexpr std::array<double, kCount> kUncertainty = {0.5, 0.5, 0.02};
   std::array<double, kCount> standardised{};
 
   double Of(int error) const { return kUncertainty[error] * standardised[error]; }
 };
 
-// What the model expects of a set: a strip in the middle of every block along the line stands for
-// the block.
+// The expectation of a set. A narrow column sample in the middle of every segment along the line
+// stands for the segment.
 struct ExpectedSet {
-  std::vector<std::vector<ExpectedFrame>> strips;  // [block][frame]
+  std::vector<std::vector<ExpectedFrame>> strips;  // [segment][frame]
   std::vector<ActiveEffect> effects;
   ModelError model_error;
 };
 
-// Its numbers come in entries that are independent of each other; within an entry they have a
-// covariance.
+// One value per statistic of the library.
+enum class StatisticKind {
+  kProfile,        // mean profile across the line (ProfileStatistic)
+  kTexture,        // variance and correlation of speckle (TextureStatistic)
+  kTemporalNoise,  // differences of repeated recordings (RepeatStatistic)
+  kDarkFrames,     // variances of dark frames (DarkStatistic)
+  kFixedPattern,   // patterns that stay on the sensor (FixedPatternStatistic)
+  kSharedSpeckle,  // exposures of the same speckle compared by pixel (SharedSpeckleStatistic)
+  kBurst,          // image lag within a burst (BurstStatistic)
+  kHistogram,      // frequencies of raw values (HistogramStatistic)
+};
+
+// Block indices are 0 ... blocks() - 1.
 class SetStatistic {
  public:
   virtual ~SetStatistic() = default;
+  virtual StatisticKind kind() const = 0;
+  // Name in reports and in names of groups of a predictive check.
   virtual std::string_view name() const = 0;
-  virtual int entries() const = 0;
-  // True: recordings of one speckle, pixel by pixel.
+  virtual int blocks() const = 0;
+  // True: compares recordings of the same speckle pixel by pixel.
   virtual bool compares_speckle() const { return false; }
-  // Recordings an entry is computed from, in order of time.
-  virtual const std::vector<int>& Frames(int entry) const = 0;
-  // Recording that number `row` of an entry is about.
-  virtual int FrameOfRow(int entry, int /*row*/) const { return Frames(entry).back(); }
-  virtual Eigen::VectorXd Observed(const RecordedSet& set, int entry) const = 0;
-  virtual Eigen::VectorXd Expected(const ExpectedSet& expected, int entry) const = 0;
-  virtual Eigen::MatrixXd Covariance(const ExpectedSet& expected, int entry) const = 0;
+  // Recordings that a block is computed from, in order of time.
+  virtual const std::vector<int>& Frames(int block) const = 0;
+  // Recording that component `component` of a block belongs to.
+  virtual int FrameOfComponent(int block, int /*component*/) const { return Frames(block).back(); }
+  // Components of a block from the recordings, and their expectation and covariance by the model.
+  // All have the same size, which depends on the recordings alone.
+  virtual Eigen::VectorXd Observed(const RecordedSet& set, int block) const = 0;
+  virtual Eigen::VectorXd Expected(const ExpectedSet& expected, int block) const = 0;
+  virtual Eigen::MatrixXd Covariance(const ExpectedSet& expected, int block) const = 0;
 };
 
 }  // namespace sightline

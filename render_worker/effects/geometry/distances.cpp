@@ -15,6 +15,8 @@ class CameraDistanceErrorEffect final : public DescribedEffect {
   CameraDistanceErrorEffect()
       : DescribedEffect({.id = "geometry.camera_distance_error",
                          .stage = Stage::kGeometry,
+                         .signature = {{"line_core", "line_position"}, {"camera_distance_m"}},
+                         .scope = EffectScope::kRecordingSetUp,
                          .summary = "camera farther from the plate than stated, focus as set",
                          .reference = kTriangulationReference,
                          .parameters = {{"camera_distance_shift_m", 0, -0.1, 0.1, 5e-3}}}) {}
@@ -29,6 +31,8 @@ class LaserDistanceErrorEffect final : public DescribedEffect {
   LaserDistanceErrorEffect()
       : DescribedEffect({.id = "geometry.laser_distance_error",
                          .stage = Stage::kGeometry,
+                         .signature = {{"line_core", "line_flanks"}, {"laser_distance_m"}},
+                         .scope = EffectScope::kRecordingSetUp,
                          .summary = "projector farther from the plate than stated",
                          .reference = kTriangulationReference,
                          .parameters = {{"laser_distance_shift_m", 0, -0.1, 0.1, 1e-2}}}) {}
@@ -43,6 +47,8 @@ class IncidenceAngleErrorEffect final : public DescribedEffect {
   IncidenceAngleErrorEffect()
       : DescribedEffect({.id = "geometry.incidence_angle_error",
                          .stage = Stage::kGeometry,
+                         .signature = {{"line_core", "whole_image"}, {"signal_level"}},
+                         .scope = EffectScope::kRecordingSetUp,
                          .summary = "angle between sheet and plate normal not as stated",
                          .reference = kTriangulationReference,
                          .parameters = {{"incidence_shift_deg", 0, -20, 20, 2}}}) {}

@@ -19,6 +19,8 @@ class CameraRollEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "geometry.camera_roll",
              .stage = Stage::kGeometry,
+             .signature = {{"line_position", "along_line"}, {"column"}},
+             .scope = EffectScope::kFlatPlate,
              .summary = "camera turned about its optical axis",
              .reference = "Luhmann et al., Close-Range Photogrammetry, 3rd ed., section 4.2",
              .parameters = {{"roll_deg", 0, -30, 30, 1}}}) {}
@@ -38,6 +40,8 @@ class LaserRollEffect final : public DescribedEffect {
   LaserRollEffect()
       : DescribedEffect({.id = "geometry.laser_roll",
                          .stage = Stage::kGeometry,
+                         .signature = {{"line_position", "along_line"}, {"column"}},
+                         .scope = EffectScope::kFlatPlate,
                          .summary = "laser line turned on the plate about its middle",
                          .reference = "thesis 3.3 (uncertain variables of the rig)",
                          .parameters = {{"roll_deg", 0, -30, 30, 1}}}) {}

@@ -16,6 +16,7 @@ class SensorTiltEffect final : public DescribedEffect {
   SensorTiltEffect()
       : DescribedEffect({.id = "geometry.sensor_tilt",
                          .stage = Stage::kGeometry,
+                         .signature = {{"line_core", "off_axis"}, {"field_position", "f_number"}},
                          .summary = "image distance b + u tan(tilt): focus varies over the sensor",
                          .reference = "Scheimpflug, GB patent 1196 (1904); thesis eq. 5.6",
                          .parameters = {{"sensor_tilt_deg", 0, -20, 20, 1}}}) {}

@@ -30,6 +30,13 @@ class AmbientLightEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "illumination.ambient_light",
              .stage = Stage::kIllumination,
+             .signature = {{"background", "whole_image"}, {"exposure_time_s", "f_number"}},
+             .scope = EffectScope::kFlatPlate,
+             .inspection_fields = {{.field = "lighting.ambient.radiance_w_m2_sr",
+                                    .operation = InspectionField::kShift,
+                                    .is_radiance_of_plate = true},
+                                   {.field = "", .parameter = 1},
+                                   {.field = "", .parameter = 2}},
              .summary =
                  "other light on the plate, with a gradient from the centre of the sensor to "
                  "its right and lower edge; it is white: colour sensors see it about alike in all "
@@ -67,6 +74,10 @@ class AmbientFlickerEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "time.ambient_flicker",
              .stage = Stage::kTime,
+             .start_search = StartSearch::kPeriodogramOfTime,
+             .signature = {{"background", "whole_image"},
+                           {"exposure_time_s", "f_number", "timestamp_s"}},
+             .scope = EffectScope::kFlatPlate,
              .summary =
                  "ambient light with 1 + m cos(2 pi f t), t since the laser was switched on; "
                  "the exposure takes its mean",

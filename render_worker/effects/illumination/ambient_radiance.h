@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is believed of the radiance of other light before any recording.
+// Prior of the radiance of other light.
 #pragma once
 
 namespace sightline {

@@ -15,6 +15,8 @@ class BeamShapeEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "illumination.beam_shape",
              .stage = Stage::kIllumination,
+             .signature = {{"line_core", "line_flanks"}, {"laser_distance_m"}},
+             .scope = EffectScope::kFlatPlate,
              .summary = "profile exp(-2 |x/w|^n) instead of n = 2, power and w as before",
              .reference = "Parent, Morin and Lavigne, Opt. Quantum Electron. 24 (1992) "
                           "S1071 (super-Gaussian beams)",

@@ -26,6 +26,9 @@ class GhostLineEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "illumination.ghost_line",
              .stage = Stage::kIllumination,
+             .signature = {{"line_flanks", "background"},
+                           {"laser_distance_m", "camera_distance_m"}},
+             .scope = EffectScope::kFlatPlate,
              .summary = "second line of relative strength g: (E(s) + g E(s - offset))/(1 + g)",
              .reference = "Hecht, Optics, 5th ed., section 9.4 (reflections of a wedged plate)",
              .parameters = {{"ghost_relative", 0, 0, 1, 0.05},

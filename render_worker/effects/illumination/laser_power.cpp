@@ -15,6 +15,8 @@ class PowerErrorEffect final : public DescribedEffect {
   PowerErrorEffect()
       : DescribedEffect({.id = "illumination.power_error",
                          .stage = Stage::kIllumination,
+                         .signature = {{"line_core", "whole_image"}, {"signal_level"}},
+                         .inspection_fields = {{.field = "laser.power_w"}},
                          .summary = "power not as stated: P times a factor",
                          .reference = "thesis eq. 5.4",
                          .parameters = {{"amplitude_factor", 1, 0.1, 10, 0.2}}}) {}
@@ -27,6 +29,7 @@ class PowerDriftEffect final : public DescribedEffect {
   PowerDriftEffect()
       : DescribedEffect({.id = "illumination.power_drift",
                          .stage = Stage::kIllumination,
+                         .signature = {{"line_core", "whole_image"}, {"timestamp_s"}},
                          .summary = "power P (1 + a exp(-t/tau)) after switching on",
                          .reference = "ISO 11554:2017 (stability of laser power)",
                          .parameters = {{"drift_relative", 0, -0.9, 5, 0.1},
@@ -42,7 +45,9 @@ class PowerNoiseEffect final : public DescribedEffect {
   PowerNoiseEffect()
       : DescribedEffect({.id = "illumination.power_noise",
                          .stage = Stage::kIllumination,
-                         .is_drawn = true,
+                         .kind = EffectKind::kRandomPerRecording,
+                         .random_law = RandomLaw::kPower,
+                         .signature = {{"line_core", "whole_image"}, {"timestamp_s"}},
                          .summary = "power differs between recordings at random, normally",
                          .reference = "ISO 11554:2017 (relative power fluctuation)",
                          .parameters = {{"power_noise_relative", 0, 0, 0.5, 0.03}}}) {}

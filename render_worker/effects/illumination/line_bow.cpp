@@ -11,11 +11,14 @@ namespace {
 class LineBowEffect final : public DescribedEffect {
  public:
   LineBowEffect()
-      : DescribedEffect({.id = "illumination.line_bow",
-                         .stage = Stage::kIllumination,
-                         .summary = "line curved: s = s0 + bow (X/(L/2))^2 on the plate",
-                         .reference = "Powell, US patent 4826299 (1989); thesis 5.3.1, laser lines",
-                         .parameters = {{"bow_m", 0, -0.02, 0.02, 1e-3}}}) {}
+      : DescribedEffect(
+            {.id = "illumination.line_bow",
+             .stage = Stage::kIllumination,
+             .signature = {{"line_position", "along_line"}, {"column", "camera_distance_m"}},
+             .scope = EffectScope::kFlatPlate,
+             .summary = "line curved: s = s0 + bow (X/(L/2))^2 on the plate",
+             .reference = "Powell, US patent 4826299 (1989); thesis 5.3.1, laser lines",
+             .parameters = {{"bow_m", 0, -0.02, 0.02, 1e-3}}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     if (p[0] == 0) return;  // the line stays constant along X

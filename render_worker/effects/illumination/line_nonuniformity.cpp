@@ -17,6 +17,8 @@ class LineNonuniformityEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "illumination.line_nonuniformity",
              .stage = Stage::kIllumination,
+             .signature = {{"along_line"}, {"column", "field_position"}},
+             .scope = EffectScope::kFlatPlate,
              .summary =
                  "irradiance times 1 + slope X/(L/2) + ripple cos(2 pi angle/period + phase)",
              .reference = "Powell, US patent 4826299 (1989); thesis 5.3.1, laser lines",

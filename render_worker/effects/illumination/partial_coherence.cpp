@@ -11,6 +11,7 @@ class PartialCoherenceEffect final : public DescribedEffect {
   PartialCoherenceEffect()
       : DescribedEffect({.id = "illumination.partial_coherence",
                          .stage = Stage::kIllumination,
+                         .signature = {.regions = {"speckle"}},
                          .summary = "M modes of equal power make M independent patterns: contrast "
                                     "1/sqrt(M)",
                          .reference = "Goodman, Speckle Phenomena in Optics, 2nd ed., section 3.3",

@@ -25,11 +25,13 @@ double FullPupilRadius(const FrameSetup& frame) {
 class SphericalAberrationEffect final : public DescribedEffect {
  public:
   SphericalAberrationEffect()
-      : DescribedEffect({.id = "optics.spherical_aberration",
-                         .stage = Stage::kOptics,
-                         .summary = "W = w040 lambda (r/R)^4",
-                         .reference = kAberrationReference,
-                         .parameters = {{"w040_waves", 0, -kMost_waves, kMost_waves, 3}}}) {}
+      : DescribedEffect(
+            {.id = "optics.spherical_aberration",
+             .stage = Stage::kOptics,
+             .signature = {{"line_core", "line_flanks"}, {"f_number", "focus_distance_m"}},
+             .summary = "W = w040 lambda (r/R)^4",
+             .reference = kAberrationReference,
+             .parameters = {{"w040_waves", 0, -kMost_waves, kMost_waves, 3}}}) {}
 
   void OnOptics(OpticsModel& optics, const FrameSetup& frame, Parameters p) const override {
     if (p[0] == 0) return;  // the list of terms stays as it is
@@ -63,6 +65,7 @@ class ComaEffect final : public DescribedEffect {
   ComaEffect()
       : DescribedEffect({.id = "optics.coma",
                          .stage = Stage::kOptics,
+                         .signature = {{"line_flanks", "off_axis"}, {"f_number", "field_position"}},
                          .summary = "W = w131 lambda (h/5 mm) (r/R)^3 cos(phi)",
                          .reference = kAberrationReference,
                          .parameters = {{"w131_waves", 0, -kMost_waves, kMost_waves, 3}}}) {}
@@ -77,6 +80,7 @@ class AstigmatismEffect final : public DescribedEffect {
   AstigmatismEffect()
       : DescribedEffect({.id = "optics.astigmatism",
                          .stage = Stage::kOptics,
+                         .signature = {{"line_core", "off_axis"}, {"f_number", "field_position"}},
                          .summary = "W = w222 lambda (h/5 mm)^2 (r/R)^2 cos^2(phi)",
                          .reference = kAberrationReference,
                          .parameters = {{"w222_waves", 0, -kMost_waves, kMost_waves, 3}}}) {}
@@ -92,6 +96,7 @@ class FieldCurvatureEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "optics.field_curvature",
              .stage = Stage::kOptics,
+             .signature = {{"line_core", "off_axis"}, {"f_number", "field_position"}},
              .summary = "W = w220 lambda (h/5 mm)^2 (r/R)^2: defocus that grows off axis",
              .reference = kAberrationReference,
              .parameters = {{"w220_waves", 0, -kMost_waves, kMost_waves, 3}}}) {}

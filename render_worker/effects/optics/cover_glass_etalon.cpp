@@ -24,6 +24,9 @@ class CoverGlassEtalonEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "optics.cover_glass_etalon",
              .stage = Stage::kOptics,
+             .start_search = StartSearch::kPeriodogramOfSensor,
+             .signature = {{"whole_image", "along_line"}, {"column", "row"}},
+             .finer_than_block = true,
              .summary = "fringes of the cover glass, fixed on the sensor: 1 + V cos",
              .reference = "Hecht, Optics, 5th ed., section 9.4.1 (fringes of a thin wedge)",
              .parameters = {{"fringe_visibility", 0, 0, 1, 0.05},
@@ -42,6 +45,14 @@ class CoverGlassEtalonEffect final : public DescribedEffect {
       const double turns = along_u * column_px + along_v * row_px;
       return 1 + amplitude * std::cos(2 * std::numbers::pi * turns + phase);
     });
+  }
+
+  // Fringes of period P at the angle a change by x = pi columns cos(a)/P along the block: half of
+  // V^2 is their variance, of which the mean over the block keeps (sin(x)/x)^2.
+  double VarianceWithinBlock(int columns_px, Parameters p) const override {
+    const double x = std::numbers::pi * columns_px / p[1] * std::cos(p[2] * std::numbers::pi / 180);
+    const double of_mean = std::abs(x) < 1e-6 ? 1 : std::sin(x) / x;
+    return 0.5 * p[0] * p[0] * (1 - of_mean * of_mean);
   }
 };
 

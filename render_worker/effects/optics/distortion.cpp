@@ -30,6 +30,7 @@ class RadialDistortionEffect final : public DescribedEffect {
   RadialDistortionEffect()
       : DescribedEffect({.id = "optics.radial_distortion",
                          .stage = Stage::kOptics,
+                         .signature = {{"line_position", "off_axis"}, {"field_position"}},
                          .summary = "r' = r (1 + k1 (r/5 mm)^2)",
                          .reference = kDistortionReference,
                          .parameters = {{"k1_relative", 0, -0.1, 0.1, 0.01}}}) {}
@@ -62,6 +63,7 @@ class TangentialDistortionEffect final : public DescribedEffect {
   TangentialDistortionEffect()
       : DescribedEffect({.id = "optics.tangential_distortion",
                          .stage = Stage::kOptics,
+                         .plates_can_show_it = false,
                          .summary = "u' = u + 2 p1 u v + p2 (r^2 + 2 u^2), v likewise, in 5 mm",
                          .reference = kDistortionReference,
                          .parameters = {{"p1_relative", 0, -0.02, 0.02, 0.002},

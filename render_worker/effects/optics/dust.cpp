@@ -23,7 +23,8 @@ class DustEffect final : public DescribedEffect {
   DustEffect()
       : DescribedEffect({.id = "optics.dust",
                          .stage = Stage::kOptics,
-                         .is_drawn = true,
+                         .kind = EffectKind::kRandomPerPixel,
+                         .signature = {{"whole_image"}, {"column", "row", "f_number"}},
                          .summary = "dark spots fixed on the sensor",
                          .reference = "EMVA 1288 R4.0 Linear, section 4 (spatial nonuniformity)",
                          .parameters = {{"spots", 0, 0, 1000, 20}}}) {}

@@ -27,6 +27,7 @@ class LensReflectionEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "optics.lens_reflection",
              .stage = Stage::kOptics,
+             .signature = {{"background", "line_flanks"}, {"signal_level", "row"}},
              .summary = "displaced copy of the image, relative strength r: "
                         "(1 + r exp(-2 pi i q d))/(1 + r)",
              .reference = "ISO 9358:1994 (veiling glare of image-forming systems)",

@@ -15,6 +15,7 @@ class VeilingGlareEffect final : public DescribedEffect {
   VeilingGlareEffect()
       : DescribedEffect({.id = "optics.veiling_glare",
                          .stage = Stage::kOptics,
+                         .signature = {{"line_flanks", "background"}, {"signal_level"}},
                          .summary = "part g of the light in a halo exp(-r/r0)/(2 pi r0^2)",
                          .reference = "ISO 9358:1994 (veiling glare of image-forming systems)",
                          .parameters = {{"glare_fraction", 0, 0, 0.9, 0.05},

@@ -14,6 +14,7 @@ class MechanicalVignettingEffect final : public DescribedEffect {
   MechanicalVignettingEffect()
       : DescribedEffect({.id = "optics.mechanical_vignetting",
                          .stage = Stage::kOptics,
+                         .signature = {{"off_axis", "along_line"}, {"field_position", "f_number"}},
                          .summary =
                              "a second rim, seen from off the axis shifted by a length times "
                              "tan(phi), cuts the pupil",
@@ -45,6 +46,7 @@ class NaturalVignettingEffect final : public DescribedEffect {
   NaturalVignettingEffect()
       : DescribedEffect({.id = "optics.natural_vignetting",
                          .stage = Stage::kOptics,
+                         .plates_can_show_it = false,
                          .summary = "fall-off cos^(4 + n)(phi) instead of cos^4(phi)",
                          .reference = "Hecht, Optics, 5th ed., section 5.3; thesis eq. 4.11",
                          .parameters = {{"extra_exponent", 0, -4, 20, 2}}}) {}

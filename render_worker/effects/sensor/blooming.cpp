@@ -17,6 +17,9 @@ class BloomingEffect final : public DescribedEffect {
   BloomingEffect()
       : DescribedEffect({.id = "sensor.blooming",
                          .stage = Stage::kSensor,
+                         .signature = {{"saturated", "line_flanks", "background"},
+                                       {"signal_level", "exposure_time_s"}},
+                         .column_transport = ColumnTransport::kOverflow,
                          .summary = "part of the charge above a threshold runs along the column",
                          .reference = "Janesick, Scientific Charge-Coupled Devices (2001), section "
                                       "4.3 (blooming)",

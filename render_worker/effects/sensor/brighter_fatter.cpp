@@ -15,6 +15,7 @@ class BrighterFatterEffect final : public DescribedEffect {
   BrighterFatterEffect()
       : DescribedEffect({.id = "sensor.brighter_fatter",
                          .stage = Stage::kSensor,
+                         .signature = {{"line_core", "speckle"}, {"signal_level"}},
                          .charge_transport = ChargeTransport::kGrowsWithCharge,
                          .summary = "flow a q_mean (q_i - q_j)/2 between neighbours",
                          .reference = "Antilogus et al., JINST 9 (2014) C03048",

@@ -11,12 +11,14 @@ namespace {
 class LowerFullWellEffect final : public DescribedEffect {
  public:
   LowerFullWellEffect()
-      : DescribedEffect({.id = "sensor.lower_full_well",
-                         .stage = Stage::kSensor,
-                         .summary = "pixels are full before the converter is: a plateau below the "
-                                    "largest number",
-                         .reference = "EMVA 1288 R4.0 Linear, section 2.4 (saturation capacity)",
-                         .parameters = {{"full_well_electrons", 1e7, 10, 1e7, 5e6}}}) {}
+      : DescribedEffect(
+            {.id = "sensor.lower_full_well",
+             .stage = Stage::kSensor,
+             .signature = {{"saturated", "histogram"}, {"signal_level", "exposure_time_s"}},
+             .summary = "pixels are full before the converter is: a plateau below the "
+                        "largest number",
+             .reference = "EMVA 1288 R4.0 Linear, section 2.4 (saturation capacity)",
+             .parameters = {{"full_well_electrons", 1e7, 10, 1e7, 5e6}}}) {}
 
   void OnFrame(FrameSetup& frame, Parameters p) const override {
     frame.sensor.saturation_capacity_electrons =
@@ -27,11 +29,14 @@ class LowerFullWellEffect final : public DescribedEffect {
 class GainErrorEffect final : public DescribedEffect {
  public:
   GainErrorEffect()
-      : DescribedEffect({.id = "sensor.gain_error",
-                         .stage = Stage::kSensor,
-                         .summary = "overall system gain K: true over stated",
-                         .reference = "EMVA 1288 R4.0 Linear, section 2.2 (system gain)",
-                         .parameters = {{"gain_factor", 1, 0.2, 5, 0.1}}}) {}
+      : DescribedEffect(
+            {.id = "sensor.gain_error",
+             .stage = Stage::kSensor,
+             .signature = {{"whole_image", "temporal_noise", "dark_frames"}, {"signal_level"}},
+             .inspection_fields = {{.field = "camera.sensor.gain_dn_per_electron"}},
+             .summary = "overall system gain K: true over stated",
+             .reference = "EMVA 1288 R4.0 Linear, section 2.2 (system gain)",
+             .parameters = {{"gain_factor", 1, 0.2, 5, 0.1}}}) {}
 
   void OnFrame(FrameSetup& frame, Parameters p) const override {
     frame.sensor.gain_dn_per_electron *= p[0];

@@ -18,9 +18,15 @@ class AdcMissingBitsEffect final : public DescribedEffect {
   AdcMissingBitsEffect()
       : DescribedEffect({.id = "sensor.adc_missing_bits",
                          .stage = Stage::kSensor,
+                         .signature = {{"histogram", "whole_image"}, {"signal_level"}},
                          .summary = "lowest bits stuck at 0 (number rounded)",
                          .reference = kConverterReference,
-                         .parameters = {{"missing_bits", 0, 0, 8, 1}}}) {}
+                         .parameters = {{.name = "missing_bits",
+                                         .null_value = 0,
+                                         .lower = 0,
+                                         .upper = 8,
+                                         .prior_scale = 1,
+                                         .discrete_values = {1, 2, 3, 4}}}}) {}
 
   void OnRaw(Image<uint16_t>& raw, const FrameSetup&, Parameters p) const override {
     const auto mask = static_cast<uint16_t>(0xffffU << std::lround(p[0]));
@@ -33,6 +39,7 @@ class AdcInlEffect final : public DescribedEffect {
   AdcInlEffect()
       : DescribedEffect({.id = "sensor.adc_inl",
                          .stage = Stage::kSensor,
+                         .signature = {{"histogram", "line_core"}, {"signal_level"}},
                          .summary = "y + A sin(2 pi c y/y_max)",
                          .reference = kConverterReference,
                          .parameters = {{"inl_amplitude_dn", 0, -100, 100, 2},

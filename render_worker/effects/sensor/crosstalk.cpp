@@ -14,6 +14,7 @@ class CrosstalkEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "sensor.crosstalk",
              .stage = Stage::kSensor,
+             .signature = {{"line_core", "speckle", "line_flanks"}, {"signal_level"}},
              .charge_transport = ChargeTransport::kProportional,
              .summary = "part c of the charge goes to each of four neighbours",
              .reference = "Janesick, Photon Transfer (2007), chapter 3 (charge diffusion)",

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What differs from pixel to pixel and stays: sensitivity and offset. The pixels' own patterns are
-// drawn by the sensor model (EMVA 1288); independent variances add.
+// Fixed patterns of the sensor: sensitivity and offset differ from pixel to pixel. The sensor model
+// (EMVA 1288) realises the patterns of single pixels; variances of independent ones add.
 #include <cmath>
 #include <vector>
 
@@ -16,7 +16,8 @@ class PrnuEffect final : public DescribedEffect {
   PrnuEffect()
       : DescribedEffect({.id = "sensor.prnu",
                          .stage = Stage::kSensor,
-                         .is_drawn = true,
+                         .kind = EffectKind::kRandomPerPixel,
+                         .signature = {{"line_core", "whole_image"}, {"signal_level"}},
                          .summary = "standard deviation of the pixels' sensitivity",
                          .reference = "EMVA 1288 R4.0 Linear, section 4 (PRNU1288)",
                          .parameters = {{"prnu_relative", 0, 0, 0.5, 0.01}}}) {}
@@ -31,7 +32,8 @@ class DsnuColumnPatternEffect final : public DescribedEffect {
   DsnuColumnPatternEffect()
       : DescribedEffect({.id = "sensor.dsnu_column_pattern",
                          .stage = Stage::kSensor,
-                         .is_drawn = true,
+                         .kind = EffectKind::kRandomPerColumn,
+                         .signature = {{"dark_frames", "whole_image", "background"}, {"column"}},
                          .summary = "fixed offsets of columns and pixels, standard deviations",
                          .reference = "EMVA 1288 R4.0 Linear, section 4 (DSNU1288, column part)",
                          .parameters = {{"column_offset_electrons", 0, 0, 1000, 5},
@@ -50,6 +52,9 @@ class DsnuColumnPatternEffect final : public DescribedEffect {
     for (int i = 0; i < electrons.rows_px; ++i) {
       for (int j = 0; j < electrons.columns_px; ++j) electrons.At(i, j) += offset[j];
     }
+  }
+  void OnLineOffsets(LineOffsets& offsets, Parameters p) const override {
+    offsets.column_electrons = p[0];
   }
 };
 

@@ -19,7 +19,8 @@ class HotPixelsEffect final : public DescribedEffect {
   HotPixelsEffect()
       : DescribedEffect({.id = "sensor.hot_pixels",
                          .stage = Stage::kSensor,
-                         .is_drawn = true,
+                         .kind = EffectKind::kRandomPerPixel,
+                         .signature = {{"dark_frames", "whole_image"}, {"exposure_time_s"}},
                          .summary = "a fraction of the pixels has a high dark current",
                          .reference = "EMVA 1288 R4.0 Linear, section 4 (defect pixels)",
                          .parameters = {{"hot_fraction", 0, 0, 0.1, 1e-3}}}) {}

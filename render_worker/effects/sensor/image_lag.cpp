@@ -11,13 +11,14 @@ namespace {
 class ImageLagEffect final : public DescribedEffect {
  public:
   ImageLagEffect()
-      : DescribedEffect({.id = "sensor.image_lag",
-                         .stage = Stage::kSensor,
-                         .summary = "part of the charge of the burst's previous frame",
-                         .reference =
-                             "Fossum and Hondongwa, IEEE J. Electron Devices Soc. 2 (2014) "
-                             "33 (pinned photodiode: lag)",
-                         .parameters = {{"lag_fraction", 0, 0, 0.5, 0.02}}}) {}
+      : DescribedEffect(
+            {.id = "sensor.image_lag",
+             .stage = Stage::kSensor,
+             .signature = {{"background", "dark_frames"}, {"burst_frame_index", "signal_level"}},
+             .summary = "part of the charge of the burst's previous frame",
+             .reference = "Fossum and Hondongwa, IEEE J. Electron Devices Soc. 2 (2014) "
+                          "33 (pinned photodiode: lag)",
+             .parameters = {{"lag_fraction", 0, 0, 0.5, 0.02}}}) {}
 
   void OnMeanElectrons(Image<double>& electrons, const Image<double>* previous, const FrameSetup&,
                        Parameters p) const override {

@@ -12,6 +12,8 @@ class ReadNoiseExcessEffect final : public DescribedEffect {
   ReadNoiseExcessEffect()
       : DescribedEffect({.id = "sensor.read_noise_excess",
                          .stage = Stage::kSensor,
+                         .signature = {.regions = {"temporal_noise", "dark_frames"}},
+                         .inspection_fields = {{.field = "camera.sensor.dark_noise_electrons"}},
                          .summary = "temporal dark noise sigma_d times a factor",
                          .reference = "EMVA 1288 R4.0 Linear, section 2.2 (temporal dark noise)",
                          .parameters = {{"noise_factor", 1, 0.1, 20, 0.5}}}) {}
@@ -26,7 +28,8 @@ class RowNoiseEffect final : public DescribedEffect {
   RowNoiseEffect()
       : DescribedEffect({.id = "sensor.row_noise",
                          .stage = Stage::kSensor,
-                         .is_drawn = true,
+                         .kind = EffectKind::kRandomPerRow,
+                         .signature = {{"temporal_noise", "dark_frames"}, {"row"}},
                          .summary = "rows jump from frame to frame, normally distributed",
                          .reference = "EMVA 1288 R4.0 Linear, section 4 (row variation)",
                          .parameters = {{"row_noise_electrons", 0, 0, 1000, 3}}}) {}
@@ -38,6 +41,9 @@ class RowNoiseEffect final : public DescribedEffect {
           p[0] * CounterRandom(seed, static_cast<uint32_t>(frame.roi.row_px + i)).Normal();
       for (int j = 0; j < electrons.columns_px; ++j) electrons.At(i, j) += jump;
     }
+  }
+  void OnLineOffsets(LineOffsets& offsets, Parameters p) const override {
+    offsets.row_electrons = p[0];
   }
 };
 

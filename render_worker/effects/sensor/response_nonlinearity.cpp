@@ -15,6 +15,7 @@ class ResponseNonlinearityEffect final : public DescribedEffect {
   ResponseNonlinearityEffect()
       : DescribedEffect({.id = "sensor.response_nonlinearity",
                          .stage = Stage::kSensor,
+                         .signature = {{"line_core"}, {"signal_level", "exposure_time_s"}},
                          .summary = "charge e reads as e (1 - beta e/e_full)",
                          .reference = "EMVA 1288 R4.0 Linear, linearity error LE",
                          .parameters = {{"nonlinearity", 0, -0.5, 0.5, 0.05}}}) {}

@@ -13,6 +13,7 @@ class RollingShutterEffect final : public DescribedEffect {
       : DescribedEffect(
             {.id = "sensor.rolling_shutter",
              .stage = Stage::kSensor,
+             .signature = {{"whole_image"}, {"row"}},
              .summary = "rows exposed one after another; shows in flickering light only",
              .reference = "Liang, Chang and Chen, IEEE Trans. Image Process. 17 (2008) 1323 "
                           "(rolling shutter)",

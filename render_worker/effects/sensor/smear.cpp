@@ -12,13 +12,16 @@ namespace {
 class SmearEffect final : public DescribedEffect {
  public:
   SmearEffect()
-      : DescribedEffect({.id = "sensor.smear",
-                         .stage = Stage::kSensor,
-                         .summary = "trail along the column: r times the column's mean over the "
-                                    "sensor's rows",
-                         .reference = "Janesick, Scientific Charge-Coupled Devices (2001), section "
-                                      "5.3 (frame transfer smear)",
-                         .parameters = {{"smear_relative", 0, 0, 1, 0.02}}}) {}
+      : DescribedEffect(
+            {.id = "sensor.smear",
+             .stage = Stage::kSensor,
+             .signature = {{"background", "line_flanks"}, {"exposure_time_s", "column"}},
+             .column_transport = ColumnTransport::kReadout,
+             .summary = "trail along the column: r times the column's mean over the "
+                        "sensor's rows",
+             .reference = "Janesick, Scientific Charge-Coupled Devices (2001), section "
+                          "5.3 (frame transfer smear)",
+             .parameters = {{"smear_relative", 0, 0, 1, 0.02}}}) {}
 
   void OnMeanElectrons(Image<double>& electrons, const Image<double>* /*previous*/,
                        const FrameSetup& frame, Parameters p) const override {

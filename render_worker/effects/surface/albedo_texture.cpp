@@ -66,7 +66,10 @@ class AlbedoTextureEffect final : public DescribedEffect {
   AlbedoTextureEffect()
       : DescribedEffect({.id = "surface.albedo_texture",
                          .stage = Stage::kSurface,
-                         .is_drawn = true,
+                         .kind = EffectKind::kRandomPerPlace,
+                         .random_law = RandomLaw::kGaussianReflectance,
+                         .signature = {{"along_line", "line_core"}, {"plate_position"}},
+                         .scope = EffectScope::kFlatPlate,
                          .summary = "reflectance times 1 + rms g(X, s), correlation exp(-r^2/l^2)",
                          .reference = "thesis 5.3.1, roughness measurements (texture)",
                          .parameters = {{"texture_rms_relative", 0, 0, 1, 0.1},

@@ -13,6 +13,7 @@ class DepolarisationEffect final : public DescribedEffect {
   DepolarisationEffect()
       : DescribedEffect({.id = "surface.depolarisation",
                          .stage = Stage::kSurface,
+                         .signature = {.regions = {"speckle"}},
                          .summary = "speckle partly polarised: patterns with the shares (1 +- P)/2",
                          .reference = "Goodman, Speckle Phenomena in Optics, 2nd ed., section 3.4",
                          .parameters = {{"degree_of_polarisation", 1, 0, 1, 0.5}}}) {}

@@ -42,6 +42,8 @@ class FluorescenceEffect final : public DescribedEffect {
   FluorescenceEffect()
       : DescribedEffect({.id = "surface.fluorescence",
                          .stage = Stage::kSurface,
+                         .signature = {{"line_core", "whole_image"}, {"signal_level"}},
+                         .scope = EffectScope::kFlatPlate,
                          .summary =
                              "light of another wavelength without speckle, a fraction of the "
                              "laser's signal",

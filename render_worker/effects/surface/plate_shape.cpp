@@ -43,6 +43,8 @@ class TiltedPlateEffect final : public DescribedEffect {
   TiltedPlateEffect()
       : DescribedEffect({.id = "surface.tilted_plate",
                          .stage = Stage::kSurface,
+                         .signature = {{"along_line"}, {"column", "camera_distance_m"}},
+                         .scope = EffectScope::kFlatPlate,
                          .summary = "height X tan(tilt): distance, focus and line position change "
                                     "along the line",
                          .reference = "thesis eq. 1.1-1.5 (triangulation)",
@@ -58,11 +60,14 @@ class TiltedPlateEffect final : public DescribedEffect {
 class CurvedPlateEffect final : public DescribedEffect {
  public:
   CurvedPlateEffect()
-      : DescribedEffect({.id = "surface.curved_plate",
-                         .stage = Stage::kSurface,
-                         .summary = "height (X^2 + s^2) kappa/2: positive is hollow",
-                         .reference = "thesis eq. 1.1-1.5 (triangulation)",
-                         .parameters = {{"curvature_per_m", 0, -10, 10, 0.5}}}) {}
+      : DescribedEffect(
+            {.id = "surface.curved_plate",
+             .stage = Stage::kSurface,
+             .signature = {{"along_line", "off_axis"}, {"field_position", "camera_distance_m"}},
+             .scope = EffectScope::kFlatPlate,
+             .summary = "height (X^2 + s^2) kappa/2: positive is hollow",
+             .reference = "thesis eq. 1.1-1.5 (triangulation)",
+             .parameters = {{"curvature_per_m", 0, -10, 10, 0.5}}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     if (p[0] == 0) return;  // a plate without height is flat

@@ -15,13 +15,16 @@ namespace {
 class SubsurfaceScatteringEffect final : public DescribedEffect {
  public:
   SubsurfaceScatteringEffect()
-      : DescribedEffect({.id = "surface.subsurface_scattering",
-                         .stage = Stage::kSurface,
-                         .summary = "part f of the light spreads as exp(-|s|/l)/(2 l)",
-                         .reference = "Jensen et al., A practical model for subsurface light "
-                                      "transport, SIGGRAPH 2001",
-                         .parameters = {{"scattered_fraction", 0, 0, 1, 0.2},
-                                        {"spread_m", 3e-4, 1e-5, 1e-2, 3e-4}}}) {}
+      : DescribedEffect(
+            {.id = "surface.subsurface_scattering",
+             .stage = Stage::kSurface,
+             .signature = {{"line_flanks", "background"}, {"camera_distance_m", "signal_level"}},
+             .scope = EffectScope::kFlatPlate,
+             .summary = "part f of the light spreads as exp(-|s|/l)/(2 l)",
+             .reference = "Jensen et al., A practical model for subsurface light "
+                          "transport, SIGGRAPH 2001",
+             .parameters = {{"scattered_fraction", 0, 0, 1, 0.2},
+                            {"spread_m", 3e-4, 1e-5, 1e-2, 3e-4}}}) {}
 
   void OnPlate(PlateScene& scene, const FrameSetup& frame, Parameters p) const override {
     if (p[0] == 0) return;  // the table is costly

@@ -16,6 +16,7 @@ class ExposureOffsetEffect final : public DescribedEffect {
   ExposureOffsetEffect()
       : DescribedEffect({.id = "time.exposure_offset",
                          .stage = Stage::kTime,
+                         .signature = {{"line_core", "whole_image"}, {"exposure_time_s"}},
                          .summary = "true minus set exposure time",
                          .reference = kExposureTimeReference,
                          .parameters = {{"exposure_offset_s", 0, -0.1, 0.1, 5e-5}}}) {}
@@ -30,7 +31,9 @@ class ExposureJitterEffect final : public DescribedEffect {
   ExposureJitterEffect()
       : DescribedEffect({.id = "time.exposure_jitter",
                          .stage = Stage::kTime,
-                         .is_drawn = true,
+                         .kind = EffectKind::kRandomPerRecording,
+                         .random_law = RandomLaw::kExposureTime,
+                         .signature = {{"line_core", "whole_image"}, {"exposure_time_s"}},
                          .summary = "exposure time scatters normally",
                          .reference = kExposureTimeReference,
                          .parameters = {{"exposure_jitter_s", 0, 0, 0.1, 5e-5}}}) {}

@@ -17,6 +17,7 @@ class PlateMotionEffect final : public DescribedEffect {
   PlateMotionEffect()
       : DescribedEffect({.id = "time.plate_motion",
                          .stage = Stage::kTime,
+                         .signature = {{"speckle"}, {"exposure_time_s"}},
                          .summary = "plate creeps along the line: speckle moves and blurs",
                          .reference = "Goodman, Speckle Phenomena in Optics, 2nd ed., section 5.3 "
                                       "(moving diffuser)",

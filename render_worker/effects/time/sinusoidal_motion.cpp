@@ -90,7 +90,7 @@ class Motion {
     }
   }
 
-  // Of every place, in steps from the others.
+  // Product of the distances from every place to the others, in steps.
   static constexpr std::array<double, kPlaces> ProductsOfDistances() {
     std::array<double, kPlaces> products{};
     for (int j = 0; j < kPlaces; ++j) {

@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Of frequencies along and across the line [1/m]. `amplitude_m` on the sensor, `periods` >= 0 in
-// the exposure, `phase_rad` at its beginning.
+// Transfer function of frequencies along and across the line [1/m]. `amplitude_m` on the sensor,
+// `periods` >= 0 in the exposure, `phase_rad` at its beginning.
 std::function<std::complex<double>(double, double)> SinusoidalMotionTransfer(double amplitude_m,
                                                                              double periods,
                                                                              double phase_rad);

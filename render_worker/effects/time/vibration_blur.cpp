@@ -16,6 +16,10 @@ class VibrationBlurEffect final : public DescribedEffect {
   VibrationBlurEffect()
       : DescribedEffect({.id = "time.vibration_blur",
                          .stage = Stage::kTime,
+                         .kind = EffectKind::kRandomPerRecording,
+                         .random_law = RandomLaw::kVibration,
+                         .signature = {{"line_core", "line_position"}, {"exposure_time_s"}},
+                         .realisation_is_estimated = true,
                          .summary = "image moves across the line with A sin(2 pi f t + phase)",
                          .reference =
                              "Goodman, Introduction to Fourier Optics, 4th ed., chapter 7; "

@@ -272,6 +272,31 @@ TEST(CoverGlassEtalon, FringesHaveTheirPeriodAndVisibility) {
   EXPECT_NEAR(mean, 1, 1e-6);
 }
 
+// The variance about the mean of a block of columns, averaged over blocks of many phases.
+TEST(CoverGlassEtalon, VarianceWithinABlockIsThatOfItsFringes) {
+  const std::vector<std::pair<std::string, double>> values = {
+      {"fringe_visibility", 0.2}, {"fringe_period_px", 90}, {"fringe_direction_deg", 40}};
+  constexpr int kBlock = 60, kRows = 1200, kBlocks = 10;
+  const PixelIrradiance light =
+      EvenLight("optics.cover_glass_etalon", values, {-300, -600, kBlock * kBlocks, kRows});
+  double variance = 0;
+  for (int i = 0; i < kRows; ++i) {
+    for (int b = 0; b < kBlocks; ++b) {
+      double sum = 0, square = 0;
+      for (int j = b * kBlock; j < (b + 1) * kBlock; ++j) {
+        const double value = light.laser_irradiance_w_m2.At(i, j);
+        sum += value;
+        square += value * value;
+      }
+      variance += (square / kBlock - sum * sum / (kBlock * kBlock)) / (kRows * kBlocks);
+    }
+  }
+  const Effect& effect = TheEffect("optics.cover_glass_etalon");
+  const double stated = effect.VarianceWithinBlock(kBlock, WithParameters(effect, values));
+  EXPECT_NEAR(variance, stated, 0.03 * stated);
+  EXPECT_EQ(effect.VarianceWithinBlock(kBlock, WithParameters(effect, {})), 0);
+}
+
 // The pattern belongs to the sensor, not to the region that is read out.
 TEST(FixedPatterns, DoNotDependOnTheRegion) {
   for (const char* id : {"optics.cover_glass_etalon", "optics.dust"}) {

@@ -2,6 +2,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <set>
 
 #include "render_worker/effects/effect.h"
@@ -132,6 +133,52 @@ TEST(Registry, DescriptionsAreSane) {
           << id << " " << parameter.name;
     }
   }
+}
+
+// What the diagnosis and the calibration of inspections rely on.
+TEST(Registry, DescriptionsAgreeWithThemselves) {
+  for (const Effect* effect : AllEffects()) {
+    const EffectDescription& description = effect->description();
+    const std::string id(description.id);
+    // Findings quote the signature.
+    EXPECT_NE(description.plates_can_show_it, description.signature.regions.empty()) << id;
+    if (description.random_law != RandomLaw::kNone) {
+      EXPECT_TRUE(description.kind == EffectKind::kRandomPerRecording ||
+                  description.kind == EffectKind::kRandomPerPlace)
+          << id;
+    }
+    EXPECT_TRUE(description.IsRandom() || description.ChangesExpectation()) << id;
+    EXPECT_FALSE(description.VariesOverSensor() && description.ChangesExpectation()) << id;
+    if (description.column_transport == ColumnTransport::kOverflow) {
+      EXPECT_GE(description.parameters.size(), 2u) << id;
+    }
+    for (const EffectParameter& parameter : description.parameters) {
+      for (const double value : parameter.discrete_values) {
+        EXPECT_GE(value, parameter.lower) << id;
+        EXPECT_LE(value, parameter.upper) << id;
+        EXPECT_NE(value, parameter.null_value) << id;
+        EXPECT_EQ(value, std::round(value)) << id;
+      }
+    }
+    for (const InspectionField& field : description.inspection_fields) {
+      ASSERT_GE(field.parameter, 0) << id;
+      ASSERT_LT(static_cast<size_t>(field.parameter), description.parameters.size()) << id;
+      // At its null value a parameter changes no number of an inspection.
+      const double null_value = description.parameters[field.parameter].null_value;
+      EXPECT_EQ(null_value,
+                field.operation == InspectionField::kFactor && !field.field.empty() ? 1 : 0)
+          << id << " " << field.field;
+    }
+  }
+}
+
+TEST(Registry, OnlyLensEffectsOfNoPlateAreHiddenFromIt) {
+  std::set<std::string> hidden;
+  for (const Effect* effect : AllEffects()) {
+    if (!effect->description().plates_can_show_it) hidden.emplace(effect->description().id);
+  }
+  EXPECT_EQ(hidden,
+            (std::set<std::string>{"optics.natural_vignetting", "optics.tangential_distortion"}));
 }
 
 TEST(MakeActiveEffect, LeftOutParametersAreNull) {

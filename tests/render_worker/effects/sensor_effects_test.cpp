@@ -46,6 +46,27 @@ TEST(Crosstalk, GoesToFourNeighboursAndKeepsCharge) {
               1, 1e-12);
 }
 
+// The stated standard deviations are those of the offsets that images get.
+TEST(LineOffsets, AreThoseOfTheImages) {
+  FrameSetup frame = TestFrame();
+  frame.roi = {-200, -200, 400, 400};
+  for (const bool rows : {true, false}) {
+    const char* id = rows ? "sensor.row_noise" : "sensor.dsnu_column_pattern";
+    const Values values = {{rows ? "row_noise_electrons" : "column_offset_electrons", 7}};
+    const Effect& effect = TheEffect(id);
+    LineOffsets stated;
+    effect.OnLineOffsets(stated, WithParameters(effect, values));
+    EXPECT_EQ(stated.row_electrons, rows ? 7 : 0);
+    EXPECT_EQ(stated.column_electrons, rows ? 0 : 7);
+    const Image<double> image = OnCharge(id, values, Image<double>(400, 400, 0.0), frame);
+    double square = 0;
+    for (const double value : image.values) square += value * value;
+    // 400 normal numbers: their standard deviation is known to 1/sqrt(800).
+    EXPECT_NEAR(std::sqrt(square / static_cast<double>(image.values.size())), 7, 7 * 4 / 28.0);
+    EXPECT_EQ(rows ? image.At(5, 0) : image.At(0, 5), image.At(5, rows ? 9 : 5)) << id;
+  }
+}
+
 TEST(BrighterFatter, FlowIsTheFormulaAndKeepsCharge) {
   Image<double> pair(40, 25);
   pair.At(5, 5) = 8000;

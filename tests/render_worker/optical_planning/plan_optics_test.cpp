@@ -230,6 +230,35 @@ TEST(PlanOptics, EveryScanHasItsOwn) {
   }
 }
 
+// Few f-numbers take long: progress moves within each, so that the time left can be told.
+TEST(PlanOptics, ProgressMovesWithinAnFNumber) {
+  StepOptions step = With(
+      R"("f_numbers": [4], "realisations": 2, "two_exposures": true,
+         "focus_distance_m": {"ranges": [{"min": 0.25, "max": 0.4}]})");
+  const auto scene = StepScene(step);
+  OpticsTask task;
+  task.frames = {{StepFrame(0.002), 1, 0}};
+  OpticsHooks hooks;
+  hooks.limits = TwoThreads();
+  std::vector<double> fractions;
+  hooks.on_progress = [&](double fraction, const std::string&) { fractions.push_back(fraction); };
+  const auto plan = PlanOptics(*scene, {}, task, hooks);
+  ASSERT_TRUE(plan.ok()) << plan.status();
+  ASSERT_FALSE(fractions.empty());
+  double largest_step = 1 - fractions.back();
+  for (size_t i = 1; i < fractions.size(); ++i) {
+    EXPECT_GE(fractions[i], fractions[i - 1]) << i;
+    largest_step = std::max(largest_step, fractions[i] - fractions[i - 1]);
+  }
+  // Of the whole; the f-number is three quarters of it.
+  EXPECT_LT(largest_step, 0.2);
+
+  // Who watches changes nothing.
+  const auto unwatched = Plan(*scene);
+  ASSERT_TRUE(unwatched.ok());
+  EXPECT_EQ(unwatched->SerializeAsString(), plan->SerializeAsString());
+}
+
 TEST(PlanOptics, SaysWhenThereIsNoLine) {
   const auto scene = StepScene(With(R"("f_numbers": [4], "realisations": 2)"));
   OpticsTask task;

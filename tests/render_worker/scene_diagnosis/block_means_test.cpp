@@ -1,19 +1,19 @@
 // SPDX-License-Identifier: Apache-2.0
-// Statistics of block means against many renderings with other speckle and noise.
-#include "render_worker/scene_diagnosis/block_means.h"
+// Statistics of block means, compared with many renderings with other speckle and noise.
+#include "render_worker/scene_diagnosis/block/block_means.h"
 
 #include <gtest/gtest.h>
 
 #include <cmath>
 #include <optional>
 
-#include "render_worker/scene_diagnosis/path_fit.h"
+#include "render_worker/scene_diagnosis/light_paths.h"
 #include "tests/render_worker/scene_diagnosis/groove_scene.h"
 
 namespace sightline {
 namespace {
 
-// Residuals of the right model: mean 0 and mean square 1 over blocks and realisations.
+// Residuals of the right model have mean 0 and mean square 1 over blocks and speckle patterns.
 TEST(BlockMeans, ResidualsOfTheRightModelAreStandard) {
   RecordedScene scene = GrooveScene();
   LightPathSettings tracing;
@@ -37,7 +37,7 @@ TEST(BlockMeans, ResidualsOfTheRightModelAreStandard) {
     }
     ASSERT_EQ(nominal.size(), 2U);
     const ExpectedBlocks expected = blocks.Expect(nominal, factors);
-    for (int b = 0; b < blocks.count(); ++b) {
+    for (int b = 0; b < blocks.grid().count(); ++b) {
       const double z = (blocks.observed_dn()[b] - expected.mean_dn[b]) /
                        std::sqrt(expected.speckle_variance_dn2[b] + expected.other_variance_dn2[b]);
       sum += z;

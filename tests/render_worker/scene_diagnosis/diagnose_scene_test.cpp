@@ -59,6 +59,8 @@ TEST(DiagnoseScene, FindsInterreflection) {
   // The description as fitted; power is known to some per cent from these images.
   ASSERT_EQ(diagnosis.calibrated_effects_size(), 1);
   EXPECT_EQ(diagnosis.calibrated_effects(0).effect(), "illumination.interreflection");
+  ASSERT_GT(diagnosis.inspection_changes_size(), 0);
+  EXPECT_EQ(diagnosis.inspection_changes(0).field(), "render.laser_interreflection");
   EXPECT_EQ(diagnosis.calibrated().format_version(), 2);
   EXPECT_EQ(diagnosis.calibrated().recordings_size(), 2);
   double laser_factor = 1;
@@ -69,7 +71,7 @@ TEST(DiagnoseScene, FindsInterreflection) {
               scene.recordings.laser.power_w * laser_factor, 1e-12);
 }
 
-// What is excluded is not answered; one effect at most means no pairs.
+// The answer has no excluded effects, and no pairs if one effect at most is asked for.
 TEST(DiagnoseScene, ExcludedEffects) {
   RecordedScene scene = GrooveScene();
   scene.recordings.recordings.pop_back();
@@ -93,7 +95,7 @@ TEST(DiagnoseScene, ExcludedEffects) {
               HasSubstr("max_effects: is 3, must be 1 or 2"));
 }
 
-// Every id that is named exists, and the other way round.
+// Every id that is listed is traced, and every path that is traced is listed.
 TEST(LightPaths, LeftOutEffectsAreThoseThatAreTraced) {
   RecordedScene scene = GrooveScene(R"(, "lighting": {"ambient": {"radiance_w_m2_sr": 0.01}})");
   scene.inspection.render.max_bounces = 0;
@@ -202,7 +204,7 @@ TEST(DiagnoseScene, KeepsWhatWasComparedWhenInterrupted) {
   EXPECT_EQ(half->null_fit().SerializeAsString(), whole.null_fit().SerializeAsString());
   EXPECT_FALSE(half->has_calibrated());
   EXPECT_EQ(half->calibrated_effects_size(), 0);
-  // Nothing but the null model: that it does not fit is known.
+  // The null model alone has been fitted: its residuals are known.
   const auto none =
       Interrupted(scene, [](double, std::string_view what) { return what == "null model"; });
   ASSERT_TRUE(none.ok()) << none.status();
@@ -226,7 +228,7 @@ TEST(DiagnoseScene, ComparesTheRecordingsThatWereTracedWhenInterrupted) {
   EXPECT_EQ(half->verdict(), "interrupted");
   EXPECT_THAT(half->finding(), HasSubstr("1 of 2 recordings"));
   EXPECT_EQ(half->region_maps_size(), 1);
-  // What is known of the first recording alone.
+  // The same as for the first recording alone.
   scene.recordings.recordings.pop_back();
   scene.raw_dn.pop_back();
   const v1::Diagnosis first = Diagnosed(scene);

@@ -25,7 +25,7 @@ constexpr int kColumns_px = 160, kRows_px = 128, kBits = 12;
 constexpr double kGain = 0.25, kEfficiency = 0.5, kDarkNoise_e = 8, kBlack_dn = 40;
 constexpr double kDarkCurrent_e_s = 2000;
 
-// A camera of its own for the tests: what the linear model says, and departures of known size.
+// A simulated camera for the tests: the linear model with departures of known size.
 struct TestCamera {
   double quadratic = 0;         // response, relative at 16 000 electrons
   double time_offset_s = 0;     // of the exposure
@@ -117,7 +117,7 @@ class TestSet {
 
   const TestCamera camera_;
   v1::SensorSet set_;
-  std::vector<v1::FlatFieldStep> taken_;  // whatever a test removes from the set
+  std::vector<v1::FlatFieldStep> taken_;  // all steps, also those that a test removes from the set
   std::vector<double> held_;
 };
 

@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the client leaves out of an inspection is what the renderer refuses for parts.
+// Effects whose description says that they act on flat plates only are those which the renderer
+// refuses for parts.
 #include <gtest/gtest.h>
 
 #include <atomic>
@@ -10,7 +11,6 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
-#include "planner_client/diagnosis_client/calibrated_inspection.h"
 #include "render_worker/effects/effect.h"
 #include "render_worker/render/render_task.h"
 #include "tests/render_worker/service/plate_spec.h"
@@ -54,14 +54,15 @@ TEST(PlateOnlyEffects, AreThoseTheRendererRefuses) {
       << "v -0.1 -0.1 0\nv 0.1 -0.1 0\nv 0.1 0.1 0\nv -0.1 0.1 0\nf 1 2 3\nf 1 3 4\n";
   for (const Effect* effect : AllEffects()) {
     const std::string id(effect->description().id);
+    const bool plate_only = effect->description().scope == EffectScope::kFlatPlate;
     const absl::Status status = TryOnPart(effect->description(), folder);
     if (absl::IsCancelled(status)) {
-      EXPECT_FALSE(ActsOnPlatesOnly(id)) << id;
+      EXPECT_FALSE(plate_only) << id;
     } else {
       EXPECT_TRUE(absl::IsInvalidArgument(status) &&
                   absl::StrContains(status.message(), "acts on a flat plate only"))
           << id << ": " << status;
-      EXPECT_TRUE(ActsOnPlatesOnly(id)) << id;
+      EXPECT_TRUE(plate_only) << id;
     }
   }
   std::filesystem::remove_all(folder);

@@ -232,6 +232,17 @@ TEST_F(RenderServiceTest, PlateSetIsValidAndTheSameForAnyThreadCount) {
   for (size_t i = 0; i < files.size(); ++i) EXPECT_EQ(again[i].bytes, files[i].bytes);
 }
 
+// The build is that of the program that renders: here this one.
+TEST_F(RenderServiceTest, SaysItsBuild) {
+  grpc::ClientContext context;
+  SetTimeout(&context);
+  v1::GetRenderWorkerResponse response;
+  ASSERT_TRUE(render_->GetRenderWorker(&context, v1::GetRenderWorkerRequest(), &response).ok());
+  const auto program = DigestOfFile("/proc/self/exe");
+  ASSERT_TRUE(program.ok()) << program.status();
+  EXPECT_EQ(response.server_build(), program->sha256);
+}
+
 TEST_F(RenderServiceTest, SameRequestIdSameJob) {
   const auto first = Create(PlateSpec(), "a");
   const auto second = Create(PlateSpec(), "a");

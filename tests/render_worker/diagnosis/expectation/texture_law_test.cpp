@@ -38,7 +38,7 @@ double MeanOverPairs(const std::function<double(double)>& correlation, double le
 TEST(TextureLaw, StretchesAreAsAlikeAsTheirPoints) {
   constexpr double kRms = 0.2, kCorrelation_m = 2e-3;
   const FrameSetup frame = ThinLine();
-  const TextureLaw exponential("unknown.reflectance_scatter", frame, {kRms, kCorrelation_m});
+  const TextureLaw exponential(RandomLaw::kExponentialReflectance, frame, {kRms, kCorrelation_m});
   const auto correlation = [](double x_m) {
     return kRms * kRms * std::exp(-std::abs(x_m) / kCorrelation_m);
   };
@@ -53,18 +53,20 @@ TEST(TextureLaw, StretchesAreAsAlikeAsTheirPoints) {
 
 TEST(TextureLaw, WhatBlocksDoNotShareVariesWithinThem) {
   constexpr double kRms = 0.2, kBlock_m = 3e-3;
-  for (const auto* const id : {"surface.albedo_texture", "unknown.reflectance_scatter"}) {
+  for (const RandomLaw law :
+       {RandomLaw::kGaussianReflectance, RandomLaw::kExponentialReflectance}) {
     for (const double correlation_m : {1e-4, 1e-3, 1e-2}) {
-      const TextureLaw texture(id, ThinLine(), {kRms, correlation_m});
+      const TextureLaw texture(law, ThinLine(), {kRms, correlation_m});
       const double along = texture.VarianceAlong(kBlock_m);
-      EXPECT_GT(along, 0) << id;
+      EXPECT_GT(along, 0) << static_cast<int>(law);
       EXPECT_NEAR(texture.Covariance(kBlock_m, 0) + along,
                   texture.Covariance(1e-3 * correlation_m, 0), 1e-3 * kRms * kRms)
-          << id;
+          << static_cast<int>(law);
     }
     // A field that is smooth over a block does not vary in it, one that is fine only there.
-    EXPECT_LT(TextureLaw(id, ThinLine(), {kRms, 1}).VarianceAlong(kBlock_m), 2e-3 * kRms * kRms);
-    EXPECT_LT(TextureLaw(id, ThinLine(), {kRms, 1e-5}).Covariance(kBlock_m, 0), 0.01 * kRms * kRms);
+    EXPECT_LT(TextureLaw(law, ThinLine(), {kRms, 1}).VarianceAlong(kBlock_m), 2e-3 * kRms * kRms);
+    EXPECT_LT(TextureLaw(law, ThinLine(), {kRms, 1e-5}).Covariance(kBlock_m, 0),
+              0.01 * kRms * kRms);
   }
 }
 
@@ -72,8 +74,9 @@ TEST(TextureLaw, WhatBlocksDoNotShareVariesWithinThem) {
 TEST(TextureLaw, FewLengthsOfTheFieldVaryMoreOrLess) {
   constexpr double kLength_m = 6e-3;
   constexpr int kParts = 60, kDraws = 20000;
-  for (const auto* const id : {"surface.albedo_texture", "unknown.reflectance_scatter"}) {
-    const TextureLaw texture(id, ThinLine(), {0.3, 2e-3});
+  for (const RandomLaw law :
+       {RandomLaw::kGaussianReflectance, RandomLaw::kExponentialReflectance}) {
+    const TextureLaw texture(law, ThinLine(), {0.3, 2e-3});
     Eigen::MatrixXd covariance(kParts, kParts);
     for (int i = 0; i < kParts; ++i) {
       for (int j = 0; j < kParts; ++j) {
@@ -97,9 +100,10 @@ TEST(TextureLaw, FewLengthsOfTheFieldVaryMoreOrLess) {
     // Parts have none within.
     EXPECT_NEAR(mean, texture.VarianceAlong(kLength_m) - texture.VarianceAlong(kLength_m / kParts),
                 0.02 * mean)
-        << id;
-    EXPECT_NEAR(deviation, texture.DeviationOfVarianceAlong(kLength_m), 0.03 * deviation) << id;
-    EXPECT_GT(deviation, 0.3 * mean) << id;
+        << static_cast<int>(law);
+    EXPECT_NEAR(deviation, texture.DeviationOfVarianceAlong(kLength_m), 0.03 * deviation)
+        << static_cast<int>(law);
+    EXPECT_GT(deviation, 0.3 * mean) << static_cast<int>(law);
   }
 }
 
@@ -130,7 +134,7 @@ TEST(TextureLaw, IsThatOfTheTextureThatIsRendered) {
       before = sum;
     }
   }
-  const TextureLaw law(effect.description().id, ThinLine(), parameters);
+  const TextureLaw law(effect.description().random_law, ThinLine(), parameters);
   EXPECT_NEAR(square, law.Covariance(kBlock_m, 0), 0.08 * square);
   EXPECT_NEAR(within, law.VarianceAlong(kBlock_m), 0.08 * within);
   EXPECT_NEAR(neighbours, law.Covariance(kBlock_m, kBlock_m), 0.05 * square);

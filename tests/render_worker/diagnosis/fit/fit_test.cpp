@@ -38,15 +38,15 @@ TEST(FitSet, FindsDeviationsWithinTheirErrors) {
   }
 }
 
-// A bug found: a null model that had not found its deviations within its rounds was taken as it
-// was, and what it lacked hid the effect that was there.
+// Regression: a null model that had not converged within its rounds was used as it was, and its
+// remaining error hid the effect that was present.
 TEST(FitSet, GoesOnUntilItIsThere) {
   const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
   const SetModel model(set, {});
   SetParameters truth;
   truth.deviations = SomeDeviations();
   truth.deviations.line_position_each_px = 0;
-  const Entries observed = model.Expect(truth, false).mean;
+  const BlockVectors observed = model.Expect(truth, false).mean;
   FitSettings settings;
   settings.rounds = {{0.1, 0.3}, {0, 0}};
   settings.max_iterations = 1;
@@ -65,7 +65,7 @@ TEST(FitSet, SharesOutByThePriorWhatTheDataCannot) {
   const Effect* error = FindEffect("optics.f_number_error");
   SetParameters parameters;
   parameters.effects = {{error, {0.8}}};
-  const Entries observed = model.Expect(parameters, false).mean;
+  const BlockVectors observed = model.Expect(parameters, false).mean;
   const double far = -0.04;  // of an uncertainty of 0.015
   parameters.deviations.f_number_relative = far;
   parameters.effects[0].parameters[0] = 0.8 / (1 + far);
@@ -98,7 +98,7 @@ TEST(FitSet, AStrongEffectIsNotPulledTowardsNone) {
     SetParameters truth;
     truth.effects = {{FindEffect(id), {value}}};
     const double null_value = truth.effects[0].effect->description().parameters[0].null_value;
-    const Entries observed = model.Expect(truth, false).mean;
+    const BlockVectors observed = model.Expect(truth, false).mean;
     FitSettings settings;
     settings.observed = &observed;
     SetParameters start;
@@ -143,11 +143,11 @@ FitResult FitOfOneDeviation() {
 
 TEST(LinearFit, WhatABoundHoldsAbsorbsNothing) {
   FitResult fit = FitOfOneDeviation();
-  fit.held = {false};
+  fit.at_bound = {false};
   const Eigen::VectorXd change = Eigen::VectorXd::Ones(2);
   EXPECT_LT(LinearFit(fit).Inner(change, change), 0.02);
   EXPECT_NE(LinearFit(fit).Step()[0], 0);
-  fit.held = {true};
+  fit.at_bound = {true};
   EXPECT_DOUBLE_EQ(LinearFit(fit).Inner(change, change), 2);
   EXPECT_EQ(LinearFit(fit).Step()[0], 0);
 }
@@ -159,7 +159,7 @@ TEST(LinearFit, WhatIsReleasedGoesToItsBest) {
   const LinearFit released(fit);
   const double best = 3 + released.Step()[0];
   EXPECT_NEAR(fit.jacobian[0].col(0).dot(released.ResidualAtBest()), best, 1e-9);
-  fit.held = {true};
+  fit.at_bound = {true};
   EXPECT_EQ(LinearFit(fit).ResidualAtBest(), fit.residual[0]);
 }
 

@@ -16,7 +16,7 @@
 #include <string>
 
 #include "render_worker/diagnosis/expectation/expected_frame.h"
-#include "render_worker/diagnosis/random_effect/recording_scatter.h"
+#include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/effects/described_effect.h"
 #include "render_worker/effects/vocabulary.h"
 #include "render_worker/image_chain/form_image.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render_worker/diagnosis/selection/fringe_search.h"
+#include "render_worker/diagnosis/selection/screening/fringe_search.h"
 
 #include <gtest/gtest.h>
 
@@ -17,16 +17,16 @@ namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
 
-ActiveEffect Fringes(std::vector<double> parameters) {
-  return {FindEffect("optics.cover_glass_etalon"), std::move(parameters)};
-}
+const Effect& Etalon() { return *FindEffect("optics.cover_glass_etalon"); }
+
+ActiveEffect Fringes(std::vector<double> parameters) { return {&Etalon(), std::move(parameters)}; }
 
 // A bug found: fringes as long as a block of the line were texture of the plate, since their phase
 // counted as unknown.
 TEST(FringesSeen, HaveTheirPeriodDirectionAndPhase) {
   const std::vector<double> truth = {0.15, 60, 35, 50};
   const RecordedSet set = RenderSmallSet({}, {Fringes(truth)}, 3);
-  const std::vector<ActiveEffect> seen = FringesSeen(set);
+  const std::vector<ActiveEffect> seen = FringesSeen(Etalon(), set);
   ASSERT_FALSE(seen.empty());
   const std::vector<double>& found = seen[0].parameters;
   EXPECT_NEAR(found[0], truth[0], 0.05);
@@ -36,15 +36,15 @@ TEST(FringesSeen, HaveTheirPeriodDirectionAndPhase) {
   EXPECT_NEAR(std::sin(found[2] * kRadians) / found[1], std::sin(truth[2] * kRadians) / truth[1],
               0.25 / 40);
   // The phase is beyond that drawn for the camera.
-  const std::vector<ActiveEffect> turned =
-      FringesSeen(RenderSmallSet({}, {Fringes({truth[0], truth[1], truth[2], truth[3] + 80})}, 3));
+  const std::vector<ActiveEffect> turned = FringesSeen(
+      Etalon(), RenderSmallSet({}, {Fringes({truth[0], truth[1], truth[2], truth[3] + 80})}, 3));
   ASSERT_FALSE(turned.empty());
   EXPECT_NEAR(std::cos((turned[0].parameters[3] - found[3] - 80) * kRadians), 1, 0.05);
 }
 
 TEST(FringesSeen, NothingRecordedShowsNothing) {
   const RecordedSet planned = MakeRecordedSet(SmallSetDescription(), {});
-  EXPECT_TRUE(FringesSeen(planned).empty());
+  EXPECT_TRUE(FringesSeen(Etalon(), planned).empty());
 }
 
 TEST(ExpectFrame, FringesAreTheMeanOfTheColumnsOfABlock) {

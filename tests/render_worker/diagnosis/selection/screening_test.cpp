@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "render_worker/diagnosis/selection/screening.h"
+#include "render_worker/diagnosis/selection/screening/screening.h"
 
 #include <gtest/gtest.h>
 
@@ -96,8 +96,8 @@ TEST(Screening, WhatIsHeldAtABoundGivesWayToAnEffect) {
   int column = 0;
   for (int i = 0; i < gain; ++i) column += DeviationAt(uncertainty, i) > 0 ? 1 : 0;
   null.standardised[column] = held;
-  null.held.assign(null.standardised.size(), false);
-  null.held[column] = true;
+  null.at_bound.assign(null.standardised.size(), false);
+  null.at_bound[column] = true;
   Eigen::Index at = 0;
   for (size_t e = 0; e < null.residual.size(); ++e) {
     const Eigen::Index n = null.residual[e].size();

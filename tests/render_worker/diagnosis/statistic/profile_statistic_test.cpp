@@ -15,7 +15,7 @@
 namespace sightline {
 namespace {
 
-// A bug found: correlations put together from places with different speckle were none.
+// Regression: correlations composed of positions with different speckle were not positive definite.
 TEST(ProfileStatistic, CovarianceIsPositiveOutOfFocus) {
   RecordingSet description = SmallSetDescription();
   for (RecordedImage& image : description.recordings) {
@@ -25,8 +25,8 @@ TEST(ProfileStatistic, CovarianceIsPositiveOutOfFocus) {
   const RecordedSet set = MakeRecordedSet(description, {});
   const SetModel model(set, {});
   const SetModel::Expectation expectation = model.Expect({}, true);
-  for (int e = 0; e < model.entries(); ++e) {
-    if (model.StatisticOf(e).name() != "profile") continue;
+  for (int e = 0; e < model.blocks(); ++e) {
+    if (model.StatisticOf(e).kind() != StatisticKind::kProfile) continue;
     const Eigen::VectorXd deviation = expectation.covariance[e].diagonal().cwiseSqrt();
     const Eigen::MatrixXd correlation = deviation.cwiseInverse().asDiagonal() *
                                         expectation.covariance[e] *
@@ -36,8 +36,8 @@ TEST(ProfileStatistic, CovarianceIsPositiveOutOfFocus) {
   }
 }
 
-// A bug found: how uncertain what is left at the region's edge is was lost where no bin lay at the
-// right place.
+// Regression: the uncertainty of the signal at the region's edge was lost where no bin lay at the
+// distance at which it is read.
 TEST(ProfileStatistic, TailsAreUncertainWhateverTheBins) {
   for (const double f_number : {1.4, 2.8, 8.0}) {
     for (const double distance_m : {0.28, 0.31, 0.33}) {
@@ -52,8 +52,9 @@ TEST(ProfileStatistic, TailsAreUncertainWhateverTheBins) {
       more.model_error.standardised = {1, 1, 0};
       const SetModel::Expectation nominal = model.Expect({}, false);
       const SetModel::Expectation raised = model.Expect(more, false);
-      for (int e = 0; e < model.entries(); ++e) {
-        if (model.StatisticOf(e).name() != "profile" || nominal.mean[e].size() < 10) continue;
+      for (int e = 0; e < model.blocks(); ++e) {
+        if (model.StatisticOf(e).kind() != StatisticKind::kProfile || nominal.mean[e].size() < 10)
+          continue;
         EXPECT_GT((raised.mean[e] - nominal.mean[e]).minCoeff(), 0) << f_number << " " << e;
       }
     }

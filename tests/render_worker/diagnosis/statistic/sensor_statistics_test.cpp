@@ -14,11 +14,13 @@
 #include <vector>
 
 #include "render_worker/diagnosis/statistic/burst_statistic.h"
-#include "render_worker/diagnosis/statistic/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/statistic/histogram_statistic.h"
-#include "render_worker/diagnosis/statistic/noise_statistics.h"
+#include "render_worker/diagnosis/statistic/noise/dark_statistic.h"
+#include "render_worker/diagnosis/statistic/noise/repeat_statistic.h"
+#include "render_worker/diagnosis/statistic/noise/texture_statistic.h"
+#include "render_worker/diagnosis/statistic/pattern/fixed_pattern_statistic.h"
 #include "render_worker/diagnosis/statistic/profile_statistic.h"
-#include "render_worker/diagnosis/statistic/shared_speckle_statistic.h"
+#include "render_worker/diagnosis/statistic/speckle/shared_speckle_statistic.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/recordings/strips.h"
 
@@ -135,7 +137,7 @@ struct Comparison {
 Comparison Compare(const SetStatistic& statistic, const RecordedSet& set,
                    const ExpectedSet& expected) {
   Comparison sum;
-  for (int entry = 0; entry < statistic.entries(); ++entry) {
+  for (int entry = 0; entry < statistic.blocks(); ++entry) {
     const Eigen::LLT<Eigen::MatrixXd> whitening(statistic.Covariance(expected, entry));
     EXPECT_EQ(whitening.info(), Eigen::Success) << statistic.name() << " entry " << entry;
     const Eigen::VectorXd residual =
@@ -190,7 +192,7 @@ TYPED_TEST(NullTest, ScattersAsItsCovarianceSays) {
     for (uint64_t seed = 1; seed <= 2; ++seed) {
       const RecordedSet& set = Rendered(colour, seed, {});
       const TypeParam statistic(set);
-      ASSERT_GT(statistic.entries(), 0);
+      ASSERT_GT(statistic.blocks(), 0);
       const Comparison one = Compare(statistic, set, Expected(colour, {}));
       sum.chi_squared += one.chi_squared;
       sum.count += one.count;
@@ -207,8 +209,8 @@ TYPED_TEST(NullTest, NeedsNoImages) {
   const RecordedSet planned = MakeRecordedSet(Recordings(false), {});
   const ExpectedSet& expected = Expected(false, {});
   const TypeParam statistic(planned), recorded(Rendered(false, 1, {}));
-  ASSERT_EQ(statistic.entries(), recorded.entries());
-  for (int entry = 0; entry < statistic.entries(); ++entry) {
+  ASSERT_EQ(statistic.blocks(), recorded.blocks());
+  for (int entry = 0; entry < statistic.blocks(); ++entry) {
     const Eigen::MatrixXd covariance = statistic.Covariance(expected, entry);
     EXPECT_EQ(statistic.Observed(planned, entry).size(), covariance.rows());
     EXPECT_TRUE(statistic.Expected(expected, entry).allFinite());
@@ -362,7 +364,7 @@ TEST(SharedSpeckleStatistic, ALittleMotionAddsTheVarianceThatIsRendered) {
       const RecordedSet& set = Rendered(false, seed, effects);
       const RecordedSet& unmoved = Rendered(false, seed, {});
       const SharedSpeckleStatistic statistic(set);
-      ASSERT_EQ(statistic.entries(), 1);
+      ASSERT_EQ(statistic.blocks(), 1);
       const Eigen::VectorXd change = statistic.Observed(set, 0) - statistic.Observed(unmoved, 0);
       const Eigen::VectorXd model = statistic.Expected(Expected(false, effects), 0) -
                                     statistic.Expected(Expected(false, {}), 0);
@@ -441,7 +443,7 @@ TEST(TextureStatistic, BlurOfTheImageTakesTheContrastThatIsRendered) {
     const RecordedSet& blurred = Rendered(false, kSeed, effects);
     const Texture before(sharp), after(blurred);
     double seen = 0, expected = 0;  // change of squared contrast, the first number
-    for (int e = 0; e < before.entries(); ++e) {
+    for (int e = 0; e < before.blocks(); ++e) {
       if (before.Observed(sharp, e).size() == 0) continue;
       seen += after.Observed(blurred, e)[0] - before.Observed(sharp, e)[0];
       expected += after.Expected(Expected(false, effects), e)[0] -
@@ -463,7 +465,7 @@ TextureChange ChangeOfTexture(const RecordingSet& description, const ActiveEffec
   const ExpectedSet expected_before = Expect(plain, {}), expected_after = Expect(changed, {effect});
   const Texture before(plain), after(changed);
   TextureChange sum;
-  for (int e = 0; e < before.entries(); ++e) {
+  for (int e = 0; e < before.blocks(); ++e) {
     const Eigen::VectorXd was = before.Observed(plain, e), is = after.Observed(changed, e);
     if (was.size() == 0) continue;
     sum.seen += is[0] - was[0];
@@ -480,7 +482,7 @@ TEST(TextureStatistic, KnowsOfAlbedoThatDiffersWithinABlock) {
   EXPECT_NEAR(change.expected / change.seen, 1, 0.25);
 }
 
-// Entries of its recordings begin with the variance of the background.
+// BlockVectors of its recordings begin with the variance of the background.
 RecordingSet WithBackground(RecordingSet description) {
   for (RecordedImage& image : description.recordings) {
     image.roi_row_px = -96;
@@ -541,7 +543,7 @@ TEST(RepeatStatistic, NoiseIsExpectedAtTheMeanThatIsRecorded) {
   for (uint64_t seed = 1; seed <= kSeeds; ++seed) {
     const RecordedSet set = Render(description, seed, {});
     const RepeatStatistic statistic(set);
-    ASSERT_EQ(statistic.entries(), 1);
+    ASSERT_EQ(statistic.blocks(), 1);
     const Eigen::VectorXd values = statistic.Expected(expected, 0);
     const Eigen::VectorXd residual = statistic.Observed(set, 0) - values;
     const Eigen::VectorXd gained = statistic.Expected(expected_of_gain, 0) - values;
@@ -569,7 +571,7 @@ TEST(RepeatStatistic, NoiseIsExpectedAtTheMeanThatIsRecorded) {
 TEST(DarkStatistic, LeavesOutFramesThatFollowLight) {
   const RecordedSet& set = Rendered(false, kSeed, {Active("sensor.image_lag", {2e-3})});
   const DarkStatistic statistic(set);
-  EXPECT_EQ(statistic.entries(), 3);
+  EXPECT_EQ(statistic.blocks(), 3);
   const Comparison null = Compare(statistic, set, Expected(false, {}));
   EXPECT_LT(null.chi_squared, 2.5 * null.count);
 }

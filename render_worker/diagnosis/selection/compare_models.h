@@ -1,0 +1,51 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bayesian model comparison: which effects, one or several together, explain a set best.
+//
+//   ComparisonSettings settings;
+//   settings.effects = AllEffects();
+//   const ModelComparison result = CompareModels(model, FitSet(model, start, {}, {}, nullptr),
+//                                                settings, [](double) { return true; });
+//   result.ranked.front();  // the most probable hypothesis
+#pragma once
+
+#include <cstdint>
+#include <functional>
+#include <span>
+#include <vector>
+
+#include "render_worker/diagnosis/fit/predictive_check.h"
+#include "render_worker/diagnosis/selection/hypothesis.h"
+#include "render_worker/diagnosis/selection/screening/screening.h"
+
+namespace sightline {
+
+struct ComparisonSettings {
+  std::span<const Effect* const> effects;     // of the vocabulary
+  std::span<const Effect* const> free_forms;  // model-discrepancy terms
+  int max_effects = 2;                        // largest number of effects in a hypothesis, >= 1
+  uint64_t seed = 1;                          // of the choice of recordings that are left out
+};
+
+struct ModelComparison {
+  // False: `progress` stopped it. `null`, `screened` and `ranked` hold what was found until then,
+  // ranked by evidence; no predictive check was made.
+  bool finished = true;
+  FitResult null;                  // the null model, under the covariance of all hypotheses
+  std::vector<Hypothesis> ranked;  // most probable first; the null model is one of them
+  std::vector<ScreenedEffect> screened;
+  // Effects that change the expectation as ranked.front()'s first effect does, so that these
+  // recordings cannot tell them apart.
+  std::vector<const Effect*> same_class;
+  // The most probable hypothesis without a model-discrepancy term, which may be the null model, and
+  // the predictive checks of the null model and of it.
+  Hypothesis named;
+  PredictiveCheck null_check, named_check;
+};
+
+// `null`: a fit of `model` without effects. `progress` gets the fraction done in [0, 1] from the
+// calling thread; if it returns false, the comparison stops (ModelComparison::finished).
+ModelComparison CompareModels(const SetModel& model, const FitResult& null,
+                              const ComparisonSettings& settings,
+                              const std::function<bool(double)>& progress);
+
+}  // namespace sightline

@@ -1,0 +1,95 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cassert>
+#include <cmath>
+#include <utility>
+#include <vector>
+
+#include "render_worker/diagnosis/fit/model_error.h"
+#include "render_worker/diagnosis/selection/stages/stages.h"
+#include "render_worker/diagnosis/selection/thresholds.h"
+
+namespace sightline {
+namespace {
+
+// Evidence with the weight that the model's own errors leave it: they and errors of the best
+// effect's modelled change can look like another effect in its place. One more effect, which
+// changes something else, counts in full beyond the gain that such errors could give it.
+std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses) {
+  double best = 0, single = 0, effect_error = kEffectError;
+  for (const Hypothesis& hypothesis : hypotheses) {
+    best = std::max(best, hypothesis.log_evidence);
+    if (hypothesis.effects.size() != 1 || hypothesis.log_evidence < single) continue;
+    single = hypothesis.log_evidence;
+    // A vibration with fitted phases is not an approximation of the recordings' changes.
+    effect_error = hypothesis.phases_rad.empty() ? kEffectError : 0;
+  }
+  const double weight = kEvidenceWeight / (1 + effect_error * effect_error * best);
+  const double error = 2 * effect_error * effect_error * single;
+  std::vector<double> trusted;
+  for (const Hypothesis& hypothesis : hypotheses) {
+    trusted.push_back(weight * hypothesis.log_evidence);
+    if (hypothesis.effects.size() < 2 || IsFreeForm(hypothesis)) continue;
+    const FitResult& fit = hypothesis.fit;
+    const double misfit = std::max(1.0, fit.chi_squared / std::max(1, fit.data_count));
+    const double more = hypothesis.log_evidence - single - error;
+    trusted.back() = std::max(trusted.back(), weight * single + kEvidenceWeight / misfit * more);
+  }
+  return trusted;
+}
+
+double LogModelPrior(const HypothesisCounts& counts, const Hypothesis& hypothesis) {
+  const double effects = counts.effects;
+  const double forms = std::max(1, counts.free_forms);
+  if (hypothesis.effects.empty()) return std::log(thresholds::kNonePrior);
+  if (IsFreeForm(hypothesis)) {
+    const bool near_known = hypothesis.effects.size() > 1;
+    return std::log((1 - thresholds::kNonePrior) * thresholds::kUnknownPrior *
+                    (near_known ? thresholds::kNearKnownPrior * thresholds::kStages / effects
+                                : 1 - thresholds::kNearKnownPrior) /
+                    forms);
+  }
+  return std::log((1 - thresholds::kNonePrior) * (1 - thresholds::kUnknownPrior) / effects) +
+         (static_cast<double>(hypothesis.effects.size()) - 1) *
+             std::log(thresholds::kOneMorePrior / effects);
+}
+
+}  // namespace
+
+std::vector<Hypothesis> RankHypotheses(const HypothesisCounts& counts,
+                                       std::vector<Hypothesis> hypotheses) {
+  assert(!hypotheses.empty());
+  const std::vector<double> trusted_evidence = TrustedEvidence(hypotheses);
+  double largest = -1e300;
+  for (size_t h = 0; h < hypotheses.size(); ++h) {
+    Hypothesis& hypothesis = hypotheses[h];
+    hypothesis.log_prior = LogModelPrior(counts, hypothesis);
+    hypothesis.probability = trusted_evidence[h] + hypothesis.log_prior;
+    largest = std::max(largest, hypothesis.probability);
+  }
+  double sum = 0;
+  for (Hypothesis& hypothesis : hypotheses) {
+    hypothesis.probability = std::exp(hypothesis.probability - largest);
+    sum += hypothesis.probability;
+  }
+  for (Hypothesis& hypothesis : hypotheses) hypothesis.probability /= sum;
+  std::stable_sort(
+      hypotheses.begin(), hypotheses.end(),
+      [](const Hypothesis& a, const Hypothesis& b) { return a.probability > b.probability; });
+  return hypotheses;
+}
+
+std::vector<Hypothesis> Rank(const Context& context, std::vector<Hypothesis> hypotheses) {
+  std::erase_if(hypotheses, [](const auto& h) { return !EffectsAreDetected(h); });
+  Hypothesis none;
+  none.fit = context.null;
+  hypotheses.push_back(std::move(none));
+  return RankHypotheses(CountsOf(context.settings), std::move(hypotheses));
+}
+
+HypothesisCounts CountsOf(const ComparisonSettings& settings) {
+  return {.effects = static_cast<int>(settings.effects.size()),
+          .free_forms = static_cast<int>(settings.free_forms.size())};
+}
+
+}  // namespace sightline

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+// Stages of the model comparison, in the order of CompareModels. Each takes the hypotheses of the
+// stage before and returns them with its own; none changes anything else. Stages that report
+// progress return a StageResult, since they can be stopped.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "render_worker/diagnosis/selection/context.h"
+#include "render_worker/diagnosis/selection/stages/screen.h"
+
+namespace sightline {
+
+struct StageResult {
+  std::vector<Hypothesis> hypotheses;
+  bool stopped = false;  // Context::proceed returned false; hypotheses are those found until then
+};
+
+// The effects of largest screened gain, each fitted by itself together with the set-up's
+// parameters. Sorted by evidence.
+StageResult FitSingles(const Context& context, std::vector<Hypothesis> hypotheses);
+
+// Only if the null model is hopeless, no hypothesis so far brings it near the data, and recordings
+// of one position show the line at different places: fits a vibration with its phases. If that
+// succeeds, hypotheses under the null model's covariance are dropped and the others get an evidence
+// that compares with the vibration's. Otherwise the hypotheses are returned as they are. Sorted.
+std::vector<Hypothesis> FollowStrongVibration(const Context& context,
+                                              std::vector<Hypothesis> hypotheses);
+// True if FollowStrongVibration succeeded.
+bool VibrationIsFollowed(const std::vector<Hypothesis>& hypotheses);
+
+// Adds the most promising combinations of 2 to ComparisonSettings::max_effects effects. Sorted.
+StageResult FitPairs(const Context& context, std::vector<Hypothesis> hypotheses);
+
+// The first hypothesis fitted under a covariance of its own. `fit` is empty if the null model is
+// not rejected, since its covariance is good enough then, or if there is no hypothesis.
+struct BestRefit {
+  std::optional<FitResult> fit;
+  bool stopped = false;
+};
+BestRefit RefitBest(const Context& context, const std::vector<Hypothesis>& hypotheses);
+
+// Adds every random effect per recording or place by itself, with its amplitudes integrated out.
+// `best`: BestRefit::fit, or null. Sorted.
+std::vector<Hypothesis> AddRandomEffects(const Context& context, std::vector<Hypothesis> hypotheses,
+                                         const FitResult* best);
+// True if a random effect explains most, also compared with `best`, which may be null.
+bool RandomEffectLeads(const std::vector<Hypothesis>& hypotheses, const FitResult* best);
+
+// The null model under the covariance of the first hypothesis, which is nearer the truth than the
+// null model's own, and the fit that has that covariance. `best`: BestRefit::fit; empty: it is
+// fitted here. Without hypotheses both are those of the context.
+struct ReferenceResult {
+  FitResult null;           // for Context::null
+  FitResult linearisation;  // for Context::linearisation
+  bool stopped = false;
+};
+ReferenceResult ReferenceOfBest(const Context& context, const std::vector<Hypothesis>& hypotheses,
+                                std::optional<FitResult> best);
+// Fits all hypotheses, none of which is a random effect, under the covariance of
+// Context::linearisation, then each effect of the best one by itself from where all of them led:
+// before, it may have been stuck where other parameters made up for it. Sorted.
+StageResult FitUnderOneCovariance(const Context& context, std::vector<Hypothesis> hypotheses);
+
+// Adds pairs of an effect and a random effect; or of an effect and the vibration, if it was
+// followed. Sorted.
+StageResult AddRandomEffectsBeside(const Context& context, std::vector<Hypothesis> hypotheses);
+// The second of them. Speckle that moves during exposures is modelled in part only, and another
+// effect might seem to explain the rest: observation blocks about speckle are left out.
+StageResult AddEffectsBesideVibration(const Context& context, std::vector<Hypothesis> hypotheses);
+
+// Adds pairs of the best single effect and a model-discrepancy term: an effect that is only near
+// the truth needs such a term, the true one does not. Terms of the effect's own stage, and of all
+// stages if predictions reject the best hypothesis. Sorted.
+StageResult AddTermsBeside(const Context& context, std::vector<Hypothesis> hypotheses);
+
+// Fits the leading model-discrepancy terms with only those coefficients that raise the evidence.
+// Sorted.
+std::vector<Hypothesis> DropCoefficients(const Context& context,
+                                         std::vector<Hypothesis> hypotheses);
+
+// Numbers of effects and terms that prior probabilities are shared among.
+struct HypothesisCounts {
+  int effects = 0;
+  int free_forms = 0;
+};
+HypothesisCounts CountsOf(const ComparisonSettings& settings);
+// Sets `log_prior` and `probability`, most probable first. `hypotheses`: at least one.
+std::vector<Hypothesis> RankHypotheses(const HypothesisCounts& counts,
+                                       std::vector<Hypothesis> hypotheses);
+// Adds the null model, drops hypotheses with an effect that is not detected, and ranks the rest.
+std::vector<Hypothesis> Rank(const Context& context, std::vector<Hypothesis> hypotheses);
+
+// Drops hypotheses of named effects that do not predict recordings left out better than without an
+// effect by kClearGain_nats, and gives unknown physics the probability that the best of the rest
+// leaves: odds of at least pi / (1 - pi) / (-e p ln p) with its p-value p and pi = kUnknownPrior
+// (Sellke, Bayarri and Berger, Am. Stat. 55 (2001) 62). Returns `ranked`, `named` and both checks.
+ModelComparison HoldToPredictions(const Context& context, std::vector<Hypothesis> ranked);
+
+// Effects whose whitened change is parallel to that of the first hypothesis' first effect after the
+// set-up's parameters have absorbed what they can: squared cosine above kSameChange.
+std::vector<const Effect*> EquivalenceClass(const Context& context, const Screening& about_null,
+                                            const std::vector<Hypothesis>& ranked);
+
+}  // namespace sightline

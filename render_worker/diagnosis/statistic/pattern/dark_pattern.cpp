@@ -1,0 +1,197 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render_worker/diagnosis/statistic/pattern/dark_pattern.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <utility>
+
+#include "render_worker/diagnosis/statistic/pattern/dark_outliers.h"
+#include "render_worker/sensor/expose.h"
+
+namespace sightline {
+
+namespace {
+
+template <typename Value>
+double Median(std::vector<Value> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+// Offsets of rows may change from frame to frame; they are no fixed pattern.
+void SubtractRowMeans(Image<double>& image) {
+  for (int row = 0; row < image.rows_px; ++row) {
+    double sum = 0;
+    for (int c = 0; c < image.columns_px; ++c) sum += image.At(row, c);
+    for (int c = 0; c < image.columns_px; ++c) image.At(row, c) -= sum / image.columns_px;
+  }
+}
+
+// Sum of values and of their squares. The sum of products over all pairs is half the square of the
+// one minus half the other.
+struct PairSums {
+  double sum = 0, squares = 0;
+
+  void Add(double value) {
+    sum += value;
+    squares += value * value;
+  }
+  double Products() const { return 0.5 * (sum * sum - squares); }
+};
+
+// Components 0 and 1. Clips the residuals and removes their rows' means first.
+std::array<double, kDarkProducts> DarkProducts(std::vector<Image<double>>& frames) {
+  for (Image<double>& residual : frames) {
+    for (double& value : residual.values) value = ClippedResidual(value);
+    SubtractRowMeans(residual);
+  }
+  const int columns = frames.front().columns_px, rows = frames.front().rows_px;
+  double pixels = 0, column_means = 0;
+  std::vector<double> total(frames.size());
+  for (int c = 0; c < columns; ++c) {
+    std::fill(total.begin(), total.end(), 0);
+    for (int row = 0; row < rows; ++row) {
+      PairSums sums;
+      for (size_t f = 0; f < frames.size(); ++f) {
+        const double value = frames[f].At(row, c);
+        sums.Add(value);
+        total[f] += value;
+      }
+      pixels += sums.Products();
+    }
+    PairSums sums;
+    for (double value : total) sums.Add(value);
+    column_means += sums.Products();
+  }
+  const double pairs = 0.5 * static_cast<double>(frames.size() * (frames.size() - 1));
+  const double area = static_cast<double>(columns) * rows;
+  // Without the pixels' own part, only products of different rows of a column remain.
+  return {pixels / (pairs * area),
+          rows > 1 ? (column_means - pixels) / (pairs * area * (rows - 1)) : 0};
+}
+
+// A realisation of what the effects add to dark frames, in units of the nominal dark noise.
+struct RandomDarkPattern {
+  std::vector<Image<double>> frames;
+  bool uniform = true;  // in every frame
+};
+
+RandomDarkPattern RealiseDarkPattern(const ExpectedSet& expected, const PatternGroup& group) {
+  RandomDarkPattern pattern;
+  if (std::none_of(expected.effects.begin(), expected.effects.end(),
+                   [](const ActiveEffect& active) {
+                     return active.effect->description().VariesOverSensor();
+                   })) {
+    return pattern;
+  }
+  for (int f : group.frames) {
+    FrameSetup patch = expected.strips.front()[f].frame;
+    patch.roi = group.roi;
+    Image<double> electrons(patch.roi.columns_px, patch.roi.rows_px, 0.0);
+    for (const ActiveEffect& active : expected.effects) {
+      active.effect->OnMeanElectrons(electrons, nullptr, patch, active.parameters);
+    }
+    const double dark = patch.sensor.dark_mean_electrons + DarkCurrentElectrons(patch);
+    for (double& e : electrons.values) e += dark;
+    for (const ActiveEffect& active : expected.effects) {
+      active.effect->OnElectrons(electrons, patch, active.parameters);
+    }
+    const auto [least, most] =
+        std::minmax_element(electrons.values.begin(), electrons.values.end());
+    pattern.uniform = pattern.uniform && *least == *most;
+    const double median = *least == *most ? *least : Median(electrons.values);
+    for (double& e : electrons.values) {
+      e = patch.sensor.gain_dn_per_electron * (e - median) / group.noise_dn;
+    }
+    pattern.frames.push_back(std::move(electrons));
+  }
+  return pattern;
+}
+
+}  // namespace
+
+Eigen::VectorXd ObservedDarkPattern(const RecordedSet& set, const PatternGroup& group) {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(kDarkProducts + group.frames.size());
+  std::vector<Image<double>> residuals;
+  for (int f : group.frames) {
+    const Image<uint16_t>& raw = set.frames[f].raw_dn;
+    if (raw.empty()) return values;
+    // Hot pixels do not change the median.
+    const double median = Median(raw.values);
+    Image<double> residual(raw.columns_px, raw.rows_px);
+    for (size_t i = 0; i < raw.values.size(); ++i) {
+      residual.values[i] = (raw.values[i] - median) / group.noise_dn;
+    }
+    residuals.push_back(std::move(residual));
+  }
+  for (size_t f = 0; f < residuals.size(); ++f) {
+    double common = 0;
+    for (size_t i = 0; i < residuals[f].values.size(); ++i) {
+      common += residuals[f].values[i] > kDarkOutlier &&
+                        residuals[group.longest].values[i] > kDarkOutlier && f != group.longest
+                    ? 1
+                    : 0;
+    }
+    values[kDarkProducts + f] = 2 * std::sqrt(common + kAnscombe);
+  }
+  const std::array<double, kDarkProducts> products = DarkProducts(residuals);
+  values[0] = products[0];
+  values[1] = products[1];
+  return values;
+}
+
+Eigen::VectorXd ExpectedDarkPattern(const ExpectedSet& expected, const PatternGroup& group) {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(kDarkProducts + group.frames.size());
+  const Sensor& sensor = expected.strips.front()[group.frames.front()].frame.sensor;
+  values[0] = std::pow(sensor.gain_dn_per_electron * sensor.dsnu_electrons / group.noise_dn, 2);
+  values.tail(values.size() - kDarkProducts).setConstant(2 * std::sqrt(kAnscombe));
+  RandomDarkPattern pattern = RealiseDarkPattern(expected, group);
+  if (pattern.uniform) return values;
+  const Eigen::VectorXd counts = OutlierCounts(pattern.frames, group.longest);
+  values.tail(counts.size()) = 2 * (counts.array() + kAnscombe).sqrt();
+  const std::array<double, kDarkProducts> products = DarkProducts(pattern.frames);
+  values[0] += products[0];
+  values[1] += products[1];
+  return values;
+}
+
+Eigen::MatrixXd CovarianceOfDarkPattern(const ExpectedSet& expected, const PatternGroup& group) {
+  const Eigen::VectorXd values = ExpectedDarkPattern(expected, group);
+  Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(values.size(), values.size());
+  const size_t frames = group.frames.size();
+  const double area = static_cast<double>(group.roi.columns_px) * group.roi.rows_px;
+  std::vector<double> variance;  // of a pixel, in units of the nominal noise
+  for (int f : group.frames) {
+    const ExpectedFrame& sample = expected.strips.front()[f];
+    variance.push_back((sample.noise_variance_dn2.At(0, 0) + sample.pattern_variance_dn2.At(0, 0)) /
+                       (group.noise_dn * group.noise_dn));
+  }
+  double products = 0;
+  for (size_t a = 0; a < frames; ++a) {
+    for (size_t b = a + 1; b < frames; ++b) products += variance[a] * variance[b];
+  }
+  const double pairs = 0.5 * static_cast<double>(frames * (frames - 1));
+  const double rows = group.roi.rows_px;
+  // The second and third terms are the sampling variance of a pattern with these variances.
+  covariance(0, 0) = products / (pairs * pairs * area) + 2 * values[0] * values[0] / area +
+                     2 * values[1] * values[1] / group.roi.columns_px;
+  covariance(1, 1) = products / (pairs * pairs * area * (rows - 1)) +
+                     2 * values[1] * values[1] / group.roi.columns_px;
+  const auto count = static_cast<Eigen::Index>(frames);
+  covariance.diagonal().tail(count).setOnes();
+  const RandomDarkPattern pattern = RealiseDarkPattern(expected, group);
+  if (pattern.uniform) return covariance;
+  // One realisation is recorded and another one expected, so their covariance counts twice. The
+  // ones on the diagonal contain that of the recorded counts already.
+  const Eigen::MatrixXd realised = CovarianceOfRealisations(pattern.frames, group.longest);
+  covariance(0, 0) += 2 * realised(0, 0);
+  covariance.block(kDarkProducts, 0, count, 1) += 2 * realised.block(1, 0, count, 1);
+  covariance.block(0, kDarkProducts, 1, count) += 2 * realised.block(0, 1, 1, count);
+  covariance.bottomRightCorner(count, count) += 2 * realised.bottomRightCorner(count, count);
+  covariance.diagonal().tail(count) -= realised.diagonal().tail(count);
+  return covariance;
+}
+
+}  // namespace sightline

@@ -1,0 +1,77 @@
+// SPDX-License-Identifier: Apache-2.0
+// Which of the compared models is the answer, by evidence and by the prediction of recordings that
+// were not fitted.
+#pragma once
+
+#include <optional>
+#include <vector>
+
+namespace sightline {
+
+// Nats of log score that effects or a discrepancy term must gain on held-out recordings over the
+// model without them: odds of 20, "strong" (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773).
+inline constexpr double kClearGain_nats = 3;
+// A model is rejected by its predictions below this p-value.
+inline constexpr double kRejectedBelow = 0.01;
+// The share of the null model's excess that a named model may leave and still be the answer.
+// Chosen: on sets of an independent simulator true names leave 0 to 2 %.
+inline constexpr double kShareNamesMayLeave = 0.05;
+
+enum class ModelKind {
+  kNoEffect,
+  kNamed,        // effects of the vocabulary
+  kDiscrepancy,  // a free-form term, by itself or beside named effects
+};
+
+// One of the compared models.
+struct ComparedModel {
+  ModelKind kind = ModelKind::kNamed;
+  // Indices of the models that lack some of its effects or terms and have no other ones; the model
+  // without effects is a part of every other one.
+  std::vector<int> parts = {};
+  double log_evidence = 0;     // over the model without effects, model's errors allowed for [nats]
+  double log_prior = 0;        // [nats]
+  double held_out_score = 0;   // log predictive density of recordings not fitted [nats]
+  double held_out_excess = 0;  // their chi squared over degrees of freedom, minus 1
+};
+
+// What the answer leaves of the difference between the recordings and the model without effects.
+struct Remainder {
+  int discrepancy = -1;  // the model with a discrepancy term that describes it best; -1: none does
+  double share = 0;      // of the null model's excess, in [0, 1]
+  double probability = 0;  // that it is physics which the vocabulary lacks, in [0, 1]
+};
+
+struct Judgement {
+  // Of every model; 0 for those with a discrepancy term unless one of them is the answer. Sum 1.
+  std::vector<double> probability;
+  int answer = 0;      // the most probable model
+  int best_named = 0;  // the most probable one without a discrepancy term
+  std::optional<Remainder> remainder;
+};
+
+// True for every model that gains more than kClearGain_nats of held-out score over each of its
+// parts: rule (a), the same for named effects and discrepancy terms. The model without effects
+// always is.
+std::vector<bool> Predicting(const std::vector<ComparedModel>& models);
+
+// The share of the null model's excess that a model leaves, in [0, 1]; 1 for the null itself, 0
+// where the null leaves no excess.
+double ShareLeft(const ComparedModel& model, const ComparedModel& none);
+
+// Index of the most probable model without a discrepancy term, by evidence and prior. `models`: one
+// of kind kNoEffect among them.
+int BestNamed(const std::vector<ComparedModel>& models);
+
+// The answer among models that predict. `models`: one of kind kNoEffect among them.
+// `best_named_p_value`: of the predictive check of BestNamed, in [0, 1].
+//
+// (b) A model with a discrepancy term is the answer only if it has more evidence than the best
+//     named one, predicts better by more than kClearGain_nats, and that one leaves more than
+//     kShareNamesMayLeave of the excess. If that one is rejected, unknown physics is at least as
+//     probable as ProbabilityOfUnknown says.
+// (c) Otherwise the best named model is the answer, and what it leaves is the remainder: there is
+//     one if a discrepancy term predicts or if the named model is rejected.
+Judgement Judge(const std::vector<ComparedModel>& models, double best_named_p_value);
+
+}  // namespace sightline

@@ -1,0 +1,25 @@
+// SPDX-License-Identifier: Apache-2.0
+// The light that a hypothesis adds to the null model.
+#pragma once
+
+#include "render_worker/scene_diagnosis/answer/excess_region.h"
+#include "render_worker/scene_diagnosis/block/block_means.h"
+#include "render_worker/scene_diagnosis/fit/compare_paths.h"
+#include "render_worker/scene_diagnosis/light_paths.h"
+#include "render_worker/scene_diagnosis/recorded_scene.h"
+
+namespace sightline {
+
+struct AddedLight {
+  // Sums over all blocks of the mean photo-electrons of a pixel: of the added light, and of the
+  // null model's laser light [electrons].
+  double sum = 0, laser_sum = 0;
+  ExcessRegion region;  // where it stands out most; none for the null model
+};
+
+// `null_fit`: the null model alone, from whose residuals the light stands out.
+AddedLight FindAddedLight(const RecordedScene& scene, const SceneLight& light,
+                          const BlockMeans& blocks, const PathHypothesis& hypothesis,
+                          const PathFit& null_fit);
+
+}  // namespace sightline

@@ -1,0 +1,29 @@
+// SPDX-License-Identifier: Apache-2.0
+// The ranking of hypotheses in the answer: effects with their fitted parameters, probabilities of
+// hypotheses and stages, and the strengths that the recordings could show.
+#pragma once
+
+#include <vector>
+
+#include "render_worker/scene_diagnosis/answer/excess_region.h"
+#include "render_worker/scene_diagnosis/fit/compare_paths.h"
+#include "render_worker/scene_diagnosis/recorded_scene.h"
+#include "sightline/v1/diagnosis.pb.h"
+
+namespace sightline {
+
+// Most probable first; equally probable ones in the order of the comparison.
+std::vector<const PathHypothesis*> RankHypotheses(const std::vector<PathHypothesis>& hypotheses);
+
+// Adds `ranked` and the probabilities of the stages. `region`: where the first hypothesis' light
+// stands out.
+void AddExplanations(const RecordedScene& scene, const PathComparison& comparison,
+                     const std::vector<const PathHypothesis*>& ranked, const ExcessRegion& region,
+                     v1::Diagnosis* diagnosis);
+
+// Adds the smallest factor of each effect alone that these recordings show clearly: an expected
+// gain of 5 nats of log-likelihood, which is chi squared of 10.
+void AddDetectableStrengths(const std::vector<PathHypothesis>& hypotheses,
+                            v1::Diagnosis* diagnosis);
+
+}  // namespace sightline

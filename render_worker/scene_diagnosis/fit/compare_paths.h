@@ -1,0 +1,59 @@
+// SPDX-License-Identifier: Apache-2.0
+// Bayesian comparison of the light paths that the null model may lack: the null model alone, with
+// one of them, with two of them, and with a smooth map for light of unknown origin.
+//
+// The score of a hypothesis is log prior + log marginal likelihood on the tiles of the fit + log
+// predictive density on the held-out tiles (fit/path_fit.h), averaged over its shapes.
+#pragma once
+
+#include <functional>
+#include <limits>
+#include <string>
+#include <string_view>
+#include <vector>
+
+#include "render_worker/scene_diagnosis/block/block_means.h"
+#include "render_worker/scene_diagnosis/fit/path_fit.h"
+#include "render_worker/scene_diagnosis/light_paths.h"
+#include "render_worker/scene_diagnosis/recorded_scene.h"
+
+namespace sightline {
+
+// The null model with the light paths of some effects. Each choice of shapes is fitted.
+struct PathHypothesis {
+  std::vector<std::string> effects;  // empty: none
+  std::string stage;                 // the first effect's
+  double log_prior = 0;
+  double log_predictive = -std::numeric_limits<double>::infinity();  // mean over the shapes
+  PathFit best;            // of the best shapes; refers to the light's paths
+  double probability = 0;  // posterior, among the hypotheses compared
+
+  std::string Name() const;  // "none", or effects with " + " between
+};
+
+struct PathComparison {
+  // In this order: none, each effect alone, pairs, the smooth map.
+  std::vector<PathHypothesis> hypotheses;
+  // False: stopped; `hypotheses` are those that were compared until then.
+  bool finished = true;
+  // Light paths of the smooth map at each scale, to which fits refer.
+  std::vector<std::vector<LightPath>> maps;
+};
+
+struct PathComparisonSettings {
+  std::vector<std::string> excluded_effects;
+  int max_effects = 2;  // of a hypothesis; 1 or 2
+  // Compares none and each effect alone only.
+  bool singles_only = false;
+};
+
+// Gets the fraction done and the name of the hypothesis that comes next; false stops.
+using PathComparisonProgress = std::function<bool(double fraction, std::string_view what)>;
+
+// Answers have the null model at least, whenever `progress` stops. Fits run one after the other,
+// so the answer does not depend on the number of threads.
+PathComparison ComparePaths(const RecordedScene& scene, const SceneLight& light,
+                            const BlockMeans& blocks, const PathComparisonSettings& settings,
+                            const PathComparisonProgress& progress);
+
+}  // namespace sightline

@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "render_worker/scene_diagnosis/fit/student_t.h"
+
+#include <cmath>
+#include <numbers>
+
+namespace sightline {
+
+double LogStudentDensity(double z) {
+  return std::lgamma((kStudentFreedom + 1) / 2) - std::lgamma(kStudentFreedom / 2) -
+         0.5 * std::log((kStudentFreedom - 2) * std::numbers::pi) -
+         (kStudentFreedom + 1) / 2 * std::log1p(z * z / (kStudentFreedom - 2));
+}
+
+double StudentWeight(double z_squared) {
+  return (kStudentFreedom + 1) / (kStudentFreedom - 2 + z_squared);
+}
+
+double LogNormalDistribution(double x) {
+  if (x < -30) return -0.5 * x * x - std::log(-x) - 0.5 * std::log(2 * std::numbers::pi);
+  return std::log(0.5 * std::erfc(-x / std::numbers::sqrt2));
+}
+
+}  // namespace sightline
