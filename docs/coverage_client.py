@@ -42,32 +42,33 @@ def random_scan(rng):
 
 def main(address, part):
     # Replies are up to 64 MiB; Python's default limit is 4 MiB.
-    channel = grpc.insecure_channel(address, options=[("grpc.max_receive_message_length", 64 * MIB)])
+    # Calls wait for as long as the server answers pings: how long it computes says nothing.
+    channel = grpc.insecure_channel(address, options=[
+        ("grpc.max_receive_message_length", 64 * MIB),
+        ("grpc.keepalive_time_ms", 60_000), ("grpc.keepalive_timeout_ms", 60_000)])
     coverage = cs_grpc.CoverageServiceStub(channel)
     job_service = jobs_grpc.JobServiceStub(channel)
 
-    uploaded = coverage.UploadPart(upload(part), timeout=60)
+    uploaded = coverage.UploadPart(upload(part))
     print("part", uploaded.part_digest[:12], uploaded.health.triangle_count, "triangles")
 
     # Anything left out of the spec has its default; the same spec is built once.
     job = coverage.CreateScene(
-        cs.CreateSceneRequest(spec=cs.SceneSpec(part_digest=uploaded.part_digest)), timeout=10).job
-    for update in job_service.WatchJob(jobs.WatchJobRequest(job_id=job.job_id), timeout=600):
+        cs.CreateSceneRequest(spec=cs.SceneSpec(part_digest=uploaded.part_digest))).job
+    for update in job_service.WatchJob(jobs.WatchJobRequest(job_id=job.job_id)):
         job = update.job
     if job.state != jobs.Job.STATE_SUCCEEDED:
         sys.exit(f"scene: {job.error_message}")
-    scene = coverage.GetScene(cs.GetSceneRequest(scene_digest=job.result_key), timeout=10)
+    scene = coverage.GetScene(cs.GetSceneRequest(scene_digest=job.result_key))
     print(scene.target_count, "targets,", scene.measurable_count, "measurable")
 
     rng = random.Random(1)
     scans = [random_scan(rng) for _ in range(200)]
     fast = coverage.EvaluateGains(cs.EvaluateGainsRequest(
-        scene_digest=scene.scene_digest, evaluator=cs.EVALUATOR_FAST, measurements=scans),
-        timeout=60).gains
+        scene_digest=scene.scene_digest, evaluator=cs.EVALUATOR_FAST, measurements=scans)).gains
     best = max(range(len(scans)), key=lambda i: fast[i].new_targets)
     exact = coverage.EvaluateGains(cs.EvaluateGainsRequest(
-        scene_digest=scene.scene_digest, evaluator=cs.EVALUATOR_EXACT, measurements=[scans[best]]),
-        timeout=60).gains[0]
+        scene_digest=scene.scene_digest, evaluator=cs.EVALUATOR_EXACT, measurements=[scans[best]])).gains[0]
     feasible = sum(g.feasibility == cs.FEASIBILITY_FEASIBLE for g in fast)
     print(f"{feasible} of {len(scans)} scans are feasible; the best measures "
           f"{fast[best].new_targets} targets by the fast estimate, {exact.new_targets} exactly")

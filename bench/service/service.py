@@ -60,6 +60,40 @@ def block_task(seed: int) -> dict:
     }
 
 
+def block_images_task(seed: int) -> dict:
+    """One small image of the block, rendered in a second. Needs the files of `block_images_files`."""
+    return {
+        "kind": "render",
+        "seed": seed,
+        "inspection": {
+            "name": "stepped block",
+            "part": {"file": "block.stl", "unit": "mm"},
+            "materials": [{"file": "paint.json"}],
+            "camera": {"sensor_file": "sensor.json", "columns_px": 160, "rows_px": 100},
+            "lens": {"focal_length_m": 0.016, "f_number": 8},
+            "laser": {"distance_m": 0.6, "fan_angle_deg": 60, "wavelength_m": 661e-9, "power_w": 0.023},
+            "lighting": {"ambient": {"radiance_w_m2_sr": 0.1, "spectrum": {"illuminant": "d65"}}},
+            "measurement": {
+                "camera_distance_m": {"fixed": 0.4}, "triangulation_angle_deg": {"fixed": 25},
+                "camera_azimuth_deg": {"fixed": 0}, "camera_polar_deg": {"fixed": 20},
+                "part_alpha_deg": {"fixed": 0}, "part_beta_deg": {"fixed": 0},
+                "part_gamma_deg": {"fixed": 0}, "offset_y_m": {"fixed": 0}, "offset_z_m": {"fixed": 0},
+            },
+            "render": {"exposure_time_s": 0.001},
+        },
+        "render_options": {"frames": {"stage_position_m": 0.1}},
+    }
+
+
+def block_images_files() -> dict[str, bytes]:
+    catalogue = ROOT / "examples" / "catalogue"
+    return {
+        "block.stl": stepped_block_stl(),
+        "paint.json": (catalogue / "materials" / "matt_white_paint.json").read_bytes(),
+        "sensor.json": (catalogue / "cameras" / "bfly_pge_23s6c.json").read_bytes(),
+    }
+
+
 def descendants(pid: int) -> list[int]:
     """The process and all that descend from it."""
     parents = {}
@@ -139,6 +173,16 @@ class Service:
             self.process.stdout.close()
         return name
 
+    def kill_all(self) -> None:
+        """kill -9 of the server and of all that descends from it, as when the machine fails."""
+        for pid in descendants(self.process.pid):
+            try:
+                os.kill(pid, signal.SIGKILL)
+            except ProcessLookupError:
+                pass
+        self.process.wait()
+        self.process.stdout.close()
+
     def alive(self) -> bool:
         return self.process is not None and self.process.poll() is None
 
@@ -186,19 +230,21 @@ class HttpClient:
         status, bytes_, _ = self.request(method, path, body, headers)
         return status, json.loads(bytes_)
 
-    def create(self, task: dict, files: dict[str, bytes], key: str):
+    @staticmethod
+    def form(task: dict, files: dict[str, bytes], key: str) -> tuple[bytes, dict[str, str]]:
+        """Body and headers of a request for a job."""
         boundary = "----sightline-benchmark-7b1f"
-        parts = []
-        for name, content in [("task", json.dumps(task).encode())]:
-            parts.append(f'--{boundary}\r\nContent-Disposition: form-data; name="{name}"\r\n\r\n'.encode()
-                         + content + b"\r\n")
+        parts = [b'--%s\r\nContent-Disposition: form-data; name="task"\r\n\r\n%s\r\n'
+                 % (boundary.encode(), json.dumps(task).encode())]
         for name, content in files.items():
             parts.append((f'--{boundary}\r\nContent-Disposition: form-data; name="file"; '
                           f'filename="{name}"\r\nContent-Type: application/octet-stream\r\n\r\n').encode()
                          + content + b"\r\n")
         body = b"".join(parts) + f"--{boundary}--\r\n".encode()
-        return self.json("POST", "/v1/jobs", body, {
-            "Content-Type": f"multipart/form-data; boundary={boundary}", "Idempotency-Key": key})
+        return body, {"Content-Type": f"multipart/form-data; boundary={boundary}", "Idempotency-Key": key}
+
+    def create(self, task: dict, files: dict[str, bytes], key: str):
+        return self.json("POST", "/v1/jobs", *self.form(task, files, key))
 
     def result(self, job_id: str, name: str):
         return self.request("GET", f"/v1/jobs/{job_id}/results/{urllib.parse.quote(name)}")

@@ -198,6 +198,10 @@ class ClientTest(unittest.TestCase):
         by_value = self.task(self.client.optics(HEAD, job.plan(), scan=2)).task
         self.assertEqual(2, len(by_value.plan.scans))
         self.assertEqual(2, by_value.optics_options.scan)
+        self.assertFalse(by_value.other_part)
+        self.assertTrue(self.task(self.client.evaluate(HEAD, job, other_part=True)).task.other_part)
+        self.assertTrue(self.task(self.client.optics(HEAD, job, other_part=True)).task.other_part)
+        self.assertTrue(self.task(self.client.render(HEAD, job, other_part=True)).task.other_part)
         path = job.download(self.folder)[[r.name for r in job.results].index("plan.json")]
         self.assertEqual(by_value.plan, self.task(self.client.evaluate(HEAD, path)).task.plan)
 

@@ -38,7 +38,9 @@ constexpr Limits kBounces{0, 32, ""};
 constexpr Limits kStageSpeed{0, 10, " m/s"};
 constexpr Limits kSensorTemperature{-60, 120, " C"};
 constexpr Limits kSpecklePatterns{1, 1000, ""};
-// How far a stated field of view may be from that of sensor and lens.
+// How far a stated field of view may be from that of rows, pixel pitch and focal length. Data
+// sheets round, and a lens that focuses near forms its image farther away than at infinity: by 8.7
+// % with 16 mm at 0.2 m.
 constexpr double kFieldOfViewAgreement = 0.1;
 
 // Relative to `base_folder`; an empty name stays empty.
@@ -319,6 +321,53 @@ absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& conte
   return ParseLensRange(message, check, lens);
 }
 
+namespace {
+
+// Sets the vertical field of view: that which the message states, otherwise that of rows, pixel
+// pitch and thin lens, otherwise the default. Where all of these are given they must agree.
+absl::Status SetFieldOfView(const v1::Camera& message, const std::optional<Lens>& lens,
+                            const Checker& check, Camera* camera) {
+  std::optional<double> by_lens_rad;
+  std::string inputs;
+  if (camera->pixel_pitch_m && lens) {
+    const double image_distance_m =
+        lens->focus_distance_m ? 1 / (1 / lens->focal_length_m - 1 / *lens->focus_distance_m)
+                               : lens->focal_length_m;
+    by_lens_rad = 2 * std::atan(0.5 * camera->rows_px * *camera->pixel_pitch_m / image_distance_m);
+    inputs = absl::StrCat(camera->rows_px, " rows of ", NumberText(*camera->pixel_pitch_m),
+                          " m and a focal length of ", NumberText(lens->focal_length_m), " m");
+    if (lens->focus_distance_m) {
+      absl::StrAppend(&inputs, " focused at ", NumberText(*lens->focus_distance_m), " m");
+    }
+  }
+  const auto rounded_deg = [](double rad) {
+    return NumberText(std::round(1e3 * Degrees(rad)) / 1e3);
+  };
+  if (!message.has_vertical_fov_deg()) {
+    if (!by_lens_rad) return absl::OkStatus();
+    if (!kFieldOfView.Contains(Degrees(*by_lens_rad))) {
+      return check.Error("camera", absl::StrCat("has ", inputs, ", which give a field of view of ",
+                                                rounded_deg(*by_lens_rad), " deg, must be in ",
+                                                kFieldOfView.ToString()));
+    }
+    camera->vertical_fov_rad = *by_lens_rad;
+    return absl::OkStatus();
+  }
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("camera.vertical_fov_deg", message.vertical_fov_deg(), kFieldOfView));
+  camera->vertical_fov_rad = Radians(message.vertical_fov_deg());
+  if (!by_lens_rad ||
+      std::abs(camera->vertical_fov_rad / *by_lens_rad - 1) <= kFieldOfViewAgreement) {
+    return absl::OkStatus();
+  }
+  return check.Error("camera.vertical_fov_deg",
+                     absl::StrCat("is ", NumberText(message.vertical_fov_deg()), ", but ", inputs,
+                                  " give ", rounded_deg(*by_lens_rad),
+                                  " deg; they must agree within 10 % (or leave it out)"));
+}
+
+}  // namespace
+
 absl::StatusOr<Camera> ParseCamera(const v1::Camera& message, const std::optional<Lens>& lens,
                                    const std::string& context) {
   const Checker check(context);
@@ -361,27 +410,7 @@ absl::StatusOr<Camera> ParseCamera(const v1::Camera& message, const std::optiona
                                       NumberText(sensor->pixel_pitch_m)));
     }
   }
-  std::optional<double> field_of_view;
-  if (sensor && lens) {
-    const double image_distance_m =
-        lens->focus_distance_m ? 1 / (1 / lens->focal_length_m - 1 / *lens->focus_distance_m)
-                               : lens->focal_length_m;
-    field_of_view = 2 * std::atan(0.5 * camera.rows_px * sensor->pixel_pitch_m / image_distance_m);
-    camera.vertical_fov_rad = *field_of_view;
-  }
-  if (message.has_vertical_fov_deg()) {
-    SIGHTLINE_RETURN_IF_ERROR(
-        check.Range("camera.vertical_fov_deg", message.vertical_fov_deg(), kFieldOfView));
-    camera.vertical_fov_rad = Radians(message.vertical_fov_deg());
-    if (field_of_view &&
-        std::abs(camera.vertical_fov_rad / *field_of_view - 1) > kFieldOfViewAgreement) {
-      return check.Error(
-          "camera.vertical_fov_deg",
-          absl::StrCat("is ", NumberText(message.vertical_fov_deg()), ", but sensor and lens give ",
-                       NumberText(std::round(1e3 * Degrees(*field_of_view)) / 1e3),
-                       " deg; they must agree within 10 % (or leave it out)"));
-    }
-  }
+  if (absl::Status s = SetFieldOfView(message, lens, check, &camera); !s.ok()) return s;
   return camera;
 }
 

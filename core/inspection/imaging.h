@@ -11,8 +11,10 @@
 
 namespace sightline {
 
-// Columns, rows and pitch default to the sensor's, the vertical field of view to that of sensor and
-// thin lens. INVALID_ARGUMENT also if a stated field of view differs by more than 10 % from theirs.
+// Columns, rows and pitch default to the sensor's, the vertical field of view to that of rows,
+// pitch and thin lens (at its focus distance, or at infinity), otherwise to 45 degrees.
+// INVALID_ARGUMENT also if a stated field of view differs by more than 10 % from that of rows,
+// pitch and lens.
 absl::StatusOr<Camera> ParseCamera(const v1::Camera& message, const std::optional<Lens>& lens,
                                    const std::string& context);
 absl::StatusOr<Lens> ParseLens(const v1::Lens& message, const std::string& context);

@@ -19,6 +19,7 @@
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
+#include "core/text/length_unit.h"
 
 namespace sightline {
 namespace {
@@ -373,6 +374,26 @@ absl::StatusOr<TolerancedRegion> ParseTolerancedRegion(const v1::TolerancedRegio
   return region;
 }
 
+// The unit that is stated for the file of the tolerances; empty: none. The part's own file has the
+// part's.
+absl::StatusOr<std::string> ToleranceFileUnit(const v1::Inspection& message, const Checker& check) {
+  const v1::ToleranceRequirements& tolerances = message.tolerances();
+  const bool own = !tolerances.file().empty() && tolerances.file() == message.part().file();
+  if (tolerances.unit().empty()) return own ? message.part().unit() : std::string();
+  if (tolerances.file().empty()) {
+    return check.Error("tolerances.unit", "is given without tolerances.file");
+  }
+  absl::StatusOr<std::string> unit = LengthUnitNamed(tolerances.unit());
+  if (!unit.ok()) return check.Error("tolerances.unit", std::string(unit.status().message()));
+  if (own && *unit != LengthUnitNamed(message.part().unit()).value_or("")) {
+    return check.Error(
+        "tolerances.unit",
+        absl::StrCat("is ", *unit, ", but part.unit of the same file is ",
+                     message.part().unit().empty() ? "not given" : message.part().unit()));
+  }
+  return unit;
+}
+
 // Uncertainty model, tolerances, and what a goal of admissible uncertainties needs of both.
 absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& check,
                                   const std::string& context, Inspection* inspection) {
@@ -410,6 +431,9 @@ absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& 
       requirements.relaxed_uncertainty_m = given.relaxed_uncertainty_m();
     }
     requirements.file = given.file();
+    absl::StatusOr<std::string> unit = ToleranceFileUnit(message, check);
+    if (!unit.ok()) return unit.status();
+    requirements.file_unit = *std::move(unit);
     constexpr int kMaxRegions = 10000;
     if (given.regions_size() > kMaxRegions) {
       return check.Error("tolerances.regions", absl::StrCat("has ", given.regions_size(),

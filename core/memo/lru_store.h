@@ -1,7 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// Values by key, limited in bytes; the longest unused go first.
+// Values by key, limited in bytes; the longest unused go first, and those that were not used for
+// long, if they are asked to.
 #pragma once
 
+#include <chrono>
 #include <cstdint>
 #include <list>
 #include <map>
@@ -30,7 +32,7 @@ class LruStore {
     Erase(key);
     while (bytes_ + bytes > max_bytes_) Erase(order_.back());
     order_.push_front(key);
-    entries_[key] = {std::move(value), bytes, order_.begin()};
+    entries_[key] = {std::move(value), bytes, Clock::now(), order_.begin()};
     bytes_ += bytes;
     return absl::OkStatus();
   }
@@ -41,7 +43,14 @@ class LruStore {
     const auto it = entries_.find(key);
     if (it == entries_.end()) return nullptr;
     order_.splice(order_.begin(), order_, it->second.place);
+    it->second.used = Clock::now();
     return it->second.value;
+  }
+
+  // Drops the values that nobody has put or got since then.
+  void DropUnusedSince(std::chrono::steady_clock::time_point time) {
+    std::lock_guard lock(mutex_);
+    while (!order_.empty() && entries_[order_.back()].used <= time) Erase(order_.back());
   }
 
   int64_t count() const {
@@ -54,9 +63,11 @@ class LruStore {
   }
 
  private:
+  using Clock = std::chrono::steady_clock;
   struct Entry {
     std::shared_ptr<const Value> value;
     int64_t bytes = 0;
+    Clock::time_point used;
     std::list<std::string>::iterator place;
   };
 

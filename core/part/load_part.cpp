@@ -115,6 +115,8 @@ std::vector<std::string> PartFormatsInMemory() {
   return formats;
 }
 
+bool IsStepFileName(const std::string& file_name) { return IsStep(FormatOf(file_name)); }
+
 absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit) {
   return CheckUnit(FormatOf(file_name), unit);
 }

@@ -31,6 +31,9 @@ std::vector<std::string> PartFormatsInMemory();
 absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit,
                                       const StopCheck& stop = {});
 
+// Whether the name is that of a STEP file: .step, .stp or .p21, in any case.
+bool IsStepFileName(const std::string& file_name);
+
 // Checks a unit alone: known, and given if the name's extension is that of a format without units.
 // INVALID_ARGUMENT otherwise; the message starts with "is ...".
 absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit);

@@ -22,6 +22,8 @@ struct TriangleMesh {
   std::vector<std::string> material_names;
   // Triangles without area that were in the file and are not in `triangles`; for the health report.
   int64_t left_out_triangles = 0;
+  // What its reader chose where the file leaves it open, a sentence each.
+  std::vector<std::string> remarks;
 
   // Of all vertices. Empty box for an empty mesh.
   Eigen::AlignedBox3d BoundingBox() const;

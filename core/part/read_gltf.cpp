@@ -14,6 +14,7 @@
 #include <utility>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
@@ -350,6 +351,11 @@ class Converter {
       }
     } else {
       const int scene = std::max(model_.defaultScene, 0);
+      if (model_.defaultScene < 0 && model_.scenes.size() > 1) {
+        mesh_.remarks.push_back(absl::StrCat("of its ", model_.scenes.size(),
+                                             " scenes none is the default; read was ", SceneText(0),
+                                             ", not ", OtherScenesText()));
+      }
       if (static_cast<size_t>(scene) >= model_.scenes.size()) {
         return Refuse(absl::StrCat("its default scene ", scene, " does not exist"));
       }
@@ -369,6 +375,26 @@ class Converter {
   }
 
  private:
+  // "scenes[1] "fixture"", or without a name the place alone.
+  std::string SceneText(size_t scene) const {
+    const std::string& name = model_.scenes[scene].name;
+    return absl::StrCat(
+        "scenes[", scene, "]",
+        name.empty() ? "" : absl::StrCat(" \"", absl::Utf8SafeCEscape(Excerpt(name)), "\""));
+  }
+
+  // All but the first, of many only some.
+  std::string OtherScenesText() const {
+    constexpr size_t kMostNamed = 4;
+    std::string text;
+    for (size_t i = 1; i < model_.scenes.size() && i <= kMostNamed; ++i) {
+      absl::StrAppend(&text, i == 1 ? "" : ", ", SceneText(i));
+    }
+    const size_t left = model_.scenes.size() - 1;
+    if (left > kMostNamed) absl::StrAppend(&text, " and ", left - kMostNamed, " more");
+    return text;
+  }
+
   // Checks the extensions of an object of the default scene.
   static absl::Status CheckExtensionsAt(const std::string& place,
                                         const tinygltf::ExtensionMap& extensions,

@@ -4,6 +4,7 @@
 // error: the header counts wrongly, or the file is two.
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <optional>
 
@@ -60,15 +61,75 @@ size_t SizeOf(Number type) {
   return 1;
 }
 
+const char* NameOf(Number type) {
+  switch (type) {
+    case Number::kInt8:
+      return "char";
+    case Number::kUint8:
+      return "uchar";
+    case Number::kInt16:
+      return "short";
+    case Number::kUint16:
+      return "ushort";
+    case Number::kInt32:
+      return "int";
+    case Number::kUint32:
+      return "uint";
+    case Number::kFloat:
+      return "float";
+    case Number::kDouble:
+      return "double";
+  }
+  return "";
+}
+
+// Whether a number of an ASCII file is one that its property can have, after rounding of a float.
+// Infinity is a value of float and double, but not for digits that are too large for them.
+bool Fits(Number type, std::string_view word, double value) {
+  const auto whole_in = [value](double least, double most) {
+    return value >= least && value <= most && value == std::trunc(value);
+  };
+  // Half a step above the largest float.
+  constexpr double kFloatEnd = 0x1.ffffffp127;
+  switch (type) {
+    case Number::kInt8:
+      return whole_in(-128, 127);
+    case Number::kUint8:
+      return whole_in(0, 255);
+    case Number::kInt16:
+      return whole_in(-32768, 32767);
+    case Number::kUint16:
+      return whole_in(0, 65535);
+    case Number::kInt32:
+      return whole_in(-2147483648.0, 2147483647.0);
+    case Number::kUint32:
+      return whole_in(0, 4294967295.0);
+    case Number::kFloat:
+    case Number::kDouble:
+      break;
+  }
+  if (std::isnan(value)) return true;
+  if (std::isinf(value)) return word.find_first_of("0123456789") == word.npos;
+  return type == Number::kDouble || std::abs(value) < kFloatEnd;
+}
+
 // Reads the numbers after the header one by one.
 class PlyBody {
  public:
-  PlyBody(std::string_view bytes, Encoding encoding)
-      : bytes_(bytes), scanner_(bytes), encoding_(encoding) {}
+  // `first_line`: that of the file with which the data begins.
+  PlyBody(std::string_view bytes, Encoding encoding, size_t first_line)
+      : bytes_(bytes), scanner_(bytes), encoding_(encoding), first_line_(first_line) {}
 
-  // False: the data ends here, or is no number.
+  // False: the data ends here, is no number, or is none of this type (see `misfit`).
   bool Read(Number type, double* value) {
-    if (encoding_ == Encoding::kAscii) return ParseNumber(scanner_.Word(), value);
+    if (encoding_ == Encoding::kAscii) {
+      const std::string_view word = scanner_.Word();
+      if (!ParseNumber(word, value)) return false;
+      if (Fits(type, word, *value)) return true;
+      misfit_ = absl::StrCat("line ", first_line_ + scanner_.line() - 1, ": ", Excerpt(word),
+                             " is no value of type ", NameOf(type));
+      return false;
+    }
     const size_t size = SizeOf(type);
     if (bytes_.size() - position_ < size) return false;
     uint64_t word = 0;
@@ -102,6 +163,9 @@ class PlyBody {
     return true;
   }
 
+  // Why the number that was read last does not fit its type; empty if it is none or not there.
+  const std::string& misfit() const { return misfit_; }
+
   // Whether the element's line has no more numbers; always true of binary data.
   bool AtLineEnd() { return encoding_ != Encoding::kAscii || scanner_.WordInLine().empty(); }
 
@@ -126,7 +190,9 @@ class PlyBody {
   std::string_view bytes_;
   TextScanner scanner_;
   Encoding encoding_;
+  size_t first_line_;
   size_t position_ = 0;
+  std::string misfit_;
 };
 
 }  // namespace
@@ -196,13 +262,14 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
   std::string_view data = bytes.substr(cr_alone ? header_end + 1 : header.position());
   if (*encoding == Encoding::kAscii) data = WithoutEndMarks(data);
 
-  PlyBody body(data, *encoding);
+  PlyBody body(data, *encoding, header.line());
   RawMesh mesh;
   PolygonCutter cutter(stop);
   std::vector<uint32_t> corners;
   bool vertices_read = false;
   for (const Element& element : elements) {
     const auto truncated = [&](uint64_t i) {
+      if (!body.misfit().empty()) return absl::InvalidArgumentError(body.misfit());
       return absl::InvalidArgumentError(absl::StrCat("truncated or damaged: element \"",
                                                      Excerpt(element.name), "\" ", i, " of ",
                                                      element.count, " cannot be read"));

@@ -2,6 +2,7 @@
 #include "core/sensor/emva1288_data.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -15,7 +16,6 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/escaping.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
@@ -111,14 +111,20 @@ class DataFileReader {
 
   absl::Status ReadFormat(const std::vector<std::string>& words) {
     if (set_.has_bit_depth_bit()) return Error("is a second line of kind n");
-    int bits = 0, columns = 0, rows = 0;
-    if (words.size() != 3 || !absl::SimpleAtoi(words[0], &bits) ||
-        !absl::SimpleAtoi(words[1], &columns) || !absl::SimpleAtoi(words[2], &rows)) {
-      return Error("must be \"n BITS COLUMNS ROWS\" with whole numbers");
+    constexpr char kForm[] = "must be \"n BITS COLUMNS ROWS\" with whole numbers";
+    if (words.size() != 3) return Error(kForm);
+    std::array<int, 3> numbers{};
+    for (size_t i = 0; i < numbers.size(); ++i) {
+      const auto read = ParseWhole(words[i]);
+      if (!read.ok()) return Error(absl::StrCat(kForm, "; one ", read.status().message()));
+      if (*read < 0 || *read > std::numeric_limits<int>::max()) {
+        return Error(absl::StrCat(kForm, "; one is ", *read));
+      }
+      numbers[i] = static_cast<int>(*read);
     }
-    set_.set_bit_depth_bit(bits);
-    set_.set_columns_px(columns);
-    set_.set_rows_px(rows);
+    set_.set_bit_depth_bit(numbers[0]);
+    set_.set_columns_px(numbers[1]);
+    set_.set_rows_px(numbers[2]);
     return absl::OkStatus();
   }
 

@@ -140,8 +140,10 @@ absl::StatusOr<QifUnits> QifUnits::Read(const QifElement& document, const std::s
   }
   const auto& primary = units.primary_linear_;
   if (units.stated_length_ && primary && primary->factor) {
-    return units.ErrorAt(primary->line, absl::StrCat("<LinearUnit>: the file states its unit, ",
-                                                     primary->name, "; --unit must be left out"));
+    return units.ErrorAt(primary->line,
+                         absl::StrCat("<LinearUnit>: the file states its unit, ", primary->name,
+                                      "; --unit must be left out (in an inspection: "
+                                      "tolerances.unit)"));
   }
   return units;
 }
@@ -193,9 +195,12 @@ absl::Status QifUnits::Add(const QifElement& unit, bool angle, bool primary) {
 
 absl::StatusOr<double> QifUnits::Scale(const QifElement& value, bool angle) const {
   const std::string tag = absl::StrCat("<", value.name, ">: ");
-  const char* const help = angle ? "; the file must define it in <FileUnits>"
-                                 : "; the file must define it in <FileUnits>, or --unit state the "
-                                   "unit of its lengths (m, cm, mm, um, inch)";
+  const char* const help =
+      angle
+          ? "; the file must define it in <FileUnits>"
+          : "; the file must define it in <FileUnits>, or tolerances.unit of the inspection state "
+            "the unit of its lengths (--unit of `sightline part`, --tolerances-unit of `sightline "
+            "new`): m, cm, mm, um, inch";
   const auto& table = angle ? angular_ : linear_;
   const auto named = value.attributes.find(angle ? "angularUnit" : "linearUnit");
   const Unit* unit = nullptr;
@@ -210,7 +215,7 @@ absl::StatusOr<double> QifUnits::Scale(const QifElement& value, bool angle) cons
     unit = &*primary;
   }
   if (unit != nullptr && unit->factor) return *unit->factor;
-  // --unit stands for the one unit that the file leaves open, never for a further one.
+  // The stated unit stands for the one unit that the file leaves open, never for a further one.
   const bool is_primary =
       unit == nullptr || (primary_linear_ && unit->name == primary_linear_->name);
   if (!angle && stated_length_ && is_primary) return *stated_length_;

@@ -38,10 +38,14 @@ absl::Status AddMesh(const std::string& prefix, const PartFileOptions& options, 
   *unit = mesh_file->unit;
   const std::string extension = fs::path(mesh_file->path).extension();
   if (!absl::EqualsIgnoreCase(extension, ".gltf")) {
+    // Whoever reads the file elsewhere has nobody to tell its remarks.
+    if (absl::EndsWithIgnoreCase(path, ".glb")) {
+      if (const auto read = LoadPartFile(path, *unit, options); !read.ok()) return read.status();
+    }
     *file = absl::StrCat(prefix, fs::path(path).stem().string(), extension);
     return AddAsset(mesh_file->path, *file, assets);
   }
-  absl::StatusOr<TriangleMesh> mesh = LoadPart(path, *unit);
+  absl::StatusOr<TriangleMesh> mesh = LoadPartFile(path, *unit, options);
   if (!mesh.ok()) return mesh.status();
   if (!mesh->material_names.empty()) {
     return absl::InvalidArgumentError(

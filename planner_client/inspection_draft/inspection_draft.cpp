@@ -77,6 +77,12 @@ absl::Status CheckDevices(const DraftRequest& request) {
   if (request.f_number && !request.lens && !request.camera && !request.focal_length_m) {
     return absl::InvalidArgumentError("--f-number needs a lens: give --focal-length-mm or --lens");
   }
+  if (NeedsPixelPitch(request)) {
+    return absl::InvalidArgumentError(
+        "--pixel-pitch-um is missing: with --rows and the lens's focal length it gives the field "
+        "of "
+        "view; or give --fov-deg");
+  }
   return absl::OkStatus();
 }
 
@@ -114,12 +120,12 @@ absl::Status DraftOptics(const DraftRequest& request, double diameter_m, Inspect
     camera.set_rows_px(request.rows_px.value_or(512));
     if (request.pixel_pitch_m) camera.set_pixel_pitch_m(*request.pixel_pitch_m);
     double fov_deg = request.vertical_fov_deg.value_or(45);
-    const bool from_lens =
-        !request.vertical_fov_deg && request.pixel_pitch_m && request.focal_length_m;
+    const std::optional<double> focal_length_m =
+        request.lens ? request.lens->message.focal_length_m() : request.focal_length_m;
+    const bool from_lens = !request.vertical_fov_deg && request.pixel_pitch_m && focal_length_m;
     if (from_lens) {
-      fov_deg =
-          2 * std::atan(0.5 * camera.rows_px() * *request.pixel_pitch_m / *request.focal_length_m) *
-          180 / std::numbers::pi;
+      fov_deg = 2 * std::atan(0.5 * camera.rows_px() * *request.pixel_pitch_m / *focal_length_m) *
+                180 / std::numbers::pi;
       fov_deg = Round2(fov_deg, 1e-3);
     }
     camera.set_vertical_fov_deg(fov_deg);
@@ -182,6 +188,7 @@ void DraftGoal(const DraftRequest& request, InspectionDraft* draft) {
         "Full width of the tolerance zone of all that has no tolerance of its own.";
   }
   if (!request.tolerance_file.empty()) tolerances.set_file(request.tolerance_file);
+  tolerances.set_unit(request.tolerance_unit);
 }
 
 // Where the part may be shifted to, where its size leaves less than Table 2.1. The same would hold
@@ -202,6 +209,11 @@ void DraftDomain(double diameter_m, InspectionDraft* draft) {
 }
 
 }  // namespace
+
+bool NeedsPixelPitch(const DraftRequest& request) {
+  return !request.camera && !request.pixel_pitch_m && !request.vertical_fov_deg &&
+         (request.lens || request.focal_length_m);
+}
 
 double SpacingFor(double area_m2) {
   const double wished_m = std::sqrt(kPointsPerSquare * area_m2 / kWishedTargets);

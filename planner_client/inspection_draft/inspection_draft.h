@@ -41,6 +41,7 @@ struct DraftRequest {
   std::optional<double> tolerance_m;
   // STEP or QIF file with the tolerances of the drawing; set: a plan for uncertainty.
   std::string tolerance_file;
+  std::string tolerance_unit;  // of that file, if it states none
   // Tolerances that the part's STEP file has, for a word on them; 0: none, or not looked for.
   int tolerances_in_part = 0;
 };
@@ -52,8 +53,12 @@ struct InspectionDraft {
   std::string lens;              // name of the one that was chosen from `lenses`
 };
 
-// INVALID_ARGUMENT: of the lenses none suits the camera, or numbers are given beside a catalogue's
-// device.
+// Whether a lens is given for a camera whose field of view nothing states: neither a catalogue's
+// camera nor a pixel pitch nor a field of view.
+bool NeedsPixelPitch(const DraftRequest& request);
+
+// INVALID_ARGUMENT: of the lenses none suits the camera, numbers are given beside a catalogue's
+// device, or NeedsPixelPitch.
 absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request);
 
 // Distance between targets that gives a part of this area about 8000 of them, rounded to 1, 1.5, 2,

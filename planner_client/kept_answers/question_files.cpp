@@ -5,10 +5,15 @@
 #include <google/protobuf/message.h>
 
 #include <algorithm>
+#include <charconv>
+#include <cstdint>
 #include <filesystem>
 #include <iterator>
+#include <nlohmann/json.hpp>
+#include <optional>
 #include <set>
 #include <string_view>
+#include <system_error>
 #include <utility>
 
 #include "absl/strings/ascii.h"
@@ -67,6 +72,7 @@ constexpr std::string_view kTextFields[] = {
     "Sensor.source",
     "SourceSpectrum.illuminant",
     "TargetRegion.name",
+    "ToleranceRequirements.unit",
     "TolerancedRegion.materials",
     "TolerancedRegion.name",
 };
@@ -74,6 +80,29 @@ constexpr std::string_view kTextFields[] = {
 // Files that are searched for names of further files. Readers refuse longer ones (glTF's JSON,
 // URDF).
 constexpr uint64_t kMostSearchedBytes = 64 << 20;
+
+constexpr std::pair<std::string_view, char> kXmlEntities[] = {
+    {"amp", '&'}, {"lt", '<'}, {"gt", '>'}, {"quot", '"'}, {"apos", '\''}};
+
+void AppendUtf8(uint32_t code, std::string* text) {
+  const auto byte = [&](uint32_t value) { *text += static_cast<char>(value); };
+  const auto more = [&](uint32_t value) { byte(0x80 | (value & 0x3f)); };
+  if (code < 0x80) {
+    byte(code);
+  } else if (code < 0x800) {
+    byte(0xc0 | code >> 6);
+    more(code);
+  } else if (code < 0x10000) {
+    byte(0xe0 | code >> 12);
+    more(code >> 6);
+    more(code);
+  } else if (code < 0x110000) {
+    byte(0xf0 | code >> 18);
+    more(code >> 12);
+    more(code >> 6);
+    more(code);
+  }
+}
 
 std::string FieldName(const FieldDescriptor& field) {
   return absl::StrCat(field.containing_type()->name(), ".", field.name());
@@ -87,9 +116,91 @@ const FileField* FindFileField(const FieldDescriptor& field) {
   return found == std::end(kFileFields) ? nullptr : found;
 }
 
-// Values in quotes that stand behind `key` and `mark`, as "uri" : "a.bin" or filename="a.stl". Some
-// of them may be in comments: a file too many costs nothing.
-std::vector<std::string> ValuesBehind(std::string_view text, std::string_view key, char mark) {
+// Collects the strings of a JSON text whose key is "uri": buffers of a glTF file, and images, which
+// are files too many and cost nothing. Of damaged text those before the damage; its reader refuses
+// it.
+class UriCollector : public nlohmann::json_sax<nlohmann::json> {
+ public:
+  std::vector<std::string> uris;
+
+  bool null() override { return Other(); }
+  bool boolean(bool) override { return Other(); }
+  bool number_integer(number_integer_t) override { return Other(); }
+  bool number_unsigned(number_unsigned_t) override { return Other(); }
+  bool number_float(number_float_t, const string_t&) override { return Other(); }
+  bool string(string_t& value) override {
+    if (is_uri_) uris.push_back(value);
+    is_uri_ = false;
+    return uris.size() <= kMostQuestionFiles;
+  }
+  bool binary(binary_t&) override { return Other(); }
+  bool key(string_t& name) override {
+    is_uri_ = name == "uri";
+    return true;
+  }
+  bool start_object(size_t) override { return Other(); }
+  bool start_array(size_t) override { return Other(); }
+  bool end_object() override { return Other(); }
+  bool end_array() override { return Other(); }
+  bool parse_error(size_t, const std::string&, const nlohmann::detail::exception&) override {
+    return false;
+  }
+
+ private:
+  bool Other() {
+    is_uri_ = false;
+    return true;
+  }
+
+  bool is_uri_ = false;
+};
+
+std::vector<std::string> UrisOfJson(const std::string& text) {
+  UriCollector collector;
+  nlohmann::json::sax_parse(text, &collector);
+  return std::move(collector.uris);
+}
+
+// The character that "#47" or "#x2f" stands for.
+std::optional<uint32_t> CodeOfEntity(std::string_view name) {
+  if (!name.starts_with('#')) return std::nullopt;
+  name.remove_prefix(1);
+  const bool hexadecimal = name.starts_with('x');
+  if (hexadecimal) name.remove_prefix(1);
+  uint32_t code = 0;
+  const char* const end = name.data() + name.size();
+  const auto read = std::from_chars(name.data(), end, code, hexadecimal ? 16 : 10);
+  if (read.ec != std::errc() || read.ptr != end) return std::nullopt;
+  return code;
+}
+
+// The text of an attribute's value: &amp; and &#47; stand for characters.
+std::string WithoutEntities(std::string_view value) {
+  std::string text;
+  for (size_t at = 0; at < value.size();) {
+    const size_t end = value[at] == '&' ? value.find(';', at) : std::string_view::npos;
+    const std::string_view name =
+        end == std::string_view::npos ? "" : value.substr(at + 1, end - at - 1);
+    const auto* const known = std::find_if(
+        std::begin(kXmlEntities), std::end(kXmlEntities),
+        [&](const std::pair<std::string_view, char>& entity) { return entity.first == name; });
+    const std::optional<uint32_t> code = CodeOfEntity(name);
+    if (known != std::end(kXmlEntities)) {
+      text += known->second;
+    } else if (code) {
+      AppendUtf8(*code, &text);
+    } else {
+      text += value[at++];
+      continue;
+    }
+    at = end + 1;
+  }
+  return text;
+}
+
+// Values of an attribute of XML, as filename="a.stl". Some of them may be in comments: a file too
+// many costs nothing.
+std::vector<std::string> ValuesOfAttribute(std::string_view text, std::string_view key) {
   std::vector<std::string> values;
   for (size_t at = text.find(key); at != std::string_view::npos; at = text.find(key, at)) {
     at += key.size();
@@ -97,13 +208,13 @@ std::vector<std::string> ValuesBehind(std::string_view text, std::string_view ke
       while (at < text.size() && absl::ascii_isspace(static_cast<unsigned char>(text[at]))) ++at;
     };
     skip_blanks();
-    if (at >= text.size() || text[at] != mark) continue;
+    if (at >= text.size() || text[at] != '=') continue;
     ++at;
     skip_blanks();
     if (at >= text.size() || (text[at] != '"' && text[at] != '\'')) continue;
     const size_t end = text.find(text[at], at + 1);
     if (end == std::string_view::npos) break;
-    values.emplace_back(text.substr(at + 1, end - at - 1));
+    values.push_back(WithoutEntities(text.substr(at + 1, end - at - 1)));
     at = end + 1;
     if (values.size() > kMostQuestionFiles) break;
   }
@@ -190,7 +301,7 @@ class FileList {
     if (!absl::EqualsIgnoreCase(fs::path(path).extension().string(), ".gltf")) return;
     const auto text = ReadRegularFile(path, kMostSearchedBytes);
     if (!text.ok()) return;
-    for (const std::string& uri : ValuesBehind(*text, "\"uri\"", ':')) {
+    for (const std::string& uri : UrisOfJson(*text)) {
       if (uri.starts_with("data:")) continue;
       const std::string name = WithoutPercent(uri);
       Add(absl::StrCat(named_by, " uri ", name),
@@ -201,7 +312,7 @@ class FileList {
   void AddMeshesOfRobot(const std::string& named_by, const std::string& path) {
     const auto text = ReadRegularFile(path, kMostSearchedBytes);
     if (!text.ok()) return;
-    for (const std::string& name : ValuesBehind(*text, "filename", '=')) {
+    for (const std::string& name : ValuesOfAttribute(*text, "filename")) {
       Add(absl::StrCat(named_by, " mesh ", name),
           (fs::path(path).parent_path() / name).lexically_normal().string(), Contains::kMesh);
     }

@@ -12,14 +12,9 @@
 namespace sightline {
 namespace {
 
-absl::StatusOr<StepMesh> MeshStepPart(const std::string& path, const std::string& unit,
-                                      const PartFileOptions& options) {
-  StepMeshOptions meshing;
-  meshing.unit = unit;
-  meshing.construction_geometry = options.construction_geometry;
-  auto mesh = MeshOfStepFile(path, meshing);
-  if (!mesh.ok()) return mesh;
-  for (const std::string& remark : mesh->remarks) {
+void Say(const std::string& path, const std::vector<std::string>& remarks,
+         const PartFileOptions& options) {
+  for (const std::string& remark : remarks) {
     std::string text = absl::StrCat(path, ": ", remark);
     if (options.remarks != nullptr) {
       options.remarks->push_back(std::move(text));
@@ -27,6 +22,15 @@ absl::StatusOr<StepMesh> MeshStepPart(const std::string& path, const std::string
       std::fprintf(stderr, "%s\n", text.c_str());
     }
   }
+}
+
+absl::StatusOr<StepMesh> MeshStepPart(const std::string& path, const std::string& unit,
+                                      const PartFileOptions& options) {
+  StepMeshOptions meshing;
+  meshing.unit = unit;
+  meshing.construction_geometry = options.construction_geometry;
+  auto mesh = MeshOfStepFile(path, meshing);
+  if (mesh.ok()) Say(path, mesh->remarks, options);
   return mesh;
 }
 
@@ -54,7 +58,11 @@ absl::StatusOr<MeshFile> MeshFileOf(const std::string& path, const std::string& 
 absl::StatusOr<TriangleMesh> LoadPartFile(const std::string& path, const std::string& unit,
                                           const PartFileOptions& options) {
   if (absl::Status checked = CheckOptions(path, options); !checked.ok()) return checked;
-  if (!IsStepFile(path)) return LoadPart(path, unit);
+  if (!IsStepFile(path)) {
+    auto part = LoadPart(path, unit);
+    if (part.ok()) Say(path, part->remarks, options);
+    return part;
+  }
   const auto mesh = MeshStepPart(path, unit, options);
   if (!mesh.ok()) return mesh.status();
   // People know the STEP file, not where its mesh is kept.

@@ -16,7 +16,8 @@ std::string PartFileEndings();
 struct PartFileOptions {
   // Take construction geometry for the part. INVALID_ARGUMENT for a file that is no STEP.
   bool construction_geometry = false;
-  // Takes what of the file is not in the part. Null: it is written to stderr, so that nothing is
+  // Takes what of the file is not in the part, and what was chosen where the file leaves it open.
+  // Null: it is written to stderr, so that nothing is
   // left out without a word.
   std::vector<std::string>* remarks = nullptr;
 };

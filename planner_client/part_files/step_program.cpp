@@ -21,6 +21,7 @@
 #include "absl/strings/strip.h"
 #include "core/digest/sha256.h"
 #include "core/file/read_file.h"
+#include "core/part/load_part.h"
 #include "core/process/program_path.h"
 #include "core/process/run_program.h"
 
@@ -58,10 +59,7 @@ bool IsExecutable(const fs::path& path) {
 
 }  // namespace
 
-bool IsStepFile(const std::string& file) {
-  const std::string suffix = absl::AsciiStrToLower(fs::path(file).extension().string());
-  return suffix == ".stp" || suffix == ".step" || suffix == ".p21";
-}
+bool IsStepFile(const std::string& file) { return IsStepFileName(file); }
 
 absl::StatusOr<std::string> FindStepProgram(const std::string& file,
                                             const StepProgramOptions& options) {

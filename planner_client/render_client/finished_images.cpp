@@ -21,8 +21,8 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-// Equal requests have equal bytes, whatever order their maps are in.
-std::string RequestDigest(const v1::RenderSpec& spec) {
+// Of request and worker. Equal requests have equal bytes, whatever order their maps are in.
+std::string RequestDigest(const v1::RenderSpec& spec, const std::string& worker_build) {
   std::string bytes;
   {
     google::protobuf::io::StringOutputStream stream(&bytes);
@@ -30,7 +30,7 @@ std::string RequestDigest(const v1::RenderSpec& spec) {
     coded.SetSerializationDeterministic(true);
     spec.SerializeToCodedStream(&coded);
   }
-  return Sha256Hex(bytes);
+  return Sha256Hex(bytes + worker_build);
 }
 
 bool HasDigest(const fs::path& path, const std::string& sha256) {
@@ -68,9 +68,10 @@ std::vector<fs::path> ListsLike(const std::string& file) {
 
 absl::StatusOr<FinishedImages> FinishedImages::Open(const std::string& file,
                                                     const std::string& folder,
-                                                    const v1::RenderSpec& spec) {
+                                                    const v1::RenderSpec& spec,
+                                                    const std::string& worker_build) {
   FinishedImages finished;
-  const std::string start = json({{"request", RequestDigest(spec)}}).dump() + "\n";
+  const std::string start = json({{"request", RequestDigest(spec, worker_build)}}).dump() + "\n";
   std::string kept = start;
   std::set<int> seen;
   for (const fs::path& path : ListsLike(file)) {
@@ -78,6 +79,13 @@ absl::StatusOr<FinishedImages> FinishedImages::Open(const std::string& file,
     std::string text;
     std::getline(list, text);
     const bool same = list && text + "\n" == start;
+    // A list without a first line is about to be written by somebody else.
+    if (!same && list) {
+      finished.remarks_.push_back(absl::StrCat(path.string(),
+                                               ": its images are of another request or another "
+                                               "build of the render worker; they are made "
+                                               "again"));
+    }
     while (same && std::getline(list, text) && !list.eof()) {
       const json line = json::parse(text, nullptr, /*allow_exceptions=*/false);
       if (!IsImageLine(line)) break;

@@ -13,19 +13,23 @@
 namespace sightline {
 
 // A list of finished images in a file, a line of JSON each, under the digest of the request that
-// they answer.
+// they answer and of the worker that made them.
 class FinishedImages {
  public:
   // Reads the list at `file`, and those of others beside it, whose names begin like it; it is
-  // written anew. What is of another request or broken does not count, nor do images whose files
-  // are not in `folder` any more or have other bytes. INTERNAL: the file cannot be written.
+  // written anew. What is of another request, of a worker of another build (`worker_build`:
+  // GetRenderWorkerResponse.server_build) or broken does not count, nor do images whose files are
+  // not in `folder` any more or have other bytes. INTERNAL: the file cannot be written.
   static absl::StatusOr<FinishedImages> Open(const std::string& file, const std::string& folder,
-                                             const v1::RenderSpec& spec);
+                                             const v1::RenderSpec& spec,
+                                             const std::string& worker_build);
 
   // Numbers of finished images, ascending.
   const std::vector<int>& images() const { return images_; }
   // Their files.
   const std::vector<std::string>& files() const { return files_; }
+  // A sentence on every list that does not count.
+  const std::vector<std::string>& remarks() const { return remarks_; }
 
   // A file that is complete in the folder. All files of an image come one after the other; the next
   // image's first one, or one of image -1, says that it is finished.
@@ -39,7 +43,7 @@ class FinishedImages {
 
   std::ofstream list_;
   std::vector<int> images_;
-  std::vector<std::string> files_;
+  std::vector<std::string> files_, remarks_;
   int current_ = -1;
   std::vector<ImageFile> current_files_;
 };

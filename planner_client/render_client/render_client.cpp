@@ -118,9 +118,14 @@ class RenderCall {
     constexpr char kInterrupted[] = "interrupted; finished images are kept";
     if (!options_.checkpoint_file.empty()) {
       if (!IsPart()) RemovePartialFiles(folder);
-      auto finished = FinishedImages::Open(options_.checkpoint_file, folder, spec_);
+      const auto build = WorkerBuild();
+      if (!build.ok()) return call_.Explained(build.status(), kInterrupted);
+      auto finished = FinishedImages::Open(options_.checkpoint_file, folder, spec_, *build);
       if (!finished.ok()) return finished.status();
       finished_ = *std::move(finished);
+      for (const std::string& remark : finished_->remarks()) {
+        if (options_.on_warning) options_.on_warning(remark);
+      }
       for (const int image : finished_->images()) {
         spec_.mutable_output()->add_finished_images(image);
       }
@@ -151,6 +156,17 @@ class RenderCall {
   }
 
  private:
+  // SHA-256 of the worker's program; empty: it is older than this question.
+  absl::StatusOr<std::string> WorkerBuild() {
+    v1::GetRenderWorkerResponse response;
+    const absl::Status status = call_.Create([&](grpc::ClientContext* context) {
+      return render_->GetRenderWorker(context, v1::GetRenderWorkerRequest(), &response);
+    });
+    if (absl::IsUnimplemented(status)) return std::string();
+    if (!status.ok()) return status;
+    return response.server_build();
+  }
+
   // Streams files while another thread follows the job's progress and a third the interrupt.
   absl::StatusOr<std::vector<std::string>> Receive(const v1::Job& job, const std::string& folder) {
     grpc::ClientContext files_context, watch_context;

@@ -23,6 +23,12 @@ absl::StatusOr<ImportedTolerances> ImportStep(const std::string& file,
   if (!options.length_unit.empty())
     arguments.insert(arguments.end(), {"--unit", options.length_unit});
   const auto json = RunStepImport(file, arguments, program);
+  if (IsMissingStepUnit(json.status())) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        file,
+        ": states no length unit; tolerances.unit of the inspection must state it (--unit of "
+        "`sightline part`, --tolerances-unit of `sightline new`): m, cm, mm, um, inch"));
+  }
   if (!json.ok()) return json.status();
   v1::ToleranceReport message;
   if (absl::Status parsed =

@@ -17,6 +17,7 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/trace/trace_context.h"
+#include "planning_service/execution/server_paths.h"
 #include "planning_service/task/planning_task.h"
 #include "proto/status/rpc_status.h"
 
@@ -85,6 +86,17 @@ void AddGlobalOption(const std::string& name, const std::string& value, TaskComm
   const std::string option = absl::StrCat(name, "=", value);
   for (std::vector<std::string>& part : commands->parts) part.insert(part.begin(), option);
   commands->conclusion.insert(commands->conclusion.begin(), option);
+}
+
+// `folder`: the job's.
+ServerPaths PathsOf(const JobRunnerOptions& options, const std::string& folder) {
+  std::vector<std::string> folders = options.hidden_folders;
+  folders.push_back(options.work_folder);
+  folders.push_back(options.step_cache_folder);
+  for (std::string& program : FoldersOfProgram(options.program)) {
+    folders.push_back(std::move(program));
+  }
+  return ServerPaths(folder, folders);
 }
 
 }  // namespace
@@ -212,6 +224,7 @@ void JobRunner::Run(const PlanningJob& job) {
   options.max_memory_bytes = options_.max_memory_bytes;
   options.max_time = options_.max_time;
 
+  const ServerPaths paths = PathsOf(options_, folder);
   bool cancelled = false;
   bool superseded = false;
   double furthest = 0;
@@ -222,7 +235,7 @@ void JobRunner::Run(const PlanningJob& job) {
     if (const absl::Time now = absl::Now(); now - told >= kReportInterval || now < told) {
       told = now;
       const auto asked_to_stop =
-          store_->ReportProgress(attempt, progress.fraction, progress.message);
+          store_->ReportProgress(attempt, progress.fraction, paths.WithoutPaths(progress.message));
       if (asked_to_stop.ok()) cancelled = *asked_to_stop;
       superseded =
           absl::IsAborted(asked_to_stop.status()) || absl::IsNotFound(asked_to_stop.status());
@@ -281,7 +294,9 @@ void JobRunner::Conclude(const PlanningJob& job, const JobProcessEnd& end, bool 
     Tell("requeue", [&] { return store_->Requeue(attempt, crashed, advanced); });
   };
   const auto fail = [&](const JobFailure& failure) {
-    Tell("fail", [&] { return store_->Fail(attempt, failure); });
+    JobFailure shown = failure;
+    shown.message = PathsOf(options_, folder).WithoutPaths(failure.message);
+    Tell("fail", [&] { return store_->Fail(attempt, shown); });
     std::error_code ignored;
     fs::remove_all(folder, ignored);
     spdlog::info("event=job_failed job={} code={} reason={} message=\"{}\"", job.job_id,

@@ -25,6 +25,9 @@ struct JobRunnerOptions {
   // Folder in which jobs keep meshes of STEP files, on every machine that runs them; empty: the
   // cache of the user.
   std::string step_cache_folder;
+  // Absolute paths of further folders that messages to clients must not name (server_paths.h);
+  // those of the jobs, of the STEP cache and of the program are known.
+  std::vector<std::string> hidden_folders;
   int workers = 1;                                     // jobs at a time; 0: others run them
   int parts = 1;                                       // into how many a job is split that can be
   int64_t max_memory_bytes = 0;                        // of each of its commands; 0: no limit
@@ -35,7 +38,7 @@ struct JobRunnerOptions {
 // queue, where it goes on from what it kept; after several in a row that got no further (more where
 // it was killed from outside than where it crashed) the job fails, reason PROCESS_ENDED. Nothing is
 // started while the disk is full, and a job that fails then is tried again. Results are stored
-// complete before the job counts as done.
+// complete before the job counts as done. Clients are told nothing of the paths of this machine.
 class JobRunner {
  public:
   // Pointers must outlive it.

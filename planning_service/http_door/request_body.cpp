@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "planning_service/http_door/request_body.h"
 
+#include <algorithm>
 #include <limits>
 #include <optional>
 #include <set>
@@ -26,6 +27,9 @@ namespace {
 constexpr size_t kMaxJsonBytes = 16 << 20;
 // Memory of a text that grows by doubling, and then of its copy with numbers for null positions.
 constexpr int64_t kBytesPerTextByte = 2;
+// A body that has sent so much takes memory for all that it announces: bodies that grow piece by
+// piece fill the memory together, and none of them gets to its end.
+constexpr size_t kTrustedBytes = 1 << 20;
 constexpr size_t kMaxFieldBytes = 64;
 constexpr int kMaxParts = 1000;
 
@@ -58,9 +62,16 @@ absl::Status WithField(const absl::Status& status, const std::string& document,
   return violations.empty() ? status : InvalidFields(violations);
 }
 
-// Takes memory, or says that there is none at the moment.
-absl::Status TakeMemory(SharedLimit::Share* memory, int64_t bytes) {
-  const std::optional<Shortage> shortage = memory->Grow(bytes);
+// Memory of a text of so many bytes and of its message.
+int64_t BodyMemory(size_t text_bytes) {
+  return kBytesPerTextByte * static_cast<int64_t>(text_bytes) +
+         static_cast<int64_t>(MostMessageBytes(text_bytes));
+}
+
+// Takes memory until the request holds `bytes`, or says that there is none at the moment.
+absl::Status HoldMemory(SharedLimit::Share* memory, int64_t bytes) {
+  if (bytes <= memory->held()) return absl::OkStatus();
+  const std::optional<Shortage> shortage = memory->Grow(bytes - memory->held());
   if (!shortage) return absl::OkStatus();
   return WithRetryDelay(
       WithErrorInfo(absl::UnavailableError(absl::StrCat(
@@ -75,17 +86,18 @@ absl::Status TakeMemory(SharedLimit::Share* memory, int64_t bytes) {
 absl::Status ParseBody(std::string json, const std::string& document,
                        const std::string& field_prefix, SharedLimit::Share* memory,
                        google::protobuf::Message* message) {
-  absl::Status room = TakeMemory(memory, static_cast<int64_t>(MostMessageBytes(json.size())));
+  absl::Status room = HoldMemory(memory, BodyMemory(json.size()));
   if (!room.ok()) return room;
   return WithField(ParseStrictJson(NumberNullPlatePositions(std::move(json)), document, message),
                    document, field_prefix);
 }
 
 // The rest of what `read` gives. Bytes take memory when they come: who announces much and sends
-// nothing takes nothing.
+// little takes little. `announced_bytes`: by Content-Length; 0: not known.
 template <typename Read>
 absl::StatusOr<std::string> ReadText(const std::string& field, size_t max_bytes,
-                                     SharedLimit::Share* memory, Read read) {
+                                     size_t announced_bytes, SharedLimit::Share* memory,
+                                     Read read) {
   std::string text;
   for (;;) {
     absl::StatusOr<std::string> piece = read();
@@ -96,9 +108,11 @@ absl::StatusOr<std::string> ReadText(const std::string& field, size_t max_bytes,
                                absl::StrCat(field, ": must have at most ", max_bytes, " bytes")),
                            "REQUEST_TOO_LARGE");
     }
-    absl::Status room = TakeMemory(memory, kBytesPerTextByte * static_cast<int64_t>(piece->size()));
-    if (!room.ok()) return room;
     text += *piece;
+    const int64_t needed = text.size() > kTrustedBytes && announced_bytes >= text.size()
+                               ? BodyMemory(std::min(announced_bytes, max_bytes))
+                               : kBytesPerTextByte * static_cast<int64_t>(text.size());
+    if (absl::Status room = HoldMemory(memory, needed); !room.ok()) return room;
   }
 }
 
@@ -153,7 +167,7 @@ absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs
     if (field == "task") {
       if (has_task) return InvalidFields({{"task", "is given twice"}});
       has_task = true;
-      absl::StatusOr<std::string> json = ReadText("task", kMaxJsonBytes, memory, read);
+      absl::StatusOr<std::string> json = ReadText("task", kMaxJsonBytes, 0, memory, read);
       if (!json.ok()) return json.status();
       // Before the files: a task that cannot be read is refused at once.
       absl::Status parsed = ParseBody(*std::move(json), "task", "task.", memory, &form.task);
@@ -163,7 +177,7 @@ absl::StatusOr<TaskForm> ReadTaskForm(HttpExchange& exchange, PlanningJobs* jobs
     if (field == "priority") {
       if (form.has_priority) return InvalidFields({{"priority", "is given twice"}});
       form.has_priority = true;
-      absl::StatusOr<std::string> text = ReadText("priority", kMaxFieldBytes, memory, read);
+      absl::StatusOr<std::string> text = ReadText("priority", kMaxFieldBytes, 0, memory, read);
       if (!text.ok()) return text.status();
       absl::StatusOr<int64_t> priority = ReadInteger("priority", *text, -100, 100);
       if (!priority.ok()) return priority.status();
@@ -200,8 +214,10 @@ absl::Status ReadJsonBody(HttpExchange& exchange, bool may_be_empty, SharedLimit
   if (type != "application/json" && !(type.empty() && may_be_empty)) {
     return UnsupportedMediaType("application/json");
   }
+  const auto announced = ParseUnsigned(exchange.request().Header("content-length"));
   absl::StatusOr<std::string> json =
-      ReadText("body", kMaxJsonBytes, memory, [&exchange] { return exchange.ReadBody(); });
+      ReadText("body", kMaxJsonBytes, announced.ok() ? static_cast<size_t>(*announced) : 0, memory,
+               [&exchange] { return exchange.ReadBody(); });
   if (!json.ok()) return json.status();
   if (json->empty() && may_be_empty) return absl::OkStatus();
   if (type.empty()) return UnsupportedMediaType("application/json");

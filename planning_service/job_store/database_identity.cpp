@@ -6,6 +6,8 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "absl/time/clock.h"
+#include "absl/time/time.h"
 #include "planning_service/job_store/random_number.h"
 #include "planning_service/job_store/sqlite_database.h"
 
@@ -13,6 +15,9 @@ namespace sightline {
 namespace {
 
 constexpr int64_t kEventIdStep = int64_t{1} << 32;
+// Two starts of one copy must not go on at the same id: they go on at the time's. The ids stay
+// below 2^53 until 2109, and grow more slowly than time unless there are 2048 events a millisecond.
+constexpr int64_t kEventIdsPerMs = 2048;
 // `copied_event`, the newest event at the time of the copy, of a database that is no copy.
 constexpr int64_t kNoCopy = -1;
 
@@ -60,11 +65,13 @@ bool SettleDatabaseIdentity(SqlTransaction& sql, const std::string& instance) {
                           absl::Hex(RandomBits(), absl::kZeroPad16)),
              instance, kNoCopy});
   }
-  // A database of an older version may be a restored one: only one without events is surely not.
-  const SqlRows moved = sql.Run(
-      "UPDATE counter SET value = value + $1 WHERE name = 'event' AND value > 0"
-      " RETURNING value",
-      {kEventIdStep});
+  // A database without identity is new, or of an older version; then it may be a restored one, but
+  // for one without events. A copy without events is a restored one: events may have followed it.
+  const SqlRows moved = sql.Run(absl::StrCat("UPDATE counter SET value ="
+                                             " CASE WHEN value < $1 THEN $1 ELSE value + $2 END"
+                                             " WHERE name = 'event'",
+                                             known ? "" : " AND value > 0", " RETURNING value"),
+                                {absl::ToUnixMillis(absl::Now()) * kEventIdsPerMs, kEventIdStep});
   return !moved.empty();
 }
 

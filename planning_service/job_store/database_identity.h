@@ -7,8 +7,10 @@
 //
 // Events that were delivered after the backup are unknown to a restored database, and it would give
 // their ids to other events: receivers that leave out known ids would then miss these. A service
-// that finds another instance therefore continues at the largest id + 2^32. Ids stay below 2^53,
-// where JSON numbers are exact, for two million restores.
+// that finds another instance therefore continues at an id that follows from the time, 2048 a
+// millisecond, so that services of one backup that was restored twice differ, too; at the largest
+// id + 2^32 if the clock is behind that. Ids stay below 2^53, where JSON numbers are exact, until
+// 2109.
 #pragma once
 
 #include <optional>

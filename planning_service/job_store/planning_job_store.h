@@ -89,7 +89,9 @@ class PlanningJobStore {
                                              const ClientQuota& quota) = 0;
   // NOT_FOUND, reason JOB_UNKNOWN.
   virtual absl::StatusOr<PlanningJob> Get(const std::string& job_id) = 0;
-  // Newest first. `task` and `files` of the jobs are left empty.
+  // Newest first. `task` and `files` of the jobs are left empty. Here, in Get and in Create queued
+  // jobs have `jobs_ahead`: with one worker exactly the jobs that Claim gives before, unless others
+  // come or a client is at its quota; with several the clients with fewer running jobs go first.
   virtual absl::StatusOr<std::vector<PlanningJob>> List(const PlanningJobFilter& filter) = 0;
   // A queued job is cancelled at once, a running one is asked to stop; finished ones stay.
   virtual absl::StatusOr<PlanningJob> RequestCancel(const std::string& job_id) = 0;

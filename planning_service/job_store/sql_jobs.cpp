@@ -34,6 +34,21 @@ std::string IsOneOf(const std::string& column, const std::vector<std::string>& v
   return absl::StrCat(column, " IN (", absl::StrJoin(places, ", "), ")");
 }
 
+// Places of all queued jobs in the queue, from 0.
+constexpr char kQueue[] =
+    "(SELECT job_id AS queued_id, ROW_NUMBER() OVER (ORDER BY priority DESC, sequence) - 1"
+    " AS jobs_ahead FROM job WHERE state = 'QUEUED') AS queue";
+constexpr size_t kJobsAheadColumn = 21;  // behind kJobColumns
+
+void CountJobsAhead(SqlTransaction& sql, PlanningJob* job) {
+  if (job->state != JobState::kQueued) return;
+  const SqlRows rows = sql.Run(
+      "SELECT COUNT(*) FROM job WHERE state = 'QUEUED'"
+      " AND (priority > $1 OR (priority = $1 AND sequence < $2))",
+      {int64_t{job->priority}, job->sequence});
+  if (!rows.empty()) job->jobs_ahead = rows.front().Int(0);
+}
+
 }  // namespace
 
 absl::StatusOr<PlanningJob> SqlJobStore::Create(const NewPlanningJob& job,
@@ -57,6 +72,7 @@ absl::StatusOr<PlanningJob> SqlJobStore::Create(const NewPlanningJob& job,
       if (known) {
         auto whole = FindJob(sql, known->job_id);
         if (!whole) return sql.status();
+        CountJobsAhead(sql, &*whole);
         return *std::move(whole);
       }
     }
@@ -89,6 +105,7 @@ absl::StatusOr<PlanningJob> SqlJobStore::Create(const NewPlanningJob& job,
     AddEvent(sql, "accepted", made);
     const absl::Status room = CheckStoredBytes(sql, made.client, quota);
     if (!room.ok()) return room;
+    CountJobsAhead(sql, &made);
     return made;
   });
 }
@@ -98,6 +115,7 @@ absl::StatusOr<PlanningJob> SqlJobStore::Get(const std::string& job_id) {
   return Read([&](SqlTransaction& sql) -> absl::StatusOr<PlanningJob> {
     auto job = FindJob(sql, job_id);
     if (!job) return JobUnknown(job_id);
+    CountJobsAhead(sql, &*job);
     return *std::move(job);
   });
 }
@@ -127,10 +145,15 @@ absl::StatusOr<std::vector<PlanningJob>> SqlJobStore::List(const PlanningJobFilt
   return Read([&](SqlTransaction& sql) -> absl::StatusOr<std::vector<PlanningJob>> {
     std::vector<PlanningJob> jobs;
     std::map<std::string, size_t> places;
-    for (const SqlRow& row : sql.Run(absl::StrCat("SELECT ", kJobColumns, " FROM job WHERE ", where,
-                                                  " ORDER BY sequence DESC LIMIT $1"),
-                                     parameters)) {
+    for (const SqlRow& row :
+         sql.Run(absl::StrCat("SELECT ", kJobColumns, ", COALESCE(queue.jobs_ahead, 0) FROM job",
+                              " LEFT JOIN ", kQueue, " ON queue.queued_id = job.job_id WHERE ",
+                              where, " ORDER BY sequence DESC LIMIT $1"),
+                 parameters)) {
       jobs.push_back(JobOfRow(row));
+      if (jobs.back().state == JobState::kQueued) {
+        jobs.back().jobs_ahead = row.Int(kJobsAheadColumn);
+      }
       places[jobs.back().job_id] = jobs.size() - 1;
     }
     for (const SqlRow& row :

@@ -114,7 +114,10 @@ class SqliteConnection : public SqlConnection {
   SqliteConnection(std::string file, DatabaseHandle database)
       : file_(std::move(file)), database_(std::move(database)) {}
 
-  absl::Status Error(int code) const { return SqliteError(database_.get(), code, file_); }
+  // Clients read it: where the file lies is no business of theirs.
+  absl::Status Error(int code) const {
+    return SqliteError(database_.get(), code, std::filesystem::path(file_).filename().string());
+  }
 
   absl::StatusOr<sqlite3_stmt*> Prepare(const std::string& sql) {
     const auto known = statements_.find(sql);

@@ -4,6 +4,7 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <limits>
 #include <set>
 #include <utility>
 
@@ -14,6 +15,7 @@
 #include "core/trace/trace_context.h"
 #include "planning_service/job_store/job_checks.h"
 #include "planning_service/task/planning_task.h"
+#include "planning_service/task/step_units.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -27,6 +29,8 @@ constexpr int kMostRecipes = 1000;
 // A task is text that people or programs wrote: shot lists of a few thousand images fit.
 constexpr size_t kMaxTaskBytes = 16 << 20;
 constexpr int64_t kMaxTaskFileBytes = 16 << 20;
+// Of a file whose text is passed over.
+constexpr int64_t kScannedPieceBytes = 1 << 20;
 constexpr char kPlanResult[] = "plan.json";
 
 google::protobuf::Timestamp ToTimestamp(absl::Time time) {
@@ -149,6 +153,10 @@ v1::PlanningJob PlanningJobToProto(const PlanningJob& job) {
     *message.mutable_finished_at() = ToTimestamp(job.finished);
   }
   message.set_revision(job.revision);
+  if (job.jobs_ahead) {
+    constexpr int64_t kMost = std::numeric_limits<int32_t>::max();
+    message.set_jobs_ahead(static_cast<int32_t>(std::min(*job.jobs_ahead, kMost)));
+  }
   return message;
 }
 
@@ -194,6 +202,8 @@ absl::StatusOr<JobFile> FileUpload::Finish(const std::string& expected_digest) {
                            stored_bytes_ + file.size_bytes, client_.quota.max_stored_bytes);
     }
   }
+  // From here on the store counts the file: another upload must not meet it twice.
+  arriving_.Release();
   absl::Status added = store_->AddUpload(client_.name, file, client_.quota);
   if (!added.ok()) return added;
   return file;
@@ -249,6 +259,19 @@ absl::Status PlanningJobs::Check(const Client& client, const v1::PlanningTask& t
         }
         return artefacts_->Read(file->digest, 0, file->size_bytes);
       });
+  if (!checked.ok()) return checked;
+  checked = CheckStepUnits(task, [&](const std::string& name, const auto& take) {
+    const auto file = std::find_if(files->begin(), files->end(),
+                                   [&](const JobFile& f) { return f.name == name; });
+    if (file == files->end()) return absl::NotFoundError(absl::StrCat("no file ", name));
+    bool wanted = true;
+    for (int64_t at = 0; at < file->size_bytes && wanted; at += kScannedPieceBytes) {
+      const auto piece = artefacts_->Read(file->digest, at, kScannedPieceBytes);
+      if (!piece.ok()) return piece.status();
+      wanted = take(*piece);
+    }
+    return absl::OkStatus();
+  });
   if (!checked.ok() || task.plan_job_id().empty()) return checked;
   const auto plan = Result(client, task.plan_job_id(), kPlanResult);
   if (!plan.ok()) {

@@ -4,12 +4,14 @@
 #include <grpcpp/grpcpp.h>
 #include <spdlog/spdlog.h>
 
+#include <cstdlib>
 #include <filesystem>
 #include <utility>
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "core/process_folder/process_folder.h"
 #include "planning_service/access/client_access.h"
 #include "planning_service/artefact_store/artefact_store.h"
 #include "planning_service/events/event_delivery.h"
@@ -135,8 +137,8 @@ class PlanningServerImpl final : public PlanningServer {
           " older version: event ids go on 2^32 higher\"");
     }
     metrics_.SetStore(store_.get());
-    auto artefacts =
-        ArtefactStore::Open(options.data_folder + "/artefacts", options.min_free_bytes);
+    const std::string data_folder = fs::absolute(options.data_folder).string();
+    auto artefacts = ArtefactStore::Open(data_folder + "/artefacts", options.min_free_bytes);
     if (!artefacts.ok()) return artefacts.status();
     artefacts_ = *std::move(artefacts);
     if (options.clients_file.empty()) {
@@ -164,6 +166,9 @@ class PlanningServerImpl final : public PlanningServer {
     runner.program = options.program;
     runner.work_folder = fs::absolute(work_folder).string();
     runner.step_cache_folder = fs::absolute(options.data_folder + "/step_cache").string();
+    runner.hidden_folders = {data_folder, TemporaryBase()};
+    // Schedulers' tools name their settings, which are there.
+    if (const char* home = std::getenv("HOME")) runner.hidden_folders.push_back(home);
     runner.workers = options.workers;
     runner.parts = options.parts;
     runner.max_memory_bytes = options.max_job_memory_bytes;

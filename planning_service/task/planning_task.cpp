@@ -154,6 +154,9 @@ absl::Status CheckKind(const v1::PlanningTask& task) {
         std::tuple("recordings", rule.recordings, task.has_recordings())}) {
     if (absl::Status s = CheckGiven(task.kind(), field, need, given); !s.ok()) return s;
   }
+  if (task.other_part() && !plan) {
+    return Invalid("other_part", "belongs to a task with plan or plan_job_id");
+  }
   if (task.has_plan() && !task.plan_job_id().empty()) {
     return Invalid("plan_job_id", "cannot be given together with plan");
   }
@@ -516,6 +519,7 @@ std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::
   if (task.kind() == "evaluate") arguments.Flag(kPlanFile, has_plan);
   arguments.Add("--out", out_folder);
   if (task.has_seed()) arguments.Add("--seed", task.seed());
+  arguments.Flag("--other-part", task.other_part());
   if (task.kind() == "plan") {
     const v1::PlanJobOptions& options = task.plan_options();
     arguments.Add("--checkpoint", checkpoint_folder);

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <numbers>
 #include <optional>
+#include <type_traits>
 #include <utility>
 
 #include "absl/strings/str_format.h"
@@ -30,6 +31,10 @@ constexpr int kGlanceExposures = 5;
 constexpr double kGlanceRatio = 3;
 // Exposures that pairs are made of.
 constexpr int kPairedExposures = 12;
+// Expected work, in judged exposures, for progress alone: forming the images of a lens setting, and
+// a search.
+constexpr double kWorkOfLens = 25;
+constexpr int kExposuresOfSearch = 25;
 // Laser sheets of frames that differ by less are the same [1, m].
 constexpr double kSameSheet = 1e-6;
 
@@ -75,26 +80,111 @@ std::optional<LensSetting> FocusOnSheet(const FrameLight& light, const Inspectio
 
 bool Better(const JudgedSetting& a, const JudgedSetting& b) { return a.cost() < b.cost(); }
 
+// Expected work of every step of a choice: of each f-number, then of the alternatives and of the
+// pairs.
+std::vector<double> ExpectedWork(const OpticsPlanning& planning, size_t f_number_count) {
+  const double search = planning.every_exposure ? planning.exposures
+                                                : std::min(planning.exposures, kExposuresOfSearch);
+  const double glance = 2 * kGlanceExposures;
+  const auto count = [](const auto& choices) {
+    return choices && !choices->is_range() ? static_cast<double>(choices->values.size()) : 1.0;
+  };
+  const bool focus_range = planning.focus_distance_m && planning.focus_distance_m->is_range();
+  const double lenses =
+      (focus_range ? kFirstFocusDistances + 2 * kFocusRounds : count(planning.focus_distance_m)) +
+      (planning.sensor_tilt ? 1 : 0);
+  const bool power_range = planning.laser_power_w && planning.laser_power_w->is_range();
+  const double powers = power_range ? 3 : count(planning.laser_power_w);
+  const double of_f_number = (lenses > 1 ? lenses * (kWorkOfLens + glance) : 0) +
+                             (powers > 1 ? powers * glance : 0) + kWorkOfLens + search;
+  std::vector<double> works(f_number_count, of_f_number);
+  works.push_back(((planning.sensor_tilt ? 1 : 0) + (planning.focus_distance_m ? 1 : 0)) *
+                  (kWorkOfLens + search));
+  works.push_back(
+      planning.two_exposures ? kWorkOfLens + kPairedExposures * (kPairedExposures - 1) / 2.0 : 0);
+  return works;
+}
+
+// The judge, with progress over steps whose work is known only roughly: a step that needs less than
+// expected jumps to its end, one that needs more waits there.
+class WatchedJudge {
+ public:
+  WatchedJudge(SettingJudge& judge, std::vector<double> expected_work,
+               const std::function<void(double)>& report)
+      : judge_(judge), expected_(std::move(expected_work)), report_(report) {
+    if (report_) judge_.ReportTo([this](double fraction) { Report(fraction); });
+  }
+  ~WatchedJudge() { judge_.ReportTo({}); }
+  WatchedJudge(const WatchedJudge&) = delete;
+  WatchedJudge& operator=(const WatchedJudge&) = delete;
+
+  absl::Status LookThrough(const LensSetting& lens) {
+    return Watched(kWorkOfLens, [&] { return judge_.LookThrough(lens); });
+  }
+  absl::StatusOr<std::vector<JudgedSetting>> Judge(std::span<const double> exposure_times_s,
+                                                   double laser_power_w) {
+    return Watched(static_cast<double>(exposure_times_s.size()),
+                   [&] { return judge_.Judge(exposure_times_s, laser_power_w); });
+  }
+  absl::StatusOr<std::vector<JudgedSetting>> JudgePairs(
+      std::span<const std::pair<double, double>> long_and_short_s, double laser_power_w) {
+    return Watched(static_cast<double>(long_and_short_s.size()),
+                   [&] { return judge_.JudgePairs(long_and_short_s, laser_power_w); });
+  }
+  const std::vector<WeightedFrame>& frames() const { return judge_.frames(); }
+
+  void EndStep() {
+    ++step_;
+    done_in_step_ = 0;
+    if (report_) Report(0);
+  }
+
+ private:
+  template <typename Call>
+  std::invoke_result_t<Call> Watched(double work, const Call& call) {
+    work_of_call_ = work;
+    auto result = call();
+    done_in_step_ += work;
+    work_of_call_ = 0;
+    return result;
+  }
+
+  // `fraction`: of the call that is being watched.
+  void Report(double fraction) const {
+    double done = 0, all = 0;
+    for (size_t i = 0; i < expected_.size(); ++i) {
+      all += expected_[i];
+      if (i < step_) done += expected_[i];
+      if (i == step_) done += std::min(expected_[i], done_in_step_ + fraction * work_of_call_);
+    }
+    report_(done / all);
+  }
+
+  SettingJudge& judge_;
+  const std::vector<double> expected_;
+  const std::function<void(double)>& report_;
+  size_t step_ = 0;
+  double done_in_step_ = 0, work_of_call_ = 0;
+};
+
 class Chooser {
  public:
   Chooser(SettingJudge& judge, const Inspection& inspection, const SettingGroup& group,
           const ExposureGrid& grid, const std::function<void(double)>& progress)
-      : judge_(judge),
+      : judge_(judge, ExpectedWork(*inspection.optics, group.f_numbers.size()), progress),
         inspection_(inspection),
         planning_(*inspection.optics),
         group_(group),
         grid_f_number_(inspection.optics->f_numbers[0]),
-        grid_(grid),
-        progress_(progress) {
+        grid_(grid) {
     choice_.limit = LimitExposure(inspection.costs, inspection.rig.scan_step_m, planning_,
                                   group.image_speed_px_per_m);
   }
 
   absl::StatusOr<SettingChoice> Run() {
-    const size_t count = group_.f_numbers.size();
-    for (size_t n = 0; n < count; ++n) {
-      if (absl::Status status = TryFNumber(group_.f_numbers[n]); !status.ok()) return status;
-      if (progress_) progress_(static_cast<double>(n + 1) / static_cast<double>(count));
+    for (const double f_number : group_.f_numbers) {
+      if (absl::Status status = TryFNumber(f_number); !status.ok()) return status;
+      judge_.EndStep();
     }
     bool any = false;
     for (size_t n = 0; n < choice_.curve.size(); ++n) {
@@ -114,9 +204,11 @@ class Chooser {
     }
     choice_.focus = focus_of_[choice_.best];
     if (absl::Status status = TryAlternatives(); !status.ok()) return status;
+    judge_.EndStep();
     if (planning_.two_exposures) {
       if (absl::Status status = TryPairs(); !status.ok()) return status;
     }
+    judge_.EndStep();
     return std::move(choice_);
   }
 
@@ -376,13 +468,12 @@ class Chooser {
     return absl::OkStatus();
   }
 
-  SettingJudge& judge_;
+  WatchedJudge judge_;
   const Inspection& inspection_;
   const OpticsPlanning& planning_;
   const SettingGroup& group_;
   const double grid_f_number_;  // the smallest of the inspection
   const ExposureGrid grid_;
-  const std::function<void(double)>& progress_;
   SettingChoice choice_;
   std::vector<std::vector<JudgedSetting>> focus_of_;  // by f-number
 };

@@ -60,8 +60,10 @@ ExposureGrid MakeExposureGrid(const SettingJudge& judge, const Inspection& inspe
 // Every f-number, and for each sensor tilts, focus distances, laser powers and exposures as far as
 // they may vary. A range of focus distances is tried at five distances equally spaced in 1/d, along
 // which defocus is linear, and twice more beside the best; a range of powers at its ends and their
-// geometric mean. FAILED_PRECONDITION, reason EXPOSURE_TOO_LONG: the shortest exposure is longer
-// than the stage's speed or the frame rate allow, at every f-number. Errors of the judge.
+// geometric mean. `progress` is called with fractions in [0, 1] that never fall, after every strip
+// of an image and every few exposures; the judge's own report is turned off at the end.
+// FAILED_PRECONDITION, reason EXPOSURE_TOO_LONG: the shortest exposure is longer than the stage's
+// speed or the frame rate allow, at every f-number. Errors of the judge.
 absl::StatusOr<SettingChoice> ChooseSetting(SettingJudge& judge, const Inspection& inspection,
                                             const SettingGroup& group, const ExposureGrid& grid,
                                             const std::function<void(double)>& progress);

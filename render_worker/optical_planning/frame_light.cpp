@@ -257,8 +257,13 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
 
   TransportSettings settings =
       TransportSettingsOf(inspection.render, frame, options.limits.threads);
+  // Other light, where there is some, takes about as long as that of the laser.
+  const double laser_share = scene.has_incoherent_light() ? 0.5 : 1;
   TransportProgress progress;
   progress.cancelled = options.limits.cancelled;
+  if (options.limits.progress) {
+    progress.report = [&](double fraction) { options.limits.progress(laser_share * fraction); };
+  }
   auto laser = pinhole->transport->TraceLaser(view, light.grid, settings, progress);
   if (!laser.ok()) return laser.status();
   light.line = FindTrueLine(view, light.grid, *laser);
@@ -296,6 +301,11 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
   }
   settings.noise_target_relative = std::max(settings.noise_target_relative, kIncoherentNoise);
   settings.first_samples_per_px = kFirstIncoherentSamples;
+  if (options.limits.progress) {
+    progress.report = [&](double fraction) {
+      options.limits.progress(laser_share + (1 - laser_share) * fraction);
+    };
+  }
   auto other =
       pinhole->transport->TraceIncoherent(view, light.incoherent_grid, weights, settings, progress);
   if (!other.ok()) return other.status();

@@ -57,8 +57,9 @@ struct FrameLightOptions {
   RenderLimits limits;
 };
 
-// `effects` act on the frame's geometry and source. FAILED_PRECONDITION, reason NO_LINE: the laser
-// lights nothing that the camera sees. CANCELLED.
+// `effects` act on the frame's geometry and source. The progress of the limits is called while
+// light is traced, by one thread at a time. FAILED_PRECONDITION, reason NO_LINE: the laser lights
+// nothing that the camera sees. CANCELLED.
 absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequest& request,
                                            std::span<const ActiveEffect> effects,
                                            const FrameLightOptions& options);

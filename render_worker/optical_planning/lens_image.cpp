@@ -103,6 +103,10 @@ class LensImage {
 
   bool Cancelled() const { return limits_.cancelled != nullptr && *limits_.cancelled; }
 
+  void Report(double fraction) const {
+    if (limits_.progress) limits_.progress(fraction);
+  }
+
   // Without effects the image falls into strips of columns, so that memory does not grow with it;
   // the scatterers are a function of the place, so strips fit together.
   absl::StatusOr<std::vector<PixelIrradiance>> InStrips(std::span<const uint64_t> seeds) {
@@ -138,6 +142,9 @@ class LensImage {
       AddLaser(strip, first, &ideal);
       for (size_t r = 0; r < seeds.size(); ++r) {
         if (Cancelled()) return absl::CancelledError("cancelled");
+        Report((first +
+                strip.roi.columns_px * static_cast<double>(r) / static_cast<double>(seeds.size())) /
+               whole.roi.columns_px);
         const Image<float> part = ImageLaser(ideal, optics_, Speckle(seeds[r]), limits_.threads);
         for (int row = 0; row < part.rows_px; ++row) {
           float* to = images[r].laser_irradiance_w_m2.Row(row) + first;
@@ -168,6 +175,7 @@ class LensImage {
     std::vector<PixelIrradiance> images;
     for (const uint64_t seed : seeds) {
       if (Cancelled()) return absl::CancelledError("cancelled");
+      Report(static_cast<double>(images.size()) / static_cast<double>(seeds.size()));
       auto formed = FormLight(ideal, frame_, effects_, Speckle(seed), limits_.threads);
       if (!formed.ok()) return formed.status();
       for (size_t i = 0; i < dim.values.size(); ++i) {

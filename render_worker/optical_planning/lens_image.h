@@ -18,7 +18,8 @@ namespace sightline {
 // that of the line's own light anywhere. Without effects the image is made in strips of columns of
 // at most an eighth of `max_image_bytes`. Defocus of other light is that of SpreadByDefocus.
 // Light from beyond the margin of the light's grid is missing (LensMarginPx says what a setting
-// needs). RESOURCE_EXHAUSTED: more than `max_image_bytes`; CANCELLED.
+// needs). The progress of `limits` is called before every strip of every image, by this thread.
+// RESOURCE_EXHAUSTED: more than `max_image_bytes`; CANCELLED.
 absl::StatusOr<std::vector<PixelIrradiance>> ImageThroughLens(
     const FrameLight& light, const FrameSetup& frame, std::span<const ActiveEffect> effects,
     std::span<const uint64_t> speckle_seeds, const RenderLimits& limits);

@@ -35,6 +35,9 @@ constexpr int kCommonFrames = 16;
 // A scan's own best f-number costs at most this much more than the common best, for all scans
 // together.
 constexpr double kWorthTrying = 1.6;
+// Of the work on a group of frames, about: tracing their light, the choice, and the frames with the
+// chosen setting. The rest is the frame that checks them.
+constexpr double kShareOfTracing = 0.2, kShareOfChoice = 0.75, kShareOfFrames = 0.025;
 constexpr int kPictureColumns_px = 384, kPictureRows_px = 128;
 // Below this the frames hardly stand for their scan.
 constexpr double kPoorlyRepresented = 0.5;
@@ -254,7 +257,8 @@ class OpticsPlanner {
 
   // Traced light of the group's frames, weighted so that sums over them stand for the whole. Frames
   // in which the coarse look took something else for a line leave the group; NO_LINE if all do.
-  absl::StatusOr<std::vector<WeightedFrame>> Trace(FrameGroup& group) {
+  // Progress goes on from `begin` by `share`, fractions of the group's work.
+  absl::StatusOr<std::vector<WeightedFrame>> Trace(FrameGroup& group, double begin, double share) {
     FrameLightOptions options;
     options.margin_px = Margin(group);
     options.limits = hooks_.limits;
@@ -267,8 +271,14 @@ class OpticsPlanner {
     absl::Status none;
     for (size_t f = 0; f < group.frames.size(); ++f) {
       const ChosenFrame& chosen = group.frames[f];
-      Say(done_ + 0.2 * share_ * static_cast<double>(f) / static_cast<double>(group.frames.size()),
-          absl::StrFormat("light of scan %d, frame %d", chosen.scan, chosen.seen->frame->frame));
+      const std::string what =
+          absl::StrFormat("light of scan %d, frame %d", chosen.scan, chosen.seen->frame->frame);
+      options.limits.progress = [&, f](double fraction) {
+        Say(done_ + share_ * (begin + share * (static_cast<double>(f) + fraction) /
+                                          static_cast<double>(group.frames.size())),
+            what);
+      };
+      options.limits.progress(0);
       if (!whole) options.roi = chosen.seen->glance.roi;
       auto light = TraceFrameLight(scene_, chosen.seen->frame->request, effects_, options);
       if (ErrorReason(light.status()) == kNoLine) {
@@ -351,7 +361,7 @@ class OpticsPlanner {
   }
 
   absl::StatusOr<v1::OpticsChoice> Choose(FrameGroup& group, v1::OpticsPlan* plan) {
-    auto traced = Trace(group);
+    auto traced = Trace(group, 0, kShareOfTracing);
     if (!traced.ok()) return traced.status();
     group.setting.image_speed_px_per_m = ImageSpeed_px_per_m(group);
     group.setting.stated_focus_m = StatedFocus_m(group, *traced);
@@ -364,13 +374,17 @@ class OpticsPlanner {
     const std::string name =
         group.scan == 0 ? "one setting for all scans" : absl::StrCat("scan ", group.scan);
     auto choice = ChooseSetting(judge, inspection_, group.setting, grid, [&](double fraction) {
-      Say(done_ + share_ * (0.2 + 0.75 * fraction), name);
+      Say(done_ + share_ * (kShareOfTracing + kShareOfChoice * fraction), name);
     });
     if (!choice.ok()) return choice.status();
     v1::OpticsChoice answer = ChoiceToProto(*choice, inspection_, group.setting, height_per_px);
     answer.set_scan(group.scan);
     answer.set_represented_fraction(group.represented_fraction);
+    judge.ReportTo([&](double fraction) {
+      Say(done_ + share_ * (kShareOfTracing + kShareOfChoice + kShareOfFrames * fraction), name);
+    });
     if (absl::Status s = AddFrames(group, judge, choice->chosen(), &answer); !s.ok()) return s;
+    judge.ReportTo({});
     if (absl::Status s = AddDetection(judge, choice->chosen(), &answer); !s.ok()) return s;
     if (absl::Status s = AddCheck(group, choice->chosen(), &answer); !s.ok()) return s;
     evaluated_images_ += judge.judged_images();
@@ -429,7 +443,8 @@ class OpticsPlanner {
     one.scan = group.scan;
     one.frames.push_back(
         {group.check, group.scan, 0, static_cast<double>(group.check->glance.lit_samples)});
-    auto traced = Trace(one);
+    constexpr double kBefore = kShareOfTracing + kShareOfChoice + kShareOfFrames;
+    auto traced = Trace(one, kBefore, 1 - kBefore);
     if (ErrorReason(traced.status()) == kNoLine) return absl::OkStatus();
     if (!traced.ok()) return traced.status();
     SettingJudge judge(inspection_, effects_, *std::move(traced), task_.seed, hooks_.limits);

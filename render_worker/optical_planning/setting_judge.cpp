@@ -2,6 +2,7 @@
 #include "render_worker/optical_planning/setting_judge.h"
 
 #include <algorithm>
+#include <atomic>
 #include <cassert>
 #include <cmath>
 #include <utility>
@@ -69,7 +70,13 @@ absl::Status SettingJudge::LookThrough(const LensSetting& lens) {
       seeds.push_back(Setup(f, setting, r).seeds.speckle);
     }
     const FrameSetup setup = Setup(f, setting, 0);
-    auto images = ImageThroughLens(*frames_[f].light, setup, effects_, seeds, limits_);
+    RenderLimits limits = limits_;
+    if (limits_.progress) {
+      limits.progress = [&](double fraction) {
+        limits_.progress((static_cast<double>(f) + fraction) / static_cast<double>(frames_.size()));
+      };
+    }
+    auto images = ImageThroughLens(*frames_[f].light, setup, effects_, seeds, limits);
     if (!images.ok()) return images.status();
     images_.push_back(
         std::make_unique<Images>(Images{inspection_.rig.laser.power_w, *std::move(images)}));
@@ -149,6 +156,7 @@ absl::StatusOr<SettingJudge::BlockSums> SettingJudge::CountPairs(
                      std::vector<std::vector<LineSums>>(static_cast<size_t>(realisations))));
   const int tasks = pairs * frames * realisations;
   std::vector<absl::Status> statuses(static_cast<size_t>(tasks));
+  std::atomic<int> done = 0;
   // Neighbouring tasks cost about the same: dealt out in turn.
   const int threads = std::max(1, limits_.threads);
   ForIndexRanges(threads, threads, [&](int begin, int end) {
@@ -178,6 +186,11 @@ absl::StatusOr<SettingJudge::BlockSums> SettingJudge::CountPairs(
         sums[pair][frame][static_cast<size_t>(r)] =
             JudgeLine(*detected, PlanDetection(setup, planning_.detector), light.line,
                       light.grid.roi.columns_px, ReachPx());
+        ++done;
+        // One thread speaks for all.
+        if (thread == 0 && limits_.progress) {
+          limits_.progress(static_cast<double>(done) / tasks);
+        }
       }
     }
   });

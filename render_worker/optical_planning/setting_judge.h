@@ -3,8 +3,10 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
+#include <utility>
 #include <vector>
 
 #include "absl/status/statusor.h"
@@ -50,9 +52,14 @@ struct WeightedFrame {
 class SettingJudge {
  public:
   // `inspection` and `effects` must outlive it. The frames have light traced with the inspection.
+  // The progress of `limits` is that of ReportTo.
   SettingJudge(const Inspection& inspection, std::span<const ActiveEffect> effects,
                std::vector<WeightedFrame> frames, uint64_t seed, RenderLimits limits);
   ~SettingJudge();
+
+  // How much of a call of LookThrough, Judge or JudgePairs is done, in [0, 1], is told to `report`
+  // while it works, by one thread at a time; empty: to nobody.
+  void ReportTo(std::function<void(double)> report) { limits_.progress = std::move(report); }
 
   // Forms the images of all frames and realisations through a lens setting; those of the one before
   // are dropped. Errors of ImageThroughLens.

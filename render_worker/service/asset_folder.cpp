@@ -59,6 +59,7 @@ absl::StatusOr<std::string> AssetFolder::Resolve(const std::string& file) const 
   const fs::path link = fs::path(folder_) / name;
   std::error_code error;
   fs::create_directories(link.parent_path(), error);
+  if (!error) fs::permissions(folder_, fs::perms::owner_all, error);
   fs::create_symlink(asset->second->path(), link, error);
   if (error && !fs::is_symlink(link)) {
     return absl::InternalError(absl::StrCat(file, ": cannot be opened: ", error.message()));

@@ -4,6 +4,7 @@
 #include <google/protobuf/io/coded_stream.h>
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
+#include <chrono>
 #include <cstdio>
 
 #include "absl/strings/str_cat.h"
@@ -38,7 +39,7 @@ absl::StatusOr<std::string> AssetStore::Put(const std::string& bytes) {
   if (assets_.Get(digest) != nullptr) return digest;
   // A name of its own: an asset that is on its way out may have the same digest.
   const std::string path = absl::StrCat(folder_, "/asset-", next_file_++);
-  if (absl::Status status = WriteFileAtomically(path, bytes); !status.ok()) {
+  if (absl::Status status = WriteFileAtomically(path, bytes, 0600); !status.ok()) {
     return WithoutFolders(
         absl::ResourceExhaustedError(absl::StrCat("the asset cannot be kept: ", status.message())),
         {folder_});
@@ -47,6 +48,10 @@ absl::StatusOr<std::string> AssetStore::Put(const std::string& bytes) {
       assets_.Put(digest, std::make_shared<const Asset>(path), static_cast<int64_t>(bytes.size()));
   if (!status.ok()) return status;
   return digest;
+}
+
+void AssetStore::DropUnused(absl::Duration age) {
+  assets_.DropUnusedSince(std::chrono::steady_clock::now() - absl::ToChronoNanoseconds(age));
 }
 
 }  // namespace sightline

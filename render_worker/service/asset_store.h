@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Uploaded files on disk, by digest, limited in bytes; the longest unused go first.
+// Uploaded files on disk, by digest, limited in bytes and in time; the longest unused go first.
 #pragma once
 
 #include <google/protobuf/message.h>
@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "core/memo/lru_store.h"
 
 namespace sightline {
@@ -40,11 +41,13 @@ class AssetStore {
   // `folder` exists and belongs to the store.
   AssetStore(std::string folder, int64_t max_bytes);
 
-  // Keeps the bytes; returns their digest. RESOURCE_EXHAUSTED: they alone exceed the limit, or the
-  // disk is full.
+  // Keeps the bytes in a file that only this user can read; returns their digest.
+  // RESOURCE_EXHAUSTED: they alone exceed the limit, or the disk is full.
   absl::StatusOr<std::string> Put(const std::string& bytes);
   // Null if unknown. The file stays while the asset is held.
   std::shared_ptr<const Asset> Get(const std::string& digest) { return assets_.Get(digest); }
+  // Forgets assets that were neither put nor got for that long.
+  void DropUnused(absl::Duration age);
 
   int64_t count() const { return assets_.count(); }
   int64_t bytes() const { return assets_.bytes(); }

@@ -25,6 +25,10 @@ RenderOutput::~RenderOutput() { RemoveFolder(); }
 absl::Status RenderOutput::MakeFolder() const {
   std::error_code error;
   std::filesystem::create_directories(folder_, error);
+  // The images are a client's own.
+  if (!error) {
+    std::filesystem::permissions(folder_, std::filesystem::perms::owner_all, error);
+  }
   if (!error) return absl::OkStatus();
   return absl::ResourceExhaustedError(
       absl::StrCat("no folder for the images can be made: ", error.message()));
@@ -33,6 +37,16 @@ absl::Status RenderOutput::MakeFolder() const {
 void RenderOutput::RemoveFolder() const {
   std::error_code ignored;
   std::filesystem::remove_all(folder_, ignored);
+}
+
+void RenderOutput::Finish() {
+  std::lock_guard lock(mutex_);
+  finished_ = std::chrono::steady_clock::now();
+}
+
+bool RenderOutput::FinishedBefore(absl::Duration age) const {
+  std::lock_guard lock(mutex_);
+  return finished_ && absl::FromChrono(std::chrono::steady_clock::now() - *finished_) >= age;
 }
 
 void RenderOutput::AddFile(RenderedFile file) {
@@ -88,7 +102,7 @@ void RenderOutputStore::Trim() {
   int64_t bytes = 0;
   for (auto it = order_.begin(); it != order_.end();) {
     const auto found = outputs_.find(*it);
-    if (!found->second->discarded()) {
+    if (!found->second->discarded() && !found->second->FinishedBefore(keep_)) {
       bytes += found->second->bytes();
       ++it;
       continue;

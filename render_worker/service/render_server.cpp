@@ -4,7 +4,10 @@
 #include <spdlog/spdlog.h>
 
 #include <algorithm>
+#include <condition_variable>
 #include <cstdlib>
+#include <functional>
+#include <mutex>
 #include <thread>
 #include <utility>
 
@@ -32,6 +35,41 @@ JobLimits JobLimitsOf(const RenderServerOptions& options) {
           .max_bytes_of_owner = share_of(options.max_queued_bytes)};
 }
 
+// Calls a function now and then, in a thread of its own, until it goes.
+class Sweeper {
+ public:
+  Sweeper(absl::Duration interval, std::function<void()> sweep)
+      : thread_([this, interval, sweep = std::move(sweep)] {
+          std::unique_lock lock(mutex_);
+          while (!stop_.wait_for(lock, absl::ToChronoMilliseconds(interval),
+                                 [this] { return stopping_; })) {
+            sweep();
+          }
+        }) {}
+  ~Sweeper() {
+    {
+      const std::lock_guard lock(mutex_);
+      stopping_ = true;
+    }
+    stop_.notify_all();
+    thread_.join();
+  }
+  Sweeper(const Sweeper&) = delete;
+  Sweeper& operator=(const Sweeper&) = delete;
+
+ private:
+  std::mutex mutex_;
+  std::condition_variable stop_;
+  bool stopping_ = false;
+  std::thread thread_;
+};
+
+// What is kept for a time is looked at ten times within it, but not oftener than a machine that has
+// little else to do would notice.
+absl::Duration SweepInterval(absl::Duration keep) {
+  return std::clamp(keep / 10, absl::Milliseconds(50), absl::Minutes(1));
+}
+
 class RenderServerImpl final : public RenderServer {
  public:
   RenderServerImpl(const RenderServerOptions& options, RecordingFunctions functions,
@@ -39,7 +77,7 @@ class RenderServerImpl final : public RenderServer {
       : spool_(std::move(spool)),
         calls_(&metrics_),
         assets_(spool_.path(), options.max_asset_store_bytes),
-        outputs_(options.max_output_bytes),
+        outputs_(options.max_output_bytes, options.keep),
         jobs_(MakeInMemoryJobStore(options.render_workers, JobLimitsOf(options))),
         service_({spool_.path(), &assets_, &outputs_, jobs_.get(), &calls_,
                   Threads(options.threads), options.max_asset_bytes, options.max_image_bytes}),
@@ -49,7 +87,11 @@ class RenderServerImpl final : public RenderServer {
         optics_service_({spool_.path(), &assets_, jobs_.get(), &calls_, Threads(options.threads),
                          options.max_image_bytes}),
         sensor_service_({spool_.path(), &assets_, jobs_.get(), &calls_}),
-        server_("render_worker", &metrics_, &calls_, jobs_.get()) {}
+        server_("render_worker", &metrics_, &calls_, jobs_.get()),
+        sweeper_(SweepInterval(options.keep), [this, keep = options.keep] {
+          assets_.DropUnused(keep);
+          outputs_.Trim();
+        }) {}
 
   ~RenderServerImpl() override { Drain(absl::ZeroDuration()); }
 
@@ -87,6 +129,7 @@ class RenderServerImpl final : public RenderServer {
   OpticsServiceImpl optics_service_;
   SensorServiceImpl sensor_service_;
   RpcServer server_;
+  Sweeper sweeper_;
 };
 
 }  // namespace

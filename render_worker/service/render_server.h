@@ -7,6 +7,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "absl/time/time.h"
 #include "render_worker/service/diagnosis_service.h"
 #include "rpc_server/rpc_server.h"
 
@@ -19,10 +20,12 @@ struct RenderServerOptions : RpcServerOptions {
   // RESOURCE_EXHAUSTED.
   int64_t max_queued_jobs = 64;
   int64_t max_queued_bytes = int64_t{256} << 20;
-  // Where assets and images are kept; empty: a new folder in the system's temporary folder. What
-  // the server puts there goes when it ends; if it is killed, when the next one starts on the same
-  // folder.
+  // Where assets and images are kept; empty: the system's temporary folder. The server makes a
+  // folder there that only its user can enter. It goes when the server ends; if it is killed, when
+  // the next one starts on the same folder.
   std::string spool_folder;
+  // How long uploaded files stay that no request uses, and images whose job has ended.
+  absl::Duration keep = absl::Hours(24);
   int64_t max_asset_bytes = int64_t{512} << 20;
   int64_t max_asset_store_bytes = int64_t{4} << 30;
   int64_t max_output_bytes = int64_t{16} << 30;

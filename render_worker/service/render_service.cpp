@@ -14,6 +14,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/digest/sha256.h"
 #include "core/parallel/exception_status.h"
+#include "core/process/program_build.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/service/answer_jobs.h"
 #include "render_worker/service/asset_folder.h"
@@ -157,6 +158,7 @@ absl::Status RenderServiceImpl::Create(const std::string& peer,
         } else if (!status.ok() && work->output->FilesFrom(0).empty()) {
           work->output->RemoveFolder();
         }
+        work->output->Finish();
         p_.outputs->Trim();
         if (!status.ok()) return WithoutFolders(work->assets.WithoutFolder(status), folders);
         return std::string();
@@ -175,6 +177,15 @@ grpc::Status RenderServiceImpl::StreamRenderFiles(
   return p_.calls->Run(
       "StreamRenderFiles", context, [&] { return Stream(context, *request, writer); },
       CallKind::kStream);
+}
+
+grpc::Status RenderServiceImpl::GetRenderWorker(grpc::ServerContext* context,
+                                                const v1::GetRenderWorkerRequest*,
+                                                v1::GetRenderWorkerResponse* response) {
+  return p_.calls->Run("GetRenderWorker", context, [&] {
+    response->set_server_build(ProgramBuild());
+    return absl::OkStatus();
+  });
 }
 
 absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,

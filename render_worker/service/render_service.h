@@ -41,6 +41,9 @@ class RenderServiceImpl final : public v1::RenderService::Service {
   grpc::Status StreamRenderFiles(
       grpc::ServerContext* context, const v1::StreamRenderFilesRequest* request,
       grpc::ServerWriter<v1::StreamRenderFilesResponse>* writer) override;
+  grpc::Status GetRenderWorker(grpc::ServerContext* context,
+                               const v1::GetRenderWorkerRequest* request,
+                               v1::GetRenderWorkerResponse* response) override;
 
  private:
   absl::Status Receive(grpc::ServerContext* context,

@@ -103,7 +103,7 @@ void ReadFinishedImages(std::string_view bytes) {
   static const MemoryFolder folder;
   folder.Write("images/a.png", "a picture");
   const std::string file = folder.Write("finished", bytes);
-  (void)FinishedImages::Open(file, folder.path(), {}).ok();
+  (void)FinishedImages::Open(file, folder.path(), {}, "").ok();
 }
 
 }  // namespace

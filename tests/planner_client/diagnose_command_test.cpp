@@ -23,6 +23,7 @@
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/render_client/render_client.h"
+#include "render_worker/calibration/inspection_change.h"
 #include "render_worker/service/render_server.h"
 #include "tests/planner_client/run_command.h"
 #include "tests/render_worker/service/plate_spec.h"
@@ -85,6 +86,7 @@ absl::StatusOr<v1::Diagnosis> FindFNumber(const RecordedSet& set, const Diagnosi
   v1::Effect* calibrated = answer.add_calibrated_effects();
   calibrated->set_effect("optics.f_number_error");
   (*calibrated->mutable_parameters())["f_number_factor"] = 1.25;
+  AddInspectionChanges({FindEffect("optics.f_number_error"), {1.25}}, set.description, &answer);
   RecordingSet description = set.description;
   description.laser.power_w *= 2;
   *answer.mutable_calibrated() = RecordingsToProto(description);
@@ -106,6 +108,7 @@ absl::StatusOr<v1::Diagnosis> FindInterreflection(const RecordedScene& scene,
   v1::Effect* calibrated = answer.add_calibrated_effects();
   calibrated->set_effect("illumination.interreflection");
   (*calibrated->mutable_parameters())["interreflected_light_factor"] = 1;
+  AddInterreflectionChanges(calibrated->effect(), /*laser_light=*/true, 1, &answer);
   v1::FittedDeviation* laser = answer.mutable_model_fit()->add_deviations();
   laser->set_name("laser_factor");
   laser->set_value(0.25);

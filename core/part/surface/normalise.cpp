@@ -257,6 +257,7 @@ absl::StatusOr<TriangleMesh> NormaliseMesh(const RawMesh& raw, double metres_per
     for (const Eigen::Vector3f& p : mesh.positions_m) faces.positions_m.push_back(p.cast<double>());
   }
 
+  mesh.remarks = raw.remarks;
   mesh.left_out_triangles = static_cast<int64_t>(raw.triangles.size() - mesh.triangles.size());
   // A file that names no material at all has none.
   if (raw.material_names != std::vector<std::string>{""}) {

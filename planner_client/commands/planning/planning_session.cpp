@@ -39,8 +39,7 @@ absl::Status ReadRequirements(PlanningSession& session) {
   std::vector<FaceTriangles> faces;
   if (const std::string& file = session.inspection.tolerances->file; !file.empty()) {
     ToleranceImportOptions options;
-    // The unit of a STEP file that states none is that of the part.
-    if (file == session.inspection.part_file) options.length_unit = session.inspection.part_unit;
+    options.length_unit = session.inspection.tolerances->file_unit;
     auto read = ImportTolerances(file, options);
     if (!read.ok()) return read.status();
     report = std::move(read->report);

@@ -50,7 +50,7 @@ constexpr int kMostAttempts = 5;
 
 struct NewInspectionOptions {
   std::string part, out = "inspection.json", unit, name, holding = "resting";
-  std::string catalogue, camera, lens, laser, tolerances;
+  std::string catalogue, camera, lens, laser, tolerances, tolerances_unit;
   std::optional<int> columns_px, rows_px;
   std::optional<double> pixel_pitch_um, fov_deg, focal_length_mm, f_number;
   std::optional<double> goal, spacing_mm, tolerance_mm;
@@ -154,10 +154,19 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
             });
     if (!asked.ok()) return asked;
   }
-  if (options->camera.empty() && !options->fov_deg && !options->focal_length_mm) {
+  const bool has_lens = options->focal_length_mm || !options->lens.empty();
+  if (options->camera.empty() && !options->fov_deg && !has_lens) {
     absl::Status asked = Ask(
         "Vertical field of view of the camera in degrees", "45",
         [&](const std::string& answer) { return TakeNumber(answer, 0, 169, &options->fov_deg); });
+    if (!asked.ok()) return asked;
+  }
+  // With a lens the field of view follows from the camera's pixels; no usual size stands for them.
+  if (options->camera.empty() && !options->fov_deg && has_lens && !options->pixel_pitch_um) {
+    absl::Status asked = Ask("Pixel pitch of the camera in um", "", [&](const std::string& answer) {
+      if (answer.empty()) return absl::InvalidArgumentError("must be given");
+      return TakeNumber(answer, 0.1, 1000, &options->pixel_pitch_um);
+    });
     if (!asked.ok()) return asked;
   }
   if (!options->tolerance_mm && options->tolerances.empty()) {
@@ -275,11 +284,14 @@ absl::Status CheckOptions(const NewInspectionOptions& options) {
 }
 
 absl::Status TakeTolerances(const NewInspectionOptions& options, DraftRequest* request) {
-  const bool own = options.tolerances == "part";
-  const std::string file = own || options.tolerances.empty() ? options.part : options.tolerances;
+  const std::string file = options.tolerances == "part" || options.tolerances.empty()
+                               ? options.part
+                               : options.tolerances;
+  const bool own = file == options.part;
   if (options.tolerances.empty() && !IsStepFile(file)) return absl::OkStatus();
   ToleranceImportOptions import_options;
-  if (file == options.part) import_options.length_unit = options.unit;
+  import_options.length_unit =
+      options.tolerances_unit.empty() && own ? options.unit : options.tolerances_unit;
   const auto imported = ImportTolerances(file, import_options);
   // Nobody has asked for those of the part.
   if (options.tolerances.empty() && !imported.ok()) return absl::OkStatus();
@@ -296,6 +308,7 @@ absl::Status TakeTolerances(const NewInspectionOptions& options, DraftRequest* r
                      "--tolerance-mm"));
   }
   request->tolerance_file = FromFolderOf(options.out, file);
+  request->tolerance_unit = options.tolerances_unit;
   return absl::OkStatus();
 }
 
@@ -396,7 +409,8 @@ Command AddNewCommand(CLI::App& app) {
   app.add_option("--columns", options->columns_px, "of the camera's image")
       ->check(CLI::Range(16, 16384));
   app.add_option("--rows", options->rows_px, "of the camera's image")->check(CLI::Range(16, 16384));
-  app.add_option("--pixel-pitch-um", options->pixel_pitch_um, "of the camera")
+  app.add_option("--pixel-pitch-um", options->pixel_pitch_um,
+                 "of the camera; with a lens the field of view follows from it")
       ->check(CLI::Range(0.1, 1000.0));
   app.add_option("--fov-deg", options->fov_deg,
                  "vertical field of view; default: by --focal-length-mm, --pixel-pitch-um and "
@@ -413,9 +427,14 @@ Command AddNewCommand(CLI::App& app) {
   app.add_option("--tolerance-mm", options->tolerance_mm,
                  "full width of the surface's tolerance: plan until it can be proven")
       ->check(CLI::Range(1e-6, 100.0));
-  app.add_option("--tolerances", options->tolerances,
-                 "STEP (AP242) or QIF file with tolerances of the drawing; part: those of the "
-                 "part's own STEP file");
+  CLI::Option* tolerances =
+      app.add_option("--tolerances", options->tolerances,
+                     "STEP (AP242) or QIF file with tolerances of the drawing; part: those of the "
+                     "part's own STEP file");
+  app.add_option("--tolerances-unit", options->tolerances_unit,
+                 "length unit of a file of --tolerances that states none: m, cm, mm, um, inch")
+      ->transform(NameOfLengthUnit())
+      ->needs(tolerances);
   app.add_option("--spacing-mm", options->spacing_mm,
                  "between targets; default: so that there are about 8000")
       ->check(CLI::Range(0.1, 1000.0));

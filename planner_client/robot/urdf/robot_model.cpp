@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <map>
 #include <numbers>
+#include <set>
 #include <utility>
 
 #include "absl/strings/match.h"
@@ -49,6 +50,7 @@ class Reader {
     if (!file.ok()) return file.status();
     urdf_ = file->model;
     model_.remarks = file->remarks;
+    joints_with_soft_limits_ = std::move(file->joints_with_soft_limits);
     digest_.Update(file->digest);
     if (urdf_->links_.size() > kMostLinks) {
       return Bad(absl::StrCat("has ", urdf_->links_.size(), " links, at most ", kMostLinks));
@@ -260,12 +262,31 @@ class Reader {
     }
     const auto range = RangeOf(joint);
     if (!range.ok()) return range.status();
+    RemarkOnUnusedLimits(joint);
     added.min = range->first;
     added.max = range->second;
     model_.links[link].axis = *axis;
     model_.links[link].joint = static_cast<int>(model_.joints.size());
     model_.joints.push_back(std::move(added));
     return absl::OkStatus();
+  }
+
+  // Limits of the file that the specification gives no effect, though somebody may have meant them.
+  void RemarkOnUnusedLimits(const urdf::Joint& joint) {
+    const double lower = joint.limits->lower, upper = joint.limits->upper;
+    if (joint.type == urdf::Joint::CONTINUOUS && (lower != 0 || upper != 0)) {
+      model_.remarks.push_back(absl::StrCat(
+          "joint ", joint.name, ": its limits ", NumberText(lower), " to ", NumberText(upper),
+          " rad have no effect, since it turns without end (continuous); with type=\"revolute\" "
+          "they bound it"));
+    }
+    if (joint.safety && joint.safety->soft_lower_limit == 0 &&
+        joint.safety->soft_upper_limit == 0 && joints_with_soft_limits_.contains(joint.name)) {
+      model_.remarks.push_back(
+          absl::StrCat("joint ", joint.name,
+                       ": the soft limits 0 to 0 of its safety_controller have no effect; the "
+                       "joint is bounded by <limit> alone"));
+    }
   }
 
   // A joint beside the chain stands still, also one that would move with a joint of the chain.
@@ -370,6 +391,9 @@ class Reader {
         return absl::Status(loaded.status().code(), absl::StrCat(mount_.urdf_file, ": ", where,
                                                                  ": ", loaded.status().message()));
       }
+      for (const std::string& remark : loaded->remarks) {
+        model_.remarks.push_back(absl::StrCat(where, ": ", path.string(), ": ", remark));
+      }
       known = std::make_shared<const TriangleMesh>(*std::move(loaded));
     }
     triangles_ += known->triangles.size();
@@ -459,6 +483,7 @@ class Reader {
   RobotModel model_;
   std::map<std::string, int> index_;
   std::vector<urdf::LinkConstSharedPtr> source_;  // of each link
+  std::set<std::string> joints_with_soft_limits_;
   Sha256 digest_;
   std::map<std::pair<std::string, std::array<double, 3>>, MeshShape> meshes_;  // by path and scale
   uintmax_t mesh_bytes_ = 0;

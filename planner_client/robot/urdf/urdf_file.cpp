@@ -149,6 +149,21 @@ std::string RefuseLoops(const TiXmlElement& robot) {
   return "";
 }
 
+std::set<std::string> JointsWithSoftLimits(const TiXmlElement& robot) {
+  std::set<std::string> names;
+  for (const TiXmlElement* joint = robot.FirstChildElement("joint"); joint != nullptr;
+       joint = joint->NextSiblingElement("joint")) {
+    const TiXmlElement* safety = joint->FirstChildElement("safety_controller");
+    const char* name = joint->Attribute("name");
+    if (safety == nullptr || name == nullptr) continue;
+    if (safety->Attribute("soft_lower_limit") != nullptr ||
+        safety->Attribute("soft_upper_limit") != nullptr) {
+      names.insert(name);
+    }
+  }
+  return names;
+}
+
 }  // namespace
 
 absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
@@ -186,6 +201,7 @@ absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
     const absl::Status known = CheckUrdfVocabulary(*robot, &result.remarks);
     if (!known.ok()) return bad(std::string(known.message()));
     if (const std::string reason = RefuseLoops(*robot); !reason.empty()) return bad(reason);
+    result.joints_with_soft_limits = JointsWithSoftLimits(*robot);
   }
 
   // The console of urdfdom is one for the whole process.

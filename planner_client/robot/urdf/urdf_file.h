@@ -5,6 +5,7 @@
 
 #include <urdf_world/types.h>
 
+#include <set>
 #include <string>
 #include <vector>
 
@@ -16,6 +17,9 @@ struct UrdfFile {
   urdf::ModelInterfaceSharedPtr model;
   std::string digest;                // SHA-256 of the file
   std::vector<std::string> remarks;  // what was left out, a sentence each
+  // Names of the joints whose safety_controller states a soft limit. urdfdom gives limits that are
+  // left out the value 0, like stated ones of 0.
+  std::set<std::string> joints_with_soft_limits;
 };
 
 // NOT_FOUND: no such file. INVALID_ARGUMENT names the file and the reason: not a regular file, more

@@ -10,11 +10,11 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/file/atomic_write.h"
 #include "core/process/run_program.h"
+#include "core/text/number.h"
 #include "planning_service/execution/engine/batch_scheduler.h"
 #include "planning_service/job_store/random_number.h"
 
@@ -152,12 +152,12 @@ class KubernetesScheduler final : public BatchScheduler {
         there = true;
         failed = failed || HasFailed(item);
       } else if (ResourceText(item, "kind") == "Pod") {
-        int index = -1;
         const std::string text =
             ResourceText(Member(Member(item, "metadata"), "annotations"), kIndexAnnotation);
-        if (!absl::SimpleAtoi(text, &index) || index < 0 || index >= size) continue;
+        const auto index = ParseWhole(text);
+        if (!index.ok() || *index < 0 || *index >= size) continue;
         const ElementStatus status = StatusOfPod(item);
-        auto& known = statuses[static_cast<size_t>(index)];
+        auto& known = statuses[static_cast<size_t>(*index)];
         if (!known || Weight(status.state) >= Weight(known->state)) known = status;
       }
     }

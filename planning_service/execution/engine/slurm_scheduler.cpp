@@ -6,10 +6,10 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
-#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_split.h"
 #include "core/process/run_program.h"
+#include "core/text/number.h"
 #include "planning_service/execution/engine/batch_scheduler.h"
 
 namespace sightline {
@@ -87,8 +87,8 @@ class SlurmScheduler final : public BatchScheduler {
     if (!answer.ok()) return answer.status();
     // "123" or "123;cluster".
     const std::string id = std::vector<std::string>(absl::StrSplit(*answer, ';'))[0];
-    int64_t number = 0;
-    if (absl::SimpleAtoi(id, &number) && number > 0) return absl::StrCat(number);
+    const auto number = ParseWhole(std::string(absl::StripAsciiWhitespace(id)));
+    if (number.ok() && *number > 0) return absl::StrCat(*number);
     return absl::InternalError(absl::StrCat("sbatch answered \"", *answer, "\""));
   }
 
@@ -106,13 +106,11 @@ class SlurmScheduler final : public BatchScheduler {
     }
     for (const absl::string_view line : absl::StrSplit(*answer, '\n')) {
       const std::vector<std::string> fields = absl::StrSplit(line, absl::MaxSplits('|', 2));
-      int number = 0;
-      if (fields.size() != 3 || !absl::SimpleAtoi(fields[0], &number) || number < 1 ||
-          number > size) {
-        continue;
-      }
+      if (fields.size() != 3) continue;
+      const auto number = ParseWhole(std::string(absl::StripAsciiWhitespace(fields[0])));
+      if (!number.ok() || *number < 1 || *number > size) continue;
       const std::string reason = fields[2] == "None" ? "" : fields[2];
-      statuses[static_cast<size_t>(number - 1)] =
+      statuses[static_cast<size_t>(*number - 1)] =
           ElementStatus{StateOf(fields[1], fields[2]), reason.empty() ? fields[1] : reason};
     }
     return statuses;

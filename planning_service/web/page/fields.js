@@ -32,7 +32,8 @@ export const SECTIONS = [
       number('inspection.camera.pixel_pitch_m', 'Pixel size', UM, 'not given'),
       number('inspection.lens.focal_length_m', 'Focal length', MM, 'not given'),
       number('inspection.lens.f_number', 'f-number', NONE, 'not given'),
-      number('inspection.camera.vertical_fov_deg', 'Angle of view, vertical', DEG, '45'),
+      number('inspection.camera.vertical_fov_deg', 'Angle of view, vertical', DEG, '45',
+             {help: 'With a lens: by rows, pixel size and focal length.'}),
     ],
     more: [
       number('inspection.lens.focus_distance_m', 'Focus distance', MM, 'rig’s origin'),
@@ -160,11 +161,12 @@ export const SECTIONS = [
     ],
   },
   {
-    id: 'common', title: 'Name and seed',
+    id: 'common', title: 'Name, seed and plan',
     fields: [
       {type: 'text', path: 'inspection.name', label: 'Name of the inspection', ...NONE,
        fallback: 'none', kinds: PLANNING, wide: true},
       whole('seed', 'Seed', NONE, '1', {help: 'Same task, same seed, same results.'}),
+      flag('other_part', 'Take a plan that states another part', {kinds: ['evaluate', 'optics', 'render']}),
     ],
   },
 ];

@@ -3,9 +3,15 @@
 import {listJobs} from './api.js';
 import {h, kindTitle, STATES, stateBadge, timeText} from './dom.js';
 import {isFinished} from './event_stream.js';
+import {queueText} from './queue.js';
 import {KINDS} from './task_model.js';
 
 const REFRESH_S = 4;
+
+function waitsOrDoes(job) {
+  if (isFinished(job)) return '';
+  return job.state === 'QUEUED' ? queueText(job) : job.message ?? '';
+}
 
 export class JobListView {
   constructor() {
@@ -95,7 +101,7 @@ export class JobListView {
           h('td', {class: 'state-cell'}, stateBadge(job.state)),
           h('td', {class: 'progress'}, job.state === 'RUNNING' ?
               [h('progress', {max: 100, value: percent, 'aria-label': `${percent} %`}), h('span', {}, `${percent} %`)] : ''),
-          h('td', {class: 'message-cell'}, job.failure?.message || (isFinished(job) ? '' : job.message) || ''),
+          h('td', {class: 'message-cell'}, job.failure?.message || waitsOrDoes(job)),
           h('td', {class: 'client'}, job.client ?? ''),
           h('td', {class: 'accepted'}, timeText(job.created_at)));
     }));

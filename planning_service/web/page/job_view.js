@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // One job: state, progress, results.
-import {cancelJob, getJob, listJobs, openEvents, resultPath, token} from './api.js';
+import {cancelJob, getJob, openEvents, resultPath, token} from './api.js';
 import {confirmDialog, h, kindTitle, stateBadge, timeText} from './dom.js';
 import {isFinished, watchJob} from './event_stream.js';
 import {queueText} from './queue.js';
@@ -38,7 +38,6 @@ export class JobView {
     this.id = id;
     this.job = null;
     this.drawn = '';
-    this.queueText = 'Waiting to start.';
     this.body.hidden = true;
     this.error.textContent = '';
     this.heading.replaceChildren('Job ', h('code', {}, id));
@@ -105,25 +104,15 @@ export class JobView {
     if (this.job && Number(job.revision) < Number(this.job.revision)) return;
     this.job = {...this.job, ...job};
     this.draw();
-    if (this.job.state === 'QUEUED' && !this.queueTimer) this.followQueue(signal);
+    if (this.job.state === 'QUEUED') this.queueTimer ??= setTimeout(() => this.askAgain(signal), 1000 * QUEUE_REFRESH_S);
   }
 
-  // Says what a queued job waits for, for as long as it does.
-  async followQueue(signal) {
-    clearTimeout(this.queueTimer);
+  // The number of jobs ahead changes without an event of this job.
+  async askAgain(signal) {
+    const job = await getJob(this.id, signal).catch(() => this.job);
+    if (signal.aborted) return;
     this.queueTimer = null;
-    if (signal.aborted || this.job?.state !== 'QUEUED') return;
-    this.queueTimer = setTimeout(() => this.followQueue(signal), 1000 * QUEUE_REFRESH_S);
-    try {
-      const [queued, running] = await Promise.all(['QUEUED', 'RUNNING'].map((state) =>
-        listJobs({state, pageSize: 1000, signal})));
-      if (signal.aborted || this.job?.state !== 'QUEUED') return;
-      this.queueText = queueText(this.job, queued.jobs ?? [], running.jobs ?? [],
-          Boolean(queued.next_page_token || running.next_page_token));
-      this.draw();
-    } catch {
-      // The next time will tell.
-    }
+    this.take(job, signal);
   }
 
   draw() {
@@ -137,7 +126,7 @@ export class JobView {
       this.state.replaceChildren(stateBadge(job.state));
     }
     const isQueued = job.state === 'QUEUED';
-    const message = isQueued ? this.queueText : job.message;
+    const message = isQueued ? queueText(job) : job.message;
     document.title = `${isFinished(job) ? '' : isQueued ? 'Queued · ' : `${percent} % · `}${kindTitle(job.kind)} · Sightline`;
     this.heading.replaceChildren(`${kindTitle(job.kind)} `, h('code', {}, job.job_id));
     // A percentage would say that it has begun.

@@ -30,6 +30,8 @@ export class NewJobView {
     this.task = {inspection: {}};
     this.files = [];
     this.jsonError = '';
+    // Name of a part file for which the service asked for the unit.
+    this.partWithoutUnit = null;
     // Of diagnose: whether the inspection is what recordings are compared with.
     this.usesInspection = false;
     this.key = null;
@@ -345,7 +347,7 @@ export class NewJobView {
     const stated = getPath(this.task, 'inspection.part.unit') ?? '';
     const unit = stated || (name && carriesUnit(name) ? 'm' : '');
     this.panel.setUnit(unit);
-    const isAsked = Boolean(name) && !carriesUnit(name) && takesInspection(this.kind) && this.kind !== 'diagnose';
+    const isAsked = Boolean(name) && (!carriesUnit(name) || name === this.partWithoutUnit) && takesInspection(this.kind) && this.kind !== 'diagnose';
     const size = this.panel.part?.size;
     const state = JSON.stringify([isAsked, stated, size]);
     if (state === this.unitState) return;
@@ -380,7 +382,7 @@ export class NewJobView {
     const sights = (near_m === far_m ? [near_m] : [near_m, far_m]).map(at);
     const text = sights.every(Boolean) ? `Sees ${sights.join(', ')}.` : '';
     const angle_deg = angleOfViewDeg(inspection);
-    const stated_deg = Number(getPath(inspection, 'camera.vertical_fov_deg') ?? 45);
+    const stated_deg = Number(getPath(inspection, 'camera.vertical_fov_deg') ?? angle_deg ?? 45);
     const differs = angle_deg !== undefined && Math.abs(stated_deg / angle_deg - 1) > 0.01;
     const content = [text];
     if (differs) {
@@ -429,6 +431,11 @@ export class NewJobView {
 
   // Marks errors [{path, field, description}] where they belong and lists them, the first in focus.
   showErrors(heading, errors) {
+    // A STEP file usually states its unit; the service has found that this one does not.
+    if (errors.some(({path}) => path === 'inspection.part.unit')) {
+      this.partWithoutUnit = getPath(this.task, 'inspection.part.file');
+      this.showUnit();
+    }
     const items = errors.map(({path, field, description}) => {
       const control = path && this.form.isShown(path) ? path : null;
       if (control) {
@@ -473,7 +480,7 @@ export class NewJobView {
     }
     const part = getPath(task, 'inspection.part.file');
     if (part && !this.unitBox.hidden && !getPath(task, 'inspection.part.unit')) {
-      errors.push({path: 'inspection.part.unit', field: '', description: 'Choose the unit: this kind of file carries none.'});
+      errors.push({path: 'inspection.part.unit', field: '', description: 'Choose the unit: the file states none.'});
     }
     const missing = this.needed().filter(({file}) => !file).map(({name}) => name);
     if (missing.length) {

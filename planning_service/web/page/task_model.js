@@ -59,6 +59,7 @@ export function taskOfKind(kind, task) {
   } else if (takesPlan(kind) && task.plan !== undefined) {
     sent.plan = task.plan;
   }
+  if (task.other_part && (sent.plan_job_id || sent.plan !== undefined)) sent.other_part = true;
   if (takesRecordings(kind) && task.recordings !== undefined && (kind !== 'render' || plate)) {
     sent.recordings = task.recordings;
   }
@@ -130,7 +131,7 @@ export function withFollowingAngle(before, after) {
 export function fieldOfView(inspection, distance_m) {
   const columns = Number(getPath(inspection, 'camera.columns_px') ?? 512);
   const rows = Number(getPath(inspection, 'camera.rows_px') ?? 512);
-  const angle_deg = Number(getPath(inspection, 'camera.vertical_fov_deg') ?? 45);
+  const angle_deg = Number(getPath(inspection, 'camera.vertical_fov_deg') ?? angleOfViewDeg(inspection) ?? 45);
   if (!(columns > 0 && rows > 0 && angle_deg > 0 && angle_deg < 180 && distance_m > 0)) return null;
   const height_mm = 2e3 * distance_m * Math.tan(angle_deg * Math.PI / 360);
   return {width_mm: height_mm * columns / rows, height_mm, pixel_mm: height_mm / rows};

@@ -47,7 +47,7 @@ TEST(Inspection, DefaultsAreThoseOfTheSchema) {
 TEST(Inspection, ValuesArriveInRadians) {
   const absl::StatusOr<Inspection> i = ParseFields(
       R"("camera": {"vertical_fov_deg": 30, "pixel_pitch_m": 5e-6},
-         "lens": {"focal_length_m": 0.025, "f_number": 4},
+         "lens": {"focal_length_m": 0.0048, "f_number": 4},
          "laser": {"distance_m": 0.3, "fan_angle_deg": 60},
          "targets": {"max_normal_angle_deg": 45, "max_circle_of_confusion_px": 2,
                      "regions": [{"name": "bore", "min_m": {"x": -1, "y": -1, "z": -1},
@@ -282,6 +282,35 @@ TEST(Inspection, AStepFileMayNeedAUnit) {
               HasSubstr("part.unit is \"furlong\""));
 }
 
+TEST(Inspection, TheFileOfTolerancesHasItsUnit) {
+  const auto parse = [](const std::string& part_unit, const std::string& tolerances) {
+    v1::Inspection message;
+    const std::string json = absl::StrCat(R"({"part": {"file": "a.stp", "unit": ")", part_unit,
+                                          R"("}, "tolerances": {)", tolerances, "}}");
+    EXPECT_TRUE(ParseStrictJson(json, "f", &message).ok());
+    return ParseInspection(message, "f", "");
+  };
+  const auto unit_of = [&](const std::string& part_unit, const std::string& tolerances) {
+    const auto inspection = parse(part_unit, tolerances);
+    EXPECT_TRUE(inspection.ok()) << inspection.status();
+    return inspection.ok() ? inspection->tolerances->file_unit : "refused";
+  };
+  EXPECT_EQ(unit_of("", R"("file": "b.qif")"), "");
+  EXPECT_EQ(unit_of("inch", R"("file": "b.qif")"), "");
+  EXPECT_EQ(unit_of("", R"("file": "b.qif", "unit": "Millimeters")"), "mm");
+  EXPECT_EQ(unit_of("inch", R"("file": "a.stp")"), "inch");
+  EXPECT_EQ(unit_of("inch", R"("file": "a.stp", "unit": "in")"), "inch");
+  for (const auto& [part_unit, tolerances, reason] :
+       {std::tuple("inch", R"("file": "a.stp", "unit": "mm")",
+                   "part.unit of the same file is inch"),
+        std::tuple("", R"("file": "a.stp", "unit": "mm")", "is not given"),
+        std::tuple("", R"("file": "b.qif", "unit": "furlong")", "\"furlong\""),
+        std::tuple("", R"("zone_width_m": 1e-4, "unit": "mm")", "without tolerances.file")}) {
+    EXPECT_THAT(std::string(parse(part_unit, tolerances).status().message()),
+                AllOf(HasSubstr("f: tolerances.unit "), HasSubstr(reason)));
+  }
+}
+
 // --- domains ------------------------------------------------------------------------------------
 
 TEST(MeasurementDomain, DefaultIsTable21) {
@@ -470,6 +499,37 @@ TEST(InspectionImaging, StatedFieldOfViewMustAgree) {
   EXPECT_THAT(
       ErrorOfFields(absl::StrCat(R"("camera": {"vertical_fov_deg": 13, )", kSensor, "}, ", lens)),
       AllOf(HasSubstr("bracket.json: camera.vertical_fov_deg is 13"), HasSubstr("11.42")));
+}
+
+// Without a sensor the same numbers may stand in the camera: 1024 rows of 5.5 um behind 16 mm.
+TEST(InspectionImaging, FieldOfViewFollowsFromPixelPitchAndLens) {
+  const auto fields = [](const char* camera, const char* lens = "") {
+    return absl::StrCat(R"("camera": {"rows_px": 1024, "pixel_pitch_m": 5.5e-6)", camera,
+                        R"(}, "lens": {"focal_length_m": 0.016, "f_number": 8)", lens, "}");
+  };
+  const auto follows = ParseFields(fields(""));
+  ASSERT_TRUE(follows.ok()) << follows.status();
+  EXPECT_NEAR(follows->rig.camera.FocalLengthPx(), 0.016 / 5.5e-6, 1e-6);
+  const auto focused = ParseFields(fields("", R"(, "focus_distance_m": 0.2)"));
+  ASSERT_TRUE(focused.ok()) << focused.status();
+  EXPECT_NEAR(focused->rig.camera.FocalLengthPx(), 1 / (1 / 0.016 - 1 / 0.2) / 5.5e-6, 1e-6);
+
+  for (const char* agrees : {"19.96", "20", "18.5", "21.5"}) {
+    const auto stated =
+        ParseFields(fields(absl::StrCat(", \"vertical_fov_deg\": ", agrees).c_str()));
+    EXPECT_TRUE(stated.ok()) << stated.status();
+  }
+  for (const char* differs : {"40", "10", "17.5", "22.5"}) {
+    EXPECT_THAT(ErrorOfFields(fields(absl::StrCat(", \"vertical_fov_deg\": ", differs).c_str())),
+                AllOf(HasSubstr(absl::StrCat("bracket.json: camera.vertical_fov_deg is ", differs)),
+                      HasSubstr("1024 rows"), HasSubstr("0.016 m"), HasSubstr("19.964 deg")));
+  }
+  // Without a pitch or without a lens nothing follows.
+  EXPECT_NEAR(ParseFields(R"("camera": {"pixel_pitch_m": 5e-6})")->rig.camera.vertical_fov_rad,
+              45 * kRadPerDeg, 1e-12);
+  EXPECT_THAT(ErrorOfFields(R"("camera": {"rows_px": 16384, "pixel_pitch_m": 1e-3},
+                               "lens": {"focal_length_m": 0.001, "f_number": 8})"),
+              AllOf(HasSubstr("16384 rows"), HasSubstr("(0, 170) deg")));
 }
 
 TEST(InspectionImaging, DefaultsAndValues) {

@@ -9,9 +9,12 @@
 #include <utility>
 #include <vector>
 
+#include "absl/strings/str_cat.h"
+
 namespace sightline {
 namespace {
 
+using testing::AllOf;
 using testing::HasSubstr;
 
 constexpr char kSet[] =
@@ -60,6 +63,16 @@ TEST(Emva1288Data, ErrorsNameFileLineAndReason) {
   EXPECT_THAT(Reason("n 12 640 480\nb nan 2\n"), HasSubstr("camera.txt:2"));
   EXPECT_THAT(Reason("n 12 640 480\nb 1 inf\n"), HasSubstr("finite"));
   EXPECT_THAT(Reason("n 12 640\n"), HasSubstr("n BITS COLUMNS ROWS"));
+  for (const char* number :
+       {"012", "0x280", "6.4e2", "640.0", "+640", "-640", "99999999999", "nan"}) {
+    for (const std::string& line :
+         {absl::StrCat("n 12 ", number, " 480\n"), absl::StrCat("n ", number, " 640 480\n"),
+          absl::StrCat("n 12 640 ", number, "\n")}) {
+      EXPECT_THAT(Reason(line),
+                  AllOf(HasSubstr("camera.txt:1: must be"), HasSubstr("whole number")))
+          << line;
+    }
+  }
   EXPECT_THAT(Reason("n 12 640 480\ni a\n"), HasSubstr("below a line"));
   EXPECT_THAT(Reason("n 12 640 480\nx a\n"), HasSubstr("begins with \"x\""));
   EXPECT_THAT(Reason("n 17 640 480\nd 1\ni a\ni b\n"), HasSubstr("bit_depth_bit is 17"));

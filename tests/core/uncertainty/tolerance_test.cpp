@@ -769,7 +769,8 @@ TEST_F(QifUnitsTest, AUnitThatIsNotKnownIsRefusedUnlessItIsStated) {
     const auto refused = Read(unit, kDegreeUnit);
     EXPECT_EQ(refused.status().code(), absl::StatusCode::kInvalidArgument) << unit;
     EXPECT_THAT(std::string(refused.status().message()),
-                AllOf(HasSubstr("part.qif:"), HasSubstr("<ToleranceValue>"), HasSubstr("--unit")))
+                AllOf(HasSubstr("part.qif:"), HasSubstr("<ToleranceValue>"), HasSubstr("--unit"),
+                      HasSubstr("tolerances.unit"), HasSubstr("--tolerances-unit")))
         << unit;
     const auto stated = Read(unit, kDegreeUnit, "mm");
     ASSERT_TRUE(stated.ok()) << unit << ": " << stated.status();

@@ -54,9 +54,22 @@ v1::Recordings Nominal() {
   return message;
 }
 
+// Calibrates with what a render worker states for effects that are fitted to these recordings.
+CalibratedInspection Calibrate(const v1::Inspection& inspection, const v1::Recordings& nominal,
+                               v1::Diagnosis diagnosis) {
+  RecordingSet set;
+  set.surface = {nominal.surface().diffuse_albedo(), nominal.surface().specular_f0(),
+                 nominal.surface().ggx_alpha()};
+  set.laser.wavelength_m = nominal.laser().wavelength_m();
+  for (const v1::Effect& effect : diagnosis.calibrated_effects()) {
+    StateChanges(effect, set, &diagnosis);
+  }
+  return CalibrateInspection(inspection, nominal, diagnosis);
+}
+
 TEST(CalibratedInspection, NothingFoundChangesNothing) {
   const v1::Inspection before = MakeInspection();
-  const CalibratedInspection after = CalibrateInspection(before, Nominal(), {});
+  const CalibratedInspection after = Calibrate(before, Nominal(), {});
   EXPECT_EQ(after.inspection.SerializeAsString(), before.SerializeAsString());
   EXPECT_THAT(after.changes, IsEmpty());
   EXPECT_THAT(after.warnings, IsEmpty());
@@ -78,7 +91,7 @@ TEST(CalibratedInspection, DeviationsGoWhereTheyBelong) {
   AddDeviation(&diagnosis, "dark_mean_electrons", 1.2);
   AddDeviation(&diagnosis, "dark_noise_relative", 0.13);
   AddDeviation(&diagnosis, "line_position_common_px", 0.7);
-  const CalibratedInspection result = CalibrateInspection(MakeInspection(), Nominal(), diagnosis);
+  const CalibratedInspection result = Calibrate(MakeInspection(), Nominal(), diagnosis);
   EXPECT_THAT(result.warnings, IsEmpty());
   EXPECT_EQ(result.changes.size(), 13u);
   const v1::Inspection& i = result.inspection;
@@ -103,7 +116,7 @@ TEST(CalibratedInspection, DeviationsGoWhereTheyBelong) {
 TEST(CalibratedInspection, ReflectsNoMoreThanItReceives) {
   v1::Diagnosis diagnosis;
   AddDeviation(&diagnosis, "specular_f0_relative", 0.2);
-  const CalibratedInspection result = CalibrateInspection(MakeInspection(), Nominal(), diagnosis);
+  const CalibratedInspection result = Calibrate(MakeInspection(), Nominal(), diagnosis);
   const v1::Inspection& i = result.inspection;
   EXPECT_TRUE(ParseInspection(i, "calibrated", "").ok());
   // The light that comes back is the same.
@@ -121,7 +134,7 @@ TEST(CalibratedInspection, WhatCannotBeSaidIsAWarning) {
   AddEffect(&diagnosis, "geometry.laser_distance_error", {{"laser_distance_shift_m", 0.01}});
   v1::Inspection inspection = MakeInspection();
   inspection.mutable_lens()->clear_focus_distance_m();
-  const CalibratedInspection result = CalibrateInspection(inspection, Nominal(), diagnosis);
+  const CalibratedInspection result = Calibrate(inspection, Nominal(), diagnosis);
   EXPECT_EQ(result.warnings.size(), 5u);
   EXPECT_THAT(result.warnings, Contains(HasSubstr("camera_distance_m: is of the set-up")));
   EXPECT_THAT(result.warnings, Contains(HasSubstr("lens.focus_distance_m is not given")));
@@ -145,7 +158,7 @@ TEST(CalibratedInspection, AnotherCameraLensOrLaserStaysAsItIs) {
   nominal.mutable_laser()->set_wavelength_m(532e-9);
   nominal.mutable_surface()->set_diffuse_albedo(0.5);
   const v1::Inspection before = MakeInspection();
-  const CalibratedInspection after = CalibrateInspection(before, nominal, diagnosis);
+  const CalibratedInspection after = Calibrate(before, nominal, diagnosis);
   EXPECT_EQ(after.inspection.SerializeAsString(), before.SerializeAsString());
   EXPECT_EQ(after.warnings.size(), 5u);
 }
@@ -157,7 +170,7 @@ TEST(CalibratedInspection, EffectsAreValuesWhereThereIsAFieldAndNamedElse) {
   AddEffect(&diagnosis, "sensor.dark_current", {{"dark_current_electrons_per_s", 40}});
   AddEffect(&diagnosis, "optics.veiling_glare",
             {{"glare_fraction", 0.05}, {"halo_radius_m", 2e-4}});
-  const CalibratedInspection result = CalibrateInspection(MakeInspection(), Nominal(), diagnosis);
+  const CalibratedInspection result = Calibrate(MakeInspection(), Nominal(), diagnosis);
   EXPECT_THAT(result.warnings, IsEmpty());
   EXPECT_DOUBLE_EQ(result.inspection.lens().f_number(), 8.8);
   EXPECT_DOUBLE_EQ(result.inspection.laser().beam_quality_m2(), 1.5);
@@ -175,7 +188,7 @@ TEST(CalibratedInspection, AmbientLightGivesThePlateItsRadiance) {
   // No lobe: F0 = 0 leaves Schlick's term alone, (1 - cos(theta/2))^5 < 0.0022.
   nominal.mutable_surface()->set_specular_f0(0);
   v1::Inspection inspection = MakeInspection();
-  CalibratedInspection result = CalibrateInspection(inspection, nominal, diagnosis);
+  CalibratedInspection result = Calibrate(inspection, nominal, diagnosis);
   const v1::Lighting::Ambient& ambient = result.inspection.lighting().ambient();
   EXPECT_NEAR(ambient.radiance_w_m2_sr(), 0.07 / 0.35, 0.01 * 0.2);
   EXPECT_LE(ambient.radiance_w_m2_sr(), 0.07 / 0.35);
@@ -186,16 +199,129 @@ TEST(CalibratedInspection, AmbientLightGivesThePlateItsRadiance) {
   nominal.mutable_surface()->set_diffuse_albedo(0);
   nominal.mutable_surface()->set_specular_f0(1);
   nominal.mutable_surface()->set_ggx_alpha(0.05);
-  result = CalibrateInspection(inspection, nominal, diagnosis);
+  result = Calibrate(inspection, nominal, diagnosis);
   // Light lost to shadowing is of the order alpha^2.
   EXPECT_NEAR(result.inspection.lighting().ambient().radiance_w_m2_sr(), 0.07, 0.07 * 0.01);
 
   // Light of another colour is not added to.
   inspection.mutable_lighting()->mutable_ambient()->set_radiance_w_m2_sr(1);
   inspection.mutable_lighting()->mutable_ambient()->mutable_spectrum()->set_illuminant("d65");
-  result = CalibrateInspection(inspection, nominal, diagnosis);
+  result = Calibrate(inspection, nominal, diagnosis);
   EXPECT_EQ(result.inspection.lighting().ambient().radiance_w_m2_sr(), 1);
   EXPECT_THAT(result.warnings, Contains(HasSubstr("lighting.ambient")));
+}
+
+// An older worker sends effects without stating how an inspection expresses them.
+TEST(CalibratedInspection, EffectsWithoutChangesAreKeptWithAWarning) {
+  v1::Diagnosis diagnosis;
+  AddEffect(&diagnosis, "illumination.power_error", {{"amplitude_factor", 1.1}});
+  const CalibratedInspection result = CalibrateInspection(MakeInspection(), Nominal(), diagnosis);
+  EXPECT_EQ(result.inspection.laser().power_w(), 0.005);
+  ASSERT_EQ(result.inspection.effects_size(), 1);
+  EXPECT_EQ(result.inspection.effects(0).effect(), "illumination.power_error");
+  ASSERT_EQ(result.warnings.size(), 1u);
+  EXPECT_THAT(result.warnings[0], HasSubstr("illumination.power_error"));
+}
+
+// A newer worker may know fields and operations that this program does not.
+TEST(CalibratedInspection, EffectsWithUnknownChangesAreKeptWithAWarning) {
+  for (const bool unknown_field : {true, false}) {
+    v1::Diagnosis diagnosis;
+    AddEffect(&diagnosis, "illumination.power_error", {{"amplitude_factor", 1.1}});
+    v1::InspectionChange* change = diagnosis.add_inspection_changes();
+    change->set_source("illumination.power_error");
+    change->set_field(unknown_field ? "laser.colour" : "laser.power_w");
+    change->set_value(1.1);
+    if (unknown_field) change->set_operation(v1::InspectionChange::OPERATION_FACTOR);
+    const CalibratedInspection result = CalibrateInspection(MakeInspection(), Nominal(), diagnosis);
+    EXPECT_EQ(result.inspection.laser().power_w(), 0.005);
+    EXPECT_EQ(result.inspection.effects_size(), 1);
+    ASSERT_EQ(result.warnings.size(), 1u);
+    EXPECT_THAT(result.warnings[0], HasSubstr(change->field()));
+  }
+}
+
+TEST(CalibratedInspection, TransmissionAboveOneAndUnstatedFocusStayEffects) {
+  v1::Diagnosis diagnosis;
+  AddEffect(&diagnosis, "optics.transmission_error", {{"amplitude_factor", 1.2}});
+  AddEffect(&diagnosis, "optics.focus_error", {{"focus_distance_factor", 1.05}});
+  v1::Inspection inspection = MakeInspection();
+  inspection.mutable_lens()->clear_focus_distance_m();
+  CalibratedInspection result = Calibrate(inspection, Nominal(), diagnosis);
+  EXPECT_THAT(result.warnings, IsEmpty());
+  EXPECT_EQ(result.inspection.effects_size(), 2);
+  EXPECT_FALSE(result.inspection.lens().has_transmission());
+  inspection.mutable_lens()->set_focus_distance_m(0.4);
+  inspection.mutable_lens()->set_transmission(0.5);
+  result = Calibrate(inspection, Nominal(), diagnosis);
+  EXPECT_EQ(result.inspection.effects_size(), 0);
+  EXPECT_DOUBLE_EQ(result.inspection.lens().transmission(), 0.6);
+  EXPECT_DOUBLE_EQ(result.inspection.lens().focus_distance_m(), 0.42);
+}
+
+TEST(CalibratedInspection, ColoursAreScaledWhereTheyAreStated) {
+  v1::Recordings nominal = Nominal();
+  nominal.mutable_camera()->set_sensor_type("bayer_rggb");
+  v1::Inspection inspection = MakeInspection();
+  v1::Sensor* sensor = inspection.mutable_camera()->mutable_sensor();
+  sensor->set_sensor_type("bayer_rggb");
+  sensor->clear_quantum_efficiency();
+  for (const double wavelength_m : {500e-9, 600e-9}) {
+    v1::Sensor::QuantumEfficiencyPoint* point = sensor->add_quantum_efficiency_curve();
+    point->set_wavelength_m(wavelength_m);
+    point->set_red(0.2);
+    point->set_green(0.4);
+    point->set_blue(0.3);
+  }
+  v1::Diagnosis diagnosis;
+  AddEffect(&diagnosis, "sensor.colour_response_error",
+            {{"qe_factor_green", 1.1}, {"qe_factor_blue", 0.9}});
+  const CalibratedInspection result = Calibrate(inspection, nominal, diagnosis);
+  EXPECT_THAT(result.warnings, IsEmpty());
+  for (const v1::Sensor::QuantumEfficiencyPoint& point :
+       result.inspection.camera().sensor().quantum_efficiency_curve()) {
+    EXPECT_EQ(point.red(), 0.2);
+    EXPECT_DOUBLE_EQ(point.green(), 0.44);
+    EXPECT_DOUBLE_EQ(point.blue(), 0.27);
+  }
+  EXPECT_FALSE(result.inspection.camera().sensor().has_quantum_efficiency());
+}
+
+// In an inspection with the camera, the lens and the laser of the recordings, every effect of the
+// vocabulary becomes a number, one of the inspection's effects, or a warning.
+TEST(CalibratedInspection, NoEffectIsDropped) {
+  for (const Effect* effect : AllEffects()) {
+    const EffectDescription& description = effect->description();
+    const std::string id(description.id);
+    v1::Diagnosis diagnosis;
+    std::vector<std::pair<std::string, double>> parameters;
+    for (const EffectParameter& p : description.parameters) {
+      const double above = p.null_value + p.prior_scale;
+      parameters.emplace_back(p.name, above <= p.upper ? above : p.null_value - p.prior_scale);
+    }
+    AddEffect(&diagnosis, id, parameters);
+    v1::Recordings nominal = Nominal();
+    v1::Inspection inspection = MakeInspection();
+    inspection.mutable_lens()->set_transmission(0.5);
+    if (id == "sensor.colour_response_error") {  // a mono sensor does not have it
+      for (v1::Sensor* sensor :
+           {nominal.mutable_camera(), inspection.mutable_camera()->mutable_sensor()}) {
+        sensor->set_sensor_type("bayer_rggb");
+        sensor->mutable_quantum_efficiency()->set_green(0.5);
+      }
+    }
+    const CalibratedInspection result = Calibrate(inspection, nominal, diagnosis);
+    const bool kept = result.inspection.effects_size() == 1;
+    const bool changed = result.inspection.SerializeAsString() != inspection.SerializeAsString();
+    EXPECT_EQ(changed, !result.changes.empty()) << id;
+    EXPECT_TRUE(changed || !result.warnings.empty()) << id;
+    EXPECT_EQ(kept,
+              description.inspection_fields.empty() && description.scope == EffectScope::kAnyImage)
+        << id;
+    for (const std::string& warning : result.warnings) {
+      EXPECT_THAT(warning, testing::Not(HasSubstr("not known"))) << id;
+    }
+  }
 }
 
 TEST(CalibratedInspection, FileCanBeReadFromItsNewFolder) {

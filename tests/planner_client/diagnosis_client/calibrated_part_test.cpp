@@ -35,6 +35,23 @@ v1::Inspection PartInspection() {
   return message;
 }
 
+// Calibrates with what a render worker states for light paths that are fitted to images of a part.
+CalibratedInspection Calibrate(const v1::Inspection& inspection, v1::Diagnosis diagnosis) {
+  RecordingSet set;
+  set.part.emplace();
+  for (const v1::Effect& effect : diagnosis.calibrated_effects()) {
+    if (effect.parameters().contains("interreflected_light_factor")) {
+      AddInterreflectionChanges(effect.effect(), /*laser_light=*/true,
+                                effect.parameters().at("interreflected_light_factor"), &diagnosis);
+    } else if (FindEffect(effect.effect()) == nullptr) {
+      AddWithoutField(effect.effect(), &diagnosis);
+    } else {
+      StateChanges(effect, set, &diagnosis);
+    }
+  }
+  return CalibratePartInspection(inspection, diagnosis);
+}
+
 TEST(CalibratedPart, NothingFoundChangesNothing) {
   const CalibratedInspection result = CalibratePartInspection(PartInspection(), {});
   EXPECT_EQ(result.inspection.SerializeAsString(), PartInspection().SerializeAsString());
@@ -52,7 +69,7 @@ TEST(CalibratedPart, FactorsAndLightGoWhereTheyBelong) {
   AddEffect(&diagnosis, "optics.veiling_glare",
             {{"glare_fraction", 0.05}, {"halo_radius_m", 2e-4}});
   AddEffect(&diagnosis, "sensor.black_level_error", {{"black_level_shift_electrons", 4}});
-  const CalibratedInspection result = CalibratePartInspection(PartInspection(), diagnosis);
+  const CalibratedInspection result = Calibrate(PartInspection(), diagnosis);
   EXPECT_THAT(result.warnings, IsEmpty());
   const auto parsed = ParseInspection(result.inspection, "calibrated", "");
   ASSERT_TRUE(parsed.ok()) << parsed.status();
@@ -75,13 +92,21 @@ TEST(CalibratedPart, WhatCannotBeSaidIsAWarning) {
   AddDeviation(&diagnosis, "dark_mean_electrons", -100);
   v1::Inspection inspection = PartInspection();
   inspection.mutable_lighting()->mutable_ambient()->set_radiance_w_m2_sr(1);
-  const CalibratedInspection result = CalibratePartInspection(inspection, diagnosis);
+  const CalibratedInspection result = Calibrate(inspection, diagnosis);
   EXPECT_EQ(result.warnings.size(), 4u);
   EXPECT_THAT(result.warnings, Contains(HasSubstr("1.4 times the light")));
   EXPECT_THAT(result.warnings, Contains(HasSubstr("illumination.laser_stray_light")));
   EXPECT_THAT(result.warnings, Contains(HasSubstr("another spectrum")));
   EXPECT_THAT(result.warnings, Contains(HasSubstr("out of its range; it is 0")));
   EXPECT_TRUE(ParseInspection(result.inspection, "calibrated", "").ok());
+}
+
+TEST(CalibratedPart, EffectsWithoutChangesAreKeptWithAWarning) {
+  v1::Diagnosis diagnosis;
+  AddEffect(&diagnosis, "sensor.black_level_error", {{"black_level_shift_electrons", 4}});
+  const CalibratedInspection result = CalibratePartInspection(PartInspection(), diagnosis);
+  EXPECT_EQ(result.inspection.effects_size(), 1);
+  EXPECT_EQ(result.warnings.size(), 1u);
 }
 
 TEST(PlateInspection, SaysWhatTheRecordingsSay) {

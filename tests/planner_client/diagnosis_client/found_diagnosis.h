@@ -2,11 +2,15 @@
 // Findings to calibrate with, and the camera of the inspections that are calibrated.
 #pragma once
 
+#include <gtest/gtest.h>
+
 #include <cmath>
 #include <string>
 #include <utility>
 #include <vector>
 
+#include "core/recordings/recordings.h"
+#include "render_worker/calibration/inspection_change.h"
 #include "sightline/v1/diagnosis.pb.h"
 
 namespace sightline {
@@ -31,6 +35,17 @@ inline void AddEffect(v1::Diagnosis* diagnosis, const std::string& id,
   v1::Effect* effect = diagnosis->add_calibrated_effects();
   effect->set_effect(id);
   for (const auto& [name, value] : parameters) (*effect->mutable_parameters())[name] = value;
+}
+
+// States how an inspection expresses an effect of the vocabulary, as a render worker does for
+// recordings `set`.
+inline void StateChanges(const v1::Effect& effect, const RecordingSet& set,
+                         v1::Diagnosis* diagnosis) {
+  std::vector<NamedValue> parameters;
+  for (const auto& [name, value] : effect.parameters()) parameters.push_back({name, value});
+  const auto active = MakeActiveEffect(effect.effect(), parameters);
+  ASSERT_TRUE(active.ok()) << active.status();
+  AddInspectionChanges(*active, set, diagnosis);
 }
 
 }  // namespace sightline

@@ -116,6 +116,40 @@ TEST_F(QuestionFilesTest, EveryFileThatIsReferredToCounts) {
   EXPECT_EQ(found, expected);
 }
 
+// The same names as their readers take, however JSON and XML write them.
+TEST_F(QuestionFilesTest, NamesAreReadAsTheirReadersReadThem) {
+  for (const auto& [json, file] :
+       {std::pair(R"({"buffers": [{"uri": "b\/a.bin"}]})", "b/a.bin"),
+        std::pair(R"({"buffers": [{"uri": "caf\u00e9.bin"}]})", "caf\u00e9.bin"),
+        std::pair(R"({"buffers": [{"\u0075ri": "key.bin"}]})", "key.bin"),
+        std::pair(R"({"buffers": [{"name": "\"uri\": \"no.bin\"", "uri":
+                      "yes%2520.bin"}]})",
+                  "yes%20.bin"),
+        std::pair(R"({"buffers": [{"uri": "whole.bin"}], "extras": {"uri": ["no.bin"]}} )",
+                  "whole.bin")}) {
+    std::ofstream(folder_ + "/clamp.gltf") << json;
+    std::set<std::string> names;
+    const FileContents contents = ContentsIn(folder_);
+    for (const QuestionFile& question : contents.files()) {
+      names.insert(fs::path(question.path).lexically_relative(folder_).string());
+    }
+    EXPECT_TRUE(names.contains(file)) << json;
+    EXPECT_FALSE(names.contains("no.bin")) << json;
+  }
+  for (const auto& [name, file] :
+       {std::pair("a&amp;b.stl", "a&b.stl"), std::pair("&#97;&#x62;.stl", "ab.stl"),
+        std::pair("&#xe9;.stl", "\u00e9.stl"), std::pair("a&b;.stl", "a&b;.stl")}) {
+    std::ofstream(folder_ + "/robot/arm.urdf") << R"(<robot><link><collision><mesh filename=")"
+                                               << name << R"("/></collision></link></robot>)";
+    std::set<std::string> names;
+    const FileContents contents = ContentsIn(folder_);
+    for (const QuestionFile& question : contents.files()) {
+      names.insert(fs::path(question.path).lexically_relative(folder_).string());
+    }
+    EXPECT_TRUE(names.contains(std::string("robot/") + file)) << name;
+  }
+}
+
 TEST_F(QuestionFilesTest, AnyChangeOfAnyFileChangesTheKey) {
   std::set<std::string> keys = {ContentsIn(folder_).Digest()};
   for (const Reference& reference : kReferences) {

@@ -225,6 +225,42 @@ TEST_F(RobotModelTest, SoftLimitsBoundTheJoint) {
                 "joint elbow: turns without end");
 }
 
+// Every limit that a file states bounds the joint, or a remark says that it does not.
+TEST_F(RobotModelTest, LimitsWithoutEffectAreRemarked) {
+  RobotMount mount;
+  mount.tip_link = "tip";
+  const auto remarks = [&](const std::string& type, const std::string& limits,
+                           const std::string& safety) {
+    mount.urdf_file =
+        Write("arm.urdf",
+              absl::StrReplaceAll(
+                  PlanarArm(limits),
+                  {{R"(name="elbow" type="revolute")", "name=\"elbow\" type=\"" + type + "\""},
+                   {"velocity=\"2\"/>", absl::StrCat("velocity=\"2\"/>", safety)}}));
+    const auto model = ReadRobotModel(mount);
+    EXPECT_TRUE(model.ok()) << model.status();
+    return model.ok() ? model->remarks : std::vector<std::string>{"refused"};
+  };
+  EXPECT_THAT(remarks("continuous", R"(lower="-1" upper="2")", ""),
+              ElementsAre(HasSubstr("joint elbow: its limits -1 to 2 rad have no effect")));
+  EXPECT_THAT(remarks("continuous", R"(upper="2")", ""),
+              ElementsAre(HasSubstr("joint elbow: its limits 0 to 2 rad have no effect")));
+  EXPECT_THAT(remarks("continuous", "", ""), ElementsAre());
+  const std::string limits = R"(lower="-1" upper="2")";
+  for (const char* zero : {R"(soft_lower_limit="0" soft_upper_limit="0" )",
+                           R"(soft_lower_limit="0" )", R"(soft_upper_limit="0.0" )"}) {
+    EXPECT_THAT(remarks("revolute", limits,
+                        absl::StrCat("<safety_controller ", zero, "k_velocity=\"1\"/>")),
+                ElementsAre(HasSubstr("joint elbow: the soft limits 0 to 0")))
+        << zero;
+  }
+  EXPECT_THAT(remarks("revolute", limits, R"(<safety_controller k_velocity="1"/>)"), ElementsAre());
+  EXPECT_THAT(
+      remarks("revolute", limits,
+              R"(<safety_controller soft_lower_limit="0" soft_upper_limit="1" k_velocity="1"/>)"),
+      ElementsAre());
+}
+
 TEST_F(RobotModelTest, LimitsInDegreesAreNamed) {
   for (const char* degrees :
        {R"(lower="-180" upper="180")", R"(lower="0" upper="90")", R"(lower="-13" upper="2")"}) {

@@ -154,6 +154,81 @@ TEST_F(NewCommandTest, PlansForATolerance) {
   EXPECT_NEAR(inspection->rig.camera.vertical_fov_rad, 2 * std::atan(0.5 * 5e-3 / 16e-3), 1e-5);
 }
 
+// A flatness of 0.2 of a unit that the file does or does not state.
+std::string QifOf(const std::string& units) {
+  return R"(<QIFDocument xmlns="http://qifstandards.org/xsd/qif3" versionQIF="3.0.0">)" + units +
+         R"(<Features><FeatureNominals><PlaneFeatureNominal id="1"/></FeatureNominals></Features>
+  <Characteristics><CharacteristicDefinitions><FlatnessCharacteristicDefinition id="2">
+  <ToleranceValue>0.2</ToleranceValue></FlatnessCharacteristicDefinition></CharacteristicDefinitions>
+  <CharacteristicNominals><FlatnessCharacteristicNominal id="3">
+  <CharacteristicDefinitionId>2</CharacteristicDefinitionId><FeatureNominalIds><Id>1</Id>
+  </FeatureNominalIds></FlatnessCharacteristicNominal></CharacteristicNominals></Characteristics>
+</QIFDocument>)";
+}
+
+TEST_F(NewCommandTest, TheUnitOfToleranceFilesIsStatedOnce) {
+  out_ = folder_ + "/i.json";
+  const std::string none = folder_ + "/none.qif", inch = folder_ + "/inch.qif";
+  std::ofstream(none) << QifOf("");
+  std::ofstream(inch) << QifOf(
+      "<FileUnits><PrimaryUnits><LinearUnit><UnitName>inch</UnitName></LinearUnit></PrimaryUnits>"
+      "</FileUnits>");
+  const auto with = [&](const std::string& file, const std::vector<std::string>& more) {
+    std::vector<std::string> arguments = {"--unit", "mm", "--force", "--tolerances", file};
+    arguments.insert(arguments.end(), more.begin(), more.end());
+    return New(arguments);
+  };
+  const CommandResult missing = with(none, {});
+  EXPECT_EQ(missing.exit_code, kExitWrongInput);
+  EXPECT_THAT(missing.errors, HasSubstr("--tolerances-unit"));
+  EXPECT_FALSE(fs::exists(out_));
+  ASSERT_EQ(with(none, {"--tolerances-unit", "millimetre"}).exit_code, kExitDone);
+  const auto inspection = ReadInspectionWithFiles(out_);
+  ASSERT_TRUE(inspection.ok()) << inspection.status();
+  EXPECT_EQ(inspection->tolerances->file_unit, "mm");
+
+  EXPECT_EQ(with(inch, {}).exit_code, kExitDone);
+  const CommandResult twice = with(inch, {"--tolerances-unit", "mm"});
+  EXPECT_EQ(twice.exit_code, kExitWrongInput);
+  EXPECT_THAT(twice.errors, AllOf(HasSubstr("inch.qif:"), HasSubstr("states its unit, inch")));
+  EXPECT_EQ(New({"--unit", "mm", "--tolerances-unit", "mm", "--force"}).exit_code, kExitWrongInput);
+}
+
+// The field of view that is written is that of pixels and lens, however the lens is named, or the
+// command refuses.
+TEST_F(NewCommandTest, TheFieldOfViewIsThatOfPixelsAndLens) {
+  out_ = folder_ + "/i.json";
+  const std::vector<std::string> by_length = {"--focal-length-mm", "16"};
+  const std::vector<std::string> by_name = {"--catalogue", Catalogue(), "--lens", "kowa_lm16fc24m"};
+  for (const std::vector<std::string>& lens : {by_length, by_name}) {
+    std::vector<std::string> arguments = {"--unit", "mm", "--rows", "1024", "--force"};
+    arguments.insert(arguments.end(), lens.begin(), lens.end());
+    const CommandResult missing = New(arguments);
+    EXPECT_EQ(missing.exit_code, kExitWrongInput);
+    EXPECT_THAT(missing.errors, HasSubstr("--pixel-pitch-um is missing"));
+    EXPECT_FALSE(fs::exists(out_));
+
+    arguments.insert(arguments.end(), {"--pixel-pitch-um", "5.5"});
+    ASSERT_EQ(New(arguments).exit_code, kExitDone);
+    const auto inspection = ReadInspectionWithFiles(out_);
+    ASSERT_TRUE(inspection.ok()) << inspection.status();
+    const double focal_length_m = inspection->rig.lens->focal_length_m;
+    EXPECT_NEAR(focal_length_m, 0.016, 1e-3);
+    EXPECT_NEAR(inspection->rig.camera.vertical_fov_rad,
+                2 * std::atan(0.5 * 1024 * 5.5e-6 / focal_length_m), 1e-5);
+    fs::remove(out_);
+
+    arguments.insert(arguments.end(), {"--fov-deg", "40"});
+    const CommandResult other = New(arguments);
+    EXPECT_EQ(other.exit_code, kExitWrongInput);
+    EXPECT_THAT(other.errors, AllOf(HasSubstr("vertical_fov_deg is 40"), HasSubstr("1024 rows")));
+    EXPECT_FALSE(fs::exists(out_));
+  }
+  // A stated field of view needs no pitch.
+  EXPECT_EQ(New({"--unit", "mm", "--focal-length-mm", "16", "--fov-deg", "20"}).exit_code,
+            kExitDone);
+}
+
 TEST(SpacingFor, GivesAboutEightThousandTargets) {
   for (const double area_m2 : {1e-4, 1e-2, 0.3, 2.0}) {
     const double spacing_m = SpacingFor(area_m2);

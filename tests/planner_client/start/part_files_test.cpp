@@ -6,6 +6,7 @@
 #include <sys/stat.h>
 #include <unistd.h>
 
+#include <array>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -241,6 +242,30 @@ TEST_F(StepMeshTest, MeshesThatNobodyAskedForGo) {
   const std::string other = MeshOfStepFile(step_, options_)->file;
   EXPECT_FALSE(fs::exists(first));
   EXPECT_TRUE(fs::exists(other));
+}
+
+// Remarks of every reader come to whoever reads the part.
+TEST(PartFile, RemarksOfReadersAreSaid) {
+  std::string folder = "/tmp/sightline-remarks-XXXXXX";
+  ASSERT_NE(mkdtemp(folder.data()), nullptr);
+  const std::array<float, 9> corners = {0, 0, 0, 1, 0, 0, 0, 1, 0};
+  std::ofstream(folder + "/p.bin", std::ios::binary)
+      .write(reinterpret_cast<const char*>(corners.data()), sizeof(corners));
+  const std::string path = folder + "/p.gltf";
+  std::ofstream(path) << R"({"asset": {"version": "2.0"}, "nodes": [{"mesh": 0}],
+      "scenes": [{"name": "part", "nodes": [0]}, {"name": "fixture", "nodes": [0]}],
+      "buffers": [{"byteLength": 36, "uri": "p.bin"}],
+      "bufferViews": [{"buffer": 0, "byteLength": 36}],
+      "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+      "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]})";
+  std::vector<std::string> remarks;
+  PartFileOptions options;
+  options.remarks = &remarks;
+  const auto mesh = LoadPartFile(path, "", options);
+  fs::remove_all(folder);
+  ASSERT_TRUE(mesh.ok()) << mesh.status();
+  ASSERT_EQ(remarks.size(), 1u);
+  EXPECT_THAT(remarks[0], AllOf(HasSubstr("p.gltf: of its 2 scenes"), HasSubstr("\"fixture\"")));
 }
 
 TEST(PartFile, OnlyStepHasConstructionGeometry) {

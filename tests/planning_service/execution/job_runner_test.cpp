@@ -129,6 +129,35 @@ echo '{"error":{"code":"INVALID_ARGUMENT","reason":"","message":"part.glb: is no
             "RESULT_UNKNOWN");
 }
 
+// A client reads the names of its own files, wherever the message comes from.
+TEST_F(JobRunnerTest, ClientsSeeNoPathsOfTheServer) {
+  options_.step_cache_folder = folder_ + "/step_cache";
+  options_.hidden_folders = {folder_};
+  Start(R"(echo "{\"progress\":0.5,\"message\":\"reading $PWD/part.glb\"}" >&2
+while [ ! -e "$(dirname "$0")/go" ]; do sleep 0.05; done
+echo "{\"error\":{\"code\":\"INVALID_ARGUMENT\",\"reason\":\"\",\"message\":\"$PWD/part.glb: is no mesh; see $PWD/$out/plan.json, $0\"}}" >&2
+exit 2)");
+  const PlanningJob asked = Ask();
+  const PlanningJob running =
+      WaitFor(asked, [](const PlanningJob& now) { return !now.message.empty(); });
+  EXPECT_EQ(running.message, "reading part.glb");
+  std::ofstream(folder_ + "/go") << "";
+  const PlanningJob failed = Finished(asked);
+  EXPECT_THAT(failed.failure.message, testing::StartsWith("part.glb: is no mesh; see "));
+  EXPECT_THAT(failed.failure.message, testing::EndsWith("plan.json, program"));
+  EXPECT_THAT(failed.failure.message, testing::Not(HasSubstr(folder_)));
+}
+
+// The last lines of a process that says nothing else are told its client as well.
+TEST_F(JobRunnerTest, LastWordsHaveNoPathsOfTheServer) {
+  Start(R"(for i in $(seq 200); do echo "warning: $PWD/part.glb: line $i has no end" >&2; done
+exit 3)");
+  const PlanningJob failed = Finished(Ask());
+  EXPECT_EQ(failed.failure.reason, "PROCESS_ENDED");
+  EXPECT_THAT(failed.failure.message, HasSubstr("warning: part.glb: line 200 has no end"));
+  EXPECT_THAT(failed.failure.message, testing::Not(HasSubstr("work/job-")));
+}
+
 // Each attempt gets a little further and is killed; the last finds what the others kept.
 TEST_F(JobRunnerTest, AKilledJobGoesOnFromWhatItKept) {
   Start(R"(n=$(ls ../checkpoint | wc -l); touch ../checkpoint/$n

@@ -376,6 +376,27 @@ TEST_F(PlanningServiceTest, RecipesArePreparedOnceAndStartedOften) {
             "RECIPE_UNKNOWN");
 }
 
+// When the task is submitted, from whatever piece of the file.
+TEST_F(PlanningServiceTest, AStepFileWithoutUnitIsRefused) {
+  const std::string text = "ISO-10303-21;\nDATA;\n" + std::string(3 << 20, '\n') +
+                           "#1=PRODUCT('p','p','',());\nENDSEC;\nEND-ISO-10303-21;\n";
+  const auto digest = Upload(text, kMes);
+  ASSERT_TRUE(digest.ok()) << digest.status();
+  v1::CreatePlanningJobRequest request;
+  *request.mutable_task() = PlanTask();
+  request.mutable_task()->mutable_inspection()->mutable_part()->set_file("part.stp");
+  request.add_files()->set_name("part.stp");
+  request.mutable_files(0)->set_digest(*digest);
+  v1::CreatePlanningJobResponse response;
+  const absl::Status refused =
+      FromGrpcStatus(stub_->CreatePlanningJob(As(kMes).get(), request, &response));
+  EXPECT_TRUE(absl::IsInvalidArgument(refused)) << refused;
+  ASSERT_FALSE(FieldViolations(refused).empty());
+  EXPECT_EQ(FieldViolations(refused)[0].field, "inspection.part.unit");
+  request.mutable_task()->mutable_inspection()->mutable_part()->set_unit("mm");
+  EXPECT_TRUE(stub_->CreatePlanningJob(As(kMes).get(), request, &response).ok());
+}
+
 TEST_F(PlanningServiceTest, APlanOfAnEarlierJobIsTaken) {
   const auto digest = Upload("part", kMes);
   const auto plan = Create(*digest, "");

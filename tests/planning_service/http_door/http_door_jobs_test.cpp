@@ -407,6 +407,25 @@ TEST_F(HttpDoorJobs, KeepsClientsApart) {
         "FILE_UNKNOWN");
 }
 
+// The place in the queue counts the jobs of all clients, and tells nothing else about them.
+TEST_F(HttpDoorJobs, TellsTheJobsAheadOfAllClients) {
+  UseClientsFile();
+  StartDoor();
+  const auto client = NewClient();
+  const std::string foreign = CreateJob(As("line"));
+  CreateJob(As("line"));
+  const std::string own = CreateJob(As("other"));
+  EXPECT_EQ(Json(client->Get("/v1/jobs/" + own, As("other")))["jobs_ahead"], 2);
+  const json listed = Json(client->Get("/v1/jobs", As("other")));
+  ASSERT_EQ(listed["jobs"].size(), 1u);
+  EXPECT_EQ(listed["jobs"][0]["jobs_ahead"], 2);
+  EXPECT_THAT(listed.dump(), AllOf(Not(HasSubstr(foreign)), Not(HasSubstr("line"))));
+  const Attempt running = Claim();
+  EXPECT_EQ(running.job_id, foreign);
+  EXPECT_EQ(Json(client->Get("/v1/jobs/" + own, As("other")))["jobs_ahead"], 1);
+  EXPECT_FALSE(Json(client->Get("/v1/jobs/" + foreign, As("line"))).contains("jobs_ahead"));
+}
+
 TEST_F(HttpDoorJobs, AsksWhoIsThere) {
   UseClientsFile(R"(,"kinds":["render"],"max_upload_bytes":2000)");
   StartDoor();

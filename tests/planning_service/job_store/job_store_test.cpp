@@ -24,6 +24,19 @@ constexpr char kTraceparent[] = "00-0af7651916cd43dd8448eb211c80319c-b7ad6b71692
 
 class JobStoreTest : public StoreTest {
  protected:
+  // Changes the database while no store is open.
+  void Change(const std::string& sql) {
+    store_.reset();
+    {
+      const auto database = OpenDatabase();
+      const auto connection = database->Connect();
+      ASSERT_TRUE((*connection)->Begin(SqlAccess::kWrite).ok());
+      ASSERT_TRUE((*connection)->Run(sql, {}).ok());
+      ASSERT_TRUE((*connection)->Commit().ok());
+    }
+    Reopen();
+  }
+
   JobStoreTest() { Reopen(); }
 };
 
@@ -61,6 +74,62 @@ TEST_P(JobStoreTest, KeepsWhatItWasGiven) {
     EXPECT_EQ(job->revision, made->revision);
     EXPECT_THAT(job->results, IsEmpty());
   }
+}
+
+// One worker takes the jobs in the order that their numbers say, whoever asks and however.
+TEST_P(JobStoreTest, JobsAheadAreThoseThatAreClaimedBefore) {
+  const std::vector<std::pair<std::string, int>> asked = {
+      {"mes", 0}, {"line", 5}, {"mes", 5}, {"mes", -3}, {"other", 0}, {"line", 0}, {"mes", 0}};
+  for (const auto& [client, priority] : asked) {
+    const auto queued = store_->List({});
+    ASSERT_TRUE(queued.ok()) << queued.status();
+    int64_t before = 0;
+    for (const PlanningJob& job : *queued) before += job.priority >= priority ? 1 : 0;
+    EXPECT_EQ(Create(client, priority).jobs_ahead, before);
+  }
+  for (size_t left = asked.size(); left > 0; --left) {
+    std::set<int64_t> places;
+    std::string first;
+    const auto listed = store_->List({});
+    ASSERT_TRUE(listed.ok()) << listed.status();
+    for (const PlanningJob& job : *listed) {
+      EXPECT_EQ(store_->Get(job.job_id)->jobs_ahead, job.jobs_ahead);
+      if (job.state != JobState::kQueued) {
+        EXPECT_FALSE(job.jobs_ahead.has_value());
+        continue;
+      }
+      ASSERT_TRUE(job.jobs_ahead.has_value());
+      places.insert(*job.jobs_ahead);
+      if (*job.jobs_ahead == 0) first = job.job_id;
+      // Filters choose what is shown, not what is counted.
+      const auto own = store_->List(JobsOfClient(job.client));
+      ASSERT_TRUE(own.ok()) << own.status();
+      for (const PlanningJob& shown : *own) {
+        if (shown.job_id != job.job_id) continue;
+        EXPECT_EQ(shown.jobs_ahead, job.jobs_ahead);
+      }
+    }
+    // Every place once, without gaps.
+    EXPECT_EQ(places.size(), left);
+    EXPECT_EQ(*places.begin(), 0);
+    EXPECT_EQ(*places.rbegin(), static_cast<int64_t>(left) - 1);
+    const PlanningJob claimed = Claim();
+    EXPECT_EQ(claimed.job_id, first);
+    EXPECT_FALSE(claimed.jobs_ahead.has_value());
+    ASSERT_TRUE(store_->Succeed(AttemptOf(claimed), {}).ok());
+  }
+}
+
+TEST_P(JobStoreTest, EventsHaveNoJobsAhead) {
+  Create();
+  const PlanningJob second = Create();
+  EXPECT_EQ(second.jobs_ahead, 1);
+  const auto events = store_->Events(0, second.job_id, 10);
+  ASSERT_TRUE(events.ok() && !events->empty()) << events.status();
+  for (const JobEvent& event : *events) {
+    EXPECT_FALSE(event.job.jobs_ahead.has_value());
+  }
+  EXPECT_FALSE(store_->RequestCancel(second.job_id)->jobs_ahead.has_value());
 }
 
 TEST_P(JobStoreTest, EmptyTaskStaysEmpty) {
@@ -798,18 +867,31 @@ TEST_P(JobStoreTest, EventIdsOfARestoredDatabaseWereNeverGiven) {
   ASSERT_TRUE(store_->BeginService().ok());
   Create();
   const int64_t given = *store_->NewestEvent();
-  store_.reset();
-  {
-    const auto database = OpenDatabase();
-    const auto connection = database->Connect();
-    ASSERT_TRUE((*connection)->Begin(SqlAccess::kWrite).ok());
-    ASSERT_TRUE((*connection)->Run("UPDATE database_identity SET instance = 'elsewhere'", {}).ok());
-    ASSERT_TRUE((*connection)->Commit().ok());
-  }
-  EXPECT_TRUE(*Reopen().BeginService());
+  Change("UPDATE database_identity SET instance = 'elsewhere'");
+  EXPECT_TRUE(*store_->BeginService());
   EXPECT_FALSE(*store_->BeginService());
   Create();
-  EXPECT_EQ(*store_->NewestEvent(), given + (int64_t{1} << 32) + 1);
+  EXPECT_GT(*store_->NewestEvent(), given + (int64_t{1} << 32));
+}
+
+// A backup may be restored again and again: no two of its services give the same id.
+TEST_P(JobStoreTest, EventIdsOfTwoRestoredCopiesDiffer) {
+  ASSERT_TRUE(store_->BeginService().ok());
+  for (const bool has_events : {false, true}) {
+    if (has_events) Create();
+    const int64_t of_backup = *store_->NewestEvent();
+    int64_t given = 0;
+    for (int restore = 0; restore < 3; ++restore) {
+      Change(absl::StrCat("UPDATE counter SET value = ", of_backup, " WHERE name = 'event'"));
+      Change("UPDATE database_identity SET instance = 'elsewhere'");
+      EXPECT_TRUE(*store_->BeginService());
+      Create();
+      EXPECT_GT(*store_->NewestEvent(), given);
+      given = *store_->NewestEvent();
+      EXPECT_LT(given, int64_t{1} << 53);
+      absl::SleepFor(absl::Milliseconds(5));
+    }
+  }
 }
 
 }  // namespace

@@ -216,6 +216,34 @@ TEST(PlanningTask, ArgumentsAreTheCommands) {
   EXPECT_THAT(SplitTask(optics, "../out", "../checkpoint", 1).conclusion, Contains("--scan=2"));
 }
 
+// Of every kind that takes a plan, whether the plan comes with the task or is that of a job.
+TEST(PlanningTask, APlanOfAnotherPartIsTakenOnRequest) {
+  const Files files = {{"p.glb", ""}};
+  for (const std::string kind : {"evaluate", "optics", "render"}) {
+    for (const std::string plan : {R"("plan": {"scans": [{}]})", R"("plan_job_id": "job-1")"}) {
+      const auto json = [&](const std::string& more) {
+        return R"({"kind": ")" + kind + R"(", "inspection": {"part": {"file": "p.glb"}}, )" + plan +
+               more + "}";
+      };
+      EXPECT_NE(FieldOf(Check(json(R"(, "other_part": true)"), files)), "other_part") << kind;
+      EXPECT_THAT(
+          SplitTask(Task(json(R"(, "other_part": true)")), "../out", "../kept", 1).conclusion,
+          Contains("--other-part"));
+      EXPECT_THAT(SplitTask(Task(json("")), "../out", "../kept", 1).conclusion,
+                  testing::Not(Contains("--other-part")));
+    }
+  }
+  // Without a plan there is nothing that could be of another part.
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "plan", "inspection": {"part": {"file": "p.glb"}},
+                              "other_part": true})",
+                          files)),
+            "other_part");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "optics", "inspection": {"part": {"file": "p.glb"}},
+                              "other_part": true})",
+                          files)),
+            "other_part");
+}
+
 TEST(PlanningTask, RenderingsOfSeveralImagesSplit) {
   v1::PlanningTask task;
   task.set_kind("render");

@@ -95,7 +95,7 @@ export async function startMockServer({pageFolder, port = 0, stepMs = 60, token 
     }
     const {inspection} = task;
     if (inspection?.part?.file && !/\.(glb|gltf)$/i.test(inspection.part.file) && !inspection.part.unit) {
-      throw invalid('inspection.part.unit', 'is missing: a .stl file carries no unit, must be m, cm, mm, um or inch');
+      throw invalid('inspection.part.unit', 'is missing: a .stl file states no unit, must be m, cm, mm, um or inch');
     }
     const step_m = inspection?.rig?.scan_step_m;
     if (step_m !== undefined && !(step_m >= 1e-5 && step_m <= 0.1)) {

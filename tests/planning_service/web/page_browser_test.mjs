@@ -324,6 +324,20 @@ test('meshes of all formats are read', async () => {
   noTroubles();
 });
 
+test('a STEP file without a unit is asked for it', async () => {
+  await open();
+  await choose('part.step', Buffer.from(
+      "ISO-10303-21;\nHEADER;\nENDSEC;\nDATA;\n#1=PRODUCT('part','part','',());\nENDSEC;\nEND-ISO-10303-21;\n"));
+  assert.ok(await page.locator('.units').isHidden());
+  await submit();
+  await page.locator('.summary .error').waitFor();
+  await page.locator('.units label').filter({has: page.locator('input[value="mm"]')}).click();
+  await submit();
+  await page.waitForURL(/#\/jobs\/.+/);
+  if (mock) assert.deepEqual(mock.posts.at(-1).task.inspection.part, {file: 'part.step', unit: 'mm'});
+  noTroubles();
+});
+
 test('a drop on the stage is taken', async () => {
   await open();
   const transfer = await page.evaluateHandle((base64) => {

@@ -31,6 +31,10 @@ test('only what a kind takes is sent', () => {
       {kind: 'render', inspection: task.inspection, plan_job_id: '7', render_options: {layers: true}, seed: 2});
   assert.deepEqual(taskOfKind('evaluate', {...task, plan_job_id: undefined}),
       {kind: 'evaluate', inspection: task.inspection, plan: {scans: []}, seed: 2});
+  // Whether a plan of another part is taken goes with a plan.
+  assert.deepEqual(taskOfKind('optics', {...task, other_part: true}),
+      {kind: 'optics', inspection: task.inspection, plan_job_id: '7', other_part: true, seed: 2});
+  assert.deepEqual(taskOfKind('plan', {...task, other_part: true}), taskOfKind('plan', task));
   assert.deepEqual(taskOfKind('verify', task), {kind: 'verify', recordings: task.recordings, seed: 2});
   // A flat plate instead of a part.
   assert.deepEqual(taskOfKind('render', {inspection: {}, recordings: task.recordings}),
@@ -66,7 +70,7 @@ test('the angle of view follows from pixel size, rows and focal length', () => {
   assert.equal(first.camera.vertical_fov_deg, 19.964);
   const longer = withFollowingAngle(first, withPath(first, 'lens.focal_length_m', 0.032));
   assert.equal(longer.camera.vertical_fov_deg, angleOfViewDeg(longer));
-  // What was stated stays, and so does a default that was relied on.
+  // What was stated stays. An angle that was left out stays so: the service works it out.
   const stated = withPath(full, 'camera.vertical_fov_deg', 40);
   assert.equal(withFollowingAngle(stated, withPath(stated, 'lens.focal_length_m', 0.032)).camera.vertical_fov_deg, 40);
   assert.equal(withFollowingAngle(full, withPath(full, 'camera.rows_px', 2048)).camera.vertical_fov_deg, undefined);
@@ -77,6 +81,9 @@ test('field of view', () => {
   const {width_mm, height_mm, pixel_mm} = fieldOfView({camera: {columns_px: 1024, vertical_fov_deg: 90}}, 0.5);
   assert.ok(Math.abs(height_mm - 1000) < 1e-9 && Math.abs(width_mm - 2000) < 1e-9 && Math.abs(pixel_mm - 1000 / 512) < 1e-9);
   assert.equal(fieldOfView({camera: {vertical_fov_deg: 180}}, 0.5), null);
+  // An angle that is not stated follows from the pixels and the lens, as the service has it: 16 mm at 1 m.
+  const byLens = fieldOfView({camera: {rows_px: 1024, pixel_pitch_m: 5.5e-6}, lens: {focal_length_m: 0.016}}, 1);
+  assert.ok(Math.abs(byLens.height_mm - 1024 * 5.5e-3 / 0.016 / 1) < 0.1);
   assert.deepEqual(domainBounds({ranges: [{min: 0.2, max: 0.5}]}, [0, 1]), [0.2, 0.5]);
   assert.deepEqual(domainBounds({fixed: 0.3}, [0, 1]), [0.3, 0.3]);
   assert.deepEqual(domainBounds(undefined, [0, 1]), [0, 1]);

@@ -70,30 +70,33 @@ class Client:
         return self._start(task, found, seed, request_id, priority)
 
     def evaluate(self, inspection: Document, plan: PlanSource, *, part: Optional[Mesh] = None,
-                 files: Files = None, folder: PathLike = ".", request_id: Optional[str] = None,
-                 priority: int = 0) -> Job:
-        """What the scans of a plan measure."""
+                 files: Files = None, folder: PathLike = ".", other_part: bool = False,
+                 request_id: Optional[str] = None, priority: int = 0) -> Job:
+        """What the scans of a plan measure. `other_part`: take a plan that states another part than
+        the inspection's."""
         task, found = self._inspection_task("evaluate", inspection, part, files, folder)
-        _set_plan(task, plan, folder)
+        _set_plan(task, plan, folder, other_part)
         return self._start(task, found, None, request_id, priority)
 
     def optics(self, inspection: Document, plan: Optional[PlanSource] = None, *,
                part: Optional[Mesh] = None, files: Files = None, folder: PathLike = ".",
-               seed: Optional[int] = None, request_id: Optional[str] = None, priority: int = 0,
-               **options: Any) -> Job:
-        """F-number, exposure and focus. Options: scan, frame, stage_position_m."""
+               other_part: bool = False, seed: Optional[int] = None,
+               request_id: Optional[str] = None, priority: int = 0, **options: Any) -> Job:
+        """F-number, exposure and focus. `other_part`: as of evaluate. Options: scan, frame,
+        stage_position_m."""
         task, found = self._inspection_task("optics", inspection, part, files, folder)
         if plan is not None:
-            _set_plan(task, plan, folder)
+            _set_plan(task, plan, folder, other_part)
         _set_options(task.optics_options, options)
         return self._start(task, found, seed, request_id, priority)
 
     def render(self, inspection: Optional[Document] = None, plan: Optional[PlanSource] = None, *,
                recordings: Optional[Document] = None, part: Optional[Mesh] = None,
-               files: Files = None, folder: PathLike = ".", seed: Optional[int] = None,
-               request_id: Optional[str] = None, priority: int = 0, **options: Any) -> Job:
-        """Images of frames of an inspection, or of a flat plate's `recordings`. Options: those of
-        v1.RenderJobOptions; scan, frame, stage_position_m."""
+               files: Files = None, folder: PathLike = ".", other_part: bool = False,
+               seed: Optional[int] = None, request_id: Optional[str] = None, priority: int = 0,
+               **options: Any) -> Job:
+        """Images of frames of an inspection, or of a flat plate's `recordings`. `other_part`: as of
+        evaluate. Options: those of v1.RenderJobOptions; scan, frame, stage_position_m."""
         if (inspection is None) == (recordings is None):
             raise errors.TaskError("render: give inspection or recordings")
         if inspection is not None:
@@ -103,7 +106,7 @@ class Client:
             # A shot list: its images are what is to be made.
             task.recordings.CopyFrom(read_recordings(recordings, folder)[0])
         if plan is not None:
-            _set_plan(task, plan, folder)
+            _set_plan(task, plan, folder, other_part)
         frames = {name: options.pop(name) for name in ("scan", "frame", "stage_position_m")
                   if name in options}
         if frames:
@@ -220,7 +223,8 @@ class Client:
                               self._connection.timeout_s + file.size_bytes / 1e6)
 
 
-def _set_plan(task: Any, plan: PlanSource, folder: PathLike) -> None:
+def _set_plan(task: Any, plan: PlanSource, folder: PathLike, other_part: bool) -> None:
+    task.other_part = other_part
     if isinstance(plan, Job):
         task.plan_job_id = plan.job_id
     elif isinstance(plan, Plan):

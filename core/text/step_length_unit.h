@@ -1,0 +1,54 @@
+// SPDX-License-Identifier: Apache-2.0
+// Whether the text of a STEP file (ISO 10303-21, clear text encoding) states a length unit, found
+// by one pass over its bytes without OpenCASCADE and without keeping them.
+//
+// A file states the unit of its lengths by a GLOBAL_UNIT_ASSIGNED_CONTEXT that refers to an
+// instance which is a LENGTH_UNIT, or an SI_UNIT of .METRE. The scan looks for such a pair. Its
+// answer "no" is certain: sightline_step_import refuses each such file unless the unit is given to
+// it. "Perhaps" is for the importer to settle, which reads whole instances.
+//
+//   StepLengthUnitScan scan;
+//   while (more bytes) scan.Add(bytes);
+//   if (scan.StatesNone()) refuse, or ask for the unit;
+#pragma once
+
+#include <cstdint>
+#include <set>
+#include <string>
+#include <string_view>
+#include <vector>
+
+namespace sightline {
+
+class StepLengthUnitScan {
+ public:
+  // Takes the next bytes of the file.
+  void Add(std::string_view bytes);
+  // Whether a length unit has been found; what follows in the file then changes nothing.
+  bool found() const { return found_; }
+  // Whether the whole text has instances and none of its contexts has a length unit. False as well
+  // for text that ends inside a string or comment, that has no instance, or that has more than 100
+  // 000 instances of units or of their contexts.
+  bool StatesNone() const;
+
+ private:
+  enum class Inside { kText, kString, kBinary, kComment };
+
+  void AddText(char c);
+  void EndWord();
+  void EndInstance();
+
+  Inside inside_ = Inside::kText;
+  char before_ = '\0';  // the character before, for the marks of comments
+  // Of the instance that is read: its words and references so far.
+  std::string word_;
+  bool in_reference_ = false;
+  int64_t reference_ = 0;
+  std::vector<int64_t> references_;
+  bool has_length_ = false, is_context_ = false;
+  // Of the file.
+  std::set<int64_t> lengths_, assigned_;
+  bool found_ = false, has_instance_ = false, too_many_ = false;
+};
+
+}  // namespace sightline
