@@ -356,14 +356,15 @@ absl::Status SetFieldOfView(const v1::Camera& message, const std::optional<Lens>
   SIGHTLINE_RETURN_IF_ERROR(
       check.Range("camera.vertical_fov_deg", message.vertical_fov_deg(), kFieldOfView));
   camera->vertical_fov_rad = Radians(message.vertical_fov_deg());
-  if (!by_lens_rad ||
-      std::abs(camera->vertical_fov_rad / *by_lens_rad - 1) <= kFieldOfViewAgreement) {
+  if (!by_lens_rad || std::abs(std::tan(camera->vertical_fov_rad / 2) / std::tan(*by_lens_rad / 2) -
+                               1) <= kFieldOfViewAgreement) {
     return absl::OkStatus();
   }
-  return check.Error("camera.vertical_fov_deg",
-                     absl::StrCat("is ", NumberText(message.vertical_fov_deg()), ", but ", inputs,
-                                  " give ", rounded_deg(*by_lens_rad),
-                                  " deg; they must agree within 10 % (or leave it out)"));
+  return check.Error(
+      "camera.vertical_fov_deg",
+      absl::StrCat("is ", NumberText(message.vertical_fov_deg()), ", but ", inputs, " give ",
+                   rounded_deg(*by_lens_rad),
+                   " deg; the tangents of half of both must agree within 10 % (or leave it out)"));
 }
 
 }  // namespace

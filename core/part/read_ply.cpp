@@ -296,6 +296,10 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
       }
       if (property.count_type &&
           (property.name == "vertex_indices" || property.name == "vertex_index")) {
+        if (is_face && list_of_face >= 0) {
+          return absl::InvalidArgumentError(
+              "faces have two lists of vertices, vertex_indices and vertex_index");
+        }
         list_of_face = static_cast<int>(k);
       }
     }

@@ -85,10 +85,10 @@ absl::Status CheckReplaceable(const std::string& database, const std::string& co
                      " no backup; nothing was changed. Choose another folder"));
   }
   if (*theirs && *ours) {
-    if ((*theirs)->identity == (*ours)->identity) return absl::OkStatus();
-    return absl::FailedPreconditionError(absl::StrCat(
-        folder, ": holds the backup of another service (", (*theirs)->identity.substr(0, 8),
-        ", not ", (*ours)->identity.substr(0, 8), "); nothing was changed. Choose another folder"));
+    if (DescendsFrom(**ours, **theirs)) return absl::OkStatus();
+    return absl::FailedPreconditionError(
+        absl::StrCat(folder, ": holds the backup of another service (", (*theirs)->identity,
+                     ", not ", (*ours)->identity, "); nothing was changed. Choose another folder"));
   }
   // One of the two is of an older version, which made no identities.
   const auto target = OpenSqliteJobStore(database);

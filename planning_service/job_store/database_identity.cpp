@@ -5,7 +5,9 @@
 #include <memory>
 #include <utility>
 
+#include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "absl/time/clock.h"
 #include "absl/time/time.h"
 #include "planning_service/job_store/random_number.h"
@@ -18,6 +20,8 @@ constexpr int64_t kEventIdStep = int64_t{1} << 32;
 // Two starts of one copy must not go on at the same id: they go on at the time's. The ids stay
 // below 2^53 until 2109, and grow more slowly than time unless there are 2048 events a millisecond.
 constexpr int64_t kEventIdsPerMs = 2048;
+// Stands in the stored identity before every restore since it was last copied.
+constexpr char kSinceCopy[] = ".~";
 // `copied_event`, the newest event at the time of the copy, of a database that is no copy.
 constexpr int64_t kNoCopy = -1;
 
@@ -44,6 +48,11 @@ bool HasIdentityTable(SqlTransaction& sql) {
 
 }  // namespace
 
+bool DescendsFrom(const DatabaseIdentity& descendant, const DatabaseIdentity& ancestor) {
+  return descendant.identity == ancestor.identity ||
+         absl::StartsWith(descendant.identity, ancestor.identity + ".");
+}
+
 std::optional<DatabaseIdentity> ReadDatabaseIdentity(SqlTransaction& sql) {
   const SqlRows rows = sql.Run("SELECT identity, instance, copied_event FROM database_identity");
   if (rows.empty()) return std::nullopt;
@@ -51,14 +60,21 @@ std::optional<DatabaseIdentity> ReadDatabaseIdentity(SqlTransaction& sql) {
   const bool is_unchanged =
       copied_event != kNoCopy &&
       sql.Run("SELECT 1 FROM event WHERE sequence > $1 LIMIT 1", {copied_event}).empty();
-  return DatabaseIdentity{rows.front().Text(0), rows.front().Text(1), is_unchanged};
+  std::string identity = rows.front().Text(0);
+  // Whoever only looked into a copy has not made another service of it.
+  if (is_unchanged) identity = identity.substr(0, identity.find(kSinceCopy));
+  return DatabaseIdentity{absl::StrReplaceAll(identity, {{kSinceCopy, "."}}), rows.front().Text(1),
+                          is_unchanged};
 }
 
 bool SettleDatabaseIdentity(SqlTransaction& sql, const std::string& instance) {
   const std::optional<DatabaseIdentity> known = ReadDatabaseIdentity(sql);
   if (known && known->instance == instance) return false;
   if (known) {
-    sql.Run("UPDATE database_identity SET instance = $1", {instance});
+    sql.Run(
+        "UPDATE database_identity SET identity = identity || $1, instance = $2",
+        {absl::StrCat(kSinceCopy, absl::Hex(static_cast<uint32_t>(RandomBits()), absl::kZeroPad8)),
+         instance});
   } else {
     sql.Run("INSERT INTO database_identity (identity, instance, copied_event) VALUES ($1, $2, $3)",
             {absl::StrCat(absl::Hex(RandomBits(), absl::kZeroPad16),
@@ -88,7 +104,7 @@ absl::Status MarkSqliteCopy(const std::string& file) {
   return InSqliteFile(file, SqlAccess::kWrite, [](SqlTransaction& sql) {
     if (HasIdentityTable(sql)) {
       sql.Run(
-          "UPDATE database_identity SET instance = '',"
+          "UPDATE database_identity SET identity = replace(identity, '.~', '.'), instance = '',"
           " copied_event = (SELECT value FROM counter WHERE name = 'event')");
     }
   });

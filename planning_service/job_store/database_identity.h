@@ -22,11 +22,16 @@
 namespace sightline {
 
 struct DatabaseIdentity {
-  std::string identity;  // 32 hexadecimal digits
+  // 32 hexadecimal digits of the database; and for every restore since a dot and eight digits of
+  // that restore, so that two services of one backup differ.
+  std::string identity;
   std::string instance;  // empty: a backup that no service was started with
   // A backup to which nothing has happened since: no job came and none ran.
   bool is_unchanged_copy = false;
 };
+
+// True if `descendant` is `ancestor` or was restored from a copy of it.
+bool DescendsFrom(const DatabaseIdentity& descendant, const DatabaseIdentity& ancestor);
 
 // Identity as stored; none before a service of this version has worked with the database.
 std::optional<DatabaseIdentity> ReadDatabaseIdentity(SqlTransaction& sql);

@@ -349,7 +349,7 @@ absl::Status CheckInspection(const v1::Inspection& message, const std::set<std::
          return meshes;
        }()) {
     if (absl::EndsWithIgnoreCase(file, ".gltf")) {
-      return Invalid(field, "is a glTF file with its buffers elsewhere; save it as .glb");
+      return Invalid(field, "is a .gltf file, whose buffers may be elsewhere; save it as .glb");
     }
   }
   const auto folder = ProcessFolder::Make(TemporaryBase(), "sightline-task");

@@ -330,6 +330,12 @@ TEST(PlyFile, BadContentIsNamed) {
   EXPECT_THAT(ErrorOf(PlyHeader("element nothing 99999999999\n"), "ply"), HasSubstr("properties"));
   EXPECT_THAT(ErrorOf(PlyHeader("element vertex 1\nproperty float x\n") + "1\n", "ply"),
               HasSubstr("x, y and z"));
+  // Which of two lists is the outline is not said.
+  EXPECT_THAT(
+      ErrorOf(PlyHeader(std::string(kVertex4) + kFace1 + "property list uchar int vertex_index\n") +
+                  kSquare + "3 0 1 2 3 1 2 3\n",
+              "ply"),
+      HasSubstr("two lists"));
 }
 
 // A number of an ASCII file is a value of its property's type, or the line is named: for each type

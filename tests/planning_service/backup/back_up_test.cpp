@@ -172,6 +172,31 @@ TEST_F(BackUpTest, GoesOnInItsFolderAfterRetentionAndALook) {
   EXPECT_TRUE(absl::IsFailedPrecondition(BackUpNow().status()));
 }
 
+// Two services that were restored from one backup are different ones from then on.
+TEST_F(BackUpTest, RestoredServicesDoNotReplaceEachOthersBackups) {
+  ASSERT_TRUE(store_->BeginService().ok());
+  Create("one");
+  ASSERT_TRUE(BackUpNow().ok());
+  const std::string a = folder_ + "/a", b = folder_ + "/b", backup = folder_ + "/backup-of-a";
+  fs::copy(backup_, a, fs::copy_options::recursive);
+  fs::copy(backup_, b, fs::copy_options::recursive);
+  ServeOneJob(a);
+  ServeOneJob(b);
+  ASSERT_TRUE(BackUp(a, backup, false, stop_).ok());
+  EXPECT_TRUE(absl::IsFailedPrecondition(BackUp(b, backup, false, stop_).status()));
+  // Nor does the service that they come from, which goes on.
+  EXPECT_TRUE(absl::IsFailedPrecondition(BackUp(data_, backup, false, stop_).status()));
+  EXPECT_EQ((*OpenSqliteJobStore(backup + "/jobs.sqlite"))->List(PlanningJobFilter())->size(), 2u);
+  // A restored service goes on in the folder of the backup that it was restored from, and in its
+  // own after another restore.
+  EXPECT_TRUE(BackUp(a, backup_, false, stop_).ok());
+  const std::string again = folder_ + "/again";
+  fs::copy(backup, again, fs::copy_options::recursive);
+  ServeOneJob(again);
+  const auto next = BackUp(again, backup, false, stop_);
+  EXPECT_TRUE(next.ok()) << next.status();
+}
+
 TEST_F(BackUpTest, FilesAloneDoNotReplaceThoseOfAService) {
   const std::string digest = Create("one");
   for (const char* of_a_service : {"jobs.sqlite", "work"}) {
