@@ -115,8 +115,8 @@ struct ToleranceRequirements {
   double least_acceptance_zone = 0;  // fraction of the zone's width
   std::optional<double> relaxed_uncertainty_m;
   std::string file;  // STEP or QIF, resolved; empty: none
-  // Of a file that states none, as LengthUnitNamed gives it; that of the part where the file is the
-  // part's own. Empty: the file must state it.
+  // Unit of lengths in a file that states none, as LengthUnitNamed gives it; the part's unit where
+  // the file is the part's own. Empty: the file must state it.
   std::string file_unit;
   std::vector<TolerancedRegion> regions;
 };

@@ -22,7 +22,7 @@ struct TriangleMesh {
   std::vector<std::string> material_names;
   // Triangles without area that were in the file and are not in `triangles`; for the health report.
   int64_t left_out_triangles = 0;
-  // What its reader chose where the file leaves it open, a sentence each.
+  // The reader's choices where the file leaves something open, a sentence each.
   std::vector<std::string> remarks;
 
   // Of all vertices. Empty box for an empty mesh.

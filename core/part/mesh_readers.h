@@ -32,7 +32,7 @@ struct RawMesh {
   // Index into material_names of every triangle. Empty without materials.
   std::vector<uint16_t> triangle_material;
   std::vector<std::string> material_names;
-  // What the reader chose where the file leaves it open, a sentence each.
+  // The reader's choices where the file leaves something open, a sentence each.
   std::vector<std::string> remarks;
 
   // Gives all triangles added since the last call this material; "" for none.

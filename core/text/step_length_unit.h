@@ -40,13 +40,13 @@ class StepLengthUnitScan {
 
   Inside inside_ = Inside::kText;
   char before_ = '\0';  // the character before, for the marks of comments
-  // Of the instance that is read: its words and references so far.
+  // Words and references of the instance that is being read.
   std::string word_;
   bool in_reference_ = false;
   int64_t reference_ = 0;
   std::vector<int64_t> references_;
   bool has_length_ = false, is_context_ = false;
-  // Of the file.
+  // Units of length and instances that the file has had so far.
   std::set<int64_t> lengths_, assigned_;
   bool found_ = false, has_instance_ = false, too_many_ = false;
 };

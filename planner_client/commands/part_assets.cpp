@@ -38,7 +38,7 @@ absl::Status AddMesh(const std::string& prefix, const PartFileOptions& options, 
   *unit = mesh_file->unit;
   const std::string extension = fs::path(mesh_file->path).extension();
   if (!absl::EqualsIgnoreCase(extension, ".gltf")) {
-    // Whoever reads the file elsewhere has nobody to tell its remarks.
+    // A server that reads the file has no terminal: its remarks are printed here.
     if (absl::EndsWithIgnoreCase(path, ".glb")) {
       if (const auto read = LoadPartFile(path, *unit, options); !read.ok()) return read.status();
     }

@@ -21,7 +21,8 @@ namespace {
 namespace fs = std::filesystem;
 using nlohmann::json;
 
-// Of request and worker. Equal requests have equal bytes, whatever order their maps are in.
+// The key digests request and worker. Equal requests have equal bytes, whatever order their maps
+// are in.
 std::string RequestDigest(const v1::RenderSpec& spec, const std::string& worker_build) {
   std::string bytes;
   {

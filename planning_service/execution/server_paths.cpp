@@ -58,8 +58,8 @@ size_t EndOfPath(absl::string_view text, size_t at) {
   return at;
 }
 
-// What a client reads for a path of which the folder ends at `*at`; moves that behind what was
-// replaced.
+// Returns the text that a client reads in place of a path whose folder ends at `*at`, and moves
+// `*at` behind that path.
 std::string ShownPath(absl::string_view text, bool of_job, size_t* at) {
   const size_t rest = SkipSlashes(text, *at);
   if (of_job) {

@@ -14,8 +14,8 @@ namespace sightline {
 // electron is in one frame only.) Needs steps of at least four frames. Material from 0.2 % on.
 Departure FrameCorrelation(std::span<const FlatFieldStatistics* const> steps);
 
-// Difference between second and first frames of steps: charge lag after a change of the light, or
-// light that settles. Needs at least ten steps. Material from 0.1 % on.
+// Difference between second and first frames of steps: charge lag after a change of the light, or a
+// light source that warms up. Needs at least ten steps. Material from 0.1 % on.
 Departure FirstFrameDeficit(std::span<const FlatFieldStatistics* const> steps);
 
 }  // namespace sightline
