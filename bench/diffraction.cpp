@@ -107,7 +107,7 @@ Json CompareWithDirectSum(const std::string& name, const FrameSetup& frame, cons
           {"relative_error", error / brightest}};
 }
 
-// What a frame costs, stage by stage.
+// Cost of a frame, stage by stage.
 struct CostCase {
   std::string name;
   double f_number;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The EMVA 1288 procedure on simulated images of the catalogue's cameras: measured against what
-// their files say; and how long one frame takes.
+// The EMVA 1288 procedure on simulated images of the catalogue's cameras: measured values against
+// those of their files, and the time of one frame.
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>

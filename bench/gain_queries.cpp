@@ -156,7 +156,7 @@ int Run(double seconds, int rounds, int targets, int exact_queries, const std::s
     const EmbreeCoverage embree(embree_mesh, scene->targets(), probes);
     const auto cast = [&](const Measurement& m, int count) {
       TargetBits bits = embree.Covered(
-          MakeScanInPart(scene->rig(), scene->part_centre_m(), m, DepthInterval{}), count);
+          MakeScanInPart(scene->rig(), scene->part_centre_m(), m, PointLimits{}), count);
       bits &= scene->measurable();
       return bits.CountNotIn(covered);
     };

@@ -410,11 +410,11 @@ struct Test {
   int dimension = 0;
   double p = NAN;  // NaN: nothing to compare
   VectorXd z;      // each entry's deviation in standard errors
-  // Of the first entry: recording minus simulation, and its standard error.
+  // First component: recording minus simulation, and its standard error.
   double difference = 0, standard_error = 0;
 };
 
-// What is compared: a linear map of a block's vector, given the simulated mean.
+// The compared quantity: a linear map of a block's vector, given the simulated mean.
 using Map = std::function<MatrixXd(const VectorXd& simulated_mean)>;
 
 // Hotelling's test of the recording against the simulated images. The covariance of an image's mean
@@ -475,7 +475,7 @@ DarkTest CompareDark(const Recording& recording) {
   double below = 0;
   for (int y = 0; below < 1 - 1e-14 && y < 1024; ++y) {
     const double up_to = boost::math::cdf(charge, (y + 0.5) / sensor.gain_dn_per_electron);
-    probability.push_back(up_to - below);  // what would be negative reads 0
+    probability.push_back(up_to - below);  // negative values read 0
     below = up_to;
   }
   double mean = 0, variance = 0, fourth = 0;

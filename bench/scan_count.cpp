@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Number of scans of plans, before and after planning again with the scans that the lower bound was
-// priced from, against that bound, part by part. Exact numbers on the plan's own targets.
+// Number of scans of plans, before and after planning again with the columns that the lower bound
+// generated, against that bound, part by part. Exact numbers on the plan's own targets.
 #include <CLI/CLI.hpp>
 #include <cstdio>
 #include <memory>
@@ -11,8 +11,8 @@
 #include "bench/common/measure.h"
 #include "bench/common/parts.h"
 #include "bench/common/scene_oracle.h"
+#include "planner_client/strategy/generated_columns_plan.h"
 #include "planner_client/strategy/planner.h"
-#include "planner_client/strategy/priced_plan.h"
 #include "planner_client/strategy/scan_count_bound.h"
 
 namespace sightline::bench {
@@ -50,13 +50,13 @@ Json RunPart(const Options& options, const std::string& name, const TriangleMesh
   const double bound_s = watch.Seconds();
 
   watch = {};
-  plan = PlanWithPricedScans(oracle, request, *std::move(plan), *bound);
+  plan = PlanWithGeneratedColumns(oracle, request, *std::move(plan), *bound);
   if (!plan.ok()) Fail(name, std::string(plan.status().message()));
   const double again_s = watch.Seconds();
   const double settled = static_cast<double>(plan->score.Claimed()) / measurable;
   std::printf("%14s%9.0f%7zu%8.1f%8.2f%11s%9zu%8.1f%7zu%8.1f%9.2f%%\n", name.c_str(), measurable,
               before, plan_s, bound->bound, bound->converged ? "yes" : "no",
-              bound->priced_scans.size(), bound_s, plan->scans.size(), again_s, 100 * settled);
+              bound->generated_columns.size(), bound_s, plan->scans.size(), again_s, 100 * settled);
   return {{"part", name},          {"targets", measurable},
           {"scans", before},       {"plan_s", plan_s},
           {"bound", bound->bound}, {"converged", bound->converged},

@@ -194,7 +194,7 @@ Json Measure(const Case& c, int embree_stride) {
   TargetBits measurable(targets->size());
   const size_t half = targets->size() / 2 / kTargetsPerBlock * kTargetsPerBlock;
   ParallelFor(2, 2, [&](size_t i) {
-    MarkMeasurable(*targets, **field, occluders, 10 * kDeg, 80 * kDeg, i == 0 ? 0 : half,
+    MarkMeasurable(*targets, **field, occluders, {10 * kDeg, 80 * kDeg}, i == 0 ? 0 : half,
                    i == 0 ? half : targets->size(), measurable);
   });
   const double measurability_s = phase.Seconds();

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# What `cmake --install` installs, by component; cmake/Packages.cmake makes a package of each. The target
+# Files that `cmake --install` installs, by component; cmake/Packages.cmake makes a package of each. The target
 # `installables` builds it.
 # Only programs that are built are installed: those of SIGHTLINE_PROGRAMS.
 include(GNUInstallDirs)
@@ -100,6 +100,7 @@ sightline_install_program(sightline client sightline sightline-plan sightline-re
 sightline_install_program(coverage_server coverage_server sightline-coverage-server)
 sightline_install_program(render_worker render_worker sightline-render-worker)
 sightline_install_program(sightline_step_import step_import sightline-step-import)
+sightline_install_program(sightline_target_corners target_corners sightline-target-corners)
 sightline_install_group(sightline-plan client sightline)
 sightline_install_group(sightline-render render sightline-render)
 sightline_install_group(sightline-serve serve sightline-serve)

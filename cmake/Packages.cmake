@@ -100,4 +100,10 @@ sightline_package(sightline_step_import step_import sightline-step-import
   "Reads STEP (AP203, AP214, AP242) by OpenCASCADE and writes parts as GLB
 and tolerances as JSON. The planner sightline starts it for STEP files."
   ON_REQUEST)
+# Its libraries are OpenCV's.
+sightline_package(sightline_target_corners target_corners sightline-target-corners
+  "checkerboards in images for sightline"
+  "Finds the corners of a checkerboard in images by OpenCV. The planner
+sightline starts it to calibrate a real scanner."
+  ON_REQUEST)
 include(CPack)

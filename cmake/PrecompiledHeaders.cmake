@@ -72,7 +72,7 @@ function(sightline_precompile_headers)
         set(kind test)
       endif()
     endif()
-    # Where it is written: the folder of its first source.
+    # The target is written in the folder of its first source.
     get_target_property(sources ${target} SOURCES)
     get_target_property(folder ${target} SOURCE_DIR)
     list(GET sources 0 first)

@@ -28,7 +28,7 @@ target_include_directories(sightline_options INTERFACE ${PROJECT_SOURCE_DIR})
 
 if(SIGHTLINE_FUZZ)
   add_compile_options(-fsanitize=fuzzer-no-link)
-  # Warnings are settled with GCC.
+  # GCC decides about warnings.
   target_compile_options(sightline_options INTERFACE -Wno-error -Wno-unknown-warning-option)
 endif()
 if(SIGHTLINE_SANITIZE)
@@ -39,16 +39,16 @@ if(SIGHTLINE_SANITIZE)
   # GCC cannot emit resolvers of target_clones under sanitizers.
   add_compile_definitions(SIGHTLINE_NO_TARGET_CLONES)
   if(SIGHTLINE_SANITIZE MATCHES thread)
-    # Where this macro is set, protobuf's map fields have eight bytes more than in the distribution's
-    # library, which is not built with it, and whatever asks the library about them crashes. The
+    # With this macro, protobuf's map fields are eight bytes larger than in the distribution's library, which is built
+    # without it, and reflection on them crashes. The
     # standard library, of headers alone, keeps what it does for the sanitizer.
     add_compile_options(-U__SANITIZE_THREAD__)
     add_compile_definitions(_GLIBCXX_TSAN=1)
   endif()
 endif()
 
-# sightline_optimise_less(TARGETS...): code that waits for servers, people or disks, and tests. Full
-# optimisation costs a third of its build and nobody would notice what it brings.
+# sightline_optimise_less(TARGETS...): code that waits for servers, people or disks, and tests. Full optimisation costs
+# a third of its build without a noticeable gain.
 function(sightline_optimise_less)
   foreach(target ${ARGN})
     target_compile_options(${target} PRIVATE $<$<CONFIG:Release>:-O1>)

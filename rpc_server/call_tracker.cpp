@@ -22,8 +22,8 @@ absl::Status Draining() {
       absl::Milliseconds(500));
 }
 
-// Of the caller; one of its own where he has none, so that the lines of one call can be found
-// together.
+// Traceparent of the caller; one of its own where he has none, so that the lines of one call can be
+// found together.
 std::string TraceparentOf(const grpc::ServerContext& context) {
   const auto& metadata = context.client_metadata();
   const auto found = metadata.find(kTraceparentKey);
@@ -132,7 +132,7 @@ absl::Status CallTracker::Admit(const std::string& peer, CallKind kind) {
   const OpenCalls& of_peer = open_of_peer_[peer];
   const bool stream = kind == CallKind::kStream;
   absl::Status refused;
-  // Where nobody could have another stream, trying again later helps whoever asks.
+  // If the server as a whole has too many streams, a later retry can succeed.
   if (stream && open_.streams >= limits_.max_streams) {
     refused = TooMany(limits_.max_streams, "streams");
   } else if (stream && of_peer.streams >= limits_.max_streams_per_peer) {
@@ -162,7 +162,7 @@ void CallTracker::Release(const std::string& peer, CallKind kind) {
 }
 
 void CallTracker::PublishSaturation() {
-  // Decided and told under one lock, so that the last word is the true one.
+  // State and notification change under one lock, so that the last notification is true.
   const std::lock_guard notify_lock(notify_mutex_);
   bool saturated = false;
   int streams = 0;
@@ -205,7 +205,7 @@ grpc::Status CallTracker::Run(const std::string& method, grpc::ServerContext* co
   const absl::Duration latency = absl::FromChrono(Clock::now() - start);
   const std::string code = absl::StatusCodeToString(status.code());
   metrics_->CountRequest(method, code, latency);
-  // NOT_FOUND is how clients learn what to upload, CANCELLED is their own doing.
+  // NOT_FOUND is normal, because clients then upload; CANCELLED comes from the client.
   const bool expected = status.ok() || absl::IsNotFound(status) || absl::IsCancelled(status);
   const auto level = expected                   ? spdlog::level::debug
                      : absl::IsInternal(status) ? spdlog::level::err

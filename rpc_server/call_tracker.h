@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every call of a server has in common: admission, draining, time limits, metrics, logs,
+// Common handling of every call of a server: admission, draining, time limits, metrics, logs,
 // status mapping.
 #pragma once
 
@@ -37,7 +37,7 @@ struct CallLimits {
   absl::Duration idle_timeout = absl::Seconds(60);
 };
 
-// Who calls: the name in the client's certificate where it showed one, else its address without the
+// Identity of the caller: the name in its certificate if it has one, else its address without the
 // port. All clients of a unix socket are one peer.
 std::string PeerOf(const grpc::ServerContext& context);
 
@@ -62,7 +62,7 @@ class CallTracker {
                    const std::function<absl::Status()>& call, CallKind kind = CallKind::kUnary);
 
   // Waiting for the client's next message inside Run: does not hold up a drain. Returns what `read`
-  // does; DEADLINE_EXCEEDED if no message came within `patience`: the client is told so.
+  // does; DEADLINE_EXCEEDED if no message came within `patience`: the client gets that status.
   absl::StatusOr<bool> Read(grpc::ServerContext* context, const std::function<bool()>& read,
                             absl::Duration patience);
   absl::StatusOr<bool> Read(grpc::ServerContext* context, const std::function<bool()>& read) {

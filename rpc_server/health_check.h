@@ -16,13 +16,13 @@ struct HealthCheckOptions {
   // whether the server is alive.
   std::string service;
   // PEM files that turn on TLS, shown to servers that want a client's certificate. The server's own
-  // certificate is not checked: nothing is told to it, and its name is seldom that of the address.
+  // certificate is not checked: it gets no secret, and its name is seldom that of the address.
   std::string tls_certificate_file;
   std::string tls_key_file;
   absl::Duration timeout = absl::Seconds(3);
 };
 
-// OK: the server says SERVING. UNAVAILABLE: it says something else, or nobody answers in time.
+// OK: the server says SERVING. UNAVAILABLE: it says something else, or does not answer in time.
 // INVALID_ARGUMENT: certificate and key cannot be used.
 absl::Status CheckHealth(const HealthCheckOptions& options);
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// JobService over a JobStore, and what the services that make jobs in it share.
+// JobService over a JobStore, and common parts of the services that make jobs in it.
 #pragma once
 
 #include <cstdint>

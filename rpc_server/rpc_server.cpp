@@ -37,8 +37,8 @@ constexpr int kKeepaliveTimeout_ms = 20000;
 constexpr int kLeastPingInterval_ms = 20000;
 // Connections without calls; clients that come back open a new one by themselves.
 constexpr int kConnectionIdle_ms = 300000;
-// Of the messages that are being received and sent, before their calls are known: gRPC then ends
-// calls and connections.
+// Memory of messages in transfer, before their calls are known. Above it, gRPC ends calls and
+// connections.
 constexpr size_t kMaxMessageMemoryBytes = size_t{1} << 30;
 
 // INVALID_ARGUMENT if the path cannot be one of a socket, UNAVAILABLE if a server answers there.
@@ -50,7 +50,7 @@ absl::Status CheckUnixAddress(const std::string& listen) {
                                                    ": the path of a unix socket must have 1 to ",
                                                    sizeof(address.sun_path) - 1, " bytes"));
   }
-  // gRPC replaces a socket that is there; one that still answers belongs to somebody.
+  // gRPC replaces an existing socket; one that still answers belongs to another server.
   address.sun_family = AF_UNIX;
   std::copy(path.begin(), path.end(), address.sun_path);
   const int fd = socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0);
@@ -61,7 +61,7 @@ absl::Status CheckUnixAddress(const std::string& listen) {
   return absl::OkStatus();
 }
 
-// Plain text leaves this machine only where somebody asked for it.
+// Plain text leaves this machine only if asked for.
 absl::Status CheckAddress(const RpcServerOptions& options) {
   if (IsUnixAddress(options.listen)) return CheckUnixAddress(options.listen);
   const absl::StatusOr<std::string> host = HostOfAddress("--listen", options.listen);
@@ -99,8 +99,8 @@ absl::Status CheckMetricsAddress(const RpcServerOptions& options) {
       "127.0.0.1, or add --allow-plaintext on a network that you trust"));
 }
 
-// Messages must come as they are: gRPC unpacks a whole message before it looks at the size of what
-// comes out, and a gigabyte of zeros takes a megabyte on the wire. Calls that say they compress get
+// Messages must come as they are: gRPC unpacks a whole message before it checks the unpacked size,
+// and a gigabyte of zeros takes a megabyte on the wire. Calls that say they compress get
 // UNIMPLEMENTED from gRPC; should one get past that, its message stays packed and cannot be parsed.
 void RefuseCompression(grpc::ServerBuilder& builder) {
   for (int algorithm = GRPC_COMPRESS_NONE + 1; algorithm < GRPC_COMPRESS_ALGORITHMS_COUNT;
@@ -174,10 +174,10 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
   builder.AddChannelArgument(GRPC_ARG_HTTP2_MIN_RECV_PING_INTERVAL_WITHOUT_DATA_MS,
                              kLeastPingInterval_ms);
   builder.AddChannelArgument(GRPC_ARG_MAX_CONNECTION_IDLE_MS, kConnectionIdle_ms);
-  // What one connection asks beyond that waits at the client.
+  // Further calls of one connection wait at the client.
   builder.AddChannelArgument(GRPC_ARG_MAX_CONCURRENT_STREAMS, options.max_call_threads);
   RefuseCompression(builder);
-  builder.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  builder.SetMaxReceiveMessageSize(options.max_request_bytes);
   builder.SetMaxSendMessageSize(kMaxMessageBytes);
   // How long an idle polling thread sleeps; Shutdown may have to wait for it (default: 10 s).
   builder.SetSyncServerOption(grpc::ServerBuilder::SyncServerOption::CQ_TIMEOUT_MSEC, 100);
@@ -199,7 +199,8 @@ absl::Status RpcServer::Listen(const RpcServerOptions& options,
   health->SetServingStatus(true);
   for (const NamedService& service : services) health->SetServingStatus(service.name, true);
   if (jobs_ != nullptr) health->SetServingStatus("sightline.v1.JobService", true);
-  // Of the services only: the server as a whole is alive, and must not be restarted for being busy.
+  // Saturation changes the health of the services only: the server as a whole is alive, and must
+  // not be restarted for being busy.
   std::vector<std::string> names;
   for (const NamedService& service : services) names.push_back(service.name);
   calls_->OnSaturation([health, names](bool saturated) {
@@ -215,7 +216,7 @@ bool RpcServer::Drain(absl::Duration grace) {
   calls_->StartDraining();
   calls_->OnSaturation(nullptr);
   server_->GetHealthCheckService()->SetServingStatus(false);
-  // What they would make is lost with this process.
+  // Running jobs are cancelled: their results would be lost with this process.
   if (jobs_ != nullptr) {
     for (const JobRecord& job : jobs_->List("")) {
       if (!job.finished()) jobs_->Cancel(job.job_id).status().IgnoreError();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every server has around its services: address, TLS, health, reflection, metrics, drain.
+// Common parts of every server: address, TLS, health, reflection, metrics, drain.
 #pragma once
 
 #include <grpcpp/impl/service_type.h>
@@ -31,7 +31,10 @@ struct RpcServerOptions {
   // "unix:PATH" or "HOST:PORT"; port 0: any free one.
   std::string listen;
   int max_call_threads = 256;
-  // Of all calls and streams, how many one peer may have open, in (0, 1].
+  // Largest message that a client may send; larger ones are refused with RESOURCE_EXHAUSTED before
+  // they are read.
+  int max_request_bytes = kMaxMessageBytes;
+  // Fraction of all calls and streams that one peer may have open, in (0, 1].
   double peer_share = 0.5;
   // How long a stream may wait for its client before it is ended.
   absl::Duration idle_timeout = absl::Seconds(60);
@@ -50,14 +53,14 @@ struct RpcServerOptions {
 class RunningServer {
  public:
   virtual ~RunningServer() = default;
-  // What clients connect to: "unix:PATH" or "HOST:PORT" with the actual port.
+  // Address that clients connect to: "unix:PATH" or "HOST:PORT" with the actual port.
   virtual const std::string& address() const = 0;
   // Graceful end: health turns NOT_SERVING, new calls are refused with UNAVAILABLE, watches end,
   // jobs are cancelled; running calls may finish within `grace`, then they are cancelled too.
   // Returns true if all finished in time. The server still answers health checks meanwhile and is
   // down afterwards.
   virtual bool Drain(absl::Duration grace) = 0;
-  // Removes what it keeps on disk as far as it can while it still runs: the process is about to end
+  // Removes its files on disk as far as it can while it still runs: the process is about to end
   // without waiting any longer.
   virtual void Abandon() {}
 };

@@ -37,14 +37,14 @@ Bio MemoryOf(const std::string& text) {
   return {BIO_new_mem_buf(text.data(), static_cast<int>(text.size())), &BIO_free};
 }
 
-// A server has nobody to ask for the password of an encrypted key.
+// A server cannot ask for the password of an encrypted key.
 int NoPassword(char*, int, int, void*) { return 0; }
 
 Certificate FirstCertificate(const std::string& pem) {
   return {PEM_read_bio_X509(MemoryOf(pem).get(), nullptr, &NoPassword, nullptr), &X509_free};
 }
 
-// The provider below takes whatever the files hold and only fails later, connection by connection.
+// The provider below takes any files and only fails later, connection by connection.
 absl::Status CheckContent(const TlsFiles& files, const std::string& certificate_pem,
                           const std::string& key_pem) {
   const Certificate certificate = FirstCertificate(certificate_pem);

@@ -203,11 +203,11 @@ int ServerMain(int argc, char** argv, const ServerProgram& program, RpcServerOpt
   std::fflush(stdout);
 
   const StopCause cause = WaitForStop(parent_fd);
-  // Nobody waits for the answers of an embedded server whose parent is gone.
+  // The answers of an embedded server whose parent is gone are not wanted.
   const absl::Duration grace =
       cause == StopCause::kParentGone ? absl::ZeroDuration() : absl::Seconds(drain_seconds);
-  // At a second signal, and when work does not stop although it was told to, the process ends as it
-  // is. The lock is kept for good once the server goes; both outlive this function, as the thread
+  // At a second signal, and when work does not stop on request, the process ends as it is. The lock
+  // is kept for good once the server goes; both outlive this function, as the thread
   // does.
   static std::timed_mutex server_exists;
   RunningServer* const running = server->get();

@@ -16,7 +16,7 @@ namespace sightline {
 struct ServerProgram {
   std::string name;
   std::string description;
-  std::string version;  // what --version prints; empty: there is no such option
+  std::string version;  // text of --version; empty: there is no such option
   // Adds the options this server has beside those of every server.
   std::function<void(CLI::App& app)> add_options;
   // Called once the options are read.

@@ -28,7 +28,7 @@ class ServerMetrics {
   void CountRefused() { refused_.Increment(); }
 
   std::shared_ptr<prometheus::Registry> registry() const { return registry_; }
-  // What is asked on every scrape: the registry, unless a server must look things up first.
+  // Source of each scrape: the registry, unless a server must look things up first.
   virtual std::shared_ptr<prometheus::Collectable> collectable() { return registry_; }
   // A gauge without labels.
   prometheus::Gauge& AddGauge(const std::string& name, const std::string& help);

@@ -30,7 +30,7 @@ absl::Status GrowUpload(SharedLimit::Share* memory, const std::string& peer, int
 
 inline constexpr size_t kMaxUploadChunkBytes = 1 << 20;
 // Slower uploads are ended, once the idle timeout has passed: many small messages must not keep
-// memory for hours. A tenth of what our own clients count on.
+// memory for hours. A tenth of the speed that our own clients expect.
 inline constexpr double kSlowestUpload_bytes_per_s = 1e5;
 
 // Hands every chunk after a header that announced `size` bytes to `take(chunk)`, whose errors end

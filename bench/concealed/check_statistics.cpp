@@ -31,7 +31,7 @@ struct Left {
 // expected of them. Neighbouring numbers share little else, so that alone shows errors of a per
 // cent.
 std::map<std::string, Left> LeftByStatistic(const SetModel& model, const FitResult& fit) {
-  constexpr double kWellKnown = 10;  // amounts over their errors; others tell nothing
+  constexpr double kWellKnown = 10;  // amounts over their errors; others are uninformative
   std::map<std::string, Left> by_statistic;
   for (int e = 0; e < model.blocks(); ++e) {
     Left& left = by_statistic[std::string(model.StatisticOf(e).name())];
@@ -46,7 +46,7 @@ std::map<std::string, Left> LeftByStatistic(const SetModel& model, const FitResu
   return by_statistic;
 }
 
-// What the recordings tell, where ExpectedGain says what they should. Both under the covariance of
+// Gain of the recordings over no effects, to compare with ExpectedGain. Both use the covariance of
 // `fit`.
 double GainOverNone(const SetModel& model, const FitResult& fit, FitSettings fitting) {
   fitting.rounds.clear();
@@ -65,7 +65,7 @@ void Check(const RecordedSet& set, const Json& truth, int threads) {
   SetParameters start;
   start.deviations = TrueDeviation(truth["nuisance"]);
   for (const Json& effect : truth["effects"]) start.effects.push_back(TrueEffect(effect));
-  start.line_shift_px = model.EstimateLineShifts(start);
+  start.line_shift_px = EstimateLineShifts(model, start);
   FitSettings fitting;
   fitting.rounds = {{0.1, 0.1}, {0, 0.02}, {0, 0}, {0, 0}};
   const FitResult fit = FitSet(model, start, FreeParameters(start.effects), fitting, nullptr);

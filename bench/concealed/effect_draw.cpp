@@ -9,27 +9,24 @@
 #include <map>
 #include <string_view>
 
+#include "bench/concealed/outside_laws/outside_laws.h"
+#include "bench/concealed/shape_range.h"
+
 namespace sightline::bench {
 namespace {
 
-// A parameter that merely shapes.
-struct Shape {
-  std::string_view parameter;
-  double low, high;
-  bool logarithmic = true;
-  bool either_sign = false;
-  bool of_full_scale = false;  // low and high are fractions of the converter's full scale
-};
-
-// What the description does not say: which parameters merely shape, and what else is peculiar. All
-// other parameters are strengths.
+// Facts about effects that their descriptions do not state: which parameters merely shape, and what
+// else is peculiar. All other parameters are strengths.
 struct Recipe {
-  std::vector<Shape> shapes = {};
+  std::vector<ShapeRange> shapes = {};
   bool geometric = false;
   bool whole_numbers = false;
 };
 
-const Recipe& RecipeOf(const Effect& effect) {
+Recipe RecipeOf(const Effect& effect) {
+  if (const OutsideLaw* law = FindOutsideLaw(effect.description().id)) {
+    return {.shapes = law->shapes};
+  }
   static const std::map<std::string_view, Recipe> recipes = {
       {"illumination.ambient_light",
        {.shapes = {{"gradient_u_relative", -0.4, 0.4, false},
@@ -55,6 +52,7 @@ const Recipe& RecipeOf(const Effect& effect) {
       {"sensor.lower_full_well", {.geometric = true}},
       {"sensor.blooming",
        {.shapes = {{"threshold_electrons", 0.3, 0.9, false, false, true}, {"reach_px", 5, 60}}}},
+      {"sensor.micro_lens_vignetting", {.shapes = {{"roll_off_order", 2, 8}}}},
       {"sensor.adc_missing_bits", {.whole_numbers = true}},
       {"sensor.adc_inl", {.shapes = {{"inl_cycles", 1, 8}}}},
       {"time.vibration_blur", {.shapes = {{"vibration_frequency_hz", 20, 300}}}},
@@ -72,20 +70,19 @@ const Recipe& RecipeOf(const Effect& effect) {
       {"variant.knee_response", {.shapes = {{"knee_relative", 0.2, 0.6, false}}}},
       {"variant.dark_warm_up", {.shapes = {{"warm_up_time_s", 80, 400}}}},
   };
-  static const Recipe plain;
   const auto found = recipes.find(effect.description().id);
-  return found == recipes.end() ? plain : found->second;
+  return found == recipes.end() ? Recipe{} : found->second;
 }
 
-const Shape* FindShape(const Recipe& recipe, std::string_view parameter) {
-  for (const Shape& shape : recipe.shapes) {
+const ShapeRange* FindShape(const Recipe& recipe, std::string_view parameter) {
+  for (const ShapeRange& shape : recipe.shapes) {
     if (shape.parameter == parameter) return &shape;
   }
   return nullptr;
 }
 
 // `place` in [0, 1] of the range.
-double ShapeValue(const Shape& shape, const Sensor& camera, double place) {
+double ShapeValue(const ShapeRange& shape, const Sensor& camera, double place) {
   const double unit = shape.of_full_scale ? camera.largest_dn() / camera.gain_dn_per_electron : 1.0;
   if (shape.logarithmic) return unit * shape.low * std::pow(shape.high / shape.low, place);
   return unit * (shape.low + (shape.high - shape.low) * place);
@@ -141,6 +138,9 @@ std::vector<const Effect*> VocabularyEffects() {
 }
 
 bool ShowsBeyondTheMean(const Effect& effect) {
+  if (const OutsideLaw* law = FindOutsideLaw(effect.description().id)) {
+    return law->shows_beyond_the_mean;
+  }
   constexpr std::array kIds = {"illumination.power_noise",
                                "illumination.partial_coherence",
                                "surface.depolarisation",
@@ -165,7 +165,7 @@ bool ShowsBeyondTheMean(const Effect& effect) {
 }
 
 EffectFamily DrawFamily(const Effect& effect, const Sensor& camera, CounterRandom& random) {
-  const Recipe& recipe = RecipeOf(effect);
+  const Recipe recipe = RecipeOf(effect);
   EffectFamily family;
   family.effect = &effect;
   family.geometric = recipe.geometric;
@@ -179,7 +179,7 @@ EffectFamily DrawFamily(const Effect& effect, const Sensor& camera, CounterRando
     const EffectParameter& parameter = parameters[k];
     // Drawn in any case, so that what one effect leaves out does not change what follows.
     const double place = random.Uniform(), sign = random.Uniform() < 0.5 ? -1 : 1;
-    if (const Shape* shape = FindShape(recipe, parameter.name)) {
+    if (const ShapeRange* shape = FindShape(recipe, parameter.name)) {
       const double value = (shape->either_sign ? sign : 1) * ShapeValue(*shape, camera, place);
       family.shape.push_back(std::clamp(value, parameter.lower, parameter.upper));
       family.direction.push_back(0);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which effects the recordings of a set cannot tell from a given one.
+// The effects that the recordings of a set cannot tell from a given one.
 #pragma once
 
 #include <string>

@@ -18,6 +18,7 @@
 #include "absl/strings/str_format.h"
 #include "bench/concealed/effect_draw.h"
 #include "bench/concealed/equivalents.h"
+#include "bench/concealed/outside_laws/outside_laws.h"
 #include "bench/concealed/rig_design.h"
 #include "bench/concealed/truth_file.h"
 #include "bench/concealed/variant_laws.h"
@@ -44,15 +45,22 @@ struct Options {
   std::string out;
   int64_t seed = 1;
   int nulls = 0, single = 0, pairs = 0, variants = 0;
-  bool small_nulls = false;
+  int strong = 0, strong_pairs = 0, outside = 0, sealed = 0;
+  bool small_nulls = false, small = false;
+  bool open_sealed_laws = false;
   int threads = 2;
   std::vector<double> gains = {5, 20, 100};  // expected, to draw from [nats]
-  std::vector<std::string> only;             // names of sets; none: all
+  std::vector<double> strong_gains = {1000, 10000};
+  std::vector<std::string> only;  // names of sets; none: all
 };
 
-enum class Kind { kNull, kSingle, kPair, kVariant };
+// Seeds derive from the numbers: new kinds go to the end.
+enum class Kind { kNull, kSingle, kPair, kVariant, kStrong, kStrongPair, kOutside, kSealed };
+bool IsStrong(Kind kind) { return kind == Kind::kStrong || kind == Kind::kStrongPair; }
+bool IsPair(Kind kind) { return kind == Kind::kPair || kind == Kind::kStrongPair; }
 const char* KindName(Kind kind) {
-  constexpr const char* kNames[] = {"null", "single", "pair", "variant"};
+  constexpr const char* kNames[] = {"null",   "single",      "pair",    "variant",
+                                    "strong", "strong_pair", "outside", "sealed"};
   return kNames[static_cast<int>(kind)];
 }
 
@@ -64,7 +72,7 @@ double DrawTarget(const std::vector<double>& gains, CounterRandom& random) {
 // The one of 5, 20 and 100 that is nearest.
 int GainLevel(double gain) { return gain < 10 ? 5 : gain < std::sqrt(2000.0) ? 20 : 100; }
 
-// Every effect once before any comes again; a fresh order every round.
+// Every effect once before any comes again; in a new order every round.
 const Effect* InTurn(const std::vector<const Effect*>& effects, uint64_t seed, int index) {
   const int count = static_cast<int>(effects.size());
   std::vector<const Effect*> order = effects;
@@ -114,7 +122,7 @@ class SetPower {
       }
     }
     return [this, roughly](const std::vector<ActiveEffect>& effects) {
-      // What is drawn for every recording counts as known there, which it is not.
+      // Random effects would count as known there, but they are not.
       if (effects.size() == 1 && HasRandomLaw(*effects[0].effect)) return 0.0;
       return information_->ExpectedGain(effects, roughly) - gain_of_none_;
     };
@@ -144,6 +152,8 @@ class Maker {
   explicit Maker(const Options& options)
       : options_(options), seed_(static_cast<uint64_t>(options.seed)) {
     for (const VariantLaw& law : VariantLaws()) variants_.push_back(law.effect);
+    for (const OutsideLaw& law : DevelopmentLaws()) outside_.push_back(law.effect);
+    for (const OutsideLaw& law : SealedLaws()) sealed_.push_back(law.effect);
   }
 
   void Run() {
@@ -156,10 +166,13 @@ class Maker {
     };
     Json leave_one_out = Json::array();
     int done = 0;
-    const int all = options_.nulls + options_.single + options_.pairs + options_.variants;
+    const int all = options_.nulls + options_.single + options_.pairs + options_.variants +
+                    options_.strong + options_.strong_pairs + options_.outside + options_.sealed;
     for (const auto& [kind, count] :
          {Group{Kind::kNull, options_.nulls}, Group{Kind::kSingle, options_.single},
-          Group{Kind::kPair, options_.pairs}, Group{Kind::kVariant, options_.variants}}) {
+          Group{Kind::kPair, options_.pairs}, Group{Kind::kVariant, options_.variants},
+          Group{Kind::kStrong, options_.strong}, Group{Kind::kStrongPair, options_.strong_pairs},
+          Group{Kind::kOutside, options_.outside}, Group{Kind::kSealed, options_.sealed}}) {
       for (int i = 0; i < count; ++i) {
         const auto start = std::chrono::steady_clock::now();
         if (!IsWanted(kind, i)) continue;
@@ -203,9 +216,11 @@ class Maker {
   // An effect that this rig can show, at the strength wanted.
   DrawnEffect DrawEffect(SetPower& power, const RecordingSet& set,
                          const std::vector<const Effect*>& from, const Effect* first,
-                         CounterRandom& random, const Effect* other) {
+                         CounterRandom& random, const Effect* other, bool strong) {
+    // A strong effect may miss its target by half: its law may saturate.
+    const double least = strong ? 0.5 * options_.strong_gains.front() : kRoom * kUndetectable;
     DrawnEffect drawn;
-    drawn.target = DrawTarget(options_.gains, random);
+    drawn.target = DrawTarget(strong ? options_.strong_gains : options_.gains, random);
     const Effect* effect = first;
     constexpr int kMostDraws = 200;
     for (; drawn.redrawn < kMostDraws; ++drawn.redrawn) {
@@ -217,7 +232,7 @@ class Maker {
       drawn.family = DrawFamily(*effect, set.camera, random);
       KeepExposuresPositive(set, drawn.family);
       drawn.scaled = power.Scaled(drawn.family, drawn.target);
-      if (!drawn.scaled.gain_known || drawn.scaled.gain >= kRoom * kUndetectable) return drawn;
+      if (!drawn.scaled.gain_known ? !strong : drawn.scaled.gain >= least) return drawn;
     }
     Fail("no effect can be seen in this set");
   }
@@ -248,7 +263,14 @@ class Maker {
       json["regions"] = variant->regions;
       json["depends_on"] = variant->depends_on;
     }
-    std::vector<std::string> accepted = {variant ? "unknown" : std::string(description.id)};
+    const OutsideLaw* outside = FindOutsideLaw(description.id);
+    if (outside != nullptr) {
+      json["regions"] = description.signature.regions;
+      json["depends_on"] = description.signature.depends_on;
+      json["point"] = outside->point;
+    }
+    std::vector<std::string> accepted = {
+        variant != nullptr || outside != nullptr ? "unknown" : std::string(description.id)};
     for (const std::string& id : PhysicallyEquivalent(drawn.scaled.effect, camera)) {
       accepted.push_back(id);
     }
@@ -312,7 +334,7 @@ class Maker {
     if (std::ifstream file(sealed); file && fs::exists(folder / "recordings.json")) {
       return Json::parse(file);  // made before
     }
-    const bool small = kind == Kind::kNull && options_.small_nulls;
+    const bool small = options_.small || (kind == Kind::kNull && options_.small_nulls);
     const RecordingSet set = DrawRig(own, name, small ? SetSize::kSmall : SetSize::kFull);
     const v1::Recordings message = RecordingsToProto(set);
     if (const auto parsed = ParseRecordings(message, name); !parsed.ok()) {
@@ -333,22 +355,27 @@ class Maker {
     CounterRandom random(DeriveSeed(own, "effects"), 0);
     if (kind != Kind::kNull) {
       const std::vector<const Effect*> vocabulary = VocabularyEffects();
-      const std::vector<const Effect*>& from = kind == Kind::kVariant ? variants_ : vocabulary;
+      const std::vector<const Effect*>& from = kind == Kind::kVariant   ? variants_
+                                               : kind == Kind::kOutside ? outside_
+                                               : kind == Kind::kSealed  ? sealed_
+                                                                        : vocabulary;
+      const bool strong = IsStrong(kind);
       const uint64_t order = DeriveSeed(seed_, KindName(kind));
       std::vector<DrawnEffect> drawn;
-      drawn.push_back(DrawEffect(power, set, from, InTurn(from, order, index), random, nullptr));
-      if (kind == Kind::kPair) {
+      drawn.push_back(
+          DrawEffect(power, set, from, InTurn(from, order, index), random, nullptr, strong));
+      if (IsPair(kind)) {
         const Effect* second =
             from[std::min(from.size() - 1, static_cast<size_t>(static_cast<double>(from.size()) *
                                                                random.Uniform()))];
         drawn.push_back(
-            DrawEffect(power, set, from, second, random, drawn[0].scaled.effect.effect));
+            DrawEffect(power, set, from, second, random, drawn[0].scaled.effect.effect, strong));
       }
       for (const DrawnEffect& one : drawn) {
         effects.push_back(one.scaled.effect);
         truth["effects"].push_back(Describe(one, set.camera));
       }
-      if (kind == Kind::kPair) {
+      if (IsPair(kind)) {
         if (const absl::Status status = OrderEffects(&effects); !status.ok()) {
           Fail(status.ToString());
         }
@@ -384,7 +411,7 @@ class Maker {
 
   const Options& options_;
   const uint64_t seed_;
-  std::vector<const Effect*> variants_;
+  std::vector<const Effect*> variants_, outside_, sealed_;
 };
 
 }  // namespace
@@ -399,12 +426,28 @@ int main(int argc, char** argv) {
   app.add_option("--single", options.single)->check(CLI::NonNegativeNumber);
   app.add_option("--pairs", options.pairs)->check(CLI::NonNegativeNumber);
   app.add_option("--variants", options.variants)->check(CLI::NonNegativeNumber);
+  app.add_option("--strong", options.strong, "effects of the vocabulary with --strong-gains")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--strong-pairs", options.strong_pairs)->check(CLI::NonNegativeNumber);
+  app.add_option("--outside", options.outside, "laws outside the vocabulary, for development")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--sealed", options.sealed, "sealed laws; they serve once, after development")
+      ->check(CLI::NonNegativeNumber);
+  app.add_flag("--open-sealed-laws", options.open_sealed_laws, "--sealed needs it");
+  app.add_flag("--small", options.small, "all sets: 13 recordings of 192 x 160");
+  app.add_option("--strong-gains", options.strong_gains, "default 1000 10000, least first")
+      ->check(CLI::PositiveNumber);
   app.add_flag("--small-nulls", options.small_nulls, "nulls of 13 recordings of 192 x 160");
   app.add_option("--gains", options.gains, "expected gains to draw from; default 5 20 100")
       ->check(CLI::PositiveNumber);
   app.add_option("--only", options.only, "of these sets, those that have these names");
   app.add_option("--threads", options.threads)->check(CLI::PositiveNumber);
   CLI11_PARSE(app, argc, argv);
+  if (options.sealed > 0 && !options.open_sealed_laws) {
+    sightline::bench::Fail(
+        "--sealed: these laws serve once, after work on the diagnosis has ended. "
+        "Add --open-sealed-laws to open them");
+  }
   sightline::bench::Maker(options).Run();
   return 0;
 }

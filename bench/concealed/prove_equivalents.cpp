@@ -38,7 +38,7 @@ std::map<std::string, ActiveEffect> Answered(const fs::path& answers, const std:
   return answered;
 }
 
-// Of the gain expected from the truth, the share that each of the others gains as well, refitted.
+// Fraction of the gain expected from the truth that each of the others gains as well, refitted.
 Json Explained(const RecordedSet& set, const Json& truth,
                const std::map<std::string, ActiveEffect>& others) {
   SetParameters at;
@@ -63,7 +63,8 @@ void Run(const fs::path& out, const fs::path& answers) {
   for (const fs::path& path : truths) {
     const Json truth = ReadJson(path);
     const std::string name = truth["set"];
-    // Of pairs the scorer asks for the effects themselves; what is drawn anew has no expected gain.
+    // For pairs the scorer asks for the effects themselves; what is drawn anew has no expected
+    // gain.
     if (truth["effects"].size() != 1 || truth["effects"][0]["gain_expected"] == "unknown") continue;
     std::map<std::string, ActiveEffect> others = Answered(answers, name);
     std::erase_if(others, [&](const auto& other) {

@@ -99,7 +99,7 @@ def main(arguments=None):
     with concurrent.futures.ThreadPoolExecutor(max_workers=max(1, options.jobs)) as pool:
         for k, (task, answer) in enumerate(pool.map(run, tasks)):
             what = "again without its effect, " if task[2] else ""
-            # Not what was answered: whoever watches would learn something about the truth.
+            # The answer is not printed: it would reveal something about the truth.
             print(f"{k + 1} of {len(tasks)}: {task[1].name}, {what}{answer['seconds']:.1f} s"
                   + (f", FAILED: {answer['failed']}" if "failed" in answer else ""), flush=True)
     times = {}

@@ -16,7 +16,7 @@ import sys
 LEVELS = (5, 20, 100)
 # Share of what the true effect changes that another must explain to be as right an answer.
 EXPLAINED_SHARE = 0.98
-# What it leaves in log-likelihood [nats] where the recordings cannot tell it from the true one.
+# Remaining log-likelihood [nats] up to which recordings cannot tell an effect from the true one.
 NOT_TOLD_APART = 2
 STAGES = ("illumination", "surface", "optics", "geometry", "sensor", "time", "none", "unknown")
 
@@ -266,9 +266,9 @@ def score_singles(truths, answers):
     return result
 
 
-def score_pairs(truths, answers):
+def score_pairs(truths, answers, kind="pair"):
     """Both: each effect is claimed. One: at least one is. Extra: a claim that is neither."""
-    sets = [t for t in truths if t["kind"] == "pair"]
+    sets = [t for t in truths if t["kind"] == kind]
     found = one = both = extra = stage = 0
     for t in sets:
         answer = answers.get(t["set"])
@@ -284,6 +284,15 @@ def score_pairs(truths, answers):
     n = len(sets)
     return {"found": share(found, n), "one": share(one, n), "both": share(both, n),
             "wrong_claim": share(extra, n), "stage_of_one": share(stage, n)}
+
+
+def score_strong(truths, answers):
+    """Strong effects of the vocabulary: named first, or rejected as unknown."""
+    sets = [t for t in truths if t["kind"] == "strong"]
+    tops = [(first(answers.get(t["set"])), t["effects"][0]) for t in sets]
+    named = sum(top is not None and top["effect"] in e["accepted"] for top, e in tops)
+    unknown = sum(top is not None and top["effect"] == "unknown" for top, _ in tops)
+    return {"first": share(named, len(sets)), "unknown": share(unknown, len(sets))}
 
 
 def right_without_module(effect, answer, removed, near=False):
@@ -482,8 +491,13 @@ def score(out, answers_folder):
     result["nulls"] = score_nulls(asked, answers)
     result["singles"] = score_singles(asked, answers)
     result["pairs"] = score_pairs(asked, answers)
+    result["strong"] = score_strong(asked, answers)
+    result["strong_pairs"] = score_pairs(asked, answers, "strong_pair")
     result["variants"] = score_without_module(
         [(t["effects"][0], answers[t["set"]], []) for t in asked if t["kind"] == "variant"])
+    for kind in ("outside", "sealed"):
+        result[kind] = score_without_module(
+            [(t["effects"][0], answers[t["set"]], []) for t in asked if t["kind"] == kind])
     left_out = []
     by_name = {t["set"]: t for t in truths}
     again = read_folder(answers_folder / "leave_one_out")
@@ -565,12 +579,20 @@ def report(result):
     lines += table(["gain", "found", "stage right", "accepted name first", "among the first three"],
                    [[level] + [share_text(g[k]) for k in ("found", "stage", "first", "first_three")]
                     for level, g in result["singles"].items()])
-    pairs = result["pairs"]
-    lines += ["", "## Pairs", ""]
-    lines += table(["found", "one named", "both named", "a wrong one named", "stage of one first"],
-                   [[share_text(pairs[k])
-                     for k in ("found", "one", "both", "wrong_claim", "stage_of_one")]])
-    for key, title in (("variants", "Variant laws"), ("leave_one_out", "Leave-one-out")):
+    strong = result["strong"]
+    lines += ["", "## Strong effects", ""]
+    lines += table(["named first", "called unknown"],
+                   [[share_text(strong[k]) for k in ("first", "unknown")]])
+    for key, title in (("pairs", "Pairs"), ("strong_pairs", "Pairs of strong effects")):
+        pairs = result[key]
+        lines += ["", f"## {title}", ""]
+        lines += table(["found", "one named", "both named", "a wrong one named",
+                        "stage of one first"],
+                       [[share_text(pairs[k])
+                         for k in ("found", "one", "both", "wrong_claim", "stage_of_one")]])
+    for key, title in (("variants", "Variant laws"), ("outside", "Laws outside the vocabulary"),
+                       ("sealed", "Sealed laws outside the vocabulary"),
+                       ("leave_one_out", "Leave-one-out")):
         lines += ["", f"## {title}", ""]
         lines += table(["gain", "found", "unknown or equivalent at the right stage",
                         "or not to be told apart", "a wrong effect named", "half of held-out excess removed (where said)",

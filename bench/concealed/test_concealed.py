@@ -155,8 +155,26 @@ class Scores(unittest.TestCase):
                                                    "half_of_excess_removed", "right_and_improved")],
                          [2, 1, 3, 1])
         row = result["leave_one_out"]["all"]
-        # What was taken away cannot be the answer.
+        # An effect that was taken away cannot be the answer.
         self.assertEqual((row["answered_right"]["hits"], row["answered_right"]["of"]), (1, 2))
+
+    def test_strong_effects_and_laws_outside(self):
+        dark = effect("sensor.dark_current", 100)
+        coma = effect("optics.coma", 100)
+        self.add("set_0", "strong", [dark], answer(("sensor.dark_current", "sensor", 0.9)))
+        self.add("set_1", "strong", [dark], answer(("unknown", "sensor", 0.9)))
+        self.add("set_2", "strong_pair", [dark, coma], answer(("optics.coma", "optics", 0.9)))
+        law = effect("outside.column_slew", 20, "sensor", ["unknown"])
+        self.add("set_3", "outside", [law], answer(("unknown", "sensor", 0.9)))
+        self.add("set_4", "sealed", [law], answer(("unknown", "optics", 0.9)))
+        result = self.score()
+        self.assertEqual([result["strong"][k]["hits"] for k in ("first", "unknown")], [1, 1])
+        pairs = result["strong_pairs"]
+        self.assertEqual([pairs[k]["hits"] for k in ("one", "both")], [1, 0])
+        self.assertEqual(result["pairs"]["one"]["of"], 0)
+        self.assertEqual(result["outside"]["all"]["answered_right"]["hits"], 1)
+        sealed = result["sealed"]["all"]["answered_right"]
+        self.assertEqual((sealed["hits"], sealed["of"]), (0, 1))
 
     def test_proven_equivalents(self):
         linear = effect("variant.linear_power_drift", 20, "illumination", ["unknown"])
@@ -278,7 +296,7 @@ class Generator(unittest.TestCase):
                                                        shallow=False)
             self.assertEqual((mismatch, errors), ([], []))
             self.assertEqual(len(match), len(files))
-            # A set's folder tells nothing but what an engineer would say.
+            # A set's folder holds only what an engineer would state.
             for path in pathlib.Path(folder, "a/sets").rglob("*"):
                 if path.is_file():
                     self.assertNotIn(b"nuisance", path.read_bytes())

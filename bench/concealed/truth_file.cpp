@@ -8,6 +8,7 @@
 #include <utility>
 #include <vector>
 
+#include "bench/concealed/outside_laws/outside_laws.h"
 #include "bench/concealed/variant_laws.h"
 #include "core/recordings/recordings.h"
 #include "render_worker/image_file/image_file.h"
@@ -47,6 +48,7 @@ ActiveEffect TrueEffect(const Json& json) {
   for (const VariantLaw& law : VariantLaws()) {
     if (law.effect->description().id == id) effect = law.effect;
   }
+  if (const OutsideLaw* law = FindOutsideLaw(id)) effect = law->effect;
   if (effect == nullptr) Fail(id + ": no such effect");
   ActiveEffect active{effect, {}};
   for (const EffectParameter& parameter : effect->description().parameters) {

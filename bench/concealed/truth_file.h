@@ -17,7 +17,8 @@ namespace sightline::bench {
 nlohmann::ordered_json ReadJson(const std::filesystem::path& path);
 // Description and images of a folder.
 RecordedSet ReadSet(const std::filesystem::path& folder);
-// {"effect": id, "parameters": {name: value}}, of the vocabulary or a variant law.
+// {"effect": id, "parameters": {name: value}}, of the vocabulary, a variant law or a law
+// outside it.
 ActiveEffect TrueEffect(const nlohmann::ordered_json& json);
 // `nuisance` of a truth; the shift of every position is not in it.
 SetupDeviation TrueDeviation(const nlohmann::ordered_json& json);

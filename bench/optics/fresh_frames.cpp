@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Judges a plan with its settings by fresh images: frames drawn at random from its scans, rendered
+// Validates a plan with its settings by new images: frames drawn at random from its scans, rendered
 // as `sightline render` does, their lines detected and compared with the true ones.
 #include <CLI/CLI.hpp>
 #include <cstdio>

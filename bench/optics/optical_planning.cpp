@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // One frame's choice of f-number and exposure, phase by phase: light transport once, optics once
 // per f-number and realisation, sensor and detection per exposure; the search next to the full grid
-// of exposures; and what is promised of the chosen setting against images rendered afresh.
+// of exposures; and what is promised of the chosen setting against images rendered from scratch.
 #include <CLI/CLI.hpp>
 #include <algorithm>
 #include <array>
@@ -223,7 +223,7 @@ int main(int argc, char** argv) {
   app.add_option("--inspection", options.inspection, "with one fixed measurement")
       ->capture_default_str();
   app.add_option("--threads", options.threads)->capture_default_str();
-  app.add_option("--fresh", options.fresh, "images rendered afresh")->capture_default_str();
+  app.add_option("--fresh", options.fresh, "new rendered images")->capture_default_str();
   app.add_flag("!--no-grid", options.grid, "not the full grids of exposures");
   CLI11_PARSE(app, argc, argv);
   return sightline::bench::Run(options);

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of docs/real-recordings.md from the CSV files of the programs beside this one:
+"""Pictures of docs/proof.md from the CSV files of the programs beside this one:
 plot.py CSV_FOLDER PICTURE_FOLDER. Derived numbers only, no recordings."""
 
 import csv

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A receiver of webhooks that does what docs/from-an-mes.md says: it checks the signature, keeps the
+"""A receiver of webhooks that does what docs/clients.md says: it checks the signature, keeps the
 largest event_id and leaves out every event whose id is not greater. It knows more than a real one:
 which events it left out, so that a left-out event that it never took is counted as missed."""
 

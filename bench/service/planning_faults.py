@@ -5,7 +5,7 @@
 Submits jobs over HTTP. At random moments it kills (SIGKILL) the server, any of its processes or a
 backup that is being made, starts the server again, damages stored results, makes backups and
 restores the service from one. A client asks again for all its jobs after a restore, by the same
-request ids. A receiver of webhooks keeps the largest event_id, as docs/from-an-mes.md says.
+request ids. A receiver of webhooks keeps the largest event_id, as docs/clients.md says.
 
 Counted at the end, and exit code 1 if there is one of them:
   lost             a job whose acceptance was answered before the restored backup began, or since
@@ -491,7 +491,8 @@ def measure(args, run: Run) -> int:
         "failed backups": len(run.backups.failed),
         "results read": dict(run.reader.counts), "damaged results": dict(run.damages),
         "backups": {"made": run.backups.made, "killed": run.backups.killed,
-                    "refused as damaged": run.backups.refused_as_damaged},
+                    "refused as damaged": run.backups.refused_as_damaged,
+                    "refused as another branch's": run.backups.refused_as_other_branch},
         "restores": run.restores, "kills": dict(run.kills),
         "events taken": len(run.receiver.taken), "deliveries repeated": run.receiver.repeated,
         "attempts per job": dict(sorted(collections.Counter(found["attempts"]).items())),

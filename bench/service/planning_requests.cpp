@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Requests per second and their latency at the doors of the planning service, by the number of
+// Requests per second and their latency at the front ends of the planning service, by the number of
 // clients; beside gRPC's own health check on the same server, which does nothing.
 #include <curl/curl.h>
 #include <grpcpp/grpcpp.h>

@@ -180,7 +180,7 @@ def measure(folder: pathlib.Path, runner: str, workers: int, tasks: list[dict],
         time.sleep(0.05)
     wall_s = time.monotonic() - start
     if group and nodes:
-        time.sleep(3)  # what watches a command ends by itself
+        time.sleep(3)  # the watching processes end by themselves
     cpu_s = group.started_s() - before_s if group else 0
     times.ending = True
     times.join()

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A planning service of one's own for the benchmarks: started, killed, started again; and what a
-client of its HTTP door needs. Standard library alone."""
+client of its HTTP front end needs. Standard library alone."""
 
 import http.client
 import json
@@ -129,7 +129,7 @@ class Service:
         self.folder = folder
         self.options = options
         self.process = None
-        self.address = None  # of the HTTP door, the same over restarts
+        self.address = None  # of the HTTP front end, the same over restarts
         self.grpc_address = None
 
     def start(self) -> None:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The fast estimate of what scans tell of the surface against exact inference on their points:
-// admissible targets of single scans and of growing plans, as fractions of the judged targets.
+// The fast estimate of the information of scans against exact inference on their points:
+// admissible targets of single scans and of growing plans, as fractions of the toleranced targets.
 #include <CLI/CLI.hpp>
 #include <cmath>
 #include <cstdio>

@@ -185,7 +185,7 @@ class Field {
   std::vector<double> weights_;
 };
 
-// What is true of parts and setups, and what the estimator believes.
+// The truth of parts and set-ups, and the estimator's assumptions.
 struct Case {
   std::string name;
   bool calibration = true;
@@ -448,7 +448,8 @@ Run Measure(const Scene& scene, const Case& c, uint64_t seed, uint64_t index) {
       measured[s].push_back(Vector3d::Zero());
       deviations[s].push_back(0);
       if (!needed[i]) continue;
-      // Where along the column the line is seen: the true setup's point lies on the true surface.
+      // Image position along the column at which the line is seen: the true setup's point lies on
+      // the true surface.
       Vector2d px = p.image_px;
       double slope = p.slope_m_per_px, last = 0, step_px = 0;
       for (int k = 0; k < 8; ++k) {

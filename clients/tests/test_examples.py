@@ -14,7 +14,7 @@ import tempfile
 import unittest
 
 import grpc
-from doors_fake import add_reflection, serve_http
+from api_fake import add_reflection, serve_http
 from planning_fake import PlanningFake, Refusal, away, serve
 from sightline.v1 import planning_service_pb2 as pb
 
@@ -30,9 +30,9 @@ class ExampleTests:
         self.server, port = serve(self.fake, "127.0.0.1:0", [add_reflection])
         self.addCleanup(lambda: self.server.stop(0).wait())
         self.address = f"127.0.0.1:{port}"
-        self.door, self.url = serve_http(self.fake)
-        self.addCleanup(self.door.server_close)
-        self.addCleanup(self.door.shutdown)
+        self.http_server, self.url = serve_http(self.fake)
+        self.addCleanup(self.http_server.server_close)
+        self.addCleanup(self.http_server.shutdown)
         folder = tempfile.TemporaryDirectory()
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)

@@ -42,7 +42,7 @@ std::optional<Shortage> SharedLimit::Share::Grow(int64_t amount) {
   if (accounts_ == nullptr) return Shortage{};
   if (amount == 0) return std::nullopt;
   const std::lock_guard lock(accounts_->mutex);
-  // Where all have too much, it is no fault of this owner.
+  // If all owners together exceed the limit, this owner is not to blame.
   if (Exceeds(accounts_->total, amount, accounts_->max_total)) {
     return Shortage{false, accounts_->total, accounts_->max_total};
   }

@@ -20,7 +20,7 @@ struct Shortage {
   int64_t limit = 0;
 };
 
-// Counts what is held, in units of the caller's: jobs, bytes, connections. Thread-safe.
+// Counts held amounts in units of the caller: jobs, bytes, connections. Thread-safe.
 class SharedLimit {
   struct Accounts;
 
@@ -28,7 +28,7 @@ class SharedLimit {
   // Both at least 0.
   SharedLimit(int64_t max_total, int64_t max_of_owner);
 
-  // What an owner holds; given back when it goes, also after the limit itself has gone.
+  // The amount that an owner holds; given back when it goes, also after the limit itself has gone.
   class Share {
    public:
     Share() = default;  // of nobody: holds nothing, and cannot grow
@@ -36,8 +36,8 @@ class SharedLimit {
     Share& operator=(Share&& other) noexcept;
     ~Share() { GiveBack(); }
 
-    // Adds `amount`, at least 0, to it, or says why not and leaves it as it is. What alone exceeds
-    // a limit is there while nothing else is held: it could never be otherwise.
+    // Adds `amount`, at least 0, to it, or says why not and leaves it as it is. An amount that
+    // alone exceeds a limit is admitted while nothing else is held; it could never be otherwise.
     std::optional<Shortage> Grow(int64_t amount);
     void GiveBack();
     int64_t held() const { return held_; }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a camera and a lens of a catalogue see together, by geometry alone: a thin lens (of the
+// Joint view of a camera and a lens of a catalogue, by geometry alone: a thin lens (of the
 // focal length f, focused at the distance z before it) whose image is at b behind it,
 //   1/f = 1/z + 1/b,   so   b = f z / (z - f)   and the magnification   m = b / z = f / (z - f).
 // Distances in metres, f-numbers without unit; everywhere z_m > f.
@@ -20,7 +20,7 @@ double PixelFootprint(const Sensor& sensor, const Lens& lens, double z_m);
 struct FieldOfView {
   double width_m, height_m;  // along the rows and along the columns of the sensor
 };
-// Of the whole sensor in the plane at z: the footprint times columns and rows.
+// Field of view of the whole sensor in the plane at z: the footprint times columns and rows.
 FieldOfView FieldOfViewAt(const Sensor& sensor, const Lens& lens, double z_m);
 
 struct DepthOfField {
@@ -58,7 +58,7 @@ bool FocusesAt(const DeviceLens& lens, double z_m);
 // Length of the laser's line at a distance z_m > 0 from it: 2 z tan(fan angle / 2).
 double LineLength(const Laser& laser, double z_m);
 
-// What a combination must do; unset: anything.
+// Requirements on a combination; unset: anything.
 struct FitRequirements {
   std::optional<double> max_pixel_footprint_m;
   // Along the laser line, which the camera sees along its rows.

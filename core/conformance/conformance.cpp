@@ -70,9 +70,10 @@ std::optional<ToleranceMeasurand> MeasurandOf(ToleranceKind kind) {
   return std::nullopt;
 }
 
-absl::StatusOr<FeatureConformance> JudgeFeature(const Feature& feature, Measurand measurand,
-                                                const ToleranceZone& zone,
-                                                const ConformanceOptions& options) {
+namespace {
+
+absl::Status CheckQuestion(const Feature& feature, const ToleranceZone& zone,
+                           const ConformanceOptions& options) {
   if (absl::Status s = CheckDecisionRule(options.rule); !s.ok()) return s;
   if (!(options.required_share > 0 && options.required_share <= 1)) {
     return absl::InvalidArgumentError(
@@ -82,60 +83,68 @@ absl::StatusOr<FeatureConformance> JudgeFeature(const Feature& feature, Measuran
     return absl::InvalidArgumentError(
         absl::StrCat("tolerance zone width_m is ", zone.width_m, ", must be positive and finite"));
   }
-  if (absl::Status s = CheckFeature(feature); !s.ok()) return s;
+  return CheckFeature(feature);
+}
 
-  FeatureConformance result;
-  const double n = static_cast<double>(feature.targets.size());
-  const auto measured = std::count_if(feature.targets.begin(), feature.targets.end(),
-                                      [](const FeatureTarget& t) { return t.measured; });
-  result.measured_share = static_cast<double>(measured) / n;
-  const std::string missing =
-      absl::StrFormat("%.3g %% of its %d targets are not measured, %.3g %% may be missing",
-                      100 * (1 - result.measured_share), feature.targets.size(),
-                      100 * (1 - options.required_share));
+// Counts the targets that a tolerance binds. Empty `toleranced`: all of the feature's.
+TargetCounts CountTargets(const Feature& feature, const std::vector<int>& toleranced) {
+  TargetCounts counts;
+  const auto count = [&](const FeatureTarget& target) {
+    ++counts.all;
+    counts.measured += target.measured;
+    counts.used += target.used();
+  };
+  for (const int t : toleranced) count(feature.targets[static_cast<size_t>(t)]);
+  if (toleranced.empty()) std::for_each(feature.targets.begin(), feature.targets.end(), count);
+  return counts;
+}
+
+// Why too few targets are measured, or known; empty: enough are.
+std::string TooFew(const TargetCounts& counts, const ConformanceOptions& options) {
   // Rounding must not turn a share of exactly the required one into less.
-  const bool enough_measured = result.measured_share >= options.required_share - 1e-12;
-  if (measured == 0) {
-    result.because = absl::StrCat("cannot be proven: ", missing);
-    return result;
+  const double least = options.required_share * static_cast<double>(counts.all) - 1e-9;
+  const auto enough = [&](int64_t count) {
+    return count > 0 && static_cast<double>(count) >= least;
+  };
+  const std::string may = absl::StrCat("; ", Percent(1 - options.required_share), " may be");
+  if (!enough(counts.measured)) {
+    return absl::StrCat(counts.all - counts.measured, " of its ", counts.all,
+                        " targets are not measured", may);
   }
+  if (!enough(counts.used)) {
+    return absl::StrCat(
+        counts.measured - counts.used, " of its ", counts.measured, " measured targets are ",
+        options.known_uncertainty_m
+            ? absl::StrCat("less certain than ", Length(*options.known_uncertainty_m))
+            : "not known well enough",
+        may);
+  }
+  return "";
+}
 
-  const auto predicted = PredictUncertainty(feature, measurand, options.seed);
-  if (!predicted.ok()) {
-    if (!absl::IsFailedPrecondition(predicted.status())) return predicted.status();
-    result.because = absl::StrCat("cannot be proven: ", predicted.status().message());
-    return result;
-  }
-  result.u = predicted->u;
-  result.largest_u_m = result.percentile_95_u_m = predicted->u.total_m;
-  result.bias_m = predicted->bias_m;
-  if (measurand == Measurand::kDeviation) {
-    // Ordered by u, unmeasured targets, which have an infinite one, last.
-    std::vector<int> order(feature.targets.size());
-    for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
-    const auto& all = predicted->target_u_m;
-    std::sort(order.begin(), order.end(), [&](int a, int b) { return all[a] < all[b]; });
-    const auto at = [&](double share, double count) {
-      const double rank = std::ceil(share * count - 1e-9) - 1;
-      return order[static_cast<size_t>(std::clamp(rank, 0.0, static_cast<double>(measured - 1)))];
-    };
-    result.percentile_95_u_m = all[at(0.95, static_cast<double>(measured))];
-    const int deciding = at(options.required_share, n);
-    const FeatureTarget& t = feature.targets[static_cast<size_t>(deciding)];
-    const double independent_m2 = t.uncertainty.noise_m * t.uncertainty.noise_m +
-                                  t.uncertainty.sampling_m * t.uncertainty.sampling_m;
-    result.u.total_m = all[deciding];
-    result.u.noise_m = t.uncertainty.noise_m;
-    result.u.sampling_m = t.uncertainty.sampling_m;
-    result.u.calibration_m =
-        std::sqrt(std::max(0.0, all[deciding] * all[deciding] - independent_m2));
-    const double admissible_m = Admissible(zone, options.rule, 0);
-    result.admissible_share = static_cast<double>((all.array() <= admissible_m).count()) / n;
-  }
+// Profiles: u of the target that `required_share` of all targets do not exceed, targets without one
+// coming last, and what else counts targets.
+void CountDeviations(const MeasurandUncertainty& predicted, double required_share,
+                     double admissible_m, FeatureConformance& result) {
+  const auto& all = predicted.target_u_m;
+  std::vector<int> order(static_cast<size_t>(all.size()));
+  for (size_t i = 0; i < order.size(); ++i) order[i] = static_cast<int>(i);
+  std::sort(order.begin(), order.end(), [&](int a, int b) { return all[a] < all[b]; });
+  const Eigen::Index finite = all.array().isFinite().count();
+  const auto at = [&](double share, Eigen::Index count) {
+    const double rank = std::ceil(share * static_cast<double>(count) - 1e-9) - 1;
+    return order[static_cast<size_t>(
+        std::clamp(rank, 0.0, static_cast<double>(std::max<Eigen::Index>(1, finite) - 1)))];
+  };
+  result.percentile_95_u_m = all[at(0.95, finite)];
+  result.u = predicted.target_parts[static_cast<size_t>(at(required_share, all.size()))];
+  result.admissible_share =
+      static_cast<double>((all.array() <= admissible_m).count()) / static_cast<double>(all.size());
+}
 
+absl::Status AddProbabilities(const ToleranceZone& zone, const ConformanceOptions& options,
+                              FeatureConformance& result) {
   const double g = options.rule.guard_factor;
-  result.acceptance_zone_m = AcceptanceInterval(zone, result.u.total_m, g).width_m() -
-                             (zone.kind == ZoneKind::kOneSided ? result.bias_m : 0);
   const Production production = options.production.value_or(Production::CapableOf(zone));
   const auto without_bias = DecisionProbabilities(zone, result.u.total_m, g, production);
   if (!without_bias.ok()) return without_bias.status();
@@ -144,35 +153,107 @@ absl::StatusOr<FeatureConformance> JudgeFeature(const Feature& feature, Measuran
   if (!with_bias.ok()) return with_bias.status();
   result.probability_wrong_acceptance = without_bias->wrong_acceptance;
   result.probability_wrong_rejection = with_bias->wrong_rejection;
+  return absl::OkStatus();
+}
 
+// Decides by the figures, and says why with the same ones.
+void Decide(const ToleranceZone& zone, const ConformanceOptions& options,
+            const std::string& too_few, FeatureConformance& result) {
   const double least_m = options.rule.least_acceptance_zone * zone.width_m;
   const bool zone_left = result.acceptance_zone_m > 0 && result.acceptance_zone_m >= least_m;
-  if (measurand != Measurand::kDeviation) {
-    result.admissible_share = zone_left ? result.measured_share : 0;
-  }
-  result.can_be_proven = enough_measured && zone_left;
-  const std::string uncertainty =
-      absl::StrCat("u is ", Length(result.u.total_m), ", ", Dominating(result.u));
-  const std::string bias =
+  result.can_be_proven = too_few.empty() && zone_left;
+  const std::string figures = absl::StrCat(
+      "u is ", Length(result.u.total_m), ", ", Dominating(result.u),
       result.bias_m > 0 ? absl::StrCat("; errors alone make a form of ", Length(result.bias_m))
-                        : "";
-  if (!enough_measured) {
-    result.because = absl::StrCat("cannot be proven: ", missing);
+                        : "");
+  const std::string limit = absl::StrCat("u must be below ", Length(result.admissible_u_m));
+  if (!too_few.empty()) {
+    result.because = absl::StrCat("cannot be proven: ", too_few);
   } else if (result.acceptance_zone_m <= 0) {
-    result.because = absl::StrCat(
-        "cannot be proven: ", uncertainty, bias, "; no acceptance zone is left of the zone of ",
-        Length(zone.width_m), ", u must be below ",
-        Length(Admissible(zone, options.rule, result.bias_m / result.u.total_m)));
+    result.because =
+        absl::StrCat("cannot be proven: ", figures, "; no acceptance zone is left of the zone of ",
+                     Length(zone.width_m), ", ", limit);
   } else if (!zone_left) {
     result.because =
         absl::StrCat("cannot be proven: the acceptance zone of ", Length(result.acceptance_zone_m),
-                     " is below the least one of ", Length(least_m), "; ", uncertainty, bias);
+                     " is below the least one of ", Length(least_m), "; ", figures, "; ", limit);
   } else {
     result.because =
         absl::StrCat("can be proven: an acceptance zone of ", Length(result.acceptance_zone_m),
-                     " is left of ", Length(zone.width_m), "; ", uncertainty, bias);
+                     " is left of ", Length(zone.width_m), "; ", figures);
+  }
+}
+
+// The one function that decides and explains.
+absl::StatusOr<FeatureConformance> JudgeFit(const Feature& feature,
+                                            const absl::StatusOr<FeatureFit>& fit,
+                                            const std::vector<int>& toleranced, Measurand measurand,
+                                            const ToleranceZone& zone,
+                                            const ConformanceOptions& options) {
+  FeatureConformance result;
+  const TargetCounts held = CountTargets(feature, toleranced);
+  result.counts = options.counts.value_or(held);
+  const std::string too_few = TooFew(result.counts, options);
+  const auto undetermined = [&](const absl::Status& status) {
+    result.because = absl::StrCat("cannot be proven: ",
+                                  too_few.empty() ? std::string(status.message()) : too_few);
+    return result;
+  };
+  if (!fit.ok()) {
+    if (!absl::IsFailedPrecondition(fit.status())) return fit.status();
+    return undetermined(fit.status());
+  }
+  if (held.used == 0) {
+    return undetermined(absl::FailedPreconditionError("no target is known well enough"));
+  }
+  const auto predicted = PredictUncertainty(feature, *fit, measurand, options.seed);
+  if (!predicted.ok()) return predicted.status();
+
+  result.predicted = true;
+  result.u = predicted->u;
+  result.largest_u_m = result.percentile_95_u_m = predicted->u.total_m;
+  result.bias_m = predicted->bias_m;
+  if (measurand == Measurand::kDeviation) {
+    result.admissible_u_m = Admissible(zone, options.rule, 0);
+    CountDeviations(*predicted, options.required_share, result.admissible_u_m, result);
+  }
+  const double bias_per_u = result.u.total_m > 0 ? result.bias_m / result.u.total_m : 0;
+  result.admissible_u_m = Admissible(zone, options.rule, bias_per_u);
+  result.acceptance_zone_m =
+      AcceptanceInterval(zone, result.u.total_m, options.rule.guard_factor).width_m() -
+      (zone.kind == ZoneKind::kOneSided ? result.bias_m : 0);
+  if (absl::Status s = AddProbabilities(zone, options, result); !s.ok()) return s;
+  Decide(zone, options, too_few, result);
+  if (measurand != Measurand::kDeviation && result.u.total_m <= result.admissible_u_m) {
+    result.admissible_share =
+        static_cast<double>(result.counts.used) / static_cast<double>(result.counts.all);
   }
   return result;
+}
+
+}  // namespace
+
+absl::StatusOr<FeatureConformance> JudgeFeature(const Feature& feature, Measurand measurand,
+                                                const ToleranceZone& zone,
+                                                const ConformanceOptions& options) {
+  if (absl::Status s = CheckQuestion(feature, zone, options); !s.ok()) return s;
+  return JudgeFit(feature, FitFeature(feature, measurand), {}, measurand, zone, options);
+}
+
+absl::StatusOr<FeatureConformance> JudgeCharacteristic(const Feature& feature,
+                                                       const absl::StatusOr<CharacteristicFit>& fit,
+                                                       const Characteristic& characteristic,
+                                                       double width_m,
+                                                       const ConformanceOptions& options) {
+  const ZoneKind kind = fit.ok() ? fit->zone : ZoneKind::kTwoSided;
+  const ToleranceZone zone{kind, width_m};
+  if (absl::Status s = CheckQuestion(feature, zone, options); !s.ok()) return s;
+  std::vector<int> toleranced;
+  for (const FeatureElement& element : characteristic.elements) {
+    toleranced.insert(toleranced.end(), element.targets.begin(), element.targets.end());
+  }
+  if (!fit.ok()) return JudgeFit(feature, fit.status(), toleranced, {}, zone, options);
+  return JudgeFit(feature, fit->fit, toleranced, fit->measurand, zone, options);
 }
 
 }  // namespace sightline

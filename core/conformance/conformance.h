@@ -8,47 +8,62 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "core/conformance/characteristic.h"
 #include "core/conformance/decision.h"
 #include "core/conformance/feature.h"
 #include "core/tolerance/tolerance.h"
 
 namespace sightline {
 
-// What a tolerance is about; not set for angles, and for run-out, which combines form and position
-// about an axis and is not predicted here. Form and orientation have one-sided zones: they are
-// amounts, and may be anything from zero to the zone's width.
+// The measurand of a tolerance of a single feature; not set for angles and run-out, which need
+// datums (FitCharacteristic). Form and orientation have one-sided zones: they are amounts, and may
+// be anything from zero to the zone's width.
 struct ToleranceMeasurand {
   Measurand measurand;
   ZoneKind zone;
 };
 std::optional<ToleranceMeasurand> MeasurandOf(ToleranceKind kind);
 
+// Toleranced targets: all, measured by any scan, and of these known well enough to be used.
+struct TargetCounts {
+  int64_t all = 0, measured = 0, used = 0;
+};
+
 struct ConformanceOptions {
   DecisionRule rule;
   // Share of the targets that must be measured, and with profiles known well enough. (0, 1].
   double required_share = 0.95;
-  // What the parts are before measurement; by default a process of capability 1.
+  // Distribution of parts before measurement; by default a process of capability 1.
   std::optional<Production> production;
   uint64_t seed = 1;
+  // Limit [m] by which FeatureTarget::known was decided; unset: all measured targets are known.
+  std::optional<double> known_uncertainty_m;
+  // Counts of all targets, where the feature holds a selection of them; unset: it holds all.
+  std::optional<TargetCounts> counts;
 };
 
 struct FeatureConformance {
-  // Of the measurand. Profiles: of the target that `required_share` of all targets do not exceed,
-  // the targets that are not measured coming last.
+  TargetCounts counts;
+  // False: the plan's targets do not determine the measurand; then what follows is not set.
+  bool predicted = false;
+  // Uncertainty of the measurand. Profiles: that of the target that `required_share` of all targets
+  // do not exceed, the targets that are not measured coming last.
   SurfaceUncertainty u{};
   double largest_u_m = 0;        // over measured targets or functionals
   double percentile_95_u_m = 0;  // profiles: over measured targets; else largest_u_m
   double bias_m = 0;             // form: what is measured on a perfect feature
   // Deviations that a part may have and be accepted: s_t - 2 g u; one-sided s_t - g u - bias.
   double acceptance_zone_m = 0;
-  // Of a part of the stated production and its measurement (JCGM 106, 9.5); with profiles of one
+  // Global risks of the stated production and its measurement (JCGM 106, 9.5); for profiles, of one
   // target. Form: the bias is left out of wrong acceptance and counted in wrong rejection, because
   // it vanishes on parts of large form.
   double probability_wrong_acceptance = 0;
   double probability_wrong_rejection = 0;
-  double measured_share = 0;
-  double admissible_share = 0;  // profiles: measured and u admissible; else measured_share or 0
+  // Largest u at which the acceptance zone is as wide as the rule asks, and not empty.
+  double admissible_u_m = 0;
+  double admissible_share = 0;  // profiles: measured and u admissible; else share used, or 0
   bool can_be_proven = false;
+  // Why, with the figures above; begins with "can be proven: " or "cannot be proven: ".
   std::string because;
 };
 
@@ -58,5 +73,14 @@ struct FeatureConformance {
 absl::StatusOr<FeatureConformance> JudgeFeature(const Feature& feature, Measurand measurand,
                                                 const ToleranceZone& zone,
                                                 const ConformanceOptions& options = {});
+
+// Judges a characteristic of a drawing by its fit, which states the measurand and the kind of zone.
+// `width_m` is the width of the zone; for an angle it is the arc at the reference length. Errors of
+// FitCharacteristic other than FailedPrecondition are passed on.
+absl::StatusOr<FeatureConformance> JudgeCharacteristic(const Feature& feature,
+                                                       const absl::StatusOr<CharacteristicFit>& fit,
+                                                       const Characteristic& characteristic,
+                                                       double width_m,
+                                                       const ConformanceOptions& options = {});
 
 }  // namespace sightline

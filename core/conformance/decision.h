@@ -36,7 +36,7 @@ Interval ToleranceInterval(const ToleranceZone& zone);
 // acceptance zone, u small against s_t); g = 2 is the choice of thesis section 3.3.
 Interval AcceptanceInterval(const ToleranceZone& zone, double uncertainty_m, double guard_factor);
 
-// What is known of parts before they are measured. Two-sided zones: normal distribution of the
+// Prior distribution of parts before they are measured. Two-sided zones: normal distribution of the
 // deviation. One-sided zones: gamma distribution of that mean and standard deviation, as in the
 // example of ball bearings of JCGM 106 (9.5.4).
 struct Production {
@@ -58,7 +58,7 @@ absl::StatusOr<double> ConformanceProbability(
     const ToleranceZone& zone, double measured_m, double uncertainty_m,
     const std::optional<Production>& production = std::nullopt);
 
-// Of a part taken from production at random before it is measured (JCGM 106, 9.5).
+// Probabilities for a part taken from production at random before it is measured (JCGM 106, 9.5).
 struct GlobalProbabilities {
   double wrong_acceptance = 0;  // does not conform and is accepted ("consumer's risk")
   double wrong_rejection = 0;   // conforms and is not accepted ("producer's risk")

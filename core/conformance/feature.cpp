@@ -73,7 +73,7 @@ double Extent(const Feature& f, const Vector3d& along) {
   return highest - lowest;
 }
 
-// What the fit is made of: its design matrix and the places it is described by.
+// A fit: its design matrix and the places that describe it.
 struct Model {
   Vector3d centre;
   std::array<Vector3d, 2> across;  // in the plane, or across the axis
@@ -273,7 +273,7 @@ absl::StatusOr<MatrixXd> CalibrationFactor(const Feature& f, const std::vector<i
   }
   auto common = Root(f.common_covariance, "common_covariance");
   if (!common.ok()) return common.status();
-  columns += common->cols();
+  columns += common->cols() + f.common_deviations_m.cols();
 
   MatrixXd factor = MatrixXd::Zero(static_cast<Eigen::Index>(used.size()), columns);
   for (size_t i = 0; i < used.size(); ++i) {
@@ -288,7 +288,11 @@ absl::StatusOr<MatrixXd> CalibrationFactor(const Feature& f, const std::vector<i
       }
       column += roots[s].cols();
     }
-    factor.row(static_cast<Eigen::Index>(i)).tail(common->cols()) = all_scans * *common;
+    factor.row(static_cast<Eigen::Index>(i)).segment(column, common->cols()) = all_scans * *common;
+    if (f.common_deviations_m.cols() > 0) {
+      factor.row(static_cast<Eigen::Index>(i)).tail(f.common_deviations_m.cols()) =
+          f.common_deviations_m.row(used[i]);
+    }
   }
   return factor;
 }
@@ -315,7 +319,7 @@ struct JointErrors {
   MatrixXd correlation;          // of either between targets; empty: the identity
   MatrixXd calibration;          // F
 
-  // Of the deviations' combination with weights w.
+  // Uncertainty of the deviations' sum with weights w.
   SurfaceUncertainty Of(const VectorXd& w) const {
     const auto part = [&](const VectorXd& s) {
       const VectorXd ws = w.cwiseProduct(s);
@@ -346,22 +350,69 @@ absl::StatusOr<JointErrors> MakeJointErrors(const Feature& f, const std::vector<
   return e;
 }
 
-VectorXd Residuals(const FeatureFit& fit, const MatrixXd& used_design, const VectorXd& h) {
-  return h - used_design * (fit.estimator * h);
+// Residuals of a fit at the toleranced targets that are used.
+struct ResidualRows {
+  std::vector<int> column;   // of each, among the used targets
+  std::vector<int> surface;  // the range belongs to it
+  MatrixXd design;
+};
+
+ResidualRows RowsOf(const FeatureFit& fit) {
+  ResidualRows rows;
+  std::vector<Eigen::Index> chosen;
+  for (size_t i = 0; i < fit.toleranced.size(); ++i) {
+    const auto found = std::lower_bound(fit.used.begin(), fit.used.end(), fit.toleranced[i]);
+    if (found == fit.used.end() || *found != fit.toleranced[i]) continue;
+    rows.column.push_back(static_cast<int>(found - fit.used.begin()));
+    rows.surface.push_back(fit.surface_of.empty() ? 0 : fit.surface_of[i]);
+    chosen.push_back(static_cast<Eigen::Index>(i));
+  }
+  const bool fitted = fit.design.rows() > 0;
+  rows.design =
+      MatrixXd::Zero(static_cast<Eigen::Index>(chosen.size()), fitted ? fit.estimator.rows() : 0);
+  for (size_t k = 0; fitted && k < chosen.size(); ++k) {
+    rows.design.row(static_cast<Eigen::Index>(k)) = fit.design.row(chosen[k]);
+  }
+  return rows;
 }
 
-MatrixXd UsedDesign(const FeatureFit& fit) {
-  MatrixXd design(static_cast<Eigen::Index>(fit.used.size()), fit.design.cols());
-  for (size_t i = 0; i < fit.used.size(); ++i) {
-    design.row(static_cast<Eigen::Index>(i)) = fit.design.row(fit.used[i]);
+// Elements of a vector, or rows of a matrix, of the used targets at the residuals' places.
+template <typename Matrix>
+Matrix AtRows(const Matrix& all, const std::vector<int>& column) {
+  Matrix chosen(static_cast<Eigen::Index>(column.size()), all.cols());
+  for (size_t k = 0; k < column.size(); ++k) {
+    chosen.row(static_cast<Eigen::Index>(k)) = all.row(column[k]);
   }
-  return design;
+  return chosen;
+}
+
+VectorXd Residuals(const FeatureFit& fit, const ResidualRows& rows, const VectorXd& h) {
+  VectorXd r = AtRows(h, rows.column);
+  if (rows.design.cols() > 0) r -= rows.design * (fit.estimator * h);
+  return r;
+}
+
+double LargestRange(const ResidualRows& rows, const VectorXd& r) {
+  if (r.size() == 0) return 0;
+  const int surfaces = *std::max_element(rows.surface.begin(), rows.surface.end()) + 1;
+  const auto count = static_cast<size_t>(surfaces);
+  std::vector<double> low(count, std::numeric_limits<double>::infinity()), high(count, -low[0]);
+  for (Eigen::Index i = 0; i < r.size(); ++i) {
+    const auto s = static_cast<size_t>(rows.surface[static_cast<size_t>(i)]);
+    low[s] = std::min(low[s], r[i]);
+    high[s] = std::max(high[s], r[i]);
+  }
+  double largest = 0;
+  for (size_t s = 0; s < count; ++s) largest = std::max(largest, high[s] - low[s]);
+  return largest;
 }
 
 MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& errors, uint64_t seed) {
   const auto n = static_cast<Eigen::Index>(fit.used.size());
-  const MatrixXd design = UsedDesign(fit);
-  const MatrixXd calibration = errors.calibration - design * (fit.estimator * errors.calibration);
+  const ResidualRows rows = RowsOf(fit);
+  const auto m = static_cast<Eigen::Index>(rows.column.size());
+  const MatrixXd calibration =
+      AtRows(errors.calibration, rows.column) - rows.design * (fit.estimator * errors.calibration);
   const VectorXd independent =
       (errors.noise_m.array().square() + errors.sampling_m.array().square()).sqrt();
   MatrixXd root;  // of the correlation; a ridge far below any number used keeps it definite
@@ -377,8 +428,7 @@ MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& error
     for (double& x : common) x = random.Normal();
     if (root.size() > 0) draw = root * draw;
     draw = draw.cwiseProduct(independent);
-    const VectorXd r = Residuals(fit, design, draw) + calibration * common;
-    const double range = r.maxCoeff() - r.minCoeff();
+    const double range = LargestRange(rows, Residuals(fit, rows, draw) + calibration * common);
     sum += range;
     squares += range * range;
   }
@@ -387,18 +437,17 @@ MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& error
   const double spread =
       std::sqrt(std::max(0.0, (squares - sum * result.bias_m) / (kFormDraws - 1)));
 
-  // Covariance of the residuals R E R' with R = I - A H, of the pairs among the most uncertain.
-  MatrixXd covariance = calibration * calibration.transpose();
-  {
-    MatrixXd e = independent.asDiagonal();
-    if (errors.correlation.size() > 0)
-      e = e * errors.correlation * e;
-    else
-      e = e * e;
-    const MatrixXd left = e - design * (fit.estimator * e);
-    covariance += left - (left * fit.estimator.transpose()) * design.transpose();
-  }
-  std::vector<int> order(static_cast<size_t>(n));
+  // Covariance of the residuals R E R' with R = S - A H, S the choice of the toleranced targets.
+  MatrixXd e = independent.asDiagonal();
+  e = errors.correlation.size() > 0 ? MatrixXd(e * errors.correlation * e) : MatrixXd(e * e);
+  const MatrixXd fitted = fit.estimator * e;  // H E
+  const MatrixXd mixed =
+      rows.design * AtRows(MatrixXd(fitted.transpose()), rows.column).transpose();
+  MatrixXd covariance =
+      calibration * calibration.transpose() - mixed - mixed.transpose() +
+      rows.design * (fitted * fit.estimator.transpose()) * rows.design.transpose();
+  covariance += AtRows(MatrixXd(AtRows(e, rows.column).transpose()), rows.column).transpose();
+  std::vector<int> order(static_cast<size_t>(m));
   std::iota(order.begin(), order.end(), 0);
   std::sort(order.begin(), order.end(),
             [&](int a, int b) { return covariance(a, a) > covariance(b, b); });
@@ -408,22 +457,92 @@ MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& error
   for (size_t i = 0; i < order.size(); ++i) {
     for (size_t j = i + 1; j < order.size(); ++j) {
       const int p = order[i], q = order[j];
+      if (rows.surface[static_cast<size_t>(p)] != rows.surface[static_cast<size_t>(q)]) continue;
       const double variance = covariance(p, p) + covariance(q, q) - 2 * covariance(p, q);
       if (variance > largest) largest = variance, a = p, b = q;
     }
   }
   // The pair's difference as weights of the deviations: rows a and b of R.
-  VectorXd weights = -(fit.estimator.transpose() * (design.row(a) - design.row(b)).transpose());
-  weights[a] += 1;
-  weights[b] -= 1;
+  VectorXd weights =
+      -(fit.estimator.transpose() * (rows.design.row(a) - rows.design.row(b)).transpose());
+  weights[rows.column[static_cast<size_t>(a)]] += 1;
+  weights[rows.column[static_cast<size_t>(b)]] -= 1;
   result.u = errors.Of(weights);
-  result.worst = fit.used[static_cast<size_t>(a)];
+  result.worst = fit.used[static_cast<size_t>(rows.column[static_cast<size_t>(a)])];
   if (spread > result.u.total_m && result.u.total_m > 0) {
     const double factor = spread / result.u.total_m;
     result.u.total_m *= factor;
     result.u.noise_m *= factor;
     result.u.sampling_m *= factor;
     result.u.calibration_m *= factor;
+  }
+  return result;
+}
+
+// Variances of the residuals S h - A H h, for errors of standard deviations s.
+VectorXd ResidualVariances(const FeatureFit& fit, const ResidualRows& rows, const VectorXd& s,
+                           const MatrixXd& correlation) {
+  VectorXd variance = AtRows(s, rows.column).cwiseAbs2();
+  if (rows.design.cols() == 0) return variance;
+  const MatrixXd scaled = fit.estimator * s.asDiagonal();
+  const MatrixXd correlated = correlation.size() > 0 ? MatrixXd(scaled * correlation) : scaled;
+  const MatrixXd covariance = correlated * scaled.transpose();
+  for (size_t k = 0; k < rows.column.size(); ++k) {
+    const auto i = static_cast<Eigen::Index>(k);
+    const Eigen::RowVectorXd a = rows.design.row(i);
+    variance[i] += a.dot(a * covariance) -
+                   2 * a.dot(correlated.col(rows.column[k]).transpose()) * s[rows.column[k]];
+  }
+  return variance.cwiseMax(0);
+}
+
+MeasurandUncertainty PredictDeviations(const FeatureFit& fit, const JointErrors& errors) {
+  const ResidualRows rows = RowsOf(fit);
+  const VectorXd noise = ResidualVariances(fit, rows, errors.noise_m, errors.correlation);
+  const VectorXd sampling = ResidualVariances(fit, rows, errors.sampling_m, errors.correlation);
+  MatrixXd calibration = AtRows(errors.calibration, rows.column);
+  if (rows.design.cols() > 0) calibration -= rows.design * (fit.estimator * errors.calibration);
+  MeasurandUncertainty result;
+  result.target_u_m = VectorXd::Constant(static_cast<Eigen::Index>(fit.toleranced.size()),
+                                         std::numeric_limits<double>::infinity());
+  result.target_parts.resize(fit.toleranced.size());
+  size_t k = 0;
+  for (size_t i = 0; i < fit.toleranced.size() && k < rows.column.size(); ++i) {
+    if (fit.used[static_cast<size_t>(rows.column[k])] != fit.toleranced[i]) continue;
+    const auto row = static_cast<Eigen::Index>(k++);
+    SurfaceUncertainty u{};
+    u.noise_m = std::sqrt(noise[row]);
+    u.sampling_m = std::sqrt(sampling[row]);
+    u.calibration_m = calibration.row(row).norm();
+    u.total_m = std::hypot(u.noise_m, u.sampling_m, u.calibration_m);
+    result.target_u_m[static_cast<Eigen::Index>(i)] = u.total_m;
+    result.target_parts[i] = u;
+    if (k == 1 || u.total_m > result.u.total_m) result.u = u, result.worst = fit.toleranced[i];
+  }
+  return result;
+}
+
+// The functional of the largest uncertainty. Covariances of the few parameters come first, since
+// there are many functionals of them.
+MeasurandUncertainty PredictFunctionals(const FeatureFit& fit, const JointErrors& errors) {
+  const auto part = [&](const VectorXd& s) {
+    const MatrixXd scaled = fit.estimator * s.asDiagonal();
+    const MatrixXd covariance = errors.correlation.size() > 0
+                                    ? MatrixXd(scaled * errors.correlation * scaled.transpose())
+                                    : MatrixXd(scaled * scaled.transpose());
+    return VectorXd(
+        (fit.functionals * covariance).cwiseProduct(fit.functionals).rowwise().sum().cwiseMax(0));
+  };
+  const VectorXd noise = part(errors.noise_m), sampling = part(errors.sampling_m);
+  const MatrixXd calibration = fit.functionals * (fit.estimator * errors.calibration);
+  MeasurandUncertainty result;
+  for (Eigen::Index k = 0; k < fit.functionals.rows(); ++k) {
+    SurfaceUncertainty u{};
+    u.noise_m = std::sqrt(noise[k]);
+    u.sampling_m = std::sqrt(sampling[k]);
+    u.calibration_m = calibration.row(k).norm();
+    u.total_m = std::hypot(u.noise_m, u.sampling_m, u.calibration_m);
+    if (k == 0 || u.total_m > result.u.total_m) result.u = u, result.worst = static_cast<int>(k);
   }
   return result;
 }
@@ -467,8 +586,8 @@ absl::Status CheckFeature(const Feature& f) {
       return BadTarget(i, absl::StrCat("face is ", t.face, ", must be 0", two ? " or 1" : ""));
     }
     const SurfaceUncertainty& u = t.uncertainty;
-    if (t.measured && !(u.noise_m >= 0 && u.sampling_m >= 0 && std::isfinite(u.noise_m) &&
-                        std::isfinite(u.sampling_m))) {
+    if (t.used() && !(u.noise_m >= 0 && u.sampling_m >= 0 && std::isfinite(u.noise_m) &&
+                      std::isfinite(u.sampling_m))) {
       return BadTarget(i, absl::StrCat("noise_m is ", u.noise_m, ", sampling_m ", u.sampling_m,
                                        ", must not be negative and be finite"));
     }
@@ -499,6 +618,12 @@ absl::Status CheckFeature(const Feature& f) {
     }
   }
   const auto rows = static_cast<Eigen::Index>(n);
+  if (f.common_deviations_m.cols() > 0 &&
+      (f.common_deviations_m.rows() != rows || !f.common_deviations_m.allFinite())) {
+    return absl::InvalidArgumentError(absl::StrCat("common_deviations_m has ",
+                                                   f.common_deviations_m.rows(), " rows for ", n,
+                                                   " targets, or is not finite"));
+  }
   for (size_t s = 0; s < f.scans.size(); ++s) {
     const ScanSensitivity& scan = f.scans[s];
     if (scan.weights.size() != rows || scan.derivatives.rows() != rows) {
@@ -522,7 +647,8 @@ absl::StatusOr<FeatureFit> FitFeature(const Feature& f, Measurand measurand) {
   if (absl::Status s = CheckFeature(f); !s.ok()) return s;
   FeatureFit fit;
   for (size_t i = 0; i < f.targets.size(); ++i) {
-    if (f.targets[i].measured) fit.used.push_back(static_cast<int>(i));
+    if (f.targets[i].used()) fit.used.push_back(static_cast<int>(i));
+    fit.toleranced.push_back(static_cast<int>(i));
   }
   if (measurand == Measurand::kDeviation) return fit;
   const Model model = MakeModel(f);
@@ -533,13 +659,14 @@ absl::StatusOr<FeatureFit> FitFeature(const Feature& f, Measurand measurand) {
       (measurand == Measurand::kForm && f.geometry == FeatureGeometry::kTwoPlanes)) {
     return absl::FailedPreconditionError("the feature's geometry has no such measurand");
   }
-  const absl::Status undetermined = absl::FailedPreconditionError(
-      absl::StrCat("its ", fit.used.size(), " measured targets do not determine the fit of ",
-                   fit.design.cols(), " parameters"));
+  const absl::Status undetermined = absl::FailedPreconditionError(absl::StrCat(
+      "its ", fit.used.size(), " targets that are known well enough do not determine the fit of ",
+      fit.design.cols(), " parameters"));
   const auto used = static_cast<Eigen::Index>(fit.used.size());
   const Eigen::Index parameters = fit.design.cols();
   if (used < parameters || !fit.design.allFinite()) return undetermined;
-  Eigen::ColPivHouseholderQR<MatrixXd> qr(UsedDesign(fit));
+  const MatrixXd design = AtRows(fit.design, fit.used);
+  Eigen::ColPivHouseholderQR<MatrixXd> qr(design);
   // Singular values of the design below this share of the largest are rounding of positions in
   // single precision, not geometry.
   qr.setThreshold(1e-6);
@@ -547,55 +674,40 @@ absl::StatusOr<FeatureFit> FitFeature(const Feature& f, Measurand measurand) {
   // Seminormal equations: A P = Q R, so that (A' A)^-1 A' = P R^-1 R'^-1 P' A'.
   const MatrixXd r = qr.matrixR().topLeftCorner(parameters, parameters);
   const MatrixXd half = r.transpose().triangularView<Eigen::Lower>().solve(
-      MatrixXd(qr.colsPermutation().transpose() * UsedDesign(fit).transpose()));
+      MatrixXd(qr.colsPermutation().transpose() * design.transpose()));
   fit.estimator = qr.colsPermutation() * MatrixXd(r.triangularView<Eigen::Upper>().solve(half));
   return fit;
 }
 
+Eigen::VectorXd FitResiduals(const FeatureFit& fit, const Eigen::VectorXd& deviations_m) {
+  return Residuals(fit, RowsOf(fit), deviations_m);
+}
+
 double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m) {
-  const VectorXd r = Residuals(fit, UsedDesign(fit), deviations_m);
-  return r.maxCoeff() - r.minCoeff();
+  const ResidualRows rows = RowsOf(fit);
+  return LargestRange(rows, Residuals(fit, rows, deviations_m));
 }
 
 absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& f, Measurand measurand,
                                                         uint64_t seed) {
   auto fit = FitFeature(f, measurand);
   if (!fit.ok()) return fit.status();
+  return PredictUncertainty(f, *fit, measurand, seed);
+}
+
+absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& f, const FeatureFit& fit,
+                                                        Measurand measurand, uint64_t seed) {
   if ((measurand == Measurand::kForm || f.correlation_length_m > 0) &&
-      fit->used.size() > kMostDenseTargets) {
+      fit.used.size() > kMostDenseTargets) {
     return absl::InvalidArgumentError(
-        absl::StrCat("feature has ", fit->used.size(),
+        absl::StrCat("feature has ", fit.used.size(),
                      " measured targets; form and correlated errors allow ", kMostDenseTargets));
   }
-  auto errors = MakeJointErrors(f, fit->used);
+  auto errors = MakeJointErrors(f, fit.used);
   if (!errors.ok()) return errors.status();
-
-  MeasurandUncertainty result;
-  if (measurand == Measurand::kForm) {
-    result = PredictForm(*fit, *errors, seed);
-  } else if (measurand == Measurand::kDeviation) {
-    result.target_u_m = VectorXd::Constant(static_cast<Eigen::Index>(f.targets.size()),
-                                           std::numeric_limits<double>::infinity());
-    for (size_t i = 0; i < fit->used.size(); ++i) {
-      const auto row = static_cast<Eigen::Index>(i);
-      SurfaceUncertainty u{};
-      u.noise_m = errors->noise_m[row];
-      u.sampling_m = errors->sampling_m[row];
-      u.calibration_m = errors->calibration.row(row).norm();
-      u.total_m = std::hypot(u.noise_m, u.sampling_m, u.calibration_m);
-      result.target_u_m[fit->used[i]] = u.total_m;
-      if (i == 0 || u.total_m > result.u.total_m) result.u = u, result.worst = fit->used[i];
-    }
-  } else {
-    for (Eigen::Index k = 0; k < fit->functionals.rows(); ++k) {
-      const SurfaceUncertainty u =
-          errors->Of(fit->estimator.transpose() * fit->functionals.row(k).transpose());
-      if (k == 0 || u.total_m > result.u.total_m) result.u = u, result.worst = static_cast<int>(k);
-    }
-  }
-  result.measured_share =
-      static_cast<double>(fit->used.size()) / static_cast<double>(f.targets.size());
-  return result;
+  if (measurand == Measurand::kForm) return PredictForm(fit, *errors, seed);
+  if (measurand == Measurand::kDeviation) return PredictDeviations(fit, *errors);
+  return PredictFunctionals(fit, *errors);
 }
 
 }  // namespace sightline

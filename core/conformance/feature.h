@@ -54,7 +54,9 @@ struct FeatureTarget {
   // targets have to be added with their signs.
   SurfaceUncertainty uncertainty{};
   bool measured = true;  // by any scan
-  int face = 0;          // 0 or 1: which of two planes (FeatureGeometry::kTwoPlanes)
+  bool known = true;     // well enough to be evaluated, if it is measured
+  bool used() const { return measured && known; }
+  int face = 0;  // 0 or 1: which of two planes (FeatureGeometry::kTwoPlanes)
 };
 
 // One scan as seen from the targets of the feature, row i of both for target i.
@@ -85,8 +87,13 @@ struct Feature {
   FeatureGeometry geometry = FeatureGeometry::kFreeform;
   std::vector<FeatureTarget> targets;
   std::vector<ScanSensitivity> scans;
-  // Of errors that all scans share.
+  // Covariance of the errors that all scans share.
   CalibrationCovariance common_covariance = CalibrationCovariance::Zero();
+  // Errors common to the targets that do not come from the calibration of a scan, such as that of
+  // the pose of a registered part. Element (i, k) is the deviation [m] of target i that the k-th of
+  // several independent errors causes if it is as large as its standard deviation. They count among
+  // `calibration_m`. Without columns there are none.
+  Eigen::MatrixXd common_deviations_m;
   // For targets closer than twice the neighbourhood: the independent part gets the correlation
   // exp(-d^2 / 2 L^2) at distance d; 0: none. With l the length scale of the inference, L = 2 l
   // where calibration errors count: they cannot be told from the surface's mean over the
@@ -94,7 +101,7 @@ struct Feature {
   // spread of fitted parameters 0.96 to 1.05 u, but 2.2 u for tilt without the correlation).
   // Without calibration errors L = 0 gives 0.9 to 1 u.
   double correlation_length_m = 0;
-  // Of a cylinder: a point on its axis; direction of the axis, or of a line (unit).
+  // A point on the axis of a cylinder; direction of the axis, or of a line (unit).
   Eigen::Vector3d axis_point_m = Eigen::Vector3d::Zero();
   Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
 };
@@ -109,12 +116,16 @@ inline constexpr size_t kMostDenseTargets = 2'000;
 // their range; normals must be within 0.3 rad of what the geometry says.
 absl::Status CheckFeature(const Feature& feature);
 
-// Least-squares fit to the deviations of the measured targets, all weighted alike as ISO 1101's
+// Least-squares fit to the deviations of the used targets, all weighted alike as ISO 1101's
 // associated features are: parameters = estimator * deviations.
 struct FeatureFit {
-  std::vector<int> used;      // indices of the measured targets
-  Eigen::MatrixXd design;     // all targets x parameters: deviations that a parameter of 1 m causes
+  std::vector<int> used;        // indices of the targets that are measured and known well enough
+  std::vector<int> toleranced;  // indices of the targets that the tolerance binds, used or not
+  // toleranced x parameters: deviations that a parameter of 1 m causes. Without rows: none.
+  Eigen::MatrixXd design;
   Eigen::MatrixXd estimator;  // parameters x used
+  // For every toleranced target, the surface whose range of residuals it belongs to; empty: one.
+  std::vector<int> surface_of;
   // Rows c of measurands c . parameters [m]; of more than one the worst counts. By measurand,
   // empty for kDeviation and kForm.
   Eigen::MatrixXd functionals;
@@ -124,16 +135,22 @@ struct FeatureFit {
 // measurand.
 absl::StatusOr<FeatureFit> FitFeature(const Feature& feature, Measurand measurand);
 
-// Range [m] of what the fit leaves of `deviations_m` (one for each used target).
+// Residuals of the fit [m]: the rest of `deviations_m` (one for each used target), at the
+// toleranced targets that are used, in the order of FeatureFit::toleranced.
+Eigen::VectorXd FitResiduals(const FeatureFit& fit, const Eigen::VectorXd& deviations_m);
+
+// Range [m] of what the fit leaves of `deviations_m` (one for each used target); of several
+// surfaces the largest.
 double FormDeviation(const FeatureFit& fit, const Eigen::VectorXd& deviations_m);
 
-// Of the measurand [m]; total^2 = noise^2 + sampling^2 + calibration^2.
+// Uncertainty of the measurand [m]; total^2 = noise^2 + sampling^2 + calibration^2.
 struct MeasurandUncertainty {
-  SurfaceUncertainty u{};      // at the worst target, functional or pair of targets
-  int worst = 0;               // its index: target, or row of the functionals
-  double bias_m = 0;           // of form: mean of what is measured on a perfect feature
-  Eigen::VectorXd target_u_m;  // of kDeviation: for every target; infinite if not measured
-  double measured_share = 0;   // of all targets
+  SurfaceUncertainty u{};  // at the worst target, functional or pair of targets
+  int worst = 0;           // its index: target, or row of the functionals
+  double bias_m = 0;       // of form: mean of what is measured on a perfect feature
+  // Filled for kDeviation: u of every toleranced target's residual; infinite if it is not used.
+  Eigen::VectorXd target_u_m;
+  std::vector<SurfaceUncertainty> target_parts;  // the same with its parts
 };
 
 // Standard uncertainty of the measurand of a checked feature.
@@ -148,6 +165,10 @@ struct MeasurandUncertainty {
 // form grows, and below zero where the prior smooths the extremes; a subtraction of it is right for
 // perfect features only. Form between the targets is not seen by any of this.
 absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& feature, Measurand measurand,
+                                                        uint64_t seed = 1);
+// The same by a fit of this feature.
+absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& feature,
+                                                        const FeatureFit& fit, Measurand measurand,
                                                         uint64_t seed = 1);
 
 }  // namespace sightline

@@ -35,7 +35,7 @@ absl::Status CannotBeWritten(const std::string& path, const char* what) {
     case ENOSPC:
     case EDQUOT:
     case EFBIG:
-      // Trying again changes nothing until somebody makes room.
+      // A retry cannot succeed until there is more room.
       return absl::ResourceExhaustedError(reason);
     default:
       return absl::UnavailableError(reason);

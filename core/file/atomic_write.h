@@ -18,7 +18,7 @@ namespace sightline {
 // Files of this user alone, e.g. with content of a job.
 inline constexpr mode_t kPrivateFile = 0600;
 
-// A part of the name of every temporary file. Whoever owns a folder alone may remove files of such
+// A part of the name of every temporary file. The only owner of a folder may remove files of such
 // names: a killed process left them.
 inline constexpr char kUnfinishedMark[] = ".part-";
 

@@ -16,11 +16,11 @@ class FileLock {
  public:
   // kShared: others may share it, too.
   enum class Kind { kExclusive, kShared };
-  // FAILED_PRECONDITION: somebody else holds it. NOT_FOUND: there is no such folder.
+  // FAILED_PRECONDITION: another process holds it. NOT_FOUND: there is no such folder.
   static absl::StatusOr<FileLock> TakeFolder(const std::string& folder,
                                              Kind kind = Kind::kExclusive);
   // The file is made (readable by this user alone) if it does not exist. FAILED_PRECONDITION:
-  // somebody else holds it. NOT_FOUND: it cannot be opened.
+  // another process holds it. NOT_FOUND: it cannot be opened.
   static absl::StatusOr<FileLock> TakeFile(const std::string& path, Kind kind = Kind::kExclusive);
   // As TakeFile, but waits until others have given it back; asks `stop` twenty times a second.
   static absl::StatusOr<FileLock> AwaitFile(const std::string& path, const StopCheck& stop,

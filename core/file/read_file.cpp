@@ -33,7 +33,7 @@ absl::Status TooLarge(const std::string& path, const std::string& size, uint64_t
 }  // namespace
 
 absl::StatusOr<File> OpenRegularFile(const std::string& path) {
-  // Opening a pipe that nobody writes to would wait otherwise.
+  // Opening a pipe without a writer would wait otherwise.
   const int descriptor = open(path.c_str(), O_RDONLY | O_CLOEXEC | O_NONBLOCK | O_NOCTTY);
   if (descriptor < 0) return CannotBeRead(path, errno);
   struct stat state {};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Reading files that somebody names.
+// Reads files that a user names.
 #pragma once
 
 #include <cstdint>

@@ -10,7 +10,7 @@
 namespace sightline {
 
 // Tags of the whole file, without decoding pixels. Strips that the file does not have are left to
-// the reader of pixels. INVALID_ARGUMENT: the list of what is in the file is damaged.
+// the reader of pixels. INVALID_ARGUMENT: the file's directory is damaged.
 absl::StatusOr<ImageTags> ReadPngTags(std::FILE* file, const StopCheck& stop);
 absl::StatusOr<ImageTags> ReadTiffTags(std::FILE* file, const StopCheck& stop);
 

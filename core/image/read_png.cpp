@@ -22,7 +22,7 @@ struct PngHeader {
   int bits = 0, colour_type = 0;
 };
 
-// What ReadPng reads into, or why not.
+// State of one ReadPng call, with the reason if it was refused.
 struct PngImage {
   const ImageSizeCheck* check_size = nullptr;
   const StopCheck* stop = nullptr;

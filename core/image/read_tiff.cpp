@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Pixels of TIFF by libtiff, strip by strip; tiff_tags.cpp reads the tags. Whether a strip has all
-// its bytes is looked at here. Readers for pictures fill what is missing with zeros, which would
-// pass for dark pixels.
+// its bytes is looked at here. Readers for pictures fill missing pixels with zeros, which would
+// pass for dark ones.
 #include <tiffio.h>
 #include <unistd.h>
 
@@ -20,7 +20,7 @@
 namespace sightline {
 namespace {
 
-// What libtiff may take at once: lists of strips, and one compressed strip.
+// Most that libtiff may allocate at once: lists of strips, and one compressed strip.
 constexpr tmsize_t kMaxLibraryBytes = tmsize_t{1} << 30;
 // A tile may be larger than the image.
 constexpr uint64_t kMaxTileBytes = uint64_t{1} << 28;

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The lists of tags in a TIFF file (classic and BigTIFF) or in an Exif block, which has the same
-// form. libtiff reads the first image's pixels; this reader sees what it passes over: further
-// images, thumbnails, how far the file's contents reach.
+// form. libtiff reads the first image's pixels; this reader sees the rest: further images,
+// thumbnails, how far the file's contents reach.
 #pragma once
 
 #include <cstddef>

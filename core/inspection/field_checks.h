@@ -34,6 +34,12 @@ struct Limits {
     // NaN fails every comparison.
     return (min_open ? value > min : value >= min) && (max_open ? value < max : value <= max);
   }
+  // The range of the same number in another unit, of which one unit of the field has `count`.
+  // Rounded to 1e-9: 0.1 um is no 0.0999....
+  Limits In(const char* other_unit, double count) const {
+    const auto rounded = [count](double value) { return std::round(value * count * 1e9) / 1e9; };
+    return {rounded(min), rounded(max), other_unit, min_open, max_open};
+  }
   std::string ToString() const {
     return absl::StrCat(min_open ? "(" : "[", NumberText(min), ", ", NumberText(max),
                         max_open ? ")" : "]", unit);

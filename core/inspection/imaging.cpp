@@ -15,8 +15,6 @@
 namespace sightline {
 namespace {
 
-constexpr Limits kImageSize{16, 16384, " px"};
-constexpr Limits kFieldOfView{0, 170, " deg", true, true};
 constexpr Limits kZernike{-1e-4, 1e-4, " m"};
 constexpr Limits kSensorTilt{-30, 30, " deg"};
 constexpr int kMaxZernikeTerms = 66;
@@ -231,7 +229,7 @@ absl::StatusOr<v1::Inspection> InlineInspectionFiles(const v1::Inspection& messa
 
 namespace {
 
-// What the lens can be set to, and that it is set to nothing else.
+// Reads the lens's adjustable range and checks that its settings lie in it.
 absl::StatusOr<Lens> ParseLensRange(const v1::Lens& message, const Checker& check, Lens lens) {
   if (message.has_min_f_number()) {
     SIGHTLINE_RETURN_IF_ERROR(

@@ -24,8 +24,8 @@ absl::StatusOr<Laser> ParseLaser(const v1::Laser& message, const std::string& co
 v1::Lens LensToProto(const Lens& lens);
 v1::Laser ImagingLaserToProto(const Laser& laser);
 
-// InlineInspectionFiles as far as it goes: what could not be read is left out of `result`, and the
-// error names all of it.
+// InlineInspectionFiles as far as it goes: `result` lacks files that could not be read, and the
+// error names them.
 absl::Status InlineFiles(const v1::Inspection& message, const std::string& context,
                          const std::string& base_folder, v1::Inspection* result);
 

@@ -1,12 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
 // Allowed ranges of numbers of lens, sensor and exposure that several kinds of files share:
-// inspections, device catalogues, sensor files, optics planning. Error messages print them.
+// inspections, device catalogues, sensor files, optics planning, and the options of `sightline
+// new`. Error messages print them.
 #pragma once
 
 #include "core/inspection/field_checks.h"
 
 namespace sightline {
 
+// Columns and rows of an image.
+inline constexpr Limits kImageSize{16, 16384, " px"};
+inline constexpr Limits kFieldOfView{0, 170, " deg", true, true};
 // The camera may come as near as 0.1 m to the plane it is focused on.
 inline constexpr Limits kLensFocalLength{1e-3, 0.1, " m", false, true};
 inline constexpr Limits kLensFNumber{0.5, 128, ""};

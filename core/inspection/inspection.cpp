@@ -15,6 +15,7 @@
 #include "core/inspection/imaging.h"
 #include "core/inspection/part_holding.h"
 #include "core/inspection/read_with_files.h"
+#include "core/inspection/target_limits.h"
 #include "core/inspection/vector_proto.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
@@ -83,14 +84,13 @@ absl::Status ParseBodies(const Messages& messages, const std::string& path, cons
 
 // --- targets ------------------------------------------------------------------------------------
 
-constexpr Limits kSpacing{1e-4, 1, " m"};
 constexpr Limits kCoverageRadius{0, 1, " m", true};
 constexpr Limits kNormalAngle{0, 90, " deg", true};
 constexpr Limits kFootprint{0, 1, " m", true};
-constexpr Limits kConfusion{0, 1e4, " px", true};
+constexpr Limits kConfusion{0, 1e4, " px"};
+constexpr Limits kIncidence{0, 90, " deg", true};
 constexpr Limits kRegionCorner{-1000, 1000, " m"};
 constexpr Limits kResolution{1e-5, 1, " m"};
-constexpr Limits kZoneWidth{0, 1, " m", true};
 
 // --- files, goal, costs -------------------------------------------------------------------------
 
@@ -133,7 +133,7 @@ absl::StatusOr<PlanningGoal> ParseGoal(const v1::PlanningGoal& message, const Ch
   }
   if (message.has_coverage()) goal.coverage = message.coverage();
   if (!goal.admissible) {
-    errors.Add(check.Range("goal.coverage", goal.coverage, {0, 1, "", true}));
+    errors.Add(check.Range("goal.coverage", goal.coverage, kCoverageGoal));
   }
   if (message.has_gain()) {
     if (!goal.admissible) errors.Add(check.Error("goal.gain", "needs goal.admissible"));
@@ -148,8 +148,51 @@ absl::StatusOr<PlanningGoal> ParseGoal(const v1::PlanningGoal& message, const Ch
   }
   if (message.has_min_gain()) goal.min_gain = message.min_gain();
   errors.Add(check.Range("goal.min_gain", goal.min_gain, {0, 1, "", false, true}));
+  if (message.has_execution_time_s()) {
+    goal.execution_time_s = message.execution_time_s();
+    errors.Add(
+        check.Range("goal.execution_time_s", *goal.execution_time_s, {0, kLargest, " s", true}));
+  }
+  const auto count = [&](const char* path, bool given, int value, std::optional<int>* limit) {
+    if (!given) return;
+    *limit = value;
+    errors.Add(check.Range(path, value, {1, 1000, ""}));
+  };
+  count("goal.max_setups", message.has_max_setups(), message.max_setups(), &goal.max_setups);
+  count("goal.max_sensor_places", message.has_max_sensor_places(), message.max_sensor_places(),
+        &goal.max_sensor_places);
+  count("goal.max_resting_faces", message.has_max_resting_faces(), message.max_resting_faces(),
+        &goal.max_resting_faces);
   if (!errors.empty()) return errors.Status();
   return goal;
+}
+
+// Seconds of the current defaults (v1::CostModel).
+constexpr double kStageSpeed_m_per_s = 0.05;
+constexpr double kLayTime_s = 180, kTurnTime_s = 60;
+constexpr double kMoveSensorsTime_s = 900, kMoveHeadTime_s = 60;
+
+// Values that the current defaults give to costs that `message` does not state.
+void SetDefaultCosts(const v1::Inspection& message, const Inspection& inspection,
+                     CostModel* costs) {
+  const v1::CostModel& given = message.costs();
+  if (!given.has_stage_speed_m_per_s()) costs->stage_speed_m_per_s = kStageSpeed_m_per_s;
+  if (!given.has_frame_rate_hz() && message.camera().sensor().has_max_frame_rate_hz()) {
+    costs->frame_rate_hz = message.camera().sensor().max_frame_rate_hz();
+  }
+  if (given.has_reposition_time_s() || given.has_reposition_speed_deg_per_s() ||
+      given.has_reposition_speed_m_per_s()) {
+    return;
+  }
+  const std::optional<RobotMount>& robot = inspection.robot;
+  const bool holds_part = robot && robot->load == RobotMount::Load::kPart;
+  const bool holds_head = robot && robot->load == RobotMount::Load::kSensorHead;
+  if (!given.has_lay_time_s() && !holds_part) costs->lay_time_s = kLayTime_s;
+  if (!given.has_turn_time_s() && !holds_part) costs->turn_time_s = kTurnTime_s;
+  if (!given.has_move_sensors_time_s() && !holds_head) {
+    costs->move_sensors_time_s =
+        inspection.sensor_mount == SensorMount::kRigid ? kMoveHeadTime_s : kMoveSensorsTime_s;
+  }
 }
 
 absl::StatusOr<CostModel> ParseCosts(const v1::CostModel& message, const Checker& check) {
@@ -178,8 +221,51 @@ absl::StatusOr<CostModel> ParseCosts(const v1::CostModel& message, const Checker
     errors.Add(check.Range("costs.reposition_speed_m_per_s", *costs.reposition_speed_m_per_s,
                            {0, 100, " m/s", true}));
   }
+  costs.lay_time_s = message.lay_time_s();
+  costs.turn_time_s = message.turn_time_s();
+  costs.move_sensors_time_s = message.move_sensors_time_s();
+  for (const auto& [path, time_s] :
+       {std::pair("costs.lay_time_s", costs.lay_time_s),
+        std::pair("costs.turn_time_s", costs.turn_time_s),
+        std::pair("costs.move_sensors_time_s", costs.move_sensors_time_s)}) {
+    errors.Add(check.Range(path, time_s, {0, 1e6, " s"}));
+  }
   if (!errors.empty()) return errors.Status();
   return costs;
+}
+
+// rig.sensor_mount with its conditions on the domain, and rig.stage_moves_in_height.
+absl::Status ParseSensorMount(const v1::Inspection& message, const Checker& check,
+                              Inspection* inspection) {
+  const v1::Rig& rig = message.rig();
+  inspection->stage_moves_in_height =
+      !rig.has_stage_moves_in_height() || rig.stage_moves_in_height();
+  switch (rig.sensor_mount()) {
+    case v1::Rig::SENSOR_MOUNT_UNSPECIFIED:
+    case v1::Rig::SENSOR_MOUNT_SEPARATE:
+      return absl::OkStatus();
+    case v1::Rig::SENSOR_MOUNT_RIGID:
+      break;
+    default:
+      return check.Error("rig.sensor_mount", "is unknown");
+  }
+  inspection->sensor_mount = SensorMount::kRigid;
+  for (const int parameter : {kCameraDistance, kTriangulationAngle}) {
+    if (!inspection->domain.parameters[parameter].values.empty()) continue;
+    return check.Error(absl::StrCat("measurement.", kMeasurementParameterNames[parameter]),
+                       "must be one value (fixed) or a list of values: with rig.sensor_mount "
+                       "SENSOR_MOUNT_RIGID the housing determines it");
+  }
+  return absl::OkStatus();
+}
+
+absl::StatusOr<DefaultsVersion> ParseDefaults(const v1::Inspection& message, const Checker& check) {
+  if (message.defaults().empty() || message.defaults() == kCurrentDefaults) {
+    return DefaultsVersion::k0_2;
+  }
+  if (message.defaults() == "0.1") return DefaultsVersion::k0_1;
+  return check.Error("defaults", absl::StrCat("is \"", message.defaults(),
+                                              "\", must be \"0.1\" or \"", kCurrentDefaults, "\""));
 }
 
 v1::Vector3 FromVector(const Eigen::Vector3d& v) {
@@ -208,7 +294,8 @@ v1::Body BodyToProto(const Body& body) {
 
 bool CostModel::IsUnit() const {
   return !stage_speed_m_per_s && !frame_rate_hz && !reposition_time_s &&
-         !reposition_speed_rad_per_s && !reposition_speed_m_per_s;
+         !reposition_speed_rad_per_s && !reposition_speed_m_per_s && lay_time_s == 0 &&
+         turn_time_s == 0 && move_sensors_time_s == 0;
 }
 
 absl::StatusOr<Rig> ParseRig(const v1::Rig& message, const v1::Camera& camera, const v1::Lens* lens,
@@ -258,7 +345,7 @@ absl::StatusOr<TargetRegion> ParseTargetRegion(const v1::TargetRegion& region,
                            absl::StrCat("is ", NumberText(max[axis]), ", must be above min_m.",
                                         letter, " = ", NumberText(min[axis]))));
   }
-  errors.Add(check.Range(path + ".spacing_m", region.spacing_m(), kSpacing));
+  errors.Add(check.Range(path + ".spacing_m", region.spacing_m(), kTargetSpacing));
   TargetRegion parsed{region.name(), min, max, region.spacing_m()};
   if (region.has_resolution_m()) {
     errors.Add(check.Range(path + ".resolution_m", region.resolution_m(), kResolution));
@@ -276,7 +363,7 @@ absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& mes
   TargetSampling sampling;
   ErrorList errors;
   if (message.has_spacing_m()) sampling.spacing_m = message.spacing_m();
-  errors.Add(check.Range("targets.spacing_m", sampling.spacing_m, kSpacing));
+  errors.Add(check.Range("targets.spacing_m", sampling.spacing_m, kTargetSpacing));
   if (message.has_coverage_radius_m()) sampling.coverage_radius_m = message.coverage_radius_m();
   errors.Add(check.Range("targets.coverage_radius_m", sampling.coverage_radius_m, kCoverageRadius));
   if (message.has_max_normal_angle_deg()) {
@@ -312,6 +399,10 @@ absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& mes
         check.Range("targets.max_depth_per_pixel_m", message.max_depth_per_pixel_m(), kFootprint));
     sampling.max_depth_per_pixel_m = message.max_depth_per_pixel_m();
   }
+  if (message.has_max_incidence_deg()) {
+    errors.Add(check.Range("targets.max_incidence_deg", message.max_incidence_deg(), kIncidence));
+    sampling.max_incidence_rad = Radians(message.max_incidence_deg());
+  }
   if (message.has_required_resolution_m()) {
     errors.Add(check.Range("targets.required_resolution_m", message.required_resolution_m(),
                            {0, 1, " m"}));
@@ -322,7 +413,7 @@ absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& mes
 
 absl::Status CheckLimitInputs(const Rig& rig, const TargetSampling& sampling,
                               const std::string& context) {
-  if (!sampling.max_circle_of_confusion_px) return absl::OkStatus();
+  if (sampling.max_circle_of_confusion_px.value_or(0) == 0) return absl::OkStatus();
   const Checker check(context);
   const std::string needed = "is missing: targets.max_circle_of_confusion_px needs it";
   if (!rig.lens) return check.Error("lens", needed);
@@ -394,7 +485,7 @@ absl::StatusOr<std::string> ToleranceFileUnit(const v1::Inspection& message, con
   return unit;
 }
 
-// Uncertainty model, tolerances, and what a goal of admissible uncertainties needs of both.
+// Uncertainty model, tolerances, and the conditions of an uncertainty goal on both.
 absl::Status ParseUncertaintyGoal(const v1::Inspection& message, const Checker& check,
                                   const std::string& context, Inspection* inspection) {
   if (message.has_uncertainty()) {
@@ -510,7 +601,7 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   if (message.targets().has_required_resolution_m()) {
     inspection.required_resolution_m = message.targets().required_resolution_m();
   }
-  // What a file that could not be read would have given is not missing.
+  // Limits may come from a file that could not be read, so nothing is reported missing then.
   if (inlined && rig_ok && targets_ok) {
     errors.Add(CheckLimitInputs(inspection.rig, inspection.targets, context));
   }
@@ -522,6 +613,7 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
       absl::StatusOr<RobotMount> robot = ParseRobotMount(message, inspection.domain, context);
       if (errors.Add(robot.status())) inspection.robot = *std::move(robot);
     }
+    errors.Add(ParseSensorMount(message, check, &inspection));
   }
   for (int i = 0; i < message.obstacles_size() && !errors.full(); ++i) {
     auto obstacle = ParseObstacle(message.obstacles(i), absl::StrCat("obstacles[", i, "]"), check);
@@ -530,7 +622,13 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
   if (take(ParseGoal(message.goal(), check), &inspection.goal)) {
     errors.Add(ParseUncertaintyGoal(message, check, context, &inspection));
   }
-  take(ParseCosts(message.costs(), check), &inspection.costs);
+  take(ParseDefaults(message, check), &inspection.defaults);
+  if (take(ParseCosts(message.costs(), check), &inspection.stated_costs)) {
+    inspection.costs = inspection.stated_costs;
+    if (inspection.defaults != DefaultsVersion::k0_1) {
+      SetDefaultCosts(message, inspection, &inspection.costs);
+    }
+  }
   errors.Add(ParseImaging(message, context, &inspection));
   if (inspection.rig.lens) {
     take(ParseOpticsPlanning(message.optics(), *inspection.rig.lens, context), &inspection.optics);
@@ -582,6 +680,15 @@ absl::StatusOr<Inspection> ReadInspectionWithFiles(const std::string& path) {
 }
 
 void DeriveLimits(Inspection* inspection) {
+  constexpr double kMaxIncidence_deg = 70, kMaxConfusion_px = 2;
+  if (inspection->defaults != DefaultsVersion::k0_1) {
+    TargetSampling& sampling = inspection->targets;
+    if (!sampling.max_incidence_rad) sampling.max_incidence_rad = Radians(kMaxIncidence_deg);
+    if (!sampling.max_circle_of_confusion_px && inspection->rig.lens &&
+        inspection->rig.camera.pixel_pitch_m) {
+      sampling.max_circle_of_confusion_px = kMaxConfusion_px;
+    }
+  }
   const double resolution_m =
       inspection->required_resolution_m.value_or(inspection->targets.coverage_radius_m);
   if (resolution_m == 0 || inspection->goal.admissible) return;
@@ -664,6 +771,9 @@ v1::TargetSampling TargetSamplingToProto(const TargetSampling& sampling) {
   }
   if (sampling.max_depth_per_pixel_m) {
     message.set_max_depth_per_pixel_m(*sampling.max_depth_per_pixel_m);
+  }
+  if (sampling.max_incidence_rad) {
+    message.set_max_incidence_deg(Degrees(*sampling.max_incidence_rad));
   }
   return message;
 }

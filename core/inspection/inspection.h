@@ -21,7 +21,7 @@
 
 namespace sightline {
 
-// What one parameter may be. One fixed value is a list of one.
+// The values that one parameter may take. One fixed value is a list of one.
 struct ParameterDomain {
   struct Range {
     double min;
@@ -39,7 +39,7 @@ struct ParameterDomain {
 struct RestingOrientation {
   double part_alpha_rad;
   double part_beta_rad;
-  std::string name = "";  // for people: what the part lies on
+  std::string name = "";  // for people: the part's support
 };
 
 // Same order as Measurement; angles in radians.
@@ -64,7 +64,7 @@ LargestOffset LargestOffsetOf(double part_diameter_m);
 
 enum class ObstacleFrame { kPart, kStage, kWorld, kTable };
 
-// What holds the part (v1::Rig::PartHolding).
+// The way in which the part is held (v1::Rig::PartHolding).
 enum class PartHolding { kResting, kFixture, kFree };
 
 // Box on which a resting part lies; unset sizes follow from the part.
@@ -80,7 +80,7 @@ struct ObstacleSource {
   ObstacleFrame frame;
 };
 
-// What knowing a target is worth (v1::GainWeights).
+// The worth of knowing a target (v1::GainWeights).
 struct GainWeights {
   double coverage = 0;
   double admissible = 0;
@@ -94,9 +94,16 @@ struct PlanningGoal {
   int max_scans = 40;
   std::optional<double> max_time_s;
   double min_gain = 0.0002;
-  // Fraction of the judged targets that are to be known admissibly; set: a plan for uncertainty.
+  // Fraction of the toleranced targets to know admissibly; set: a plan for uncertainty.
   std::optional<double> admissible;
   GainWeights gain{.admissible = 0.5, .information = 0.5};
+  // Limits on executing the plan; unset: none. The time is that of its cost.
+  std::optional<double> execution_time_s;
+  std::optional<int> max_setups, max_sensor_places, max_resting_faces;
+
+  bool LimitsExecution() const {
+    return execution_time_s || max_setups || max_sensor_places || max_resting_faces;
+  }
 };
 
 // A surface with a tolerance: exactly one of box, materials, faces is given.
@@ -110,7 +117,7 @@ struct TolerancedRegion {
 
 // How well the surface must be known (v1::ToleranceRequirements).
 struct ToleranceRequirements {
-  std::optional<double> zone_width_m;  // of targets that nothing else binds; unset: not judged
+  std::optional<double> zone_width_m;  // of targets that nothing else binds; unset: not toleranced
   double guard_factor = 2;
   double least_acceptance_zone = 0;  // fraction of the zone's width
   std::optional<double> relaxed_uncertainty_m;
@@ -127,12 +134,25 @@ struct CostModel {
   std::optional<double> reposition_time_s;
   std::optional<double> reposition_speed_rad_per_s;
   std::optional<double> reposition_speed_m_per_s;
+  // Laying the part on another face; turning or shifting it; another place of the sensors.
+  double lay_time_s = 0;
+  double turn_time_s = 0;
+  double move_sensors_time_s = 0;
 
   // No field set: every scan costs 1.
   bool IsUnit() const;
+  // Whether set-ups cost time, so that their number matters.
+  bool PricesSetups() const { return lay_time_s > 0 || move_sensors_time_s > 0; }
 };
 
-// Which material a surface of the part has.
+// How camera and laser are held (v1::Rig::SensorMount).
+enum class SensorMount { kSeparate, kRigid };
+
+// Version of the defaults of fields without a value (v1::Inspection::defaults).
+enum class DefaultsVersion { k0_1, k0_2 };
+inline constexpr char kCurrentDefaults[] = "0.2";
+
+// The material of one surface of the part.
 struct MaterialChoice {
   std::string part_material;  // name in the part file; empty: every surface not named elsewhere
   v1::Material material;      // file names are resolved; its numbers are checked by the renderer
@@ -142,7 +162,7 @@ struct MaterialChoice {
 struct RenderSettings {
   double exposure_time_s = 0.01;
   int64_t seed = 1;
-  int sub_pixels = 0;  // per pixel and axis; 0: what the pupil needs
+  int sub_pixels = 0;  // per pixel and axis; 0: as many as the pupil needs
   double noise_target_relative = 0.02;
   int max_samples_per_px = 512;
   int max_bounces = 4;
@@ -165,7 +185,10 @@ struct Inspection {
   std::string part_unit;
   bool part_construction_geometry = false;  // of a STEP file
   Rig rig;
-  // Of a part that rests, until HoldPart (part_holding.h) has found its faces: free.
+  DefaultsVersion defaults = DefaultsVersion::k0_2;
+  SensorMount sensor_mount = SensorMount::kSeparate;
+  bool stage_moves_in_height = true;
+  // A resting part is kFree until HoldPart (part_holding.h) has found its faces.
   PartHolding part_holding = PartHolding::kFree;
   TableSize table;
   TargetSampling targets;
@@ -176,16 +199,18 @@ struct Inspection {
   std::vector<ObstacleSource> obstacles;
   std::optional<RobotMount> robot;  // unset: scans are set up by hand
   PlanningGoal goal;
-  CostModel costs;
+  CostModel costs;  // with the defaults of `defaults`
+  // Without them: a default speed has a cost but does not limit exposures.
+  CostModel stated_costs;
   std::optional<UncertaintyModel> uncertainty;
   std::optional<ToleranceRequirements> tolerances;
-  // What images are made with; planning does not read these.
+  // Inputs of image rendering; planning does not read these.
   std::optional<Sensor> sensor;
   std::vector<MaterialChoice> materials;
   v1::Lighting lighting;  // radiances and places are checked, spectra by the renderer
   RenderSettings render;
   std::vector<EffectChoice> effects;
-  // What the choice of the optics may vary; set with a lens, every default filled in.
+  // Ranges that the choice of the optics may vary; set with a lens, every default filled in.
   std::optional<OpticsPlanning> optics;
 };
 
@@ -218,7 +243,7 @@ absl::StatusOr<TargetSampling> ParseTargetSampling(const v1::TargetSampling& mes
 // Parameters that are not given: Table 2.1.
 absl::StatusOr<MeasurementDomain> ParseMeasurementDomain(const v1::MeasurementDomain& message,
                                                          const std::string& context);
-// Limits on targets need what they are computed from (a circle of confusion: lens and pixel pitch).
+// Checks the inputs of limits on targets (a circle of confusion: lens and pixel pitch).
 // ParseInspection calls it; who parses rig and targets alone calls it too.
 absl::Status CheckLimitInputs(const Rig& rig, const TargetSampling& sampling,
                               const std::string& context);
@@ -226,15 +251,17 @@ absl::Status CheckLimitInputs(const Rig& rig, const TargetSampling& sampling,
 // Limits that planning sets on scans where the inspection gives none. To resolve a detail it takes
 // two pixels across it, so the footprint is at most half the required resolution (by default the
 // coverage radius). A line is found to a fraction of a pixel, so one whole pixel may stand for as
-// much depth as is to be resolved. None where the goal is uncertainty, which tells itself what a
-// coarse pixel costs, and none for a required resolution of 0.
+// much depth as is to be resolved. None for an uncertainty goal, whose uncertainty includes the
+// effect of coarse pixels, and none for a required resolution of 0. By the current defaults the
+// surface may also be no steeper than 70 degrees to camera and laser, and where lens and pixel
+// pitch are known its circle of confusion no larger than 2 pixels.
 void DeriveLimits(Inspection* inspection);
 
 // Conversions at the edge: degrees outside, radians inside. Finite values are not checked here.
 Measurement MeasurementFromProto(const v1::Measurement& message);
 v1::Measurement MeasurementToProto(const Measurement& measurement);
 
-// Back to messages, every default written out: what goes over the wire and into reports.
+// Back to messages with every default written out, for the wire and for reports.
 v1::Camera CameraToProto(const Camera& camera);
 v1::Laser LaserToProto(const Laser& laser);
 v1::Rig RigToProto(const Rig& rig);

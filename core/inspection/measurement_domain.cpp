@@ -79,7 +79,7 @@ LargestOffset LargestOffsetOf(double part_diameter_m) {
   const MeasurementDomain table_2_1 = ThesisDomain();
   const double y_m = table_2_1.parameters[kY].ranges[0].max,
                z_m = table_2_1.parameters[kZ].ranges[0].max;
-  // What is a whole number of centimetres but for rounding stays so.
+  // The 1e-6 keeps whole numbers of centimetres from being rounded up.
   const double reach_m = std::ceil(100 * part_diameter_m - 1e-6) / 100;
   return {std::min(reach_m, y_m), std::min(reach_m, z_m), reach_m < std::max(y_m, z_m)};
 }

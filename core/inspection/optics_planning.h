@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `optics` of an inspection asks for: the choice of camera and laser settings
+// Section `optics` of an inspection: the choice of camera and laser settings
 // (v1::OpticsPlanning).
 #pragma once
 

@@ -19,7 +19,7 @@ namespace {
 
 constexpr Limits kTableSize{1e-3, 10, " m"};
 constexpr Limits kTableThickness{1e-3, 1, " m"};
-// Of the default table around the part, however that is turned.
+// Margin of the default table around the part, for every turn of the part.
 constexpr double kTableMargin_m = 0.1;
 // Turns about the vertical in which obstacles beside a part are tried, where all are allowed.
 constexpr int kTriedTurns = 12;
@@ -63,6 +63,37 @@ std::vector<double> TriedTurns(const ParameterDomain& gamma) {
     }
   }
   return turns;
+}
+
+// Faces that topple more easily are not offered, by the current defaults.
+constexpr double kLeastStability_rad = 15 * std::numbers::pi / 180;
+
+// Moves the faces that topple too easily to `excluded`. Faces come by falling stability.
+void ExcludeUnstable(HeldPart* held) {
+  const auto unstable = std::find_if(
+      held->faces.begin(), held->faces.end(),
+      [](const RestingFace& face) { return face.stability_rad < kLeastStability_rad; });
+  for (auto face = unstable; face != held->faces.end(); ++face) {
+    held->excluded.push_back({*face,
+                              absl::StrFormat("it topples at %.0f deg, less than %.0f deg",
+                                              face->stability_rad * 180 / std::numbers::pi,
+                                              kLeastStability_rad * 180 / std::numbers::pi),
+                              ""});
+  }
+  held->faces.erase(unstable, held->faces.end());
+}
+
+// How far an obstacle in the part's frame reaches below the table's upper face [m]; not above 0 if
+// it does not.
+double DepthInTable(const TriangleMesh& obstacle, const Eigen::Matrix3d& rotation,
+                    const Eigen::Vector3d& centre_m, double table_height_m, double table_reach_m) {
+  double depth_m = 0;
+  for (const Eigen::Vector3f& vertex : obstacle.positions_m) {
+    const Eigen::Vector3d x = rotation * (vertex.cast<double>() - centre_m);
+    if (x.head<2>().norm() > table_reach_m) continue;
+    depth_m = std::max(depth_m, table_height_m - x.z());
+  }
+  return depth_m;
 }
 
 void LimitOffsets(const TriangleMesh& part, Inspection* inspection) {
@@ -202,6 +233,18 @@ absl::StatusOr<HeldPart> HoldPart(const TriangleMesh& part, Inspection* inspecti
                          "measurement.resting_orientations (on a support that is an obstacle), or "
                          "rig.part_holding PART_HOLDING_FIXTURE or PART_HOLDING_FREE"));
       }
+      if (inspection->defaults != DefaultsVersion::k0_1) ExcludeUnstable(&held);
+      if (held.faces.empty()) {
+        return absl::InvalidArgumentError(absl::StrFormat(
+            "%s: the part topples from each of its faces: from the most stable one, %s, at %.0f "
+            "deg, "
+            "less than %.0f deg; give measurement.resting_orientations (with a fixture that is an "
+            "obstacle), rig.part_holding PART_HOLDING_FIXTURE, or \"defaults\": \"0.1\", which "
+            "takes faces from 3 deg on",
+            inspection->part_file, held.excluded.front().face.name,
+            held.excluded.front().face.stability_rad * 180 / std::numbers::pi,
+            kLeastStability_rad * 180 / std::numbers::pi));
+      }
       for (const RestingFace& face : held.faces) {
         orientations.push_back({face.part_alpha_rad, face.part_beta_rad, face.name});
       }
@@ -279,6 +322,51 @@ absl::Status CheckObstaclesClear(const TriangleMesh& part, const Inspection& ins
     }
   }
   return absl::OkStatus();
+}
+
+absl::Status ExcludeBlockedRests(const TriangleMesh& part,
+                                 const std::vector<PlacedObstacle>& obstacles,
+                                 Inspection* inspection, HeldPart* held) {
+  if (inspection->defaults == DefaultsVersion::k0_1 || !held->table) return absl::OkStatus();
+  const Eigen::Vector3d centre_m = part.BoundingBox().center();
+  const Eigen::AlignedBox3d table = held->table->BoundingBox();
+  const double table_reach_m = 0.5 * table.sizes().head<2>().norm();
+  std::vector<RestingOrientation>& orientations = inspection->domain.resting_orientations;
+  for (size_t i = 0; i < held->faces.size();) {
+    Measurement rest;
+    rest.part_alpha_rad = orientations[i].part_alpha_rad;
+    rest.part_beta_rad = orientations[i].part_beta_rad;
+    const ScanGeometry geometry = MakeScanGeometry(inspection->rig, rest);
+    double deepest_m = kToleratedDepth_m;
+    const PlacedObstacle* blocking = nullptr;
+    for (const PlacedObstacle& obstacle : obstacles) {
+      if (obstacle.frame != ObstacleFrame::kPart) continue;
+      const double depth_m = DepthInTable(*obstacle.mesh, geometry.part_rotation, centre_m,
+                                          geometry.table_height_m, table_reach_m);
+      if (depth_m <= deepest_m) continue;
+      deepest_m = depth_m;
+      blocking = &obstacle;
+    }
+    if (blocking == nullptr) {
+      ++i;
+      continue;
+    }
+    held->excluded.push_back({held->faces[i],
+                              absl::StrFormat("\"%s\" would stand %.0f mm in the table",
+                                              blocking->name, 1e3 * deepest_m),
+                              blocking->name});
+    held->faces.erase(held->faces.begin() + static_cast<std::ptrdiff_t>(i));
+    orientations.erase(orientations.begin() + static_cast<std::ptrdiff_t>(i));
+  }
+  if (!held->faces.empty()) return absl::OkStatus();
+  std::string reasons;
+  for (const ExcludedRest& excluded : held->excluded) {
+    absl::StrAppend(&reasons, reasons.empty() ? "" : "; ", "face ", excluded.face.name, ": ",
+                    excluded.because);
+  }
+  return absl::InvalidArgumentError(
+      absl::StrCat("the part cannot lie on any of its faces: ", reasons,
+                   "; give rig.part_holding PART_HOLDING_FIXTURE if the obstacle holds it"));
 }
 
 }  // namespace sightline

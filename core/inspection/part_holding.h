@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What holds the part while it is scanned: a table it rests on, a fixture, or nothing.
+// Support of the part while it is scanned: a table it rests on, a fixture, or nothing.
 #pragma once
 
 #include <optional>
@@ -20,16 +20,27 @@ namespace sightline {
 absl::Status ParsePartHolding(const v1::Inspection& message, const std::string& context,
                               Inspection* inspection);
 
+// A resting face that plans may not use.
+struct ExcludedRest {
+  RestingFace face;
+  std::string because;   // a sentence without its full stop
+  std::string obstacle;  // that would stand in the table; empty: another reason
+};
+
 struct HeldPart {
   // One for every resting orientation of the domain, in its order; empty of parts that do not rest.
   std::vector<RestingFace> faces;
   // Its upper face is z = 0 of FRAME_TABLE. Unset of parts that do not rest.
   std::optional<TriangleMesh> table;
+  // Faces on which the part would stand, but topples too easily or has an obstacle in the table.
+  std::vector<ExcludedRest> excluded;
 };
 
 // Fills in what an inspection leaves to the part: how far it is shifted where no offsets are given,
 // the faces it rests on where no resting orientations are given, and the corners of its hull, which
 // the table's height follows from.
+// It offers the faces it finds that topple at 15 degrees or more (3 degrees by the defaults of
+// version 0.1); the others are excluded.
 // INVALID_ARGUMENT if a resting part has no stable face, or is flat; the message names the file.
 absl::StatusOr<HeldPart> HoldPart(const TriangleMesh& part, Inspection* inspection);
 
@@ -49,5 +60,12 @@ struct PlacedObstacle {
 absl::Status CheckObstaclesClear(const TriangleMesh& part, const Inspection& inspection,
                                  const HeldPart& held,
                                  const std::vector<PlacedObstacle>& obstacles);
+
+// Excludes the resting faces on which an obstacle in the part's frame (a clamp, a fixture) would
+// reach into the table by more than kToleratedDepth_m, from `held` and from the domain. Nothing by
+// the defaults of version 0.1. INVALID_ARGUMENT if no face is left.
+absl::Status ExcludeBlockedRests(const TriangleMesh& part,
+                                 const std::vector<PlacedObstacle>& obstacles,
+                                 Inspection* inspection, HeldPart* held);
 
 }  // namespace sightline

@@ -12,7 +12,7 @@ constexpr Limits kMountPosition{-100, 100, " m"};
 constexpr Limits kAngle{-360, 360, " deg"};
 constexpr Limits kSpeedFraction{0, 1, "", true};
 constexpr Limits kAccelerationTime{0, 60, " s"};
-// Of one turn more than any drive allows, or of a long linear axis in metres.
+// The limits exceed one turn of any drive and the length of any linear axis in metres.
 constexpr Limits kJointPosition{-1000, 1000, " rad or m"};
 constexpr int kMostJoints = 16;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `rig.robot` of an inspection says of an arm or a table: how it stands and what it carries.
+// Section `rig.robot` of an inspection, an arm or a table: how it stands and what it carries.
 #pragma once
 
 #include <Eigen/Geometry>

@@ -69,7 +69,7 @@ class InMemoryJobStore : public JobStore {
       }
       queued_.notify_all();
       changed_.notify_all();
-      // Whoever still waits for a change leaves before the members go.
+      // Threads that still wait for a change must leave before the members are destroyed.
       changed_.wait(lock, [this] { return waiting_ == 0; });
     }
     for (std::thread& thread : threads_) thread.join();
@@ -290,7 +290,7 @@ class InMemoryJobStore : public JobStore {
       } catch (...) {
         result = StatusOfException();
       }
-      work = nullptr;  // what it captured goes without the mutex
+      work = nullptr;  // its captures are destroyed without the mutex
       lock.lock();
       Finish(*job, result);
     }

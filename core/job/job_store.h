@@ -25,7 +25,7 @@ struct JobRecord {
   JobState state = JobState::kQueued;
   double progress = 0;  // [0, 1]
   std::string message;
-  std::string result_key;  // of a cancelled job, if any: of what it had by then
+  std::string result_key;  // of a cancelled job, if any: of its partial result
   absl::Status error;
   int64_t revision = 0;  // grows with every change
 
@@ -41,7 +41,7 @@ class JobContext {
   virtual const std::atomic<bool>& cancelled() const = 0;
 };
 
-// Returns the result key; if cancelled, CANCELLED or that of what it has so far.
+// Returns the result key; if cancelled, CANCELLED or the key of the partial result.
 using JobWork = std::function<absl::StatusOr<std::string>(JobContext&)>;
 
 // Room for one job, from before its request is parsed until it is finished. Given back when it
@@ -84,7 +84,7 @@ class JobStore {
 // Finished jobs that a store remembers.
 inline constexpr int kKeptFinishedJobs = 1000;
 
-// What may have room at a time.
+// Limits on the jobs that are admitted at a time.
 struct JobLimits {
   int64_t max_jobs = std::numeric_limits<int64_t>::max();
   int64_t max_jobs_of_owner = std::numeric_limits<int64_t>::max();
@@ -95,7 +95,7 @@ struct JobLimits {
 
 // Runs at most `workers` jobs at a time. Keeps the last kKeptFinishedJobs finished jobs. Work that
 // throws fails: RESOURCE_EXHAUSTED for lack of memory, INTERNAL otherwise. The destructor cancels
-// what runs and waits for it.
+// running jobs and waits for them.
 std::unique_ptr<JobStore> MakeInMemoryJobStore(int workers, const JobLimits& limits = {});
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How long work learns that nobody waits for it any longer.
+// How long work learns that it is no longer wanted.
 #pragma once
 
 #include <atomic>

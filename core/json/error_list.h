@@ -17,7 +17,7 @@ class ErrorList {
   // More would not be read, and looking for them could take long in a file that is all wrong.
   static constexpr size_t kMostErrors = 20;
 
-  // Takes what is not OK. Returns whether `status` was OK. Errors that say the same count once.
+  // Adds `status` unless it is OK; returns whether it is. Errors that say the same count once.
   bool Add(const absl::Status& status) {
     if (status.ok()) return true;
     if (full()) return false;
@@ -30,7 +30,7 @@ class ErrorList {
     return false;
   }
   bool empty() const { return messages_.empty(); }
-  // What else is wrong is not looked for.
+  // A full list means that no further errors are looked for.
   bool full() const { return messages_.size() >= kMostErrors; }
 
   // OK if there are none; of the first one's code, one error a line in the order in which they

@@ -9,7 +9,7 @@ std::string BlankLineComments(std::string json) {
   bool in_string = false;
   for (size_t i = 0; i < json.size(); ++i) {
     if (in_string) {
-      if (json[i] == '\\') ++i;  // whatever is escaped does not end the string
+      if (json[i] == '\\') ++i;  // an escaped character does not end the string
       // A string ends with its line: one that is not closed hides nothing of the next.
       if (i < json.size() && (json[i] == '"' || json[i] == '\n')) in_string = false;
     } else if (json[i] == '"') {

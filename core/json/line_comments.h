@@ -7,7 +7,7 @@
 namespace sightline {
 
 // The text with every comment, from `//` outside of a string to the end of its line, turned into
-// spaces: what is left has its old line and column. There are no other comments.
+// spaces: the rest keeps its line and column. There are no other comments.
 std::string BlankLineComments(std::string json);
 
 }  // namespace sightline

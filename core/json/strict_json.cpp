@@ -45,7 +45,7 @@ using google::protobuf::Reflection;
 constexpr size_t kMaxDepth = 64;
 // This bounds the time, as MostMessageBytes does the memory.
 constexpr size_t kMaxJsonValues = 2'000'000;
-// What reading a file may cost: the largest of ours, 10 000 recordings, has 10 MB.
+// Limits on the cost of reading a file: the largest of ours, 10 000 recordings, has 10 MB.
 constexpr uint64_t kMaxFileBytes = uint64_t{64} << 20;
 // Messages of files with few values may be larger than ten times the text.
 constexpr size_t kFreeMessageBytes = size_t{256} << 10;
@@ -224,7 +224,7 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
     const size_t column = error_.find("column ");
     const size_t reason = column == std::string::npos ? column : error_.find(": ", column);
     if (reason != std::string::npos) error_ = error_.substr(reason + 2);
-    // It quotes what was read last, which may be a string of megabytes.
+    // It quotes the last text read, which may be a string of megabytes.
     constexpr size_t kMostReasonBytes = 400;
     if (error_.size() > kMostReasonBytes) error_ = error_.substr(0, kMostReasonBytes) + "...";
     return false;

@@ -139,7 +139,7 @@ double Valley(const std::vector<double>& profile, double from, double to) {
   bool found = false;
   for (int row = first + 1; row < last; ++row) {
     const double mean = profile[row - 1] + profile[row] + profile[row + 1];
-    // Of equal values the one nearest to the middle.
+    // Among equal values the one nearest to the middle wins.
     if (!found || mean < least ||
         (mean == least && std::abs(row - (from + to) / 2) < std::abs(place - (from + to) / 2))) {
       least = mean;

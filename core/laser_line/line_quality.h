@@ -9,16 +9,16 @@
 
 namespace sightline {
 
-// Of a standard normal number, two-sided 95 %.
+// 97.5 % quantile of the standard normal distribution (two-sided 95 %).
 inline constexpr double kNormal95 = 1.959963984540054;
 
-// Where the true line crosses an image column; a column may have several crossings.
+// A place where the true line crosses an image column; a column may have several crossings.
 struct LineCrossing {
   int column_px = 0;
   double row_px = 0;
 };
 
-// What a comparison with the true line counts. Adding two of them counts both.
+// Sums over the comparison with the true line. Adding two of them counts both.
 struct LineSums {
   double columns = 0;    // that were looked at
   double crossings = 0;  // of the true line
@@ -69,19 +69,19 @@ class QualityEstimate {
   // block; at least two realisations, the same number for every block.
   QualityEstimate(const std::vector<std::vector<LineSums>>& sums, const LineCost& cost);
 
-  // Of all realisations together.
+  // Mean over all realisations.
   const LineQuality& mean() const { return mean_; }
 
   struct Interval {
     double lower = 0, upper = 0;
   };
-  // Where a fresh realisation lies in 95 of 100 cases: value +- 1.96 s sqrt(1 + 1/R), with s the
-  // standard deviation between realisations. s is that of the number linearised in the blocks' sums
-  // (delta method), whose variances between realisations add up, as blocks are independent: so many
-  // blocks make s known well from few realisations. What is a share stays in [0, 1].
-  // Where nothing was missed in R realisations, misses of a fresh one follow the predictive law of
-  // a Poisson number with a flat prior for its mean, k or more with probability (R + 1)^-k; the
-  // interval of the coverage leaves room for as many as are not ruled out at 5 %.
+  // 95 % prediction interval of one new realisation: value +- 1.96 s sqrt(1 + 1/R). Here s is the
+  // standard deviation between realisations, by the delta method: the number is linearised in the
+  // sums of independent blocks, whose variances between realisations add up. Many blocks make s
+  // well known from few realisations. Fractions stay in [0, 1]. If R realisations had no misses,
+  // the misses of a new one follow the predictive distribution of a Poisson count with a flat prior
+  // on its mean: k or more with probability (R + 1)^-k. The interval of the coverage includes as
+  // many misses as are not ruled out at 5 %.
   Interval u_px() const;
   Interval bias_px() const;
   Interval rms_px() const;

@@ -7,7 +7,7 @@
 
 namespace sightline {
 
-// Where to look, in places of the profile; sample i covers [i - 1/2, i + 1/2].
+// Search window in profile coordinates; sample i covers [i - 1/2, i + 1/2].
 struct ProfileWindow {
   double lower = 0, upper = 0;  // borders the window must not cross
   double start = 0;             // about the centre

@@ -75,7 +75,7 @@ GaussianDerivatives MakeGaussianDerivatives(double sigma_px) {
   for (size_t i = 0; i < smooth.size(); ++i) {
     d.smooth.push_back(static_cast<float>(smooth[i] / smooth_sum));
     d.first.push_back(static_cast<float>(first[i]));
-    // What cutting the kernel off has left would answer to a constant.
+    // Subtracting the mean makes the response of the truncated kernel to a constant zero.
     d.second.push_back(static_cast<float>(second[i] - second_sum / second.size()));
   }
   return d;

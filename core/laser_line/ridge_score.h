@@ -20,7 +20,7 @@ GaussianDerivatives MakeGaussianDerivatives(double sigma_px);
 // ridge), else 0. Values beyond the image are mirrored at its edge; all values must be finite.
 Image<float> RidgeScore(const Image<float>& image_dn, double sigma_px);
 
-// What white noise of standard deviation 1 DN adds to it: the standard deviation of the second
+// Response to white noise of standard deviation 1 DN: the standard deviation of the second
 // derivative along a column [DN/px^2].
 double RidgeNoise(double sigma_px);
 

@@ -16,7 +16,7 @@
 
 namespace sightline {
 
-// Thread-safe. Whoever holds a value keeps it alive after it was dropped here.
+// Thread-safe. A holder of a value keeps it alive after it was dropped here.
 template <typename Value>
 class LruStore {
  public:

@@ -15,7 +15,7 @@
 namespace sightline {
 
 // Calls work(index) -> absl::Status for every index below `count`, on as many threads as there are
-// processors, each index once. `work` must not touch what another index touches. Returns the error
+// processors, each index once. `work` must not touch data of another index. Returns the error
 // of the lowest index that failed; after an error no index is begun. Throws what `work` throws.
 template <typename Work>
 absl::Status ForEachIndex(size_t count, const Work& work) {

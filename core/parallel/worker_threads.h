@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Threads of one piece of work; what one of them throws reaches the thread that waits for them.
+// Threads of one piece of work; an exception in one of them reaches the waiting thread.
 #pragma once
 
 #include <exception>

@@ -23,7 +23,7 @@ constexpr std::string_view kNoShape[] = {
     "EXT_structural_metadata",
     "FB_geometry_metadata",  // counts and boxes
     "GODOT_single_root",
-    "KHR_animation_pointer",  // what is still is read
+    "KHR_animation_pointer",  // without animation the file is read
     "KHR_audio",
     "KHR_audio_emitter",
     "KHR_node_hoverability",

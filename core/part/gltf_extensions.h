@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Extensions of glTF 2.0. A file may use an extension without requiring it, and viewers then skip
-// what they do not know. For a measured part that is wrong: an extension may move, repeat or hide
+// unknown ones. For a measured part that is wrong: an extension may move, repeat or hide
 // geometry. So an extension is obeyed by the reader, is in the list of those that concern no shape,
 // or is refused by name wherever the default scene uses it.
 #pragma once

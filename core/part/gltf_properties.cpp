@@ -100,7 +100,7 @@ constexpr GltfProperty kGltfProperties[] = {
     {"buffer", "uri", GltfShape::kText},
 };
 
-// Messages begin with the place; whoever is further out puts its part of the place in front.
+// Messages begin with the place; callers prepend their part of the place.
 absl::Status AtPlace(absl::string_view place, const absl::Status& status) {
   return absl::InvalidArgumentError(absl::StrCat(place, status.message()));
 }

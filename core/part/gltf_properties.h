@@ -3,7 +3,7 @@
 //
 // tinygltf drops an optional property of a wrong type and takes the default of the specification: a
 // scale of ["2", "2", "2"] is none, a mode of 5.0 is triangles. For a measured part that is a wrong
-// part. So one table says of each property what it must be, and a file that differs is refused.
+// part. So one table states the type of each property, and a file that differs is refused.
 #pragma once
 
 #include <nlohmann/json.hpp>

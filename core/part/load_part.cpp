@@ -72,7 +72,8 @@ absl::Status CheckUnit(const std::string& format, const std::string& unit) {
 // `path` is empty for a part in memory.
 absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& format,
                                   const std::string& unit, const std::string& name,
-                                  const std::string& path, const StopCheck& stop) {
+                                  const std::string& path, const StopCheck& stop,
+                                  std::string_view unit_advice) {
   const auto named = [&](const absl::Status& status) {
     return absl::Status(status.code(), absl::StrCat(name, ": ", status.message()));
   };
@@ -94,7 +95,8 @@ absl::StatusOr<TriangleMesh> Load(const std::string& bytes, const std::string& f
         "sightline_step_import");
   }
   if (!raw.ok()) return named(raw.status());
-  absl::StatusOr<TriangleMesh> mesh = NormaliseMesh(*raw, MetresPerUnit(unit).value_or(1), stop);
+  absl::StatusOr<TriangleMesh> mesh =
+      NormaliseMesh(*raw, MetresPerUnit(unit).value_or(1), unit_advice, stop);
   if (!mesh.ok()) return named(mesh.status());
   return mesh;
 }
@@ -122,16 +124,17 @@ absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit
 }
 
 absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit,
-                                      const StopCheck& stop) {
+                                      const StopCheck& stop, std::string_view unit_advice) {
   absl::StatusOr<std::string> bytes = ReadRegularFile(path, kMaxPartFileBytes);
   if (!bytes.ok()) return bytes.status();
-  return Load(*bytes, FormatOf(path), unit, path, path, stop);
+  return Load(*bytes, FormatOf(path), unit, path, path, stop, unit_advice);
 }
 
 absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const std::string& format,
                                                 const std::string& unit, const std::string& name,
-                                                const StopCheck& stop) {
-  return Load(bytes, format, unit, name, "", stop);
+                                                const StopCheck& stop,
+                                                std::string_view unit_advice) {
+  return Load(bytes, format, unit, name, "", stop, unit_advice);
 }
 
 absl::StatusOr<PointCloud> LoadPoints(const std::string& path) {

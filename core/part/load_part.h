@@ -3,6 +3,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -11,6 +12,9 @@
 #include "core/part/mesh.h"
 
 namespace sightline {
+
+// Advice about the length unit of a part of implausible size, where LoadPart is given it.
+inline constexpr std::string_view kStateUnitAdvice = "state the unit of the file";
 
 // Extensions of the files that LoadPart reads, in lower case without the dot; and of those that can
 // come from memory, since they need no other files beside them.
@@ -28,8 +32,11 @@ std::vector<std::string> PartFormatsInMemory();
 // be off by more than 1 um, a file that is none (a pipe), a buffer of a glTF file outside its
 // folder, faces that take too long to cut into triangles, more JSON in a glTF
 // file than docs/limits.md allows. NOT_FOUND: no such file. `stop` ends the work early.
+// `unit_advice` ends the message about an implausible size: the remedy, if it is not to state a
+// unit.
 absl::StatusOr<TriangleMesh> LoadPart(const std::string& path, const std::string& unit,
-                                      const StopCheck& stop = {});
+                                      const StopCheck& stop = {},
+                                      std::string_view unit_advice = kStateUnitAdvice);
 
 // Whether the name is that of a STEP file: .step, .stp or .p21, in any case.
 bool IsStepFileName(const std::string& file_name);
@@ -41,7 +48,8 @@ absl::Status CheckPartUnit(const std::string& file_name, const std::string& unit
 // The same from memory; `format` is one of PartFormatsInMemory; `name` is for messages.
 absl::StatusOr<TriangleMesh> LoadPartFromMemory(const std::string& bytes, const std::string& format,
                                                 const std::string& unit, const std::string& name,
-                                                const StopCheck& stop = {});
+                                                const StopCheck& stop = {},
+                                                std::string_view unit_advice = kStateUnitAdvice);
 
 // Points as a scanner delivers them.
 struct PointCloud {

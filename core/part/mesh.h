@@ -25,7 +25,7 @@ struct TriangleMesh {
   // The reader's choices where the file leaves something open, a sentence each.
   std::vector<std::string> remarks;
 
-  // Of all vertices. Empty box for an empty mesh.
+  // Bounding box of all vertices. Empty box for an empty mesh.
   Eigen::AlignedBox3d BoundingBox() const;
   // Corner c (0..2) of triangle t.
   Eigen::Vector3d Corner(size_t t, int c) const {

@@ -47,12 +47,12 @@ inline constexpr uint64_t kMaxPartFileBytes = uint64_t{2} << 30;
 // A mesh above this many triangles is refused.
 inline constexpr size_t kMaxTriangles = 20'000'000;
 
-// Of glTF, the description of its parts: bytes of JSON, and values in it. Parsed, a value takes
+// Limits on the JSON of a glTF file: bytes of JSON, and values in it. Parsed, a value takes
 // some 200 bytes, whatever it says.
 inline constexpr size_t kMaxGltfJsonBytes = size_t{64} << 20;
 inline constexpr size_t kMaxGltfJsonValues = 2'000'000;
-// Of glTF, memory for its materials, nodes, meshes and the like: an empty material of 3 bytes of
-// JSON takes some 2.5 kB. Enough for 100 000 materials or 500 000 nodes.
+// Limit on the memory for a glTF file's materials, nodes, meshes and the like: an empty material of
+// 3 bytes of JSON takes some 2.5 kB. Enough for 100 000 materials or 500 000 nodes.
 inline constexpr size_t kMaxGltfElementBytes = size_t{256} << 20;
 
 // Steps of a reader's loop between two looks at its StopCheck: some milliseconds.

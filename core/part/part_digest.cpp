@@ -51,12 +51,15 @@ PartDigest PartDigestOf(const TriangleMesh& mesh) {
 }
 
 absl::StatusOr<PartDigest> ParsePartDigest(std::string_view text) {
-  PartDigest digest{1, std::string(text)};
+  PartDigest digest;
+  digest.rule = 1;
+  digest.hex = text;
   bool good_rule = true;
   if (const size_t colon = text.find(':'); colon != std::string_view::npos) {
     const absl::StatusOr<int64_t> rule = ParseWhole(text.substr(0, colon));
     good_rule = rule.ok() && *rule >= 1 && *rule <= kLargestRule && text[0] != '0';
-    digest = {good_rule ? static_cast<int>(*rule) : 0, std::string(text.substr(colon + 1))};
+    digest.rule = good_rule ? static_cast<int>(*rule) : 0;
+    digest.hex = text.substr(colon + 1);
   }
   if (!good_rule || digest.hex.size() != kHexDigits ||
       !std::all_of(digest.hex.begin(), digest.hex.end(), IsHexDigit)) {

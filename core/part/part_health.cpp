@@ -52,7 +52,7 @@ struct Repetitions {
 Repetitions FindRepetitions(const TriangleMesh& mesh, const std::vector<bool>& degenerate) {
   struct OnVertices {
     std::array<uint32_t, 3> sorted;
-    bool odd;  // which way it faces
+    bool odd;  // orientation: odd permutation of the corners
     uint32_t triangle;
   };
   std::vector<OnVertices> all;

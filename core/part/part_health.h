@@ -22,7 +22,7 @@ struct PartHealth {
   int64_t duplicate_triangle_count = 0;
   int64_t component_count = 0;
   int64_t flipped_component_count = 0;
-  // What matters for planning, in words; empty for a sound part.
+  // Findings that matter for planning, in words; empty for a sound part.
   std::vector<std::string> findings;
 };
 

@@ -53,7 +53,7 @@ class CornerGrid {
   }
 
   // Whether `blocks` holds for any corner in the cells about the triangle. Those for which `gone`
-  // holds are forgotten. Counts what was looked at.
+  // holds are forgotten. Counts the steps of work.
   template <typename Gone, typename Blocks>
   bool Any(const PlanePoint& a, const PlanePoint& b, const PlanePoint& c, const Gone& gone,
            const Blocks& blocks, int64_t* steps) {
@@ -142,7 +142,7 @@ absl::Status PolygonCutter::Add(std::span<const uint32_t> corners, RawMesh* mesh
   for (size_t i = 0; i < n && convex; ++i) {
     convex = Turn(places[(i + n - 1) % n], places[i], places[(i + 1) % n]) >= 0;
   }
-  // What is not finite is refused later, with its number.
+  // A later check rejects coordinates that are not finite and names them.
   if (convex || !finite || !normal.allFinite() || normal.isZero(0)) {
     Fan(corners, mesh);
     return absl::OkStatus();
@@ -194,7 +194,7 @@ absl::Status PolygonCutter::CutEars(std::span<const uint32_t> corners,
     if (ear) {
       const auto gone = [&](uint32_t q) { return !may_block[q]; };
       const auto inside = [&](uint32_t q) {
-        // Where a hole is tied to the outline, corners stand twice at one place.
+        // A bridge between a hole and the outline puts two corners at one place.
         const PlanePoint& pq = places[q];
         if (pq == pa || pq == pb || pq == pc) return false;
         return Turn(pa, pb, pq) >= 0 && Turn(pb, pc, pq) >= 0 && Turn(pc, pa, pq) >= 0;

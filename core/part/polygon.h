@@ -29,9 +29,9 @@ class PolygonCutter {
   explicit PolygonCutter(const StopCheck& stop) : stop_(stop) {}
 
   // Adds the triangles of a planar polygon given by indices into mesh->positions. Fewer than 3
-  // corners add nothing; of one that crosses itself, what has no ear is fanned. INVALID_ARGUMENT:
-  // more than kMostCorners corners, more than kMaxTriangles triangles with those of `mesh`, or the
-  // file's polygons are too much work; or what `stop` says.
+  // corners add nothing; a polygon that crosses itself is fanned where it has no ear.
+  // INVALID_ARGUMENT: more than kMostCorners corners, more than kMaxTriangles triangles with those
+  // of `mesh`, or the file's polygons are too much work; or what `stop` says.
   absl::Status Add(std::span<const uint32_t> corners, RawMesh* mesh);
 
  private:

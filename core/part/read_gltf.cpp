@@ -20,6 +20,7 @@
 #include "absl/strings/str_replace.h"
 #include "absl/strings/strip.h"
 #include "core/file/read_file.h"
+#include "core/part/gltf_buffer_files.h"
 #include "core/part/gltf_extensions.h"
 #include "core/part/gltf_properties.h"
 #include "core/part/mesh_readers.h"
@@ -101,25 +102,6 @@ class JsonMeasure : public nlohmann::json_sax<nlohmann::json> {
   std::vector<Container> open_;  // the outermost first
 };
 
-// Percent-encoding as tinygltf decodes it.
-std::string DecodedUri(std::string_view uri) {
-  std::string decoded;
-  for (size_t i = 0; i < uri.size(); ++i) {
-    const auto digit = [&](size_t at) -> int {
-      if (at >= uri.size()) return -1;
-      const char c = absl::ascii_tolower(static_cast<unsigned char>(uri[at]));
-      return c >= '0' && c <= '9' ? c - '0' : c >= 'a' && c <= 'f' ? c - 'a' + 10 : -1;
-    };
-    if (uri[i] == '%' && digit(i + 1) >= 0 && digit(i + 2) >= 0) {
-      decoded += static_cast<char>(16 * digit(i + 1) + digit(i + 2));
-      i += 2;
-    } else {
-      decoded += uri[i];
-    }
-  }
-  return decoded;
-}
-
 // Whether a file named in a glTF file is beside it or below, as far as names tell.
 bool StaysInFolder(const std::string& file) {
   const std::filesystem::path path = file;
@@ -182,7 +164,7 @@ uint64_t OwnBufferBytes(const nlohmann::json& root) {
   return bytes != own.end() && bytes->is_number_unsigned() ? bytes->get<uint64_t>() : 0;
 }
 
-// What has to be known before tinygltf may see the JSON. `buffer_files`: where to put the names of
+// Checks the JSON before tinygltf parses it. `buffer_files`: where to put the names of
 // the files that buffers are in; nullptr for a GLB, which has them in itself, in `binary_bytes`
 // bytes.
 absl::Status CheckJson(std::string_view json, std::vector<std::string>* buffer_files,
@@ -337,36 +319,16 @@ class Converter {
       return status;
     }
     visited_.assign(model_.nodes.size(), false);
-    if (model_.scenes.empty()) {
-      // Without a scene every root node is meant.
-      std::vector<bool> is_child(model_.nodes.size(), false);
-      for (const tinygltf::Node& node : model_.nodes) {
-        for (int child : node.children) {
-          if (child >= 0 && static_cast<size_t>(child) < is_child.size()) is_child[child] = true;
-        }
-      }
-      for (size_t i = 0; i < model_.nodes.size(); ++i) {
-        if (is_child[i]) continue;
-        if (absl::Status status = AddTree(static_cast<int>(i)); !status.ok()) return status;
-      }
-    } else {
-      const int scene = std::max(model_.defaultScene, 0);
-      if (model_.defaultScene < 0 && model_.scenes.size() > 1) {
-        mesh_.remarks.push_back(absl::StrCat("of its ", model_.scenes.size(),
-                                             " scenes none is the default; read was ", SceneText(0),
-                                             ", not ", OtherScenesText()));
-      }
-      if (static_cast<size_t>(scene) >= model_.scenes.size()) {
-        return Refuse(absl::StrCat("its default scene ", scene, " does not exist"));
-      }
-      if (absl::Status status = CheckExtensionsAt(absl::StrCat("scenes[", scene, "]"),
-                                                  model_.scenes[scene].extensions);
-          !status.ok()) {
-        return status;
-      }
-      for (int node : model_.scenes[scene].nodes) {
-        if (absl::Status status = AddTree(node); !status.ok()) return status;
-      }
+    const size_t scene = static_cast<size_t>(std::max(model_.defaultScene, 0));
+    if (absl::Status status = model_.scenes.empty() ? AddAllRoots() : AddScene(scene);
+        !status.ok()) {
+      return status;
+    }
+    if (mesh_.triangles.empty() && model_.scenes.size() > 1) {
+      return Refuse(absl::StrCat(SceneText(scene),
+                                 model_.defaultScene < 0 ? ", the first one," : ", its default,",
+                                 " has no triangles; not read were ", OtherScenesText(scene),
+                                 ": make the scene of the part the default"));
     }
     if (mesh_.triangles.empty() && skipped_primitives_ > 0) {
       return Refuse("has only points and lines, no triangles");
@@ -376,23 +338,78 @@ class Converter {
 
  private:
   // "scenes[1] "fixture"", or without a name the place alone.
-  std::string SceneText(size_t scene) const {
-    const std::string& name = model_.scenes[scene].name;
+  static std::string PlaceText(const char* list, size_t index, const std::string& name) {
     return absl::StrCat(
-        "scenes[", scene, "]",
+        list, "[", index, "]",
         name.empty() ? "" : absl::StrCat(" \"", absl::Utf8SafeCEscape(Excerpt(name)), "\""));
   }
+  std::string SceneText(size_t scene) const {
+    return PlaceText("scenes", scene, model_.scenes[scene].name);
+  }
 
-  // All but the first, of many only some.
-  std::string OtherScenesText() const {
+  // A list for people, of many only some.
+  static std::string ListText(const std::vector<std::string>& places) {
     constexpr size_t kMostNamed = 4;
     std::string text;
-    for (size_t i = 1; i < model_.scenes.size() && i <= kMostNamed; ++i) {
-      absl::StrAppend(&text, i == 1 ? "" : ", ", SceneText(i));
+    for (size_t i = 0; i < places.size() && i < kMostNamed; ++i) {
+      absl::StrAppend(&text, i == 0 ? "" : ", ", places[i]);
     }
-    const size_t left = model_.scenes.size() - 1;
-    if (left > kMostNamed) absl::StrAppend(&text, " and ", left - kMostNamed, " more");
+    if (places.size() > kMostNamed) {
+      absl::StrAppend(&text, " and ", places.size() - kMostNamed, " more");
+    }
     return text;
+  }
+
+  // All scenes but one.
+  std::string OtherScenesText(size_t scene) const {
+    std::vector<std::string> others;
+    for (size_t i = 0; i < model_.scenes.size(); ++i) {
+      if (i != scene) others.push_back(SceneText(i));
+    }
+    return ListText(others);
+  }
+
+  // A file without a scene does not say which of its nodes are the part (3.5.1 of the
+  // specification): all that have no parent are read, with what is below them.
+  absl::Status AddAllRoots() {
+    std::vector<bool> is_child(model_.nodes.size(), false);
+    for (const tinygltf::Node& node : model_.nodes) {
+      for (int child : node.children) {
+        if (child >= 0 && static_cast<size_t>(child) < is_child.size()) is_child[child] = true;
+      }
+    }
+    std::vector<std::string> roots;
+    for (size_t i = 0; i < model_.nodes.size(); ++i) {
+      if (is_child[i]) continue;
+      roots.push_back(PlaceText("nodes", i, model_.nodes[i].name));
+      if (absl::Status status = AddTree(static_cast<int>(i)); !status.ok()) return status;
+    }
+    if (roots.size() > 1) {
+      mesh_.remarks.push_back(absl::StrCat("has no scene that says which nodes are the part; all ",
+                                           roots.size(),
+                                           " without a parent were read: ", ListText(roots)));
+    }
+    return absl::OkStatus();
+  }
+
+  absl::Status AddScene(size_t scene) {
+    if (scene >= model_.scenes.size()) {
+      return Refuse(absl::StrCat("its default scene ", scene, " does not exist"));
+    }
+    if (model_.defaultScene < 0 && model_.scenes.size() > 1) {
+      mesh_.remarks.push_back(absl::StrCat("of its ", model_.scenes.size(),
+                                           " scenes none is the default; read was ", SceneText(0),
+                                           ", not ", OtherScenesText(0)));
+    }
+    if (absl::Status status =
+            CheckExtensionsAt(absl::StrCat("scenes[", scene, "]"), model_.scenes[scene].extensions);
+        !status.ok()) {
+      return status;
+    }
+    for (int node : model_.scenes[scene].nodes) {
+      if (absl::Status status = AddTree(node); !status.ok()) return status;
+    }
+    return absl::OkStatus();
   }
 
   // Checks the extensions of an object of the default scene.
@@ -560,7 +577,7 @@ class Converter {
     return absl::OkStatus();
   }
 
-  // Which types of numbers an accessor may have.
+  // The number types that an accessor may have.
   enum AllowedTypes { kFloatOnly, kFloatOrNormalised, kFloatOrSmallInteger, kIndices };
 
   static size_t BytesOfComponent(int type) {
@@ -874,7 +891,7 @@ absl::StatusOr<RawMesh> LoadModel(tinygltf::TinyGLTF& loader, const StopCheck& s
       return Refuse(absl::StrCat("cannot be parsed: ", OneLine(error)));
     }
   } catch (const std::bad_alloc&) {
-    throw;  // not the file's fault: whoever asked says so
+    throw;  // not the file's fault: the caller says so
   } catch (const std::exception& e) {
     return Refuse(absl::StrCat("cannot be parsed: ", OneLine(e.what())));
   }

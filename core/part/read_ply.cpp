@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // PLY: ASCII, binary little- and big-endian. Elements other than vertices and faces are stepped
-// over; so are their other properties. What is left behind the last element of the header is an
-// error: the header counts wrongly, or the file is two.
+// over; so are their other properties. Bytes behind the last element of the header are an error:
+// the header counts wrongly, or the file is two.
 #include <algorithm>
 #include <bit>
 #include <cmath>
@@ -124,10 +124,13 @@ class PlyBody {
   bool Read(Number type, double* value) {
     if (encoding_ == Encoding::kAscii) {
       const std::string_view word = scanner_.Word();
-      if (!ParseNumber(word, value)) return false;
+      if (word.empty()) return false;
+      if (!ParseNumber(word, value)) {
+        misfit_ = absl::StrCat("\"", Excerpt(word), "\" is no number");
+        return false;
+      }
       if (Fits(type, word, *value)) return true;
-      misfit_ = absl::StrCat("line ", first_line_ + scanner_.line() - 1, ": ", Excerpt(word),
-                             " is no value of type ", NameOf(type));
+      misfit_ = absl::StrCat(Excerpt(word), " is no value of type ", NameOf(type));
       return false;
     }
     const size_t size = SizeOf(type);
@@ -163,8 +166,13 @@ class PlyBody {
     return true;
   }
 
-  // Why the number that was read last does not fit its type; empty if it is none or not there.
+  // Reason why the last text read is no value of its type; empty at the end.
   const std::string& misfit() const { return misfit_; }
+
+  // Line of the file with the number that was read last, counted from 1; 0 of binary data.
+  size_t line() const {
+    return encoding_ == Encoding::kAscii ? first_line_ + scanner_.line() - 1 : 0;
+  }
 
   // Whether the element's line has no more numbers; always true of binary data.
   bool AtLineEnd() { return encoding_ != Encoding::kAscii || scanner_.WordInLine().empty(); }
@@ -268,11 +276,18 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
   std::vector<uint32_t> corners;
   bool vertices_read = false;
   for (const Element& element : elements) {
-    const auto truncated = [&](uint64_t i) {
-      if (!body.misfit().empty()) return absl::InvalidArgumentError(body.misfit());
-      return absl::InvalidArgumentError(absl::StrCat("truncated or damaged: element \"",
-                                                     Excerpt(element.name), "\" ", i, " of ",
-                                                     element.count, " cannot be read"));
+    // An error at the number that was read last, in element `i` (counted from 0).
+    const auto wrong = [&](uint64_t i, const std::string& reason) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(body.line() > 0 ? absl::StrCat("line ", body.line(), ": ") : "",
+                       Excerpt(element.name), " ", i, " ", reason));
+    };
+    const auto unreadable = [&](uint64_t i) {
+      if (!body.misfit().empty())
+        return wrong(i, absl::StrCat("has a wrong value: ", body.misfit()));
+      return absl::InvalidArgumentError(absl::StrCat(
+          "truncated: the header counts ", element.count, " elements \"", Excerpt(element.name),
+          "\", the data ends within or before that of index ", i));
     };
     const bool is_vertex = element.name == "vertex", is_face = element.name == "face";
     if (element.name == "tristrips") {
@@ -319,17 +334,23 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
       return absl::InvalidArgumentError(
           absl::StrCat("element \"", Excerpt(element.name), "\" has no properties"));
     }
-    if (element.count > body.Left()) return truncated(0);
+    if (element.count > body.Left()) {
+      return absl::InvalidArgumentError(absl::StrCat("truncated: the header counts ", element.count,
+                                                     " elements \"", Excerpt(element.name), "\", ",
+                                                     body.Left(), " bytes are left for them"));
+    }
     for (uint64_t i = 0; i < element.count; ++i) {
       if (i % kStepsPerStopCheck == 0) {
         if (absl::Status status = CheckStop(stop); !status.ok()) return status;
       }
       Eigen::Vector3d position = Eigen::Vector3d::Zero(), normal = Eigen::Vector3d::Zero();
+      size_t first_line = 0;  // with a number of this element
       for (size_t k = 0; k < element.properties.size(); ++k) {
         const Property& property = element.properties[k];
         double value = 0;
         if (!property.count_type) {
-          if (!body.Read(property.type, &value)) return truncated(i);
+          if (!body.Read(property.type, &value)) return unreadable(i);
+          if (first_line == 0) first_line = body.line();
           for (int axis = 0; axis < 3; ++axis) {
             if (axis_of[axis] == static_cast<int>(k)) position[axis] = value;
             if (normal_axis_of[axis] == static_cast<int>(k)) normal[axis] = value;
@@ -337,40 +358,48 @@ absl::StatusOr<RawMesh> ReadPly(std::string_view file, const StopCheck& stop) {
           continue;
         }
         double count = 0;
-        if (!body.Read(*property.count_type, &count)) return truncated(i);
-        if (!(count >= 0 && count <= static_cast<double>(body.Left()))) return truncated(i);
+        if (!body.Read(*property.count_type, &count)) return unreadable(i);
+        if (first_line == 0) first_line = body.line();
+        if (!(count >= 0)) {
+          return wrong(i, absl::StrCat("has a list of ", count, " values, must be 0 or more"));
+        }
+        if (count > static_cast<double>(body.Left())) {
+          return wrong(i, absl::StrCat("is truncated or damaged: a list claims ", count,
+                                       " values, ", body.Left(), " bytes are left"));
+        }
         const bool is_outline = is_face && static_cast<int>(k) == list_of_face;
         if (is_outline && count < 3) {
-          return absl::InvalidArgumentError(
-              absl::StrCat("face ", i, " has ", count, " vertices, needs at least 3"));
+          return wrong(i, absl::StrCat("has ", count, " vertices, needs at least 3"));
         }
         if (is_outline && count > PolygonCutter::kMostCorners) {
-          return absl::InvalidArgumentError(
-              absl::StrCat("face ", i, " has ", static_cast<uint64_t>(count), " corners, at most ",
-                           PolygonCutter::kMostCorners, " can be cut into triangles"));
+          return wrong(i, absl::StrCat("has ", static_cast<uint64_t>(count), " corners, at most ",
+                                       PolygonCutter::kMostCorners, " can be cut into triangles"));
         }
         corners.clear();
         for (uint64_t n = 0; n < static_cast<uint64_t>(count); ++n) {
           double index = 0;
-          if (!body.Read(property.type, &index)) return truncated(i);
+          if (!body.Read(property.type, &index)) return unreadable(i);
           if (!is_outline) continue;
           if (!(index >= 0 && index < static_cast<double>(mesh.positions.size())) ||
               index != static_cast<double>(static_cast<uint32_t>(index))) {
-            return absl::InvalidArgumentError(absl::StrCat("face ", i, " has vertex index ", index,
-                                                           ", there are ", mesh.positions.size(),
-                                                           " vertices"));
+            return wrong(i, absl::StrCat("has vertex index ", index, ", there are ",
+                                         mesh.positions.size(), " vertices"));
           }
           corners.push_back(static_cast<uint32_t>(index));
         }
         if (absl::Status status = cutter.Add(corners, &mesh); !status.ok()) {
           if (!absl::IsInvalidArgument(status)) return status;
-          return absl::InvalidArgumentError(absl::StrCat("face ", i, ": ", status.message()));
+          return wrong(i, absl::StrCat("cannot be cut: ", status.message()));
         }
       }
-      if (!body.AtLineEnd()) {
-        return absl::InvalidArgumentError(
-            absl::StrCat("element \"", Excerpt(element.name), "\" ", i,
-                         " has more numbers on its line than the header has properties"));
+      // A line with too few numbers takes those of the next one.
+      if (const size_t last_line = body.line(); !body.AtLineEnd()) {
+        return first_line == last_line
+                   ? wrong(i, "has more numbers on its line than the header has properties")
+                   : absl::InvalidArgumentError(absl::StrCat(
+                         "line ", first_line, ": ", Excerpt(element.name), " ", i,
+                         " has fewer numbers on its line than the header has properties, and line ",
+                         last_line, " has more"));
       }
       if (is_vertex) mesh.positions.push_back(position);
       if (has_normals) mesh.normals.push_back(normal);

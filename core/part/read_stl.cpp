@@ -204,7 +204,7 @@ absl::StatusOr<RawMesh> ReadStl(std::string_view bytes, const StopCheck& stop) {
     return absl::InvalidArgumentError(
         absl::StrCat("is no STL file: ", bytes.size(), " bytes, no \"solid\" at the start"));
   }
-  // The size is not that of a binary file, so a mark says what the file is.
+  // The size is not that of a binary file, so a mark decides.
   if (!unmarked.ok()) return unmarked.status();
   const uint64_t count = LittleEndian32(bytes, 80);
   const uint64_t size = kHeader + kFacet * count;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a program says when there is no memory left.
+// The message of a program that has no memory left.
 #pragma once
 
 namespace sightline {

@@ -18,7 +18,7 @@ std::vector<std::filesystem::path> ProgramFolders(const std::filesystem::path& o
 
 // The first executable file `name` in the folders of the running program. If there is none, the
 // path at which it was looked for first, which does not exist: messages name it. PATH and the
-// working folder are never searched, since whoever writes there could replace a program.
+// working folder are never searched, since any user who may write there could replace a program.
 std::filesystem::path FindProgram(std::string_view name);
 
 // PREFIX/share/sightline of an installed program, which holds examples and the catalogue. A build

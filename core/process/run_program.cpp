@@ -66,7 +66,7 @@ class Child {
   const bool leads_group_;
 };
 
-// What comes until both pipes are closed.
+// Reads until both pipes are closed.
 absl::Status ReadAll(const Pipe& output, const Pipe& errors, const ProgramLimits& limits,
                      ProcessClock* clock, FinishedProgram* finished) {
   std::array<pollfd, 2> fds = {pollfd{output.ends[0], POLLIN, 0},
@@ -92,7 +92,7 @@ absl::Status ReadAll(const Pipe& output, const Pipe& errors, const ProgramLimits
       texts[i]->append(buffer.data(), static_cast<size_t>(got));
     }
     if (finished->output.size() > limits.max_output_bytes) return absl::ResourceExhaustedError("");
-    // What it wrote last tells why it failed.
+    // Only the tail is kept: it says why the program failed.
     if (finished->errors.size() > 2 * kErrorsTailBytes) {
       finished->errors.erase(0, finished->errors.size() - kErrorsTailBytes);
     }

@@ -12,19 +12,19 @@
 namespace sightline {
 
 struct FinishedProgram {
-  std::string output;   // what it wrote to stdout
+  std::string output;   // text that it wrote to stdout
   std::string errors;   // the end of what it wrote to stderr, at most 4000 bytes
   int wait_status = 0;  // as of waitpid(); 0: it ended well
 };
 
 struct ProgramLimits {
   // Limits the time that the program takes by itself (core/process/process_clock.h): CPU time and
-  // sleep. A busy machine that holds it up does not shorten what it may do.
+  // sleep. A busy machine does not shorten its time.
   absl::Duration time_limit;
   size_t max_output_bytes = size_t{64} << 20;
 };
 
-// Runs a program without a shell and collects what it writes. The program does not outlive the
+// Runs a program without a shell and collects its output. The program does not outlive the
 // call. `start` is without descriptors 1 and 2. UNAVAILABLE: it cannot be started;
 // DEADLINE_EXCEEDED, RESOURCE_EXHAUSTED: it took longer or wrote more than it may, and was ended.
 absl::StatusOr<FinishedProgram> RunProgram(ProcessStart start, const ProgramLimits& limits);

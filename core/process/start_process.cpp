@@ -23,14 +23,19 @@ namespace {
 // In the environment of a program that ends with us: this process.
 constexpr char kParentPid[] = "SIGHTLINE_PARENT_PID";
 
-// This process's environment, in which only `parent_pid`, if any, says who started it.
-std::vector<char*> EnvironmentWith(std::string* parent_pid) {
+// This process's environment with other variables, "NAME=VALUE". Only they say who started it.
+std::vector<char*> EnvironmentWith(std::vector<std::string>* others) {
   std::vector<char*> variables;
-  const std::string name = absl::StrCat(kParentPid, "=");
+  const auto is_replaced = [&](absl::string_view variable) {
+    return absl::StartsWith(variable, absl::StrCat(kParentPid, "=")) ||
+           std::any_of(others->begin(), others->end(), [&](const std::string& other) {
+             return absl::StartsWith(variable, other.substr(0, other.find('=') + 1));
+           });
+  };
   for (char** variable = environ; *variable != nullptr; ++variable) {
-    if (!absl::StartsWith(*variable, name)) variables.push_back(*variable);
+    if (!is_replaced(*variable)) variables.push_back(*variable);
   }
-  if (parent_pid != nullptr) variables.push_back(parent_pid->data());
+  for (std::string& other : *others) variables.push_back(other.data());
   variables.push_back(nullptr);
   return variables;
 }
@@ -87,9 +92,9 @@ absl::StatusOr<pid_t> StartProcess(const ProcessStart& start) {
   const int group = start.in_our_group ? 0 : POSIX_SPAWN_SETPGROUP;
   posix_spawnattr_setflags(
       &attributes, static_cast<short>(POSIX_SPAWN_SETSIGMASK | POSIX_SPAWN_SETSIGDEF | group));
-  std::string parent_pid = absl::StrCat(kParentPid, "=", getpid());
-  const std::vector<char*> environment =
-      EnvironmentWith(start.ends_with_us ? &parent_pid : nullptr);
+  std::vector<std::string> others = start.environment;
+  if (start.ends_with_us) others.push_back(absl::StrCat(kParentPid, "=", getpid()));
+  const std::vector<char*> environment = EnvironmentWith(&others);
   pid_t pid = -1;
   const int error = (start.in_path ? posix_spawnp : posix_spawn)(
       &pid, argv[0], &actions, &attributes, argv.data(), environment.data());
@@ -102,7 +107,7 @@ void EndWithParent() {
   pid_t pid = 0;
   if (parent == nullptr || !absl::SimpleAtoi(parent, &pid)) return;
   prctl(PR_SET_PDEATHSIG, SIGKILL);
-  // Of a parent that went before, no signal comes any more: this process belongs to another by now.
+  // If the parent ended earlier, its signal never arrives: this process belongs to another by now.
   // The order matters, or the parent could go between the two.
   if (pid != getppid()) raise(SIGKILL);
 }

@@ -23,12 +23,12 @@ namespace fs = std::filesystem;
 
 constexpr char kLockFile[] = "/.lock";
 constexpr size_t kRandomLetters = 6;
-// Folders looked at per start: somebody else's crowd in a shared folder must not hold us up.
+// Folders looked at per start: many folders of other users must not hold us up.
 constexpr int kMostFoldersSwept = 10000;
 // A sweep of another process may take a folder in the moment before it is locked.
 constexpr int kMostAttempts = 100;
 
-// An open and locked file, or -1: somebody holds it, or there is none.
+// An open and locked file, or -1: it is held, or there is none.
 int OpenLocked(const std::string& path, int flags) {
   const int fd = open(path.c_str(), O_RDWR | O_CLOEXEC | O_NOFOLLOW | flags, 0600);
   if (fd < 0) return -1;

@@ -9,8 +9,8 @@
 namespace sightline {
 
 // A new folder that only this user can enter. It is removed at the end, with all that is in it;
-// what a process left behind that was killed is removed by the next one that makes a folder of the
-// same name there. Such folders are known by a lock on a file in them, which the kernel gives up
+// the next process that makes a folder of the same name there removes what a killed process left.
+// Such folders are known by a lock on a file in them, which the kernel gives up
 // with the process.
 class ProcessFolder {
  public:

@@ -16,7 +16,7 @@ using google::protobuf::FieldDescriptor;
 using google::protobuf::Message;
 using google::protobuf::Reflection;
 
-// What a laser-line scanner usually has, and how much scanners differ (k = 1). Relative
+// Usual values of a laser-line scanner, and how much scanners differ (k = 1). Relative
 // uncertainties are at most a third of the value where the quantity enters linearly: a normal law
 // must keep away from zero.
 struct UsualValue {
@@ -73,7 +73,7 @@ class Completion {
     return message_->GetReflection()->MutableMessage(message_, field);
   }
 
-  // The wider of what is stated and what is assumed.
+  // The wider one of the stated and the assumed uncertainty.
   void Widen(const std::string& name, double standard_uncertainty) {
     v1::Recordings::Uncertainty* uncertainty = message_->mutable_uncertainty();
     const FieldDescriptor* field = uncertainty->GetDescriptor()->FindFieldByName(name);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Recordings whose description is incomplete: what is not stated gets a usual value and a standard
-// uncertainty wide enough for anything usual, so that the recordings themselves determine it.
+// Completes the description of recordings: a value that is not stated gets a usual value and a
+// standard uncertainty wide enough for anything usual, so that the recordings determine it.
 #pragma once
 
 #include <string>
@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Fills in what a set of a plate (format version 1) does not state, and widens the uncertainty of
-// what is filled in; other messages stay as they are. Values that nothing can replace (sizes, bits,
+// Fills in unstated values of a set of a plate (format version 1), with wide uncertainties; other
+// messages stay as they are. Values that nothing can replace (sizes, bits,
 // pixel pitch, focal length, wavelength, exposure times, f-numbers, distances of the camera, plate
 // positions) are left missing, for ParseRecordings to name. Returns a sentence for every
 // assumption, with field, value and standard uncertainty.

@@ -19,7 +19,7 @@ double DiscTransfer(double q, double diameter) {
   return x < 1e-6 ? 1 : 2 * std::cyl_bessel_j(1.0, x) / x;
 }
 
-// Of a round pupil without aberrations; `s` is the frequency over its cut-off.
+// Diffraction MTF of a round pupil without aberrations; `s` is the frequency over its cut-off.
 double DiffractionTransfer(double s) {
   return s >= 1 ? 0 : 2 / pi * (std::acos(s) - s * std::sqrt(1 - s * s));
 }

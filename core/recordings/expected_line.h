@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the description of a plate recording promises, in closed form: enough to choose exposures
-// and to see that a recording is not what it is said to be. Images come from the renderer.
+// Expected laser line of a plate recording, in closed form: enough to choose exposures and to
+// detect recordings that contradict their description. Images come from the renderer.
 #pragma once
 
 #include <array>
@@ -15,7 +15,7 @@ struct ExpectedLine {
   double width_px = 0;  // standard deviation of its image: beam, diffraction, defocus
   // Photo-electrons of one column, summed across the line, by colour channel.
   std::array<double, 3> electrons_per_column{};
-  // Of them in the pixel on the crest.
+  // Fraction of them in the pixel on the crest.
   double crest_fraction = 0;
   // Squared contrast of the pixels' speckle, (0, 1].
   double speckle_contrast_squared = 1;

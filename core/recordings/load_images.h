@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Image files of recordings, and what their form alone says against them.
+// Image files of recordings, and errors of their form.
 #pragma once
 
 #include <string>

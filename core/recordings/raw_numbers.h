@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the numbers of images alone tell about how they were made.
+// Infers from the numbers of images alone how they were made.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// recordings.json: images of a laser line and the nominal description of what made them
+// recordings.json: images of a laser line and the nominal description of rig and settings
 // (docs/recordings.md). Version 1: a flat plate; version 2: a part.
 #pragma once
 

@@ -18,7 +18,7 @@ namespace sightline {
 namespace {
 
 constexpr std::array<double, 9> kStops = {1.4, 2, 2.8, 4, 5.6, 8, 11, 16, 22};
-// What industrial cameras can do.
+// Usual limits of industrial cameras [s].
 constexpr double kShortestExposure = 2e-5, kLongestExposure = 2;
 // To set something, and between frames of a burst [s].
 constexpr double kSettingTime = 40, kFrameTime = 0.2;
@@ -98,7 +98,7 @@ class Planner {
     for (size_t next = 0; count < images && !units.empty(); ++next) {
       const size_t place = next % units.size();
       if (next >= 50 * units.size()) break;
-      // From the second round on only what new speckle makes worth repeating.
+      // From the second round on only recordings that profit from new speckle.
       const bool burst = units[place].size() > 1;
       if (next >= units.size() && (burst || units[place].front().kind == RecordingKind::kDark)) {
         continue;

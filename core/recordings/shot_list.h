@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which recordings of a plate are worth taking to tell what the description of a rig leaves out.
+// Proposes recordings of a plate that show what the description of a rig leaves out.
 #pragma once
 
 #include <string>
@@ -15,7 +15,7 @@ inline constexpr int kFewestShots = 12, kMostShots = 500;
 
 struct ShotList {
   RecordingSet set;                // format version 1, uncertainties of an ordinary calibration
-  std::vector<std::string> notes;  // what was assumed or left out, for people
+  std::vector<std::string> notes;  // assumptions and omissions, for people
 };
 
 // About `images` recordings (bursts are not cut) within the inspection's bounds on camera distance

@@ -16,7 +16,7 @@ namespace {
 
 constexpr double kTukey = 4.685;  // 95 % efficiency for Gaussian residuals
 constexpr double kMadToSigma = 1.4826;
-// Of exact points only rounding is left.
+// For exact points only rounding errors are left.
 constexpr double kSmallestResidual = 1e-8;
 constexpr size_t kCoarsePoints = 3000;
 constexpr size_t kFewestPoints = 6;
@@ -92,7 +92,7 @@ class Estimator {
   }
 
  private:
-  // Where a measured point is in the model at the present pose, and the nearest surface there.
+  // A measured point in the model's frame at the present pose, and the nearest surface point.
   struct Match {
     Eigen::Vector3d arm_m, place_m;
     SurfacePoint on;
@@ -132,7 +132,7 @@ class Estimator {
   double NoiseAlong(size_t i, const Eigen::Vector3d& normal) const {
     if (!options_.noise_m2) return 1;
     const Eigen::Matrix3d noise = options_.noise_m2(i);
-    // Where noise moves a point along the surface only, the surface's own form counts.
+    // If noise moves a point only along the surface, the deviation of the surface itself counts.
     return std::sqrt(std::max(normal.dot(noise * normal), kLeastNoiseShare * noise.trace()));
   }
 

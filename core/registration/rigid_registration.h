@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a part lies, from points measured on it: robust registration to the CAD model with the
-// covariance of the six parameters, and what of them the points do not tell.
+// Pose of a part from points measured on it: robust registration to the CAD model with the
+// covariance of the six parameters, and the directions that the points do not determine.
 //
 // Points y = M x + e of the part at x, with the motion
 //   M x = R (x - c) + c + t,   R = exp([theta]),   c the centre of the model's bounding box.
@@ -35,7 +35,7 @@ using PoseCovariance = Eigen::Matrix<double, 6, 6>;
 struct PosePrior {
   double rotation_standard_deviation_rad = 0.05;
   double translation_standard_deviation_m = 0.005;
-  // Of (theta, t).
+  // Standard deviations of (theta, t).
   PoseVector StandardDeviations() const;
 };
 
@@ -51,7 +51,7 @@ struct PartPose {
 // A direction in the space of poses, of length 1 in units of the prior's standard deviations.
 struct PoseDirection {
   PoseVector direction;  // rad and m
-  // Posterior standard deviation along it over that of the prior, in [0, 1]; 1: nothing is told.
+  // Posterior over prior standard deviation along it, in [0, 1]; 1: the points are uninformative.
   double standard_deviation_relative = 1;
 };
 
@@ -60,7 +60,7 @@ struct Registration {
   PoseCovariance covariance = PoseCovariance::Zero();
   // Principal directions of the posterior relative to the prior, the worst known first.
   std::vector<PoseDirection> directions;
-  // Of `directions`, the first so many are not fixed by the points: more than half of the prior's
+  // The points do not determine the first so many of `directions`: more than half of the prior's
   // standard deviation is left.
   int not_fixed = 0;
   double residual_standard_deviation_m = 0;  // robust, of the residuals in metres
@@ -73,7 +73,7 @@ struct RegistrationOptions {
   PosePrior prior;
   double reach_m = 0.03;     // points farther from the model take no part
   int max_iterations = 100;  // of each of two passes, on a part of the points and on all of them
-  // Of an even choice of the points, at most so many.
+  // Most points used, chosen evenly.
   size_t most_points = 20'000;
   // Residuals nearer to each other than this may deviate together.
   double correlation_length_m = 0.01;

@@ -17,7 +17,7 @@
 namespace sightline {
 namespace {
 
-// Of a scan's many thousand points some are off by four standard deviations of their noise.
+// A scan has many thousand points, so some are off by four standard deviations of their noise.
 constexpr int kSureSteps = 4;
 
 // One standard deviation along the direction in which a covariance is largest.
@@ -26,7 +26,7 @@ Eigen::Vector3d LargestDeviation(const Eigen::Matrix3d& covariance) {
   return std::sqrt(std::max(0.0, eigen.eigenvalues()[2])) * eigen.eigenvectors().col(2);
 }
 
-// Calls work(begin, end) for shares of [0, count) on several threads; what each writes is its own.
+// Calls work(begin, end) for intervals of [0, count) on several threads, each with data of its own.
 void ForShares(size_t count, int threads, const std::function<void(size_t, size_t)>& work) {
   const size_t wanted = threads > 0 ? static_cast<size_t>(threads)
                                     : std::max<size_t>(1, std::thread::hardware_concurrency());
@@ -39,7 +39,8 @@ void ForShares(size_t count, int threads, const std::function<void(size_t, size_
   pool.Join();
 }
 
-// Calls visit(point) for the points of a scan that tell of a place, by ascending index.
+// Calls visit(point) for the points of a scan that are informative about a place, by ascending
+// index.
 template <typename Visit>
 void VisitPoints(const IndexedScan& scan, const Eigen::Vector3f& place,
                  const Eigen::Vector3f& normal, double radius_m, float cos_gate,
@@ -156,7 +157,9 @@ std::vector<DeviationEstimate> EstimateDeviations(const TargetSet& targets,
       std::vector<std::vector<SurfaceObservation>> observations;
       std::vector<std::vector<double>> deviations_m;
       std::vector<double> common_m2;
-      for (const IndexedScan* scan : scans) {
+      std::vector<size_t> seen_by;
+      for (size_t s = 0; s < scans.size(); ++s) {
+        const IndexedScan* scan = scans[s];
         std::map<std::pair<int64_t, int64_t>, Cell> cells;
         int32_t points = 0;
         view.Observe(*scan, [&](uint32_t p, const Eigen::Vector2d& place_m, double variance_m2) {
@@ -171,6 +174,7 @@ std::vector<DeviationEstimate> EstimateDeviations(const TargetSet& targets,
         const double common = scan->noise.CalibrationVariance(view.place(), view.normal());
         if (points == 0 || !std::isfinite(common)) continue;
         estimates[t].points += points;
+        seen_by.push_back(s);
         std::vector<SurfaceObservation>& seen = observations.emplace_back();
         std::vector<double>& seen_m = deviations_m.emplace_back();
         for (const auto& [key, cell] : cells) {
@@ -181,6 +185,11 @@ std::vector<DeviationEstimate> EstimateDeviations(const TargetSet& targets,
       }
       const SurfaceWeights weights = DenseSurfaceWeights(priors[t], observations, common_m2);
       estimates[t].uncertainty_m = weights.uncertainty.total_m;
+      estimates[t].parts = weights.uncertainty;
+      estimates[t].scan_weights.assign(scans.size(), 0);
+      for (size_t s = 0; s < seen_by.size(); ++s) {
+        estimates[t].scan_weights[seen_by[s]] = static_cast<float>(weights.of_scans[s]);
+      }
       for (size_t s = 0; s < deviations_m.size(); ++s) {
         for (size_t i = 0; i < deviations_m[s].size(); ++i) {
           estimates[t].mean_m += weights.of_points[s][i] * deviations_m[s][i];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the surface of a registered part is: its deviation from the CAD model at targets, from the
+// Estimates the surface of a registered part: its deviation from the CAD model at targets, from the
 // points measured around them.
 #pragma once
 
@@ -43,7 +43,7 @@ PointsOnModel ProjectOntoModel(const SurfaceIndex& model,
                                std::span<const Eigen::Vector3d> normals, const ScanNoise* noise,
                                double reach_m, int threads);
 
-// Points of a scan, to be looked up by place, with what they are worth.
+// Points of a scan, to be looked up by place, with their information.
 struct IndexedScan {
   IndexedScan(PointsOnModel on_model, ScanNoise scan_noise)
       : points(std::move(on_model)), noise(std::move(scan_noise)), index(points.positions_m) {}
@@ -52,11 +52,13 @@ struct IndexedScan {
   PointIndex<3> index;
 };
 
-// Of one target; no points: the prior.
+// Deviation at one target; no points: the prior.
 struct DeviationEstimate {
-  double mean_m = 0;         // along the target's normal, positive outside
-  double uncertainty_m = 0;  // posterior standard deviation, the pose taken as known
-  int32_t points = 0;        // that told of it
+  double mean_m = 0;                // along the target's normal, positive outside
+  double uncertainty_m = 0;         // posterior standard deviation, the pose taken as known
+  int32_t points = 0;               // that inform about it
+  SurfaceUncertainty parts{};       // of `uncertainty_m`
+  std::vector<float> scan_weights;  // sum of the weights of each scan's points in the mean
 };
 
 // Gaussian-process regression of the deviation (core/surface_inference) on the sure points within

@@ -20,7 +20,7 @@ namespace {
 
 constexpr char kFlat[] = "the part is flat: its surface encloses no volume";
 
-// A run of qhull and what it says, which nobody reads.
+// A run of qhull with its messages, which are ignored.
 class QhullRun {
  public:
   QhullRun() : said_(std::fopen("/dev/null", "w")) { qh_zero(&state_, said_); }

@@ -11,8 +11,8 @@ namespace {
 
 constexpr int kLines = 192;  // along each of the two axes across
 
-// Where lines parallel to one axis cross a surface: place along the axis, +1 where the line enters
-// the body, -1 where it leaves.
+// Crossing of a line parallel to an axis with a surface: place along the axis, +1 where the line
+// enters the body, -1 where it leaves.
 struct Crossing {
   double at_m;
   int step;

@@ -10,7 +10,7 @@
 namespace sightline {
 
 struct MeshOverlap {
-  // Of the space that both fill.
+  // Volume of the intersection.
   double volume_m3 = 0;
   // Longest way through it along x, y and z; the least of the three tells how deep one body is in
   // the other.
@@ -20,8 +20,8 @@ struct MeshOverlap {
 };
 
 // Overlap of `a`, moved by `to_b`, with `b`: along 192 x 192 lines in each of the three directions
-// the stretches inside both are compared, exactly along the lines. So what is thinner than 1/192 of
-// the space shared by both bounding boxes may be missed across them. Lines that cross a surface an
+// the stretches inside both are compared, exactly along the lines. So parts thinner than 1/192 of
+// the space shared by both bounding boxes may be missed. Lines that cross a surface an
 // odd number of times (it is not closed there) are left out.
 MeshOverlap OverlapOf(const TriangleMesh& a, const Eigen::Isometry3d& to_b, const TriangleMesh& b);
 

@@ -58,7 +58,7 @@ double Diameter(const ConvexHull& hull) {
   return box.diagonal().norm();
 }
 
-// What touches a plane under the part, seen along `normal` (outward, so towards the table).
+// Contact of the part with a plane under it, seen along `normal` (outward, towards the table).
 struct Contact {
   Eigen::Vector3d u, v;  // axes of the plane
   double height_m;       // normal . x of the plane
@@ -295,7 +295,7 @@ RestingFace DescribeRest(const ConvexHull& hull, const Eigen::Vector3d& mass_cen
                                        .toRotationMatrix()
                                        .row(2)
                                        .transpose());
-  // Angles are given to a few digits: what is that little above the plane touches it too.
+  // Angles are given to a few digits, so points slightly above the plane touch it too.
   const double tolerance_m = 4 * kContactRelative * Diameter(hull);
   const Contact contact = MakeContact(hull, mass_centre_m, normal, tolerance_m);
   RestingFace face =

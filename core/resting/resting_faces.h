@@ -18,7 +18,7 @@ struct RestingFace {
   double part_alpha_rad = 0;
   double part_beta_rad = 0;
   Eigen::Vector3d normal;  // outward
-  // What touches the table: the corners' convex hull, its centroid and area.
+  // The contact area with the table: the corners' convex hull, its centroid and area.
   std::vector<Eigen::Vector3d> outline_m;
   Eigen::Vector3d centre_m;
   double area_m2 = 0;
@@ -32,12 +32,12 @@ struct RestingFace {
 Eigen::Vector3d MassCentre(const TriangleMesh& mesh, const ConvexHull& hull);
 
 // Faces on which the part stands by itself, named "A", "B", ... by falling stability; at most 12.
-// Left out: faces toppled by less than 3 degrees, facets of what is round (from which it rolls on
+// Left out: faces toppled by less than 3 degrees, facets of round surfaces (from which it rolls on
 // to the next), and faces less than 1 degree from another one.
 std::vector<RestingFace> FindRestingFaces(const ConvexHull& hull,
                                           const Eigen::Vector3d& mass_centre_m);
 
-// What the part lies on in a given orientation, whether or not it stands there by itself. No name.
+// The face on which the part lies in the given orientation, whether or not it is stable. No name.
 RestingFace DescribeRest(const ConvexHull& hull, const Eigen::Vector3d& mass_centre_m,
                          double part_alpha_rad, double part_beta_rad);
 

@@ -49,7 +49,7 @@ struct Lens {
   // b + u tan(sensor_tilt_y) + v tan(sensor_tilt_x). The keystone this makes belongs to the
   // calibration; images are in the coordinates of the perpendicular sensor.
   double sensor_tilt_x_rad = 0, sensor_tilt_y_rad = 0;
-  // What can be set; unset: anything.
+  // Adjustable range of the lens; unset: anything.
   std::optional<double> min_f_number, max_f_number, min_focus_distance_m;
 };
 

@@ -88,12 +88,12 @@ SensorPose WorldToPart(const ScanGeometry& g, const Eigen::Vector3d& part_centre
   return result;
 }
 
-DepthInterval AdmissibleDepth(const Rig& rig, double camera_distance_m,
-                              std::optional<double> max_pixel_footprint_m,
-                              std::optional<double> max_circle_of_confusion_px) {
-  DepthInterval depth;
+PointLimits AdmissibleDepth(const Rig& rig, double camera_distance_m,
+                            std::optional<double> max_pixel_footprint_m,
+                            std::optional<double> max_circle_of_confusion_px) {
+  PointLimits depth;
   if (max_pixel_footprint_m) depth.max_m = *max_pixel_footprint_m * rig.camera.FocalLengthPx();
-  if (max_circle_of_confusion_px && rig.lens && rig.camera.pixel_pitch_m) {
+  if (max_circle_of_confusion_px.value_or(0) > 0 && rig.lens && rig.camera.pixel_pitch_m) {
     const double pupil_m = rig.lens->focal_length_m / rig.lens->f_number;
     const double focus_distance_m = rig.lens->focus_distance_m.value_or(camera_distance_m);
     const double image_distance_m = 1 / (1 / rig.lens->focal_length_m - 1 / focus_distance_m);

@@ -36,8 +36,8 @@ struct ScanGeometry {
   // X_world = part_rotation * (X_part - part_centre) + part_offset_m + s e_x.
   Eigen::Matrix3d part_rotation;
   Eigen::Vector3d part_offset_m;
-  // Of the part's lowest point over the centre that part_offset_m moves: upper face of a table
-  // under the part. 0 without Rig::part_support_points_m.
+  // Height of the part's lowest point relative to the centre that part_offset_m moves: upper face
+  // of a table under the part. 0 without Rig::part_support_points_m.
   double table_height_m = 0;
 
   // Stage position at which the sheet passes through a part point that is at x_world with the
@@ -59,19 +59,21 @@ Eigen::Vector3d PartToWorld(const ScanGeometry& geometry, const Eigen::Vector3d&
 SensorPose WorldToPart(const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
                        const SensorPose& pose, double stage_m);
 
-// Depths z [m] along the optical axis that satisfy the optional limits on lateral resolution
-// (z / f_px <= max_pixel_footprint_m) and circle of confusion
-// (D b |1/z_focus - 1/z| <= c p, thin lens focused at its focus distance, or at the camera distance
-// if it has none; cf. thesis eq. 5.5).
-struct DepthInterval {
+// Limits that a measurement point must keep. AdmissibleDepth sets the interval of depths z [m]
+// along the optical axis that satisfy the optional limits on lateral resolution (z / f_px <=
+// max_pixel_footprint_m) and circle of confusion (D b |1/z_focus - 1/z| <= c p, thin lens focused
+// at its focus distance, or at the camera distance if it has none; cf. thesis eq. 5.5).
+struct PointLimits {
   double min_m = 0;
   double max_m = std::numeric_limits<double>::infinity();
+  // Least cosine of the angles between the surface's normal and the directions to camera and laser.
+  double min_cos_incidence = 0;
   // Largest product of depth and distance from the camera (MaxDepthTimesDistance).
   double max_depth_times_distance_m2 = std::numeric_limits<double>::infinity();
 };
-DepthInterval AdmissibleDepth(const Rig& rig, double camera_distance_m,
-                              std::optional<double> max_pixel_footprint_m,
-                              std::optional<double> max_circle_of_confusion_px);
+PointLimits AdmissibleDepth(const Rig& rig, double camera_distance_m,
+                            std::optional<double> max_pixel_footprint_m,
+                            std::optional<double> max_circle_of_confusion_px);
 
 // A limit on depth per pixel, (z / f_px) / sin(angle between line of sight and laser plane), as one
 // on depth z times distance r [m^2]: lit points lie in the plane, so the sine is b / r with b the

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the bodies of camera and laser are in a scan, and whether there is room for both.
+// Positions of the bodies of camera and laser in a scan, and whether there is room for both.
 #pragma once
 
 #include "core/rig/rig.h"

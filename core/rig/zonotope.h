@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Convex solids that sum up segments: boxes, prisms, and what a move sweeps of them.
+// Convex solids that sum up segments: boxes, prisms, and the volumes that they sweep in a move.
 #pragma once
 
 #include <Eigen/Core>

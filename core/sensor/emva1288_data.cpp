@@ -29,7 +29,7 @@ constexpr int kMostSteps = 10000, kMostImagesOfStep = 10000;
 constexpr int kLeastSize_px = 8, kLargestSize_px = 65536;
 constexpr size_t kShownCharacters = 60;
 
-// What is shown of text that cannot be read.
+// Quotes unreadable text for a message.
 std::string Quoted(const std::string& text) {
   const bool cut = text.size() > kShownCharacters;
   return absl::StrCat("\"", absl::CHexEscape(text.substr(0, kShownCharacters)), cut ? "..." : "",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a camera's data sheet says about its sensor, in the quantities of EMVA 1288 Release 4.0.
+// Data sheet values of a camera's sensor, in the quantities of EMVA 1288 Release 4.0.
 #pragma once
 
 #include <array>

@@ -31,7 +31,7 @@ std::pair<std::string, size_t> Nearest(const std::string& name,
   std::pair<std::string, size_t> best{"", std::numeric_limits<size_t>::max()};
   const std::string head = name.substr(0, kMaxNameBytes);
   for (const std::string& candidate : known) {
-    // What is most often left out is the unit.
+    // The unit is most often left out, so it counts as one edit.
     const size_t distance = candidate.starts_with(head + "_") ? 1 : EditDistance(head, candidate);
     if (distance < best.second) best = {candidate, distance};
   }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which known name somebody may have meant.
+// Finds the known name that is nearest to a misspelt one.
 #pragma once
 
 #include <string>

@@ -56,7 +56,7 @@ SurfaceUncertainty DenseSurfaceUncertainty(const SurfacePrior& prior,
     }
   }
   const Eigen::VectorXd a = measured.llt().solve(with_target);
-  // Of the error h(0) - sum a_i z_i.
+  // Variance of the error h(0) - sum a_i z_i.
   const double sampling = std::max(0.0, prior_m2 - 2 * a.dot(with_target) + a.dot(surface * a));
   double noise = 0;
   std::vector<double> sums(scans.size(), 0.0);

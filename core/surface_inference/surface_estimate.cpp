@@ -64,7 +64,7 @@ SurfaceWeights DenseSurfaceWeights(const SurfacePrior& prior,
     calibration += calibration_variances_m2[s] * result.of_scans[s] * result.of_scans[s];
   }
   const double total = std::max(0.0, prior_m2 - a.dot(with_target));
-  // The parts add up to the total: what is neither noise nor calibration is sampling.
+  // The parts add up to the total: the rest after noise and calibration is sampling.
   const double sampling = std::max(0.0, total - noise - calibration);
   result.uncertainty = {std::sqrt(total), std::sqrt(noise), std::sqrt(sampling),
                         std::sqrt(calibration)};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the surface is, not only how well it is known: the posterior mean that belongs to
+// Estimate of the surface itself, not only of its uncertainty: the posterior mean that belongs to
 // DenseSurfaceUncertainty, for analysing measured or simulated points.
 #pragma once
 
@@ -21,7 +21,7 @@ struct SurfaceWeights {
 };
 
 // By the dense matrices (thesis eq. 3.13, 3.14) with the scans' common errors; arguments as of
-// DenseSurfaceUncertainty. The sums of a scan tell how an error common to its points comes through.
+// DenseSurfaceUncertainty. The sums of a scan give the effect of an error common to its points.
 SurfaceWeights DenseSurfaceWeights(const SurfacePrior& prior,
                                    std::span<const std::vector<SurfaceObservation>> scans,
                                    std::span<const double> calibration_variances_m2);

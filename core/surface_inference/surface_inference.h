@@ -5,7 +5,7 @@
 //
 // The surface's deviation h from the CAD model about a target is a zero-mean process with the
 // squared-exponential covariance sigma_pr^2 exp(-r^2 / 2 l^2) of thesis eq. 3.19. A point measured
-// by scan s at place x in the target's tangent plane tells
+// by scan s at place x in the target's tangent plane observes
 //   z = h(x) + e + b_s,   e ~ N(0, sigma^2) of its own,   b_s ~ N(0, c_s) common to all its points,
 // so that detection noise averages out and calibration errors do not.
 #pragma once
@@ -33,11 +33,11 @@ struct SurfaceObservation {
   double noise_variance_m2;  // of detection, along the target's normal; > 0
 };
 
-// Of the deviation at the target; variances add up: total = noise + sampling + calibration.
+// Uncertainty of the deviation at a target; variances add up: noise + sampling + calibration.
 struct SurfaceUncertainty {
   double total_m;        // posterior standard deviation
   double noise_m;        // from detection noise
-  double sampling_m;     // from what the surface may do between and beyond the points
+  double sampling_m;     // from deviation of the surface between and beyond the points
   double calibration_m;  // from errors common to all points of a scan
 };
 

@@ -72,7 +72,7 @@ struct Point {
   int32_t region = -1;
 };
 
-// Which region a place belongs to: the one with the smallest spacing, the first of equals.
+// Finds the region that a place belongs to: the one with the smallest spacing, the first of equals.
 class Regions {
  public:
   explicit Regions(const TargetSampling& sampling) : sampling_(sampling) {}

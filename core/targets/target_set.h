@@ -34,6 +34,8 @@ struct TargetSampling {
   std::optional<double> max_pixel_footprint_m;
   std::optional<double> max_circle_of_confusion_px;
   std::optional<double> max_depth_per_pixel_m;
+  // Between the surface's normal and the directions to camera and laser; unset: 90 degrees.
+  std::optional<double> max_incidence_rad;
 };
 
 // Structure of arrays, all of one length; part coordinates.

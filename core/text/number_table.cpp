@@ -98,7 +98,7 @@ bool IsOneGroupedNumber(std::string_view line, char thousands, char decimal) {
   return at == text.size();
 }
 
-// Which characters stand where in the lines of a table.
+// The separators that the lines of a table use.
 struct Punctuation {
   bool semicolons = false, tabs = false, points = false;
   bool blanks_separate = false;    // blanks or tabs between two values, no comma beside them
@@ -233,8 +233,8 @@ absl::StatusOr<NumberTableForm> FormOfNumberTable(std::string_view text,
     }
     return decimal_commas(' ');
   }
-  // Nothing but commas is between values. Points do not settle it: 1.234,567 and 1,234.5 can be one
-  // number or two. Whole numbers of three digits with commas between them are columns.
+  // Nothing but commas is between values. Points do not decide it: 1.234,567 and 1,234.5 can be
+  // one number or two. Whole numbers of three digits with commas between them are columns.
   if (rules.columns.empty() && seen.points && (seen.points_group || seen.commas_group)) {
     return TwoWays(
         "its commas may separate values, or stand in one number per line, before decimals or "

@@ -2,7 +2,7 @@
 // Tables of numbers as text: heights, refractive indices, measured BRDFs.
 //
 // Instruments write such tables with tabs, blanks, semicolons or commas between values and with
-// points or commas as decimal signs. FormOfNumberTable settles both from the whole text. A table
+// points or commas as decimal signs. FormOfNumberTable decides both from the whole text. A table
 // that can be read in two ways is refused, because a wrong guess changes every number:
 //
 //   1.5,2.5     commas separate           0,5<tab>1,5   tabs separate, commas are decimal signs
@@ -41,8 +41,8 @@ struct NumberTableForm {
 absl::StatusOr<NumberTableForm> FormOfNumberTable(std::string_view text,
                                                   const NumberTableRules& rules);
 
-// Calls `row` with the number of each line and its values, in the order of the text; what it
-// returns ends the reading unless it is OK. Line ends may be LF, CR LF or CR; a byte order mark of
+// Calls `row` with the number of each line and its values, in the order of the text; an error that
+// it returns ends the reading. Line ends may be LF, CR LF or CR; a byte order mark of
 // UTF-8 is skipped. INVALID_ARGUMENT begins with `where` (the file) and names line and column: not
 // a finite decimal number, an empty cell, another number of values than before, more than
 // `max_numbers`, no values at all. `stop` ends it early.

@@ -1,6 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "core/text/step_length_unit.h"
 
+#include <algorithm>
+
 #include "absl/strings/ascii.h"
 
 namespace sightline {
@@ -9,6 +11,9 @@ namespace {
 constexpr size_t kMostKept = 100'000;
 // Longer words are none of those that are looked for.
 constexpr size_t kMostWordCharacters = 200;
+constexpr size_t kMostHeadBytes = 4096;
+// Numbers of instances whose presence is checked: 4 MiB of memory for each of two sets.
+constexpr int64_t kMostInstanceNumber = int64_t{1} << 25;
 constexpr int64_t kMostReference = int64_t{1} << 58;
 
 bool IsStepWordCharacter(char c) {
@@ -18,6 +23,7 @@ bool IsStepWordCharacter(char c) {
 }  // namespace
 
 void StepLengthUnitScan::Add(std::string_view bytes) {
+  head_.append(bytes.substr(0, kMostHeadBytes - head_.size()));
   for (size_t at = 0; at < bytes.size(); ++at) {
     if (inside_ == Inside::kString) {
       // A doubled quote ends the string and begins it again.
@@ -87,6 +93,9 @@ void StepLengthUnitScan::EndWord() {
   }
   has_length_ |= word_ == "LENGTH_UNIT" || word_ == "METRE";
   is_context_ |= word_ == "GLOBAL_UNIT_ASSIGNED_CONTEXT";
+  is_shape_context_ |= word_ == "GEOMETRIC_REPRESENTATION_CONTEXT";
+  is_parametric_ |= word_ == "PARAMETRIC_REPRESENTATION_CONTEXT";
+  has_end_mark_ |= word_ == "END-ISO-10303-21";
   word_.clear();
 }
 
@@ -96,29 +105,60 @@ void StepLengthUnitScan::EndInstance() {
   if (!references_.empty()) {
     has_instance_ = true;
     const int64_t id = references_.front();
+    for (const int64_t reference : references_) {
+      if (reference > kMostInstanceNumber) {
+        too_many_ = true;
+        continue;
+      }
+      const size_t number = static_cast<size_t>(reference);
+      if (number >= referred_to_.size()) {
+        referred_to_.resize(2 * number + 1);
+        instances_.resize(2 * number + 1);
+      }
+      referred_to_[number] = true;
+      if (reference == id) instances_[number] = true;
+    }
+    too_many_ |= references_.size() >= kMostKept;
     if (has_length_) {
       lengths_.insert(id);
       found_ |= assigned_.contains(id);
     }
     if (is_context_) {
-      too_many_ |= references_.size() >= kMostKept;
       for (const int64_t unit : references_) {
         assigned_.insert(unit);
         found_ |= lengths_.contains(unit);
       }
     }
-    too_many_ |= lengths_.size() > kMostKept || assigned_.size() > kMostKept;
+    if (is_shape_context_ && !is_parametric_) {
+      has_shape_context_ = true;
+      if (!is_context_) references_.clear();
+      open_contexts_.push_back(references_);
+    }
+    too_many_ |= lengths_.size() > kMostKept || assigned_.size() > kMostKept ||
+                 open_contexts_.size() > kMostKept;
     if (too_many_) {
       lengths_.clear();
       assigned_.clear();
+      open_contexts_.clear();
     }
   }
   references_.clear();
-  has_length_ = is_context_ = false;
+  has_length_ = is_context_ = is_shape_context_ = is_parametric_ = false;
 }
 
-bool StepLengthUnitScan::StatesNone() const {
-  return has_instance_ && !found_ && !too_many_ && inside_ == Inside::kText;
+bool StepLengthUnitScan::IsWhole() const {
+  return IsStep() && has_end_mark_ && has_instance_ && !too_many_ && inside_ == Inside::kText &&
+         instances_ == referred_to_;
+}
+
+bool StepLengthUnitScan::StatesNone() const { return !found_ && IsWhole(); }
+
+bool StepLengthUnitScan::StatesAll() const {
+  return has_shape_context_ && IsWhole() &&
+         std::ranges::all_of(open_contexts_, [this](const std::vector<int64_t>& context) {
+           return std::ranges::any_of(context,
+                                      [this](int64_t unit) { return lengths_.contains(unit); });
+         });
 }
 
 }  // namespace sightline

@@ -8,6 +8,7 @@
 #include <span>
 
 #include "absl/strings/ascii.h"
+#include "absl/strings/cord.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "core/text/number.h"
@@ -84,6 +85,14 @@ constexpr double kConversionRounding = 1e-4;
 // Shorter names are symbols, in which a capital letter may be a prefix.
 constexpr size_t kShortestWord = 4;
 
+// Key of a payload of errors about the unit of lengths, for those who ask whose fault it is.
+constexpr char kAboutLengthUnit[] = "sightline/qif_length_unit";
+
+absl::Status AboutLengthUnit(absl::Status error) {
+  error.SetPayload(kAboutLengthUnit, absl::Cord("1"));
+  return error;
+}
+
 std::optional<double> FactorOf(std::span<const NamedUnit> units, const std::string& name) {
   // "MM" and "Inch" are other spellings of "mm" and "inch"; "Mm" would be a megametre.
   const std::string lower = absl::AsciiStrToLower(name);
@@ -105,6 +114,10 @@ std::optional<double> RadiansOfQifUnit(const std::string& name) {
   return FactorOf(kAngleUnits, name);
 }
 
+bool IsAboutQifLengthUnit(const absl::Status& status) {
+  return status.GetPayload(kAboutLengthUnit).has_value();
+}
+
 absl::Status QifUnits::ErrorAt(int64_t line, const std::string& reason) const {
   return absl::InvalidArgumentError(absl::StrCat(file_, ":", line, ": ", reason));
 }
@@ -116,9 +129,9 @@ absl::StatusOr<QifUnits> QifUnits::Read(const QifElement& document, const std::s
   if (!stated_length_unit.empty()) {
     units.stated_length_ = MetresOfQifUnit(stated_length_unit);
     if (!units.stated_length_) {
-      return absl::InvalidArgumentError(absl::StrCat(file, ": --unit is ",
-                                                     QuotedExcerpt(stated_length_unit),
-                                                     ", must be m, cm, mm, um or inch"));
+      return AboutLengthUnit(absl::InvalidArgumentError(
+          absl::StrCat(file, ": the length unit given for it is ",
+                       QuotedExcerpt(stated_length_unit), ", must be m, cm, mm, um or inch")));
     }
   }
   const QifElement* file_units = document.Child("FileUnits");
@@ -140,10 +153,10 @@ absl::StatusOr<QifUnits> QifUnits::Read(const QifElement& document, const std::s
   }
   const auto& primary = units.primary_linear_;
   if (units.stated_length_ && primary && primary->factor) {
-    return units.ErrorAt(primary->line,
-                         absl::StrCat("<LinearUnit>: the file states its unit, ", primary->name,
-                                      "; --unit must be left out (in an inspection: "
-                                      "tolerances.unit)"));
+    return AboutLengthUnit(units.ErrorAt(
+        primary->line, absl::StrCat("<LinearUnit>: the file states its unit, ", primary->name,
+                                    "; none may be given besides (--unit of `sightline part`, "
+                                    "tolerances.unit of an inspection)")));
   }
   return units;
 }
@@ -219,13 +232,14 @@ absl::StatusOr<double> QifUnits::Scale(const QifElement& value, bool angle) cons
   const bool is_primary =
       unit == nullptr || (primary_linear_ && unit->name == primary_linear_->name);
   if (!angle && stated_length_ && is_primary) return *stated_length_;
-  if (unit == nullptr) {
-    return ErrorAt(value.line, absl::StrCat(tag, "has no unit, and <FileUnits> has no primary ",
-                                            angle ? "angular" : "linear", " unit", help));
-  }
-  return ErrorAt(value.line,
-                 absl::StrCat(tag, "its unit ", QuotedExcerpt(unit->name), " (line ", unit->line,
-                              ") has no <UnitConversion> and is no known name", help));
+  const absl::Status error =
+      unit == nullptr
+          ? ErrorAt(value.line, absl::StrCat(tag, "has no unit, and <FileUnits> has no primary ",
+                                             angle ? "angular" : "linear", " unit", help))
+          : ErrorAt(value.line,
+                    absl::StrCat(tag, "its unit ", QuotedExcerpt(unit->name), " (line ", unit->line,
+                                 ") has no <UnitConversion> and is no known name", help));
+  return angle ? error : AboutLengthUnit(error);
 }
 
 }  // namespace sightline

@@ -23,14 +23,18 @@ namespace sightline {
 std::optional<double> MetresOfQifUnit(const std::string& name);
 std::optional<double> RadiansOfQifUnit(const std::string& name);
 
+// Whether an error is that a length has no unit that is known, or that the stated unit is none or
+// is given though the file states its own.
+bool IsAboutQifLengthUnit(const absl::Status& status);
+
 class QifUnits {
  public:
   // `file` starts every error message. `stated_length_unit`: the unit of lengths for which the file
   // states none or one that is not known ("mm", ...); empty: such a length is refused.
   // INVALID_ARGUMENT names line and element: SIUnitName is not the SI unit, UnitName is missing or
   // stands twice for different units, the conversion is no positive factor or contradicts the name;
-  // and names --unit if the stated unit is unknown, or if the file states its unit itself. Throws
-  // QifRepeated for a second primary unit of the same element name.
+  // and IsAboutQifLengthUnit if the stated unit is unknown, or if the file states its unit itself.
+  // Throws QifRepeated for a second primary unit of the same element name.
   static absl::StatusOr<QifUnits> Read(const QifElement& document, const std::string& file,
                                        const std::string& stated_length_unit);
 

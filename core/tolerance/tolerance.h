@@ -61,7 +61,7 @@ struct Tolerance {
   std::vector<std::string> modifiers;
   // Faces of the STEP file, counted from 1 in the order in which they are imported. Empty for QIF.
   std::vector<int> faces;
-  // What it binds in words where that is no face of a STEP file: "cylinder Hole 3 (feature 17)".
+  // Bound features in words if they are no faces of a STEP file: "cylinder Hole 3 (feature 17)".
   std::vector<std::string> features;
   // In words, with values and units as on a drawing: "position diameter 0.75 mm | A | B".
   std::string text;
@@ -76,7 +76,7 @@ struct Datum {
 };
 
 struct UnreadTolerance {
-  std::string name;  // what the file calls it, and its id
+  std::string name;  // name in the file, and its id
   std::string reason;
 };
 
@@ -92,7 +92,7 @@ struct ToleranceReport {
   std::vector<Datum> datums;
   std::vector<UnreadTolerance> not_read;
   int entity_count = 0;
-  // What people should know: how the file was checked, where two ways of reading it disagree.
+  // Notes for the reader: how the file was checked, where two ways of reading it disagree.
   std::vector<std::string> notes;
 };
 

@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which request a call, a job or a line of the log belongs to: W3C Trace Context
-// (https://www.w3.org/TR/trace-context/). Nothing is recorded here: what comes in goes out as it
-// was.
+// Request that a call, a job or a line of the log belongs to: W3C Trace Context
+// (https://www.w3.org/TR/trace-context/). Nothing is recorded here: the context is passed on
+// unchanged.
 #pragma once
 
 #include <string>
@@ -21,13 +21,13 @@ std::string ValidTraceparent(std::string_view text);
 // 32 lower-case hexadecimal digits, of a valid one; of an empty one empty.
 std::string_view TraceIdOf(std::string_view traceparent);
 
-// Of this thread, or else of this process; empty: none.
+// Traceparent of this thread, or else of this process; empty: none.
 const std::string& CurrentTraceparent();
 
 // For programs that work on one request from start to end. Before threads are started.
 void SetProcessTraceparent(std::string traceparent);
 
-// What this thread does until the end of the scope belongs to that request.
+// Assigns this thread's work to that request until the end of the scope.
 class ScopedTrace {
  public:
   explicit ScopedTrace(std::string traceparent);

@@ -39,9 +39,9 @@ struct ErrorModel {
   Eigen::Vector2d from_centre_px;  // image position from the principal point
 };
 
-// Of a rotation by the angle theta: sin(theta)/theta and (1 - cos(theta))/theta^2 as functions of
-// theta^2. The polynomials miss terms in theta^4: below double precision for small angles, and
-// beyond the third order of a series about zero.
+// Factors of a rotation by the angle theta: sin(theta)/theta and (1 - cos(theta))/theta^2 as
+// functions of theta^2. The polynomials miss terms in theta^4: below double precision for small
+// angles, and beyond the third order of a series about zero.
 template <typename T>
 std::array<T, 2> RotationFactors(const T& squared_angle) {
   if constexpr (std::is_same_v<T, double>) {

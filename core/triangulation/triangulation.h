@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Laser triangulation of points and what 14 error variables do to them (thesis 1.2.1, 3.3, Table
+// Laser triangulation of points and the effect of 14 error variables (thesis 1.2.1, 3.3, Table
 // 3.1; Haralick, Propagating covariance in computer vision, 1996).
 //
 // A detected point (x, y) of the laser line on the image gives three equations in the point X,

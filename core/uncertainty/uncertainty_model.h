@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is known of a measurement's errors and of the surface before it (thesis 3.3.3, 3.4), as
+// Known errors of a measurement, and prior knowledge of the surface (thesis 3.3.3, 3.4), as
 // validated values: SI units, pixels, radians.
 #pragma once
 

@@ -8,7 +8,7 @@
 
 namespace sightline {
 
-// "PROGRAM VERSION (COMMIT)", what `PROGRAM --version` prints. COMMIT is the abbreviated git
+// "PROGRAM VERSION (COMMIT)", the text of `PROGRAM --version`. COMMIT is the abbreviated git
 // commit, with "-dirty" where tracked files differed from it, or "unknown" for a build outside git.
 std::string VersionText(std::string_view program);
 

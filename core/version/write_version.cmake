@@ -6,7 +6,7 @@
 set(SIGHTLINE_COMMIT "${GIVEN_COMMIT}")
 find_program(GIT git)
 if(NOT SIGHTLINE_COMMIT AND GIT)
-  # Sources unpacked inside somebody else's repository must not take its commit.
+  # Sources unpacked inside another repository must not take its commit.
   cmake_path(GET SOURCE_FOLDER PARENT_PATH parent)
   set(ENV{GIT_CEILING_DIRECTORIES} "${parent}")
   # No lock, so that a build is not in the way of a commit made at the same time.

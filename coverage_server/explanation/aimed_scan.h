@@ -22,11 +22,11 @@ using Aim = std::array<double, kAimDimensions>;
 // the generalised golden ratio (Roberts 2018), which needs no number of points in advance.
 Aim SpreadAim(int index);
 
-// What an aim says without the place. Offsets are 0.
+// An aim before the place is known: all offsets are 0.
 struct AimedScan {
   Measurement measurement;
   ScanGeometry geometry;
-  // Where the place is to be in the world when it is lit, on the laser sheet.
+  // World position at which the place shall be lit, on the laser sheet.
   Eigen::Vector3d wanted_m;
 };
 

@@ -88,7 +88,7 @@ class Tally {
     return true;
   }
 
-  // Of the scans added; there is at least one, and none passed.
+  // The best reason among the scans added; there is at least one, and none passed.
   TargetExplanation Reason() const {
     TargetExplanation best;
     for (const auto& [key, count] : by_reason_) {
@@ -215,6 +215,14 @@ class Explainer {
                faces_laser = normal.dot(scan.to_laser_m) > 0;
     if (!faces_camera) failures.conditions |= kCameraAngle | kCameraHidden;
     if (!faces_laser) failures.conditions |= kLaserAngle | kLaserHidden;
+    if (const auto& steepest = task_.sampling->max_incidence_rad) {
+      PointLimits incidence;
+      incidence.min_cos_incidence = std::cos(*steepest);
+      if (!WithinIncidence(incidence, normal, scan.to_camera_m)) {
+        failures.conditions |= kCameraAngle;
+      }
+      if (!WithinIncidence(incidence, normal, scan.to_laser_m)) failures.conditions |= kLaserAngle;
+    }
     if (hopeless()) return failures;
 
     const Measurement& m = scan.measurement;
@@ -253,7 +261,7 @@ class Explainer {
       const FrameChange change =
           FromPart(occluders[i].frame, geometry, task_.part_centre_m, scan.stage_m);
       const uint64_t bit = i == 0 ? 0 : uint64_t{1} << (i - 1);
-      // What faces away is hidden by the part without asking.
+      // For a surface that faces away, the part itself is the obstacle; no ray is needed.
       if ((i > 0 || faces_camera) && Hides(occluders[i], change, camera_at.cast<float>(), place)) {
         if (i == 0) failures.conditions |= kCameraHidden;
         failures.camera_obstacles |= bit;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Why targets are not covered: what stands in the way of the scans that come nearest to measuring
-// them.
+// Reasons why targets are not covered: the conditions at which the scans fail that come nearest to
+// measuring them.
 //
 // For every target scans of the domain are tried that aim at it: first kSpreadScans that fill the
 // domain evenly, then, if the best of them fails at one condition only, some near the best ones. A
@@ -9,14 +9,14 @@
 //   - is imaged finely enough (footprint) and sharply enough (defocus),
 //   - lies in the image, the laser's fan and range (range),
 //   - is hidden by the part or by an obstacle, from the camera and from the laser,
-// and whether camera or laser touch anything then (collision). Each counts, the two sensors apart,
-// and range twice: what is elsewhere when it is lit is seen by neither. (Were it to count once,
-// sheets that nearly hold the scan direction and light a place far beside the rig would come before
-// those that find an obstacle in the way of both.)
-// A scan that passes all of it is asked whether it can be carried out as a whole: without a
-// collision, and without more travel than there is. If one can, the target was not chosen. If none
-// can, the reason is the condition that most of the scans with the fewest failed conditions fail
-// at, at equal numbers the first in the order above.
+// and whether camera or laser touch anything then (collision). Each counts, the two sensors
+// separately, and range twice: neither sensor sees a target that is elsewhere when it is lit. (Were
+// it to count once, sheets that nearly hold the scan direction and light a place far beside the rig
+// would come before those that find an obstacle in the way of both.) A scan that passes all of it
+// is asked whether it can be carried out as a whole: without a collision, and without more travel
+// than there is. If one can, the target was not chosen. If none can, the reason is the condition
+// that most of the scans with the fewest failed conditions fail at, at equal numbers the first in
+// the order above.
 #pragma once
 
 #include <Eigen/Core>
@@ -55,7 +55,7 @@ struct ExplanationTask {
   // Every obstacle by itself, to find out which one camera or laser touch.
   const std::vector<std::vector<Occluder>>* single_obstacles = nullptr;
   Eigen::Vector3d part_centre_m = Eigen::Vector3d::Zero();
-  // Of a scan that lights the target at `stage_m`.
+  // Carries out a scan that lights the target at `stage_m`.
   std::function<CarriedOut(const Measurement&, double stage_m)> carry_out;
 };
 

@@ -31,7 +31,7 @@ struct Arrays {
   bool closed = true;
 };
 
-// Ends early, with what is of no use, when *cancelled.
+// Ends early, with a useless result, when *cancelled.
 Triangles Gather(const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles,
                  const std::atomic<bool>* cancelled) {
   constexpr size_t kPiece = 1 << 18;  // takes some milliseconds

@@ -6,10 +6,10 @@
 namespace sightline {
 namespace {
 
-// Whether what travels with the part, in the axes of the world, cuts into it.
+// Whether an obstacle that travels with the part, in world axes, cuts into it.
 bool CutsIntoPart(const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,
                   const TriangleBvh& part, const Occluder& carrier) {
-  // Nothing of the part is below what it lies on.
+  // No point of the part is below its support.
   const bool on_table = carrier.frame == ObstacleFrame::kTable;
   if (on_table && carrier.bvh.bounds().max().z() <= 0) return false;
   // The part is taken this much smaller about its centre, so that contact is none.

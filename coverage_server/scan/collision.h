@@ -21,9 +21,9 @@ struct Occluder {
 
 // True if the bodies of camera and laser stand in the same place, or if, while the stage moves over
 // [stage_start_m, stage_end_m], one of them touches an occluder, or the part (`occluders[0]`) or a
-// fixture that moves with it touches one that stands still. What travels with the stage without
-// turning carries the part: it may touch the part, but not cut into it by more than 0.2 % of the
-// part's size. Exact for boxes: the body swept along the travel is a zonotope, and zonotope against
+// fixture that moves with it touches one that stands still. Obstacles that travel with the stage
+// without turning carry the part: they may touch it, but not cut into it by more than 0.2 % of its
+// size. Exact for boxes: the body swept along the travel is a zonotope, and zonotope against
 // triangle is decided by separating axes (differs from the projection on yz that the design first
 // proposed: no grid, no resolution). Cylinders are enclosed in 8-sided prisms.
 bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3d& part_centre_m,

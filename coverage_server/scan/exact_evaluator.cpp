@@ -48,8 +48,7 @@ void RemoveOccluded(const std::vector<Occluder>& occluders, const ScanGeometry& 
 std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
                                           const Eigen::Vector3d& part_centre_m,
                                           const std::vector<Occluder>& occluders,
-                                          const Measurement& measurement,
-                                          const DepthInterval& depth,
+                                          const Measurement& measurement, const PointLimits& depth,
                                           const std::atomic<bool>* cancelled) {
   std::vector<MeasurementPoint> points;
   const ScanInPart scan = MakeScanInPart(rig, part_centre_m, measurement, depth);
@@ -182,6 +181,10 @@ std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& r
         if (!InRows(scan, q, depth_m) || !InRange(scan, q)) continue;
         if (!FineInDepth(scan.depth, q, depth_m)) continue;
         if (!InFan(scan, point - laser_at)) continue;
+        if (!WithinIncidence(scan.depth, n, -q) ||
+            !WithinIncidence(scan.depth, n, laser_at - point)) {
+          continue;
+        }
         candidates.push_back({point.cast<float>(), static_cast<float>(depth_m), t, column});
       }
     }

@@ -26,8 +26,7 @@ namespace sightline {
 std::vector<MeasurementPoint> MeasureScan(const TriangleMesh& part, const Rig& rig,
                                           const Eigen::Vector3d& part_centre_m,
                                           const std::vector<Occluder>& occluders,
-                                          const Measurement& measurement,
-                                          const DepthInterval& depth,
+                                          const Measurement& measurement, const PointLimits& depth,
                                           const std::atomic<bool>* cancelled);
 
 }  // namespace sightline

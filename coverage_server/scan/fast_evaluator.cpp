@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// ScanInPart in single precision, with what the inner loop needs precomputed.
+// ScanInPart in single precision, with precomputed values of the inner loop.
 struct FloatScan {
   float cx, cy, cz;              // camera at stage 0
   float ex, ey, ez;              // image x axis
@@ -22,6 +22,9 @@ struct FloatScan {
   float hx, hy, hz, normal_x;    // sheet normal, |n . e_x|
   float focal_px, half_columns, half_rows, tan_x, tan_y, fan_tangent;
   float max_range, min_depth, max_depth, max_depth_times_distance;
+  // Cosine and sine of the steepest incidence. The reach is the largest distance of a probe from
+  // its target; 0 at 90 degrees, since the field knows the horizon itself.
+  float cos_incidence, sin_incidence, reach_incidence;
   float inverse_step, step, radius_squared;
   // How far a probe may be from its target: as such, and across the planes that bound the image and
   // the fan. The lit moments of the two differ too, which moves the sensors.
@@ -71,6 +74,9 @@ FloatScan ToFloat(const ScanInPart& scan, float radius) {
   f.inverse_step = 1 / f.step;
   f.radius_squared = radius * radius;
   f.reach = radius * (1 + 1 / f.normal_x);
+  f.cos_incidence = static_cast<float>(std::max(scan.depth.min_cos_incidence, 0.0));
+  f.sin_incidence = std::sqrt(1 - f.cos_incidence * f.cos_incidence);
+  f.reach_incidence = f.cos_incidence > 0 ? f.reach : 0;
   f.reach_x = f.reach * std::sqrt(1 + f.tan_x * f.tan_x);
   f.reach_y = f.reach * std::sqrt(1 + f.tan_y * f.tan_y);
   f.reach_fan = f.reach * std::sqrt(1 + f.fan_tangent * f.fan_tangent);
@@ -83,7 +89,7 @@ inline float Round(float x) {
   return (x + kMagic) - kMagic;
 }
 
-// Which of a target's probes face camera and laser and lie in view, each at its own lit moment.
+// Marks a target's probes that face camera and laser and are in view, each when it is lit.
 SIGHTLINE_CLONES("avx2")
 uint8_t ProbesInView(const FloatScan& f, const FastEvaluator::TargetProbes& p) {
   int32_t passes[kProbesPerTarget];
@@ -95,14 +101,16 @@ uint8_t ProbesInView(const FloatScan& f, const FastEvaluator::TargetProbes& p) {
                 lz = f.lz - s * f.sz - p.z[k];
     const float depth = -(vx * f.wx + vy * f.wy + vz * f.wz);
     const float laser_depth = -(lx * f.lwx + ly * f.lwy + lz * f.lwz);
-    passes[k] = (p.nx[k] * vx + p.ny[k] * vy + p.nz[k] * vz > 0) &
-                (p.nx[k] * lx + p.ny[k] * ly + p.nz[k] * lz > 0) & (depth >= f.min_depth) &
+    const float facing = p.nx[k] * vx + p.ny[k] * vy + p.nz[k] * vz;
+    const float lit = p.nx[k] * lx + p.ny[k] * ly + p.nz[k] * lz;
+    const float range = vx * vx + vy * vy + vz * vz, laser_range = lx * lx + ly * ly + lz * lz;
+    passes[k] = (facing > f.cos_incidence * std::sqrt(range)) &
+                (lit > f.cos_incidence * std::sqrt(laser_range)) & (depth >= f.min_depth) &
                 (depth <= f.max_depth) &
                 (std::abs(vx * f.ex + vy * f.ey + vz * f.ez) <= depth * f.tan_x) &
                 (std::abs(vx * f.yx + vy * f.yy + vz * f.yz) <= depth * f.tan_y) &
-                (vx * vx + vy * vy + vz * vz <= f.max_range * f.max_range) &
-                (depth * std::sqrt(vx * vx + vy * vy + vz * vz) <= f.max_depth_times_distance) &
-                (laser_depth > 0) &
+                (range <= f.max_range * f.max_range) &
+                (depth * std::sqrt(range) <= f.max_depth_times_distance) & (laser_depth > 0) &
                 (std::abs(lx * f.ex + ly * f.ey + lz * f.ez) <= laser_depth * f.fan_tangent);
   }
   uint8_t in_view = 0;
@@ -178,8 +186,8 @@ bool GridCovers(const FloatScan& f, const FastEvaluator::TargetProbes& probes, b
       });
 }
 
-// Whether the box is met on the way from `place` to `sensor`, both in its axes; what is as near to
-// the place as a surface to itself does not count.
+// Whether the box is met on the way from `place` to `sensor`, both in its axes; hits as near to the
+// place as a surface to itself do not count.
 bool Meets(const TravellingBox& box, const Eigen::Vector3f& place, const Eigen::Vector3f& sensor) {
   constexpr float kSurfaceGapM = 2e-5f;
   const Eigen::Vector3f way = sensor - place;
@@ -291,18 +299,25 @@ void FastEvaluator::TestBlock(const Block& block, const FloatScan& f, int map_si
     // coverage radius and their normals differ little from the target's.
     const float horizon = block.horizon[i];
     const float facing = nx * vx + ny * vy + nz * vz, lit = nx * lx + ny * ly + nz * lz;
-    const float camera_margin = horizon * std::sqrt(range);
-    const float laser_margin = horizon * std::sqrt(lx * lx + ly * ly + lz * lz);
+    // Cosines of the steepest incidence plus and minus the angle whose sine is `horizon`; no probe
+    // is sure to pass where that angle is the larger one.
+    const float level = std::sqrt(std::max(0.0f, 1 - horizon * horizon));
+    const float spread = f.sin_incidence * horizon;
+    const float loose_cosine = f.cos_incidence * level - spread;
+    const float tight_cosine = horizon > f.sin_incidence ? 2.0f : f.cos_incidence * level + spread;
+    const float laser_distance = std::sqrt(lx * lx + ly * ly + lz * lz);
     const float out_x = std::abs(image_x) - depth * f.tan_x,
                 out_y = std::abs(image_y) - depth * f.tan_y;
     const float out_fan = std::abs(laser_x) - laser_depth * f.fan_tangent;
     const float distance = std::sqrt(range), far = distance - f.max_range;
-    const int32_t loose = (facing > -camera_margin) & (lit > -laser_margin) &
+    const int32_t loose = (facing > loose_cosine * distance - f.reach_incidence) &
+                          (lit > loose_cosine * laser_distance - f.reach_incidence) &
                           (depth >= f.min_depth - f.reach) & (depth <= f.max_depth + f.reach) &
                           (out_x <= f.reach_x) & (out_y <= f.reach_y) & (far <= f.reach) &
                           ((depth - f.reach) * (distance - f.reach) <= f.max_depth_times_distance) &
                           (laser_depth > 0) & (out_fan <= f.reach_fan);
-    const int32_t tight = (facing > camera_margin) & (lit > laser_margin) &
+    const int32_t tight = (facing > tight_cosine * distance + f.reach_incidence) &
+                          (lit > tight_cosine * laser_distance + f.reach_incidence) &
                           (depth >= f.min_depth + f.reach) & (depth <= f.max_depth - f.reach) &
                           (out_x <= -f.reach_x) & (out_y <= -f.reach_y) & (far <= -f.reach) &
                           ((depth + f.reach) * (distance + f.reach) <= f.max_depth_times_distance) &
@@ -413,7 +428,7 @@ void FastEvaluator::Evaluate(std::span<const ScanInPart> scans, std::span<FastSc
       if (image_y - depth * f.tan_y > reach * std::sqrt(1 + f.tan_y * f.tan_y)) continue;
       const Eigen::Vector3f to_laser(f.lx - s * f.sx - c.x(), f.ly - s * f.sy - c.y(),
                                      f.lz - s * f.sz - c.z());
-      // Laser and camera travel together: what moves one out of the centre's lit moment moves both.
+      // Laser and camera travel together, so both move away from the centre's lit moment alike.
       const float laser_depth =
           -(to_laser.x() * f.lwx + to_laser.y() * f.lwy + to_laser.z() * f.lwz);
       const float laser_x =

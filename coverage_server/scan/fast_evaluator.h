@@ -18,7 +18,7 @@ struct SeenTarget {
   uint8_t probes;  // bit k: probe k
 };
 
-// What one scan covers by the field's estimate.
+// Coverage of one scan by the estimate from the visibility field.
 struct FastScan {
   TargetBits covered;
   // Stage positions at which the covered targets are lit; start > end if none is covered.
@@ -44,7 +44,7 @@ class FastEvaluator {
   // A target counts as covered if one of its probes faces camera and laser, lies in field of view,
   // fan, range and admissible depth when it is lit, and is seen from both, and if the grid of
   // frames and columns is fine enough to put a point there. Evaluates the whole batch block by
-  // block, so that the field is read once a batch. `with_seen`: lists what is seen too. Stops early
+  // block, so that the field is read once a batch. `with_seen`: lists seen targets too. Stops early
   // when *cancelled.
   void Evaluate(std::span<const ScanInPart> scans, std::span<FastScan> results, bool with_seen,
                 const std::atomic<bool>* cancelled) const;

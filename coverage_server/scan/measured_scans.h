@@ -34,7 +34,7 @@ inline std::string MeasurementKey(const Measurement& measurement) {
 
 // Scans are asked about again: for other targets on the same part, for their points, for a picture.
 // Points of one part on one rig among its obstacles, within the same limits on depth; scenes that
-// have all that in common share them. Answers do not depend on what is kept.
+// have all that in common share them. Answers do not depend on the cache.
 struct MeasuredScans {
   using Points = std::vector<MeasurementPoint>;
 

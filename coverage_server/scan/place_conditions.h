@@ -23,14 +23,22 @@ inline double DepthOf(const ScanInPart& scan, const Eigen::Vector3d& from_camera
   return from_camera.dot(scan.camera.z_axis);
 }
 
-inline bool WithinDepth(const DepthInterval& admissible, double depth_m) {
+inline bool WithinDepth(const PointLimits& admissible, double depth_m) {
   return depth_m >= admissible.min_m && depth_m <= admissible.max_m;
 }
 
 // By the limit on depth per pixel (MaxDepthTimesDistance).
-inline bool FineInDepth(const DepthInterval& admissible, const Eigen::Vector3d& from_camera,
+inline bool FineInDepth(const PointLimits& admissible, const Eigen::Vector3d& from_camera,
                         double depth_m) {
   return depth_m * from_camera.norm() <= admissible.max_depth_times_distance_m2;
+}
+
+// Whether the surface is not too steep to a sensor; `normal` of any length, `to_sensor` leads to
+// it.
+inline bool WithinIncidence(const PointLimits& limits, const Eigen::Vector3d& normal,
+                            const Eigen::Vector3d& to_sensor) {
+  return limits.min_cos_incidence <= 0 ||
+         normal.dot(to_sensor) >= limits.min_cos_incidence * normal.norm() * to_sensor.norm();
 }
 
 inline bool InRows(const ScanInPart& scan, const Eigen::Vector3d& from_camera, double depth_m) {

@@ -16,7 +16,7 @@ struct TravellingBox {
   Eigen::Matrix3f rotation;
   Eigen::Vector3f shift;
   Eigen::Vector3f low, high;
-  // Whether it reaches as high as these: what is above all of a box is not hidden by it.
+  // Whether it reaches as high as these: a box hides nothing above it.
   bool hides_camera, hides_laser;
 };
 
@@ -35,15 +35,15 @@ struct ScanInPart {
   double focal_length_px;
   double half_columns_px, half_rows_px;
   double scan_step_m;
-  DepthInterval depth;  // admissible by resolution and defocus
-  // Of the boxes among the obstacles those that can hide a sensor from the part.
+  PointLimits depth;  // admissible by resolution and defocus
+  // The obstacle boxes that can hide a sensor from the part.
   std::vector<TravellingBox> boxes;
   // False when the sheet holds the scan direction: nothing is ever swept.
   bool sweeps;
 };
 
 inline ScanInPart MakeScanInPart(const Rig& rig, const Eigen::Vector3d& part_centre_m,
-                                 const ScanGeometry& g, const DepthInterval& depth) {
+                                 const ScanGeometry& g, const PointLimits& depth) {
   ScanInPart scan;
   scan.camera = WorldToPart(g, part_centre_m, g.camera, 0);
   scan.laser = WorldToPart(g, part_centre_m, g.laser, 0);
@@ -66,7 +66,7 @@ inline ScanInPart MakeScanInPart(const Rig& rig, const Eigen::Vector3d& part_cen
 }
 
 inline ScanInPart MakeScanInPart(const Rig& rig, const Eigen::Vector3d& part_centre_m,
-                                 const Measurement& measurement, const DepthInterval& depth) {
+                                 const Measurement& measurement, const PointLimits& depth) {
   return MakeScanInPart(rig, part_centre_m, MakeScanGeometry(rig, measurement), depth);
 }
 

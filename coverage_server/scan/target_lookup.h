@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which targets a measurement point covers.
+// Finds the targets that a measurement point covers.
 #pragma once
 
 #include <Eigen/Core>

@@ -34,7 +34,7 @@ namespace {
 constexpr double kMinTriangulationRad = 10 * std::numbers::pi / 180;
 constexpr double kMaxTriangulationRad = 80 * std::numbers::pi / 180;
 
-// Of scans whose points were asked for what they tell of the surface, the longest unused go first.
+// Memory for inferred scans; the least recently used are dropped first.
 constexpr int64_t kInferredScansBytes = int64_t{400} << 20;
 
 double SecondsSince(std::chrono::steady_clock::time_point start) {
@@ -100,7 +100,7 @@ class CoverageSceneImpl final : public CoverageScene {
     TargetSampling probed = definition_.sampling;
     if (definition_.uncertainty) {
       priors_ = MakeTargetPriors(targets_, definition_.sampling, *definition_.uncertainty);
-      // What lies farther off than the length scale tells little of a target: probes stand there.
+      // Points beyond the length scale say little about a target: probes stand there.
       probed.coverage_radius_m = std::min(
           probed.coverage_radius_m, priors_->smallest_length_scale_m() / kProbeRadiusRelative);
     }
@@ -158,7 +158,7 @@ class CoverageSceneImpl final : public CoverageScene {
                      const std::atomic<bool>* cancelled) const override {
     std::vector<FastCoverage> coverages(measurements.size());
     EvaluateFastCoverage(measurements, coverages, cancelled);
-    // What was broken off has no targets.
+    // An evaluation that was cancelled has no targets.
     if (cancelled != nullptr && cancelled->load()) return;
     for (size_t i = 0; i < measurements.size(); ++i) {
       FastGain& gain = gains[i];
@@ -253,7 +253,7 @@ class CoverageSceneImpl final : public CoverageScene {
           MakeScanInPart(definition_.rig, part_centre_m_, measurement, Depth(measurement)),
           *definition_.uncertainty, points, static_cast<float>(priors_->largest_neighbourhood_m()));
     }
-    // What holds a scan without points takes some hundred bytes.
+    // A scan without points takes some hundred bytes.
     const int64_t bytes = 512 + (scan.points ? scan.points->bytes() : 0);
     inferred_scans_.Put(key, std::make_shared<MeasuredScan>(scan), bytes).IgnoreError();
     return scan;
@@ -313,7 +313,7 @@ class CoverageSceneImpl final : public CoverageScene {
       CarriedOut result;
       EvaluateFast({&measurement, 1}, false, cancelled,
                    [&](size_t, const ScanInPart&, const FastScan& scan, Feasibility) {
-                     // The estimate may cover nothing, not even what the scan is asked for.
+                     // The estimate may cover nothing, not even the targets asked for.
                      const bool none = scan.stage_start_m > scan.stage_end_m;
                      result.stage_start_m = none ? stage_m : std::min(stage_m, scan.stage_start_m);
                      result.stage_end_m = none ? stage_m : std::max(stage_m, scan.stage_end_m);
@@ -332,12 +332,12 @@ class CoverageSceneImpl final : public CoverageScene {
     auto measured = std::make_shared<const MeasuredScans::Points>(
         MeasureScan(definition_.part, definition_.rig, part_centre_m_, occluders_, measurement,
                     Depth(measurement), cancelled));
-    // Of a scan that was broken off some points are missing.
+    // A cancelled scan lacks some of its points, so it is not cached.
     if (cancelled == nullptr || !cancelled->load()) measured_scans_.Add(measurement, measured);
     return measured;
   }
 
-  // What obstacles on the table and boxes that travel along need to be known of the part.
+  // Prepares the data of the part that obstacles on the table and travelling boxes need.
   absl::Status FindTable(const std::atomic<bool>* cancelled) {
     bool on_table = false;
     for (const SceneObstacle& obstacle : definition_.obstacles) {
@@ -378,7 +378,7 @@ class CoverageSceneImpl final : public CoverageScene {
     return std::abs(area_m2 - surface_m2) <= 1e-6 * surface_m2;
   }
 
-  // Those of the boxes that reach as high as a sensor, in part coordinates.
+  // The boxes that reach as high as a sensor, in part coordinates.
   std::vector<TravellingBox> BoxesOf(const Measurement& m) const {
     std::vector<TravellingBox> boxes;
     if (boxes_.empty()) return boxes;
@@ -386,7 +386,7 @@ class CoverageSceneImpl final : public CoverageScene {
     for (const Box& box : boxes_) {
       const double base_m = box.frame == ObstacleFrame::kTable ? g.table_height_m : 0;
       const double top_m = g.part_offset_m.z() + base_m + box.high.z();
-      // What lies on the table may stand beside the part: it hides what is lower than its top.
+      // An obstacle on the table may stand beside the part: it hides points lower than its top.
       const bool below_part = box.frame == ObstacleFrame::kTable && box.high.z() <= 0;
       TravellingBox& travelling = boxes.emplace_back();
       travelling.low = box.low;
@@ -405,30 +405,32 @@ class CoverageSceneImpl final : public CoverageScene {
   }
 
   void MarkMeasurableTargets(const SceneBuildOptions& options) {
-    ForTargetShares(options.threads, [&](size_t begin, size_t end) {
-      MarkMeasurable(targets_, *field_, occluders_, kMinTriangulationRad, kMaxTriangulationRad,
-                     begin, end, measurable_, options.cancelled);
-    });
-    measurable_in_free_space_ = measurable_;
-    if (!definition_.domain) return;
-    const DomainMeasurability by_domain(definition_.rig, definition_.sampling, *definition_.domain,
-                                        part_centre_m_, *field_, occluders_);
-    if (!by_domain.any_orientation()) {
+    const auto mark = [&](const DirectionLimits& limits, TargetBits& measurable) {
       ForTargetShares(options.threads, [&](size_t begin, size_t end) {
-        by_domain.Keep(targets_, begin, end, options.cancelled, measurable_);
-      });
-      return;
-    }
-    const double least = std::max(kMinTriangulationRad, by_domain.min_angle_rad());
-    const double most = std::min(kMaxTriangulationRad, by_domain.max_angle_rad());
-    if (least <= kMinTriangulationRad && most >= kMaxTriangulationRad) return;
-    TargetBits narrowed(targets_.size());
-    if (least <= most) {
-      ForTargetShares(options.threads, [&](size_t begin, size_t end) {
-        MarkMeasurable(targets_, *field_, occluders_, least, most, begin, end, narrowed,
+        MarkMeasurable(targets_, *field_, occluders_, limits, begin, end, measurable,
                        options.cancelled);
       });
+    };
+    const DirectionLimits free_space{kMinTriangulationRad, kMaxTriangulationRad};
+    mark(free_space, measurable_);
+    measurable_in_free_space_ = measurable_;
+    DirectionLimits limits = free_space;
+    limits.min_cos_incidence = LeastCosineOfIncidence();
+    if (definition_.domain) {
+      const DomainMeasurability by_domain(definition_.rig, definition_.sampling,
+                                          *definition_.domain, part_centre_m_, *field_, occluders_);
+      if (!by_domain.any_orientation()) {
+        ForTargetShares(options.threads, [&](size_t begin, size_t end) {
+          by_domain.Keep(targets_, begin, end, options.cancelled, measurable_);
+        });
+        return;
+      }
+      limits.min_angle_rad = std::max(limits.min_angle_rad, by_domain.min_angle_rad());
+      limits.max_angle_rad = std::min(limits.max_angle_rad, by_domain.max_angle_rad());
     }
+    if (limits == free_space) return;
+    TargetBits narrowed(targets_.size());
+    if (limits.min_angle_rad <= limits.max_angle_rad) mark(limits, narrowed);
     measurable_ &= narrowed;
   }
 
@@ -474,16 +476,23 @@ class CoverageSceneImpl final : public CoverageScene {
     }
   }
 
-  DepthInterval Depth(const Measurement& m) const {
+  PointLimits Depth(const Measurement& m) const {
     const TargetSampling& sampling = definition_.sampling;
-    DepthInterval depth =
+    PointLimits depth =
         AdmissibleDepth(definition_.rig, m.camera_distance_m, sampling.max_pixel_footprint_m,
                         sampling.max_circle_of_confusion_px);
     if (sampling.max_depth_per_pixel_m) {
       depth.max_depth_times_distance_m2 =
           MaxDepthTimesDistance(definition_.rig.camera, m, *sampling.max_depth_per_pixel_m);
     }
+    depth.min_cos_incidence = LeastCosineOfIncidence();
     return depth;
+  }
+
+  // 0 where the surface may be as steep as 90 degrees.
+  double LeastCosineOfIncidence() const {
+    const std::optional<double>& incidence_rad = definition_.sampling.max_incidence_rad;
+    return incidence_rad ? std::max(0.0, std::cos(*incidence_rad)) : 0;
   }
 
   // A scan without points uses no travel and touches nothing.

@@ -38,7 +38,7 @@ struct SceneDefinition {
   std::vector<SceneObstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;
-  // What scans may be; unset: camera and laser anywhere in free space.
+  // The permitted scans; unset: camera and laser anywhere in free space.
   std::optional<MeasurementDomain> domain;
 };
 
@@ -76,13 +76,13 @@ struct ExactCoverage {
   int64_t measurement_points = 0;
 };
 
-// A scan's information at the targets it tells of; one entry each.
+// A scan's information at the targets it informs about; one entry each.
 struct ScanInformation {
   std::vector<uint32_t> targets;  // ascending
   std::vector<float> density;     // equivalent, [1/m^4]; > 0
 };
 
-// Posterior at a target, and how many points told of it.
+// Posterior at a target, and the number of points behind it.
 struct TargetUncertainty {
   SurfaceUncertainty uncertainty;
   int32_t points = 0;
@@ -90,22 +90,22 @@ struct TargetUncertainty {
   std::vector<float> after_each_scan_m;
 };
 
-// What a scan tells of the surface, by the fast estimate.
+// The information that a scan gives about the surface, by the fast estimate.
 struct FastInformation {
   Feasibility feasibility = Feasibility::kFeasible;
   TargetBits covered;
   ScanInformation information;
 };
 
-// What targets are to be known to, and what reaching it is worth (v1::UncertaintyGain).
+// Required uncertainty of the targets, and the worth of reaching it (v1::UncertaintyGain).
 struct UncertaintyRequirement {
   GainWeights weights;
-  // One for all targets or one per target; 0: the target is not judged.
+  // One for all targets or one per target; 0: the target is not toleranced.
   std::span<const float> admissible_uncertainty_m;
   double relaxed_uncertainty_m = 0;
-  // Equivalent density [1/m^4] that earlier scans have told; empty or one per target.
+  // Equivalent density [1/m^4] accumulated from earlier scans; empty or one per target.
   std::span<const float> known_density;
-  // What earlier scans cover; may be null.
+  // The targets that earlier scans cover; may be null.
   const TargetBits* covered = nullptr;
   // Empty, or one per target: gains are weighted shares of the density needed instead.
   std::span<const float> target_weights;
@@ -160,10 +160,11 @@ class CoverageScene {
   virtual const Rig& rig() const = 0;
   virtual const std::vector<SceneObstacle>& obstacles() const = 0;
   virtual const TargetSet& targets() const = 0;
-  // Of the targets that are measurable in free space those that the domain leaves so
+  // The targets that are measurable in free space, within the limit on incidence and in the domain
   // (visibility/domain_measurability.h).
   virtual const TargetBits& measurable() const = 0;
-  // Thesis section 6.1: some pair of unoccluded directions 10 to 80 degrees apart.
+  // Thesis section 6.1: some pair of unoccluded directions 10 to 80 degrees apart, whatever the
+  // limits on the surface are.
   virtual const TargetBits& measurable_in_free_space() const { return measurable(); }
   virtual Eigen::Vector3d part_centre_m() const = 0;
   virtual int64_t field_bytes() const = 0;
@@ -184,7 +185,7 @@ class CoverageScene {
                                       std::vector<MeasurementPoint>* points,
                                       const std::atomic<bool>* cancelled) const = 0;
 
-  // What stands in the way of the scans of `domain` that come nearest to measuring each of
+  // Explains which obstacles or limits keep the best scans of `domain` from measuring each of
   // `targets` (explanation/explain_targets.h). Stops early (results unspecified) when *cancelled.
   virtual void Explain(const MeasurementDomain& /*domain*/, std::span<const uint32_t> /*targets*/,
                        std::span<TargetExplanation> /*results*/,

@@ -12,9 +12,9 @@
 
 namespace sightline {
 
-// Of many points in a process of its own, if there is a program for it: qhull cannot be stopped.
-// The same corners in the same order either way. Errors of MakeConvexHull() and RunWorkerTask();
-// CANCELLED soon after *cancelled.
+// Computes the hull of many points in a process of its own, if there is a program for it: qhull
+// cannot be stopped. The same corners in the same order either way. Errors of MakeConvexHull() and
+// RunWorkerTask(); CANCELLED soon after *cancelled.
 absl::StatusOr<std::vector<Eigen::Vector3d>> HullCorners(std::span<const Eigen::Vector3f> points_m,
                                                          const std::atomic<bool>* cancelled);
 

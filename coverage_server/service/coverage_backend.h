@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the service needs from the coverage engine. Tests put a formula in its place.
+// Interface of the coverage engine to the service. Tests put a formula in its place.
 #pragma once
 
 #include <functional>

@@ -29,7 +29,7 @@ void AddVector(const Eigen::Vector3f& vector, google::protobuf::RepeatedField<fl
   field->Add(vector.z());
 }
 
-// What the fast evaluator would say, from an exact coverage.
+// Gain as the fast evaluator would state it, from an exact coverage.
 FastGain GainOfCoverage(const CoverageScene& scene, const ExactCoverage& coverage,
                         const TargetBits* covered, std::span<const float> weights) {
   FastGain gain{.feasibility = coverage.feasibility};
@@ -252,7 +252,7 @@ absl::Status CoverageServiceImpl::Gains(grpc::ServerContext* context,
         }
         for (size_t i = begin; i < end; ++i) {
           const ExactCoverage coverage = scene.EvaluateExact(inside[i], nullptr, &cancelled);
-          // Of a scan that was broken off nothing is known, not even for how many targets.
+          // A cancelled scan has no valid result, not even a number of targets.
           if (cancelled) return;
           gains[i] = GainOfCoverage(scene, coverage, covered_bits, weights);
         }
@@ -293,7 +293,7 @@ absl::Status CoverageServiceImpl::Coverage(grpc::ServerContext* context,
   absl::StatusOr<MeasurementBatch> batch = ParseMeasurements(request.measurements());
   if (!batch.ok()) return batch.status();
   const bool fast = request.evaluator() == v1::EVALUATOR_FAST;
-  // Of a target that the scan tells of: its number, at most four bytes, and its information.
+  // Bytes of the informed targets: a number, at most four bytes, and the information.
   const size_t informed_bytes = fast && scene.uncertainty() != nullptr ? 8 * targets : 0;
   const auto bytes_each =
       static_cast<int64_t>((targets + 7) / 8 * (fast ? 1 : 2) + informed_bytes + 64);

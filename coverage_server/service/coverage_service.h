@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// CoverageService over a SceneRegistry.
+// The gRPC service CoverageService: parts, scenes and queries of a SceneRegistry.
 #pragma once
 
 #include "coverage_server/service/coverage_backend.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Queries about what stands in the way of targets.
+// Queries for the reasons of uncovered targets.
 #include <span>
 #include <vector>
 

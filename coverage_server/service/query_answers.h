@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What answers to queries have in common.
+// Functions that answers to queries have in common.
 #pragma once
 
 #include <algorithm>

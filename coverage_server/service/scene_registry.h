@@ -66,7 +66,7 @@ class SceneRegistry {
   CoverageMetrics* const metrics_;
   LruStore<StoredPart> parts_;
   LruStore<StoredScene> scenes_;
-  // Of all scenes together.
+  // Shared by all scenes.
   const std::shared_ptr<LruStore<MeasuredScans::Points>> measured_scans_;
 
   std::mutex mutex_;  // held while deciding which job a request belongs to

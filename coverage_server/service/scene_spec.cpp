@@ -31,7 +31,7 @@ std::string DeterministicBytes(const google::protobuf::Message& message) {
   return bytes;
 }
 
-// Degrees do not survive the way through radians and back bit by bit: 1e-9 degrees is what counts.
+// Degrees do not survive the conversion to radians and back exactly, so 1e-9 degrees are kept.
 double RoundDegrees(double degrees) { return std::round(degrees * 1e9) / 1e9; }
 
 absl::StatusOr<PartPlacement> ParsePlacement(const v1::PartPlacement& message) {
@@ -88,7 +88,7 @@ absl::Status ParseSettings(const v1::SceneSpec& spec, ParsedSceneSpec* parsed) {
   return absl::OkStatus();
 }
 
-// What decides which points a scan measures.
+// The fields that decide which points a scan measures.
 v1::SceneSpec GeometryOf(v1::SceneSpec spec) {
   v1::TargetSampling limits;
   const v1::TargetSampling& targets = spec.targets();
@@ -100,6 +100,9 @@ v1::SceneSpec GeometryOf(v1::SceneSpec spec) {
   }
   if (targets.has_max_depth_per_pixel_m()) {
     limits.set_max_depth_per_pixel_m(targets.max_depth_per_pixel_m());
+  }
+  if (targets.has_max_incidence_deg()) {
+    limits.set_max_incidence_deg(targets.max_incidence_deg());
   }
   *spec.mutable_targets() = std::move(limits);
   spec.clear_field_directions();
@@ -131,7 +134,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
     }
     parsed.obstacles.push_back({obstacle.part_digest(), frame.value_or(ObstacleFrame::kPart)});
   }
-  // Resting faces and the table's size follow from the part; a scene has what follows.
+  // Resting faces and the table's size follow from the part; a scene has these results.
   if (spec.rig().part_holding() == v1::Rig::PART_HOLDING_RESTING ||
       spec.rig().part_holding() == v1::Rig::PART_HOLDING_FIXTURE || spec.rig().has_table()) {
     violations.push_back({spec.rig().has_table() ? "spec.rig.table" : "spec.rig.part_holding",
@@ -170,6 +173,10 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   *normalised.mutable_targets() = TargetSamplingToProto(parsed.sampling);
   normalised.mutable_targets()->set_max_normal_angle_deg(
       RoundDegrees(normalised.targets().max_normal_angle_deg()));
+  if (normalised.targets().has_max_incidence_deg()) {
+    normalised.mutable_targets()->set_max_incidence_deg(
+        RoundDegrees(normalised.targets().max_incidence_deg()));
+  }
   *normalised.mutable_obstacles() = spec.obstacles();
   normalised.set_field_directions(parsed.field_directions);
   if (parsed.domain) {
@@ -190,7 +197,7 @@ absl::StatusOr<ParsedSceneSpec> ParseSceneSpec(const v1::SceneSpec& spec) {
   if (spec.has_part_placement()) *normalised.mutable_part_placement() = spec.part_placement();
   parsed.digest = Sha256Hex(DeterministicBytes(normalised));
   parsed.geometry_digest = Sha256Hex(DeterministicBytes(GeometryOf(normalised)));
-  // What is built depends on the normal form alone: same digest, same scene, bit by bit.
+  // The scene depends on the normal form alone: same digest, same scene, bit by bit.
   if (absl::Status status = ParseSettings(normalised, &parsed); !status.ok()) return status;
   return parsed;
 }

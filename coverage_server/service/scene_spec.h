@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a scene is made of: validation, normal form and digest of a SceneSpec.
+// Description of a scene: validation, normal form and digest of a SceneSpec.
 #pragma once
 
 #include <string>

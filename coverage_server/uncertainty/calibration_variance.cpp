@@ -53,7 +53,7 @@ float CalibrationVariance::At(const Eigen::Vector3f& view_m, const Eigen::Vector
   const float variance = ((1 - b) * ((1 - a) * along(row, column) + a * along(row, column + 1)) +
                           b * ((1 - a) * along(row + 1, column) + a * along(row + 1, column + 1)))
                              .squaredNorm();
-  // Where rays run along the sheet no point is reconstructed: nothing is told.
+  // If the rays run along the laser sheet, no point is reconstructed and there is no information.
   return std::isfinite(variance) ? variance : std::numeric_limits<float>::infinity();
 }
 

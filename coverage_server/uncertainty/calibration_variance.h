@@ -18,7 +18,7 @@ namespace sightline {
 // along its axis on the point in the image's middle.
 class CalibrationVariance {
  public:
-  // Of the variables of `covariance`; those of detection must be 0. Zero: any() is false.
+  // `covariance` of detection variables must be 0. With a covariance of zero, any() is false.
   CalibrationVariance(const ScanInPart& scan, const TriangulationCovariance& covariance);
 
   bool any() const { return !grid_.empty(); }

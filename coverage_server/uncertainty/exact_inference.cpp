@@ -114,7 +114,7 @@ void InferTargets(const TargetSet& targets, const TargetPriors& priors, double m
   for (const SurfacePrior& prior : priors.priors) surfaces.emplace_back(prior);
   const auto cos_gate = static_cast<float>(std::cos(max_normal_angle_rad));
   std::vector<SurfaceObservation> observations;
-  std::vector<std::pair<double, size_t>> order;  // what scans are likely to tell, and which
+  std::vector<std::pair<double, size_t>> order;  // expected information and index of scans
   for (size_t i = 0; i < targets_asked.size(); ++i) {
     if (cancelled != nullptr && cancelled->load(std::memory_order_relaxed)) return;
     const uint32_t t = targets_asked[i];
@@ -153,13 +153,13 @@ void InferTargets(const TargetSet& targets, const TargetPriors& priors, double m
         if (!enough_m.empty() && told >= ask_at) {
           const double u_m = surface.Uncertainty().total_m;
           if (u_m <= enough_m[i]) break;
-          // Uncertainty falls with the root of what is told.
+          // Uncertainty falls with the square root of the information.
           ask_at = told * std::min(4.0, u_m * u_m / (double{enough_m[i]} * enough_m[i]));
         }
       }
       if (!after_each_scan) continue;
       std::vector<float>& after = results[i].after_each_scan_m;
-      // Where a scan tells nothing, nothing changes.
+      // A scan without observations changes nothing.
       after.push_back(observations.empty() && !after.empty()
                           ? after.back()
                           : static_cast<float>(surface.Uncertainty().total_m));

@@ -38,14 +38,14 @@ class ScanPoints {
   // Variance [m^2] by detection noise of a point of the scan along a unit vector, given the normal
   // of the surface it lies on.
   double NoiseVariance(const Point& point, const Eigen::Vector3f& along) const;
-  // Variance [m^2] along `normal` of what all points near `place_m` have in common.
+  // Variance [m^2] along `normal` of the error that all points near `place_m` have in common.
   double CalibrationVarianceAt(const Eigen::Vector3f& place_m, const Eigen::Vector3f& normal) const;
 
   // Sum of 1/variance [1/m^2] of the points in the cells about a place, as if each had the variance
-  // of one at the place itself: what the scan is likely to tell there. 0: nothing.
+  // of one at the place itself: the expected information of the scan there. 0: nothing.
   double LikelyInformation(const Eigen::Vector3f& place_m, const Eigen::Vector3f& normal) const;
 
-  // Of the points, which are nearly all that it holds.
+  // Bytes of the points, which are nearly all of its memory.
   int64_t bytes() const { return static_cast<int64_t>(points_.size() * sizeof(Point)); }
 
  private:
@@ -66,9 +66,9 @@ class ScanPoints {
   std::vector<Point> points_;
 };
 
-// Posterior at `targets_asked` (indices). A point tells of a target within the neighbourhood of the
-// target's prior if the surface it lies on faces the target's way within the gate on normals
-// (thesis 6.3.1). With `enough_m`, one per target asked for, the scans that tell most come first,
+// Posterior at `targets_asked` (indices). A point informs about a target within the neighbourhood
+// of the target's prior if the surface it lies on faces the target's way within the gate on normals
+// (thesis 6.3.1). With `enough_m`, one per target asked for, the most informative scans come first,
 // and the rest are left out once the uncertainty is at most that. Stops early when *cancelled.
 void InferTargets(const TargetSet& targets, const TargetPriors& priors, double max_normal_angle_rad,
                   std::span<const std::shared_ptr<const ScanPoints>> scans,

@@ -12,7 +12,7 @@ namespace sightline {
 namespace {
 
 // Densities that are tabulated [1/m^4]: from one point of 1 mm in 100 cm^2 to a million of 1 um in
-// a square millimetre. Below nothing is told.
+// a square millimetre. Smaller densities count as no information.
 constexpr float kLogDensityMin = 18.42068f;  // ln 1e8
 constexpr float kLogDensityMax = 55.26204f;  // ln 1e24
 constexpr int kTableEntries = 257;

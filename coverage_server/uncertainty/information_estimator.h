@@ -1,16 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a scan tells of every target that it sees: the fast estimate.
+// Information that a scan gives about every target that it sees: the fast estimate.
 //
 // Points of a scan lie on the surface in a grid of frames and columns with the density
 //   rho = |f (t.e - x' t.w) / z| / (step |n.X|)                                     [1/m^2]
 // (n sheet normal, t = n x N for the target's normal N, e and w the image's x and the optical axis,
-// x' = image x / f, z depth, X the scan direction). Each tells of the surface along N with the
+// x' = image x / f, z depth, X the scan direction). Each observes the surface along N with the
 // variance of its detection (core/triangulation)
 //   sigma^2 = u_px^2 (z/f)^2 [ (N.e)^2 + (N.y - (N.r)(n.y)/(n.r))^2 ].
-// lambda = rho / sigma^2 adds up over scans (core/surface_inference). What a scan leaves of the
-// surface for other reasons, its border, frames too far apart, errors of calibration, is counted by
-// the density of a full, dense, well calibrated scan that would leave as much: the *equivalent*
-// information density, which is what is returned.
+// lambda = rho / sigma^2 adds up over scans (core/surface_inference). Other losses (the scan's
+// border, frames too far apart, errors of calibration) are expressed as the density of a full,
+// dense, well calibrated scan that would leave as much uncertainty. This *equivalent* information
+// density is returned.
 #pragma once
 
 #include <Eigen/Core>
@@ -65,7 +65,7 @@ class InformationEstimator {
                        std::vector<ExtentCost> extent_costs);
 
   // Equivalent information density [1/m^4] of every target of `seen`, in order; 0 for targets that
-  // the scan tells nothing of.
+  // the scan does not inform about.
   void Estimate(const ScanInPart& scan, std::span<const SeenTarget> seen,
                 std::span<float> information) const;
 

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the end of a target's surface costs: edges, corners and bends of the part.
+// Effect of the end of a target's surface on its uncertainty: edges, corners and bends of the part.
 //
-// Only points on surface that faces the target's way tell of it (thesis 3.4.2), so near an edge of
-// the part they lie on one side, and on a thin rib on a strip. How much that leaves of the
-// uncertainty does not depend on the scan: it is computed once per target, by inference from points
+// Only points on surface that faces the target's way inform about it (thesis 3.4.2), so near an
+// edge of the part they lie on one side, and on a thin rib on a strip. The remaining uncertainty
+// does not depend on the scan: it is computed once per target, by inference from points
 // on all of the surface that belongs to it.
 #pragma once
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is believed of the surface at every target before any scan.
+// Prior distribution of the surface at every target, before any scan.
 #pragma once
 
 #include <cstdint>
@@ -17,7 +17,7 @@ struct TargetPriors {
   std::vector<uint16_t> prior_of;
 
   const SurfacePrior& of(size_t target) const { return priors[prior_of[target]]; }
-  // Of the finest resolution.
+  // Length scale of the finest resolution.
   double smallest_length_scale_m() const;
   double largest_neighbourhood_m() const;
 };

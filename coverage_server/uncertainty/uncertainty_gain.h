@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What knowing targets is worth, and what a scan adds to it (thesis eq. 3.1, 3.2, 6.1, 6.3).
+// Worth of knowing targets, and the gain of a scan (thesis eq. 3.1, 3.2, 6.1, 6.3).
 #pragma once
 
 #include <cstdint>
@@ -13,14 +13,14 @@
 
 namespace sightline {
 
-// Made once for a batch of scans; holds what is needed per target.
+// Made once for a batch of scans; holds the data needed per target.
 class UncertaintyValue {
  public:
   // Targets that are not measurable are worth nothing. The arguments must outlive the value.
   UncertaintyValue(const TargetPriors& priors, const TargetBits& measurable,
                    const UncertaintyRequirement& requirement);
 
-  // Sum over targets of what they are worth after the scan less what they were worth before.
+  // Sum over targets of their worth after the scan less that before.
   double Gain(const ScanInformation& scan, const TargetBits& covered_by_scan) const;
   // Number of targets that the scan makes admissible.
   int32_t NewAdmissible(const ScanInformation& scan) const;
@@ -31,7 +31,7 @@ class UncertaintyValue {
  private:
   struct Target {
     float known;       // density
-    float admissible;  // density that makes it admissible; infinite: not judged
+    float admissible;  // density that makes it admissible; infinite: not toleranced
     float relaxed;     // density that makes it relaxed
     float worth;       // of what is known, without coverage
   };

@@ -77,7 +77,7 @@ class DrawList {
     vertices_.push_back(vertex);
     return static_cast<uint32_t>(vertices_.size() - 1);
   }
-  // Of vertices that were added.
+  // Adds a triangle of vertices that were added before.
   void Triangle(uint32_t a, uint32_t b, uint32_t c) { indices_.insert(indices_.end(), {a, b, c}); }
   void Triangle(const Eigen::Vector3f& a, const Eigen::Vector3f& b, const Eigen::Vector3f& c,
                 const Colour& colour) {
@@ -152,7 +152,7 @@ class NearestDistance {
     float squared = 0;
     nanoflann::KNNResultSet<float> result(1);
     result.init(&index, &squared);
-    squared = reach_squared_;  // what is farther is not looked at
+    squared = reach_squared_;  // farther points are ignored
     tree_.findNeighbors(result, p.data(), nanoflann::SearchParams());
     return result.size() > 0 ? std::sqrt(squared) : kFar;
   }

@@ -112,7 +112,7 @@ double DropOf(const std::vector<Body>& bodies, double polar_rad) {
 struct DomainMeasurability::TargetState {
   Eigen::Vector3f place, normal;
   std::vector<uint8_t> cell_open;  // of the field's map: seen and on the near side
-  // Of the finer map: 0 not asked yet, 1 open, 2 closed.
+  // Cells of the finer map: 0 not asked yet, 1 open, 2 closed.
   std::vector<uint8_t> fine;
   int obstacle_tests = 0;
 };
@@ -128,6 +128,9 @@ DomainMeasurability::DomainMeasurability(const Rig& rig, const TargetSampling& s
       fine_{2 * field.map().side},
       azimuth_(domain.parameters[kCameraAzimuth]) {
   for (int c = 0; c < fine_.cells(); ++c) fine_directions_.push_back(fine_.Direction(c));
+  if (sampling.max_incidence_rad) {
+    min_cos_incidence_ = static_cast<float>(std::max(0.0, std::cos(*sampling.max_incidence_rad)));
+  }
   for (const Occluder& occluder : occluders) {
     if (occluder.frame != ObstacleFrame::kStage && occluder.frame != ObstacleFrame::kTable)
       continue;
@@ -210,8 +213,8 @@ void DomainMeasurability::AllowPairs(const Rig& rig, const TargetSampling& sampl
       for (const double distance : distances) {
         const double range_m = distance * std::sin(std::abs(tau)) / std::sin(std::abs(angle));
         const double depth_m = range_m * std::cos(off);
-        const DepthInterval depth = AdmissibleDepth(rig, distance, sampling.max_pixel_footprint_m,
-                                                    sampling.max_circle_of_confusion_px);
+        const PointLimits depth = AdmissibleDepth(rig, distance, sampling.max_pixel_footprint_m,
+                                                  sampling.max_circle_of_confusion_px);
         if (range_m > rig.max_range_m || depth_m < depth.min_m || depth_m > depth.max_m) continue;
         if (sampling.max_depth_per_pixel_m) {
           Measurement m;
@@ -322,13 +325,13 @@ bool DomainMeasurability::MeasurableAt(const Rest& rest, TargetState& state) con
       if (state.cell_open[arc.cell[i]]) open |= uint64_t{1} << i;
     }
     if (!has_pair(open)) continue;
-    // What the field suggests segments decide.
+    // Exact segments decide the cells that the field suggests.
     std::vector<uint16_t> ask;
     for (uint64_t bits = open; bits != 0; bits &= bits - 1) {
       const uint16_t cell = arc.fine_cell[std::countr_zero(bits)];
       if (state.fine[cell] != 0) continue;
       state.fine[cell] = 2;
-      if (state.normal.dot(fine_directions_[cell]) > 0) ask.push_back(cell);
+      if (state.normal.dot(fine_directions_[cell]) > min_cos_incidence_) ask.push_back(cell);
     }
     for (size_t begin = 0; begin < ask.size(); begin += TriangleBvh::kLanes) {
       const size_t count = std::min<size_t>(TriangleBvh::kLanes, ask.size() - begin);
@@ -390,7 +393,8 @@ void DomainMeasurability::Keep(const TargetSet& targets, size_t begin, size_t en
     state.cell_open.assign(map.cells(), 0);
     for (int c = 0; c < map.cells(); ++c) {
       // Directions of a cell may be on the near side where its middle is not.
-      state.cell_open[c] = field_.Probes(t, c) != 0 && state.normal.dot(directions[c]) > -0.05f;
+      state.cell_open[c] =
+          field_.Probes(t, c) != 0 && state.normal.dot(directions[c]) > min_cos_incidence_ - 0.05f;
     }
     state.fine.assign(fine_.cells(), 0);
     state.obstacle_tests = 0;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which targets a rig with its table can measure, of those that can be measured in free space.
+// Finds the targets that a rig with its table can measure, among those measurable in free space.
 #pragma once
 
 #include <atomic>
@@ -29,11 +29,11 @@ namespace sightline {
 //  30
 //    degrees).
 // Where alpha and beta are free any orientation is assumed. Not asked: offsets, travel of the
-// stage, collision with anything but the table, and obstacles that stand still: measurable is what
-// remains possible after the conditions above.
+// stage, collision with anything but the table, and obstacles that stand still: a target is
+// measurable if the conditions above allow it.
 class DomainMeasurability {
  public:
-  // `part_centre_m`: what offsets refer to. `field` and `occluders` must outlive it.
+  // `part_centre_m`: reference point of offsets. `field` and `occluders` must outlive it.
   DomainMeasurability(const Rig& rig, const TargetSampling& sampling,
                       const MeasurementDomain& domain, const Eigen::Vector3d& part_centre_m,
                       const VisibilityField& field, const std::vector<Occluder>& occluders);
@@ -89,8 +89,9 @@ class DomainMeasurability {
   float drop_[2][kPolars] = {};           // lowest point of camera's and laser's bodies below it
   std::vector<double> turns_rad_;         // gamma that are tried against obstacles
   ParameterDomain azimuth_;
-  // Of the table: circle within it about the part's centre; 0: none.
+  // Radius of the table: circle within it about the part's centre; 0: none.
   float table_radius_m_ = 0;
+  float min_cos_incidence_ = 0;          // of directions to camera and laser
   std::vector<const Occluder*> others_;  // that travel with the stage, but the table
 };
 

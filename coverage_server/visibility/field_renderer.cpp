@@ -174,8 +174,8 @@ class TileRenderer {
     gl.Scissor(0, 0, view.columns, view.rows);
     gl.Clear(GL_DEPTH_BUFFER_BIT);
 
-    // Coherent occlusion: first what was seen from the direction before, then what its depth image
-    // does not hide.
+    // Coherent occlusion: first the clusters seen from the direction before, then those that the
+    // depth image does not hide.
     Draw(direction, [&](uint32_t c) { return seen_clusters_[c] != 0; });
     ReadDepth(view);
     if (job_.coherent_occlusion) {

@@ -51,8 +51,8 @@ inline std::atomic<int32_t>* TileStates(FieldJob& job) {
 }
 
 // Takes tiles as worker `number` (>= 1) until none waits; writes bytes
-// [block][cell][target in block] to `field`. Every tile starts afresh, so the bytes do not depend
-// on who renders it, nor on whether somebody has begun it before.
+// [block][cell][target in block] to `field`. Every tile starts from scratch, so the bytes do not
+// depend on who renders it, nor on whether somebody has begun it before.
 absl::Status RenderFieldTiles(FieldJob& job, uint8_t* field, int32_t number);
 
 }  // namespace sightline

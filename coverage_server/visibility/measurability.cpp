@@ -33,14 +33,15 @@ uint32_t OpenDirections(const std::vector<Occluder>& occluders, const Eigen::Vec
 }  // namespace
 
 void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
-                    const std::vector<Occluder>& occluders, double min_angle_rad,
-                    double max_angle_rad, size_t begin, size_t end, TargetBits& measurable,
+                    const std::vector<Occluder>& occluders, const DirectionLimits& limits,
+                    size_t begin, size_t end, TargetBits& measurable,
                     const std::atomic<bool>* cancelled) {
   const OctahedralMap& map = field.map();
   std::vector<Eigen::Vector3f> directions(map.cells());
   for (int c = 0; c < map.cells(); ++c) directions[c] = map.Direction(c);
-  const float cos_min = static_cast<float>(std::cos(min_angle_rad));
-  const float cos_max = static_cast<float>(std::cos(max_angle_rad));
+  const float cos_min = static_cast<float>(std::cos(limits.min_angle_rad));
+  const float cos_max = static_cast<float>(std::cos(limits.max_angle_rad));
+  const auto least_cosine = static_cast<float>(limits.min_cos_incidence);
   // Between the field's directions lie those of a map twice as fine.
   const OctahedralMap fine{2 * map.side};
   std::vector<Eigen::Vector3f> fine_directions(fine.cells());
@@ -80,7 +81,8 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
                           from = targets.positions_m[t] + kLiftM * normal;
     candidates.clear();
     for (int c = 0; c < map.cells(); ++c) {
-      if (field.Probes(t, c) != 0 && normal.dot(directions[c]) > 0) candidates.push_back(c);
+      if (field.Probes(t, c) != 0 && normal.dot(directions[c]) > least_cosine)
+        candidates.push_back(c);
     }
     bool found = has_open_pair(from, directions, candidates);
     if (!found) {
@@ -88,7 +90,7 @@ void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
       for (const int c : candidates) {
         for (int i = 0; i < 4; ++i) {
           const int row = 2 * (c / map.side) + i / 2, column = 2 * (c % map.side) + i % 2;
-          if (normal.dot(fine_directions[row * fine.side + column]) > 0)
+          if (normal.dot(fine_directions[row * fine.side + column]) > least_cosine)
             refined.push_back(row * fine.side + column);
         }
       }

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which targets can be measured at all (thesis section 6.1).
+// Finds the targets that can be measured at all (thesis section 6.1).
 #pragma once
 
 #include <atomic>
@@ -11,14 +11,22 @@
 
 namespace sightline {
 
-// A target is measurable if two unoccluded directions min_angle to max_angle apart reach it.
+// Limits on the directions from a target to camera and laser.
+struct DirectionLimits {
+  double min_angle_rad, max_angle_rad;  // between the two directions
+  double min_cos_incidence = 0;         // least cosine between each direction and the normal
+
+  bool operator==(const DirectionLimits&) const = default;
+};
+
+// A target is measurable if two unoccluded directions that keep `limits` reach it.
 // Directions are those of the field's map, and where they find no pair of a map twice as fine (2
 // degrees apart by default; the thesis draws 2^16 random pairs); the field says which are worth
 // asking and segments through `occluders` (those in part coordinates) decide. `begin`, `end`: range
 // of targets whose bits are written. Stops early when *cancelled; may be null.
 void MarkMeasurable(const TargetSet& targets, const VisibilityField& field,
-                    const std::vector<Occluder>& occluders, double min_angle_rad,
-                    double max_angle_rad, size_t begin, size_t end, TargetBits& measurable,
+                    const std::vector<Occluder>& occluders, const DirectionLimits& limits,
+                    size_t begin, size_t end, TargetBits& measurable,
                     const std::atomic<bool>* cancelled = nullptr);
 
 }  // namespace sightline

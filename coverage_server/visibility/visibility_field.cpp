@@ -48,7 +48,7 @@ class JobLayout {
 };
 
 // Directions just below a probe's horizon: the sensor may still be above it, so the cell takes over
-// what the probe sees from the nearest cell above.
+// the probe's result from the nearest cell above.
 void FillBelowHorizon(const SurfaceProbes& probes, const OctahedralMap& map, uint8_t* data,
                       size_t begin, size_t end, const std::atomic<bool>* cancelled) {
   constexpr float kAbove = 0.05f;    // sine of the elevation from which a cell's answer is its own
@@ -87,7 +87,7 @@ void FillBelowHorizon(const SurfaceProbes& probes, const OctahedralMap& map, uin
   }
 }
 
-// What a worker process maps.
+// The memory that a worker process maps.
 struct WorkerMemory {
   int job_fd;
   size_t job_bytes;
@@ -100,7 +100,7 @@ struct Worker {
   int32_t number;
 };
 
-// What a worker that was killed had taken and not finished waits again.
+// Returns the unfinished tiles of a killed worker to the queue.
 void GiveTilesBack(FieldJob& job, int32_t worker) {
   for (int tile = 0; tile < TileCount(job); ++tile) {
     int32_t taken = worker;
@@ -109,7 +109,7 @@ void GiveTilesBack(FieldJob& job, int32_t worker) {
 }
 
 // Renders all tiles in `processes` processes. One that is killed from outside is replaced, as often
-// as kMostReplacements: a tile that kills whoever renders it must not do so for ever.
+// as kMostReplacements: a tile that kills its renderers must not do so for ever.
 absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& memory,
                                int processes, const FieldBuildOptions& options, FieldJob& job) {
   constexpr int kMostReplacements = 16;
@@ -139,7 +139,7 @@ absl::Status RenderInProcesses(const std::string& program, const WorkerMemory& m
   };
   int killed = 0;
   while (!workers.empty()) {
-    // The workers are killed with `workers`: nobody wants what they would still finish.
+    // The workers are killed with `workers`: their results are not wanted any more.
     if (IsCancelled(options.cancelled)) return absl::CancelledError("visibility field");
     if (options.on_progress) {
       options.on_progress(std::min(1.0, static_cast<double>(job.directions_done.load()) / total));

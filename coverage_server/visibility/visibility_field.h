@@ -70,8 +70,8 @@ struct FieldBuildOptions {
 
 // Depth images come from OSMesa in worker processes: llvmpipe contexts in one process hinder each
 // other. `obstacles` occlude too (part coordinates). Bytes do not depend on `processes`.
-// A worker that is killed is replaced and what it had begun is done again; UNAVAILABLE if that
-// happens again and again. CANCELLED; INTERNAL if GL or a worker fails; RESOURCE_EXHAUSTED: no
+// A worker that is killed is replaced and its unfinished tiles are rendered again; UNAVAILABLE if
+// that happens again and again. CANCELLED; INTERNAL if GL or a worker fails; RESOURCE_EXHAUSTED: no
 // memory or no processes.
 absl::StatusOr<std::unique_ptr<VisibilityField>> BuildVisibilityField(
     const TriangleMesh& part, std::span<const TriangleMesh* const> obstacles,

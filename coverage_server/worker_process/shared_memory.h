@@ -37,7 +37,7 @@ absl::StatusOr<void*> MapShared(int fd, size_t bytes);
 // Writes arrays one after the other.
 class SharedWriter {
  public:
-  // Writes to `fd` from where it stands; whoever calls keeps it open. Stops early when *cancelled.
+  // Writes to `fd` from its current offset; the caller keeps it open. Stops early when *cancelled.
   explicit SharedWriter(int fd, const std::atomic<bool>* cancelled = nullptr)
       : fd_(fd), cancelled_(cancelled) {}
 
@@ -69,13 +69,13 @@ class SharedWriter {
   absl::Status status_;
 };
 
-// Reads what a SharedWriter has written. What it gives lives as long as a copy of it.
+// Reads data that a SharedWriter has written. Its spans are valid as long as a copy of it.
 class SharedReader {
  public:
   // Maps the whole file. RESOURCE_EXHAUSTED.
   static absl::StatusOr<SharedReader> Map(int fd);
 
-  // Of arrays that are not there: nothing, and ok() is false from then on.
+  // If the array is missing, the result is empty and ok() is false from then on.
   template <typename T>
   std::span<const T> GetAll() {
     const std::span<const char> bytes = NextArray();

@@ -17,7 +17,7 @@ namespace sightline {
 // The program beside this one or in SIGHTLINE_BIN_DIR that works for it; empty if there is none.
 std::string WorkerProgram();
 
-// One process, killed if it still runs when this goes: nobody wants what it would still finish.
+// One process, killed if it still runs when this goes: its result is not wanted any more.
 class WorkerProcess {
  public:
   // `arguments` without the program; it keeps the descriptors, under their numbers. The thread that

@@ -50,7 +50,7 @@ absl::StatusOr<SharedReader> AnswerOf(int state, int answer_fd, const std::strin
 absl::StatusOr<SharedReader> RunWorkerTask(const std::string& program, const std::string& name,
                                            const SharedMemory& input,
                                            const std::atomic<bool>* cancelled) {
-  // A task that kills whoever does it must not do so for ever.
+  // A task that kills its workers must not do so for ever.
   constexpr int kMostStarts = 3;
   int signal = 0;
   for (int starts = 0; starts < kMostStarts; ++starts) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One long call of a library in a process of its own: libraries ask nobody whether to stop, a
-// process can be given up at any moment, and its memory goes with it.
+// One long call of a library in a process of its own: libraries cannot be cancelled, but a process
+// can be killed at any moment, and its memory is freed.
 #pragma once
 
 #include <atomic>

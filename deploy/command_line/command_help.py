@@ -56,7 +56,7 @@ class Command:
 def parse_argument(left, description):
     """Of the left column, e.g. `--workers INT:INT in [0 - 256]=1`. Raises HelpError."""
     names, _, kind = left.strip().partition(" ")
-    # What a flag stands for, `--no-pictures{false}`, is nothing to be typed.
+    # The value of a flag, `--no-pictures{false}`, is not typed.
     argument = Argument([re.sub(r"\{[^}]*\}$", "", name) for name in names.split(",")], description=description)
     for name in argument.names:
         if not re.fullmatch(r"-[A-Za-z]|--[a-z0-9][a-z0-9-]*|[A-Za-z][A-Za-z0-9_-]*", name):
@@ -78,16 +78,20 @@ def parse_argument(left, description):
         kind = kind[:found.start()]
     if not kind:
         return argument
-    form = re.fullmatch(r"([A-Z]+)((?::[A-Z]+(?: in)?(?: \[[^\]]*\])?|:\{[^}]*\})*)", kind)
+    form = re.fullmatch(r"([A-Z]+)((?::[A-Z]+(?: in)?(?: \[[^\]]*\])?|:in [\[(][^\])]*[\])]|:\{[^}]*\})*)", kind)
     if not form:
         raise HelpError(f'"{left}": the value "{kind}" has no known form')
     is_size = ":SIZE " in kind
     argument.placeholder = "SIZE" if is_size else form[1]
     if found := re.search(r":\{([^}]*)\}", kind):
         argument.choices = found[1].split(",")
-    # The limits of sizes are those of the arithmetic and tell nothing.
+    # The limits of sizes are those of the arithmetic, so they are left out.
     if not is_size and (found := re.search(r" in \[(\S+) - (\S+)\]", kind)):
         argument.limits = f"{found[1]} to {found[2]}"
+    elif found := re.search(r":in ([\[(])(\S+), (\S+)([\])])", kind):
+        least = found[2] + (" (excluded)" if found[1] == "(" else "")
+        most = found[3] + (" (excluded)" if found[4] == ")" else "")
+        argument.limits = f"{least} to {most}"
     return argument
 
 

@@ -10,7 +10,7 @@
 
 namespace sightline {
 
-// A command of the program: its name in command_table.h, and what adds its options.
+// A command of the program: its name in command_table.h, and the function that adds its options.
 struct ProgramCommand {
   std::string_view name;
   Command (*add)(CLI::App& app);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The commands of `sightline` and the programs that carry them out. `sightline` itself only finds
-// the program of a command and becomes it, so that who plans need not build what renders or serves.
+// the program of a command and becomes it, so planning needs no renderer.
 #pragma once
 
 #include <array>
@@ -19,12 +19,14 @@ inline constexpr std::string_view kRenderProgram = "sightline-render";
 inline constexpr std::string_view kServeProgram = "sightline-serve";
 
 // In the order of `sightline --help`.
-inline constexpr std::array<CommandEntry, 14> kCommands = {{
+inline constexpr std::array<CommandEntry, 16> kCommands = {{
     {"new", kPlanProgram, "an inspection.json for a part, with values that suit it"},
     {"plan", kPlanProgram, "find the few scans that measure the part's surface"},
     {"evaluate", kPlanProgram, "exact coverage of a given plan"},
     {"compare", kPlanProgram, "planning strategies side by side"},
     {"part", kPlanProgram, "health report of a part file"},
+    {"calibrate", kPlanProgram, "a real scanner from frames of its line on a checkerboard"},
+    {"inspect", kPlanProgram, "whether a part conforms, from the points that its scans measured"},
     {"render", kRenderProgram, "what the camera would record"},
     {"effects", kRenderProgram, "physical effects that images can show, with their parameters"},
     {"optics", kRenderProgram, "f-number, exposure and focus with which the line is found best"},

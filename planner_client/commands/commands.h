@@ -13,6 +13,8 @@ Command AddNewCommand(CLI::App& app);
 Command AddPlanCommand(CLI::App& app);
 Command AddEvaluateCommand(CLI::App& app);
 Command AddCompareCommand(CLI::App& app);
+Command AddCalibrateCommand(CLI::App& app);
+Command AddInspectCommand(CLI::App& app);
 Command AddPartCommand(CLI::App& app);
 Command AddRenderCommand(CLI::App& app);
 Command AddEffectsCommand(CLI::App& app);

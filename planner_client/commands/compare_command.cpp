@@ -15,6 +15,7 @@
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/planning/plan_document.h"
@@ -132,7 +133,7 @@ int RunCompare(CompareOptions& options) {
     }
     Run run{variant.label, std::vector<std::vector<int>>(options.goals.size()), {}, 0};
     // One run to the highest goal holds the answer for all if plans grow scan by scan. Other
-    // strategies are told the goal they are to reach.
+    // strategies get the goal that they are to reach.
     const bool scan_by_scan = std::any_of(
         Strategies().begin(), Strategies().end(),
         [&](const auto& known) { return known.name == strategy && known.scan_by_scan; });
@@ -191,31 +192,30 @@ int RunCompare(CompareOptions& options) {
   progress.Finish();
 
   ComparisonTable table{options.goals, {}};
-  std::printf("%-14s", "strategy");
-  for (const double goal : options.goals) std::printf("  scans for %4.4g %%  ", 100 * goal);
-  std::printf("  time per plan\n");
+  PrintText("%-14s", "strategy");
+  for (const double goal : options.goals) PrintText("  scans for %4.4g %%  ", 100 * goal);
+  PrintText("  time per plan\n");
   for (const Run& run : runs) {
     const auto seeds = static_cast<int>(run.scans.front().size());
     StrategyComparison row{run.strategy, seeds, {}};
-    std::printf("%-14s", run.strategy.c_str());
+    PrintText("%-14s", run.strategy.c_str());
     for (const auto& counts : run.scans) {
       row.scans.push_back(Summarise(counts));
       const auto& s = row.scans.back();
       if (s.seeds_reached == 0) {
-        std::printf("  %-18s", "not reached");
+        PrintText("  %-18s", "not reached");
       } else {
-        std::printf(
-            "  %-18s",
-            absl::StrFormat(
-                "%g (%d-%d)%s", s.median, s.min, s.max,
-                s.seeds_reached < seeds ? absl::StrFormat(" %d/%d", s.seeds_reached, seeds) : "")
-                .c_str());
+        PrintText("  %-18s", absl::StrFormat("%g (%d-%d)%s", s.median, s.min, s.max,
+                                             s.seeds_reached < seeds
+                                                 ? absl::StrFormat(" %d/%d", s.seeds_reached, seeds)
+                                                 : "")
+                                 .c_str());
       }
     }
     double total = 0;
     for (const double s : run.seconds) total += s;
-    std::printf("  %.1f s\n",
-                run.seconds.empty() ? 0.0 : total / static_cast<double>(run.seconds.size()));
+    PrintText("  %.1f s\n",
+              run.seconds.empty() ? 0.0 : total / static_cast<double>(run.seconds.size()));
     table.strategies.push_back(std::move(row));
   }
   options.output.comparison = table;
@@ -233,11 +233,11 @@ int RunCompare(CompareOptions& options) {
     if (!made.ok()) return ReportError(made.status());
     if (absl::Status status = WritePlanOutputs(*session, *made, options.output); !status.ok())
       return ReportError(status);
-    std::printf("best plan and table: %s\n",
-                std::filesystem::absolute(options.output.folder + "/report.html").c_str());
+    PrintText("best plan and table: %s\n",
+              std::filesystem::absolute(options.output.folder + "/report.html").c_str());
   }
-  std::printf("all runs: %s\n",
-              std::filesystem::absolute(options.output.folder + "/comparison.csv").c_str());
+  PrintText("all runs: %s\n",
+            std::filesystem::absolute(options.output.folder + "/comparison.csv").c_str());
   return interrupted.load() ? kExitInterrupted : kExitDone;
 }
 
@@ -250,9 +250,10 @@ Command AddCompareCommand(CLI::App& app) {
                  "folder for comparison.csv and the best plan's report")
       ->required();
   app.add_option("--strategies", options->strategies, "default: all")->delimiter(',');
-  app.add_option("--gains", options->gains,
-                 "for uncertainty, what scans are searched by: ra:ALPHA and tu of the thesis, "
-                 "information, own; default: the inspection's")
+  app.add_option(
+         "--gains", options->gains,
+         "for uncertainty, the gains that searches maximise: ra:ALPHA and tu of the thesis, "
+         "information, own; default: the inspection's")
       ->delimiter(',');
   app.add_option("--goals", options->goals,
                  "default: 90 % and 95 % coverage, or the inspection's of uncertainty")
@@ -267,14 +268,14 @@ Command AddCompareCommand(CLI::App& app) {
   app.add_flag("!--no-fresh-targets", options->session.fresh_targets,
                "score plans on their own targets only");
   app.add_option("--coverage-server", options->session.coverage_server,
-                 "unix:PATH or HOST:PORT; default: one of our own");
+                 "unix:PATH or HOST:PORT; default: an embedded server");
   AddServerTlsOptions(app, &options->session.tls);
   return [&app, options] {
     const std::vector<std::string>& strategies = options->strategies;
     if (app.count("--matrix-samples") > 0 && !strategies.empty() &&
         std::find(strategies.begin(), strategies.end(), kMatrixStrategy) == strategies.end()) {
-      std::fprintf(stderr, "warning: --matrix-samples has no effect without the strategy %s\n",
-                   kMatrixStrategy);
+      PrintTextTo(stderr, "warning: --matrix-samples has no effect without the strategy %s\n",
+                  kMatrixStrategy);
     }
     return RunCompare(*options);
   };

@@ -20,6 +20,7 @@
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/other_part.h"
 #include "planner_client/commands/part_assets.h"
@@ -49,14 +50,14 @@ struct ExploreOptions {
   std::string folder;
 };
 
-// Where images come from, or why there are none.
+// The source of images, or the reason why there are none.
 struct Pictures {
   std::unique_ptr<EmbeddedServer> worker;
   DrawDraft draw;
   std::string missing;
 };
 
-// What images need is not what planning needs: without it everything else works.
+// Only images need a render worker: without it everything else works.
 Pictures OpenPictures(const ExploreOptions& options) {
   Pictures pictures;
   const std::string& file = options.session.inspection_file;
@@ -154,8 +155,9 @@ absl::StatusOr<SavedPlan> SavePlan(PlanningSession& session, const std::string& 
   output.folder = folder;
   output.pictures = false;
   output.point_clouds = false;
-  // Of an earlier plan's scans.
-  if (auto removed = RemoveFiles(folder, {"optics.json", "optics.html"}); !removed.ok()) {
+  // These files describe the scans of an earlier plan.
+  if (auto removed = RemoveFiles(folder, {"optics.json", "optics.html", "optics_report.json"});
+      !removed.ok()) {
     return removed;
   }
   absl::Status written = WritePlanOutputs(session, *document, output);
@@ -207,7 +209,7 @@ int RunExplore(ExploreOptions& options) {
   auto session = OpenSession(options.session);
   if (!session.ok()) return ReportError(session.status());
   Pictures pictures = OpenPictures(options);
-  if (!pictures.draw) std::fprintf(stderr, "no pictures: %s\n", pictures.missing.c_str());
+  if (!pictures.draw) PrintTextTo(stderr, "no pictures: %s\n", pictures.missing.c_str());
 
   ExploreTask task;
   task.inspection = session->inspection;
@@ -236,8 +238,8 @@ int RunExplore(ExploreOptions& options) {
   const ExploreRoutes routes(explore->get(),
                              MakeBrowserGuard(options.hosts, (*server)->listening()));
   (*server)->Start([&routes](HttpExchange& exchange) { routes.Answer(exchange); });
-  std::printf("page:   http://%s/\nplan:   %s (once it is saved)\nCtrl-C ends it.\n",
-              (*server)->listening().address.c_str(), (fs::path(folder) / "plan.json").c_str());
+  PrintText("page:   http://%s/\nplan:   %s (once it is saved)\nCtrl-C ends it.\n",
+            (*server)->listening().address.c_str(), (fs::path(folder) / "plan.json").c_str());
   std::fflush(stdout);
   while (!InterruptFlag()) std::this_thread::sleep_for(std::chrono::milliseconds(50));
 
@@ -246,7 +248,7 @@ int RunExplore(ExploreOptions& options) {
   if ((*explore)->HasUnsaved()) {
     const auto kept = KeepUnsaved(**explore, session->part_digest, folder);
     if (!kept.ok()) return ReportError(kept.status());
-    std::printf("scans that were not saved: %s (go on with --plan)\n", kept->c_str());
+    PrintText("scans that were not saved: %s (go on with --plan)\n", kept->c_str());
   }
   return kExitDone;
 }
@@ -267,7 +269,7 @@ Command AddExploreCommand(CLI::App& app) {
   app.add_flag("--allow-plaintext", options->allow_plaintext,
                "listen on an address that others reach, on a network that you trust");
   app.add_option("--coverage-server", options->session.coverage_server,
-                 "unix:PATH or HOST:PORT; default: one of our own");
+                 "unix:PATH or HOST:PORT; default: an embedded server");
   app.add_option("--field-directions", options->session.field_directions,
                  "resolution of the visibility data, a square number")
       ->check(CLI::Range(64, 65536))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which frames of a part a command is about: options, and what they mean.
+// Selection of the frames of a part that a command is about: options, and what they mean.
 #pragma once
 
 #include <CLI/CLI.hpp>
@@ -14,7 +14,7 @@
 namespace sightline {
 
 struct FrameChoice {
-  std::string input, out;  // inspection file, and the folder for what is made
+  std::string input, out;  // inspection file, and the output folder
   std::string plan, measurement;
   bool other_part = false;  // the plan may be of another part
   std::optional<int> scan, frame;
@@ -25,9 +25,9 @@ struct FrameChoice {
 void AddFrameOptions(CLI::App& app, FrameChoice* choice);
 
 // All frames of a plan, of one of its scans, one frame; or that of the one measurement that is
-// given or that the inspection fixes. With the settings of the plan's scans. INVALID_ARGUMENT says
-// which options exclude each other, which number is out of range, what a plan lacks, and that it is
-// of another part. Adds to `remarks` what to know of the plan.
+// given or that the inspection fixes. With the settings of the plan's scans. INVALID_ARGUMENT names
+// options that exclude each other, a number out of range, missing data of a plan, or a plan of
+// another part. Adds to `remarks` remarks on the plan.
 absl::StatusOr<std::vector<v1::PartFrame>> ChooseFrames(FrameChoice options,
                                                         const Inspection& inspection,
                                                         std::vector<std::string>* remarks);

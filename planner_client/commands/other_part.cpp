@@ -5,7 +5,7 @@ namespace sightline {
 
 void AddOtherPartOption(CLI::App& app, bool* other_part) {
   app.add_flag("--other-part", *other_part,
-               "take a plan that states another part than the inspection's; reports begin with it");
+               "accept a plan that was made for another part; reports say so first");
 }
 
 }  // namespace sightline

@@ -16,12 +16,12 @@ namespace sightline {
 // Reads a file that may be anything. NOT_FOUND names it.
 absl::StatusOr<std::string> ReadFile(const std::string& path);
 
-// An inspection file with camera and materials inline, checked for what images need.
+// An inspection file with camera and materials inline, checked for the inputs of images.
 struct ImagingInspection {
   v1::Inspection message;
   Inspection inspection;
 };
-// `message`: as it was read from `path`. INVALID_ARGUMENT: what ParseInspection says; no sensor,
+// `message`: as it was read from `path`. INVALID_ARGUMENT: errors of ParseInspection; no sensor,
 // lens or materials.
 absl::StatusOr<ImagingInspection> CheckImagingInspection(const v1::Inspection& message,
                                                          const std::string& path);

@@ -14,6 +14,7 @@
 #include "core/part/part_health_proto.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/tolerance_import/tolerance_import.h"
@@ -40,23 +41,23 @@ std::string BoundText(const std::vector<int>& faces, const std::vector<std::stri
 }
 
 void PrintTolerances(const ToleranceReport& report) {
-  std::printf("%s (%s): ", report.file.c_str(), report.standard.c_str());
+  PrintText("%s (%s): ", report.file.c_str(), report.standard.c_str());
   if (report.entity_count == 0) {
-    std::printf("no tolerances in the file\n");
+    PrintText("no tolerances in the file\n");
   } else {
-    std::printf(
+    PrintText(
         "%d dimensions, tolerances and datums in the file: %zu with a zone, %zu dimensions without "
         "limits, %zu datums, %zu not read\n",
         report.entity_count, report.read.size(), report.untoleranced.size(), report.datums.size(),
         report.not_read.size());
   }
   const auto heading = [](size_t count, const char* text) {
-    if (count > 0) std::printf("\n%s\n", text);
+    if (count > 0) PrintText("\n%s\n", text);
   };
   const auto print = [](const std::vector<Tolerance>& list) {
     for (const Tolerance& tolerance : list) {
-      std::printf("  %-50s  %s %s: %s\n", tolerance.text.c_str(), tolerance.name.c_str(),
-                  tolerance.id.c_str(), BoundText(tolerance.faces, tolerance.features).c_str());
+      PrintText("  %-50s  %s %s: %s\n", tolerance.text.c_str(), tolerance.name.c_str(),
+                tolerance.id.c_str(), BoundText(tolerance.faces, tolerance.features).c_str());
     }
   };
   heading(report.read.size(), "read, with the faces bound:");
@@ -65,16 +66,16 @@ void PrintTolerances(const ToleranceReport& report) {
   print(report.untoleranced);
   heading(report.datums.size(), "datums:");
   for (const Datum& datum : report.datums) {
-    std::printf("  %-50s  %s: %s\n",
-                absl::StrCat(datum.target ? "datum target " : "datum ", datum.letter).c_str(),
-                datum.id.c_str(), BoundText(datum.faces, datum.features).c_str());
+    PrintText("  %-50s  %s: %s\n",
+              absl::StrCat(datum.target ? "datum target " : "datum ", datum.letter).c_str(),
+              datum.id.c_str(), BoundText(datum.faces, datum.features).c_str());
   }
   heading(report.not_read.size(), "not read:");
   for (const UnreadTolerance& unread : report.not_read) {
-    std::printf("  %s: %s\n", unread.name.c_str(), unread.reason.c_str());
+    PrintText("  %s: %s\n", unread.name.c_str(), unread.reason.c_str());
   }
   heading(report.notes.size(), "notes:");
-  for (const std::string& note : report.notes) std::printf("  %s\n", note.c_str());
+  for (const std::string& note : report.notes) PrintText("  %s\n", note.c_str());
 }
 
 int ReportTolerances(const std::string& file, const std::string& unit,
@@ -132,21 +133,21 @@ Command AddPartCommand(CLI::App& app) {
       return kExitDone;
     }
     const Eigen::Vector3d size = 1e3 * health.bounding_box_m.sizes();
-    std::printf("size              %.2f x %.2f x %.2f mm\n", size.x(), size.y(), size.z());
+    PrintText("size              %.2f x %.2f x %.2f mm\n", size.x(), size.y(), size.z());
     const auto line = [](const char* name, int64_t value) {
-      std::printf("%-18s%lld\n", name, static_cast<long long>(value));
+      PrintText("%-18s%lld\n", name, static_cast<long long>(value));
     };
     line("triangles", health.triangle_count);
     line("vertices", health.vertex_count);
-    std::printf("%-18s%.2f cm2\n", "area", 1e4 * health.area_m2);
+    PrintText("%-18s%.2f cm2\n", "area", 1e4 * health.area_m2);
     line("components", health.component_count);
     line("open edges", health.open_edge_count);
     line("non-manifold", health.non_manifold_edge_count);
     line("degenerate", health.degenerate_triangle_count);
     line("duplicate", health.duplicate_triangle_count);
     line("flipped", health.flipped_component_count);
-    for (const std::string& finding : health.findings) std::printf("- %s\n", finding.c_str());
-    if (health.findings.empty()) std::printf("- nothing that hinders planning\n");
+    for (const std::string& finding : health.findings) PrintText("- %s\n", finding.c_str());
+    if (health.findings.empty()) PrintText("- nothing that hinders planning\n");
     return kExitDone;
   };
 }

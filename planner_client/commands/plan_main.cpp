@@ -7,12 +7,14 @@
 #include "planner_client/commands/commands.h"
 
 int main(int argc, char** argv) {
-  constexpr std::array<sightline::ProgramCommand, 5> kOwn = {{
+  constexpr std::array<sightline::ProgramCommand, 7> kOwn = {{
       {"new", sightline::AddNewCommand},
       {"plan", sightline::AddPlanCommand},
       {"evaluate", sightline::AddEvaluateCommand},
       {"compare", sightline::AddCompareCommand},
       {"part", sightline::AddPartCommand},
+      {"calibrate", sightline::AddCalibrateCommand},
+      {"inspect", sightline::AddInspectCommand},
   }};
   return sightline::RunCommandProgram(argc, argv, sightline::kPlanProgram, kOwn);
 }

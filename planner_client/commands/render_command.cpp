@@ -21,10 +21,11 @@
 #include "core/text/number.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/frame_choice.h"
 #include "planner_client/commands/part_assets.h"
-#include "planner_client/commands/part_of_work.h"
+#include "planner_client/commands/shard.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/raw_image/preview_picture.h"
 #include "planner_client/raw_image/raw_png.h"
@@ -68,7 +69,7 @@ absl::StatusOr<v1::PlateRender> ReadEffects(const std::string& path) {
   return message;
 }
 
-// "640x480": the middle of the sensor. What is seen of each pixel stays as it is.
+// "640x480": the middle of the sensor. The pixels themselves stay as they are.
 absl::Status CropCamera(const std::string& crop, const std::string& input, v1::Camera* camera) {
   const v1::Sensor& sensor = camera->sensor();
   const std::vector<std::string> sides = absl::StrSplit(crop, 'x');
@@ -109,7 +110,7 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
   auto frames = ChooseFrames(options.choice, checked->inspection, &remarks);
   if (!frames.ok()) return frames.status();
   for (const std::string& remark : remarks) {
-    std::fprintf(stderr, "warning: %s\n", remark.c_str());
+    PrintTextTo(stderr, "warning: %s\n", remark.c_str());
   }
 
   v1::RenderSpec spec;
@@ -117,7 +118,7 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
   bool second_exposure = false;
   for (v1::PartFrame& frame : *frames) {
     second_exposure = second_exposure || frame.setting().second_exposure_time_s() > 0;
-    // What was asked for here stands in for what the plan's scan is set to.
+    // Options override the setting of the plan's scan.
     if (frame.has_setting()) {
       if (options.exposure_s) frame.mutable_setting()->set_exposure_time_s(*options.exposure_s);
       if (options.f_number) frame.mutable_setting()->set_f_number(*options.f_number);
@@ -125,8 +126,8 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
     *part->add_frames() = std::move(frame);
   }
   if (second_exposure) {
-    std::fprintf(stderr, "warning: %s: scans have a second exposure, which is not rendered\n",
-                 options.choice.plan.c_str());
+    PrintTextTo(stderr, "warning: %s: scans have a second exposure, which is not rendered\n",
+                options.choice.plan.c_str());
   }
   v1::Inspection* sent = part->mutable_inspection();
   *sent = std::move(checked->message);
@@ -141,10 +142,10 @@ absl::StatusOr<v1::RenderSpec> PartSpec(const RenderOptions& options,
     spec = DraftOf(std::move(spec), options.draft_settings, &reduction);
     v1::Inspection& draft = *spec.mutable_part()->mutable_inspection();
     draft.set_name(absl::StrCat(draft.name(), " (draft)"));
-    std::fprintf(stderr,
-                 "draft: %d x %d pixels of the camera are one of the image; no speckle, one "
-                 "reflection, more noise\n",
-                 reduction, reduction);
+    PrintTextTo(stderr,
+                "draft: %d x %d pixels of the camera are one of the image; no speckle, one "
+                "reflection, more noise\n",
+                reduction, reduction);
   }
   return spec;
 }
@@ -190,7 +191,8 @@ absl::StatusOr<v1::RenderSpec> PlateSpec(const RenderOptions& options) {
   return spec;
 }
 
-// Which file the worker speaks about: that of --effects where it names one of its effects.
+// Names the file that the worker's error is about: that of --effects where it names one of its
+// effects.
 absl::Status AboutFiles(const absl::Status& status, const RenderOptions& options) {
   const auto given = ReadEffects(options.effects_file);
   if (!given.ok()) return AboutInput(status, options.choice.input);
@@ -204,7 +206,7 @@ absl::Status AboutFiles(const absl::Status& status, const RenderOptions& options
   return AboutInput(status, options.choice.input);
 }
 
-// Of every raw image among `files` of the folder, a picture beside it.
+// Writes a picture beside every raw image of `files` in the folder.
 absl::Status WritePreviews(const std::string& folder, const std::vector<std::string>& files,
                            bool bayer) {
   // Larger ones take too much memory for a picture that no screen shows whole.
@@ -213,9 +215,9 @@ absl::Status WritePreviews(const std::string& folder, const std::vector<std::str
     if (!absl::EndsWith(file, ".png") || absl::EndsWith(file, "_rgb.png")) continue;
     const auto raw = ReadRawPng(absl::StrCat(folder, "/", file), kMostPixels);
     if (!raw.ok()) {
-      std::fprintf(stderr, "warning: no preview: %s (up to %llu pixels)\n",
-                   std::string(raw.status().message()).c_str(),
-                   static_cast<unsigned long long>(kMostPixels));
+      PrintTextTo(stderr, "warning: no preview: %s (up to %llu pixels)\n",
+                  std::string(raw.status().message()).c_str(),
+                  static_cast<unsigned long long>(kMostPixels));
       continue;
     }
     const auto png = PreviewPng(*raw, bayer);
@@ -228,7 +230,7 @@ absl::Status WritePreviews(const std::string& folder, const std::vector<std::str
 }
 
 absl::StatusOr<int> Render(const RenderOptions& options) {
-  const auto part = ParsePartOfWork(options.part, options.checkpoint);
+  const auto part = ParseShard(options.part, options.checkpoint);
   if (!part.ok()) return part.status();
   absl::StatusOr<std::string> text = ReadFile(options.choice.input);
   if (!text.ok()) return text.status();
@@ -268,7 +270,7 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
   auto files = RenderToFolder(client, *std::move(spec), assets, options.choice.out);
   progress.Finish();
   for (const std::string& warning : warnings) {
-    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+    PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }
   if (!files.ok()) return AboutFiles(files.status(), options);
   if (previews) {
@@ -277,11 +279,11 @@ absl::StatusOr<int> Render(const RenderOptions& options) {
     if (!written.ok()) return written;
   }
   if (!part->IsWhole()) {
-    std::printf("part %d of %d is done\n", part->number, part->count);
+    PrintText("shard %d of %d is done\n", part->number, part->count);
     return kExitDone;
   }
-  std::printf("%zu files: %s\n", files->size(),
-              fs::absolute(fs::path(options.choice.out) / "recordings.json").c_str());
+  PrintText("%zu files: %s\n", files->size(),
+            fs::absolute(fs::path(options.choice.out) / "recordings.json").c_str());
   return kExitDone;
 }
 
@@ -323,15 +325,15 @@ Command AddRenderCommand(CLI::App& app) {
                  "COLUMNSxROWS: only so many pixels in the middle of the sensor (parts)");
   app.add_flag("--no-speckle", options->no_speckle, "image laser light without speckle");
   app.add_option("--checkpoint", options->checkpoint,
-                 "folder that lists which images are finished; the same command with the same "
-                 "folders goes on with the others after the process was ended");
+                 "folder with the list of finished images; after an interruption the same command "
+                 "with the same folders renders the others");
   app.add_option("--part", options->part,
-                 "K/N: only number K of N parts of the images, for another process or machine each "
-                 "with the same --out and --checkpoint; the same command without --part, after all "
-                 "of them, makes what is left and recordings.json");
+                 "K/N: render shard K of N of the images, each as a process of its own with the "
+                 "same --out and --checkpoint, on any machine; then the same command without "
+                 "--part renders the rest and writes recordings.json");
   AddWorkerOptions(app, &options->worker);
   TakeSizes(*app.add_option("--max-image-bytes", options->worker.max_image_bytes,
-                            "memory of our own worker for one image, e.g. 16GB; default 8GB"));
+                            "memory of the embedded worker for one image, e.g. 16GB; default 8GB"));
   return [options]() -> int {
     const absl::StatusOr<int> code = Render(*options);
     return code.ok() ? *code : ReportError(code.status());

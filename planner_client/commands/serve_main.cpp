@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// sightline-serve: the commands that answer HTTP, and the backup of what `serve` keeps.
+// sightline-serve: the commands that answer HTTP, and the backup of the data of `serve`.
 #include <array>
 
 #include "planner_client/command_line/command_program.h"

@@ -16,8 +16,8 @@ namespace sightline {
 
 void AddWorkerOptions(CLI::App& app, WorkerSessionOptions* options) {
   app.add_option("--render-worker,--server", options->address,
-                 "unix:PATH or HOST:PORT; default: one of our own");
-  app.add_option("--threads", options->threads, "of our own worker; 0: one per core")
+                 "unix:PATH or HOST:PORT; default: an embedded server");
+  app.add_option("--threads", options->threads, "threads of the embedded worker; 0: one per core")
       ->check(CLI::Range(0, 1024));
   AddServerTlsOptions(app, &options->tls);
 }
@@ -36,7 +36,7 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
   if (!options.address.empty()) {
     if (options.threads == 0 && options.max_image_bytes.empty()) return nullptr;
     return absl::InvalidArgumentError(
-        "--threads and --max-image-bytes are those of our own worker; start the one of "
+        "--threads and --max-image-bytes set up an embedded worker; start the worker of "
         "--render-worker with them");
   }
   EmbeddedServerOptions embedded;
@@ -55,7 +55,7 @@ absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
 }
 
 absl::Status AboutInput(const absl::Status& status, const std::string& input) {
-  // The worker forgot what it did.
+  // The worker has lost the job.
   static const std::set<std::string> lost = {"JOB_UNKNOWN", "RESULT_DROPPED"};
   const std::string reason = ErrorReason(status);
   if (lost.count(reason) > 0) return absl::InternalError(status.message());

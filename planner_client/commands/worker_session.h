@@ -31,8 +31,8 @@ void AddWorkerOptions(CLI::App& app, WorkerSessionOptions* options);
 absl::StatusOr<std::unique_ptr<EmbeddedServer>> StartWorkerSession(
     const WorkerSessionOptions& options, ProgressLine* progress, WorkerClientOptions* client);
 
-// What the worker says against a request about `input`: with its name, and as wrong input where the
-// request asks for what cannot be done.
+// Adds the name of `input` to an error of the worker. The code says wrong input if the request
+// cannot be carried out.
 absl::Status AboutInput(const absl::Status& status, const std::string& input);
 
 }  // namespace sightline

@@ -136,7 +136,7 @@ class CoverageClientImpl final : public CoverageClient {
                                                        bool after_each_scan,
                                                        std::span<const float> enough_m) override {
     const size_t count = targets.empty() ? scene_.targets().size() : targets.size();
-    // What is asked after an interruption is for the plan that is kept.
+    // Queries after an interruption serve the plan that is kept.
     const bool kept = scene_.options().interrupted != nullptr && *scene_.options().interrupted;
     PosteriorUncertainties result;
     absl::Status status = scene_.WithRetries([&](CoverageConnection& connection) -> absl::Status {
@@ -274,7 +274,7 @@ class CoverageClientImpl final : public CoverageClient {
                       static_cast<size_t>(scene_.options().max_batch));
   }
 
-  // `complete` adds to every request what it asks about the measurements.
+  // `complete` adds the query about the measurements to every request.
   absl::StatusOr<std::vector<ScanGain>> GainsOf(
       std::span<const Measurement> measurements,
       const std::function<void(v1::EvaluateGainsRequest*)>& complete, bool by_uncertainty = false) {
@@ -301,7 +301,7 @@ class CoverageClientImpl final : public CoverageClient {
       for (const v1::Gain& gain : responses[s].gains()) {
         absl::StatusOr<ScanFeasibility> feasibility = FeasibilityFromProto(gain.feasibility());
         if (!feasibility.ok()) return feasibility.status();
-        // Without an uncertainty gain what counts is covered targets.
+        // Without an uncertainty gain covered targets count.
         gains.push_back({*feasibility, gain.new_targets(), gain.covered_targets(),
                          gain.weighted_gain(), by_uncertainty ? gain.gain() : gain.new_targets()});
       }

@@ -21,7 +21,7 @@
 
 namespace sightline {
 
-// Everything coverage depends on; what the server is asked to build.
+// Everything coverage depends on, from which the server builds the scene.
 struct CoverageTask {
   std::shared_ptr<const TriangleMesh> part;  // from LoadPart
   std::string part_name = "part";            // for messages
@@ -35,8 +35,8 @@ struct CoverageTask {
   std::vector<Obstacle> obstacles;
   int field_directions = kDefaultFieldDirections;
   std::optional<UncertaintyModel> uncertainty;  // unset: coverage only
-  // What scans may be: what counts as measurable. Unset: camera and laser anywhere in free space,
-  // and the scene explains no targets.
+  // The permitted scans, which decide what counts as measurable. what counts as measurable. Unset:
+  // camera and laser anywhere in free space, and the scene explains no targets.
   std::optional<MeasurementDomain> domain;
 };
 
@@ -79,15 +79,15 @@ struct ScanPoint {
   int32_t column_px;
 };
 
-// What targets are to be known to (v1::UncertaintyGain).
+// Required uncertainty of the targets (v1::UncertaintyGain).
 struct UncertaintyQuery {
   GainWeights weights;
-  std::vector<float> admissible_uncertainty_m;  // one per target; 0: not judged
+  std::vector<float> admissible_uncertainty_m;  // one per target; 0: not toleranced
   double relaxed_uncertainty_m = 0;
   TargetBits covered;  // by earlier scans; empty: none
 };
 
-// What a scan tells of the surface: equivalent information density [1/m^4], fast estimate.
+// Information of a scan about the surface: equivalent information density [1/m^4], fast estimate.
 struct InformedScan {
   ScanFeasibility feasibility = ScanFeasibility::kFeasible;
   TargetBits covered;  // measurable targets
@@ -108,7 +108,7 @@ struct PosteriorUncertainties {
 // died and why.
 class CoverageClient : public GainOracle {
  public:
-  // Uploads what the server does not know, has the scene built and fetches its targets.
+  // Uploads missing parts, has the scene built and fetches its targets.
   static absl::StatusOr<std::unique_ptr<CoverageClient>> Open(CoverageClientOptions options,
                                                               CoverageTask task);
 

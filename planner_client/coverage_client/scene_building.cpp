@@ -122,7 +122,7 @@ absl::StatusOr<v1::Job> SceneConnection::WaitForJob(CoverageConnection& connecti
     return absl::InternalError("the server stopped reporting on a job before its end");
   }
   if (!absl::IsUnavailable(status)) {
-    // Nobody waits for it any more.
+    // The result is not wanted any more.
     grpc::ClientContext cancel_context;
     SetTimeout(&cancel_context, absl::Seconds(2));
     v1::CancelJobRequest cancel;

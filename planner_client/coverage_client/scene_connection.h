@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A scene on a coverage server, kept there: built, and built again by whoever finds it lost.
+// A scene on a coverage server, kept there: a caller that finds it lost builds it again.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -46,7 +46,7 @@ class SceneConnection {
  public:
   SceneConnection(CoverageClientOptions options, CoverageTask task);
 
-  // Uploads what the server does not know, has the scene built and fetches its targets.
+  // Uploads missing parts, has the scene built and fetches its targets.
   absl::Status Prepare();
 
   const CoverageClientOptions& options() const { return options_; }
@@ -151,10 +151,10 @@ class SceneConnection {
   void Connect();
   std::shared_ptr<CoverageConnection> connection();
 
-  // OK: what failed with `error` may be tried again. Otherwise the error to report.
+  // OK: a call that failed with `error` may be tried again. Otherwise the error to report.
   absl::Status Recover(absl::Status error, Attempts* attempts);
 
-  // `generation`: the one in which the scene was found missing; whoever comes first makes it again.
+  // `generation`: the one in which the scene was found missing; the first caller makes it again.
   // UNAVAILABLE: to be tried again, the scene is still missing.
   absl::Status RecreateScene(int generation);
 

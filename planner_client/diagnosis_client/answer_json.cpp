@@ -72,6 +72,14 @@ Json AlsoPresent(const v1::Diagnosis& diagnosis) {
   return entries;
 }
 
+Json RemainderJson(const v1::Remainder& remainder) {
+  Json json = {{"stage", remainder.stage()}};
+  if (std::isfinite(remainder.share())) json["share"] = remainder.share();
+  if (std::isfinite(remainder.probability())) json["probability"] = remainder.probability();
+  json["group"] = remainder.group();
+  return json;
+}
+
 Json CheckJson(const v1::PredictiveCheck& check) {
   Json json = {{"p_value", check.p_value()},
                {"log_score_gain", check.log_score_gain()},
@@ -92,6 +100,7 @@ std::string AnswerJson(const v1::Diagnosis& diagnosis) {
                  {"verdict", diagnosis.verdict()},
                  {"ranked", Ranked(diagnosis)},
                  {"also_present", AlsoPresent(diagnosis)}};
+  if (diagnosis.has_remainder()) answer["remainder"] = RemainderJson(diagnosis.remainder());
   if (diagnosis.has_held_out_improvement()) {
     const v1::HeldOutImprovement& held_out = diagnosis.held_out_improvement();
     answer["held_out_improvement"] = {{"measure", held_out.measure()},

@@ -15,8 +15,8 @@ namespace sightline {
 
 // Carries the fitted deviations and effects of `diagnosis` over to `inspection`. `nominal`: the
 // description that was diagnosed. Deviations change the fields that say the same; effects change
-// what the worker states in `inspection_changes`. An effect without such a statement becomes one of
-// the inspection's effects, with a warning.
+// the fields that the worker states in `inspection_changes`. An effect without such a statement
+// becomes one of the inspection's effects, with a warning.
 //
 // Sensor, lens and laser are changed only if they are those of the recordings (type and size of the
 // sensor, focal length, wavelength), materials only if they are the plate's. `inspection` has its

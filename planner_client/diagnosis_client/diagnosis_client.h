@@ -12,11 +12,11 @@
 namespace sightline {
 
 // `images`: one for every recording, `file` as it stands there; `assets`: of parts, the files of
-// the inspection. Uploads what the worker does not know and waits for the job. UNAVAILABLE: the
+// the inspection. Uploads missing files to the worker and waits for the job. UNAVAILABLE: the
 // worker ended; the message says how. CANCELLED: interrupted. Other errors are the worker's.
 // `request` has everything else but the request_id. With `on_waiting_for_rest` an interrupted
 // diagnosis that has got somewhere is no error but has the verdict "interrupted"; it is called when
-// what is left to end is waited for.
+// the wait for the rest begins.
 absl::StatusOr<v1::Diagnosis> DiagnoseRecordings(
     const WorkerClientOptions& options, v1::CreateDiagnosisRequest request,
     const std::vector<AssetFile>& images, const std::vector<AssetFile>& assets = {},

@@ -18,7 +18,7 @@ namespace sightline {
 struct CalibratedInspection {
   v1::Inspection inspection;
   std::vector<std::string> changes;   // "laser.power_w 0.023 -> 0.0251 (power_relative)"
-  std::vector<std::string> warnings;  // what could not be carried over, and why
+  std::vector<std::string> warnings;  // values that could not be carried over, and why
 };
 
 // End of a warning about a quantity or an effect that belongs to the recordings' set-up.

@@ -34,7 +34,7 @@ struct InspectionNumber {
   std::string path;  // "materials[0].material.lambert_ggx.ggx_alpha"
 
   bool IsStated() const;
-  // The value, or what it is if it is not stated; 0 if the range has no such value.
+  // The stated or default value; 0 if the range has no such value.
   double Get() const;
   void Set(double value) const;
 };

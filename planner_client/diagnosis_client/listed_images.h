@@ -12,7 +12,7 @@ namespace sightline {
 
 struct ListedImage {
   std::string file;   // relative to the folder
-  std::string place;  // where the description lists it, for errors; may be empty
+  std::string place;  // place in the description, for errors; may be empty
 };
 
 // The images in the order of the list. `list`: file and field of the description, which begin the

@@ -12,7 +12,7 @@
 namespace sightline {
 
 // `images`: one for every file that `request.set` lists, with its name as it stands there. Uploads
-// what the worker does not know and waits for the job. `request` has everything else but the
+// missing files to the worker and waits for the job. `request` has everything else but the
 // request_id. UNAVAILABLE: the worker ended; the message says how. CANCELLED: interrupted.
 // UNIMPLEMENTED: the worker is older. Other errors are the worker's.
 absl::StatusOr<v1::SensorDiagnosis> DiagnoseSensorSet(const WorkerClientOptions& options,

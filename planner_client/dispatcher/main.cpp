@@ -24,7 +24,7 @@ namespace sightline {
 namespace {
 
 // The words up to and including the first that is neither an option nor an option's value: the
-// command. What follows is for the command's program to read.
+// command. The command's program reads the rest.
 std::vector<std::string> WordsToCommand(const CLI::App& app,
                                         const std::vector<std::string>& words) {
   for (size_t i = 0; i < words.size(); ++i) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// The vocabulary of physical effects, as docs/effects.json has it: what images can be made to show
-// and the diagnosis can name. The client does not link the renderer, whose registry that file is
+// The list of physical effects, as docs/effects.json has it: the renderer can show them and the
+// diagnosis can name them. The client does not link the renderer, whose registry that file is
 // generated from.
 #pragma once
 

@@ -157,8 +157,13 @@ class EmbeddedServerImpl final : public EmbeddedServer {
     std::vector<std::string> arguments = {
         binary_,       "--listen", address_, "--parent-fd", absl::StrCat(kLifelineFd),
         "--log-level", "warning"};
+    // Its files go to TMPDIR also if that is too long for a socket.
+    const std::string base = TemporaryBase();
+    const std::string& files =
+        std::filesystem::path(folder_).parent_path() == std::filesystem::path(base) ? folder_
+                                                                                    : base;
     for (const std::string& argument : options_.arguments) {
-      arguments.push_back(absl::StrReplaceAll(argument, {{"{folder}", folder_}}));
+      arguments.push_back(absl::StrReplaceAll(argument, {{"{folder}", files}}));
     }
     const absl::StatusOr<pid_t> child = StartProcess(
         {.words = std::move(arguments),

@@ -159,7 +159,7 @@ absl::StatusOr<Measurement> ReadMeasurement(const Json& request, const Measureme
       *entry, "measurement.",
       {"camera_distance_m", "triangulation_angle_deg", "camera_azimuth_deg", "camera_polar_deg",
        "part_alpha_deg", "part_beta_deg", "part_gamma_deg", "offset_y_m", "offset_z_m"});
-  // Of every parameter: anything sensible; then what the domain says.
+  // Limits of every parameter; those of the domain are checked afterwards.
   constexpr Limits kAnyNumber{-1e6, 1e6, ""};
   std::array<double, kMeasurementParameters> values{};
   const auto& parameters = MeasurementParameters();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the page of `sightline explore` sends: JSON objects, checked field by field.
+// Requests from the page of `sightline explore`: JSON objects, checked field by field.
 #pragma once
 
 #include <cstdint>
@@ -29,7 +29,7 @@ struct ParameterDescription {
 // In the order of Measurement.
 const std::array<ParameterDescription, kMeasurementParameters>& MeasurementParameters();
 
-// Limits of what can be set at camera and lens. The focus distance is at least
+// Limits of the settings of camera and lens. The focus distance is at least
 // 1.01 focal lengths, as the renderer has it.
 struct SettingLimits {
   Limits f_number, exposure_time_s, focus_distance_m;
@@ -39,7 +39,7 @@ SettingLimits LimitsOfSetting(const Lens& lens);
 // Body of a request. INVALID_ARGUMENT: no JSON object (numbers too large for a double are none).
 absl::StatusOr<Json> ParseRequestBody(const std::string& body);
 
-// Reads fields of one object; what is wrong is collected, with field, value and allowed range.
+// Reads fields of one object; errors are collected, with field, value and allowed range.
 class RequestReader {
  public:
   // `path`: of the object, "" or ending with a dot. Fields that are not `known` are wrong.
@@ -81,7 +81,7 @@ absl::StatusOr<v1::OpticalSetting> ReadSetting(const Json& request, const Settin
 Json MeasurementJson(const Measurement& measurement);
 Json SettingJson(const v1::OpticalSetting& setting);
 
-// What a parameter may be: "[0, 90] deg", "-30, 30 deg".
+// The allowed values of a parameter as text: "[0, 90] deg", "-30, 30 deg".
 std::string AllowedText(const ParameterDomain& domain, bool angle);
 
 }  // namespace sightline

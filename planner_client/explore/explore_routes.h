@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What each path and method of the explorer's HTTP server does.
+// Handlers of each path and method of the explorer's HTTP server.
 #pragma once
 
 #include <functional>

@@ -316,7 +316,7 @@ Json ExploreSession::Setup() const {
                {"pictures", task_.draw != nullptr},
                {"no_pictures", task_.no_pictures},
                // The evaluation's depth of field is that of the inspection's lens.
-               {"blur_limited", inspection.targets.max_circle_of_confusion_px.has_value()},
+               {"blur_limited", inspection.targets.max_circle_of_confusion_px.value_or(0) > 0},
                {"parameters", Json::array()},
                {"resting_orientations", Json::array()},
                {"settings", Json::array()}};
@@ -444,7 +444,7 @@ absl::StatusOr<Json> ExploreSession::ChangePlan(const Json& request) {
   const int64_t revision = reader.Integer("revision", 0, INT64_MAX);
   if (absl::Status status = reader.status(); !status.ok()) return status;
 
-  // What is slow comes before the lock.
+  // Slow work comes before the lock.
   ExploredScan scan;
   if (action == "add" || action == "replace") {
     auto measurement = ReadMeasurement(request, task_.inspection.domain);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The state behind the page of `sightline explore` and what the page may ask for: JSON in, JSON
+// The state behind the page of `sightline explore`, and the requests of the page: JSON in, JSON
 // out, no sockets.
 #pragma once
 
@@ -56,10 +56,10 @@ struct ExploreTask {
   // Null: there are no pictures, because of `no_pictures`.
   DrawDraft draw;
   std::string no_pictures;
-  // Where plans go, for people. `saved_before` tells whether there is a plan already.
+  // Folder of plans, as shown to people. `saved_before` tells whether there is a plan already.
   std::string folder;
   std::function<bool()> saved_before;
-  // Writes the plan over what is there.
+  // Overwrites the plan.
   std::function<absl::StatusOr<SavedPlan>(const std::vector<ExploredScan>&)> save;
   // The plan to begin with.
   std::vector<ExploredScan> scans;
@@ -69,14 +69,14 @@ struct ExploreTask {
 // value and allowed range.
 class ExploreSession {
  public:
-  // Evaluates the first scans exactly. Errors of the oracle.
+  // Evaluates the first scans exactly. Errors of the gain model.
   static absl::StatusOr<std::unique_ptr<ExploreSession>> Open(ExploreTask task);
 
-  // What does not change: parameters and settings with their limits, numbers of targets, names.
+  // The constant data: parameters and settings with their limits, numbers of targets, names.
   Json Setup() const;
-  // What the 3-D view needs of part, targets and rig (report/plan/viewer_data.h), as text.
+  // Part, targets and rig for the 3-D view (report/plan/viewer_data.h), as text.
   const std::string& Scene() const { return scene_; }
-  // Position of the controls, scans of the plan with what each adds, coverage so far.
+  // Position of the controls, scans of the plan with their gains, coverage so far.
   Json State() const;
 
   // {"measurement": {...}, "setting": {...}, "exact": bool, "instead_of": index}: what this scan
@@ -101,17 +101,17 @@ class ExploreSession {
   Json SuggestionProgress() const;
   // {"measurement", "setting", "frame": number of the scan's frame; default the middle one}: a
   // draft of the image; {"cancelled": true} if another one was asked for meanwhile.
-  // FAILED_PRECONDITION, reason NO_PICTURES: says what the inspection lacks.
+  // FAILED_PRECONDITION, reason NO_PICTURES: names what the inspection lacks.
   absl::StatusOr<Json> Picture(const Json& request);
-  // {"overwrite": bool}: writes the plan. ALREADY_EXISTS, reason PLAN_EXISTS: there is one and
-  // nobody has agreed to overwrite it. FAILED_PRECONDITION: the plan has no scans.
+  // {"overwrite": bool}: writes the plan. ALREADY_EXISTS, reason PLAN_EXISTS: there is one and the
+  // user has not agreed to overwrite it. FAILED_PRECONDITION: the plan has no scans.
   absl::StatusOr<Json> Save(const Json& request);
 
   // Whether there are scans that no file has.
   bool HasUnsaved() const;
-  // Of the plan, in its order.
+  // Scans of the plan, in its order.
   std::vector<ExploredScan> Scans() const;
-  // Gives up what is under way and what comes.
+  // Gives up running and later requests.
   void Close();
 
  private:
@@ -126,7 +126,7 @@ class ExploreSession {
   absl::StatusOr<std::optional<v1::OpticalSetting>> SettingOf(const Json& request) const;
   // Measurements of the plan; without one of its scans if that is given.
   std::vector<Measurement> PlanScans(std::optional<int64_t> without) const;
-  // What the search for a next scan takes as known: shares that the plan settles.
+  // Accumulated information that the search for a next scan starts from.
   absl::StatusOr<std::vector<float>> KnownShares(std::span<const Measurement> plan,
                                                  const TargetBits& covered) const;
   // Targets that the plan makes known admissibly; of one plan only once.

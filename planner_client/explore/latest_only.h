@@ -12,13 +12,13 @@ namespace sightline {
 // Thread-safe.
 class LatestOnly {
  public:
-  // The right to work. Whoever works looks at `cancelled` now and then and gives up once it is set.
+  // The right to work. Its holder checks `cancelled` now and then and gives up once it is set.
   struct Turn {
     std::shared_ptr<std::atomic<bool>> cancelled;
     std::unique_lock<std::mutex> work;
   };
 
-  // Cancels earlier turns and waits until whoever has one has given it up. The turn may already be
+  // Cancels earlier turns and waits until their holders have given them up. The turn may already be
   // cancelled when it is got, by a later one.
   Turn Take() {
     auto mine = std::make_shared<std::atomic<bool>>(false);

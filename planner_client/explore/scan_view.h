@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the 3-D view draws of a scan: poses of camera and laser, and their way.
+// Data for the 3-D view of a scan: poses of camera and laser, and their way.
 #pragma once
 
 #include <Eigen/Geometry>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where camera, laser and part of a planned scan are in the machine.
+// Poses of camera, laser and part of a planned scan in the machine.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -26,7 +26,7 @@ struct ScanFrames {
 // than 16 finite numbers, or is no rotation and translation (to 1e-6).
 absl::StatusOr<ScanFrames> FramesOfScan(const v1::PlannedScan& scan);
 
-// Of a rotation, w >= 0: one text for one rotation.
+// Quaternion of a rotation, w >= 0: one text for one rotation.
 Eigen::Quaterniond QuaternionOf(const Eigen::Isometry3d& pose);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// JSON with comments that tell people what the fields are for.
+// JSON with comments that explain the fields to people.
 #pragma once
 
 #include <google/protobuf/message.h>

@@ -40,7 +40,7 @@ std::string SizeText(const PartHealth& health) {
                          health.triangle_count, 1e4 * health.area_m2);
 }
 
-// Of those that fit the camera, the one whose field of view is nearest to the part's size.
+// Takes the lens of the camera whose field of view is nearest to the part's size.
 absl::StatusOr<DeviceLens> ChooseLens(const DraftRequest& request, double diameter_m) {
   const double z_m = WorkingDistance(diameter_m);
   const DeviceLens* best = nullptr;
@@ -191,8 +191,8 @@ void DraftGoal(const DraftRequest& request, InspectionDraft* draft) {
   tolerances.set_unit(request.tolerance_unit);
 }
 
-// Where the part may be shifted to, where its size leaves less than Table 2.1. The same would hold
-// without a word; it is written so that whoever has a narrower stage finds it.
+// Writes the offsets that the part's size leaves if they are below Table 2.1. The defaults would be
+// the same; they are written out so that users with a narrower stage find them.
 void DraftDomain(double diameter_m, InspectionDraft* draft) {
   const LargestOffset largest = LargestOffsetOf(diameter_m);
   if (!largest.below_table_2_1) return;
@@ -238,6 +238,8 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
       "is left out has its default. Comments go from two slashes to the end of the line. All "
       "fields: docs/plan-a-part.md.";
   inspection.set_name(request.name);
+  inspection.set_defaults(kCurrentDefaults);
+  comments["defaults"] = "Of fields that are not here: those of this version.";
   inspection.mutable_part()->set_file(request.part_file);
   inspection.mutable_part()->set_unit(request.part_unit);
   if (request.construction_geometry) inspection.mutable_part()->set_construction_geometry(true);
@@ -270,6 +272,8 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
 
   DraftDomain(diameter_m, &draft);
   absl::Status status = DraftOptics(request, diameter_m, &draft);
+  if (!status.ok()) return status;
+  status = DraftRig(request.rig, request.health, &inspection, &comments);
   if (!status.ok()) return status;
   DraftGoal(request, &draft);
   return draft;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A first inspection.json for a part: what the engineer says, and for the rest values that follow
+// A first inspection.json for a part: the engineer's values, and for the rest values that follow
 // from the part's size.
 #pragma once
 
@@ -11,20 +11,22 @@
 #include "core/catalogue/catalogue.h"
 #include "core/part/part_health.h"
 #include "planner_client/inspection_draft/commented_json.h"
+#include "planner_client/inspection_draft/rig_draft.h"
 #include "sightline/v1/inspection.pb.h"
 
 namespace sightline {
 
-// What is known and wished. Files are as they are to stand in the inspection.
+// Known facts and wishes. Files are as they are to stand in the inspection.
 struct DraftRequest {
   std::string name;
   std::string part_file, part_unit;
   bool construction_geometry = false;  // of a STEP file, part of the part
   PartHealth health;
   v1::Rig::PartHolding holding = v1::Rig::PART_HOLDING_RESTING;
+  RigWish rig;
 
-  // Of a catalogue; `camera_file` is the camera's file. A camera without a lens gets the one that
-  // suits the part best.
+  // Devices of a catalogue; `camera_file` is the camera's file. A camera without a lens gets the
+  // one that suits the part best.
   std::optional<DeviceCamera> camera;
   std::string camera_file;
   std::optional<DeviceLens> lens;

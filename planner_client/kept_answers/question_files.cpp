@@ -57,6 +57,7 @@ constexpr FileField kFileFields[] = {
 constexpr std::string_view kTextFields[] = {
     "AreaLight.name",
     "Effect.effect",
+    "Inspection.defaults",
     "Inspection.name",
     "Material.name",
     "MaterialAssignment.part_material",
@@ -292,7 +293,7 @@ class FileList {
   std::vector<QuestionFile>& files() { return files_; }
 
  private:
-  // Files that cannot be read refer to nothing; who needs them says what is wrong with them.
+  // Files that cannot be read refer to nothing; their users report the error.
   void AddMessage(const std::string& named_by, const std::string& path, Message* message) {
     if (!ReadStrictJsonFile(path, message).ok()) return;
     Walk(*message, named_by, fs::path(path).parent_path());

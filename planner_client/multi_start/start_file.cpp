@@ -19,7 +19,7 @@ using nlohmann::json;
 // Far more than a plan of the most scans (1000, of nine numbers) takes.
 constexpr uintmax_t kMostBytes = 4 << 20;
 
-// SHA-256 of the file without this field: a result that somebody has edited is none of a search.
+// SHA-256 of the file without this field: an edited result is not the result of a search.
 constexpr char kCheckField[] = "check";
 
 std::string CheckOf(const json& file) { return Sha256Hex(file.dump()); }
@@ -28,7 +28,7 @@ std::string CheckOf(const json& file) { return Sha256Hex(file.dump()); }
 constexpr std::pair<StopReason, const char*> kStopReasons[] = {
     {StopReason::kGoalReached, "goal reached"}, {StopReason::kMaxScans, "max scans"},
     {StopReason::kMaxTime, "max time"},         {StopReason::kStalled, "stalled"},
-    {StopReason::kInterrupted, "interrupted"},
+    {StopReason::kInterrupted, "interrupted"},  {StopReason::kExecutionLimit, "execution limit"},
 };
 
 std::optional<StopReason> StopReasonOf(const std::string& text) {
@@ -47,6 +47,7 @@ std::optional<StartResult> FromJson(const json& file) {
   start.seed = file.at("seed").get<int64_t>();
   start.evaluations = file.at("evaluations").get<int64_t>();
   start.settled = file.at("settled").get<double>();
+  start.cost = file.at("cost").get<double>();
   for (const json& scan : file.at("scans")) {
     start.scans.push_back(
         {FromArray(scan.at("parameters").get<std::array<double, kMeasurementParameters>>()),
@@ -73,11 +74,9 @@ absl::Status WriteStart(const StartResult& start, const std::string& fingerprint
     // Radians and metres as they are in memory: degrees would not read back as the same numbers.
     scans.push_back({{"parameters", ToArray(scan.measurement)}, {"locked", scan.locked}});
   }
-  json file = {{"fingerprint", fingerprint},
-               {"seed", start.seed},
-               {"evaluations", start.evaluations},
-               {"settled", start.settled},
-               {"scans", scans}};
+  json file = {
+      {"fingerprint", fingerprint}, {"seed", start.seed}, {"evaluations", start.evaluations},
+      {"settled", start.settled},   {"cost", start.cost}, {"scans", scans}};
   for (const auto& [value, name] : kStopReasons) {
     if (start.stop_reason == value) file["stop_reason"] = name;
   }
@@ -112,7 +111,7 @@ std::optional<StartResult> ReadStart(const std::string& path, const std::string&
     std::optional<StartResult> start = FromJson(file);
     if (!start) return refuse(kDamaged);
     if (file.at("fingerprint").get<std::string>() != fingerprint || start->seed != seed) {
-      return refuse("is the result of another search (a file, an option or a program is another)");
+      return refuse("is the result of another search (a file, an option or the program changed)");
     }
     return start;
   } catch (const json::exception&) {

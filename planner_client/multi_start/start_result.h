@@ -14,7 +14,7 @@
 
 namespace sightline {
 
-// All that the plan of a search can be made of again, by asking what its scans settle.
+// The data from which the plan of a search is made again, by evaluating its scans.
 struct StartResult {
   struct Scan {
     Measurement measurement;
@@ -24,16 +24,17 @@ struct StartResult {
   int64_t seed = 0;
   StopReason stop_reason = StopReason::kStalled;
   int64_t evaluations = 0;
-  double settled = 0;  // targets that the plan can claim, of those to be settled, in [0, 1]
+  double settled = 0;  // targets that the plan can claim, of those to be satisfied, in [0, 1]
+  double cost = 0;     // of executing its plan, as v1::PlanCost.total
   std::vector<Scan> scans;
   // Without its scans.
   std::optional<ScanCountBoundResult> bound;
 };
 
 // Whether `a` is to be chosen rather than `b`: it reaches the goal and `b` does not. If both do:
-// fewer scans, then more that is settled, then the lower seed. If neither does: more that is
-// settled, then fewer scans, then the lower seed. An order of results of different seeds, so that
-// the best of them does not depend on which ended first.
+// less cost, then fewer scans, then more that is satisfied, then the lower seed. If neither does:
+// more that is satisfied, then less cost, then fewer scans, then the lower seed. An order of
+// results of different seeds, so that the best of them does not depend on which ended first.
 bool IsBetterStart(const StartResult& a, const StartResult& b);
 
 }  // namespace sightline

@@ -12,7 +12,7 @@ namespace sightline {
 // The table as planning reads it. INVALID_ARGUMENT as ParseUncertainty.
 absl::StatusOr<LineDetectionNoise> NoiseOf(const v1::LearnedDetection& learned);
 
-// Of d_i = ln(u learned / u planned for) over the entries of the learned table.
+// Statistics of d_i = ln(u learned / u planned for) over the entries of the learned table.
 struct DetectionChange {
   double root_mean_square = 0;
   // Root mean square of d_i over the standard error of the learned u, and with it that of the

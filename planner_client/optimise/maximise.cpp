@@ -70,7 +70,8 @@ class Evaluator {
   int64_t budget_;
 };
 
-// What pagmo sees: the negated objective over the box. Copies share the state by pointer.
+// The problem that pagmo solves: the negated objective over the box. Copies share the state by
+// pointer.
 //
 // pagmo::sga, cmaes and sade ask for one fitness after the other, although which points of a
 // generation they ask for does not depend on the answers. Each generation is therefore run twice

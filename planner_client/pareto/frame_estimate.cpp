@@ -27,7 +27,7 @@ FrameRange FrameEstimate::Frames(const Measurement& scan) const {
     Eigen::Vector3d x = PartToWorld(geometry, part_centre_m_, positions_m_[i], 0);
     const double stage_m = geometry.LitStagePosition(x);
     if (!std::isfinite(stage_m)) continue;
-    x.x() += stage_m;  // where it is when the laser lights it
+    x.x() += stage_m;  // its place when the laser lights it
     const Eigen::Vector3d normal = geometry.part_rotation * normals_[i];
     const Eigen::Vector3d to_camera = geometry.camera.origin_m - x;
     if (normal.dot(to_camera) <= 0 || normal.dot(geometry.laser.origin_m - x) <= 0) continue;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which frames of a scan yield points, fast and roughly: by the geometry of rig and part alone.
+// Fast estimate of the frames of a scan that yield points, by the geometry of rig and part alone.
 #pragma once
 
 #include <Eigen/Core>
@@ -12,9 +12,9 @@
 
 namespace sightline {
 
-// Looks at a part of the targets, as if nothing hid them: what faces camera and laser and lies in
-// the camera's field of view and range counts. Searches that look at thousands of scans go by it;
-// what is reported comes from exact frames.
+// Looks at a part of the targets, as if nothing hid them: targets that face camera and laser and
+// lie in the camera's field of view and range count. Searches that look at thousands of scans use
+// it; reported numbers come from exact frames.
 class FrameEstimate {
  public:
   // `part_centre_m`: of the part's bounding box. Of many targets about `most` are kept.

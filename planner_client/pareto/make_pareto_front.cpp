@@ -39,7 +39,7 @@ class FrontMaker {
     const int64_t evaluations_before = oracle_.evaluations();
     if (absl::Status status = AddPlanForGoal(); !status.ok()) return status;
     absl::Status status = SweepCounts();
-    if (status.ok() && !request_.costs.IsUnit()) status = SweepTimes();
+    if (status.ok() && !request_.execution.costs.IsUnit()) status = SweepTimes();
     if (!status.ok() && !Stopped()) return status;
     ParetoResult result;
     result.front = FrontOf(std::move(found_));
@@ -70,17 +70,16 @@ class FrontMaker {
     if (Stopped()) return absl::CancelledError("stopped before there was a plan");
     if (oracle_.measurable().Count() == 0) {
       return absl::FailedPreconditionError(
-          "Pareto front: it is empty, since no target is both measurable and judged by a "
-          "tolerance");
+          "Pareto front: it is empty, because no measurable target has a tolerance");
     }
     return absl::FailedPreconditionError(absl::StrCat(
-        "Pareto front: it is empty, since no feasible scan was found that settles any of the ",
+        "Pareto front: it is empty, because no feasible scan measures any of the ",
         oracle_.measurable().Count(),
-        " targets; see whether the domain in `measurement`, the stage's travel or obstacles rule "
-        "all scans out"));
+        " targets well enough; check whether the domain in `measurement`, the stage's travel or "
+        "obstacles exclude all scans"));
   }
 
-  // A request like the given one, with what is left of the time.
+  // A request like the given one, with the remaining time.
   PlannerRequest Request(double from, double to, const std::string& what) {
     PlannerRequest plan = request_.plan;
     plan.with_curves = false;
@@ -111,7 +110,7 @@ class FrontMaker {
       frames.push_back({scan.exact.first_frame, scan.exact.last_frame});
       locked += scan.locked ? 1 : 0;
     }
-    point.time = TimeOfPlan(request_.costs, request_.scan_step_m, scans, frames, locked);
+    point.time = TimeOfPlan(request_.execution, request_.scan_step_m, scans, frames, locked);
     point.reaches_goal = point.Claimed() >= goal_targets_;
     found_.push_back(std::move(point));
   }
@@ -149,7 +148,8 @@ class FrontMaker {
 
   size_t locked() const { return request_.plan.locked.size(); }
 
-  // The plan that settles most with so many scans. `start`: as many or fewer, without locked ones.
+  // The plan that satisfies most with so many scans. `start`: as many or fewer, without locked
+  // ones.
   absl::StatusOr<std::vector<Measurement>> MostWith(int scans, std::vector<Measurement> start,
                                                     double from, double to) {
     if (Stopped()) return absl::CancelledError("stopped");
@@ -203,7 +203,7 @@ class FrontMaker {
     return absl::OkStatus();
   }
 
-  // The most settled plan found so far that takes no longer and no more scans.
+  // The plan found so far that satisfies most in no more time and scans.
   const ParetoPoint* BestWithin(double limit_s, size_t limit_scans) const {
     const ParetoPoint* best = nullptr;
     for (const ParetoPoint& point : found_) {
@@ -241,23 +241,24 @@ class FrontMaker {
     return scans;
   }
 
-  // Number of scans of the most settled plan within the limit; 0: there is none.
+  // Number of scans of the plan that satisfies most within the limit; 0: there is none.
   size_t MostSettledScans(double limit_s) const {
     const ParetoPoint* best = BestWithin(limit_s, MostScans());
     return best == nullptr ? 0 : best->scans.size();
   }
-  // Whether the plan that settles most with so many scans fits anyway.
+  // Whether the plan that satisfies most with so many scans fits anyway.
   bool HasPlanWithin(size_t scans, double limit_s) const {
     const ParetoPoint* best = BestWithin(std::numeric_limits<double>::infinity(), scans);
     return best != nullptr && best->time.Total_s() <= limit_s;
   }
 
-  // The plan that settles most within limits of seconds and scans, as far as there is one. Without
+  // The plan that satisfies most within limits of seconds and scans, as far as there is one.
+  // Without
   // `search_scans` by the scans known so far alone.
   absl::Status AddWithin(TimedSearch& search, PlanRun& run, double limit_s, size_t limit_scans,
                          bool search_scans) {
     if (Stopped()) return absl::CancelledError("stopped");
-    // What fits already, and a longer plan that is cut down.
+    // Starts from plans that fit already, and from a longer plan that is cut down.
     std::vector<std::vector<Measurement>> starts;
     size_t most_scans = 1;
     for (const ParetoPoint* point :
@@ -296,7 +297,7 @@ class FrontMaker {
                                       absl::StrFormat("%.1f %%", 100 * p.coverage), ": ", p.phase));
     };
     PlanRun run(oracle_, request);
-    TimedSearch search(run, request_.costs, request_.scan_step_m, request_.estimate_frames);
+    TimedSearch search(run, request_.execution, request_.scan_step_m, request_.estimate_frames);
     std::vector<Measurement> known;
     for (const ParetoPoint& point : found_) {
       for (const Measurement& scan : Movable(point)) known.push_back(scan);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Plans of which none is better than another in everything that counts: number of scans, seconds,
-// settled targets.
+// satisfied targets.
 #pragma once
 
 #include <cstdint>
@@ -35,7 +35,7 @@ struct ParetoFront {
 ParetoFront FrontOf(std::vector<ParetoPoint> found);
 
 // Indices of points. The plan for those who do not choose: the fewest scans that reach the goal, of
-// these the quickest; if none does, the most settled. None of an empty front.
+// these the quickest; if none does, that with the most. None of an empty front.
 std::optional<size_t> PointForGoal(const std::vector<ParetoPoint>& points);
 
 }  // namespace sightline

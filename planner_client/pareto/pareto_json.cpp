@@ -26,6 +26,9 @@ v1::CostModel CostsToProto(const CostModel& costs) {
   if (costs.reposition_speed_m_per_s) {
     message.set_reposition_speed_m_per_s(*costs.reposition_speed_m_per_s);
   }
+  if (costs.lay_time_s > 0) message.set_lay_time_s(costs.lay_time_s);
+  if (costs.turn_time_s > 0) message.set_turn_time_s(costs.turn_time_s);
+  if (costs.move_sensors_time_s > 0) message.set_move_sensors_time_s(costs.move_sensors_time_s);
   return message;
 }
 
@@ -89,6 +92,13 @@ absl::Status CheckCosts(const v1::CostModel& costs, const CostModel& expected,
   status.Update(check("reposition_speed_m_per_s", costs.has_reposition_speed_m_per_s(),
                       costs.reposition_speed_m_per_s(), wanted.has_reposition_speed_m_per_s(),
                       wanted.reposition_speed_m_per_s()));
+  status.Update(check("lay_time_s", costs.has_lay_time_s(), costs.lay_time_s(),
+                      wanted.has_lay_time_s(), wanted.lay_time_s()));
+  status.Update(check("turn_time_s", costs.has_turn_time_s(), costs.turn_time_s(),
+                      wanted.has_turn_time_s(), wanted.turn_time_s()));
+  status.Update(check("move_sensors_time_s", costs.has_move_sensors_time_s(),
+                      costs.move_sensors_time_s(), wanted.has_move_sensors_time_s(),
+                      wanted.move_sensors_time_s()));
   return status;
 }
 
@@ -234,7 +244,7 @@ absl::StatusOr<int> PickPoint(const v1::ParetoFront& front, const ParetoPick& pi
     least_s = std::min(least_s, point.time_s());
     if (pick.scans && point.scans() > *pick.scans) continue;
     if (pick.seconds && point.time_s() > *pick.seconds) continue;
-    // Points come by scans, then seconds: the first of equally settled ones is the least.
+    // Points come by scans, then seconds: the first of equally satisfied ones is the least.
     if (best < 0 || point.settled() > front.points(best).settled()) best = i;
   }
   if (best >= 0) return best;

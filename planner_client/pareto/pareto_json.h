@@ -15,7 +15,7 @@
 
 namespace sightline {
 
-// What a front was made of.
+// Inputs of a front.
 struct ParetoTask {
   std::string inspection_name;
   std::string sightline_version;
@@ -25,7 +25,7 @@ struct ParetoTask {
   CostModel costs;
   MeasurementDomain domain;
   bool for_uncertainty = false;
-  double goal = 0;  // fraction of the judged targets
+  double goal = 0;  // fraction of the toleranced targets
   int64_t judged_targets = 0;
   int64_t fresh_judged_targets = 0;  // 0: none were sampled
 };
@@ -34,9 +34,9 @@ struct ParetoTask {
 v1::ParetoFront ParetoToProto(const ParetoResult& result, const ParetoTask& task, int64_t seed,
                               size_t chosen, v1::Plan::StopReason stop_reason);
 
-// INVALID_ARGUMENT: what `path` holds belongs to another part or task, or is not whole; names the
-// file, the field, its value and what it must be. The digests of a front whose part's digest is by
-// another rule cannot be compared: it is taken by its other fields, and `remark`, which may be
+// INVALID_ARGUMENT: the content of `path` belongs to another part or task, or is incomplete; names
+// the file, the field, its value and the allowed one. The digests of a front whose part's digest is
+// by another rule cannot be compared: it is taken by its other fields, and `remark`, which may be
 // null, says so.
 absl::Status CheckPareto(const v1::ParetoFront& front, const ParetoTask& task,
                          const std::string& path, std::string* remark = nullptr);
@@ -44,15 +44,15 @@ absl::Status CheckPareto(const v1::ParetoFront& front, const ParetoTask& task,
 // Scans of a point of a checked front.
 std::vector<Measurement> ScansOfPoint(const v1::ParetoPoint& point);
 
-// What is wanted of a front; exactly one is set.
+// The choice of one point of a front; exactly one is set.
 struct ParetoPick {
   std::optional<int> number;      // of the point
-  std::optional<int> scans;       // at most so many: the most settled one
-  std::optional<double> seconds;  // at most so many: the most settled one
+  std::optional<int> scans;       // at most so many: satisfies most
+  std::optional<double> seconds;  // at most so many: satisfies most
 };
 
-// Index of the point. Of equally settled ones the one of fewer scans, then of fewer seconds.
-// OUT_OF_RANGE: no point is like that; says what there is. INVALID_ARGUMENT: seconds of a front
+// Index of the point. Of equally satisfied ones the one of fewer scans, then of fewer seconds.
+// OUT_OF_RANGE: no such point; names the existing ones. INVALID_ARGUMENT: seconds of a front
 // without costs.
 absl::StatusOr<int> PickPoint(const v1::ParetoFront& front, const ParetoPick& pick,
                               const std::string& path);
@@ -61,7 +61,7 @@ absl::StatusOr<int> PickPoint(const v1::ParetoFront& front, const ParetoPick& pi
 absl::Status CheckSameNumbers(const v1::ParetoPoint& point, const PlanScore& score,
                               const PlanTime& time, const std::string& path);
 
-// The front as a table for the terminal: scans, seconds, settled.
+// The front as a table for the terminal: scans, seconds, satisfied.
 std::string SummarisePareto(const v1::ParetoFront& front);
 
 }  // namespace sightline

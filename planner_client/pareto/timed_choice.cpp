@@ -15,12 +15,13 @@ constexpr double kLeastTimeInChoice_s = 1e-3;
 constexpr int kMaxExchanges = 1000;
 
 // Seconds of moving that `scan` adds between two scans of which either may be missing.
-double Detour(const CostModel& costs, const Measurement* before, const Measurement& scan,
+double Detour(const ExecutionModel& execution, const Measurement* before, const Measurement& scan,
               const Measurement* after) {
   double added_s = 0;
-  if (before != nullptr) added_s += RepositionTimeS(costs, *before, scan);
-  if (after != nullptr) added_s += RepositionTimeS(costs, scan, *after);
-  if (before != nullptr && after != nullptr) added_s -= RepositionTimeS(costs, *before, *after);
+  if (before == nullptr && after == nullptr) return TimesBeforeFirst(execution).Total_s();
+  if (before != nullptr) added_s += RepositionTimeS(execution, *before, scan);
+  if (after != nullptr) added_s += RepositionTimeS(execution, scan, *after);
+  if (before != nullptr && after != nullptr) added_s -= RepositionTimeS(execution, *before, *after);
   return added_s;
 }
 
@@ -42,7 +43,7 @@ PoolPlan TimedChoice::InOrder(const PoolPlan& plan, size_t fixed) const {
   std::vector<Measurement> scans;
   for (const size_t scan : plan) scans.push_back(scans_[scan]);
   PoolPlan order;
-  for (const int i : OrderScans(costs_, scans, static_cast<int>(fixed))) {
+  for (const int i : OrderScans(execution_, scans, static_cast<int>(fixed))) {
     order.push_back(plan[static_cast<size_t>(i)]);
   }
   return order;
@@ -50,10 +51,10 @@ PoolPlan TimedChoice::InOrder(const PoolPlan& plan, size_t fixed) const {
 
 double TimedChoice::TimeS(const PoolPlan& plan, size_t fixed) const {
   const PoolPlan order = InOrder(plan, fixed);
-  double time_s = 0;
+  double time_s = order.empty() ? 0 : TimesBeforeFirst(execution_).Total_s();
   for (size_t i = 0; i < order.size(); ++i) {
     time_s += scan_s_[order[i]];
-    if (i > 0) time_s += RepositionTimeS(costs_, scans_[order[i - 1]], scans_[order[i]]);
+    if (i > 0) time_s += RepositionTimeS(execution_, scans_[order[i - 1]], scans_[order[i]]);
   }
   return time_s;
 }
@@ -62,7 +63,7 @@ double TimedChoice::AddedS(const std::vector<Measurement>& order, size_t fixed,
                            const Measurement& scan, double scan_s) const {
   double least_s = std::numeric_limits<double>::infinity();
   for (size_t place = fixed; place <= order.size(); ++place) {
-    least_s = std::min(least_s, Detour(costs_, place > 0 ? &order[place - 1] : nullptr, scan,
+    least_s = std::min(least_s, Detour(execution_, place > 0 ? &order[place - 1] : nullptr, scan,
                                        place < order.size() ? &order[place] : nullptr));
   }
   return scan_s + least_s;
@@ -72,7 +73,7 @@ TimedChoice::Moves TimedChoice::MovesFrom(size_t scan) const {
   Moves moves;
   moves.reserve(scans_.size());
   for (const Measurement& other : scans_) {
-    moves.push_back(RepositionTimeS(costs_, scans_[scan], other));
+    moves.push_back(RepositionTimeS(execution_, scans_[scan], other));
   }
   return moves;
 }
@@ -83,7 +84,8 @@ std::vector<double> TimedChoice::AddedByEach(const PoolPlan& order,
   std::vector<double> added_s(scans_.size(), std::numeric_limits<double>::infinity());
   for (size_t place = fixed; place <= order.size(); ++place) {
     const bool first = place == 0, last = place == order.size();
-    const double direct_s = first || last ? 0 : (*moves[place - 1])[order[place]];
+    double direct_s = first || last ? 0 : (*moves[place - 1])[order[place]];
+    if (order.empty()) direct_s = -TimesBeforeFirst(execution_).Total_s();
     for (size_t scan = 0; scan < scans_.size(); ++scan) {
       const double detour_s =
           (first ? 0 : (*moves[place - 1])[scan]) + (last ? 0 : (*moves[place])[scan]) - direct_s;
@@ -150,7 +152,7 @@ void TimedChoice::ExchangeWhileBetter(PoolPlan& plan, size_t fixed, double limit
       const PoolPlan others = Without(order, place);
       std::vector<const Moves*> others_moves = PointersTo(moves);
       others_moves.erase(others_moves.begin() + static_cast<std::ptrdiff_t>(place));
-      double others_s = 0;
+      double others_s = others.empty() ? 0 : TimesBeforeFirst(execution_).Total_s();
       for (size_t i = 0; i < others.size(); ++i) {
         others_s += scan_s_[others[i]] + (i > 0 ? (*others_moves[i - 1])[others[i]] : 0);
       }

@@ -8,6 +8,7 @@
 #include "core/inspection/inspection.h"
 #include "core/random/random.h"
 #include "core/rig/measurement.h"
+#include "planner_client/strategy/execution/execution_model.h"
 #include "planner_client/strategy/pool/scan_pool.h"
 
 namespace sightline {
@@ -17,10 +18,10 @@ namespace sightline {
 // worth, exchanges, ruin and recreate.
 class TimedChoice {
  public:
-  // What the pool knows of its scans, one entry per scan. The references must outlive this.
-  TimedChoice(const CostModel& costs, const ScanPool& pool, const std::vector<Measurement>& scans,
-              const std::vector<double>& scan_s)
-      : costs_(costs), pool_(pool), scans_(scans), scan_s_(scan_s) {}
+  // The arguments have one entry per scan of the pool. The references must outlive this.
+  TimedChoice(const ExecutionModel& execution, const ScanPool& pool,
+              const std::vector<Measurement>& scans, const std::vector<double>& scan_s)
+      : execution_(execution), pool_(pool), scans_(scans), scan_s_(scan_s) {}
 
   // In the best order, the first `fixed` scans first.
   double TimeS(const PoolPlan& plan, size_t fixed) const;
@@ -50,7 +51,7 @@ class TimedChoice {
   // Exchanges while that is worth more, or as much in less time.
   void ExchangeWhileBetter(PoolPlan& plan, size_t fixed, double limit_s) const;
 
-  const CostModel& costs_;
+  const ExecutionModel& execution_;
   const ScanPool& pool_;
   const std::vector<Measurement>& scans_;
   const std::vector<double>& scan_s_;

@@ -19,7 +19,7 @@ constexpr int kSwarm = 50;
 constexpr size_t kKeptPerSearch = 32;
 constexpr size_t kKeptPerPolish = 4;
 constexpr double kKeptSeparation = 0.03;
-// Of equal gains the quicker scan is better; together these differences stay below one target.
+// Among equal gains the quicker scan is better; together these differences stay below one target.
 constexpr double kTieBreak = 1e-3;
 // Scans without travel and repositioning are worth as much per second as those of this long.
 constexpr double kLeastTimeInSearch_s = 0.1;
@@ -155,7 +155,7 @@ absl::Status TimedSearch::Polish(PoolPlan& plan, size_t place, double limit_s,
 
 absl::Status TimedSearch::SearchForSecond(const PoolPlan& plan, double limit_s,
                                           int64_t evaluations) {
-  // What is missing without the scan that is worth least per second.
+  // Takes out the scan that is worth least per second.
   PoolPlan others = plan;
   if (others.size() > fixed_) {
     Choice().Shorten(others, fixed_, std::nexttoward(Choice().TimeS(plan, fixed_), 0.0L));
@@ -251,7 +251,7 @@ absl::StatusOr<std::vector<Measurement>> TimedSearch::MostWithin(
     Choice().Shorten(plan, fixed_, limit_s);
     ImproveFromPool(plan, limit_s, most_scans);
   }
-  // What is still too long after so many corrections goes without its weakest scans.
+  // A plan that is still too long after so many corrections loses its weakest scans.
   if (absl::Status status = MakeExact(plan); !status.ok()) return status;
   Choice().Shorten(plan, fixed_, limit_s);
   std::vector<Measurement> scans;

@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
-// The plan that settles most within a number of seconds.
+// The plan that satisfies most within a number of seconds.
 //
 // As the refined strategy, with seconds in place of a number of scans: choice out of a pool of good
 // scans (timed_choice.h), then one scan after the other moves in the continuous parameters to
-// settle most of what the others leave without making the plan longer than it may be, and scans are
-// searched that settle most per second. The search goes by fast estimates of what a scan settles
-// and of its frames; exact frames replace these once a scan is in a plan, and a plan that they make
-// too long is chosen again.
+// satisfy most of the targets that the others leave without making the plan too long, and scans
+// are searched that satisfy most per second. The search goes by fast estimates of what a scan
+// satisfies and of its frames; exact frames replace these once a scan is in a plan, and a plan that
+// they make too long is chosen again.
 #pragma once
 
 #include <array>
@@ -32,9 +32,10 @@ class TimedSearch {
 
   // The run's locked scans are in every plan. `estimate` may be empty: exact frames are asked.
   // References must outlive the search; `candidates`: scans known to be good.
-  TimedSearch(PlanRun& run, const CostModel& costs, double scan_step_m, EstimateFrames estimate)
+  TimedSearch(PlanRun& run, const ExecutionModel& execution, double scan_step_m,
+              EstimateFrames estimate)
       : run_(run),
-        costs_(costs),
+        execution_(execution),
         scan_step_m_(scan_step_m),
         estimate_(std::move(estimate)),
         fixed_(run.request().locked.size()),
@@ -47,7 +48,7 @@ class TimedSearch {
   // once, first.
   absl::Status Start(std::span<const Measurement> candidates);
   // Scans of the plan without the locked ones, exactly within the limit; of at most `most_scans`
-  // in all. `starts`: plans to begin with, without their locked scans; what of them does not fit is
+  // in all. `starts`: plans to begin with, without their locked scans; scans that do not fit are
   // left out. May spend about `evaluations`; with 0
   // only known scans are chosen from. CANCELLED once the run is stopped.
   absl::StatusOr<std::vector<Measurement>> MostWithin(
@@ -68,7 +69,7 @@ class TimedSearch {
   absl::StatusOr<std::vector<std::optional<size_t>>> Add(std::span<const Measurement> scans,
                                                          bool even_if_infeasible = false);
   double ScanS(FrameRange frames) const {
-    return ScanTimeS(costs_, scan_step_m_, frames.first, frames.last);
+    return ScanTimeS(execution_.costs, scan_step_m_, frames.first, frames.last);
   }
   absl::StatusOr<std::vector<double>> EstimatedS(std::span<const Measurement> scans);
   std::vector<float> KnownFrom(const PoolPlan& plan) const;
@@ -77,8 +78,8 @@ class TimedSearch {
   absl::StatusOr<PoolPlan> Begin(double limit_s, std::span<const Measurement> start,
                                  size_t most_scans);
   void ImproveFromPool(PoolPlan& plan, double limit_s, size_t most_scans);
-  // What scans are worth beside those of `order`: worth(gain, seconds they add); -1 if that is more
-  // than `left_s`. The best ones go into `top`, which must outlive it.
+  // Worth of scans in addition to those of `order`: worth(gain, seconds they add); -1 if that is
+  // more than `left_s`. The best ones go into `top`, which must outlive it.
   BatchObjective Timed(const BatchObjective& gain, const std::vector<Measurement>& order,
                        double left_s, TopPoints& top,
                        const std::function<double(double gain, double added_s)>& worth);
@@ -86,16 +87,16 @@ class TimedSearch {
   absl::Status SearchForSecond(const PoolPlan& plan, double limit_s, int64_t evaluations);
   // Exact frames of the plan's scans; those that are infeasible leave plan and pool.
   absl::Status MakeExact(PoolPlan& plan);
-  TimedChoice Choice() const { return TimedChoice(costs_, pool_, measurements_, scan_s_); }
+  TimedChoice Choice() const { return TimedChoice(execution_, pool_, measurements_, scan_s_); }
 
   PlanRun& run_;
-  const CostModel& costs_;
+  const ExecutionModel& execution_;
   const double scan_step_m_;
   const EstimateFrames estimate_;
   const size_t fixed_;
   Random random_;
   ScanPool pool_;
-  // Of the pool's scans; the locked ones come first.
+  // Scans of the pool; the locked ones come first.
   std::vector<Scan> scans_;
   std::vector<Measurement> measurements_;
   std::vector<double> scan_s_;

@@ -6,11 +6,16 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "core/json/printable.h"
 #include "core/part/load_part.h"
 #include "planner_client/part_files/step_mesh.h"
 
 namespace sightline {
 namespace {
+
+// A STEP file has one unit: its own, or the stated one where it has none.
+constexpr std::string_view kStepUnitAdvice =
+    "its length unit does not suit its numbers: export the part again in the unit it was drawn in";
 
 void Say(const std::string& path, const std::vector<std::string>& remarks,
          const PartFileOptions& options) {
@@ -19,7 +24,7 @@ void Say(const std::string& path, const std::vector<std::string>& remarks,
     if (options.remarks != nullptr) {
       options.remarks->push_back(std::move(text));
     } else {
-      std::fprintf(stderr, "%s\n", text.c_str());
+      std::fprintf(stderr, "%s\n", Printable(text).c_str());
     }
   }
 }
@@ -66,7 +71,7 @@ absl::StatusOr<TriangleMesh> LoadPartFile(const std::string& path, const std::st
   const auto mesh = MeshStepPart(path, unit, options);
   if (!mesh.ok()) return mesh.status();
   // People know the STEP file, not where its mesh is kept.
-  return LoadPartFromMemory(mesh->glb, "glb", "", path);
+  return LoadPartFromMemory(mesh->glb, "glb", "", path, {}, kStepUnitAdvice);
 }
 
 bool NeedsPartUnit(const std::string& path) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Part files as people have them: what core/part reads, and STEP.
+// Part files as people have them: the formats of core/part, and STEP.
 #pragma once
 
 #include <string>
@@ -16,9 +16,9 @@ std::string PartFileEndings();
 struct PartFileOptions {
   // Take construction geometry for the part. INVALID_ARGUMENT for a file that is no STEP.
   bool construction_geometry = false;
-  // Takes what of the file is not in the part, and what was chosen where the file leaves it open.
-  // Null: it is written to stderr, so that nothing is
-  // left out without a word.
+  // Takes remarks: on content of the file that is not in the part, and on choices where the file
+  // leaves them open.
+  // Null: remarks are written to stderr, so that nothing is left out without a word.
   std::vector<std::string>* remarks = nullptr;
 };
 

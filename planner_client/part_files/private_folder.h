@@ -11,7 +11,7 @@ namespace sightline {
 
 // Makes the folder with mode 0700, and those above it if they are missing. A folder that exists
 // gets this mode. INVALID_ARGUMENT names the folder: it cannot be made or written, or it belongs to
-// somebody else.
+// another user.
 absl::Status MakePrivateFolder(const std::string& folder);
 
 // $XDG_CACHE_HOME/sightline/NAME, else ~/.cache/sightline/NAME; where neither can be used, a folder

@@ -28,7 +28,7 @@ constexpr uint64_t kMaxGlbBytes = uint64_t{1} << 31;
 constexpr uint64_t kMaxRecordBytes = uint64_t{1} << 20;
 // First line of a record, and part of every key: another number when either changes.
 constexpr char kRecordRule[] = "sightline step mesh 2";
-// Beginning of the importer's lines that say what was left out (tools/step_import/main.cpp).
+// Beginning of the importer's lines about omissions (tools/step_import/main.cpp).
 constexpr char kRemarkLine[] = "remark: ";
 
 absl::StatusOr<std::string> KeyOfMesh(const StepFile& file, const StepMeshOptions& options) {

@@ -40,7 +40,7 @@ struct StepMesh {
 };
 
 // The mesh that sightline_step_import makes of a STEP file. Processes that ask for the same one
-// wait for the first. Meshes that nobody has asked for in 30 days are removed.
+// wait for the first. Meshes that were not used for 30 days are removed.
 // NOT_FOUND: no such file. INVALID_ARGUMENT: also a folder that cannot be used. Errors of
 // RunStepImport.
 absl::StatusOr<StepMesh> MeshOfStepFile(const std::string& file,

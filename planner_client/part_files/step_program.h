@@ -2,8 +2,8 @@
 // The program that reads STEP files: OpenCASCADE, which brings X11 libraries, is not to be part of
 // this one.
 //
-// A CAD system may save a file while it is read. Its bytes are therefore read once, into memory,
-// and these bytes are what is digested and what the program reads.
+// A CAD system may save a file while it is read. Its bytes are therefore read once, into memory;
+// both the digest and the program use them.
 #pragma once
 
 #include <string>
@@ -59,10 +59,10 @@ class StepFile {
 };
 
 // Runs the program on these bytes with further arguments, one call at a time for one StepFile.
-// Returns what it wrote to standard output.
+// Returns its standard output.
 // INVALID_ARGUMENT: the file is wrong (the message names it). NOT_FOUND: as FindStepProgram.
 // CANCELLED: it was interrupted. DEADLINE_EXCEEDED, INTERNAL: it took too long or failed; the
-// message ends with what it wrote to stderr.
+// message ends with its stderr.
 absl::StatusOr<std::string> RunStepImport(const StepFile& file,
                                           const std::vector<std::string>& arguments,
                                           const StepProgramOptions& options);

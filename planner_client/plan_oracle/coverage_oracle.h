@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plans for coverage, asked of a coverage server and scored on fresh targets too.
+// Plans for coverage, asked of a coverage server and scored on validation targets too.
 #pragma once
 
 #include "planner_client/coverage_client/coverage_client.h"
@@ -8,7 +8,7 @@ namespace sightline {
 
 class CoverageOracle final : public GainOracle {
  public:
-  // `fresh`: the same task with targets sampled anew; may be null. Both must outlive the oracle.
+  // `fresh`: the same task with validation targets; may be null. Both must outlive the gain model.
   CoverageOracle(CoverageClient& client, CoverageClient* fresh) : client_(client), fresh_(fresh) {}
 
   const TargetBits& measurable() const override { return client_.measurable(); }

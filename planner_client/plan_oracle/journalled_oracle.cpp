@@ -17,7 +17,7 @@ namespace {
 constexpr int64_t kMaxJournalBytes = int64_t{2} << 30;
 // More than any batch of gains or coverages needs.
 constexpr uint32_t kMaxAnswerBytes = 512 << 20;
-// Of what a file is, the layout of answers and the machine's byte order.
+// Signature of the file: its type, the layout of answers and the machine's byte order.
 constexpr char kFileType[] = "sightline answers 2\n";
 
 // Values one after the other, in the machine's own form.
@@ -220,9 +220,9 @@ absl::StatusOr<std::unique_ptr<JournalledOracle>> JournalledOracle::Open(
       journal->remark_(absl::StrCat(
           file,
           found.starts_with(kFileType)
-              ? ": its answers are to other questions (a file, an option or a program is another)"
+              ? ": its answers belong to another task (a file, an option or the program changed)"
               : ": is damaged, or of another version",
-          "; all are asked again"));
+          "; all are evaluated again"));
     }
   }
   if (journal->replaying_) {
@@ -245,7 +245,7 @@ void JournalledOracle::EndReplay(const std::string& why) {
   replay_.close();
   if (remark_ && !why.empty()) {
     remark_(absl::StrCat(file_, ": answer ", replayed_queries_ + 1, " ", why,
-                         "; it and those behind it are asked again"));
+                         "; it and the later ones are evaluated again"));
   }
   std::error_code error;
   std::filesystem::resize_file(file_, static_cast<uintmax_t>(size_bytes_), error);

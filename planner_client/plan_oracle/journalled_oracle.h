@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// Answers of an oracle, kept in a file, so that planning that was broken off goes on where it was.
+// Records answers of a gain model in a file and replays them, so that interrupted planning goes on.
 //
-// A strategy is a deterministic function of what the oracle answers. Run again with the answers of
-// the broken run it asks the same questions in the same order, at the speed of reading, until the
-// file ends; from there on it asks the oracle. The plan is the same, byte for byte, as if nothing
-// had happened.
+// A strategy is a deterministic function of what the gain model answers. Run again with the answers
+// of the broken run it asks the same questions in the same order, at the speed of reading, until
+// the file ends; from there on it asks the gain model. The plan is the same, byte for byte, as if
+// nothing had happened.
 #pragma once
 
 #include <cstdint>
@@ -35,7 +35,7 @@ class JournalledOracle final : public GainOracle {
                                                                 const std::string& fingerprint,
                                                                 Remark remark = {});
 
-  // Gives back the oracle that it was opened with, after which it answers nothing any more.
+  // Gives back the gain model that it was opened with, after which it answers nothing any more.
   std::unique_ptr<GainOracle> Release() { return std::move(oracle_); }
 
   // Queries answered from the file so far.
@@ -51,8 +51,8 @@ class JournalledOracle final : public GainOracle {
       std::span<const Measurement> measurements) override;
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override;
-  // As many as the oracle counts where it answers all queries itself: its count is kept with every
-  // answer, so that plans with and without a journal are equal.
+  // As many as the gain model counts where it answers all queries itself: its count is kept with
+  // every answer, so that plans with and without a journal are equal.
   int64_t evaluations() const override { return evaluations_; }
 
   std::vector<ShareStep> steps() const override { return oracle_->steps(); }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Scans that a robot cannot make are infeasible; they are found out before anything is asked of
-// them. Queries may come from several threads if the oracle asked allows that; Keep comes before.
+// them. Queries may come from several threads if the gain model allows that; Keep comes before.
 #pragma once
 
 #include <array>
@@ -42,7 +42,7 @@ class ReachableOracle final : public GainOracle {
       std::span<const Measurement> measurements) override;
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override;
-  // Those that are not reached included.
+  // The count includes scans that the robot does not reach.
   int64_t evaluations() const override { return oracle_->evaluations() + unreached_; }
 
   absl::Status SetWeights(const GainWeights& weights) override {
@@ -63,7 +63,7 @@ class ReachableOracle final : public GainOracle {
 
   // Whether each scan is reached, or kept anyway.
   std::vector<bool> Reached(std::span<const Measurement> measurements);
-  // Answers of the oracle to the scans that are reached, at their places among all.
+  // Answers of the gain model to the scans that are reached, at their places among all.
   template <typename Answer, typename Ask>
   absl::StatusOr<std::vector<Answer>> OfReached(std::span<const Measurement> measurements,
                                                 const Ask& ask,
@@ -76,7 +76,7 @@ class ReachableOracle final : public GainOracle {
   const double scan_step_m_;
   std::set<Key> kept_;
   std::mutex mutex_;
-  std::map<Key, bool> reached_;  // what was asked before; under the mutex
+  std::map<Key, bool> reached_;  // earlier answers; under the mutex
   std::atomic<int64_t> unreached_ = 0;
 };
 

@@ -11,7 +11,7 @@ namespace sightline {
 namespace {
 
 constexpr float kNever = std::numeric_limits<float>::infinity();
-// Exact scores that are not thorough look at every so many judged targets.
+// Exact scores that are not thorough look at every so many toleranced targets.
 constexpr size_t kStride = 3;
 // A search over a pool of scans sees the worth of information as this many steps.
 constexpr int kInformationSteps = 3;
@@ -77,7 +77,7 @@ absl::StatusOr<std::vector<ScanGain>> UncertaintyOracle::Gains(
   }
   UncertaintyQuery query = query_;
   if (query.weights.coverage > 0) {
-    // What a scan tells of, it covers.
+    // A target with any information counts as covered.
     query.covered = TargetBits(known.size());
     for (size_t t = 0; t < known.size(); ++t) {
       if (known[t] > 0) query.covered.Set(t);
@@ -119,7 +119,7 @@ absl::StatusOr<std::vector<ScanCoverage>> UncertaintyOracle::ExactCoverage(
 std::vector<ShareStep> UncertaintyOracle::steps() const {
   const GainWeights& w = query_.weights;
   std::vector<ShareStep> steps;
-  // What counts at the moment a target is settled: all of it, and the last part of its information.
+  // Weight of the step that satisfies a target: admissibility and the last step of information.
   const double settled = w.admissible + w.information / kInformationSteps;
   if (settled > 0) steps.push_back({settled, {1.0f}});
   for (int k = 1; k < kInformationSteps && w.information > 0; ++k) {
@@ -138,8 +138,8 @@ std::vector<ShareStep> UncertaintyOracle::steps() const {
     }
     steps.push_back(std::move(step));
   }
-  // The penalty falls with the square of what the uncertainty exceeds the admissible one by: equal
-  // parts of it are passed at these.
+  // The penalty is the square of the uncertainty's excess over the admissible one: equal parts of
+  // it are passed at these.
   for (int k = 0; k < kTotalUncertaintySteps && w.total_uncertainty > 0; ++k) {
     const double rest = std::sqrt(1 - (k + 0.5) / kTotalUncertaintySteps);
     ShareStep step{w.total_uncertainty / kTotalUncertaintySteps, std::vector<float>(count, 1)};
@@ -182,8 +182,8 @@ absl::StatusOr<UncertaintyOracle::Counts> UncertaintyOracle::Count(
                                       static_cast<float>(query_.relaxed_uncertainty_m));
   }
   if (thorough) return counts;
-  // What the part differs by from the fast estimate of the part is what all differ by, within a
-  // standard error that is taken off: a search takes the plans that happen to score well.
+  // Extrapolate exact minus fast from the sampled subset to all targets and subtract one standard
+  // error: a search prefers plans that scored well by chance.
   auto fast = sampling.client->FastInformation(scans);
   if (!fast.ok()) return fast.status();
   std::vector<float> density(sampling.targets.admissible_density.size(), 0);

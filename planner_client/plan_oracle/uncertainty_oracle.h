@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plans for uncertainty, asked of a coverage server: a target is settled when its uncertainty is
-// admissible (thesis eq. 3.2), and a scan's share is the information it brings over what that
+// Plans for uncertainty, asked of a coverage server: a target is satisfied when its uncertainty is
+// admissible (thesis eq. 3.2). A scan's fraction is its information over the information that this
 // needs.
 #pragma once
 
@@ -12,12 +12,12 @@
 
 namespace sightline {
 
-// What the targets of one sampling are to be known to.
+// Required uncertainty of the targets of one sampling.
 struct JudgedTargets {
   TargetBits judged;                            // measurable, and a tolerance binds them
-  std::vector<float> admissible_uncertainty_m;  // 0: not judged
+  std::vector<float> admissible_uncertainty_m;  // 0: not toleranced
   // Information density [1/m^4] after which the uncertainty is admissible, and relaxed; infinite
-  // where a target is not judged.
+  // where a target is not toleranced.
   std::vector<float> admissible_density;
   std::vector<float> relaxed_density;
 };
@@ -35,7 +35,7 @@ class UncertaintyOracle final : public GainOracle {
     CoverageClient* client;
     JudgedTargets targets;
   };
-  // `fresh.client` may be null. Clients must outlive the oracle.
+  // `fresh.client` may be null. Clients must outlive the gain model.
   UncertaintyOracle(Sampling planned, Sampling fresh, const UncertaintyModel& model,
                     const GainWeights& weights, double relaxed_uncertainty_m);
 
@@ -52,7 +52,7 @@ class UncertaintyOracle final : public GainOracle {
                                                       std::span<const float> weights) override;
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
       std::span<const Measurement> measurements) override;
-  // Of coverage, for what a scan travels and where it is feasible.
+  // Coverage, which gives a scan's travel and its feasibility.
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override;
   int64_t evaluations() const override { return planned_.client->evaluations(); }
@@ -67,7 +67,7 @@ class UncertaintyOracle final : public GainOracle {
   struct Counts {
     int64_t settled = 0, relaxed = 0;
   };
-  // Exact, of all judged targets or estimated from a part of them.
+  // Exact, of all toleranced targets or estimated from a part of them.
   absl::StatusOr<Counts> Count(const Sampling& sampling, std::span<const Measurement> scans,
                                bool thorough) const;
 

@@ -23,7 +23,8 @@ double Quantile(std::vector<float>& values, double fraction) {
   return *at;
 }
 
-// Of every pixel one channel: its own number, or its cell's mean of two greens, red or blue.
+// Values of one channel for every pixel: its own number, or its cell's mean of two greens, red or
+// blue.
 std::vector<float> Channel(const RawPng& raw, bool bayer, int channel) {
   std::vector<float> values;
   values.reserve(raw.values_dn.size());

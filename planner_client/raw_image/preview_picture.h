@@ -12,7 +12,7 @@ namespace sightline {
 
 // 8-bit PNG of the same size, grey or, of an RGGB mosaic, colour (each pixel that of its cell of
 // four). Not data: it says so in its text. Per channel, black is the median's side of the darkest
-// percent and white the brightest thousandth; what lies between is raised by gamma 1/2.2. Channels
+// percent and white the brightest thousandth; values between are raised by gamma 1/2.2. Channels
 // share one scale after they have been balanced to equal medians (by at most four), so that
 // ambient light is grey and laser light keeps its colour.
 absl::StatusOr<std::string> PreviewPng(const RawPng& raw, bool bayer);

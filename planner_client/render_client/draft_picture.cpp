@@ -21,10 +21,11 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr int kMostReduction = 64;
-constexpr uint64_t kMostPixels = uint64_t{1} << 24;  // of a draft, whatever it says of itself
+constexpr uint64_t kMostPixels = uint64_t{1} << 24;  // of a draft, even if its header says more
 
-// Of a row or column of pixels. A multiple of four: the principal point is then between two cells
-// of a colour mosaic, as in the camera, and the picture begins with a whole cell.
+// Reduced number of pixels of a row or column. It is a multiple of four: the principal point is
+// then between two cells of a colour mosaic, as in the camera, and the picture begins with a whole
+// cell.
 int Divided(int pixels, int reduction) { return std::max(16, (pixels / reduction) & ~3); }
 
 }  // namespace

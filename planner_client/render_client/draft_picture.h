@@ -54,7 +54,7 @@ absl::StatusOr<DraftPicture> PictureOfRaw(const std::string& file, int bit_depth
                                           double black_dn, bool bayer);
 
 // Draws with a render worker. `inspection`: as for DraftSpec, its `assets` as files; `worker` says
-// where it is and must outlive what is returned.
+// where it is and must outlive the returned function.
 DrawDraft DrawWithWorker(v1::Inspection inspection, std::vector<AssetFile> assets,
                          ServerAccess worker);
 

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <array>
 #include <filesystem>
+#include <map>
 #include <nlohmann/json.hpp>
 #include <set>
 #include <utility>
@@ -50,6 +51,14 @@ bool IsImageLine(const json& line) {
   });
 }
 
+std::string FilesText(const json& line) {
+  std::string text;
+  for (const json& file : line["files"]) {
+    absl::StrAppend(&text, text.empty() ? "" : ", ", file[0].get<std::string>());
+  }
+  return text;
+}
+
 // The list itself first, if it is there, then the others in the order of their names.
 std::vector<fs::path> ListsLike(const std::string& file) {
   const fs::path own(file);
@@ -75,12 +84,13 @@ absl::StatusOr<FinishedImages> FinishedImages::Open(const std::string& file,
   const std::string start = json({{"request", RequestDigest(spec, worker_build)}}).dump() + "\n";
   std::string kept = start;
   std::set<int> seen;
+  std::map<int, std::string> remade;  // files of images that are not whole
   for (const fs::path& path : ListsLike(file)) {
     std::ifstream list(path, std::ios::binary);
     std::string text;
     std::getline(list, text);
     const bool same = list && text + "\n" == start;
-    // A list without a first line is about to be written by somebody else.
+    // Another process is about to write a list without a first line.
     if (!same && list) {
       finished.remarks_.push_back(absl::StrCat(path.string(),
                                                ": its images are of another request or another "
@@ -91,13 +101,16 @@ absl::StatusOr<FinishedImages> FinishedImages::Open(const std::string& file,
       const json line = json::parse(text, nullptr, /*allow_exceptions=*/false);
       if (!IsImageLine(line)) break;
       const int image = line["image"].get<int>();
+      if (seen.contains(image)) continue;
       const bool whole =
-          !seen.contains(image) &&
           std::all_of(line["files"].begin(), line["files"].end(), [&](const json& entry) {
             return HasDigest(fs::path(folder) / entry[0].get<std::string>(),
                              entry[1].get<std::string>());
           });
-      if (!whole) continue;
+      if (!whole) {
+        remade.emplace(image, FilesText(line));
+        continue;
+      }
       seen.insert(image);
       finished.images_.push_back(image);
       for (const json& entry : line["files"]) {
@@ -107,6 +120,12 @@ absl::StatusOr<FinishedImages> FinishedImages::Open(const std::string& file,
     }
   }
   std::sort(finished.images_.begin(), finished.images_.end());
+  for (const auto& [image, files] : remade) {
+    if (seen.contains(image)) continue;  // another list has it whole
+    finished.remarks_.push_back(absl::StrCat(
+        file, ": kept image ", image, " (", files,
+        ") is gone from its folder or has other bytes than it was written with; it is made again"));
+  }
   std::error_code error;
   fs::create_directories(fs::path(file).parent_path(), error);
   finished.list_.open(file, std::ios::binary | std::ios::trunc);

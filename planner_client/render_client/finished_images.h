@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Images of a request that are in a folder already: what a render that was broken off goes on from.
+// Images of a request that are in a folder already, from which an interrupted rendering goes on.
 #pragma once
 
 #include <fstream>
@@ -17,9 +17,9 @@ namespace sightline {
 class FinishedImages {
  public:
   // Reads the list at `file`, and those of others beside it, whose names begin like it; it is
-  // written anew. What is of another request, of a worker of another build (`worker_build`:
-  // GetRenderWorkerResponse.server_build) or broken does not count, nor do images whose files are
-  // not in `folder` any more or have other bytes. INTERNAL: the file cannot be written.
+  // written anew. Entries of another request, of a worker of another build (`worker_build`:
+  // GetRenderWorkerResponse.server_build) or damaged ones do not count, nor do images whose files
+  // are not in `folder` any more or have other bytes. INTERNAL: the file cannot be written.
   static absl::StatusOr<FinishedImages> Open(const std::string& file, const std::string& folder,
                                              const v1::RenderSpec& spec,
                                              const std::string& worker_build);
@@ -28,7 +28,8 @@ class FinishedImages {
   const std::vector<int>& images() const { return images_; }
   // Their files.
   const std::vector<std::string>& files() const { return files_; }
-  // A sentence on every list that does not count.
+  // A sentence on every list that does not count, and on every image of the others that is not
+  // whole any more.
   const std::vector<std::string>& remarks() const { return remarks_; }
 
   // A file that is complete in the folder. All files of an image come one after the other; the next

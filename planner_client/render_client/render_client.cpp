@@ -79,7 +79,7 @@ class PartialFile {
   bool committed_ = false;
 };
 
-// Of processes that were killed and go on here: nobody else works in the folder then.
+// Removes files of killed processes: no other process works in the folder then.
 void RemovePartialFiles(const std::string& folder) {
   std::error_code error;
   std::vector<fs::path> partial;
@@ -147,7 +147,7 @@ class RenderCall {
     });
     if (!status.ok()) return call_.Explained(status, kInterrupted);
     const v1::Job& job = response.job();
-    // Of an earlier run: it would vouch for images that are about to change.
+    // An earlier run's file would vouch for images that are about to change.
     if (!IsPart()) std::remove((fs::path(folder) / "recordings.json").c_str());
     absl::StatusOr<std::vector<std::string>> files = Receive(job, folder);
     if (files.ok()) return files;

@@ -14,7 +14,7 @@ namespace sightline {
 
 struct RenderClientOptions : WorkerClientOptions {
   std::function<void(const std::string& warning)> on_warning;
-  // Where the images that are finished are listed; the same request with the same file and folder
+  // The file that lists the finished images; the same request with the same file and folder
   // makes only the others. Empty: nowhere.
   // Images that are listed in other files of that folder, whose names begin like this one's, count
   // as finished as well.
@@ -25,7 +25,7 @@ struct RenderClientOptions : WorkerClientOptions {
   int part_count = 1;
 };
 
-// Uploads what the worker does not know, renders, and writes every file into `folder` once it is
+// Uploads missing files, renders, and writes every file into `folder` once it is
 // complete and its digest is right: under another name first, then renamed. recordings.json comes
 // last, so that a folder that has one has all its images. Returns the files' names. UNAVAILABLE:
 // the worker ended; the message says how. CANCELLED: interrupted. Other errors are the worker's.

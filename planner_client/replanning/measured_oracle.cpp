@@ -52,7 +52,7 @@ absl::StatusOr<std::vector<ScanCoverage>> MeasuredOracle::FastCoverage(
   const auto change = [&](size_t measured, ScanCoverage& coverage) {
     coverage.shares = {};
     if (!ScoresPlans()) return;
-    // What the scan's points add to those of the measured scans before it.
+    // Information that the scan's points add to those of the measured scans before it.
     const size_t scan_count = scans_.size();
     for (size_t t = 0; t < planned_.priors.size(); ++t) {
       if (!planned_.judged.judged.Test(t)) continue;
@@ -112,7 +112,7 @@ absl::StatusOr<MeasuredOracle::Counts> MeasuredOracle::Count(
     auto exact = targets.client->Uncertainties(simulated, open, false, enough_m);
     if (!exact.ok()) return exact.status();
     for (size_t k = 0; k < open.size(); ++k) {
-      // At "enough" the sum is what is needed, whatever rounding says.
+      // At "enough" the sum is exactly the needed one, despite rounding.
       density[open_at[k]] += exact->total_m[k] <= enough_m[k]
                                  ? targets.judged.admissible_density[open[k]] - density[open_at[k]]
                                  : EquivalentDensity(targets.priors[open[k]], exact->total_m[k]);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Plans of which the first scans have been measured: what those settle is said by their points,
-// what the others would settle by simulation on the part as it was found.
+// Plans whose first scans have been measured: their points say which targets they satisfy. For the
+// other scans simulation on the part as it was found does.
 #pragma once
 
 #include <memory>
@@ -14,12 +14,12 @@
 
 namespace sightline {
 
-// What points tell of the targets of one sampling.
+// Information of measured points about the targets of one sampling.
 struct MeasuredTargets {
   std::vector<TargetBits> covered;  // one per measured scan; measurable targets only
   std::vector<int64_t> points;      // one per measured scan
   // Only of plans for uncertainty.
-  CoverageClient* client = nullptr;  // must outlive the oracle
+  CoverageClient* client = nullptr;  // must outlive the gain model
   JudgedTargets judged;
   std::vector<SurfacePrior> priors;  // one per target
   PointUncertainties uncertainties;
@@ -27,18 +27,18 @@ struct MeasuredTargets {
 
 class MeasuredOracle final : public GainOracle {
  public:
-  // `scans`: those measured, as plans name them. `planned`, `fresh`: what their points tell of the
-  // targets of `oracle`; fresh: unset if that has no fresh targets.
+  // `scans`: those measured, as plans name them. `planned`, `fresh`: the information of their
+  // points about the targets of `oracle`; fresh: unset if that has no validation targets.
   MeasuredOracle(std::unique_ptr<GainOracle> oracle, std::vector<Measurement> scans,
                  MeasuredTargets planned, std::optional<MeasuredTargets> fresh,
                  double relaxed_uncertainty_m);
 
-  // Measured scans settle what their points say; they are feasible, since they have been made.
+  // Measured scans satisfy targets by their points; they are feasible, since they have been made.
   absl::StatusOr<std::vector<ScanCoverage>> FastCoverage(
       std::span<const Measurement> measurements) override;
   absl::StatusOr<std::vector<ScanCoverage>> ExactCoverage(
       std::span<const Measurement> measurements) override;
-  // Targets that the points leave open are those that the other scans must settle. Information
+  // Targets that the points leave open are those that the other scans must satisfy. Information
   // densities add up (docs/method.md): that of the points is the density after which the surface
   // would be known as well as they make it known, that of the others likewise. The whole of the
   // targets is always looked at.
@@ -70,8 +70,8 @@ class MeasuredOracle final : public GainOracle {
  private:
   // Index of the measured scan that a measurement is.
   std::optional<size_t> MeasuredIndex(const Measurement& scan) const;
-  // `coverages` of `measurements`, those of measured scans covering what their points do;
-  // change(index of the measured scan, coverage) sets the rest.
+  // `coverages` of `measurements`, those of measured scans by their points; change(index of the
+  // measured scan, coverage) sets the rest.
   template <typename Change>
   absl::StatusOr<std::vector<ScanCoverage>> AsMeasured(
       absl::StatusOr<std::vector<ScanCoverage>> coverages,

@@ -19,7 +19,10 @@
 #include "core/part/load_part.h"
 #include "core/part/mesh_readers.h"
 #include "core/registration/deformed_mesh.h"
+#include "core/rig/scan_geometry.h"
 #include "core/targets/poisson_disk.h"
+#include "planner_client/measured_points/read_points.h"
+#include "planner_client/replanning/misfit.h"
 
 namespace sightline {
 namespace {
@@ -30,6 +33,8 @@ constexpr double kToleratedDeviations = 4;  // of the prior
 // many parts.
 constexpr double kFalseAlarm = 0.05;
 constexpr double kFarthest_m = 100;
+// Residuals of a registration above this robust standard deviation are looked into.
+constexpr double kSuspicious_m = 2e-4;
 
 std::string FileName(const std::string& path) {
   return std::filesystem::path(path).filename().string();
@@ -54,7 +59,7 @@ double TwoSidedQuantile(double probability) {
   return high;
 }
 
-// Of a PLY file; lists of properties and comments take some thousand.
+// Limit on the header of a PLY file; lists of properties and comments take some thousand.
 constexpr size_t kMostHeaderBytes = size_t{1} << 20;
 
 // Whether a file with so many points can be used after others with `before`.
@@ -67,8 +72,8 @@ absl::Status CheckPointCount(const std::string& path, int64_t points, int64_t be
                    " measured points can be used, all files together: thin them out evenly"));
 }
 
-// The same by the file's header, before its points take memory. What is no PLY file, or a damaged
-// one, is for LoadPoints to refuse.
+// The same by the file's header, before its points take memory. LoadPoints refuses files that are
+// no PLY files or damaged.
 absl::Status CheckAnnouncedPoints(const std::string& path, int64_t before) {
   const absl::StatusOr<File> file = OpenRegularFile(path);
   if (!file.ok()) return file.status();
@@ -95,7 +100,7 @@ absl::Status CheckAnnouncedPoints(const std::string& path, int64_t before) {
 
 // How far the points of a file are from the part where the plan supposes it.
 absl::Status TooFar(const std::string& path, const PointCloud& cloud, const SurfaceIndex& model,
-                    double tolerated_m) {
+                    double tolerated_m, const PosePrior& prior) {
   std::vector<float> distances_m;
   const size_t stride = cloud.positions_m.size() / 100 + 1;
   for (size_t i = 0; i < cloud.positions_m.size(); i += stride) {
@@ -105,13 +110,16 @@ absl::Status TooFar(const std::string& path, const PointCloud& cloud, const Surf
   }
   const double median_m = QuantileOf(std::move(distances_m), 0, 0.5);
   const double size_m = model.mesh().BoundingBox().sizes().norm();
+  const std::string reason =
+      LikelyMisfit(model, cloud.positions_m, prior, {.residual_m = median_m});
   return absl::InvalidArgumentError(absl::StrFormat(
-      "%s: its points are %.4g mm (median) from the part where the plan supposes it; the part can "
-      "be "
-      "found if they are within %.4g mm. %s",
+      "%s: its points are %.4g mm (median) from the part at its planned pose; registration needs "
+      "them within %.4g mm. %s",
       path, 1e3 * median_m, 1e3 * tolerated_m,
-      median_m > 20 * size_m
-          ? "Coordinates must be in metres: are they in millimetres?"
+      !reason.empty() ? reason
+      : median_m > 20 * size_m
+          ? "Coordinates must be in metres: are they in millimetres? --measured-unit states "
+            "another unit"
           : "Are they of this part and scan, in the coordinates of the CAD model?"));
 }
 
@@ -125,10 +133,9 @@ absl::Status CheckPose(const Registration& registration, const std::vector<Measu
   const double most_m = kToleratedDeviations * options.prior.translation_standard_deviation_m;
   if (turn_rad <= most_rad && shift_m <= most_m && registration.converged) return absl::OkStatus();
   return absl::InvalidArgumentError(absl::StrFormat(
-      "%s: the part seems to lie %.4g mm and %.4g deg off, the points then %.4g mm (robust "
-      "standard "
-      "deviation) from it%s; %.4g mm and %.4g deg are tolerated, four standard deviations of the "
-      "prior (--pose-prior-mm, --pose-prior-deg)",
+      "%s: the pose found is implausible: %.4g mm and %.4g deg off, with the points %.4g mm "
+      "(robust standard deviation) from the part%s. Allowed are %.4g mm and %.4g deg, four "
+      "standard deviations of the prior (--pose-prior-mm, --pose-prior-deg)",
       absl::StrJoin(names, ", "), 1e3 * shift_m, turn_rad / kDegree,
       1e3 * registration.residual_standard_deviation_m,
       registration.converged ? ""
@@ -171,8 +178,8 @@ void DescribePose(const Registration& registration, const MeasuredPartOptions& o
   message.set_residual_standard_deviation_m(registration.residual_standard_deviation_m);
 }
 
-// Of deviations that a mesh moved at its targets can follow: no finer than twice their spacing; and
-// no larger than what is tolerated of a part's points.
+// Priors for deviations that a mesh moved at its targets can follow: no finer than twice their
+// spacing; and no larger than the tolerated distance of a part's points.
 std::vector<SurfacePrior> DeviationPriors(const TargetSet& targets, const TargetSampling& sampling,
                                           const UncertaintyModel& model,
                                           double tolerated_distance_m) {
@@ -242,11 +249,11 @@ absl::Status AddDeviations(const TriangleMesh& model, const Inspection& inspecti
   return absl::OkStatus();
 }
 
-// Of a normal distribution, three quarters lie within this many standard deviations.
+// Three quarters of a normal distribution lie within this many standard deviations.
 constexpr double kUpperQuartile = 1.1503;
 
-// What three quarters of the points' standard deviations along the surface's normals, by noise of
-// detection, are below; 0 if there is none.
+// Upper quartile of the points' standard deviations along the surface's normals, by noise of
+// detection; 0 if there is none.
 double TypicalNoise(const PointsOnModel& points, const ScanNoise& noise) {
   constexpr size_t kEnough = 1000;
   const size_t count = points.positions_m.size();
@@ -261,11 +268,205 @@ double TypicalNoise(const PointsOnModel& points, const ScanNoise& noise) {
   return deviations_m.empty() ? 0 : QuantileOf(deviations_m, 0, 0.75);
 }
 
+// Points of all files, one after the other.
+struct AllPoints {
+  std::vector<Eigen::Vector3d> points_m;
+  // Empty if no file has them; zero for the points of a file that has none.
+  std::vector<Eigen::Vector3d> normals;
+  std::vector<size_t> end_of_file;
+  std::vector<MeasuredPart::PointCounts> counts;
+
+  std::span<Eigen::Vector3d> OfFile(std::vector<Eigen::Vector3d>& all, size_t file) const {
+    if (all.empty()) return {};
+    const size_t begin = file > 0 ? end_of_file[file - 1] : 0;
+    return std::span(all).subspan(begin, end_of_file[file] - begin);
+  }
+};
+
+// Poses of the laser of a scan, as the plan states them.
+PointFileFrame FrameOf(const TriangleMesh& model, const Inspection& inspection,
+                       const Measurement& scan, const MeasuredPartOptions& options) {
+  PointFileFrame frame;
+  frame.metres_per_unit = options.metres_per_unit;
+  frame.pose = options.pose;
+  frame.laser_at = [geometry = MakeScanGeometry(inspection.rig, scan),
+                    centre_m = Eigen::Vector3d(model.BoundingBox().center())](double stage_m) {
+    return Eigen::Isometry3d(WorldToPart(geometry, centre_m, geometry.laser, stage_m).Matrix());
+  };
+  return frame;
+}
+
+// Leaves the first of points that repeat one another.
+absl::Status RemoveDuplicates(const std::string& path, PointCloud& cloud, int64_t* duplicates) {
+  const std::vector<uint8_t> repeated = FindDuplicates(cloud.positions_m);
+  const auto first = std::find(repeated.begin(), repeated.end(), 1);
+  *duplicates = std::count(first, repeated.end(), 1);
+  if (*duplicates == 0) return absl::OkStatus();
+  if (100 * *duplicates > static_cast<int64_t>(repeated.size())) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(path, ": ", *duplicates, " of its ", repeated.size(),
+                     " points repeat another one exactly, first point ", first - repeated.begin(),
+                     "; repeated points would count as measured several times: write each once"));
+  }
+  size_t kept = 0;
+  for (size_t i = 0; i < repeated.size(); ++i) {
+    if (repeated[i] != 0) continue;
+    cloud.positions_m[kept] = cloud.positions_m[i];
+    if (!cloud.normals.empty()) cloud.normals[kept] = cloud.normals[i];
+    ++kept;
+  }
+  cloud.positions_m.resize(kept);
+  if (!cloud.normals.empty()) cloud.normals.resize(kept);
+  return absl::OkStatus();
+}
+
+absl::StatusOr<AllPoints> ReadAllPoints(const SurfaceIndex& index, const Inspection& inspection,
+                                        const std::vector<MeasuredFile>& files,
+                                        const std::vector<Measurement>& scans,
+                                        const MeasuredPartOptions& options, double reach_m) {
+  AllPoints all;
+  for (const MeasuredFile& file : files) {
+    const auto before = static_cast<int64_t>(all.points_m.size());
+    if (absl::Status status = CheckAnnouncedPoints(file.path, before); !status.ok()) return status;
+    auto read = ReadMeasuredPoints(
+        file.path,
+        FrameOf(index.mesh(), inspection, scans[static_cast<size_t>(file.scan)], options),
+        kMostMeasuredPoints - before);
+    if (!read.ok()) return read.status();
+    PointCloud& cloud = read->cloud;
+    MeasuredPart::PointCounts& counts = all.counts.emplace_back();
+    counts.without_value = read->without_value;
+    absl::Status status =
+        CheckPointCount(file.path, static_cast<int64_t>(cloud.positions_m.size()), before);
+    if (!status.ok()) return status;
+    status = RemoveDuplicates(file.path, cloud, &counts.duplicates);
+    if (!status.ok()) return status;
+    counts.read = static_cast<int64_t>(cloud.positions_m.size());
+    int64_t near = 0;
+    const size_t stride = cloud.positions_m.size() / 200 + 1;
+    for (size_t i = 0; i < cloud.positions_m.size(); i += stride) {
+      near += index.Nearest(cloud.positions_m[i], Eigen::Vector3d::Zero(), reach_m).has_value();
+    }
+    if (near * static_cast<int64_t>(stride) * 2 < counts.read) {
+      return TooFar(file.path, cloud, index, reach_m, options.prior);
+    }
+    // The normals of other files count even if one file has none.
+    if (!cloud.normals.empty()) {
+      all.normals.resize(all.points_m.size(), Eigen::Vector3d::Zero());
+      all.normals.insert(all.normals.end(), cloud.normals.begin(), cloud.normals.end());
+    }
+    all.points_m.insert(all.points_m.end(), cloud.positions_m.begin(), cloud.positions_m.end());
+    all.end_of_file.push_back(all.points_m.size());
+  }
+  if (!all.normals.empty()) all.normals.resize(all.points_m.size(), Eigen::Vector3d::Zero());
+  return all;
+}
+
+absl::StatusOr<Registration> RegisterAll(const SurfaceIndex& index, const Inspection& inspection,
+                                         const UncertaintyModel& uncertainty,
+                                         const std::vector<MeasuredFile>& files,
+                                         const std::vector<Measurement>& scans,
+                                         const AllPoints& all, RegistrationOptions registering) {
+  // The part lies nearly where it is supposed: near enough to say how noisy its points are.
+  std::vector<ScanNoise> noise_of_file;
+  for (const MeasuredFile& file : files) {
+    noise_of_file.emplace_back(inspection.rig, scans[static_cast<size_t>(file.scan)],
+                               index.mesh().BoundingBox().center(), uncertainty);
+  }
+  registering.noise_m2 = [&](size_t i) {
+    const auto file = std::upper_bound(all.end_of_file.begin(), all.end_of_file.end(), i);
+    const ScanNoise& noise = noise_of_file[static_cast<size_t>(file - all.end_of_file.begin())];
+    const Eigen::Vector3d normal =
+        all.normals.empty() ? Eigen::Vector3d::Zero().eval() : all.normals[i];
+    if (!normal.isZero(0)) return noise.DetectionCovariance(all.points_m[i], normal);
+    const auto on = index.Nearest(all.points_m[i], normal, registering.reach_m);
+    return noise.DetectionCovariance(all.points_m[i], on ? on->normal : normal);
+  };
+  auto registration = RegisterPoints(index, all.points_m, all.normals, registering);
+  if (registration.ok()) return registration;
+  return absl::InvalidArgumentError(
+      absl::StrCat(files.front().path, ": ", registration.status().message()));
+}
+
+double RootMeanSquare(const std::vector<float>& values) {
+  double sum = 0;
+  for (const float value : values) sum += static_cast<double>(value) * static_cast<double>(value);
+  return values.empty() ? 0 : std::sqrt(sum / static_cast<double>(values.size()));
+}
+
+// A dent or a wrong place moves whole neighbourhoods; a cell of the length scale has hardly any
+// slope.
+OutlierRule OutlierRuleOf(const UncertaintyModel& model) {
+  return {.cell_m = CovarianceLengthScale(model.resolution_m)};
+}
+
+absl::Status CheckDistances(const MeasuredFile& file, const PointsOnModel& on_model,
+                            const ScanNoise& noise, const PartPose& pose,
+                            const MeasuredPartOptions& options, const std::string& reason) {
+  const double upper_m = QuantileOf(on_model.distances_m, on_model.off_model, 0.75);
+  const double noise_m = kUpperQuartile * TypicalNoise(on_model, noise);
+  if (upper_m <= options.tolerated_distance_m + noise_m) return absl::OkStatus();
+  return absl::InvalidArgumentError(absl::StrFormat(
+      "%s: these points do not fit the part at the pose found (%.4g mm and %.4g deg off): three "
+      "quarters of them are within %s. Allowed are %.4g mm (--tolerated-distance-mm) and %.4g mm "
+      "of noise. %s",
+      file.path, 1e3 * pose.parameters.tail<3>().norm(), pose.parameters.head<3>().norm() / kDegree,
+      std::isfinite(upper_m) ? absl::StrFormat("%.4g mm", 1e3 * upper_m)
+                             : absl::StrFormat("more than %.4g mm", 1e3 * options.reach_m),
+      1e3 * options.tolerated_distance_m, 1e3 * noise_m,
+      reason.empty() ? "Are they of this part and scan?" : reason));
+}
+
+// One file's points on the registered model; `positions_m` and `facing` are in CAD coordinates.
+absl::Status AddScan(const SurfaceIndex& index, const Rig& rig, const UncertaintyModel& uncertainty,
+                     const std::vector<Measurement>& scans, size_t f,
+                     std::span<const Eigen::Vector3d> positions_m,
+                     std::span<const Eigen::Vector3d> facing, const MeasuredPartOptions& options,
+                     const std::string& reason, MeasuredPart& part) {
+  const MeasuredFile& file = part.files[f];
+  const ScanNoise noise(rig, scans[static_cast<size_t>(file.scan)], part.placement.centre_m,
+                        uncertainty);
+  PointsOnModel on_model =
+      ProjectOntoModel(index, positions_m, facing, &noise, options.reach_m, options.threads);
+  absl::Status near =
+      CheckDistances(file, on_model, noise, part.registration.pose, options, reason);
+  if (!near.ok()) return near;
+  const auto other =
+      OtherScanInView(rig, scans, static_cast<size_t>(file.scan), part.placement.centre_m,
+                      on_model.positions_m, on_model.normals);
+  if (other) {
+    return absl::InvalidArgumentError(
+        absl::StrCat(file.path, ": most of its points face away from camera or laser of scan ",
+                     file.scan + 1, " of the plan; scan ", *other + 1,
+                     " could have measured them. Are the files in the order "
+                     "of the scans?"));
+  }
+  v1::MeasuredScan& message = *part.message.add_scans();
+  message.set_file(FileName(file.path));
+  message.set_scan(static_cast<int>(f) + 1);
+  message.set_earlier_scan(file.scan + 1);
+  message.set_points(static_cast<int64_t>(positions_m.size()));
+  message.set_median_distance_m(QuantileOf(on_model.distances_m, on_model.off_model, 0.5));
+  message.set_upper_quartile_distance_m(QuantileOf(on_model.distances_m, on_model.off_model, 0.75));
+  MeasuredPart::PointCounts& counts = part.counts[f];
+  const std::vector<uint8_t> outliers = FindOutliers(on_model, noise, OutlierRuleOf(uncertainty));
+  for (size_t p = 0; p < outliers.size(); ++p) {
+    if (outliers[p] == 0) continue;
+    part.outliers_m.push_back(on_model.positions_m[p] +
+                              on_model.deviations_m[p] * on_model.normals[p]);
+  }
+  counts.among_neighbours = RemovePoints(outliers, on_model);
+  counts.off_model = on_model.off_model;
+  counts.rms_m = RootMeanSquare(on_model.distances_m);
+  part.scans.push_back(std::make_unique<IndexedScan>(std::move(on_model), noise));
+  return absl::OkStatus();
+}
+
 }  // namespace
 
 absl::StatusOr<std::vector<MeasuredFile>> AssignScans(const std::vector<std::string>& paths,
                                                       int scan_count) {
-  static const std::regex numbered("scan_([0-9]{1,6})\\.ply");
+  static const std::regex numbered("scan_([0-9]{1,6})\\.(ply|pcd|csv|png|tiff?)");
   std::vector<MeasuredFile> files;
   size_t with_number = 0;
   for (size_t i = 0; i < paths.size(); ++i) {
@@ -326,104 +527,44 @@ absl::StatusOr<MeasuredPart> FindMeasuredPart(const TriangleMesh& model,
   const SurfaceIndex index(model);
   RegistrationOptions registering;
   registering.prior = options.prior;
-  const double size_m = model.BoundingBox().sizes().norm();
-  registering.correlation_length_m = size_m / 40;
-  // Of all files; normals: empty if none has them, zero for the points of a file that has none.
-  std::vector<Eigen::Vector3d> points_m, normals;
-  std::vector<size_t> end_of_file;
-  for (const MeasuredFile& file : files) {
-    const auto before = static_cast<int64_t>(points_m.size());
-    if (absl::Status status = CheckAnnouncedPoints(file.path, before); !status.ok()) return status;
-    auto cloud = LoadPoints(file.path);
-    if (!cloud.ok()) return cloud.status();
-    const auto count = static_cast<int64_t>(cloud->positions_m.size());
-    if (absl::Status status = CheckPointCount(file.path, count, before); !status.ok()) {
-      return status;
-    }
-    int64_t near = 0;
-    const size_t stride = cloud->positions_m.size() / 200 + 1;
-    for (size_t i = 0; i < cloud->positions_m.size(); i += stride) {
-      near += index.Nearest(cloud->positions_m[i], Eigen::Vector3d::Zero(), registering.reach_m)
-                  .has_value();
-    }
-    if (near * static_cast<int64_t>(stride) * 2 < static_cast<int64_t>(cloud->positions_m.size())) {
-      return TooFar(file.path, *cloud, index, registering.reach_m);
-    }
-    // Where one file has no normals those of the others count nonetheless.
-    if (!cloud->normals.empty()) {
-      normals.resize(points_m.size(), Eigen::Vector3d::Zero());
-      normals.insert(normals.end(), cloud->normals.begin(), cloud->normals.end());
-    }
-    points_m.insert(points_m.end(), cloud->positions_m.begin(), cloud->positions_m.end());
-    end_of_file.push_back(points_m.size());
-  }
-  if (!normals.empty()) normals.resize(points_m.size(), Eigen::Vector3d::Zero());
-
-  // The part lies nearly where it is supposed: near enough to say how noisy its points are.
+  registering.correlation_length_m = model.BoundingBox().sizes().norm() / 40;
+  auto all = ReadAllPoints(index, inspection, files, scans, options, registering.reach_m);
+  if (!all.ok()) return all.status();
   const UncertaintyModel uncertainty = inspection.uncertainty.value_or(UncertaintyModel{});
-  std::vector<ScanNoise> noise_of_file;
-  for (size_t f = 0; f < files.size(); ++f) {
-    noise_of_file.emplace_back(inspection.rig, scans[static_cast<size_t>(files[f].scan)],
-                               model.BoundingBox().center(), uncertainty);
-  }
-  registering.noise_m2 = [&](size_t i) {
-    const auto file = std::upper_bound(end_of_file.begin(), end_of_file.end(), i);
-    const ScanNoise& noise = noise_of_file[static_cast<size_t>(file - end_of_file.begin())];
-    const Eigen::Vector3d normal = normals.empty() ? Eigen::Vector3d::Zero().eval() : normals[i];
-    if (!normal.isZero(0)) return noise.DetectionCovariance(points_m[i], normal);
-    const auto on = index.Nearest(points_m[i], normal, registering.reach_m);
-    return noise.DetectionCovariance(points_m[i], on ? on->normal : normal);
-  };
-  auto registration = RegisterPoints(index, points_m, normals, registering);
-  if (!registration.ok()) {
-    return absl::InvalidArgumentError(
-        absl::StrCat(files.front().path, ": ", registration.status().message()));
-  }
+  auto registration = RegisterAll(index, inspection, uncertainty, files, scans, *all, registering);
+  if (!registration.ok()) return registration.status();
+
   MeasuredPart part;
   part.registration = *std::move(registration);
   part.files = files;
+  part.counts = all->counts;
   const PartPose& pose = part.registration.pose;
   part.placement.rotation = pose.Rotation();
   part.placement.centre_m = pose.centre_m - pose.Rotation().transpose() * pose.parameters.tail<3>();
   Rig rig = inspection.rig;
   rig.part_placement = part.placement;
+  std::string reason;
+  const Misfit misfit = {.residual_m = part.registration.residual_standard_deviation_m,
+                         .fraction_off = FractionOff(index, all->points_m, pose)};
+  if (misfit.residual_m > kSuspicious_m || misfit.fraction_off > kSuspiciousFractionOff) {
+    reason = LikelyMisfit(index, all->points_m, options.prior, misfit);
+  }
   const Eigen::Isometry3d to_model = pose.Matrix().inverse();
+  for (Eigen::Vector3d& position : all->points_m) position = to_model * position;
+  for (Eigen::Vector3d& normal : all->normals) normal = to_model.linear() * normal;
   for (size_t f = 0; f < files.size(); ++f) {
-    const size_t begin = f > 0 ? end_of_file[f - 1] : 0, count = end_of_file[f] - begin;
-    const auto of_file = [&](std::vector<Eigen::Vector3d>& all) {
-      return all.empty() ? std::span<Eigen::Vector3d>() : std::span(all).subspan(begin, count);
-    };
-    const std::span<Eigen::Vector3d> positions_m = of_file(points_m), facing = of_file(normals);
-    for (Eigen::Vector3d& position : positions_m) position = to_model * position;
-    for (Eigen::Vector3d& normal : facing) normal = to_model.linear() * normal;
-    const ScanNoise noise(rig, scans[static_cast<size_t>(files[f].scan)], part.placement.centre_m,
-                          uncertainty);
-    PointsOnModel on_model =
-        ProjectOntoModel(index, positions_m, facing, &noise, options.reach_m, options.threads);
-    const double upper_m = QuantileOf(on_model.distances_m, on_model.off_model, 0.75);
-    const double noise_m = kUpperQuartile * TypicalNoise(on_model, noise);
-    if (!(upper_m <= options.tolerated_distance_m + noise_m)) {
-      return absl::InvalidArgumentError(absl::StrFormat(
-          "%s: where the part was found to lie (%.4g mm and %.4g deg off) three quarters of these "
-          "points are within %s of it, %.4g mm is tolerated (--tolerated-distance-mm) besides %.4g "
-          "mm of noise. Are they of this part and scan?",
-          files[f].path, 1e3 * pose.parameters.tail<3>().norm(),
-          pose.parameters.head<3>().norm() / kDegree,
-          std::isfinite(upper_m) ? absl::StrFormat("%.4g mm", 1e3 * upper_m)
-                                 : absl::StrFormat("more than %.4g mm", 1e3 * options.reach_m),
-          1e3 * options.tolerated_distance_m, 1e3 * noise_m));
-    }
-    v1::MeasuredScan& message = *part.message.add_scans();
-    message.set_file(FileName(files[f].path));
-    message.set_scan(static_cast<int>(f) + 1);
-    message.set_earlier_scan(files[f].scan + 1);
-    message.set_points(static_cast<int64_t>(count));
-    message.set_median_distance_m(QuantileOf(on_model.distances_m, on_model.off_model, 0.5));
-    message.set_upper_quartile_distance_m(upper_m);
-    part.scans.push_back(std::make_unique<IndexedScan>(std::move(on_model), noise));
+    absl::Status added = AddScan(index, rig, uncertainty, scans, f, all->OfFile(all->points_m, f),
+                                 all->OfFile(all->normals, f), options, reason, part);
+    if (!added.ok()) return added;
   }
   if (absl::Status status = CheckPose(part.registration, files, options); !status.ok()) {
     return status;
+  }
+  if (!reason.empty()) {
+    return absl::InvalidArgumentError(absl::StrFormat(
+        "%s: its points are %.4g mm (robust standard deviation) from the part, %.0f %% of them "
+        "more than 1 mm. %s",
+        files.front().path, 1e3 * misfit.residual_m, 100 * misfit.fraction_off, reason));
   }
   DescribePose(part.registration, options, part.message);
   absl::Status deviations = AddDeviations(model, inspection, uncertainty,

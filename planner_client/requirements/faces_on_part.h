@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Whether the faces that a file of tolerances binds are faces of the part's mesh. A file of another
 // revision of the part, in another unit or in other coordinates has the same names and numbers;
-// only its positions tell.
+// only its positions differ.
 //
 //   FacesOnPart check(part);
 //   absl::Status status = check.Check(face, "tolerance flatness #57");
@@ -27,8 +27,8 @@ class FacesOnPart {
 
   // `face` is one that FaceSurface::Make takes. Compares points all over it, some 2000 at a regular
   // spacing, with the nearest surface of the mesh that faces the same way. INVALID_ARGUMENT names
-  // the face, the point that is farthest from the mesh and its distance; `binds` says in words what
-  // binds the face. A face of several tolerances is compared once.
+  // the face, the point that is farthest from the mesh and its distance; `binds` names the
+  // tolerance that binds the face. A face of several tolerances is compared once.
   absl::Status Check(const FaceTriangles& face, const std::string& binds);
 
  private:

@@ -65,9 +65,9 @@ absl::Status CheckReach(const Inspection& inspection, const Requirements& requir
     const double scans = DensityForUncertainty(prior, admissible_m) / std::max(best, 1e-300);
     if (scans <= kMargin * inspection.goal.max_scans) return absl::OkStatus();
     return absl::InvalidArgumentError(absl::StrFormat(
-        "%s: a zone of %.4g mm is out of reach of this rig: it asks for an uncertainty of %.3g um, "
-        "for which the best scan there is would have to be repeated %.3g times (one scan leaves "
-        "%.3g um); goal.max_scans is %d",
+        "%s: a zone of %.4g mm is out of reach of this rig: it needs an uncertainty of %.3g um, "
+        "which the best scan reaches after %.3g repetitions (a single scan gives %.3g um); "
+        "goal.max_scans is %d",
         name, 1e3 * zone_width_m, 1e6 * admissible_m, scans,
         1e6 * UncertaintyAtDensity(prior, std::max(best, 1e-300)), inspection.goal.max_scans));
   };
@@ -76,6 +76,7 @@ absl::Status CheckReach(const Inspection& inspection, const Requirements& requir
     if (!status.ok()) return status;
   }
   for (const TolerancedFeature& feature : requirements.features) {
+    if (!(feature.zone_width_m > 0)) continue;
     absl::Status status = check(feature.name, feature.zone_width_m);
     if (!status.ok()) return status;
   }

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <set>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
@@ -26,6 +27,31 @@ FaceTriangles SurfaceOfMaterials(const TriangleMesh& part, const std::vector<std
   return face;
 }
 
+// The surface that the vertices of a face lie on.
+NominalSurface NominalOf(const FaceTriangles& face) {
+  constexpr size_t kMostPoints = 400;
+  std::vector<Eigen::Vector3d> sums(face.positions_m.size(), Eigen::Vector3d::Zero());
+  for (const auto& triangle : face.triangles) {
+    const Eigen::Vector3d normal =
+        (face.positions_m[triangle[1]] - face.positions_m[triangle[0]])
+            .cross(face.positions_m[triangle[2]] - face.positions_m[triangle[0]]);
+    for (const uint32_t corner : triangle) sums[corner] += normal;
+  }
+  std::vector<Eigen::Vector3d> points, normals;
+  const size_t stride = face.positions_m.size() / kMostPoints + 1;
+  for (size_t i = 0; i < face.positions_m.size(); i += stride) {
+    if (!(sums[i].norm() > 0)) continue;
+    points.push_back(face.positions_m[i]);
+    normals.push_back(sums[i].normalized());
+  }
+  return RecogniseSurface(points, normals);
+}
+
+void AddNominal(const FaceTriangles& face, Requirements* requirements) {
+  const auto [entry, fresh] = requirements->nominal.try_emplace(face.face);
+  if (fresh) entry->second = NominalOf(face);
+}
+
 absl::Status AddSurface(FaceTriangles face, const std::string& context,
                         std::vector<FaceSurface>* surfaces) {
   auto surface = FaceSurface::Make(std::move(face));
@@ -36,10 +62,103 @@ absl::Status AddSurface(FaceTriangles face, const std::string& context,
   return absl::OkStatus();
 }
 
+// The limits of the size that the same surfaces have; none without one.
+void AddSizeLimits(const Tolerance& tolerance, const ToleranceReport& report,
+                   TolerancedFeature* feature) {
+  for (const Tolerance& size : report.read) {
+    if (size.kind != ToleranceKind::kLinearSize || !size.nominal_m || !size.lower_m ||
+        !size.upper_m || !(*size.lower_m < *size.upper_m)) {
+      continue;
+    }
+    const bool shared = std::any_of(size.faces.begin(), size.faces.end(), [&](int face) {
+      return std::find(tolerance.faces.begin(), tolerance.faces.end(), face) !=
+             tolerance.faces.end();
+    });
+    if (!shared) continue;
+    feature->smallest_size_m = size.lower_m;
+    feature->nominal_size_m = size.nominal_m;
+    feature->largest_size_m = size.upper_m;
+    return;
+  }
+}
+
+bool HasModifier(const Tolerance& tolerance, const std::string& modifier) {
+  return std::find(tolerance.modifiers.begin(), tolerance.modifiers.end(), modifier) !=
+         tolerance.modifiers.end();
+}
+
+using FacesByNumber = std::map<int, const FaceTriangles*>;
+
+// A tolerance of the file as a feature, or among those that nothing can be planned for.
+absl::Status AddTolerance(const Tolerance& tolerance, const ToleranceReport& report,
+                          const std::string& file, double part_size_m,
+                          const FacesByNumber& by_number, FacesOnPart& on_part,
+                          Requirements* requirements) {
+  const auto leave_out = [&](const std::string& reason) {
+    requirements->left_out.push_back({tolerance.name, reason});
+    requirements->unbound.push_back({tolerance, reason});
+    return absl::OkStatus();
+  };
+  const bool angle = IsAngular(tolerance.kind) && tolerance.zone_width_rad > 0;
+  if (!angle) {
+    if (absl::Status status = CheckTolerance(tolerance, part_size_m); !status.ok()) {
+      return leave_out(std::string(status.message()));
+    }
+  }
+  TolerancedFeature feature;
+  feature.id = tolerance.id;
+  feature.name = tolerance.name;
+  feature.kind = tolerance.kind;
+  feature.zone_width_m = angle ? 0 : tolerance.zone_width_m;
+  feature.zone_width_rad = tolerance.zone_width_rad;
+  feature.nominal_m = tolerance.nominal_m;
+  feature.text = tolerance.text;
+  feature.datums = tolerance.datums;
+  if (HasModifier(tolerance, "maximum material requirement")) {
+    feature.material = MaterialRequirement::kMaximum;
+  } else if (HasModifier(tolerance, "least material requirement")) {
+    feature.material = MaterialRequirement::kLeast;
+  }
+  AddSizeLimits(tolerance, report, &feature);
+  for (const int number : tolerance.faces) {
+    const auto face = by_number.find(number);
+    if (face == by_number.end()) continue;
+    const std::string binds = absl::StrCat(file, ": tolerance ", tolerance.name);
+    absl::Status status = AddSurface(*face->second, binds, &feature.faces);
+    if (!status.ok()) return status;
+    if (status = on_part.Check(*face->second, binds); !status.ok()) return status;
+    AddNominal(*face->second, requirements);
+  }
+  if (feature.faces.empty()) {
+    return leave_out("it binds no face that the file gives the surface of");
+  }
+  requirements->features.push_back(std::move(feature));
+  requirements->tolerances.push_back(tolerance);
+  return absl::OkStatus();
+}
+
+absl::Status AddDatumFaces(const FacesByNumber& by_number, FacesOnPart& on_part,
+                           Requirements* requirements) {
+  std::set<int> added;
+  for (const Datum& datum : requirements->datums) {
+    for (const int number : datum.faces) {
+      const auto face = by_number.find(number);
+      if (face == by_number.end() || !added.insert(number).second) continue;
+      const std::string binds = absl::StrCat("datum ", datum.letter);
+      absl::Status status = AddSurface(*face->second, binds, &requirements->datum_faces);
+      if (!status.ok()) return status;
+      if (status = on_part.Check(*face->second, binds); !status.ok()) return status;
+      AddNominal(*face->second, requirements);
+    }
+  }
+  return absl::OkStatus();
+}
+
 absl::StatusOr<TolerancedFeature> FeatureOfRegion(const TolerancedRegion& region,
                                                   const TriangleMesh& part,
                                                   const std::map<int, const FaceTriangles*>& faces,
-                                                  FacesOnPart& on_part, const std::string& path) {
+                                                  FacesOnPart& on_part, const std::string& path,
+                                                  Requirements* requirements) {
   TolerancedFeature feature;
   feature.name = region.name;
   feature.zone_width_m = region.zone_width_m;
@@ -54,6 +173,7 @@ absl::StatusOr<TolerancedFeature> FeatureOfRegion(const TolerancedRegion& region
         part.material_names.empty() ? "none" : absl::StrJoin(part.material_names, ", ")));
   }
   if (!region.materials.empty()) {
+    feature.by_material = true;
     absl::Status status =
         AddSurface(SurfaceOfMaterials(part, region.materials), path, &feature.faces);
     if (!status.ok()) return status;
@@ -68,6 +188,7 @@ absl::StatusOr<TolerancedFeature> FeatureOfRegion(const TolerancedRegion& region
       return status;
     }
     if (absl::Status on = on_part.Check(*face->second, path); !on.ok()) return on;
+    AddNominal(*face->second, requirements);
   }
   return feature;
 }
@@ -99,6 +220,7 @@ std::vector<float> Requirements::AdmissibleUncertainties(const TargetSet& target
                            : 0.0f;
   std::vector<float> result(targets.size(), 0);
   for (const TolerancedFeature& feature : features) {
+    if (!(feature.zone_width_m > 0)) continue;
     const auto admissible_m = static_cast<float>(AdmissibleUncertainty(feature.zone_width_m, rule));
     for (const uint32_t t : TargetsOf(feature, targets)) {
       result[t] = result[t] > 0 ? std::min(result[t], admissible_m) : admissible_m;
@@ -135,44 +257,29 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
 
   if (report) {
     requirements.left_out = report->not_read;
+    requirements.datums = report->datums;
     for (const Tolerance& tolerance : report->read) {
-      if (absl::Status status = CheckTolerance(tolerance, part_size_m); !status.ok()) {
-        requirements.left_out.push_back({tolerance.name, std::string(status.message())});
-        continue;
-      }
-      TolerancedFeature feature;
-      feature.id = tolerance.id;
-      feature.name = tolerance.name;
-      feature.kind = tolerance.kind;
-      feature.zone_width_m = tolerance.zone_width_m;
-      feature.nominal_m = tolerance.nominal_m;
-      feature.text = tolerance.text;
-      for (const int number : tolerance.faces) {
-        const auto face = by_number.find(number);
-        if (face == by_number.end()) continue;
-        const std::string binds = absl::StrCat(given.file, ": tolerance ", tolerance.name);
-        absl::Status status = AddSurface(*face->second, binds, &feature.faces);
-        if (!status.ok()) return status;
-        if (status = on_part.Check(*face->second, binds); !status.ok()) return status;
-      }
-      if (feature.faces.empty()) {
-        requirements.left_out.push_back(
-            {tolerance.name, "it binds no face that the file gives the surface of"});
-        continue;
-      }
-      requirements.features.push_back(std::move(feature));
-      requirements.tolerances.push_back(tolerance);
+      absl::Status added = AddTolerance(tolerance, *report, given.file, part_size_m, by_number,
+                                        on_part, &requirements);
+      if (!added.ok()) return added;
+    }
+    if (absl::Status s = AddDatumFaces(by_number, on_part, &requirements); !s.ok()) return s;
+    for (const UnboundTolerance& unbound : requirements.unbound) {
+      requirements.tolerances.push_back(unbound.tolerance);
     }
   }
   for (size_t i = 0; i < given.regions.size(); ++i) {
     const std::string path = absl::StrCat("tolerances.regions[", i, "]");
     absl::Status status = check_zone(path + ".zone_width_m", given.regions[i].zone_width_m);
     if (!status.ok()) return status;
-    auto feature = FeatureOfRegion(given.regions[i], part, by_number, on_part, path);
+    auto feature = FeatureOfRegion(given.regions[i], part, by_number, on_part, path, &requirements);
     if (!feature.ok()) return feature.status();
     requirements.features.push_back(*std::move(feature));
   }
-  if (requirements.features.empty() && !requirements.default_zone_width_m) {
+  // Angles ask nothing of single targets, so that no scans can be planned for them alone.
+  const bool any_zone = std::any_of(requirements.features.begin(), requirements.features.end(),
+                                    [](const auto& feature) { return feature.zone_width_m > 0; });
+  if (!any_zone && !requirements.default_zone_width_m) {
     return absl::InvalidArgumentError(absl::StrCat(
         given.file, ": holds no tolerance that can be planned for (", requirements.left_out.size(),
         " are left out), and tolerances.zone_width_m is not given"));
@@ -180,6 +287,7 @@ absl::StatusOr<Requirements> MakeRequirements(const Inspection& inspection,
 
   double narrowest_m = given.zone_width_m.value_or(part_size_m);
   for (const TolerancedFeature& feature : requirements.features) {
+    if (!(feature.zone_width_m > 0)) continue;
     narrowest_m = std::min(narrowest_m, feature.zone_width_m);
   }
   requirements.relaxed_uncertainty_m = given.relaxed_uncertainty_m.value_or(

@@ -1,14 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an inspection asks of its surfaces: toleranced features, and the uncertainty that is
+// Requirements of an inspection on its surfaces: toleranced features, and the uncertainty that is
 // admissible at every target.
 #pragma once
 
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
 
 #include "absl/status/statusor.h"
+#include "core/association/nominal_surface.h"
+#include "core/conformance/characteristic.h"
 #include "core/inspection/inspection.h"
 #include "core/part/mesh.h"
 #include "core/targets/target_set.h"
@@ -22,14 +25,26 @@ struct TolerancedFeature {
   std::string id;    // in its file; "" by hand
   std::string name;  // never empty
   ToleranceKind kind = ToleranceKind::kSurfaceProfile;
-  double zone_width_m = 0;  // > 0
+  double zone_width_m = 0;    // > 0; of an angle 0, which asks nothing of single targets
+  double zone_width_rad = 0;  // of an angle
   std::optional<double> nominal_m;
+  std::vector<std::string> datums;  // as Tolerance::datums
+  MaterialRequirement material = MaterialRequirement::kNone;
+  // Limits of the size of the same surfaces, for the material requirement.
+  std::optional<double> smallest_size_m, nominal_size_m, largest_size_m;
   std::string text;  // as on the drawing
   // Its surfaces: a box in part coordinates or faces.
   std::optional<Eigen::AlignedBox3d> box_m;
   std::vector<FaceSurface> faces;
+  bool by_material = false;  // its one face is all surface of some materials, none of the file's
 
   bool Contains(const Eigen::Vector3d& position_m, const Eigen::Vector3d& normal) const;
+};
+
+// A tolerance of the file that no surface can be judged by, and why.
+struct UnboundTolerance {
+  Tolerance tolerance;
+  std::string reason;
 };
 
 struct Requirements {
@@ -37,14 +52,19 @@ struct Requirements {
   std::optional<double> default_zone_width_m;  // of targets that no feature holds
   double relaxed_uncertainty_m = 0;
   std::vector<TolerancedFeature> features;
-  std::vector<Tolerance> tolerances;  // of the file, those that features were made of
+  std::vector<UnboundTolerance> unbound;  // of the file: stated with a value, but not in features
+  std::vector<Tolerance> tolerances;      // of the file: those of features, then the unbound ones
+  std::vector<Datum> datums;              // of the file
+  // Nominal surfaces of the faces that features and datums bind, by number; and the datums' faces.
+  std::map<int, NominalSurface> nominal;
+  std::vector<FaceSurface> datum_faces;
   // Tolerances of the file that nothing can be planned for, by name and why; those that it could
   // not be read of included.
   std::vector<UnreadTolerance> left_out;
 
   // Indices of a feature's targets, ascending.
   std::vector<uint32_t> TargetsOf(const TolerancedFeature& feature, const TargetSet& targets) const;
-  // Of every target, that of the narrowest zone that binds it [m]; 0: none does.
+  // Admissible uncertainty of every target [m], by the narrowest zone that binds it; 0: none does.
   std::vector<float> AdmissibleUncertainties(const TargetSet& targets) const;
 };
 

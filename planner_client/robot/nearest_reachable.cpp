@@ -64,7 +64,7 @@ std::optional<Measurement> NearestReachable(
     std::sort(reached.begin(), reached.end());
     if (reached.size() > kNearestTried) reached.resize(kNearestTried);
     for (auto& [distance, unit] : reached) {
-      // Between what is reached and what is not.
+      // Between reached and unreached scans.
       double in = 1, out = 0;
       std::vector<double> best = unit;
       for (int k = 0; k < kHalvings && !stopped(); ++k) {

@@ -35,8 +35,8 @@ std::string ContactText(const Contact& contact) {
 }
 
 // Vertices among which the lowest one of any orientation is. Of large meshes the lowest along each
-// of many directions, which lie 0.06 rad apart: what is lower still is so by less than 0.0005 of
-// the size.
+// of many directions, which lie 0.06 rad apart: other vertices are lower by less than 0.0005 of the
+// size.
 std::vector<Eigen::Vector3f> ExtremeVertices(const TriangleMesh& mesh) {
   constexpr size_t kAll = 20000;
   if (mesh.positions_m.size() <= kAll) return mesh.positions_m;
@@ -159,7 +159,7 @@ std::vector<NamedSolid> RobotCell::Around(const ScanGeometry& geometry, double h
     if (task_.obstacles[i].frame != ObstacleFrame::kPart) {
       pose = Eigen::Isometry3d::Identity();
       pose.translation() = stage;
-      // Of FRAME_TABLE the origin is the cell's; FRAME_WORLD is refused where a robot carries a
+      // The origin of FRAME_TABLE is the cell's; FRAME_WORLD is refused where a robot carries a
       // head.
       if (task_.obstacles[i].frame == ObstacleFrame::kStage) pose.translation().z() += height_m;
     }

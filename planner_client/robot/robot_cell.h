@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The cell: an arm, what it carries, what stands around it, and whether it reaches a scan.
+// The cell: an arm, its load, its surroundings, and whether it reaches a scan.
 //
 // An arm with the sensor head holds one pose for a whole scan, while the part travels on its stage
 // beside it; it does the offsets of the scan as well, so that the part never leaves the stage. An
@@ -39,7 +39,7 @@ struct CellObstacle {
 struct CellTask {
   RobotMount mount;
   Rig rig;
-  // Of any scan: camera distance and triangulation angle of the rigid head. Parts: not used.
+  // Gives a rigid head's camera distance and triangulation angle. Not used for parts.
   Measurement head;
   std::shared_ptr<const TriangleMesh> part;
   Eigen::Vector3d part_centre_m = Eigen::Vector3d::Zero();
@@ -52,7 +52,7 @@ struct ScanPosition {
 };
 
 struct Reach {
-  // In which the arm can make the scan; none: it cannot, `because`.
+  // Joint positions from which the arm can make the scan; none: it cannot, `because`.
   std::vector<ScanPosition> positions;
   std::string because;
 
@@ -77,10 +77,10 @@ class RobotCell {
   std::vector<Eigen::Isometry3d> LinksInPart(const Measurement& measurement, double stage_m,
                                              const JointPositions& q) const;
 
-  // What stands around the arm while it moves to or from a scan, with the stage at rest.
+  // The solids around the arm while it moves to or from a scan, with the stage at rest.
   std::vector<NamedSolid> Around(const Measurement& measurement, double stage_m) const;
-  // What the straight line between two positions touches first, in steps in which no point of the
-  // arm moves more than 2 kClearanceM; nothing: it is free. A line of more than 5000 steps has as
+  // First contact on the straight line between two positions, in steps in which no point of the arm
+  // moves more than 2 kClearanceM; nothing: it is free. A line of more than 5000 steps has as
   // many.
   std::optional<Contact> OnTheWay(const JointPositions& from, const JointPositions& to,
                                   std::span<const NamedSolid> around) const;
@@ -117,8 +117,8 @@ class RobotCell {
 };
 
 // Stage positions between which a scan can light any of so many targets, spread over all, that face
-// camera and laser and lie in their fields and range; what is in the way of the light is not looked
-// at. A spacing is added on both sides. Nothing lit: 0 to 0.
+// camera and laser and lie in their fields and range; occlusion is ignored. A spacing is added on
+// both sides. Nothing lit: 0 to 0.
 ScanTravel EstimateTravel(const Rig& rig, const TargetSet& targets, double spacing_m,
                           const Eigen::Vector3d& part_centre_m, const Measurement& measurement);
 

@@ -124,8 +124,8 @@ RobotCollision::RobotCollision(const RobotModel& model, const std::vector<LoadSo
     pieces_.push_back({model.tip, true, true, solid.name, solid.solid, solid.enlarged, solid.pose});
   }
 
-  // Neighbours: joined directly, or through links without solids; what is fixed to each other is
-  // one.
+  // Neighbours: joined directly, or through links without solids; links that are fixed to each
+  // other are one.
   std::vector<int>& body = body_;
   body.resize(links);
   for (size_t i = 0; i < links; ++i) {
@@ -206,7 +206,7 @@ std::optional<Contact> RobotCollision::WithItself(std::span<const Eigen::Isometr
   for (size_t a = 0; a < pieces_.size(); ++a) {
     for (size_t b = a + 1; b < pieces_.size(); ++b) {
       const Piece &p = pieces_[a], &r = pieces_[b];
-      // The load may touch what it is fixed to, but no neighbour of that.
+      // The load may touch the link that it is fixed to, but no neighbour of that.
       const bool looked_at =
           p.load != r.load ? body_[p.link] != body_[r.link] : !p.load && MayTouch(p, r);
       if (!looked_at) continue;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether an arm touches itself or what stands around it (FCL).
+// Whether an arm touches itself or its surroundings (FCL).
 #pragma once
 
 #include <Eigen/Geometry>
@@ -57,7 +57,7 @@ struct LoadSolid {
 };
 
 struct Contact {
-  std::string first, second;  // names of a link or load, and of what it touches
+  std::string first, second;  // names of a link or load, and of the solid that it touches
 };
 
 class RobotCollision {
@@ -70,8 +70,8 @@ class RobotCollision {
   // every one of 64 spread positions do so by construction and are allowed.
   std::optional<Contact> WithItself(std::span<const Eigen::Isometry3d> links) const;
 
-  // Of arm and load with solids that stand in the frame of the base link; `with_load` false: of the
-  // arm alone. Links that do not move with the chain are left out: they were put there.
+  // Contact of arm and load (`with_load`) with solids that are fixed in the frame of the base link.
+  // Links that do not move with the chain are left out: they were put there.
   std::optional<Contact> WithSurroundings(std::span<const Eigen::Isometry3d> links,
                                           std::span<const NamedSolid> around, bool with_load) const;
 

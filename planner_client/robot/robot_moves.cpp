@@ -99,7 +99,7 @@ class Sequence {
     std::vector<int> positions;  // of every scan in the order
   };
 
-  // Positions with the least time along an order, by what is known of moves (dynamic programming).
+  // Positions with the least time along an order, by the known moves (dynamic programming).
   Choice Choose(const std::vector<int>& order) const {
     std::vector<std::vector<double>> least;
     std::vector<std::vector<int>> before;

@@ -23,7 +23,7 @@ struct RobotMove {
   ScanPosition position;   // if reachable
   double move_time_s = 0;  // from the scan before, or from home
   std::string because;     // why it is not reachable
-  std::string remark;      // what is unusual about the move; empty: nothing
+  std::string remark;      // unusual facts about the move; empty: none
 };
 
 // Other time between two scans that the order is to consider as well [s]: by hand, say.

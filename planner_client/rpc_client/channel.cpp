@@ -18,7 +18,7 @@ namespace {
 
 constexpr int kMaxMessageBytes = 64 << 20;
 
-// Tells servers which request a call belongs to.
+// Names the request of a call to servers.
 class TraceInterceptor final : public grpc::experimental::Interceptor {
  public:
   void Intercept(grpc::experimental::InterceptorBatchMethods* methods) override {

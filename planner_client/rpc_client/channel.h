@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the clients of every server have in common.
+// Functions that the clients of every server have in common.
 //
 // How long a client waits: as long as the server shows that it is there, and no longer. Calls that
 // do work have no deadline, because a time that is ample on an idle machine is short on a busy one,
@@ -10,8 +10,8 @@
 //   computes from a machine or network that is gone. Each call under way ends with UNAVAILABLE
 //   after kSilence without an answer.
 // UNAVAILABLE is tried again. A user ends the wait for a server that is there and does not finish
-// with Ctrl-C. Calls that work cancels on the way out have a deadline (SetTimeout), since nobody
-// needs their answer.
+// with Ctrl-C. Calls that work cancels on the way out have a deadline (SetTimeout), since their
+// answer is not needed.
 #pragma once
 
 #include <grpcpp/grpcpp.h>
@@ -24,7 +24,7 @@
 
 namespace sightline {
 
-// Where a server is and how it is reached.
+// Address of a server and how it is reached.
 struct ServerAccess {
   // "unix:PATH" or "HOST:PORT". Not used with an embedded server.
   std::string address;
@@ -37,7 +37,7 @@ struct ServerAccess {
   // Name in the server's certificate where it is not the host of the address. Empty: it is.
   std::string tls_server_name;
 
-  // Of the embedded server if there is one.
+  // Address of the embedded server if there is one.
   const std::string& Address() const { return embedded != nullptr ? embedded->address() : address; }
 };
 

@@ -46,8 +46,8 @@ class WorkerCall {
   const std::vector<std::string>& digests() const { return digests_; }
   bool Interrupted() const { return options_.interrupted != nullptr && *options_.interrupted; }
 
-  // Makes the call that creates the job; uploads assets the worker asks for, and tries again what
-  // was UNAVAILABLE. `create` sends the same request every time.
+  // Makes the call that creates the job; uploads assets the worker asks for, and retries
+  // UNAVAILABLE. `create` sends the same request every time.
   absl::Status Create(const std::function<grpc::Status(grpc::ClientContext*)>& create);
 
   // Reports progress until the job is finished; the stream's error if it ends before. A step that

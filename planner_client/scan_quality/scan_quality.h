@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // How finely and under which angles a scan measures the points that it measures: exact, from the
-// points and the poses of camera and laser. No noise is in these numbers; what they do to the
-// uncertainty of points is in core/triangulation.
+// points and the poses of camera and laser. These numbers have no noise; core/triangulation has
+// their effect on the uncertainty of points.
 #pragma once
 
 #include <Eigen/Core>
@@ -19,7 +19,7 @@ namespace sightline {
 struct PointQuality {
   // Side of a pixel at the point's depth, across the optical axis: depth over focal length in px.
   double pixel_footprint_m = 0;
-  // What one pixel across the line is worth along the line of sight: footprint over the sine of the
+  // Depth that corresponds to one pixel across the line: footprint over the sine of the
   // triangulation angle. Infinite where the line of sight lies in the laser plane.
   double depth_per_pixel_m = 0;
   // Between line of sight and laser plane, [0, pi/2].
@@ -30,13 +30,13 @@ struct PointQuality {
   double laser_incidence_rad = 0;
 };
 
-// Of a point with a unit normal; both and the geometry in world coordinates, the stage where the
-// point is lit. Points at the pupil or the source give NaN.
+// Quality of a point with a unit normal; both and the geometry in world coordinates, the stage
+// where the point is lit. Points at the pupil or the source give NaN.
 PointQuality QualityOfPoint(const Camera& camera, const ScanGeometry& geometry,
                             const Eigen::Vector3d& point_m, const Eigen::Vector3d& normal);
 
-// Of values: the median, and the limits between which 95 of 100 lie (2.5 % and 97.5 % quantiles,
-// linear between the two nearest values).
+// Summary of values: the median, and the limits between which 95 of 100 lie (2.5 % and 97.5 %
+// quantiles, linear between the two nearest values).
 struct Spread {
   double low = 0, median = 0, high = 0;
 };
@@ -68,7 +68,7 @@ std::vector<float> BestDepthPerPixel(const Rig& rig, std::span<const Measurement
                                      const Eigen::Vector3d& part_centre_m,
                                      const TargetSet& targets);
 
-// Of every scan, the part of the targets it covers that others cover as well; 0 if it covers none.
+// Fraction of each scan's covered targets that others cover as well; 0 if it covers none.
 std::vector<double> Overlaps(std::span<const TargetBits> covered);
 
 }  // namespace sightline

@@ -8,13 +8,13 @@
 
 namespace sightline {
 
-// Where a thing stands, seen from the origin, in the direction of `place` (any length but 0):
+// Direction of `place` (any length but 0) from the origin, in words:
 // "straight above", "38° from vertical, towards +y", "38° from vertical, 25° from +x towards +y",
 // "12° below the horizontal, towards −x". Angles are rounded to degrees; what is within half a
 // degree of an axis is said to be on it.
 std::string PlaceInWords(const Eigen::Vector3d& place);
 
-// Where an axis points: "up", "towards +x", "12° above the horizontal, towards +y".
+// Direction of an axis in words: "up", "towards +x", "12° above the horizontal, towards +y".
 std::string PointsInWords(const Eigen::Vector3d& direction);
 
 }  // namespace sightline

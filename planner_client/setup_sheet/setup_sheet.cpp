@@ -24,7 +24,7 @@ namespace {
 
 std::string Mm(double length_m, int decimals = 1) { return FixedNumber(1e3 * length_m, decimals); }
 
-// Of multiples of the scan step: as many decimals as they have, at most three.
+// Multiples of the scan step have as many decimals as they need, at most three.
 std::string StageMm(double length_m) {
   std::string text = Mm(length_m, 3);
   while (text.back() == '0') text.pop_back();
@@ -116,7 +116,10 @@ class Sheet {
         "style-src 'unsafe-inline'\">\n<title>",
         EscapeHtml(name), " \u2013 set-up sheet</title>\n<link rel=\"icon\" href=\"data:,\">\n",
         "<style>\n", SheetStyle(), "</style>\n</head>\n<body>\n<main>\n", Overview(name));
-    for (int i = 0; i < plan_.scans_size(); ++i) html += ScanPage(i);
+    for (int s = 0; s < plan_.setups_size(); ++s) html += SetupPage(s);
+    if (plan_.setups().empty()) {
+      for (int i = 0; i < plan_.scans_size(); ++i) html += ScanPage(i);
+    }
     return html + "</main>\n</body>\n</html>\n";
   }
 
@@ -136,7 +139,7 @@ class Sheet {
         " \u00d7 ", Mm(box_.sizes().z()), " mm. Sightline ", EscapeHtml(plan_.sightline_version()),
         ", plan of scene ", EscapeHtml(plan_.scene_digest().substr(0, 12)),
         ".</p>\n<p class=\"screen\"><a href=\"report.html\">Report</a> \u00b7 print this page for "
-        "the machine: one sheet per scan.</p>\n");
+        "the machine: one page for each set-up.</p>\n");
     if (plan_.scans().empty()) return html + "<p>The plan has no scans.</p>\n";
     const double total_s = plan_.cost().scan_time_s() + plan_.cost().reposition_time_s();
     absl::StrAppend(
@@ -154,7 +157,39 @@ class Sheet {
         "stand still during a scan. Angles are counter-clockwise when the axis points at you. "
         "Azimuth is counted from +x towards +y, elevation from the horizontal upwards. Stage "
         "positions are those of the part\u2019s centre from the origin along x.</div>\n";
-    return html + RestingFaces() + OverviewTable();
+    return html + SetupsTable() + RestingFaces() + OverviewTable();
+  }
+
+  // With unit costs every scan costs 1, and nothing has a time.
+  bool HasTimes() const { return !plan_.cost().unit_costs(); }
+
+  std::string SetupsTable() const {
+    if (plan_.setups().empty()) return "";
+    const bool timed = HasTimes();
+    std::string html = absl::StrCat(
+        "<h2 class=\"minor\">Set-ups in order</h2>\n<table><thead><tr><th "
+        "scope=\"col\">set-up</th><th scope=\"col\" class=\"words\">lies on</th><th "
+        "scope=\"col\">sensors in<br>place</th><th scope=\"col\" class=\"words\">scans</th>",
+        timed ? "<th scope=\"col\">sensors</th><th scope=\"col\">laying</th><th "
+                "scope=\"col\">turning</th><th scope=\"col\">scanning</th><th "
+                "scope=\"col\">in all</th>"
+              : "",
+        "</tr></thead>\n<tbody>\n");
+    for (int s = 0; s < plan_.setups_size(); ++s) {
+      const v1::Setup& setup = plan_.setups(s);
+      const v1::SetupTime& time = setup.time_s();
+      absl::StrAppend(
+          &html, "<tr><td><strong>", s + 1, "</strong></td><td class=\"words\">",
+          setup.has_resting_face() ? FaceName(plan_.resting_faces(setup.resting_face())) : "\u2013",
+          "</td><td>", setup.sensor_place() + 1, "</td><td class=\"words\">",
+          absl::StrJoin(setup.scans(), ", "), "</td>");
+      for (const double time_s :
+           {time.move_sensors(), time.lay(), time.turn(), time.scan(), time.total()}) {
+        if (timed) absl::StrAppend(&html, "<td>", Seconds(time_s), "</td>");
+      }
+      html += "</tr>\n";
+    }
+    return html + "</tbody></table>\n";
   }
 
   std::string RestingFaces() const {
@@ -231,6 +266,108 @@ class Sheet {
           "\u202f%</td><td class=\"box\">\u2610</td></tr>\n");
     }
     return html + "</tbody></table>\n";
+  }
+
+  // Position of a scan by its number; -1: the plan has no such scan.
+  int PositionOf(int index) const {
+    for (int i = 0; i < plan_.scans_size(); ++i) {
+      if (plan_.scans(i).index() == index) return i;
+    }
+    return -1;
+  }
+
+  // Steps that a person takes before the scans of a set-up.
+  std::string SetupSteps(int s) const {
+    const v1::Setup& setup = plan_.setups(s);
+    const v1::Setup* before = s > 0 ? &plan_.setups(s - 1) : nullptr;
+    std::vector<std::string> steps;
+    if (before != nullptr && before->sensor_place() == setup.sensor_place()) {
+      steps.push_back("Leave camera and laser where they are.");
+    } else {
+      steps.push_back(
+          absl::StrCat("Put camera and laser in <strong>place ", setup.sensor_place() + 1,
+                       "</strong>, by the table below",
+                       setup.time_s().move_sensors() > 0
+                           ? absl::StrCat(" (", Seconds(setup.time_s().move_sensors()), ")")
+                           : "",
+                       "."));
+    }
+    if (setup.has_resting_face()) {
+      const std::string face = FaceName(plan_.resting_faces(setup.resting_face()));
+      const bool stays = before != nullptr && before->has_resting_face() &&
+                         before->resting_face() == setup.resting_face();
+      steps.push_back(stays ? absl::StrCat("Leave the part on <strong>", face, "</strong>.")
+                            : absl::StrCat("Lay the part on <strong>", face,
+                                           "</strong>, as the picture and the CAD axes show."));
+    }
+    steps.push_back(
+        "Turn and shift the part for each scan as the table says: the turn is counter-clockwise "
+        "seen from above, from the part lying with no turn.");
+    std::string html = "<h3>What to do</h3>\n<ol>";
+    for (const std::string& step : steps) absl::StrAppend(&html, "<li>", step, "</li>\n");
+    return html + "</ol>\n";
+  }
+
+  std::string SetupScans(const v1::Setup& setup) const {
+    const bool timed = HasTimes();
+    std::string html = absl::StrCat(
+        "<h3>Scans of this set-up</h3>\n<table class=\"overview\"><thead><tr><th "
+        "scope=\"col\">scan</th><th scope=\"col\">part turned</th>",
+        setup.has_resting_face() ? "<th scope=\"col\">table, z<br>mm</th>" : "",
+        "<th scope=\"col\">part\u2019s centre, stage at 0<br>x / y / z, mm</th><th "
+        "scope=\"col\">stage<br>mm</th><th scope=\"col\">pitch<br>mm</th><th "
+        "scope=\"col\">frames</th>",
+        timed ? "<th scope=\"col\">time<br>s</th>" : "",
+        "<th scope=\"col\" class=\"box\">done</th></tr></thead>\n<tbody>\n");
+    for (const int index : setup.scans()) {
+      const int i = PositionOf(index);
+      const v1::PlannedScan& scan = plan_.scans(i);
+      const int count = scan.trigger_positions_m_size();
+      absl::StrAppend(&html, "<tr><td><strong>", index, "</strong></td><td>",
+                      Turn(scan.measurement().part_gamma_deg(), 2), "</td>");
+      if (setup.has_resting_face()) {
+        absl::StrAppend(&html, "<td>", Mm(scan.table_height_m()), "</td>");
+      }
+      absl::StrAppend(
+          &html, "<td>", PlaceMm(frames_[static_cast<size_t>(i)].part * box_.center()), "</td><td>",
+          StageMm(scan.stage_start_m()), " \u2026 ", StageMm(scan.stage_end_m()), "</td><td>",
+          count > 1 ? StageMm((scan.stage_end_m() - scan.stage_start_m()) / (count - 1)) : "\u2013",
+          "</td><td>", GroupedInteger(count),
+          timed ? absl::StrCat("</td><td>", FixedNumber(scan.scan_time_s(), 1)) : "",
+          "</td><td class=\"box\">\u2610</td></tr>\n");
+    }
+    return html + "</tbody></table>\n";
+  }
+
+  // Settings, robot, remarks and quality of one scan of a set-up.
+  std::string ScanDetails(int i) const {
+    const v1::PlannedScan& scan = plan_.scans(i);
+    std::string remarks;
+    for (const std::string& remark : scan.remarks()) {
+      absl::StrAppend(&remarks, "<p class=\"remark\">", EscapeHtml(remark), "</p>\n");
+    }
+    return absl::StrCat(
+        "<section class=\"scan\" id=\"scan-", scan.index(), "\"><h3>Scan ", scan.index(),
+        scan.locked() ? " <span class=\"badge\">kept as given</span>" : "", "</h3>\n", remarks,
+        Optics(scan), RobotFacts(scan), Quality(scan), "</section>\n");
+  }
+
+  std::string SetupPage(int s) const {
+    const v1::Setup& setup = plan_.setups(s);
+    const int first = PositionOf(setup.scans(0));
+    const v1::RestingFace* face = FaceOf(plan_.scans(first));
+    std::string html = absl::StrCat(
+        "<section class=\"page\" id=\"setup-", s + 1, "\">\n<header><h2>Set-up ", s + 1, " of ",
+        plan_.setups_size(), "</h2><p>",
+        face != nullptr ? absl::StrCat("part lies on ", FaceName(*face), "; ") : "",
+        "sensors in place ", setup.sensor_place() + 1,
+        HasTimes() ? absl::StrCat("; ", Seconds(setup.time_s().total())) : "", "</p></header>\n");
+    html += SetupSteps(s) + Pictures(first) + SetupScans(setup) + Sensors(first);
+    absl::StrAppend(&html, "<p class=\"soft\">Pictures, CAD axes and corners are those of scan ",
+                    setup.scans(0), ".</p>\n<div class=\"columns\">\n", PartAxes(first));
+    for (const int index : setup.scans()) html += ScanDetails(PositionOf(index));
+    html += "</div>\n" + Corners(first);
+    return html + "</section>\n";
   }
 
   std::string ScanPage(int i) const {
@@ -488,7 +625,7 @@ class Sheet {
     return Facts("What to expect: median (95 of 100)", facts);
   }
 
-  // Of the CAD bounding box, in the machine.
+  // Corners of the CAD bounding box, in the machine.
   std::string Corners(int i) const {
     const ScanFrames& frames = frames_[static_cast<size_t>(i)];
     std::string html =
@@ -539,6 +676,20 @@ absl::StatusOr<std::string> SetUpSheetHtml(const SetUpSheet& sheet) {
       return absl::InvalidArgumentError(
           absl::StrFormat("set-up sheet: scan %d: resting_face is %d, the plan has %d faces",
                           scan.index(), face, sheet.plan.resting_faces_size()));
+    }
+  }
+  for (const v1::Setup& setup : sheet.plan.setups()) {
+    const int faces = sheet.plan.resting_faces_size();
+    const bool wrong_face =
+        setup.has_resting_face() && (setup.resting_face() < 0 || setup.resting_face() >= faces);
+    const bool wrong_scan = std::any_of(setup.scans().begin(), setup.scans().end(), [&](int index) {
+      return std::none_of(sheet.plan.scans().begin(), sheet.plan.scans().end(),
+                          [&](const v1::PlannedScan& scan) { return scan.index() == index; });
+    });
+    if (setup.scans().empty() || wrong_face || wrong_scan) {
+      return absl::InvalidArgumentError(
+          "set-up sheet: a set-up names no scan, or a scan or resting face that the plan does not "
+          "have");
     }
   }
   return Sheet(sheet, std::move(frames)).Html();

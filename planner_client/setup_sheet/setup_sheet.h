@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The set-up sheet: pages to print and take to the machine, a first one over all scans and one for
-// each.
+// each set-up in its order; for each scan where the plan has no set-ups.
 #pragma once
 
 #include <Eigen/Geometry>
@@ -17,14 +17,14 @@ struct SetUpSheet {
   v1::Plan plan;
   std::string part_name;  // as the engineer knows it, e.g. the file name
   TriangleMesh mesh;      // part coordinates of the plan's poses
-  // Of every scan, part, camera and laser; PNG, empty: none.
+  // A picture of part, camera and laser for every scan; PNG, empty: none.
   std::vector<std::string> pictures_png;
 };
 
 // One HTML file in UTF-8 that needs nothing else; the same data give the same bytes. Says of what
 // is in the plan only: resting faces, settings and robot moves appear where the plan has them.
-// INVALID_ARGUMENT: poses as FramesOfScan, resting faces that the plan does not have, a mesh
-// without vertices, and pictures whose number is not that of the scans.
+// INVALID_ARGUMENT: poses as FramesOfScan, resting faces and scans of set-ups that the plan does
+// not have, a mesh without vertices, and pictures whose number is not that of the scans.
 absl::StatusOr<std::string> SetUpSheetHtml(const SetUpSheet& sheet);
 
 }  // namespace sightline

@@ -9,8 +9,8 @@
 
 namespace sightline {
 
-// Finds scans that add most to what is `known` (shares of all targets); best first, several so that
-// one that exact evaluation rejects can be replaced. `scans` have been chosen so far.
+// Finds the scans of largest gain given `known` (accumulated information of all targets). The best
+// comes first; others replace it if exact evaluation rejects it. `scans` have been chosen so far.
 using NextBestScans = std::function<absl::StatusOr<std::vector<Measurement>>(
     const std::vector<float>& known, int64_t scans, uint64_t seed)>;
 

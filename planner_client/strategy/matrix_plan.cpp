@@ -9,7 +9,7 @@ namespace sightline {
 
 namespace {
 
-// Targets that the scan settles by itself: the matrix knows nothing of shares.
+// Targets that the scan satisfies by itself: the matrix has no fractions.
 TargetBits SettledAlone(const GainOracle& oracle, const ScanCoverage& scan) {
   if (!oracle.ScoresPlans()) return scan.covered;
   TargetBits settled(oracle.measurable().size());

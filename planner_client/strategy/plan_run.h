@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all strategies share while they plan: limits, what scans tell, exact scores, progress, the
-// finished plan.
+// State that all strategies share while they plan: limits, information of scans, exact scores,
+// progress, the finished plan.
 #pragma once
 
 #include <array>
@@ -27,7 +27,7 @@ class PlanRun {
   const PlannerRequest& request() const { return request_; }
   const SearchSpace& space() const { return space_; }
   int64_t measurable() const { return measurable_; }
-  // Targets that must be settled: the smallest count that reaches the goal.
+  // Targets that must be satisfied: the smallest count that reaches the goal.
   int64_t goal_targets() const { return goal_targets_; }
   // Least worth that a further scan must add: as that of so many new targets.
   double min_gain() const { return min_gain_; }
@@ -38,11 +38,11 @@ class PlanRun {
   double GainAfter(std::span<const float> known, const TargetShares& scan) const {
     return StepGain(steps_, oracle_.measurable(), known, scan);
   }
-  // What a scan adds to what is known, as well as searches know it: parts of steps count too where
-  // the oracle counts them.
+  // Gain of a scan given the accumulated information, as well as searches know it. Partial steps
+  // count too if the gain model counts them.
   absl::StatusOr<double> Added(std::span<const float> known, const Measurement& scan,
                                const TargetShares& shares);
-  // Of what is known of all targets.
+  // Worth of the accumulated information of all targets.
   double Worth(std::span<const float> known) const {
     return StepWorth(steps_, oracle_.measurable(), known);
   }
@@ -55,7 +55,7 @@ class PlanRun {
   bool Stopped() const;
   // kInterrupted or kMaxTime; only when Stopped().
   StopReason stopped_reason() const;
-  // True for the CANCELLED that a stopped objective or oracle returns.
+  // True for the CANCELLED that a stopped objective or gain model returns.
   bool IsStop(const absl::Status& status) const {
     return Stopped() && !status.ok() && status.code() != absl::StatusCode::kUnavailable;
   }
@@ -69,7 +69,7 @@ class PlanRun {
 
   // Exact coverage, remembered per measurement. Pointers stay valid as long as the run.
   absl::StatusOr<std::vector<const ScanCoverage*>> Exact(std::span<const Measurement> scans);
-  // Shares that a scan tells, as well as is known of a single scan: exact for coverage, fast where
+  // Fractions of the required information that a single scan gives: exact for coverage, fast if
   // only plans are scored.
   absl::StatusOr<TargetShares> SharesOf(const Measurement& scan);
   // Exact score of scans that are all feasible exactly.

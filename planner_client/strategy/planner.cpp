@@ -50,7 +50,7 @@ absl::Status CheckRequest(const PlannerRequest& request) {
   return absl::OkStatus();
 }
 
-// Whoever is to settle all targets with at most so many scans settles most with them.
+// With `scan_count` set, ask for full coverage and at most that many scans.
 PlannerRequest AimAtAllTargets(PlannerRequest request) {
   (request.goal.admissible ? *request.goal.admissible : request.goal.coverage) = 1;
   request.goal.max_scans = *request.scan_count;

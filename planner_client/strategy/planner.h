@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Planning strategies: which scans settle the targets of the part.
+// Planning strategies: which scans satisfy the targets of the part.
 #pragma once
 
 #include <atomic>
@@ -11,11 +11,19 @@
 
 #include "absl/status/statusor.h"
 #include "core/inspection/inspection.h"
+#include "planner_client/strategy/execution/execution_model.h"
 #include "planner_client/strategy/gain_oracle.h"
 
 namespace sightline {
 
-enum class StopReason { kGoalReached, kMaxScans, kMaxTime, kStalled, kInterrupted };
+enum class StopReason {
+  kGoalReached,
+  kMaxScans,
+  kMaxTime,
+  kStalled,
+  kInterrupted,
+  kExecutionLimit,  // PlanningGoal::LimitsExecution
+};
 
 struct ChosenScan {
   Measurement measurement;
@@ -26,7 +34,7 @@ struct ChosenScan {
 
 struct PlanProgress {
   int scans;
-  double coverage;  // settled targets, fraction of those to be settled
+  double coverage;  // satisfied targets, fraction of those to be satisfied
   double goal;
   int64_t evaluations;
   double done;        // fraction of the work: as the coverage, except where that says little
@@ -44,8 +52,8 @@ struct PlannerRequest {
   int64_t matrix_samples = 200000;    // measurability matrix only
   std::vector<Measurement> locked;    // kept in the plan, first
   std::vector<Measurement> starting;  // resumed or hand-edited scans: in the plan, may be moved
-  // Instead of reaching the goal's fraction with few scans: settle most with so many, whatever else
-  // the goal says of fraction, number and least gain of scans. Unset, or >= 1 and no less than
+  // Instead of reaching the goal's fraction with few scans: satisfy most with so many, whatever
+  // else the goal says of fraction, number and least gain of scans. Unset, or >= 1 and no less than
   // there are locked and starting scans.
   std::optional<int> scan_count;
   // Scans known to be good, which the refined strategy may use without searching them.
@@ -53,6 +61,10 @@ struct PlannerRequest {
   // The refined strategy stops at a plan that reaches the goal and that exchanges of scans alone
   // make no smaller: another search with better candidates follows.
   bool draft = false;
+  // Cost of executing a plan; for the plan of least time (execution/least_time_plan.h).
+  ExecutionModel execution;
+  // Estimate of the time of one scan [s]; empty: 0.
+  std::function<double(const Measurement&)> scan_time_s;
   // Score the plan after each scan too (PlannerResult's curves); costs seconds where only plans can
   // be scored.
   bool with_curves = true;
@@ -64,8 +76,8 @@ struct PlannerResult {
   std::vector<ChosenScan> scans;
   StopReason stop_reason = StopReason::kStalled;
   int64_t evaluations = 0;
-  // Only if asked for. Exact: settled and nearly settled targets after each scan, fractions of
-  // those to be settled. For coverage both are the coverage.
+  // Only if asked for. Exact: satisfied and nearly satisfied targets after each scan, fractions of
+  // those to be satisfied. For coverage both are the coverage.
   std::vector<double> coverage_curve;
   std::vector<double> relaxed_curve;
   PlanScore score;  // of the whole plan
@@ -73,7 +85,7 @@ struct PlannerResult {
   std::vector<Measurement> candidates;
 };
 
-// What a plan is to settle: admissible uncertainties if the goal asks for them, else coverage.
+// The fraction of targets to satisfy: goal.admissible if it is set, else goal.coverage.
 double GoalFraction(const PlanningGoal& goal);
 
 // The strategy that samples a measurability matrix.
@@ -92,7 +104,7 @@ const std::vector<StrategyDescription>& Strategies();
 absl::Status CheckStrategy(const std::string& name);
 
 // INVALID_ARGUMENT for an unknown strategy (names the nearest) or a locked scan outside its hard
-// limits; errors of the oracle are passed on. On interruption returns what is planned so far.
+// limits; errors of the gain model are passed on. On interruption returns the plan so far.
 absl::StatusOr<PlannerResult> MakePlan(GainOracle& oracle, const PlannerRequest& request);
 
 }  // namespace sightline

@@ -15,8 +15,8 @@ namespace sightline {
 
 namespace {
 
-// Shares of request().evaluations_per_scan, and sizes. The few variants tried on the example part
-// did no better: a greedy share of 0.25 or 0.9, more polishing.
+// Fractions of request().evaluations_per_scan, and sizes. The few variants tried on the example
+// part did no better: a greedy fraction of 0.25 or 0.9, more polishing.
 constexpr double kGreedyShare = 0.5;
 constexpr double kRelocateShare = 0.15;
 constexpr double kPolishShare = 0.05;
@@ -25,7 +25,7 @@ constexpr int64_t kKeptPerSearch = 48;
 constexpr int64_t kKeptPerPolish = 4;
 constexpr double kKeptSeparation = 0.03;
 constexpr size_t kMaxPool = 4000;
-// A share of 0.95 of so many targets is known to 0.002.
+// A fraction of 0.95 of so many targets has a standard error of 0.002.
 constexpr size_t kSamplePairs = 16384;
 constexpr int64_t kExchanges = 100'000;
 // Rounds of exchanging, polishing and searching anew from which the pace is taken.
@@ -133,7 +133,7 @@ class RefinedPlanner {
     return static_cast<int>(plan_.size()) < run_.request().goal.max_scans;
   }
 
-  // Gain evaluations left of what greedy planning may use for as many scans.
+  // Gain evaluations left of the budget of greedy planning for as many scans.
   int64_t Left() const {
     const size_t scans = have_best_ ? best_.size() : std::max<size_t>(1, plan_.size());
     return run_.request().evaluations_per_scan * static_cast<int64_t>(scans) - run_.evaluations();
@@ -152,7 +152,7 @@ class RefinedPlanner {
 
   // Whether a plan with a scan less, at the pace of the last rounds, would miss the goal when the
   // evaluations are used up. Rounds bring ever less, so it would miss it by more. Never where
-  // shares add up: they grow long before they settle targets.
+  // fractions add up: they grow long before they satisfy targets.
   bool OutOfReach() const {
     if (!have_best_ || run_.oracle().ScoresPlans() || rounds_.size() <= kPaceRounds) return false;
     const Round &then = rounds_[rounds_.size() - 1 - kPaceRounds], &now = rounds_.back();
@@ -162,7 +162,7 @@ class RefinedPlanner {
            static_cast<double>(aim_ - now.covered);
   }
 
-  // Fast estimate of what the plan settles.
+  // Fast estimate of the targets that the plan satisfies.
   int64_t Covered() const { return run_.CountSettled(KnownFrom(plan_)); }
 
   std::vector<float> KnownFrom(const PoolPlan& plan) const {
@@ -175,7 +175,8 @@ class RefinedPlanner {
     return have_best_ ? absl::StrCat(what, ", trying ", plan_.size(), " scans") : what;
   }
 
-  // What scans tell, fast; feasible ones go into the pool. Returns the index of each or none.
+  // Evaluates scans by the fast estimate; feasible ones go into the pool. Returns the index of each
+  // or none.
   absl::StatusOr<std::vector<std::optional<size_t>>> AddToPool(std::vector<Scan> scans,
                                                                bool even_if_infeasible = false) {
     std::vector<std::optional<size_t>> indices;
@@ -225,8 +226,8 @@ class RefinedPlanner {
     return AddToPool(std::move(candidates)).status();
   }
 
-  // A global search for scans that add most to what is known; the best different ones go into the
-  // pool. Returns the best one's index, none if nothing new was found.
+  // A global search for scans of largest gain; the best different ones go into the pool. Returns
+  // the best one's index, none if nothing new was found.
   absl::StatusOr<std::optional<size_t>> SearchScan(const std::vector<float>& known,
                                                    int64_t evaluations, const std::string& phase) {
     // A tenth of the evaluations at most goes into coverage.
@@ -310,7 +311,7 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // The plan settles what was aimed at: is that so exactly?
+  // The plan reaches the aim by the estimate. Does it exactly?
   absl::Status Verify() {
     const size_t size = plan_.size();
     auto score = ExactScore(false);
@@ -327,8 +328,8 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Leaves out the scan that adds least and makes its loss good from the pool. If that settles what
-  // is aimed at it is the plan, else it waits for the present one to be scored.
+  // Leaves out the scan that adds least and makes its loss good from the pool. If the rest reaches
+  // the aim it becomes the plan, else it waits for the present one to be scored.
   bool FewerReach() {
     waiting_ = plan_;
     plan_.erase(plan_.begin() + static_cast<std::ptrdiff_t>(WeakestFirst().front()));
@@ -392,7 +393,7 @@ class RefinedPlanner {
     return places;
   }
 
-  // Moves every scan once to where it covers most of what the others leave.
+  // Moves every scan once to where it covers most of the targets that the others leave.
   absl::Status PolishRound() {
     for (size_t place : WeakestFirst()) {
       if (OutOfBudget() || Covered() >= aim_) break;
@@ -435,7 +436,7 @@ class RefinedPlanner {
     return absl::OkStatus();
   }
 
-  // Searches the weakest scan (after failures: the next weakest) anew.
+  // Searches the weakest scan (after failures: the next weakest) again.
   absl::Status RelocateWeakest(int failures) {
     const std::vector<size_t> places = WeakestFirst();
     if (places.empty() || OutOfBudget()) return absl::OkStatus();
@@ -454,7 +455,7 @@ class RefinedPlanner {
   PlanRun& run_;
   const size_t fixed_;  // the first scans of a plan are locked
   Random random_;
-  int64_t aim_;  // targets to settle by the fast estimate
+  int64_t aim_;  // targets to satisfy by the fast estimate
   ScanPool pool_;
   std::vector<Scan> scans_;  // those of the pool
   PoolPlan plan_;

@@ -5,8 +5,8 @@
 //    into a pool with the targets they cover.
 // 2. Simulated annealing over the pool, by exchanges of one scan, to cover most with a given number
 //    of scans.
-// 3. Polishing: one scan after the other moves in the continuous parameters to cover most of what
-//    the others leave; the scan that contributes least is searched anew.
+// 3. Polishing: one scan after the other moves in the continuous parameters to cover most of the
+//    targets that the others leave; the scan that contributes least is searched again.
 // 4. When the plan reaches the goal by the estimate, scans are dropped as long as 2 alone makes
 //    their loss good; the smallest such plan is evaluated exactly. If it reaches the goal, one more
 //    scan is dropped, and 2 and 3 go on with the rest until the budget is used up or the pace of

@@ -37,7 +37,7 @@ struct Groups {
   std::vector<double> sizes;
 };
 
-// At most kMaxGroups groups of measurable targets that the same or nearly the same columns settle,
+// At most kMaxGroups groups of measurable targets that the same or nearly the same columns satisfy,
 // at least by half: centres by farthest-first traversal in Hamming distance (Gonzalez 1985).
 Groups GroupTargets(const TargetBits& measurable, const std::vector<TargetBits>& columns) {
   const size_t words = (columns.size() + 63) / 64;
@@ -148,7 +148,7 @@ double WeightOf(const TargetShares& scan, const std::vector<double>& weights) {
   return sum;
 }
 
-// Targets of which the scan brings at least half of what they need.
+// Targets to which the scan gives at least half of the required information.
 TargetBits MostlySettled(const TargetShares& scan, size_t targets) {
   TargetBits bits(targets);
   for (size_t i = 0; i < scan.targets.size(); ++i) {
@@ -177,22 +177,19 @@ TargetShares CountingShares(const GainOracle& oracle, ScanCoverage scan) {
 // The whole number and the words that follow from the rest of the result.
 void State(ScanCountBoundResult& result) {
   result.scans = static_cast<int>(std::ceil(result.bound - 1e-6));
-  result.statement = absl::StrFormat(
-      "%s%d scans (%.2f) are needed to settle %d of %d targets, as far as the "
-      "pricing search could find: ",
-      result.converged ? "At least " : "Not a bound yet: some ", result.scans, result.bound,
-      result.goal_targets, result.judged_targets);
   if (result.converged) {
-    absl::StrAppendFormat(
-        &result.statement,
-        "its last round of %d evaluations found no scan that covers more than %.1f %% above the "
-        "permitted weight (%d evaluations in all, fast estimates).",
-        result.last_round_evaluations, 100 * kTolerance, result.evaluations);
+    result.statement = absl::StrFormat(
+        "Any plan needs at least %d scans (lower bound %.2f) for %d of %d targets, by the fast "
+        "estimate. The last %d of %d evaluations found no scan that would lower the bound by more "
+        "than %.1f %%.",
+        result.scans, result.bound, result.goal_targets, result.judged_targets,
+        result.last_round_evaluations, result.evaluations, 100 * kTolerance);
   } else {
-    absl::StrAppendFormat(&result.statement,
-                          "after its %d evaluations (fast estimates) scans above the permitted "
-                          "weight are known, so a longer search may change the number.",
-                          result.evaluations);
+    result.statement = absl::StrFormat(
+        "About %d scans (%.2f) are needed for %d of %d targets by the fast estimate, but this is "
+        "no lower bound yet. The search for better scans stopped after %d evaluations while it "
+        "still found some: more evaluations (--bound-evaluations) can change the number.",
+        result.scans, result.bound, result.goal_targets, result.judged_targets, result.evaluations);
   }
 }
 
@@ -323,7 +320,7 @@ class BoundSearch {
       TargetShares shares = CountingShares(oracle_, std::move(c));
       if (shares.targets.empty()) continue;
       columns_.push_back(std::move(shares));
-      result_.priced_scans.push_back(scans[i]);
+      result_.generated_columns.push_back(scans[i]);
     }
     return absl::OkStatus();
   }

@@ -7,7 +7,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <numbers>
 #include <numeric>
 
 namespace sightline {
@@ -138,54 +137,114 @@ double ScanTimeS(const CostModel& costs, double scan_step_m, int first_frame, in
   return (last_frame - first_frame) * scan_step_m / speed_m_per_s;
 }
 
-double RepositionTimeS(const CostModel& costs, const Measurement& from, const Measurement& to) {
-  const auto turn = [](double a, double b) {
-    return std::abs(std::remainder(a - b, 2 * std::numbers::pi));
-  };
-  const double rotation_rad = std::max(
-      {std::abs(from.triangulation_angle_rad - to.triangulation_angle_rad),
-       std::abs(from.camera_polar_rad - to.camera_polar_rad),
-       turn(from.camera_azimuth_rad, to.camera_azimuth_rad),
-       turn(from.part_alpha_rad, to.part_alpha_rad), turn(from.part_beta_rad, to.part_beta_rad),
-       turn(from.part_gamma_rad, to.part_gamma_rad)});
-  const double translation_m = std::max({std::abs(from.camera_distance_m - to.camera_distance_m),
-                                         std::abs(from.offset_y_m - to.offset_y_m),
-                                         std::abs(from.offset_z_m - to.offset_z_m)});
-  double moving_s = 0;
-  if (costs.reposition_speed_rad_per_s) {
-    moving_s = rotation_rad / *costs.reposition_speed_rad_per_s;
-  }
-  if (costs.reposition_speed_m_per_s) {
-    moving_s = std::max(moving_s, translation_m / *costs.reposition_speed_m_per_s);
-  }
-  return costs.reposition_time_s.value_or(0) + moving_s;
+double RepositionTimeS(const ExecutionModel& model, const Measurement& from,
+                       const Measurement& to) {
+  return TimesBetween(model, from, to).Total_s();
 }
 
-double TotalRepositionTimeS(const CostModel& costs, std::span<const Measurement> scans,
+double TotalRepositionTimeS(const ExecutionModel& model, std::span<const Measurement> scans,
                             std::span<const int> order) {
   double sum = 0;
   for (size_t i = 0; i + 1 < order.size(); ++i) {
-    sum += RepositionTimeS(costs, scans[order[i]], scans[order[i + 1]]);
+    sum += RepositionTimeS(model, scans[order[i]], scans[order[i + 1]]);
   }
   return sum;
 }
 
-std::vector<int> OrderScans(const CostModel& costs, std::span<const Measurement> scans,
-                            int locked) {
-  assert(locked >= 0 && locked <= static_cast<int>(scans.size()));
-  std::vector<int> order(scans.size());
-  std::iota(order.begin(), order.end(), 0);
-  // A fixed time per move is the same in every order.
-  const bool order_matters = costs.reposition_speed_rad_per_s || costs.reposition_speed_m_per_s;
-  if (!order_matters || locked == static_cast<int>(scans.size())) return order;
+namespace {
 
+Times TimesBetweenAll(const ExecutionModel& model, std::span<const Measurement> scans) {
   Times times(scans.size(), std::vector<double>(scans.size()));
   for (size_t i = 0; i < scans.size(); ++i) {
     for (size_t j = 0; j < scans.size(); ++j) {
-      times[i][j] = RepositionTimeS(costs, scans[i], scans[j]);
+      times[i][j] = RepositionTimeS(model, scans[i], scans[j]);
     }
   }
-  return OrderByMoveTimes(std::move(times), {}, locked);
+  return times;
+}
+
+// Scans from `locked` on that share a set-up, in the order of their first scans.
+std::vector<std::vector<int>> SetupGroups(const ExecutionModel& model,
+                                          std::span<const Measurement> scans, int locked) {
+  std::vector<std::vector<int>> groups;
+  for (int i = locked; i < static_cast<int>(scans.size()); ++i) {
+    const auto same = std::find_if(groups.begin(), groups.end(), [&](const auto& group) {
+      const Measurement& first = scans[static_cast<size_t>(group.front())];
+      return SameRest(model, first, scans[static_cast<size_t>(i)]) &&
+             SamePlaceOfSensors(model, first, scans[static_cast<size_t>(i)]);
+    });
+    if (same == groups.end()) {
+      groups.push_back({i});
+    } else {
+      same->push_back(i);
+    }
+  }
+  return groups;
+}
+
+// Least time from any scan of one group to any of the other.
+double BetweenGroups(const Times& times, const std::vector<int>& from, const std::vector<int>& to) {
+  double least_s = kInfinity;
+  for (const int i : from) {
+    for (const int j : to) least_s = std::min(least_s, times[i][j]);
+  }
+  return least_s;
+}
+
+// Set-ups in their best order, then the scans of each in theirs.
+std::vector<int> OrderBySetups(const ExecutionModel& model, std::span<const Measurement> scans,
+                               int locked) {
+  const Times times = TimesBetweenAll(model, scans);
+  const std::vector<std::vector<int>> groups = SetupGroups(model, scans, locked);
+  const std::vector<int> before = {locked - 1};
+  Times between(groups.size(), std::vector<double>(groups.size()));
+  std::vector<double> first;
+  for (size_t i = 0; i < groups.size(); ++i) {
+    for (size_t j = 0; j < groups.size(); ++j) {
+      between[i][j] = BetweenGroups(times, groups[i], groups[j]);
+    }
+    if (locked > 0) first.push_back(BetweenGroups(times, before, groups[i]));
+  }
+  std::vector<int> order(static_cast<size_t>(locked));
+  std::iota(order.begin(), order.end(), 0);
+  for (const int g : OrderByMoveTimes(std::move(between), first, 0)) {
+    const std::vector<int>& group = groups[static_cast<size_t>(g)];
+    Times inside(group.size(), std::vector<double>(group.size()));
+    std::vector<double> from_last;
+    for (size_t i = 0; i < group.size(); ++i) {
+      for (size_t j = 0; j < group.size(); ++j) inside[i][j] = times[group[i]][group[j]];
+      if (!order.empty()) from_last.push_back(times[order.back()][group[i]]);
+    }
+    for (const int i : OrderByMoveTimes(std::move(inside), from_last, 0)) {
+      order.push_back(group[static_cast<size_t>(i)]);
+    }
+  }
+  return order;
+}
+
+}  // namespace
+
+std::vector<int> OrderScans(const ExecutionModel& model, std::span<const Measurement> scans,
+                            int locked) {
+  assert(locked >= 0 && locked <= static_cast<int>(scans.size()));
+  const CostModel& costs = model.costs;
+  std::vector<int> order(scans.size());
+  std::iota(order.begin(), order.end(), 0);
+  if (locked == static_cast<int>(scans.size())) return order;
+  if (costs.PricesSetups()) {
+    std::vector<int> by_setups = OrderBySetups(model, scans, locked);
+    if (static_cast<int>(scans.size()) - locked > kMaxExact) return by_setups;
+    // Two set-ups may share a turn of the part, which their order alone does not see.
+    std::vector<int> exact = OrderByMoveTimes(TimesBetweenAll(model, scans), {}, locked);
+    const double less_s =
+        TotalRepositionTimeS(model, scans, by_setups) - TotalRepositionTimeS(model, scans, exact);
+    return less_s > 1e-9 ? exact : by_setups;
+  }
+  // A fixed time per move is the same in every order.
+  const bool order_matters =
+      costs.reposition_speed_rad_per_s || costs.reposition_speed_m_per_s || costs.turn_time_s > 0;
+  if (!order_matters) return order;
+  return OrderByMoveTimes(TimesBetweenAll(model, scans), {}, locked);
 }
 
 std::vector<int> OrderByMoveTimes(Times times, std::span<const double> first, int locked) {

@@ -1,9 +1,9 @@
 // SPDX-License-Identifier: Apache-2.0
-// What scans tell of targets, as parts of what the targets need.
+// Information of scans about targets, as fractions of the information that the targets need.
 //
-// A share of 1 settles a target; shares of several scans add up. Covering is the case in which
-// every scan brings a target all or nothing; for uncertainty it is the information that the scan
-// brings over the information after which the target's uncertainty is admissible.
+// A fraction (share) of 1 satisfies a target; fractions of several scans add up. With coverage a
+// scan gives a target all or nothing. With uncertainty the fraction is the scan's information over
+// the information at which the target's uncertainty is admissible.
 #pragma once
 
 #include <cstdint>
@@ -14,33 +14,33 @@
 
 namespace sightline {
 
-// Of one scan.
+// Fractions of the required information that one scan gives to targets.
 struct TargetShares {
   std::vector<uint32_t> targets;  // ascending
   std::vector<float> share;       // > 0, one per entry of `targets`
 };
 
-// Shares of 1 for every target of the set.
+// Fractions of 1 for every target of the set.
 TargetShares FullShares(const TargetBits& settled);
 
-// Adds a scan's shares to those of all targets.
+// Adds a scan's fractions to the accumulated information of all targets.
 void AddShares(const TargetShares& scan, std::span<float> known);
 
-// Targets of `judged` with a share of at least 1.
+// Targets of `judged` with an accumulated fraction of at least 1.
 TargetBits Settled(const TargetBits& judged, std::span<const float> known);
 
-// What it is worth that a target's share reaches a threshold.
+// Worth of a target's accumulated information reaching a threshold.
 struct ShareStep {
   double weight = 1;
   std::vector<float> threshold;  // one per target, or one for all; > 0
   float of(size_t target) const { return threshold[threshold.size() == 1 ? 0 : target]; }
 };
 
-// Sum over targets of the weights of the steps that their shares reach.
+// Sum over targets of the weights of the steps that their accumulated information reaches.
 double StepWorth(std::span<const ShareStep> steps, const TargetBits& judged,
                  std::span<const float> known);
 
-// Sum over the scan's targets of what its shares add to the worth of what is known.
+// Sum over the scan's targets of the worth that it adds to the accumulated information.
 double StepGain(std::span<const ShareStep> steps, const TargetBits& judged,
                 std::span<const float> known, const TargetShares& scan);
 

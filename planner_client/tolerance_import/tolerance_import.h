@@ -38,7 +38,7 @@ struct ImportedTolerances {
 //
 // INVALID_ARGUMENT: another suffix, or the file is wrong (the message names it). NOT_FOUND: no such
 // file, no such program (build target sightline_step_import). DEADLINE_EXCEEDED, INTERNAL: the
-// program took too long or failed; the message ends with what it wrote to stderr.
+// program took too long or failed; the message ends with its stderr.
 absl::StatusOr<ImportedTolerances> ImportTolerances(const std::string& file,
                                                     const ToleranceImportOptions& options = {});
 

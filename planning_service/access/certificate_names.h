@@ -2,8 +2,8 @@
 // Names by which a client certificate identifies a client, the same for gRPC and HTTP.
 //
 // RFC 6125 6.4.4: if a certificate has subject alternative names, these alone count, and the common
-// name does not. Without them the common name counts if there is exactly one: of several nobody
-// can say which one the authority checked.
+// name does not. Without them the common name counts if there is exactly one: of several it is
+// unknown which one the authority checked.
 #pragma once
 
 #include <openssl/types.h>

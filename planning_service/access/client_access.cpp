@@ -23,14 +23,14 @@ namespace sightline {
 namespace {
 
 constexpr std::chrono::seconds kCheckInterval{1};
-// One byte more than the parser takes, so that it is the parser that refuses what is too large.
+// One byte more than the parser takes, so that the parser itself refuses larger files.
 constexpr int64_t kMaxReadBytes = (4 << 20) + 1;
 
 absl::Status Unknown(const std::string& message) {
   return WithErrorInfo(absl::UnauthenticatedError(message), "CREDENTIALS_UNKNOWN");
 }
 
-// What changes when a file is written anew or replaced.
+// Identity of a file's version, which changes when the file is written or replaced.
 struct FileVersion {
   int64_t seconds = 0;
   int64_t nanoseconds = 0;
@@ -83,7 +83,7 @@ absl::StatusOr<FileContent> ReadFile(const std::string& file) {
 }
 
 // The client whose token it is. Every client is compared, and every comparison takes the same time,
-// so that the time of an answer tells nothing about tokens.
+// so that the time of an answer does not depend on tokens.
 const Client* ClientOfToken(const KnownClients& known, const std::string& token) {
   const TokenDigest digest = DigestOfToken(token);
   const TokenDigest none{};
@@ -117,7 +117,7 @@ class FileClientAccess final : public ClientAccess {
         by_certificate.insert(&known->clients[found->second]);
       }
     }
-    // One message for every way of being nobody, so that none can be told from another.
+    // All failed authentications get the same message, so that they cannot be distinguished.
     const absl::Status nobody =
         Unknown("the credentials given are not those of one client of this service");
     if (by_certificate.size() > 1) return nobody;
@@ -138,7 +138,7 @@ class FileClientAccess final : public ClientAccess {
   }
 
  private:
-  // What the file says, read anew if it changed.
+  // The clients that the file names, read anew if it changed.
   std::shared_ptr<const KnownClients> Current() {
     std::lock_guard lock(mutex_);
     const auto now = std::chrono::steady_clock::now();

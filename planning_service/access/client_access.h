@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who may ask for what: the clients file of `sightline serve --clients`.
+// Rights of clients: the clients file of `sightline serve --clients`.
 #pragma once
 
 #include <memory>

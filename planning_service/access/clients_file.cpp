@@ -24,7 +24,7 @@ constexpr size_t kMaxCertificateNameBytes = 256;
 constexpr int64_t kMaxBytes = 1'000'000'000'000'000;
 const char* const kKinds[] = {"plan", "evaluate", "optics", "render", "verify", "diagnose"};
 
-// The parser quotes what it stumbled over, which may be a token that somebody put into the file.
+// The parser quotes the wrong text, which may be a token in the file.
 std::string WithoutSecrets(const std::string& message) {
   for (const char* quoted : {"; last read:", "token_sha256: is "}) {
     const size_t found = message.find(quoted);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the clients file says, checked.
+// Reads and checks the clients file.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ struct KnownClients {
 };
 
 // `json`: a v1::ClientsFile of at most 4 MiB. INVALID_ARGUMENT names `file`, the field and the
-// reason, but never what stands in a field about tokens.
+// reason, but never the content of a field about tokens.
 absl::StatusOr<KnownClients> ParseClientsFile(const std::string& json, const std::string& file);
 
 }  // namespace sightline

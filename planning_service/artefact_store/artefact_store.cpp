@@ -82,7 +82,7 @@ std::string PathOf(const std::string& folder, const std::string& digest) {
   return absl::StrCat(folder, "/", digest.substr(0, 2), "/", digest);
 }
 
-// Of the digests that begin with a byte.
+// Folder of the digests that begin with this byte.
 std::string FolderOf(const std::string& folder, int first) {
   return absl::StrCat(folder, "/", absl::Hex(first, absl::kZeroPad2));
 }
@@ -143,8 +143,8 @@ struct Copied {
   int64_t size_bytes = 0;
 };
 
-// Copies the file, sharing blocks where the file system can. The digest is that of the copy:
-// somebody may still write to the original.
+// Copies the file, sharing blocks where the file system can. The digest is that of the copy: the
+// original may still be written to.
 absl::StatusOr<Copied> Copy(int from, const std::string& from_path, int to,
                             const std::string& to_path) {
   const bool cloned = ioctl(to, FICLONE, from) == 0;
@@ -235,7 +235,7 @@ struct ArtefactWriter::Impl {
 
   // Flushes the file and gives it its name.
   absl::Status Keep(const std::string& name) {
-    // Jobs and people read it, nobody writes to it. The time of its name is its age.
+    // Jobs and people only read it. The time of its name is its age.
     if (fchmod(fd.get(), 0400) != 0 || futimens(fd.get(), nullptr) != 0) {
       return FileError(errno, path, "cannot be changed");
     }
@@ -439,7 +439,7 @@ absl::Status ArtefactStore::Materialise(const std::string& digest, const std::st
   std::error_code error;
   if (!parent.empty()) fs::create_directories(parent, error);
   if (error) return FileError(error.value(), parent.string(), "cannot be made");
-  // Under its name it is complete, whatever a process that ended before has left there.
+  // A file under its name is complete, even if an ended process left temporary files.
   std::string part = absl::StrCat(path, ".XXXXXX");
   auto target = NewTemporary(&part);
   if (!target.ok()) return target.status();
@@ -471,7 +471,7 @@ absl::StatusOr<int64_t> ArtefactStore::RemoveAllBut(const std::set<std::string>&
                                                     absl::Duration min_age) {
   const auto alone = Lock(folder_, kHoldFile, LOCK_EX | LOCK_NB);
   if (absl::IsAborted(alone.status())) return 0;
-  // Where the disk is so full that not even the lock's file can be made, removal is what helps.
+  // On a disk too full for even the lock's file, removal is still allowed.
   if (!alone.ok() && !absl::IsResourceExhausted(alone.status())) return alone.status();
   const auto now = FileTimeNow(folder_);
   if (!now.ok()) return now.status();

@@ -65,8 +65,8 @@ class ArtefactHold {
 // Thread-safe.
 class ArtefactStore {
  public:
-  // Makes the folder; removes what earlier processes left half-written more than a day of file
-  // times ago. `reserve_bytes`: free space of the disk below which nothing is taken in.
+  // Makes the folder; removes half-written files of earlier processes that are more than a day old
+  // by file times. `reserve_bytes`: free space of the disk below which nothing is taken in.
   static absl::StatusOr<std::unique_ptr<ArtefactStore>> Open(const std::string& folder,
                                                              int64_t reserve_bytes);
 
@@ -80,7 +80,7 @@ class ArtefactStore {
   absl::StatusOr<Added> AddFile(const std::string& path);
 
   bool Has(const std::string& digest) const;
-  // Of all files that are complete.
+  // Digests of all complete files.
   std::set<std::string> Digests() const;
   // NOT_FOUND; a `digest` that is none is NOT_FOUND too.
   absl::StatusOr<std::string> Path(const std::string& digest) const;
@@ -94,8 +94,8 @@ class ArtefactStore {
   absl::Status Materialise(const std::string& digest, const std::string& path) const;
 
   // Removes files that `keep` does not name and that were not touched for `min_age` of file times
-  // (they may belong to a job that is being created). Returns bytes freed: none while somebody has
-  // a hold.
+  // (they may belong to a job that is being created). Returns bytes freed: none while there is a
+  // hold.
   absl::StatusOr<int64_t> RemoveAllBut(const std::set<std::string>& keep, absl::Duration min_age);
   // Waits until a removal that is under way has ended.
   absl::StatusOr<std::unique_ptr<ArtefactHold>> Hold();

@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <unistd.h>
 
+#include <algorithm>
 #include <cerrno>
 #include <cstdio>
 #include <filesystem>
@@ -31,6 +32,19 @@ std::string In(const std::string& folder, const char* name) {
   return absl::StrCat(folder, "/", name);
 }
 
+// True for a folder with files and none of a backup or a data folder. A file system's own folder
+// does not count.
+bool HoldsOtherFiles(const std::string& folder) {
+  std::error_code error;
+  bool others = false;
+  for (const auto& entry : fs::directory_iterator(folder, error)) {
+    const std::string name = entry.path().filename().string();
+    if (name == kDatabase || name == kBackupMark || name == "artefacts") return false;
+    if (name != "lost+found") others = true;
+  }
+  return others;
+}
+
 absl::Status CheckFolders(const std::string& data_folder, const std::string& backup_folder) {
   std::error_code error;
   if (!fs::is_directory(In(data_folder, "artefacts"), error)) {
@@ -42,6 +56,18 @@ absl::Status CheckFolders(const std::string& data_folder, const std::string& bac
   if (data == backup) {
     return absl::FailedPreconditionError(
         absl::StrCat(backup_folder, ": is the data folder itself"));
+  }
+  // The service removes unknown files there, and a copy would contain itself.
+  if (std::mismatch(data.begin(), data.end(), backup.begin(), backup.end()).first == data.end()) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(backup_folder, ": lies inside the data folder ", data_folder,
+                     "; nothing was changed. Choose a folder outside of it"));
+  }
+  if (HoldsOtherFiles(backup_folder)) {
+    return absl::FailedPreconditionError(
+        absl::StrCat(backup_folder,
+                     ": has other files and no backup; nothing was changed. Choose a folder that "
+                     "is new, empty or an earlier backup"));
   }
   fs::create_directories(backup_folder, error);
   if (!error) fs::permissions(backup_folder, fs::perms::owner_all, error);  // parts are secrets
@@ -115,7 +141,7 @@ void RemoveDatabase(const std::string& file) {
 // Gives the copied database its name, for good.
 absl::Status Conclude(const std::string& copy, const std::string& database) {
   std::error_code error;
-  // Of the database before: nobody has it open.
+  // These files belong to the database before, which no process has open.
   for (const char* suffix : {"-wal", "-shm"}) fs::remove(database + suffix, error);
   if (std::rename(copy.c_str(), database.c_str()) != 0) {
     return absl::ErrnoToStatus(errno, absl::StrCat(database, ": cannot be made"));
@@ -142,8 +168,8 @@ absl::StatusOr<BackupReport> BackUp(const std::string& data_folder,
   if (!from.ok()) return from.status();
   const auto to = ArtefactStore::Open(In(backup_folder, "artefacts"), 0);
   if (!to.ok()) return to.status();
-  // What the copied database names stays until it is copied, whatever the service forgets
-  // meanwhile.
+  // Files that the copied database names are held until they are copied, even if the service
+  // forgets them meanwhile.
   const auto hold = (*from)->Hold();
   if (!hold.ok()) return hold.status();
 

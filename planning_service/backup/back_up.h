@@ -24,9 +24,10 @@ struct BackupReport {
 //
 // With `only_files` the database is not copied (it is elsewhere, and was copied before), and all
 // files are. NOT_FOUND: `data_folder` has no jobs. FAILED_PRECONDITION: a service works or has
-// worked with `backup_folder`, it holds the backup of another service, or it is the data folder.
-// DATA_LOSS: the bytes of a file are not those that were written, or a file that a job names is
-// gone; nothing is concluded then. RESOURCE_EXHAUSTED, reason DISK_FULL. CANCELLED: `stop` was set.
+// worked with `backup_folder`, it holds the backup of another service, or it is the data folder or
+// in it. DATA_LOSS: the bytes of a file are not those that were written, or a file that a job names
+// is gone; nothing is concluded then. RESOURCE_EXHAUSTED, reason DISK_FULL. CANCELLED: `stop` was
+// set.
 absl::StatusOr<BackupReport> BackUp(const std::string& data_folder,
                                     const std::string& backup_folder, bool only_files,
                                     const std::atomic<bool>& stop);

@@ -97,7 +97,7 @@ void EventDelivery::Run(Lane* lane) {
   }
 }
 
-// Delivers what there is, or waits a moment for something to come.
+// Delivers pending events, or waits a moment for one.
 absl::Status EventDelivery::Step(Lane* lane) {
   EventReceiver& receiver = *lane->receiver;
   const std::string& name = lane->state.name;
@@ -131,7 +131,7 @@ absl::Status EventDelivery::Step(Lane* lane) {
   for (const JobEvent& event : *events) {
     if (stopped_ || !store_->HoldsReceiver(name)) return absl::OkStatus();
     if (absl::Status delivered = receiver.Deliver(event); !delivered.ok()) return delivered;
-    // Kept here too: while the store does not answer, what is delivered is not delivered again.
+    // Kept here too: while the store does not answer, delivered events are not delivered again.
     lane->cursor = event.sequence;
     lane->cursor_is_saved = false;
     {

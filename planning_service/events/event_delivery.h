@@ -22,7 +22,7 @@ struct EventDeliveryOptions {
   // the longest.
   absl::Duration first_retry_delay = absl::Seconds(1);
   absl::Duration longest_retry_delay = absl::Minutes(5);
-  // Of the times between attempts.
+  // Seed of the random part of the times between attempts.
   uint64_t seed = 1;
 };
 
@@ -43,7 +43,7 @@ class EventDelivery {
   // Stops, then lets the receivers say goodbye.
   ~EventDelivery();
 
-  // Returns within 100 ms. What was not delivered then is delivered after the next start.
+  // Returns within 100 ms. Undelivered events are delivered after the next start.
   void Stop();
   std::vector<ReceiverState> receivers() const;
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Something outside that is told of job events.
+// An outside receiver of job events.
 #pragma once
 
 #include <string>
@@ -14,8 +14,8 @@ class EventReceiver {
  public:
   virtual ~EventReceiver() = default;
 
-  // What the store remembers its place in the events by: the same after every start, another for
-  // every receiver. Holds no secrets.
+  // Name under which the store keeps the receiver's position in the events: the same after every
+  // start, another for every receiver. Holds no secrets.
   virtual std::string name() = 0;
   // OK: the receiver has the event and answers for it. FAILED_PRECONDITION: it wants no events any
   // more. All else is tried again, so that it may get an event twice. Takes no longer than half a

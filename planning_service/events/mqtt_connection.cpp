@@ -99,7 +99,7 @@ class MqttConnection::Signal {
 };
 
 // Paho may call back while, or after, its client is destroyed: it gets numbers, not pointers, and
-// a number that nobody waits for any more is ignored.
+// unknown numbers are ignored.
 class MqttConnection::Registration {
  public:
   Registration() {
@@ -200,7 +200,7 @@ absl::Status MqttConnection::Await(Signal& done, const std::string& what, absl::
 absl::Status MqttConnection::Connect(const MqttSettings& settings, absl::Duration timeout) {
   is_connected_ = false;
   KeepThreadsOfPaho();
-  // A new client for every attempt knows nothing of what the one before was doing.
+  // A new client for every attempt has no state of the one before.
   if (client_ != nullptr) MQTTAsync_destroy(&client_);
   const int created =
       MQTTAsync_create(&client_, settings.uri.c_str(), settings.client_id.c_str(),

@@ -21,12 +21,12 @@ struct MqttSettings {
   std::string ca_file;
   std::string certificate_file;
   std::string key_file;
-  // What the broker publishes, retained, when the connection breaks.
+  // Message that the broker publishes, retained, when the connection breaks.
   std::string will_topic;
   std::string will_payload;
 };
 
-// By one thread at a time. What waits gives up within 50 ms once `interrupted` is true.
+// One thread at a time may call it. Waiting calls give up within 50 ms once `interrupted` is true.
 class MqttConnection {
  public:
   explicit MqttConnection(const std::atomic<bool>& interrupted);

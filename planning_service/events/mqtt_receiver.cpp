@@ -85,7 +85,7 @@ class MqttReceiver final : public EventReceiver {
     const bool is_v6 = absl::StrContains(url_.host, ":");
     settings_.uri = absl::StrCat(is_tls ? "ssl://" : "tcp://", is_v6 ? "[" : "", url_.host,
                                  is_v6 ? "]" : "", ":", url_.port);
-    // The same after a restart, so that the broker ends what is left of the connection before.
+    // The same after a restart, so that the broker ends the connection before.
     settings_.client_id = absl::StrCat("sightline-", ShortDigest(options_.topic_prefix));
     settings_.ca_file = options_.ca_file;
     settings_.certificate_file = options_.certificate_file;

@@ -22,7 +22,7 @@ namespace {
 constexpr char kWebhookUrlOption[] = "--webhook";
 constexpr char kSecretOption[] = "--webhook-secret";
 constexpr size_t kMinSecretBytes = 16;
-// Nobody reads the answer; this much is taken so that the connection can be used again.
+// The answer is ignored; this much is read so that the connection can be used again.
 constexpr size_t kMaxAnswerBytes = 64 << 10;
 
 absl::StatusOr<std::string> ReadWebhookSecret(const std::string& file) {
@@ -108,7 +108,7 @@ class WebhookReceiver final : public EventReceiver {
     // An interrupted call does not wait for the end of a name lookup.
     set(CURLOPT_QUICK_EXIT, 1L);
     if (!options_.ca_file.empty()) set(CURLOPT_CAINFO, options_.ca_file.c_str());
-    // What is meant for this machine stays on it, whatever proxy the environment names.
+    // Requests to this machine stay on it, whatever proxy the environment names.
     if (url_.is_loopback) set(CURLOPT_PROXY, "");
 
     const CURLcode code = Perform(call.get());

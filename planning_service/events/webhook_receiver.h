@@ -20,7 +20,7 @@ struct WebhookOptions {
   // PEM of who signed the receiver's certificate; empty: the system's.
   std::string ca_file;
   bool allow_plaintext = false;
-  // Of one delivery, 100 ms to 30 s.
+  // Timeout of one delivery, 100 ms to 30 s.
   absl::Duration timeout = absl::Seconds(10);
 };
 

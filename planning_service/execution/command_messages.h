@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a `sightline --progress=json` command says on stderr.
+// Reads the messages of a `sightline --progress=json` command on stderr.
 #pragma once
 
 #include <cstddef>
@@ -10,7 +10,7 @@
 
 namespace sightline {
 
-// What a command said last about how far it is; `fraction` in [0, 1].
+// The last progress that a command reported; `fraction` in [0, 1].
 struct JobProgress {
   double fraction = 0;
   std::string message;
@@ -25,7 +25,7 @@ class CommandMessages {
   const JobProgress& progress() const { return progress_; }
   // Why it failed, if it said so.
   const std::optional<JobFailure>& failure() const { return failure_; }
-  // The end of what it wrote for people.
+  // The end of its text for people.
   const std::string& last_words() const { return last_words_; }
 
  private:

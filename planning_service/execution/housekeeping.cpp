@@ -15,7 +15,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-// A file that is in nobody's list may be on its way into one.
+// A file without a list may be on its way into one.
 constexpr absl::Duration kLeastFileAge = absl::Hours(1);
 
 }  // namespace

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the planning service does beside answering and running: its clock, orphans, retention.
+// Periodic work of the planning service: its clock, orphans, retention.
 #pragma once
 
 #include <condition_variable>

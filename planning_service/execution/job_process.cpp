@@ -4,6 +4,7 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <signal.h>
+#include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -80,6 +81,13 @@ class ChildProcess {
     if (options.lock_fd >= 0) {
       start.descriptors.push_back({.number = kLockFd, .ours = options.lock_fd});
     }
+    if (!options.temporary_folder.empty()) {
+      if (mkdir(options.temporary_folder.c_str(), 0700) != 0 && errno != EEXIST) {
+        return absl::UnavailableError(
+            absl::StrCat(options.temporary_folder, ": cannot be made: ", std::strerror(errno)));
+      }
+      start.environment.push_back(absl::StrCat("TMPDIR=", options.temporary_folder));
+    }
     const absl::StatusOr<pid_t> started = StartProcess(start);
     if (!started.ok()) return started.status();
     pid_ = *started;
@@ -95,11 +103,11 @@ class ChildProcess {
 
   pid_t pid() const { return pid_; }
   void AskToStop() const { kill(pid_, SIGTERM); }
-  // Its own servers end with it: the other end of what they watch is closed.
+  // Its own servers end with it, because the other end of their pipe is closed.
   void Kill() const { kill(-pid_, SIGKILL); }
 
   enum class Heard { kWords, kNothing, kEnd };
-  // Reads what it says within kPoll_ms.
+  // Reads its messages within kPoll_ms.
   Heard Listen(CommandMessages* words) {
     pollfd fd = {output_.get(), POLLIN, 0};
     if (poll(&fd, 1, kPoll_ms) <= 0) return Heard::kNothing;
@@ -168,7 +176,7 @@ absl::StatusOr<JobProcessEnd> RunJobProcess(const JobProcessOptions& options,
       }
     }
   }
-  // What it said last is still in the pipe.
+  // The last messages are still in the pipe.
   while (talks && child.Listen(&words) == ChildProcess::Heard::kWords) {
   }
   JobProcessEnd end;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// One attempt of a job, as a process of its own: what goes wrong in it stays in it, its memory and
-// time are limited, and it ends with this process, however that ends.
+// One attempt of a job, as a process of its own: its errors stay in it, its memory and time are
+// limited, and it ends with this process, however that ends.
 #pragma once
 
 #include <cstdint>
@@ -19,6 +19,9 @@ struct JobProcessOptions {
   std::string program;  // path of `sightline`
   std::vector<std::string> arguments;
   std::string folder;  // its working directory
+  // Folder of its and its servers' temporary files (TMPDIR), made if it is not there, for this user
+  // alone; empty: where this process puts its own.
+  std::string temporary_folder;
   // Stays open in the process and its children: a lock on it is theirs as long as one of them
   // lives. -1: none.
   int lock_fd = -1;
@@ -36,7 +39,7 @@ struct JobProcessEnd {
     kOutOfTime,
   };
   Kind kind = Kind::kWithoutWord;
-  // Of kWithoutWord: by SIGKILL, which a process never sends itself: somebody or the system did.
+  // kWithoutWord: ended by SIGKILL, which a process never sends itself; a user or the system did.
   bool was_killed = false;
   JobFailure failure;
 };

@@ -18,6 +18,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/trace/trace_context.h"
 #include "planning_service/execution/server_paths.h"
+#include "planning_service/task/option_fields.h"
 #include "planning_service/task/planning_task.h"
 #include "proto/status/rpc_status.h"
 
@@ -32,7 +33,7 @@ constexpr absl::Duration kFirstRetry = absl::Milliseconds(200);
 constexpr absl::Duration kLongestRetry = absl::Seconds(10);
 constexpr absl::Duration kReportInterval = absl::Milliseconds(250);
 // Attempts in a row that ended without a word and got no further than those before: a few where the
-// job's own fault is likely, many where somebody else killed it or a server it needs.
+// job's own fault is likely, many where another process killed it or a server it needs.
 constexpr int kMostCrashes = 8;
 constexpr int kMostKills = 100;
 constexpr int kMostResults = 100000;
@@ -40,7 +41,7 @@ constexpr int kMostResults = 100000;
 constexpr int kLockTries = 50;
 constexpr absl::Duration kLockPause = absl::Milliseconds(200);
 
-// A job's folder belongs to whoever holds the lock of this file: the runner and, since they inherit
+// A job's folder belongs to the holder of this file's lock: the runner and, since they inherit
 // it, the processes of the attempt. Those of an attempt whose runner was killed may live on for a
 // moment.
 class FolderLock {
@@ -67,8 +68,7 @@ absl::Status EmptyFolder(const fs::path& folder) {
   return absl::InternalError(absl::StrCat(folder.string(), ": ", error.message()));
 }
 
-// Errors that say nothing about the task: its server ended, or the processes were asked to stop by
-// somebody else.
+// Errors that say nothing about the task: its server ended, or another process asked them to stop.
 bool IsPassing(absl::StatusCode code) {
   return code == absl::StatusCode::kUnavailable || code == absl::StatusCode::kCancelled ||
          code == absl::StatusCode::kAborted;
@@ -160,7 +160,7 @@ void JobRunner::Tell(const std::string& what, const std::function<absl::Status()
   while (true) {
     const absl::Status status = tell();
     if (status.ok()) return;
-    // The job was given to somebody else, or was removed: this attempt does not count any more.
+    // Another runner has the job, or it was removed: this attempt does not count any more.
     if (absl::IsAborted(status) || absl::IsNotFound(status)) {
       spdlog::warn("event=attempt_superseded what={} error=\"{}\"", what, status.ToString());
       return;
@@ -295,7 +295,8 @@ void JobRunner::Conclude(const PlanningJob& job, const JobProcessEnd& end, bool 
   };
   const auto fail = [&](const JobFailure& failure) {
     JobFailure shown = failure;
-    shown.message = PathsOf(options_, folder).WithoutPaths(failure.message);
+    shown.message =
+        WithFieldNames(job.kind, PathsOf(options_, folder).WithoutPaths(failure.message));
     Tell("fail", [&] { return store_->Fail(attempt, shown); });
     std::error_code ignored;
     fs::remove_all(folder, ignored);
@@ -328,7 +329,7 @@ void JobRunner::Conclude(const PlanningJob& job, const JobProcessEnd& end, bool 
         {absl::StatusCode::kDeadlineExceeded, "JOB_TIME_LIMIT",
          absl::StrCat("the job was not done within ", absl::FormatDuration(options_.max_time))});
   }
-  // Whatever else it says: without room it could not do otherwise.
+  // Without disk space the job could not succeed, whatever else it says.
   if (!artefacts_->HasRoom()) return requeue(/*crashed=*/false);
   const bool is_passing = IsPassing(end.failure.code) || RanOutOfDisk(end.failure);
   if (end.kind == Kind::kWithoutWord || is_passing) {

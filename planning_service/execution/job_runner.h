@@ -35,10 +35,10 @@ struct JobRunnerOptions {
 };
 
 // An attempt that ends without a word (killed, crashed, its server gone) puts its job back into the
-// queue, where it goes on from what it kept; after several in a row that got no further (more where
-// it was killed from outside than where it crashed) the job fails, reason PROCESS_ENDED. Nothing is
+// queue, and the job goes on from its checkpoint. After several such ends in a row without progress
+// (more if killed from outside than if crashed) the job fails, reason PROCESS_ENDED. Nothing is
 // started while the disk is full, and a job that fails then is tried again. Results are stored
-// complete before the job counts as done. Clients are told nothing of the paths of this machine.
+// complete before the job counts as done. Messages to clients hold no paths of this machine.
 class JobRunner {
  public:
   // Pointers must outlive it.
@@ -57,12 +57,12 @@ class JobRunner {
   // Waits; false when it is to stop.
   bool Pause(absl::Duration time);
   void Run(const PlanningJob& job);
-  // Puts what the task needs into the job's folder.
+  // Puts the files of the task into the job's folder.
   absl::Status Prepare(const PlanningJob& job, const std::string& folder);
   void Conclude(const PlanningJob& job, const JobProcessEnd& end, bool advanced,
                 const std::string& folder);
   absl::StatusOr<std::vector<JobFile>> StoreResults(const std::string& folder);
-  // Until it is told, however long the database does not answer; not when stopping.
+  // Retries until the store has it, however long the database does not answer; not when stopping.
   void Tell(const std::string& what, const std::function<absl::Status()>& tell);
 
   const JobRunnerOptions options_;

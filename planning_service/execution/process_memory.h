@@ -9,8 +9,8 @@
 namespace sightline {
 
 // Bytes of physical memory of the process and its descendants, shared pages divided among those who
-// share them (proportional set size of /proc/PID/smaps_rollup), resident pages where the kernel
-// does not tell these. 0: the process is gone.
+// share them (proportional set size of /proc/PID/smaps_rollup), resident pages if the kernel does
+// not give these. 0: the process is gone.
 int64_t ProcessTreeMemory(pid_t pid);
 
 }  // namespace sightline

@@ -99,7 +99,7 @@ void ServerPaths::Add(const std::string& path, bool of_job) {
   for (const fs::path& name : {fs::path(path).lexically_normal(), error ? fs::path() : real}) {
     std::string folder = name.string();
     while (!folder.empty() && folder.back() == '/') folder.pop_back();
-    // Of the root everything would be hidden.
+    // The root is no folder to hide: it would hide everything.
     if (!folder.empty() && folder.front() == '/') folders_.push_back({folder, of_job});
   }
 }

@@ -38,7 +38,7 @@ class ServerPaths {
   std::vector<Folder> folders_;  // longer ones first
 };
 
-// The folders of a program of this product and of what it brings, for ServerPaths. `program`:
+// The folders of a program of this product and of its files, for ServerPaths. `program`:
 // absolute path.
 std::vector<std::string> FoldersOfProgram(const std::string& program);
 

@@ -26,7 +26,7 @@ class ConnectionStream {
 
   // Speaks TLS from now on.
   Outcome StartTls(SSL_CTX* context, Clock::time_point deadline);
-  // Of the client's certificate.
+  // Names in the client's certificate.
   std::vector<std::string> PeerNames() const;
 
   // Waits until there is something to read; kClosed also when the server ends.
@@ -35,10 +35,10 @@ class ConnectionStream {
   Outcome Read(char* bytes, size_t size, Clock::time_point deadline, size_t* count);
   // All of them.
   Outcome Write(const char* bytes, size_t size, Clock::time_point deadline);
-  // Whether the peer has gone, as far as can be told without waiting.
+  // Whether the peer has gone, as far as can be known without waiting.
   bool PeerIsGone() const;
   bool IsEnding() const;
-  // Says that nothing more comes, then discards what still arrives: closing at once would reset
+  // Says that nothing more comes, then discards incoming data: closing at once would reset
   // the connection and take the answer from a client that is still sending.
   void Finish(Clock::time_point deadline);
   // From any thread: makes all of the above fail.
@@ -52,7 +52,7 @@ class ConnectionStream {
   Outcome WaitForSocket(Clock::time_point deadline) const;
   // Waits for `events` of poll().
   Outcome Wait(short events, Clock::time_point deadline) const;
-  // After a call of OpenSSL that returned `result` <= 0: waits for what it wants.
+  // After a call of OpenSSL that returned `result` <= 0: waits for the socket as it asks.
   Outcome WaitForTls(int result, Clock::time_point deadline) const;
 
   const FileDescriptor socket_;

@@ -78,7 +78,7 @@ class Exchange : public HttpExchange {
     parser_.body_limit(static_cast<uint64_t>(limits.max_request_bytes));
   }
 
-  // CANCELLED: there is nobody to answer.
+  // CANCELLED: the client is gone.
   absl::Status ReadHead();
 
   const HttpRequest& request() const override { return request_; }
@@ -153,7 +153,7 @@ absl::Status Exchange::ReadHead() {
   return FillRequest();
 }
 
-// Whether the body has one length that everybody on the way reads alike. Beast takes a body of a
+// Whether the body has one length that all intermediaries read alike. Beast takes a body of a
 // transfer coding that it does not know for none, so that the body would be read as the next
 // request (RFC 9112 6.1 and 6.3: 501 for an unknown coding, 400 otherwise, and the end of the
 // connection).
@@ -280,7 +280,7 @@ absl::Status Exchange::Begin(int http_status, const HttpHeaders& headers,
   if (has_begun()) return absl::InternalError("an answer was begun twice");
   if (lost_) return absl::CancelledError("the client has gone");
   http_status_ = http_status;
-  // What was not read would be taken for the next request.
+  // An unread body would be taken for the next request.
   if (!head_read_ || !parser_.is_done()) close_ = true;
   if (stream_->IsEnding()) close_ = true;
   const bool http_1_0 = head_read_ && parser_.get().version() < 11;
@@ -327,7 +327,7 @@ absl::Status Exchange::End() {
   return SendAll("0\r\n\r\n");
 }
 
-// Of the client; one of its own where it has none.
+// Traceparent of the client, or a new one if it sent none.
 std::string TraceparentOf(const HttpRequest& request) {
   const std::string given = ValidTraceparent(request.Header(kTraceparentKey));
   return given.empty() ? NewTraceparent() : given;
@@ -368,7 +368,7 @@ void ServeHttpConnection(ConnectionStream* stream, const HttpConnectionLimits& l
       try {
         handle(exchange);
       } catch (const std::exception& e) {
-        // What a library throws, e.g. std::bad_alloc, must not take the other clients' requests.
+        // An exception of a library, e.g. std::bad_alloc, must not end other clients' requests.
         spdlog::error("event=http_exception reason={:?}", e.what());
       }
       if (!exchange.has_begun() && !exchange.is_lost()) {

@@ -55,7 +55,7 @@ class HttpExchange {
   virtual absl::Status End() = 0;
   virtual bool has_begun() const = 0;
 
-  // Whether somebody still listens: the client is there and the server is not ending.
+  // Whether the client is there and the server is not ending.
   virtual bool IsWanted() const = 0;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Answers of the HTTP door: JSON, errors, bytes.
+// Answers of the HTTP front end: JSON, errors, bytes.
 #pragma once
 
 #include <string>
@@ -16,7 +16,7 @@ int HttpStatusOf(const absl::Status& status);
 // {"error": {"code", "reason", "message", "fields": [{"field", "description"}]}}
 std::string ErrorJson(const absl::Status& status);
 
-// Each sends a whole answer. Errors of the connection are dropped: nobody is left to tell.
+// Each sends a whole answer. Errors of the connection are dropped: the client is gone.
 void ReplyText(HttpExchange& exchange, int http_status, const HttpHeaders& headers,
                const std::string& content_type, absl::string_view body);
 void ReplyJson(HttpExchange& exchange, int http_status, const std::string& json,

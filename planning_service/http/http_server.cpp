@@ -36,7 +36,7 @@ namespace {
 
 using Clock = ConnectionStream::Clock;
 
-// Connections above a limit that are told so at a time; what comes then is closed without a word.
+// Most connections above a limit that get a refusal at a time; further ones are closed at once.
 constexpr int kMaxRefusals = 8;
 constexpr absl::Duration kRefusalTimeout = absl::Seconds(2);
 constexpr absl::Duration kStopGrace = absl::Seconds(10);
@@ -70,7 +70,7 @@ absl::Status TooManyConnections(const std::string& peer, const Shortage& shortag
   return WithErrorInfo(absl::ResourceExhaustedError(message), "TOO_MANY_CONNECTIONS");
 }
 
-// Who is at the other end: its address without the port. One that speaks IPv4 to a socket for IPv6
+// Identity of the peer: its address without the port. A peer that speaks IPv4 to a socket for IPv6
 // is the same peer.
 std::string PeerAddress(const sockaddr_storage& address) {
   char text[INET6_ADDRSTRLEN] = "";
@@ -117,7 +117,7 @@ struct HttpServer::Impl {
           refused(std::move(refusal)) {}
     ConnectionStream stream;
     SharedLimit::Share place;
-    const absl::Status refused;  // what it is told instead of being served; OK: it is served
+    const absl::Status refused;  // refusal; OK: it is served
     std::thread thread;
     bool done = false;  // guarded by the mutex below
   };
@@ -139,7 +139,7 @@ struct HttpServer::Impl {
   std::thread acceptor;
   std::list<Connection> connections;  // of the acceptor; of Stop() once that has ended
   // std::mutex rather than absl::Mutex: the thread sanitizer sees into it without a rebuilt
-  // library. It guards what follows.
+  // library. It guards the members below.
   std::mutex mutex;
   std::condition_variable ended;  // a connection has
   int refusing = 0;

@@ -17,12 +17,12 @@
 namespace sightline {
 
 struct HttpServerOptions {
-  std::string option = "--http";  // what messages call `listen`
+  std::string option = "--http";  // name of `listen` in messages
   std::string listen;             // HOST:PORT, [IPv6]:PORT; port 0: any free one
   TlsFiles tls;                   // no certificate: plain
   absl::Duration tls_check_interval = absl::Seconds(2);
-  // Of one peer: an address, whatever the port; all clients behind a proxy are one. At least 1. All
-  // peers together have twice as many, so that one leaves half to the others. Further ones get 503.
+  // Limit for one peer, an address with any port; all clients behind a proxy are one. At least 1.
+  // All peers together have twice as many, so that one leaves half to the others. Others get 503.
   int max_connections = 128;
   int64_t max_request_bytes = 0;
   // Longest time in which a peer neither sends nor takes anything, and in which the head of a

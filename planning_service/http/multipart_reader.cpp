@@ -7,6 +7,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "planning_service/http/request_target.h"
 
 namespace sightline {
@@ -41,6 +42,13 @@ bool TakeParameter(absl::string_view* text, std::string* name, std::string* valu
     *value += rest[i];
   }
   return false;
+}
+
+// Decodes only the characters that browsers encode in quoted names: a percent sign stays as it is
+// (WHATWG HTML, multipart form data).
+std::string DecodeFormName(const std::string& name) {
+  return absl::StrReplaceAll(
+      name, {{"%22", "\""}, {"%0D", "\r"}, {"%0d", "\r"}, {"%0A", "\n"}, {"%0a", "\n"}});
 }
 
 // RFC 8187: "UTF-8''na%C3%AFve.stl".
@@ -169,10 +177,10 @@ absl::StatusOr<MultipartPart> MultipartReader::ReadHeader() {
     std::string extended;
     while (TakeParameter(&rest, &key, &text)) {
       if (key == "name") {
-        part.name = text;
+        part.name = DecodeFormName(text);
         named = true;
       } else if (key == "filename") {
-        part.filename = text;
+        part.filename = DecodeFormName(text);
       } else if (key == "filename*") {
         absl::StatusOr<std::string> decoded = DecodeExtended(text);
         if (!decoded.ok()) return Error("its filename* must be UTF-8''...");

@@ -28,7 +28,7 @@ class MultipartReader {
 
   MultipartReader(const std::string& boundary, Source source);
 
-  // The next part, leaving out what was not read of the one before; nullopt after the last.
+  // The next part, skipping the unread rest of the one before; nullopt after the last.
   // INVALID_ARGUMENT: not multipart/form-data, naming the part; else the source's errors.
   absl::StatusOr<std::optional<MultipartPart>> NextPart();
   // Next piece of the part's content; empty at its end.
@@ -43,7 +43,7 @@ class MultipartReader {
   const Source source_;
   std::string buffer_;
   int parts_ = 0;
-  bool in_part_ = true;  // what comes before the first delimiter is skipped like a part
+  bool in_part_ = true;  // text before the first delimiter is skipped like a part
   bool ended_ = false;
 };
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// TLS of the HTTP door, with certificates that may change while it runs.
+// TLS of the HTTP front end, with certificates that may change while it runs.
 #pragma once
 
 #include <openssl/ssl.h>
@@ -20,7 +20,7 @@ struct TlsFiles {
   std::string client_ca;  // empty: clients need no certificate
 };
 
-// Not thread-safe; what it gives away is.
+// Not thread-safe; its contexts are.
 class TlsServerContext {
  public:
   // INVALID_ARGUMENT names option and file. The files are looked at again at most once in
@@ -28,7 +28,7 @@ class TlsServerContext {
   static absl::StatusOr<std::unique_ptr<TlsServerContext>> Load(const TlsFiles& files,
                                                                 absl::Duration check_interval);
 
-  // For a new connection. Reads the files anew if they changed; what cannot be used leaves the old
+  // For a new connection. Reads the files again if they changed; unusable files leave the old ones
   // in place, with a warning in the log.
   std::shared_ptr<SSL_CTX> Current();
 

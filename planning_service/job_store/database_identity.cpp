@@ -25,7 +25,7 @@ constexpr char kSinceCopy[] = ".~";
 // `copied_event`, the newest event at the time of the copy, of a database that is no copy.
 constexpr int64_t kNoCopy = -1;
 
-// Runs `body(sql)` in a transaction on an SQLite file that nobody else has open.
+// Runs `body(sql)` in a transaction on an SQLite file that no other process has open.
 template <typename Body>
 absl::Status InSqliteFile(const std::string& file, SqlAccess access, Body body) {
   auto database = OpenSqliteDatabase(file);
@@ -61,7 +61,7 @@ std::optional<DatabaseIdentity> ReadDatabaseIdentity(SqlTransaction& sql) {
       copied_event != kNoCopy &&
       sql.Run("SELECT 1 FROM event WHERE sequence > $1 LIMIT 1", {copied_event}).empty();
   std::string identity = rows.front().Text(0);
-  // Whoever only looked into a copy has not made another service of it.
+  // A program that only reads a copy does not make another service of it.
   if (is_unchanged) identity = identity.substr(0, identity.find(kSinceCopy));
   return DatabaseIdentity{absl::StrReplaceAll(identity, {{kSinceCopy, "."}}), rows.front().Text(1),
                           is_unchanged};

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which database this is, and where it lives.
+// Identity of the database, and where it is stored.
 //
 // A database has a random identity, made when a service first works with it and kept by backups and
 // restores. Beside it stands the instance that a service last worked with, for example the inode of
@@ -26,7 +26,7 @@ struct DatabaseIdentity {
   // that restore, so that two services of one backup differ.
   std::string identity;
   std::string instance;  // empty: a backup that no service was started with
-  // A backup to which nothing has happened since: no job came and none ran.
+  // An unchanged backup: no job came and none ran.
   bool is_unchanged_copy = false;
 };
 
@@ -40,10 +40,10 @@ std::optional<DatabaseIdentity> ReadDatabaseIdentity(SqlTransaction& sql);
 // one. Returns whether ids were moved. `instance` is not empty.
 bool SettleDatabaseIdentity(SqlTransaction& sql, const std::string& instance);
 
-// Identity of the jobs in an SQLite file that nobody has open; none if an older version made it.
+// Identity of the jobs in an SQLite file that is not open; none if an older version made it.
 absl::StatusOr<std::optional<DatabaseIdentity>> ReadSqliteIdentity(const std::string& file);
 
-// Marks a fresh copy as one to which nothing has happened yet.
+// Marks a new copy as unchanged.
 absl::Status MarkSqliteCopy(const std::string& file);
 
 }  // namespace sightline

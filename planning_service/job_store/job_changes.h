@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What happens to a job, with the event that tells of it.
+// Changes of a job, each with its event.
 #pragma once
 
 #include <string>
@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// Tells of the job as it is now.
+// Adds an event with the job's present state.
 void AddEvent(SqlTransaction& sql, const std::string& type, const PlanningJob& job);
 
 // Ends the job; `state`, `message`, `failure` and `results` are as they shall be.

@@ -14,7 +14,7 @@
 
 namespace sightline {
 
-// Of different files that the client holds, or that anybody does.
+// Bytes of the different files that the client holds, or of all clients.
 int64_t StoredBytes(SqlTransaction& sql, const std::optional<std::string>& client);
 
 // In that state, of the client or of all.

@@ -22,7 +22,7 @@ inline constexpr char kJobColumns[] =
 inline constexpr char kServiceTime[] = "(SELECT value FROM counter WHERE name = 'service_us')";
 inline constexpr char kFinishedStates[] = "('SUCCEEDED', 'FAILED', 'CANCELLED')";
 
-// Whose names a file list belongs to; see table named_file.
+// Owner of the names in a file list; see table named_file.
 struct FileHolder {
   std::string client;
   std::string kind;
@@ -52,7 +52,7 @@ void ReplaceFiles(SqlTransaction& sql, const FileHolder& holder, const std::vect
 // With task, files and results.
 std::optional<PlanningJob> FindJob(SqlTransaction& sql, const std::string& job_id);
 
-// Of a counter that every process shares.
+// Next number of a counter that all processes share.
 int64_t NextNumber(SqlTransaction& sql, const std::string& counter);
 
 }  // namespace sightline

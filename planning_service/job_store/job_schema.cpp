@@ -52,7 +52,7 @@ const std::vector<std::string> kVersion1 = {
     " fingerprint TEXT NOT NULL,"
     " task BYTEA NOT NULL,"
     " PRIMARY KEY (client, recipe_id))",
-    // Files that somebody holds. `holder` is 'file' or 'result' of the job, 'recipe' or 'upload'
+    // Files that a client holds. `holder` is 'file' or 'result' of the job, 'recipe' or 'upload'
     // of `holder_id`, which is the digest for an upload.
     "CREATE TABLE named_file ("
     " client TEXT NOT NULL,"
@@ -65,7 +65,8 @@ const std::vector<std::string> kVersion1 = {
     " made_service_us BIGINT NOT NULL,"
     " PRIMARY KEY (holder_id, holder, client, place))",
     "CREATE INDEX named_file_digest ON named_file (client, digest, size_bytes)",
-    // What it tells of the job is kept here: the job may be removed before every receiver knows.
+    // An event keeps its own copy of the job's data: the job may be removed before every receiver
+    // knows.
     "CREATE TABLE event ("
     " sequence BIGINT PRIMARY KEY,"
     " type TEXT NOT NULL,"

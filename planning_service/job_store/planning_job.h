@@ -54,8 +54,8 @@ struct PlanningJob {
   absl::Time started = absl::InfinitePast();
   absl::Time finished = absl::InfinitePast();
   int64_t revision = 0;  // grows with every change
-  // Of a queued job: how many queued jobs of all clients come before it, by priority and then by
-  // acceptance. Counted when the job is read, and no change of the job; unset in events.
+  // Position of a queued job: how many queued jobs of all clients come before it, by priority and
+  // then by acceptance. Counted when the job is read, and no change of the job; unset in events.
   std::optional<int64_t> jobs_ahead;
 
   bool IsFinished() const { return state >= JobState::kSucceeded; }

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
 // Jobs, recipes, uploads and events of the planning service, kept through the end of any process.
 //
-// Every method is one transaction: what it returned is on disk, and what it did not return either
-// happened whole or not at all. Errors of all of them: UNAVAILABLE (the database does not answer;
-// the call may have happened), RESOURCE_EXHAUSTED with reason DISK_FULL, DATA_LOSS (the database
-// is damaged).
+// Every method is one transaction: a returned result is on disk, and a call without an answer
+// happened as a whole or not at all. Errors of all of them: UNAVAILABLE (the database does not
+// answer; the call may have happened), RESOURCE_EXHAUSTED with reason DISK_FULL, DATA_LOSS (the
+// database is damaged).
 #pragma once
 
 #include <cstdint>
@@ -22,7 +22,7 @@
 
 namespace sightline {
 
-// What a client may have at a time.
+// Limits of one client.
 struct ClientQuota {
   int max_queued_jobs = 1000;
   int max_running_jobs = 1000;
@@ -48,7 +48,7 @@ struct PlanningJobFilter {
   int limit = 100;
 };
 
-// What happened to a job. Delivered at least once, in order of `sequence`.
+// Event of a job. Delivered at least once, in order of `sequence`.
 struct JobEvent {
   int64_t sequence = 0;
   std::string type;  // "accepted", "progress", "done", "failed", "cancelled"
@@ -67,7 +67,7 @@ struct Recipe {
   std::vector<JobFile> files;
 };
 
-// Number of an attempt of a job. What an attempt reports counts only while it is the job's current
+// Number of an attempt of a job. Reports of an attempt count only while it is the job's current
 // one; else ABORTED.
 struct Attempt {
   std::string job_id;

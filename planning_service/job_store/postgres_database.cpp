@@ -8,6 +8,7 @@
 #include <bit>
 #include <chrono>
 #include <cstring>
+#include <memory>
 #include <mutex>
 #include <set>
 #include <type_traits>
@@ -16,6 +17,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_replace.h"
 #include "core/digest/sha256.h"
 #include "planning_service/job_store/random_number.h"
 #include "proto/status/rpc_status.h"
@@ -33,7 +35,7 @@ constexpr Oid kInt4 = 23;
 constexpr Oid kText = 25;
 constexpr Oid kFloat8 = 701;
 
-// Advisory lock of whoever writes: "sightlin" in ASCII.
+// Advisory lock of the writer: "sightlin" in ASCII.
 constexpr int64_t kWriteLock = 0x73696768746c696e;
 
 constexpr auto kFirstBackoff = std::chrono::milliseconds(100);
@@ -95,6 +97,32 @@ bool IsConnectionLost(PGconn* connection, const PGresult* result) {
   const char* severity = PQresultErrorField(result, PG_DIAG_SEVERITY_NONLOCALIZED);
   return PQresultErrorField(result, PG_DIAG_SQLSTATE) == nullptr ||
          (severity != nullptr && absl::string_view(severity) != "ERROR");
+}
+
+// Why there is no connection, with the host and the database, and without the other words of the
+// connection text: the message may reach clients, and the text may have a password. libpq repeats
+// the text where it cannot read it.
+std::string CannotConnect(const std::string& connection_text, const char* reason) {
+  const std::unique_ptr<PQconninfoOption, decltype(&PQconninfoFree)> options(
+      PQconninfoParse(connection_text.c_str(), nullptr), &PQconninfoFree);
+  std::string host, database, shown = OneLine(reason);
+  if (options == nullptr && connection_text.find_first_of("=:/") != std::string::npos) {
+    return "PostgreSQL: the connection text cannot be read; it must be that of libpq, such as "
+           "\"host=/run/postgresql dbname=sightline\"";
+  }
+  for (const PQconninfoOption* option = options.get();
+       option != nullptr && option->keyword != nullptr; ++option) {
+    if (option->val == nullptr || *option->val == '\0') continue;
+    const absl::string_view keyword = option->keyword;
+    if (keyword == "host" || (keyword == "hostaddr" && host.empty())) host = option->val;
+    if (keyword == "dbname") database = option->val;
+    // libpq marks secrets with "*".
+    if (absl::string_view(option->dispchar) == "*") {
+      shown = absl::StrReplaceAll(shown, {{option->val, "***"}});
+    }
+  }
+  return absl::StrCat("PostgreSQL: cannot connect to database \"", database, "\"",
+                      host.empty() ? "" : absl::StrCat(" at ", host), ": ", shown);
 }
 
 // Error of a statement.
@@ -233,7 +261,7 @@ class PostgresConnection : public SqlConnection {
 
  private:
   absl::Status Open() {
-    // What the text says comes later and wins.
+    // The text's own settings come later and win.
     const char* const keywords[] = {"connect_timeout",
                                     "keepalives_idle",
                                     "keepalives_count",
@@ -247,11 +275,10 @@ class PostgresConnection : public SqlConnection {
         "5", "10", "3", "5", "30000", "sightline", connection_text_.c_str(), "UTF8", nullptr};
     connection_.reset(PQconnectdbParams(keywords, values, 1));
     if (!connection_ || PQstatus(connection_.get()) != CONNECTION_OK) {
-      return absl::UnavailableError(
-          absl::StrCat("PostgreSQL: cannot connect: ",
-                       connection_ ? OneLine(PQerrorMessage(connection_.get())) : "no memory"));
+      return absl::UnavailableError(CannotConnect(
+          connection_text_, connection_ ? PQerrorMessage(connection_.get()) : "no memory"));
     }
-    // Remarks of the server, e.g. that a table is there already, are for nobody.
+    // Remarks of the server, e.g. that a table exists already, are not logged.
     PQsetNoticeProcessor(
         connection_.get(), [](void*, const char*) {}, nullptr);
     const char* encoding = PQparameterStatus(connection_.get(), "server_encoding");
@@ -275,7 +302,7 @@ class PostgresConnection : public SqlConnection {
                                         : "BEGIN ISOLATION LEVEL REPEATABLE READ READ ONLY",
             {})
             .status();
-    // The lock is a statement of its own: those after it see what was committed before it.
+    // The lock is a statement of its own: later statements see commits from before it.
     if (begun.ok() && access == SqlAccess::kWrite) {
       begun = Run("SELECT pg_advisory_xact_lock($1) IS NULL", {kWriteLock}).status();
     }

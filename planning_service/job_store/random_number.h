@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Random numbers that nobody has drawn before.
+// Random numbers from the operating system.
 #pragma once
 
 #include <cstdint>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What runs of jobs tell: claims, progress, ends.
+// Statements about the attempts of jobs: claims, progress, ends.
 #include <algorithm>
 #include <chrono>
 #include <map>
@@ -86,7 +86,7 @@ absl::Status SqlJobStore::Succeed(const Attempt& attempt, const std::vector<JobF
   return WriteAttempt(attempt, [&](SqlTransaction& sql, PlanningJob* job) -> absl::Status {
     job->state = JobState::kSucceeded;
     job->progress = 1;
-    job->message.clear();  // it told of what the job was doing
+    job->message.clear();  // it said what the job was doing
     job->results = results;
     FinishJob(sql, "done", job);
     last_progress_event_.erase(job->job_id);
@@ -129,7 +129,7 @@ absl::StatusOr<int> SqlJobStore::RequeueOrphans() {
       const auto gone = database_->IsOwnerGone(sql.connection(), owner);
       if (!gone.ok()) return gone.status();
       if (!*gone) continue;
-      // Nobody knows how far the attempt got but from the progress it told.
+      // Only its reported progress shows how far the attempt got.
       for (const SqlRow& orphan :
            sql.Run(absl::StrCat("SELECT ", kJobColumns,
                                 ", progress > crash_progress FROM job"

@@ -58,8 +58,8 @@ enum class SqlAccess { kRead, kWrite };
 class SqlConnection {
  public:
   virtual ~SqlConnection() = default;
-  // Reading transactions see one state throughout. Writing ones run one after the other, whoever
-  // writes. Connects anew first if the connection is gone.
+  // Reading transactions see one state throughout. Writing ones run one after the other, in all
+  // processes. Connects anew first if the connection is gone.
   virtual absl::Status Begin(SqlAccess access) = 0;
   virtual absl::StatusOr<SqlRows> Run(const std::string& sql,
                                       const std::vector<SqlValue>& parameters) = 0;

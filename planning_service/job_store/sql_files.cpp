@@ -79,7 +79,7 @@ absl::Status SqlJobStore::AddUpload(const std::string& client, const JobFile& fi
                                {client, file.digest})
                            .empty();
     ReplaceFiles(sql, {client, "upload", file.digest}, {file});
-    // What the client holds already takes no more room.
+    // A file that the client holds already takes no more room.
     return held ? absl::OkStatus() : CheckStoredBytes(sql, client, quota);
   });
 }

@@ -64,7 +64,7 @@ absl::Status SqlJobStore::AdvanceServiceTime(absl::Duration by) {
                                                    absl::FormatDuration(kLongestWait), ", not by ",
                                                    absl::FormatDuration(by)));
   }
-  // Of several processes one counts: time would else run as many times as fast.
+  // Only one of several processes counts: time would else run as many times as fast.
   if (!database_->Holds("service_time")) return absl::OkStatus();
   return Write([&](SqlTransaction& sql) -> absl::Status {
     sql.Run("UPDATE counter SET value = value + $1 WHERE name = 'service_us'",

@@ -31,7 +31,7 @@ inline constexpr absl::Duration kLongestWait = absl::Hours(24 * 365);
 // Rows of one answer.
 inline constexpr int kMaxRows = 10'000;
 
-// Of a Status and of a StatusOr.
+// Status of a Status or StatusOr.
 inline const absl::Status& StatusOf(const absl::Status& status) { return status; }
 template <typename T>
 const absl::Status& StatusOf(const absl::StatusOr<T>& result) {
@@ -128,7 +128,7 @@ class SqlJobStore : public PlanningJobStore {
   }
 
   // As Write, with `body(sql, owner)`. Jobs of an owner number that was lost with its connection
-  // get the new one, unless somebody else has taken them meanwhile.
+  // get the new one, unless another process has taken them meanwhile.
   template <typename Body>
   auto WriteAsOwner(Body body) -> std::invoke_result_t<Body, SqlTransaction&, int64_t> {
     const absl::StatusOr<int64_t> owner = database_->Owner();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What clients ask about jobs.
+// Statements that answer clients' questions about jobs.
 #include <algorithm>
 #include <map>
 #include <optional>

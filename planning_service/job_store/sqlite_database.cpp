@@ -206,7 +206,7 @@ class SqliteDatabase : public SqlDatabase {
     return SqliteConnection::Open(file_);
   }
   bool IsShared() const override { return false; }
-  // The time of creation tells a new file from an old one whose inode it got.
+  // The time of creation distinguishes a new file from an old one with the same inode.
   absl::StatusOr<std::string> Instance(SqlConnection*) override {
     struct statx about = {};
     if (statx(AT_FDCWD, file_.c_str(), 0, STATX_INO | STATX_BTIME, &about) != 0) {

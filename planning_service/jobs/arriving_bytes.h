@@ -25,7 +25,7 @@ class ArrivingBytes {
     Upload& operator=(Upload&&) = delete;
     ~Upload() { Release(); }
 
-    // Adds bytes; returns what all uploads of the client have now.
+    // Adds bytes; returns the present bytes of all uploads of the client.
     int64_t Add(int64_t bytes) {
       size_bytes_ += bytes;
       return all_->Change(client_, bytes);

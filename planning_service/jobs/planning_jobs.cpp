@@ -14,8 +14,8 @@
 #include "core/text/number.h"
 #include "core/trace/trace_context.h"
 #include "planning_service/job_store/job_checks.h"
+#include "planning_service/task/file_contents.h"
 #include "planning_service/task/planning_task.h"
-#include "planning_service/task/step_units.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -29,7 +29,7 @@ constexpr int kMostRecipes = 1000;
 // A task is text that people or programs wrote: shot lists of a few thousand images fit.
 constexpr size_t kMaxTaskBytes = 16 << 20;
 constexpr int64_t kMaxTaskFileBytes = 16 << 20;
-// Of a file whose text is passed over.
+// Bytes that are read at a time while a file's text is scanned.
 constexpr int64_t kScannedPieceBytes = 1 << 20;
 constexpr char kPlanResult[] = "plan.json";
 
@@ -260,7 +260,7 @@ absl::Status PlanningJobs::Check(const Client& client, const v1::PlanningTask& t
         return artefacts_->Read(file->digest, 0, file->size_bytes);
       });
   if (!checked.ok()) return checked;
-  checked = CheckStepUnits(task, [&](const std::string& name, const auto& take) {
+  checked = CheckFileContents(task, names, [&](const std::string& name, const auto& take) {
     const auto file = std::find_if(files->begin(), files->end(),
                                    [&](const JobFile& f) { return f.name == name; });
     if (file == files->end()) return absl::NotFoundError(absl::StrCat("no file ", name));
@@ -295,8 +295,10 @@ absl::StatusOr<PlanningJob> PlanningJobs::Accept(const Client& client, NewPlanni
 
 absl::StatusOr<PlanningJob> PlanningJobs::Create(const Client& client,
                                                  const std::string& request_id,
-                                                 const v1::PlanningTask& task,
+                                                 const v1::PlanningTask& given,
                                                  std::vector<JobFile> files, int priority) {
+  v1::PlanningTask task = given;
+  NormaliseFileNames(&task);
   if (absl::Status s = CheckId("request_id", request_id, true); !s.ok()) return s;
   if (absl::Status s = CheckPriority(client, priority); !s.ok()) return s;
   if (absl::Status s = Check(client, task, &files); !s.ok()) return s;
@@ -436,8 +438,10 @@ absl::StatusOr<OpenResult> PlanningJobs::Result(const Client& client, const std:
 
 absl::StatusOr<std::string> PlanningJobs::PrepareRecipe(const Client& client,
                                                         const std::string& recipe_id,
-                                                        const v1::PlanningTask& task,
+                                                        const v1::PlanningTask& given,
                                                         std::vector<JobFile> files) {
+  v1::PlanningTask task = given;
+  NormaliseFileNames(&task);
   if (absl::Status s = CheckId("recipe_id", recipe_id, false); !s.ok()) return s;
   if (absl::Status s = Check(client, task, &files); !s.ok()) return s;
   const auto count = store_->CountRecipes(client.name);

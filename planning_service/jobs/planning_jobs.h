@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a client can ask of the planning service, whatever door it came through: checks of task and
+// Requests of clients to the planning service, through any front end: checks of task and
 // client, then store and artefacts.
 #pragma once
 
@@ -27,7 +27,7 @@ v1::PlanningJob PlanningJobToProto(const PlanningJob& job);
 // they still count for the digest, because a file that the client has already takes no more room.
 class FileUpload {
  public:
-  // `stored_bytes`: what the client has without the uploads under way.
+  // `stored_bytes`: bytes of the client without the uploads under way.
   FileUpload(PlanningJobStore* store, Client client, std::unique_ptr<ArtefactWriter> writer,
              int64_t stored_bytes, ArrivingBytes* arriving);
   // RESOURCE_EXHAUSTED, reasons UPLOAD_TOO_LARGE, DISK_FULL.
@@ -78,8 +78,8 @@ class PlanningJobs {
                                                       absl::Duration timeout);
   // As PlanningJobStore::NewestEvent.
   absl::StatusOr<int64_t> NewestEvent() { return store_->NewestEvent(); }
-  // Whether a receiver that names this id as its last one may have missed nothing but what follows
-  // it. Not so if the id was never given, was lost by a restore, or was removed.
+  // Whether a receiver that names this id as its last one has missed only the events after it. Not
+  // so if the id was never given, was lost by a restore, or was removed.
   absl::StatusOr<bool> KnowsEvent(int64_t sequence);
   // FAILED_PRECONDITION, reason JOB_NOT_FINISHED; NOT_FOUND, reasons JOB_UNKNOWN, RESULT_UNKNOWN;
   // DATA_LOSS: the bytes on disk are not those that were stored.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Prometheus metrics of the planning service: what waits, what runs, how jobs ended.
+// Prometheus metrics of the planning service: waiting, running and ended jobs.
 #pragma once
 
 #include <memory>
@@ -13,14 +13,14 @@
 
 namespace sightline {
 
-// Jobs are read from the store on every scrape, so that they are right whoever runs them; how they
-// ended is counted from the store's events since this process began. Services that share a database
-// all show the same jobs. Thread-safe.
+// Jobs are read from the store on every scrape, so that they are right in whatever process jobs
+// run; how they ended is counted from the store's events since this process began. Services that
+// share a database all show the same jobs. Thread-safe.
 class PlanningMetrics final : public ServerMetrics {
  public:
   PlanningMetrics();
 
-  // What scrapes ask; must outlive them. Before it is set they show calls alone.
+  // Sets the store that scrapes ask; it must outlive them. Before that they show calls alone.
   void SetStore(PlanningJobStore* store);
 
   std::shared_ptr<prometheus::Collectable> collectable() override { return collectable_; }

@@ -18,8 +18,8 @@
 #include "planning_service/execution/engine/cluster_engine.h"
 #include "planning_service/execution/housekeeping.h"
 #include "planning_service/execution/job_runner.h"
-#include "planning_service/grpc_door/planning_service.h"
-#include "planning_service/http_door/http_door.h"
+#include "planning_service/grpc_api/planning_service.h"
+#include "planning_service/http_api/http_api.h"
 #include "planning_service/job_store/planning_job_store.h"
 #include "planning_service/jobs/planning_jobs.h"
 #include "planning_service/server/planning_metrics.h"
@@ -32,6 +32,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
+// Largest gRPC request: a task of 16 MiB with its envelope. gRPC parses a message before any check,
+// so this and the memory that all messages of a server share (rpc_server.cpp) are
+// the limits of its bodies.
+constexpr int kMostRequestBytes = 20 << 20;
+
 absl::Status MakeFolder(const std::string& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
@@ -40,7 +45,7 @@ absl::Status MakeFolder(const std::string& folder) {
   return absl::InvalidArgumentError(absl::StrCat("--data ", folder, ": ", error.message()));
 }
 
-// What other machines reach needs TLS, and somebody who says who may do what: without, everybody is
+// A server that other machines reach needs TLS, and rules of who may do what: without, everybody is
 // an operator.
 absl::Status CheckExposure(const PlanningServerOptions& options) {
   const bool has_tls = !options.rpc.tls_certificate_file.empty();
@@ -154,8 +159,9 @@ class PlanningServerImpl final : public PlanningServer {
     service_ = std::make_unique<PlanningServiceImpl>(jobs_.get(), access_.get(), &calls_);
     if (absl::Status s = StartEvents(options); !s.ok()) return s;
     if (absl::Status s = StartHttp(options); !s.ok()) return s;
-    absl::Status listening =
-        rpc_.Listen(options.rpc, {{"sightline.v1.PlanningService", service_.get()}});
+    RpcServerOptions rpc = options.rpc;
+    rpc.max_request_bytes = kMostRequestBytes;
+    absl::Status listening = rpc_.Listen(rpc, {{"sightline.v1.PlanningService", service_.get()}});
     if (!listening.ok()) return listening;
 
     HousekeepingOptions housekeeping;
@@ -217,7 +223,7 @@ class PlanningServerImpl final : public PlanningServer {
 
   absl::Status StartHttp(const PlanningServerOptions& options) {
     if (options.http_listen.empty()) return absl::OkStatus();
-    HttpDoorOptions http;
+    HttpApiOptions http;
     http.listen = options.http_listen;
     http.tls_certificate_file = options.rpc.tls_certificate_file;
     http.tls_key_file = options.rpc.tls_key_file;
@@ -228,9 +234,9 @@ class PlanningServerImpl final : public PlanningServer {
       http.web_files.push_back(
           {std::move(file.path), std::move(file.content_type), std::move(file.bytes)});
     }
-    auto door = HttpDoor::Start(http, jobs_.get(), access_.get());
-    if (!door.ok()) return door.status();
-    http_ = *std::move(door);
+    auto started = HttpApi::Start(http, jobs_.get(), access_.get());
+    if (!started.ok()) return started.status();
+    http_ = *std::move(started);
     http_scheme_ = http.tls_certificate_file.empty() ? "http://" : "https://";
     return absl::OkStatus();
   }
@@ -245,7 +251,7 @@ class PlanningServerImpl final : public PlanningServer {
   std::unique_ptr<PlanningServiceImpl> service_;
   RpcServer rpc_;
   std::unique_ptr<EventDelivery> events_;
-  std::unique_ptr<HttpDoor> http_;
+  std::unique_ptr<HttpApi> http_;
   std::string http_scheme_;
   std::unique_ptr<Housekeeping> housekeeping_;
   std::unique_ptr<ComputeEngine> engine_;

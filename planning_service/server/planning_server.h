@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// All of the planning service in one process: stores, doors, execution, events.
+// All of the planning service in one process: stores, front ends, execution, events.
 #pragma once
 
 #include <cstdint>
@@ -28,7 +28,7 @@ struct PlanningServerOptions {
   std::string clients_file;             // empty: everybody may do all
   std::string program;                  // path of `sightline`
   int workers = 1;                      // jobs at a time; 0: other servers of the database run them
-  std::string runner = "local";         // where jobs run: "local", "slurm", "kubernetes"
+  std::string runner = "local";         // runner of jobs: "local", "slurm", "kubernetes"
   int parts = 1;                        // into how many a job is split that can be
   SlurmOptions slurm;
   // Without mount path: that of the data folder.
@@ -44,7 +44,7 @@ struct PlanningServerOptions {
 
 class PlanningServer : public RunningServer {
  public:
-  // "http://HOST:PORT" or "https://..." of the HTTP door; empty: none.
+  // "http://HOST:PORT" or "https://..." of the HTTP front end; empty: none.
   virtual std::string http_url() const = 0;
 };
 

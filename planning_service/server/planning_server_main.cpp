@@ -51,13 +51,14 @@ void AddRunnerOptions(CLI::App& app, PlanningServerOptions* options, int* cpus) 
          "or kubernetes")
       ->check(CLI::IsMember({"local", "slurm", "kubernetes"}))
       ->capture_default_str();
-  app.add_option("--parts", options->parts,
-                 "Into how many parts, that run at the same time, renderings of several images are "
-                 "split")
+  app.add_option(
+         "--parts", options->parts,
+         "Number of shards, run at the same time, into which renderings of several images are "
+         "split")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
   app.add_option("--cpus", *cpus,
-                 "Processors to ask the cluster for, of every command; default: as it is set up")
+                 "Processors that every command requests from the cluster; default: the cluster's")
       ->check(CLI::Range(1, 4096));
   app.add_option("--slurm-partition", options->slurm.partition, "Partition; default: Slurm's");
   app.add_option("--slurm-account", options->slurm.account, "Account; default: the user's");
@@ -138,14 +139,14 @@ int PlanningServerMain(int argc, char** argv) {
   program.add_options = [&](CLI::App& app) {
     app.add_option("--data", options.data_folder, "Folder of jobs and their files")->required();
     app.add_option("--http", options.http_listen,
-                   "HOST:PORT of the HTTP/JSON door and the web page; default: none");
+                   "HOST:PORT of HTTP/JSON and the web page; default: none");
     app.add_option("--http-host", options.http_hosts,
                    "Name of this server in requests of browsers; may be repeated");
     app.add_option("--database", options.database,
                    "PostgreSQL that several servers share, e.g. \"host=db dbname=sightline\"; "
                    "default: SQLite in --data");
     app.add_option("--clients", options.clients_file,
-                   "JSON file of who may do what; default: everybody all");
+                   "JSON file of clients and their rights; default: all rights for everybody");
     app.add_option("--workers", options.workers,
                    "Jobs at a time; 0: none, other servers of the same database run them")
         ->check(CLI::Range(0, 256))

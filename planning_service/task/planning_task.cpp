@@ -26,10 +26,12 @@
 #include "core/inspection/inspection.h"
 #include "core/json/finite_numbers.h"
 #include "core/json/strict_json.h"
+#include "core/part/part_digest.h"
 #include "core/process_folder/process_folder.h"
 #include "core/recordings/assumed_values.h"
 #include "core/recordings/recordings.h"
 #include "core/text/length_unit.h"
+#include "planning_service/task/option_fields.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -90,6 +92,39 @@ void CollectFiles(const google::protobuf::Message& message, const std::string& p
   }
 }
 
+// "./a/./b" is "a/b". CheckFileName refuses names that lead elsewhere, such as "..".
+std::string WithoutDotSteps(const std::string& name) {
+  std::vector<absl::string_view> steps = absl::StrSplit(name, '/');
+  if (std::count(steps.begin(), steps.end(), ".") == 0) return name;
+  std::erase(steps, ".");
+  return absl::StrJoin(steps, "/");
+}
+
+void NormaliseNamesIn(google::protobuf::Message* message, int depth) {
+  if (depth > kMostMessageDepth) return;
+  const google::protobuf::Reflection& reflection = *message->GetReflection();
+  std::vector<const google::protobuf::FieldDescriptor*> fields;
+  reflection.ListFields(*message, &fields);
+  for (const google::protobuf::FieldDescriptor* field : fields) {
+    const bool is_message =
+        field->cpp_type() == google::protobuf::FieldDescriptor::CPPTYPE_MESSAGE && !field->is_map();
+    if (NamesFile(*field) && !field->is_repeated()) {
+      reflection.SetString(message, field, WithoutDotSteps(reflection.GetString(*message, field)));
+    } else if (is_message && !field->is_repeated()) {
+      NormaliseNamesIn(reflection.MutableMessage(message, field), depth + 1);
+    }
+    const int count = field->is_repeated() ? reflection.FieldSize(*message, field) : 0;
+    for (int i = 0; i < count; ++i) {
+      if (NamesFile(*field)) {
+        reflection.SetRepeatedString(
+            message, field, i, WithoutDotSteps(reflection.GetRepeatedString(*message, field, i)));
+      } else if (is_message) {
+        NormaliseNamesIn(reflection.MutableRepeatedMessage(message, field, i), depth + 1);
+      }
+    }
+  }
+}
+
 absl::Status CheckNamed(const std::vector<NamedFile>& named, const std::set<std::string>& files) {
   for (const NamedFile& name : named) {
     if (name.file.empty()) continue;  // the readers say where one must be given
@@ -110,7 +145,7 @@ absl::Status CheckNamed(const std::vector<NamedFile>& named, const std::set<std:
 
 enum class Need { kNo, kOptional, kRequired };
 
-// What a kind of task takes.
+// Rules for the inputs of a kind of task.
 struct KindRules {
   Need inspection, plan, recordings;
   // Name of its options' field, and whether a seed means something.
@@ -313,7 +348,7 @@ absl::Status WriteDescriptions(const v1::Inspection& inspection, const TaskFileR
   return absl::OkStatus();
 }
 
-// What an error of a file in the temporary folder says, without the folder.
+// Removes the temporary folder's path from an error message.
 absl::Status WithoutFolder(const absl::Status& status, const std::string& folder) {
   std::string text(status.message());
   for (size_t at = text.find(folder); at != std::string::npos; at = text.find(folder)) {
@@ -340,18 +375,6 @@ absl::Status CheckMaterialFiles(const v1::Inspection& inlined, const std::string
 absl::Status CheckInspection(const v1::Inspection& message, const std::set<std::string>& files,
                              const TaskFileReader& read) {
   if (message.part().file().empty()) return Invalid("inspection.part.file", "is missing");
-  for (const auto& [field, file] : [&] {
-         std::vector<NamedFile> meshes = {{"inspection.part.file", message.part().file()}};
-         for (int i = 0; i < message.obstacles_size(); ++i) {
-           meshes.push_back(
-               {absl::StrCat("inspection.obstacles[", i, "].file"), message.obstacles(i).file()});
-         }
-         return meshes;
-       }()) {
-    if (absl::EndsWithIgnoreCase(file, ".gltf")) {
-      return Invalid(field, "is a .gltf file, whose buffers may be elsewhere; save it as .glb");
-    }
-  }
   const auto folder = ProcessFolder::Make(TemporaryBase(), "sightline-task");
   if (!folder.ok()) return absl::InternalError("no folder for checking the task");
   if (absl::Status s = WriteDescriptions(message, read, folder->path()); !s.ok()) return s;
@@ -402,6 +425,8 @@ absl::Status CheckFileName(const std::string& name) {
   return absl::OkStatus();
 }
 
+void NormaliseFileNames(v1::PlanningTask* task) { NormaliseNamesIn(task, 0); }
+
 absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::string>& files,
                        const TaskFileReader& read) {
   if (const std::optional<std::string> field = FirstNonFiniteField(task)) {
@@ -429,15 +454,19 @@ absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::stri
       }
     }
   }
+  if (!task.plan().part_digest().empty()) {
+    const auto digest = ParsePartDigest(task.plan().part_digest());
+    if (!digest.ok()) return Invalid("plan.part_digest", std::string(digest.status().message()));
+  }
   std::vector<NamedFile> named;
   CollectFiles(task, "", 0, &named);
-  // A plan tells of files that were used when it was made; nothing reads these.
+  // A plan names files that were used when it was made; nothing reads them.
   std::erase_if(named, [](const NamedFile& name) { return absl::StartsWith(name.field, "plan."); });
   // So do recordings of a part: the mesh is that of diagnose_options.part_file or the inspection.
   std::erase_if(named, [](const NamedFile& name) {
     return absl::StartsWith(name.field, "recordings.part.file");
   });
-  // The images of a shot list are what is to be rendered.
+  // The images of a shot list are to be rendered.
   if (task.kind() == "render") {
     std::erase_if(named, [](const NamedFile& name) {
       return absl::StartsWith(name.field, "recordings.recordings[");
@@ -446,7 +475,7 @@ absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::stri
   if (absl::Status s = CheckNamed(named, names); !s.ok()) return s;
   if (task.has_recordings()) {
     v1::Recordings recordings = task.recordings();
-    // A diagnosis assumes and fits what is not stated.
+    // A diagnosis assumes and fits unstated values.
     if (task.kind() == "diagnose") AssumeMissingValues(&recordings);
     const auto parsed = ParseRecordings(recordings, kRecordingsFile);
     if (!parsed.ok()) return AsViolation(kRecordingsFile, "recordings.", parsed.status());
@@ -484,14 +513,24 @@ namespace {
 
 class Arguments {
  public:
-  explicit Arguments(std::vector<std::string> first) : list_(std::move(first)) {}
+  Arguments(std::string kind, std::vector<std::string> first)
+      : kind_(std::move(kind)), list_(std::move(first)) {}
+  // A word of its own.
+  void Word(const std::string& word, bool on) {
+    if (on) list_.push_back(word);
+  }
   // As one argument: a value that begins with a hyphen is no option.
   template <typename T>
-  void Add(const std::string& option, const T& value) {
+  void Option(const std::string& option, const T& value) {
     list_.push_back(absl::StrCat(option, "=", Text(value)));
   }
-  void Flag(const std::string& option, bool on) {
-    if (on) list_.push_back(option);
+  // The option of a field of the task (option_fields.h).
+  template <typename T>
+  void Add(const std::string& field, const T& value) {
+    Option(OptionOf(kind_, field), value);
+  }
+  void Flag(const std::string& field, bool on) {
+    if (on) list_.push_back(OptionOf(kind_, field));
   }
   std::vector<std::string> Take() { return std::move(list_); }
 
@@ -500,65 +539,73 @@ class Arguments {
   static std::string Text(double value) { return NumberText(value); }
   static std::string Text(int64_t value) { return absl::StrCat(value); }
   static std::string Text(int32_t value) { return absl::StrCat(value); }
+  std::string kind_;
   std::vector<std::string> list_;
 };
 
-void AddFrames(const v1::FrameJobOptions& options, Arguments* arguments) {
-  if (options.has_scan()) arguments->Add("--scan", options.scan());
-  if (options.has_frame()) arguments->Add("--frame", options.frame());
+// `field`: of the options in the task.
+void AddFrames(const std::string& field, const v1::FrameJobOptions& options, Arguments* arguments) {
+  if (options.has_scan()) arguments->Add(field + ".scan", options.scan());
+  if (options.has_frame()) arguments->Add(field + ".frame", options.frame());
   if (options.has_stage_position_m()) {
-    arguments->Add("--stage-position", options.stage_position_m());
+    arguments->Add(field + ".stage_position_m", options.stage_position_m());
   }
 }
 
-// Of the whole task in one process.
+// Arguments that run the whole task in one process.
 std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::string& out_folder,
                                        const std::string& checkpoint_folder) {
   const bool has_plan = task.has_plan() || !task.plan_job_id().empty();
-  Arguments arguments({task.kind(), task.has_recordings() ? kRecordingsFile : kInspectionFile});
-  if (task.kind() == "evaluate") arguments.Flag(kPlanFile, has_plan);
-  arguments.Add("--out", out_folder);
-  if (task.has_seed()) arguments.Add("--seed", task.seed());
-  arguments.Flag("--other-part", task.other_part());
+  Arguments arguments(task.kind(),
+                      {task.kind(), task.has_recordings() ? kRecordingsFile : kInspectionFile});
+  if (task.kind() == "evaluate") arguments.Word(kPlanFile, has_plan);
+  arguments.Option("--out", out_folder);
+  if (task.has_seed()) arguments.Add("seed", task.seed());
+  arguments.Flag("other_part", task.other_part());
   if (task.kind() == "plan") {
     const v1::PlanJobOptions& options = task.plan_options();
-    arguments.Add("--checkpoint", checkpoint_folder);
-    if (!options.strategy().empty()) arguments.Add("--strategy", options.strategy());
-    if (options.has_goal()) arguments.Add("--goal", options.goal());
-    if (options.has_max_scans()) arguments.Add("--max-scans", options.max_scans());
-    if (options.has_max_time_s()) arguments.Add("--max-time-s", options.max_time_s());
+    arguments.Option("--checkpoint", checkpoint_folder);
+    if (!options.strategy().empty()) arguments.Add("plan_options.strategy", options.strategy());
+    if (options.has_goal()) arguments.Add("plan_options.goal", options.goal());
+    if (options.has_max_scans()) arguments.Add("plan_options.max_scans", options.max_scans());
+    if (options.has_max_time_s()) arguments.Add("plan_options.max_time_s", options.max_time_s());
     if (options.has_evaluations_per_scan()) {
-      arguments.Add("--evaluations-per-scan", options.evaluations_per_scan());
+      arguments.Add("plan_options.evaluations_per_scan", options.evaluations_per_scan());
     }
     if (options.has_bound_evaluations()) {
-      arguments.Add("--bound-evaluations", options.bound_evaluations());
+      arguments.Add("plan_options.bound_evaluations", options.bound_evaluations());
     }
-    if (options.has_starts()) arguments.Add("--starts", options.starts());
-    arguments.Flag("--no-pictures", options.no_pictures());
-    arguments.Flag("--no-point-clouds", options.no_point_clouds());
+    if (options.has_starts()) arguments.Add("plan_options.starts", options.starts());
+    arguments.Flag("plan_options.no_pictures", options.no_pictures());
+    arguments.Flag("plan_options.no_point_clouds", options.no_point_clouds());
   } else if (task.kind() == "optics") {
-    if (has_plan) arguments.Add("--plan", std::string(kPlanFile));
-    AddFrames(task.optics_options(), &arguments);
+    if (has_plan) arguments.Add("plan", std::string(kPlanFile));
+    AddFrames("optics_options", task.optics_options(), &arguments);
   } else if (task.kind() == "render") {
     const v1::RenderJobOptions& options = task.render_options();
-    arguments.Add("--checkpoint", checkpoint_folder);
-    if (has_plan) arguments.Add("--plan", std::string(kPlanFile));
-    AddFrames(options.frames(), &arguments);
-    if (options.has_exposure_time_s()) arguments.Add("--exposure", options.exposure_time_s());
-    if (options.has_f_number()) arguments.Add("--f-number", options.f_number());
-    arguments.Flag("--layers", options.layers());
-    arguments.Flag("--demosaic", options.demosaic());
-    arguments.Flag("--no-speckle", options.no_speckle());
-    if (options.tiff()) arguments.Add("--format", std::string("tiff"));
+    arguments.Option("--checkpoint", checkpoint_folder);
+    if (has_plan) arguments.Add("plan", std::string(kPlanFile));
+    AddFrames("render_options.frames", options.frames(), &arguments);
+    if (options.has_exposure_time_s())
+      arguments.Add("render_options.exposure_time_s", options.exposure_time_s());
+    if (options.has_f_number()) arguments.Add("render_options.f_number", options.f_number());
+    arguments.Flag("render_options.layers", options.layers());
+    arguments.Flag("render_options.demosaic", options.demosaic());
+    arguments.Flag("render_options.no_speckle", options.no_speckle());
+    if (options.tiff()) arguments.Add("render_options.tiff", std::string("tiff"));
   } else if (task.kind() == "diagnose") {
     const v1::DiagnoseJobOptions& options = task.diagnose_options();
-    if (task.has_inspection()) arguments.Add("--inspection", std::string(kInspectionFile));
-    if (!options.part_file().empty()) arguments.Add("--part", options.part_file());
+    if (task.has_inspection()) arguments.Add("inspection", std::string(kInspectionFile));
+    if (!options.part_file().empty())
+      arguments.Add("diagnose_options.part_file", options.part_file());
     if (!options.part_unit().empty()) {
-      arguments.Add("--part-unit", LengthUnitNamed(options.part_unit()).value_or(""));
+      arguments.Add("diagnose_options.part_unit",
+                    LengthUnitNamed(options.part_unit()).value_or(""));
     }
-    for (const std::string& id : options.excluded_effects()) arguments.Add("--exclude", id);
-    if (options.has_max_effects()) arguments.Add("--max-effects", options.max_effects());
+    for (const std::string& id : options.excluded_effects())
+      arguments.Add("diagnose_options.excluded_effects", id);
+    if (options.has_max_effects())
+      arguments.Add("diagnose_options.max_effects", options.max_effects());
   }
   return arguments.Take();
 }

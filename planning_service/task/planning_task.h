@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a planning task asks: whether it can be answered, which files it needs, and the command that
-// answers it.
+// Interpretation of a planning task: whether it can be answered, which files it needs, and the
+// command that answers it.
 #pragma once
 
 #include <functional>
@@ -23,6 +23,10 @@ const std::vector<std::string>& TaskKinds();
 // INVALID_ARGUMENT says what is wrong.
 absl::Status CheckFileName(const std::string& name);
 
+// Names of files in the task's messages without steps "." ("./part.stl" is "part.stl"), as the
+// files themselves are named.
+void NormaliseFileNames(v1::PlanningTask* task);
+
 // Bytes of a file that came with the task. NOT_FOUND: there is none of that name.
 using TaskFileReader = std::function<absl::StatusOr<std::string>(const std::string& name)>;
 
@@ -36,8 +40,8 @@ absl::Status CheckTask(const v1::PlanningTask& task, const std::vector<std::stri
 // SHA-256 of task, names and digests: equal for equal questions.
 std::string TaskFingerprint(const v1::PlanningTask& task, const std::vector<JobFile>& files);
 
-// Writes what of the task stands in messages (inspection.json, recordings.json, plan.json) into
-// `folder`, where its files are already.
+// Writes the messages of the task (inspection.json, recordings.json, plan.json) into `folder`,
+// where its files are already.
 absl::Status WriteTaskFiles(const v1::PlanningTask& task, const std::string& folder);
 
 // Command lines of the `sightline` program that answer a task.
@@ -45,13 +49,13 @@ struct TaskCommands {
   // Do not depend on each other: may run in any order, at the same time, on several machines, and
   // again. Empty: the task does not split.
   std::vector<std::vector<std::string>> parts;
-  // Runs once all parts have ended well, and makes the results: the same bytes, whatever the number
-  // of parts.
+  // Runs once all shards have ended well, and makes the results: the same bytes for any number of
+  // shards.
   std::vector<std::string> conclusion;
 };
 
-// Commands, run in that folder, with results in `out_folder`. What is needed to go on after an end
-// of a process is kept in `checkpoint_folder`. There are at most `most_parts` parts, and none where
+// Commands, run in that folder, with results in `out_folder`. Checkpoints are kept in
+// `checkpoint_folder`. There are at most `most_parts` parts, and none where
 // they would be a single one.
 TaskCommands SplitTask(const v1::PlanningTask& task, const std::string& out_folder,
                        const std::string& checkpoint_folder, int most_parts);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The web page of `sightline serve`: files that the HTTP door hands out as they are.
+// The web page of `sightline serve`: files that the HTTP front end serves as they are.
 #pragma once
 
 #include <string>

@@ -13,7 +13,7 @@ using Change = v1::InspectionChange;
 
 // Spectrum of the light from all around in the diagnosis of parts.
 constexpr char kSurroundings[] = "d65";
-constexpr int kBounces = 4;  // where an inspection states none
+constexpr int kBounces = 4;  // default of an inspection
 
 // Component that a field belongs to.
 std::string ComponentOf(std::string_view field) {

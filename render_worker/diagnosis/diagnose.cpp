@@ -101,7 +101,7 @@ void AddFreeForm(const Hypothesis& best, v1::Diagnosis* diagnosis) {
       DescribeFreeForm(*term.effect, term.parameters, CoefficientCovariance(best));
   if (diagnosis->laws_size() > 0) diagnosis->mutable_free_form()->set_law(diagnosis->laws(0).law());
   diagnosis->add_warnings(
-      "The free-form term is not among the calibrated effects: renderers do not know it.");
+      "The model-discrepancy term is not among the calibrated effects: renderers do not know it.");
 }
 
 // The description with the fitted values, the effects, and how an inspection expresses these.
@@ -189,7 +189,7 @@ absl::StatusOr<v1::Diagnosis> Diagnose(const RecordedSet& set, const DiagnosisSe
   const SetModel model(set, model_settings);
   if (!report(0.02, "fitting known parameters")) return cancelled;
   SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
+  start.line_shift_px = EstimateLineShifts(model, start);
   const FitResult null = FitSet(model, start, {}, {}, nullptr);
 
   ComparisonSettings comparison_settings;

@@ -98,8 +98,8 @@ enum class EffectScope {
   kRecordingSetUp,  // distances and angles of the recordings, none of camera, lens or laser
 };
 
-// A number of an inspection (docs/api/inspection.md) that says the same as a parameter of an
-// effect.
+// A number of an inspection (docs/api) that has the same meaning as a parameter
+// of an effect.
 struct InspectionField {
   // Dotted path, as "laser.power_w". "materials.material." leads to every material of the plate.
   // Empty: images of parts cannot show this parameter.
@@ -134,6 +134,8 @@ struct EffectDescription {
   // Its pattern may be finer than the blocks of columns over which statistics average, so that the
   // expectation of a block is its mean over the block's columns.
   bool finer_than_block = false;
+  // Odd and even columns differ, so that one column does not stand for its neighbours.
+  bool columns_alternate = false;
   ColumnTransport column_transport = ColumnTransport::kNone;
   ChargeTransport charge_transport = ChargeTransport::kNone;
   std::string_view summary;    // one line of physics

@@ -61,8 +61,10 @@
   X(Smear)                   \
   X(LowerFullWell)           \
   X(GainError)               \
+  X(ColumnGain)              \
   X(QeError)                 \
   X(ColourResponseError)     \
+  X(MicroLensVignetting)     \
   X(ReadNoiseExcess)         \
   X(RowNoise)                \
   X(AdcMissingBits)          \

@@ -11,6 +11,14 @@ Evidence operator-(const Evidence& a, const Evidence& b) {
           .model_prior = a.model_prior - b.model_prior};
 }
 
+Evidence operator+(const Evidence& a, const Evidence& b) {
+  return {.fit = a.fit + b.fit,
+          .covariance = a.covariance + b.covariance,
+          .curvature = a.curvature + b.curvature,
+          .parameter_prior = a.parameter_prior + b.parameter_prior,
+          .model_prior = a.model_prior + b.model_prior};
+}
+
 v1::Evidence EvidenceToProto(const Evidence& evidence) {
   v1::Evidence message;
   message.set_fit_nats(evidence.fit);

@@ -24,8 +24,9 @@ struct Evidence {
   double Log() const { return LogMarginalLikelihood() + model_prior; }
 };
 
-// The terms of a model over those of another one of the same data.
+// The terms of a model over those of another one of the same data, and of two that add.
 Evidence operator-(const Evidence& a, const Evidence& b);
+Evidence operator+(const Evidence& a, const Evidence& b);
 
 // All five terms, for diagnosis_full.json.
 v1::Evidence EvidenceToProto(const Evidence& evidence);

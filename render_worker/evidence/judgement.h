@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which of the compared models is the answer, by evidence and by the prediction of recordings that
-// were not fitted.
+// Selects the answer among the compared models, by evidence and by the prediction of recordings
+// that were not fitted.
 #pragma once
 
 #include <optional>
@@ -20,7 +20,7 @@ inline constexpr double kShareNamesMayLeave = 0.05;
 enum class ModelKind {
   kNoEffect,
   kNamed,        // effects of the vocabulary
-  kDiscrepancy,  // a free-form term, by itself or beside named effects
+  kDiscrepancy,  // a model-discrepancy term, alone or with named effects
 };
 
 // One of the compared models.
@@ -35,7 +35,7 @@ struct ComparedModel {
   double held_out_excess = 0;  // their chi squared over degrees of freedom, minus 1
 };
 
-// What the answer leaves of the difference between the recordings and the model without effects.
+// The difference between recordings and null model that the answer leaves unexplained.
 struct Remainder {
   int discrepancy = -1;  // the model with a discrepancy term that describes it best; -1: none does
   double share = 0;      // of the null model's excess, in [0, 1]
@@ -43,7 +43,7 @@ struct Remainder {
 };
 
 struct Judgement {
-  // Of every model; 0 for those with a discrepancy term unless one of them is the answer. Sum 1.
+  // Probability of every model, sum 1; 0 with a discrepancy term unless such a model is the answer.
   std::vector<double> probability;
   int answer = 0;      // the most probable model
   int best_named = 0;  // the most probable one without a discrepancy term

@@ -1,10 +1,10 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is believed of models before the recordings are seen, alike for plates, parts and cameras.
+// Prior probabilities of models, alike for plates, parts and cameras.
 #pragma once
 
 namespace sightline {
 
-// Three in ten sets are believed to be as described, since whoever asks has mostly seen something.
+// Three in ten sets are believed to be as described: users mostly ask after they saw something.
 inline constexpr double kPriorOfNoEffect = 0.3;
 // One in ten of the others follows a law that is not in the vocabulary.
 inline constexpr double kPriorOfUnknown = 0.1;

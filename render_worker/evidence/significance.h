@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a significance test says about the probability of a model.
+// Bounds the probability of a model by a significance test.
 #pragma once
 
 namespace sightline {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Everything of one frame that is a number: what the effects of the setup stage change.
+// The numbers of one frame, which the effects of the setup stage change.
 #pragma once
 
 #include <cstdint>
@@ -38,7 +38,7 @@ struct PlateGeometry {
   double line_offset_m = 0;  // position of the line on the plate, across it
 };
 
-// Seeds of what differs between frames, and of what does not.
+// Seeds of random values that differ between frames, and of those that do not.
 struct FrameSeeds {
   uint64_t speckle = 0;  // the same for the same surface position
   uint64_t noise = 0;    // photons and temporal noise of this frame
@@ -67,7 +67,7 @@ struct FrameSetup {
   // Independent speckle patterns, their shares of the irradiance; the sum is 1.
   std::vector<double> speckle_pattern_weights = {1};
   bool speckle = true;  // false: laser light is imaged incoherently
-  int sub_pixels = 0;   // per pixel and axis; 0: what the pupil needs
+  int sub_pixels = 0;   // per pixel and axis; 0: as many as the pupil needs
 
   // Image distance of the focused plane, b = 1/(1/f - 1/d_foc) [m]; lens.focus_distance_m is set.
   double ImageDistance() const {

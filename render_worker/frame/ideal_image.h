@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What geometric optics puts on the sensor: the end of light transport, the start of wave optics.
+// Image by geometric optics on the sensor: the end of light transport, the start of wave optics.
 #pragma once
 
 #include <array>
@@ -48,7 +48,7 @@ struct IdealImage {
   std::array<double, 3> incoherent_wavelength_m = {550e-9, 550e-9, 550e-9};
 };
 
-// What reaches the pixels: means over the pixels of the region of interest.
+// Irradiance of the pixels: means over the pixels of the region of interest.
 struct PixelIrradiance {
   RegionOfInterest roi;
   Image<float> laser_irradiance_w_m2;

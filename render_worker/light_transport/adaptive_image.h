@@ -16,7 +16,7 @@
 
 namespace sightline {
 
-// What one sample saw first, to tell surfaces apart.
+// Features of the first surface that a sample hits, to tell surfaces apart.
 struct SampleFeatures {
   bool surface = false;
   bool textured = false;  // a height field tilts its normals
@@ -45,7 +45,7 @@ enum LightPart : int { kUnfiltered = 0, kFilterable = 1 };
 // those of filtered images.
 struct AdaptiveOptions {
   int channels = 1;       // of either part
-  int noise_channel = 0;  // whose noise counts
+  int noise_channel = 0;  // the channel whose noise counts
   double noise_target_relative = 0.01;
   double noise_floor_relative = 0.25;  // of the image's mean: darker pixels need no better
   double noise_floor = 0;              // absolute, the same
@@ -61,7 +61,7 @@ struct AdaptiveOptions {
 struct AdaptiveResult {
   std::vector<Image<float>> unfiltered;  // per channel
   std::vector<Image<float>> filterable;  // per channel; filtered if asked
-  // Of the noise channel's sum of both, with what the filter smooths away.
+  // Standard error of the noise channel's sum, with the variation that the filter smooths away.
   Image<float> standard_error;
   std::vector<PixelFeatures> features;  // per pixel
   int64_t rays = 0;

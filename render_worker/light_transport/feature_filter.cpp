@@ -22,7 +22,7 @@ constexpr int kTerms = 6;  // 1, x, y, x^2, xy, y^2
 using Lanes = float __attribute__((vector_size(4 * kLanes), aligned(4), may_alias));
 using LaneMask = int __attribute__((vector_size(4 * kLanes)));
 
-// What is the same for all of a window.
+// Constants of one window.
 struct Window {
   int row, column, radius;
   float inverse_reach;  // coordinates x, y are in units of the reach

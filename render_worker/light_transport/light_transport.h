@@ -46,7 +46,7 @@ struct SceneView {
   double image_distance_m = 0;  // of the chief rays: u = b x/z
   double focus_distance_m = 0;
   double pupil_radius_m = 0;  // 0: pinhole
-  // Of a tilted sensor: change of its image distance along u and v (core/rig/scheimpflug.h), which
+  // For a tilted sensor: change of its image distance along u and v (core/rig/scheimpflug.h), which
   // tilts the focused plane.
   double sensor_slope_u = 0, sensor_slope_v = 0;
   Distortion distortion;

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What all models share: height field, grey or coloured reflectance, machining direction. A model
-// itself sees a flat surface with scaled albedo and roughness.
+// Properties that all models share: height field, grey or coloured reflectance, machining
+// direction. A model itself sees a flat surface with scaled albedo and roughness.
 #pragma once
 
 #include <memory>

@@ -11,8 +11,8 @@
 namespace sightline {
 
 // Slopes by central differences, bilinear in between; beyond its edges the field is mirrored.
-// Coarser levels hold means over 2 x 2 samples, so that a footprint sees the mean slope of what it
-// covers.
+// Coarser levels hold means over 2 x 2 samples, so that a footprint sees the mean slope of its
+// area.
 class HeightField {
  public:
   // At least 2 x 2 samples.

@@ -23,7 +23,7 @@ absl::Status CheckRange(const std::string& field, bool given, double value, doub
   return absl::OkStatus();
 }
 
-// Rougher than 1 has no meaning for GGX, smoother than this cannot be told from a mirror in floats.
+// Rougher than 1 has no meaning for GGX, smoother than this equals a mirror in floats.
 constexpr double kLeastAlpha = 1e-3;
 
 absl::StatusOr<std::shared_ptr<const HeightField>> ParseHeightField(
@@ -137,7 +137,7 @@ absl::StatusOr<std::shared_ptr<const Material>> MakeMaterial(const v1::Material&
     if (!field.ok()) return field.status();
     common.height_field = std::move(*field);
   }
-  // What the model reflects at the laser's wavelength, times the spectrum, must stay below 1.
+  // The model's albedo times the spectrum at the laser's wavelength must stay below 1.
   const auto check_spectrum = [&](double albedo) {
     return albedo * largest_reflectance <= 1 + 1e-6
                ? absl::OkStatus()

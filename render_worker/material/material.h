@@ -15,7 +15,7 @@
 
 namespace sightline {
 
-// What a height field makes of one place of the surface.
+// Effect of a height field at one place of the surface.
 struct SurfaceDetail {
   Eigen::Vector3f normal = Eigen::Vector3f::UnitZ();  // in the local frame
   float albedo_scale = 1;
@@ -24,7 +24,7 @@ struct SurfaceDetail {
 
 // Columns x, y, z of the local frame of a surface with unit normal z; x is the machining direction
 // projected into the surface, or any tangent if there is none (zero, or along the normal). Detail
-// of a height field is in this frame: whoever turns directions into it must use this function.
+// of a height field is in this frame: use this function to turn directions into it.
 Eigen::Matrix3f LocalFrame(const Eigen::Vector3f& normal,
                            const Eigen::Vector3f& machining_direction);
 

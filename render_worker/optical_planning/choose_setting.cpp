@@ -18,7 +18,7 @@
 namespace sightline {
 namespace {
 
-// Of the exposures that are tried without being told: parts and multiples of what fills a pixel.
+// Range of the default exposures: parts and multiples of what fills a pixel.
 constexpr double kDarkest = 1.0 / 25, kBrightest = 4;
 // Places so much darker than the median of the line are given up.
 constexpr double kLargestContrast = 100;
@@ -31,8 +31,8 @@ constexpr int kGlanceExposures = 5;
 constexpr double kGlanceRatio = 3;
 // Exposures that pairs are made of.
 constexpr int kPairedExposures = 12;
-// Expected work, in judged exposures, for progress alone: forming the images of a lens setting, and
-// a search.
+// Expected work, in evaluated exposures, for progress alone: forming the images of a lens setting,
+// and a search.
 constexpr double kWorkOfLens = 25;
 constexpr int kExposuresOfSearch = 25;
 // Laser sheets of frames that differ by less are the same [1, m].
@@ -177,7 +177,7 @@ class Chooser {
         group_(group),
         grid_f_number_(inspection.optics->f_numbers[0]),
         grid_(grid) {
-    choice_.limit = LimitExposure(inspection.costs, inspection.rig.scan_step_m, planning_,
+    choice_.limit = LimitExposure(inspection.stated_costs, inspection.rig.scan_step_m, planning_,
                                   group.image_speed_px_per_m);
   }
 
@@ -239,7 +239,7 @@ class Chooser {
     if (!(planning_.cost_px_per_s > 0) || !(group_.travel_m > 0)) return;
     setting->time_cost_px =
         planning_.cost_px_per_s *
-        ScanTime(inspection_.costs, inspection_.rig.scan_step_m, planning_,
+        ScanTime(inspection_.stated_costs, inspection_.rig.scan_step_m, planning_,
                  group_.image_speed_px_per_m, group_.travel_m,
                  setting->setting.exposure_time_s + setting->setting.second_exposure_time_s);
   }
@@ -330,7 +330,7 @@ class Chooser {
     if (const auto tilted = TiltedToSheet(f_number)) lenses.push_back(*tilted);
     const std::vector<double> powers = Powers(planning_, inspection_.rig.laser.power_w);
 
-    // One lens setting needs no glance.
+    // One lens setting needs no coarse evaluation.
     if (lenses.size() == 1) {
       if (absl::Status s = judge_.LookThrough(lenses[0]); !s.ok()) return s;
       return SearchPowers(*grid, lenses[0], powers);
@@ -402,8 +402,8 @@ class Chooser {
     return absl::OkStatus();
   }
 
-  // What the lens's freedoms are worth: the best f-number without each, its exposure searched as
-  // well.
+  // Measures what each freedom of the lens is worth: the best f-number without each, its exposure
+  // searched as well.
   absl::Status TryAlternatives() {
     const JudgedSetting best = choice_.best_single();
     const LensSetting& lens = best.setting.lens;

@@ -12,15 +12,15 @@
 
 namespace sightline {
 
-// What is the same for all settings of a group.
+// Values that all settings of a group share.
 struct SettingGroup {
   double image_speed_px_per_m = 0;  // of the image per travel of the stage
   double travel_m = 0;              // of the scan; 0: a single frame
-  double stated_focus_m = 0;        // where nothing else is asked for
+  double stated_focus_m = 0;        // default focus distance
   std::vector<double> f_numbers;    // to try, ascending
 };
 
-// The best that an f-number can do, and what was tried with its lens setting and laser power.
+// The best result of an f-number, and the trials with its lens setting and laser power.
 struct FNumberChoice {
   double f_number = 0;
   std::vector<JudgedSetting> exposures;  // by exposure time; empty: refused
@@ -39,7 +39,7 @@ struct SettingChoice {
   std::vector<Alternative> alternatives;
   // Focus distances tried at the best f-number, each with its best exposure.
   std::vector<JudgedSetting> focus;
-  // Of pairs of exposures: the best one, if it is better than the best single one.
+  // Best pair of exposures, if it is better than the best single one.
   std::optional<JudgedSetting> pair;
   ExposureLimit limit;
 

@@ -17,7 +17,7 @@ constexpr int kMostIterations = 50;
 constexpr double kConverged = 1e-10;
 // Beyond, ln sigma^2 and logit a are numbers that no count of columns could tell apart.
 constexpr double kMostLinear = 30;
-// A line found as badly tells nothing; an inspection's table states no more
+// A line found as badly is uninformative; an inspection's table states no more
 // (core/uncertainty/uncertainty_model.cpp).
 constexpr double kLargestDeviationPx = 100;
 // Precision of the first coefficient's prior: next to nothing, but every line may be found.
@@ -75,7 +75,7 @@ Fit FitTerms(std::span<const DetectedBlock> blocks, const std::vector<Terms>& te
   prior(0, 0) = kIntercept;
   Fit fit;
   fit.coefficients[0] = start;
-  // The dispersion changes what the prior counts: fitted anew with it.
+  // The dispersion changes the weight of the prior, so the fit is repeated with it.
   for (int pass = 0; pass < 3; ++pass) {
     TermsMatrix precision = prior;
     for (int iteration = 0; iteration < kMostIterations; ++iteration) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// How well the line is detected as a function of from where a point of it is seen, learned from
-// rendered images of one setting: what planning of the geometry needs to know of the optics.
+// Uncertainty of line detection as a function of distance and angle of incidence, learned from
+// rendered images of one setting. Planning of the geometry uses it.
 //
 // Blocks of image columns b, with c_b crossings of the true line seen from the distance d_b at the
 // angle of incidence t_b, of which f_b are found, with deviations e of the detected from the true
@@ -12,10 +12,10 @@
 // 1989, chapters 8, 9): neighbouring columns share speckle, so the variances are multiplied by a
 // dispersion, the mean of the squared Pearson residuals, at least 1.
 //
-// A line that is found in a share a of the columns with the variance sigma^2 tells as much of the
-// surface as one that is found in all of them with
+// A line that is found in a fraction a of the columns with the variance sigma^2 is as informative
+// as one that is found in all of them with
 //   u^2 = sigma^2 / a,
-// since what points tell adds up: u is what planning reads.
+// since the information of points adds up. Planning reads u.
 #pragma once
 
 #include <optional>
@@ -41,10 +41,10 @@ struct DetectionNoise {
   double deviation_dispersion = 1, found_dispersion = 1;
 };
 
-// Unset: fewer than 100 points were found, which tell too little. Coefficients other than the first
+// Unset: fewer than 100 points were found, which are too few. Coefficients other than the first
 // have normal priors of standard deviation 1, so that a direction that the blocks do not vary in
 // stays flat. The grid has up to six steps each way, between the 1st and the 99th percentile of the
-// crossings; one where they are all alike. u_px is at most 100, where nothing is told.
+// crossings; one where they are all alike. u_px is at most 100, which stands for no information.
 std::optional<DetectionNoise> LearnDetectionNoise(std::span<const DetectedBlock> blocks);
 
 }  // namespace sightline

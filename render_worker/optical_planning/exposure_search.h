@@ -44,13 +44,13 @@ using CostsOfExposures =
 absl::StatusOr<int> SearchExposure(const ExposureGrid& grid, bool every,
                                    const CostsOfExposures& costs);
 
-// How fast the stage goes, and what that leaves for exposures.
+// Speed of the stage, and the exposure times that it allows.
 struct ExposureLimit {
   // Fastest that stage and frame rate allow [m/s]; 0: not known.
   double stage_speed_m_per_s = 0;
   // Longest total exposure of a frame [s]; unset: no limit.
   std::optional<double> longest_s;
-  std::string because;  // which of frame time and motion blur it is
+  std::string because;  // frame time or motion blur
 };
 
 // `image_speed_px_per_m`: motion of the image per travel of the stage. With a cost of time the

@@ -33,7 +33,7 @@ constexpr int kFirstIncoherentSamples = 4;
 // no surface.
 constexpr double kLargestStep = 6;
 
-// Where a column of sub-pixels crosses the middle of the sheet, in rows of the grid.
+// Rows of the grid in which a column of sub-pixels crosses the middle of the sheet.
 std::vector<double> CrossingRows(const CameraRays& camera, const SceneView& view,
                                  const SubPixelGrid& grid, const LaserTransport& laser,
                                  int column) {

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Light of one frame before any lens: what does not depend on f-number, focus and exposure, and so
-// is traced once for all settings.
+// Light of one frame before any lens. It does not depend on f-number, focus and exposure, so it is
+// traced once for all settings.
 #pragma once
 
 #include <Eigen/Core>
@@ -36,9 +36,9 @@ struct FrameLight {
       channel_radiance;  // per channel, [electrons/J W/(m^2 sr)]; may be empty
   std::array<double, 3> incoherent_wavelength_m = {550e-9, 550e-9, 550e-9};
   double chief_distance_m = 0;  // image distance of the chief rays, for cos^4
-  // The true line: where the middle of the laser sheet meets what the camera sees and the laser
-  // reaches, at the centres of the image columns (thesis 6.4.2, the reference by rasterization:
-  // direct light, no roughness, no optics). Column and row count from the region's first pixel.
+  // The true line: where the middle of the laser sheet meets the lit surface that the camera sees,
+  // at the centres of the image columns (thesis 6.4.2, the reference by rasterization: direct
+  // light, no roughness, no optics). Column and row count from the region's first pixel.
   std::vector<LineCrossing> line;
   std::vector<LineView> line_views;  // one per crossing
   double median_line_depth_m = 0;
@@ -64,8 +64,8 @@ absl::StatusOr<FrameLight> TraceFrameLight(PartScene& scene, const PartFrameRequ
                                            std::span<const ActiveEffect> effects,
                                            const FrameLightOptions& options);
 
-// Part of the frame about the laser line, and what it is like, by a coarse look (direct light at
-// every eighth pixel): cheap enough for every frame of a scan.
+// Part of the frame about the laser line, and its statistics, by a coarse evaluation (direct light
+// at every eighth pixel): cheap enough for every frame of a scan.
 struct FrameGlance {
   int lit_samples = 0;                // that the line crosses; 0: the laser lights nothing
   double mean_log_radiance = 0;       // natural logarithm, [W/(m^2 sr)], over lit samples

@@ -21,10 +21,10 @@ constexpr double kSpeckleShare = 1e-3;
 // Layers of depth are then no more than a tenth of a wave from their light: well below what an
 // image just begins to show (Rayleigh's criterion, a quarter).
 constexpr double kLayerStepWaves = 0.2;
-// What diffraction brings in from beyond the margin.
+// Fraction of the energy that diffraction may bring in from beyond the margin.
 constexpr double kLostEnergy = 0.01;
 constexpr int kLargestMargin_px = 160;
-// Of the laser grid's arrays in a strip, irradiance, depth and layer, about.
+// Approximate bytes of a sample of the laser grid's arrays: irradiance, depth and layer.
 constexpr int64_t kBytesPerSample = 12;
 constexpr int64_t kStripBytes = int64_t{512} << 20;
 constexpr int kNarrowestStrip_px = 32;
@@ -42,7 +42,7 @@ struct CubicWeights {
   }
 };
 
-// Where the samples of a fine grid lie on a coarse one.
+// Positions of a fine grid's samples on a coarse one.
 struct Place {
   int first = 0;  // of four coarse samples
   int nearest = 0;
@@ -279,7 +279,7 @@ class LensImage {
         for (int j = 0; j < grid.columns(); ++j) {
           const Place& column = columns[static_cast<size_t>(j)];
           depth_out[j] = depths[column.nearest];
-          // What is dim at the nearest sample is dim.
+          // A sample counts as dim if the nearest coarse sample is dim.
           if (power * nearest_row[column.nearest] < threshold_) continue;
           float sum = 0;
           for (int k = 0; k < 4; ++k) {

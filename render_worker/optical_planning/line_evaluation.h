@@ -14,7 +14,7 @@
 
 namespace sightline {
 
-// What is detected where: planes of the channel, and scale and threshold of the ridge filter.
+// Settings of line detection: planes of the channel, and scale and threshold of the ridge filter.
 struct DetectionPlan {
   std::vector<PixelPlane> planes;
   LaserLineOptions options;  // in pixels of a plane
@@ -34,11 +34,11 @@ struct DetectedLine {
 };
 absl::StatusOr<DetectedLine> DetectLine(const Image<uint16_t>& raw_dn, const DetectionPlan& plan);
 
-// Merges what two exposures show (MergeExposures), plane by plane.
+// Merges two exposures (MergeExposures), plane by plane.
 DetectedLine MergeExposures(const DetectedLine& long_exposure, const DetectedLine& short_exposure,
                             double apart_px);
 
-// Columns that are judged together; speckle and the detection's window reach less far.
+// Columns that are evaluated together; speckle and the detection's window reach less far.
 inline constexpr int kBlockColumns_px = 32;
 
 // Detected points against the true line, block by block of every plane.

@@ -55,7 +55,7 @@ std::string Statement(const SettingChoice& choice) {
   }
   if (others.empty()) return absl::StrCat(text, "; no other f-number is as good.");
   return absl::StrCat(text, "; ", absl::StrJoin(others, ", "),
-                      " cannot be told apart from it by the images that were simulated.");
+                      " are not significantly worse in the simulated images.");
 }
 
 }  // namespace
@@ -115,9 +115,10 @@ v1::OpticsChoice ChoiceToProto(const SettingChoice& choice, const Inspection& in
   const JudgedSetting& best = choice.chosen();
   const auto point = [&](const JudgedSetting& judged) {
     const double total_s = judged.setting.exposure_time_s + judged.setting.second_exposure_time_s;
-    return PointToProto(judged, best, height_per_px,
-                        ScanTime(inspection.costs, inspection.rig.scan_step_m, *inspection.optics,
-                                 group.image_speed_px_per_m, group.travel_m, total_s));
+    return PointToProto(
+        judged, best, height_per_px,
+        ScanTime(inspection.stated_costs, inspection.rig.scan_step_m, *inspection.optics,
+                 group.image_speed_px_per_m, group.travel_m, total_s));
   };
   // Exposures of an f-number that are as good as its best; focus distances at the best f-number.
   const auto exposure_range = [](const FNumberChoice& here) {

@@ -35,8 +35,8 @@ constexpr int kCommonFrames = 16;
 // A scan's own best f-number costs at most this much more than the common best, for all scans
 // together.
 constexpr double kWorthTrying = 1.6;
-// Of the work on a group of frames, about: tracing their light, the choice, and the frames with the
-// chosen setting. The rest is the frame that checks them.
+// Approximate fractions of the work on a group of frames: tracing their light, the choice, and the
+// frames with the chosen setting. The rest is the frame that checks them.
 constexpr double kShareOfTracing = 0.2, kShareOfChoice = 0.75, kShareOfFrames = 0.025;
 constexpr int kPictureColumns_px = 384, kPictureRows_px = 128;
 // Below this the frames hardly stand for their scan.
@@ -46,7 +46,7 @@ bool IsCancelled(const RenderLimits& limits) {
   return limits.cancelled != nullptr && *limits.cancelled;
 }
 
-// A frame with what a coarse look shows of it.
+// A frame with its coarse evaluation.
 struct SeenFrame {
   const OpticsTask::Frame* frame = nullptr;
   FrameGlance glance;
@@ -123,8 +123,8 @@ class OpticsPlanner {
     }
     if (!poorly_represented_.empty()) {
       plan.add_warnings(absl::StrFormat(
-          "%s: the frames that were rendered stand for less than %.0f %% of what the scan's frames "
-          "differ in (represented_fraction); more of them (optics.frames_per_scan) would say more",
+          "%s: the rendered frames represent less than %.0f %% of the variance between the scan's "
+          "frames (represented_fraction); increase optics.frames_per_scan",
           absl::StrJoin(poorly_represented_, ", "), 100 * kPoorlyRepresented));
     }
     *plan.mutable_best() = plan.common().best();
@@ -180,10 +180,9 @@ class OpticsPlanner {
       if (scan.lit()) {
         scans_.push_back(std::move(scan));
       } else {
-        plan->add_warnings(
-            absl::StrCat("scan ", scan.number,
-                         ": the laser lights nothing that the camera sees; it has no "
-                         "part in the choice"));
+        plan->add_warnings(absl::StrCat("scan ", scan.number,
+                                        ": the laser lights nothing that the camera sees; the "
+                                        "choice leaves the scan out"));
       }
     }
     if (!scans_.empty()) return absl::OkStatus();
@@ -256,13 +255,13 @@ class OpticsPlanner {
   }
 
   // Traced light of the group's frames, weighted so that sums over them stand for the whole. Frames
-  // in which the coarse look took something else for a line leave the group; NO_LINE if all do.
-  // Progress goes on from `begin` by `share`, fractions of the group's work.
+  // in which the coarse evaluation took something else for a line leave the group; NO_LINE if all
+  // do. Progress goes on from `begin` by `share`, fractions of the group's work.
   absl::StatusOr<std::vector<WeightedFrame>> Trace(FrameGroup& group, double begin, double share) {
     FrameLightOptions options;
     options.margin_px = Margin(group);
     options.limits = hooks_.limits;
-    // A single small frame is judged as a whole, others about their line.
+    // A single small frame is evaluated as a whole, others about their line.
     const int64_t pixels =
         int64_t{inspection_.rig.camera.columns_px} * inspection_.rig.camera.rows_px;
     const bool whole = task_.frames.size() == 1 && pixels <= kWholeFramePixels;
@@ -368,7 +367,7 @@ class OpticsPlanner {
     group.setting.f_numbers = FNumbers(*plan);
     const double height_per_px = MeanHeightPerPixel(group, *traced);
     SettingJudge judge(inspection_, effects_, *std::move(traced), task_.seed, hooks_.limits);
-    const ExposureLimit limit = LimitExposure(inspection_.costs, inspection_.rig.scan_step_m,
+    const ExposureLimit limit = LimitExposure(inspection_.stated_costs, inspection_.rig.scan_step_m,
                                               planning_, group.setting.image_speed_px_per_m);
     const ExposureGrid grid = MakeExposureGrid(judge, inspection_, limit);
     const std::string name =
@@ -423,7 +422,8 @@ class OpticsPlanner {
     return absl::OkStatus();
   }
 
-  // What planning of the geometry reads. The judge looks through the chosen lens.
+  // Adds the detection table that planning of the geometry reads. The judge looks through the
+  // chosen lens.
   static absl::Status AddDetection(SettingJudge& judge, const JudgedSetting& best,
                                    v1::OpticsChoice* answer) {
     const auto blocks = judge.DetectedBlocks(best.setting);
@@ -435,7 +435,7 @@ class OpticsPlanner {
     return absl::OkStatus();
   }
 
-  // The frame least like those that were judged, with the chosen setting.
+  // The frame least like those that were evaluated, with the chosen setting.
   absl::Status AddCheck(const FrameGroup& group, const JudgedSetting& best,
                         v1::OpticsChoice* answer) {
     if (group.check == nullptr) return absl::OkStatus();

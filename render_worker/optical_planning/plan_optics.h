@@ -32,11 +32,11 @@ struct OpticsHooks {
   std::function<void(double fraction, const std::string& message)> on_progress;  // may be empty
 };
 
-// Of every scan some frames stand for the rest (ChooseRepresentatives), each cut to the rows about
-// its line if there is more than one frame, or more than a million pixels. One setting is chosen
-// for all of them, by up to 16 frames together that count by the length of line they stand for;
-// with `per_scan` every scan gets its own, among the f-numbers that do for all. The inspection has
-// sensor, lens and optics. FAILED_PRECONDITION, reason NO_LINE: no frame shows the line; reason
+// Every scan is represented by some of its frames (ChooseRepresentatives), each cut to the rows
+// about its line if there is more than one frame, or more than a million pixels. One setting is
+// chosen for all of them, by up to 16 frames together that count by the length of line they stand
+// for; with `per_scan` every scan gets its own, among the f-numbers that do for all. The inspection
+// has sensor, lens and optics. FAILED_PRECONDITION, reason NO_LINE: no frame shows the line; reason
 // EXPOSURE_TOO_LONG; INVALID_ARGUMENT: effects for plates alone; RESOURCE_EXHAUSTED; CANCELLED.
 // Same task and seed, same bytes, for any number of threads.
 absl::StatusOr<v1::OpticsPlan> PlanOptics(PartScene& scene, std::span<const ActiveEffect> effects,

@@ -52,7 +52,7 @@ Representatives ChooseRepresentatives(const std::vector<FrameGlance>& glances, i
   }
   double variance = 0;
   for (int k = 0; k < kFeatures; ++k) {
-    // What differs by rounding alone does not differ.
+    // Differences by rounding alone do not count.
     const bool differs = std::sqrt(deviation[k]) > 1e-9 * std::max(std::abs(mean[k]), 1e-12);
     const double scale = differs ? 1 / std::sqrt(deviation[k]) : 0;
     if (differs) variance += 1;

@@ -21,7 +21,7 @@ struct Representatives {
   double represented_fraction = 1;
 };
 
-// Groups frames by what decides how a camera setting suits them: line length, light on the line and
+// Groups frames by the features that a camera setting must suit: line length, light on the line and
 // its spread, depth and its spread, each divided by its standard deviation over the scan, frames
 // weighted by line length. k-medoids (Kaufman and Rousseeuw 1987), begun with the frame that is
 // nearest to all and then those farthest from what is chosen; every group is stood for by its

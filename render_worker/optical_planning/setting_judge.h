@@ -18,7 +18,7 @@
 
 namespace sightline {
 
-// What is set at the lens.
+// Adjustable values of the lens.
 struct LensSetting {
   double f_number = 0;
   double focus_distance_m = 0;
@@ -57,8 +57,8 @@ class SettingJudge {
                std::vector<WeightedFrame> frames, uint64_t seed, RenderLimits limits);
   ~SettingJudge();
 
-  // How much of a call of LookThrough, Judge or JudgePairs is done, in [0, 1], is told to `report`
-  // while it works, by one thread at a time; empty: to nobody.
+  // How much of a call of LookThrough, Judge or JudgePairs is done, in [0, 1], is passed to
+  // `report` while it works, by one thread at a time; may be empty.
   void ReportTo(std::function<void(double)> report) { limits_.progress = std::move(report); }
 
   // Forms the images of all frames and realisations through a lens setting; those of the one before
@@ -73,8 +73,8 @@ class SettingJudge {
   absl::StatusOr<std::vector<JudgedSetting>> JudgePairs(
       std::span<const std::pair<double, double>> long_and_short_s, double laser_power_w);
 
-  // What was detected with one setting, all blocks of all frames that have a crossing, through the
-  // lens of the last LookThrough, which must be the setting's. CANCELLED.
+  // Detections with one setting in all blocks of all frames that have a crossing, through the lens
+  // of the last LookThrough, which must be the setting's. CANCELLED.
   absl::StatusOr<std::vector<DetectedBlock>> DetectedBlocks(const OpticalSetting& setting);
 
   // The frame's setup at a setting, realisation `r`; the plate's distance is that of its line.
@@ -82,7 +82,7 @@ class SettingJudge {
   const std::vector<WeightedFrame>& frames() const { return frames_; }
   // The light of the first realisation of a frame through the lens of the last LookThrough.
   const PixelIrradiance& light(size_t frame) const;
-  // Images judged so far.
+  // Images evaluated so far.
   int64_t judged_images() const { return judged_images_; }
 
  private:

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Two-dimensional Fourier transform of signals that fill only some rows and of spectra that fill
-// only a band: what the pupil passes. Empty rows and columns outside the band cost nothing.
+// only the band that the pupil passes. Empty rows and columns outside the band cost nothing.
 #pragma once
 
 #include <complex>

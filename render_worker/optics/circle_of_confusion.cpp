@@ -13,7 +13,7 @@
 namespace sightline {
 namespace {
 
-// Radii are told apart by this much [samples].
+// Resolution of the radii [samples].
 constexpr double kRadiusStep = 0.125;
 // Places per sample and axis at which a disc's rim is looked at.
 constexpr int kRimSamples = 8;

@@ -6,7 +6,7 @@
 
 namespace sightline {
 
-// What a pinhole sees, spread as a lens with a round pupil does: the light of every sample goes
+// Spreads a pinhole image as a lens with a round pupil does: the light of every sample goes
 // evenly to the samples of a disc about it, of the radius that `radius_samples` has there. For a
 // pupil of radius R and an object whose sharp image is at b' instead of the sensor's b the radius
 // is R b |1/b' - 1/b| (thesis eq. 5.5, similar triangles). Energy is kept, except for what leaves

@@ -10,8 +10,8 @@
 
 namespace sightline {
 
-// Light the pupil at a place of the sensor lets through, over that of the clear circle the ideal
-// irradiance was computed for. Bilinear between nodes, as pupils change slowly.
+// Fraction of the light that the pupil passes towards a place of the sensor: its light over that of
+// the clear circle of the ideal irradiance. Bilinear between nodes, as pupils change slowly.
 class ClearFractionMap {
  public:
   ClearFractionMap(const OpticsModel& optics, const SubPixelGrid& grid, int threads);

@@ -63,7 +63,7 @@ int RequiredMargin(const OpticsModel& optics, double largest_curvature_per_m, do
 // division into blocks only through the cut point spread (a thousandth of the light, some per cent
 // of the irradiance in a speckle). A pupil that varies over the field is constant over blocks of 96
 // px, or half the point spread's reach if that is more; its vignetting varies smoothly. Nothing
-// wraps around whatever the grid's margin. Dark parts cost nothing. Without speckle: the mean over
+// wraps around for any margin of the grid. Dark parts cost nothing. Without speckle: the mean over
 // all patterns. Incoherent light: optical transfer function of each channel's pupil at the region's
 // centre, then the mean of each pixel's samples, which are means over their sub-pixels. The grid
 // must be fine enough for the pupil (RequiredSubPixels). Same bytes for any number of threads.

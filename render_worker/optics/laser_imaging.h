@@ -19,7 +19,7 @@ struct LaserTransform {
   int columns_px = 0;
   int rows_px = 0;
 };
-// The transforms of an image, in order: what they cost, and the frequencies of the pupil's samples.
+// The transforms of an image, in order: their cost, and the frequencies of the pupil's samples.
 std::vector<LaserTransform> PlanLaserTransforms(const IdealImage& image, const OpticsModel& optics,
                                                 int threads);
 

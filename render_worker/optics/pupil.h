@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The lens's exit pupil: shape and wavefront error, and what follows for diffraction.
+// The lens's exit pupil: shape, wavefront error and diffraction.
 #pragma once
 
 #include <compare>

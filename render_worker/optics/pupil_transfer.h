@@ -7,7 +7,7 @@
 
 namespace sightline {
 
-// What relates frequencies of a transform to places in the pupil, r = lambda b q.
+// Relation between frequencies of a transform and places in the pupil, r = lambda b q.
 struct TransferGrid {
   double wavelength_m = 0;
   double image_distance_m = 0;

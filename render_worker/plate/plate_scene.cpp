@@ -20,7 +20,7 @@ double PhotonsPerJoule(double wavelength_m) {
   return wavelength_m / (kPlanck_j_s * kSpeedOfLight_m_per_s);
 }
 
-// Where on the plate a point of the sensor looks.
+// The point of the plate that a point of the sensor sees.
 struct PlatePoint {
   double x_m, s_m, height_m;
 };

@@ -12,7 +12,7 @@ namespace sightline {
 
 // Function of the place (X along the line, s across it) [m] on the plate.
 using PlateFunction = std::function<double(double x_m, double s_m)>;
-// Where on the plate's image plane without errors of the lens a point (u, v) of the sensor looks.
+// The image point (u, v) at which an error-free lens would show what a point of the sensor sees.
 struct SensorPoint {
   double u_m, v_m;
 };

@@ -26,7 +26,7 @@ struct RecordedSet {
 // The frame that was read out just before frame f of a burst, of the same region; -1: none.
 int PrecedingFrame(const RecordedSet& set, int f);
 
-// Of one place of the plate through the same optics: pixel by pixel the same speckle.
+// True for one place of the plate through the same optics: pixel by pixel the same speckle.
 bool SameSpeckle(const RecordedFrame& a, const RecordedFrame& b);
 
 // `raw_dn`: one image for every recording, of its region's size; or none at all.

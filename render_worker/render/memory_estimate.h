@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What an image will take before it is begun.
+// Estimates the memory of an image before it is begun.
 #pragma once
 
 #include <cstdint>
@@ -19,12 +19,12 @@ int64_t FrameBytes(const SubPixelGrid& laser_grid, const SubPixelGrid& incoheren
 // The same before any optics are computed: sub-pixels the pupil needs, no margin.
 int64_t EstimateFrameBytes(const FrameSetup& frame);
 
-// RESOURCE_EXHAUSTED, reason IMAGE_TOO_LARGE, if `bytes` exceed the limit; says how much is needed
-// and for what. `context` names the frame.
+// RESOURCE_EXHAUSTED, reason IMAGE_TOO_LARGE, if `bytes` exceed the limit; says how much is needed,
+// and for which arrays. `context` names the frame.
 absl::Status CheckFrameBytes(int64_t bytes, int64_t max_bytes, const FrameSetup& frame,
                              int sub_pixels, const std::string& context);
 
-// Sub-pixels per pixel and axis of the laser grid: frame.sub_pixels, or what the pupil needs.
+// Sub-pixels per pixel and axis of the laser grid: frame.sub_pixels, or as many as the pupil needs.
 int SubPixelsOf(const FrameSetup& frame);
 
 }  // namespace sightline

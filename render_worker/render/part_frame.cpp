@@ -60,7 +60,7 @@ TransportProgress Share(const RenderLimits& limits, double begin, double end) {
   return progress;
 }
 
-// Depths of what the camera sees, from a coarse look; nothing seen: the focused plane.
+// Depths of the surfaces that the camera sees, by coarse rays; without any: the focused plane.
 struct DepthRange {
   double nearest_m, farthest_m;
 };

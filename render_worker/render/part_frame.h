@@ -15,7 +15,7 @@
 
 namespace sightline {
 
-// What goes into an image layer by layer, at the pixels of the region of interest.
+// Layers of an image, at the pixels of the region of interest.
 struct FrameLayers {
   Image<float> laser_radiance_w_m2_sr;       // mean over the pixel
   Image<float> depth_m;                      // along the optical axis; 0: nothing hit
@@ -25,7 +25,7 @@ struct FrameLayers {
   Image<float> photo_electrons;              // mean, before noise
 };
 
-// What is set at camera and laser, instead of what the inspection says.
+// Settings of camera and laser that replace the inspection's.
 struct CameraSetting {
   double f_number = 0;
   double exposure_time_s = 0;

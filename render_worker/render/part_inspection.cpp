@@ -19,7 +19,7 @@
 namespace sightline {
 namespace {
 
-// An asset's; what it may have at most is up to the store.
+// An asset's size; the store limits it.
 constexpr uint64_t kMaxMeshBytes = uint64_t{2} << 30;
 constexpr int kMaxFrames = 100000;
 

@@ -19,7 +19,7 @@
 namespace sightline {
 
 // INVALID_ARGUMENT names the field: sensor or materials that are files (a request must never make
-// the server read files of its own) or missing, no lens, and what ParseInspection says. `field`: of
+// the server read files of its own) or missing, no lens, and errors of ParseInspection. `field`: of
 // the inspection in the request.
 absl::StatusOr<Inspection> ParsePartInspection(const v1::Inspection& message,
                                                const std::string& field);
@@ -44,7 +44,7 @@ absl::StatusOr<std::unique_ptr<PartScene>> LoadPartScene(const Inspection& inspe
 // fields of materials. Sorted, each once.
 std::vector<std::string> AssetFiles(const Inspection& inspection);
 
-// The mesh of an asset; its extension tells the format. Errors of `assets` and LoadPartFromMemory.
+// The mesh of an asset; its extension gives the format. Errors of `assets` and LoadPartFromMemory.
 absl::StatusOr<TriangleMesh> LoadMeshAsset(const std::string& file, const std::string& unit,
                                            const AssetResolver& assets);
 absl::StatusOr<std::vector<TriangleMesh>> LoadObstacles(const Inspection& inspection,

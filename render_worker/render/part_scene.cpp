@@ -179,7 +179,7 @@ Spectrum PartScene::LightSpectrum() const {
 absl::StatusOr<std::shared_ptr<const LightTransport>> PartScene::TransportAt(
     const Measurement& measurement, double stage_position_m) {
   const Inspection& inspection = input_.inspection;
-  // What the scene in part coordinates depends on.
+  // The inputs that the scene in part coordinates depends on.
   std::vector<double> key;
   bool turns = false, travels = inspection.lighting.area_lights_size() > 0;
   for (const ObstacleSource& obstacle : inspection.obstacles) {

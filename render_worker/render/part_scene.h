@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// A part with its surroundings, from the inspection to what light transport takes.
+// A part with its surroundings, from the inspection to the scene of light transport.
 #pragma once
 
 #include <memory>
@@ -31,7 +31,7 @@ class PartScene {
 
   const Inspection& inspection() const { return input_.inspection; }
   const Eigen::Vector3d& part_centre_m() const { return part_centre_m_; }
-  // Of part and obstacles that move with it, in part coordinates.
+  // Bounding box of the part and the obstacles that move with it, in part coordinates.
   const Eigen::AlignedBox3d& part_box() const { return part_box_; }
   bool has_incoherent_light() const { return has_incoherent_light_; }
   // Sum of the lights' radiances, for mean wavelengths.

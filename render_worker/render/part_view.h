@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Geometry of a part's frame, and what light transport's radiances become on the sensor.
+// Geometry of a part's frame, and conversion of light transport's radiances to the sensor.
 #pragma once
 
 #include <Eigen/Core>

@@ -54,7 +54,7 @@ class ImageWriter {
               const RenderTaskHooks& hooks)
       : folder_(std::move(folder)), output_(output), sensor_(sensor), hooks_(hooks) {}
 
-  // Says what was asked for and cannot be done.
+  // Names requested features that are impossible.
   void WarnOnce() const {
     if (output_.demosaic() && sensor_.colour_filter == ColourFilter::kMono && hooks_.on_warning) {
       hooks_.on_warning("demosaic: the sensor is mono, there is nothing to demosaic");
@@ -62,7 +62,7 @@ class ImageWriter {
   }
 
   // `number`: of the image. `name`: path in the folder with its extension. `description`: JSON of
-  // what made the image.
+  // the image's origin.
   absl::Status Write(int number, const std::string& name, const Image<uint16_t>& raw_dn,
                      const RegionOfInterest& roi, const FrameLayers* layers,
                      const std::string& description) const {
@@ -139,7 +139,7 @@ bool Cancelled(const RenderTaskHooks& hooks) {
   return hooks.cancelled != nullptr && *hooks.cancelled;
 }
 
-// Which of the images the client has; INVALID_ARGUMENT for a number that is none.
+// Marks the images that the client has; INVALID_ARGUMENT for a number that is none.
 absl::StatusOr<std::vector<bool>> FinishedImages(const v1::RenderOutput& output, int images) {
   std::vector<bool> finished(static_cast<size_t>(images), false);
   for (int i = 0; i < output.finished_images_size(); ++i) {
@@ -153,7 +153,7 @@ absl::StatusOr<std::vector<bool>> FinishedImages(const v1::RenderOutput& output,
   return finished;
 }
 
-// The set with this recording alone: what the image's file says about itself.
+// The set with this recording alone, as the description in the image's file.
 std::string DescribeImage(const v1::Recordings& set, int index) {
   v1::Recordings one = set;
   one.clear_recordings();
@@ -258,7 +258,7 @@ class PartTask final : public RenderTask {
     Lens lens = *inspection_.rig.lens;
     Laser laser = inspection_.rig.laser;
     if (requests_[0].setting) {
-      // Where frames differ in these, a warning says so.
+      // A warning says so if frames differ in these.
       laser.power_w = requests_[0].setting->laser_power_w;
       lens.sensor_tilt_x_rad = requests_[0].setting->sensor_tilt_x_rad;
       lens.sensor_tilt_y_rad = requests_[0].setting->sensor_tilt_y_rad;
@@ -375,7 +375,7 @@ class PlateTask final : public RenderTask {
     Image<double> previous;
     for (int i = 0; i < frames(); ++i) {
       const bool finished = finished_[static_cast<size_t>(i)];
-      // A frame of a burst begins with what the frame before has left in the sensor.
+      // A frame of a burst begins with the charge that the frame before has left in the sensor.
       const bool needed_next = i + 1 < frames() && !finished_[static_cast<size_t>(i) + 1] &&
                                PlateFrame(set_, i + 1, options_).burst_frame_index > 0;
       if (finished && !needed_next) continue;

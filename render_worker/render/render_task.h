@@ -24,7 +24,7 @@ struct RenderedFile {
   int image = -1;      // number of its frame or recording; recordings.json: -1
 };
 
-// What a running task tells and asks. Called from the task's thread.
+// Callbacks of a running task. Called from the task's thread.
 struct RenderTaskHooks {
   std::function<void(RenderedFile file)> on_file;
   std::function<void(const std::string& warning)> on_warning;
@@ -47,8 +47,8 @@ class RenderTask {
   virtual std::vector<std::string> AssetFiles() const = 0;
   virtual int frames() const = 0;
 
-  // Renders into `folder`, which exists, all but what the request says is finished; recordings.json
-  // comes last. Every file appears complete.
+  // Renders all images that the request does not list as finished into `folder`, which exists;
+  // recordings.json comes last. Every file appears complete.
   // INVALID_ARGUMENT, NOT_FOUND: a broken asset; CANCELLED.
   virtual absl::Status Run(const std::string& folder, const AssetResolver& assets,
                            const RenderTaskHooks& hooks) = 0;

@@ -1,11 +1,13 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render_worker/scene_diagnosis/diagnose_scene.h"
 
+#include <string>
 #include <vector>
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "render_worker/evidence/answer_text.h"
 #include "render_worker/scene_diagnosis/answer/added_light.h"
 #include "render_worker/scene_diagnosis/answer/calibrated_scene.h"
 #include "render_worker/scene_diagnosis/answer/explanations.h"
@@ -68,15 +70,17 @@ v1::Diagnosis DescribeComparison(const RecordedScene& scene, const SceneLight& l
   const PathFit& null_fit = comparison.hypotheses.front().best;
   const AddedLight added = FindAddedLight(scene, light, blocks, best, null_fit);
   v1::Diagnosis diagnosis;
+  AddExplanations(scene, comparison, ranked, added.region, &diagnosis);
   if (comparison.finished) {
     diagnosis.set_verdict(best.effects.empty() ? "none" : "effect");
-    diagnosis.set_finding(SceneFinding(scene, best, null_fit, added));
+    const std::string left = RemainderText(diagnosis);
+    diagnosis.set_finding(
+        absl::StrCat(SceneFinding(scene, best, null_fit, added), left.empty() ? "" : "\n", left));
   } else {
     diagnosis.set_verdict("interrupted");
     diagnosis.set_finding(InterruptedSceneFinding(
         best, comparison, grid.recordings, static_cast<int>(scene.recordings.recordings.size())));
   }
-  AddExplanations(scene, comparison, ranked, added.region, &diagnosis);
   *diagnosis.mutable_held_out_improvement() = HeldOutImprovementOf(grid, null_fit, best.best);
   *diagnosis.mutable_null_fit() = PathFitMessage(grid, null_fit);
   *diagnosis.mutable_model_fit() = PathFitMessage(grid, best.best);

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Diagnosis of recordings of a part: which light the nominal model lacks, where it shows, and how
-// sure that is (docs/scene-diagnosis.md).
+// sure that is (docs/diagnosis.md).
 //
 // The expected images are separated by light path (light_paths.h), reduced to means over blocks of
 // pixels (block/block_means.h), and fitted (fit/path_fit.h). The null model, the null model with

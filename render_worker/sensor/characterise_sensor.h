@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The EMVA 1288 procedure carried out on the simulated sensor: what a data sheet of it would say.
+// The EMVA 1288 procedure carried out on the simulated sensor: the values of its data sheet.
 #pragma once
 
 #include <cstdint>
@@ -25,7 +25,7 @@ struct CharacterisationSetup {
 struct Characterisation {
   PhotonTransfer photon_transfer;
   DarkCurrent dark_current;  // at the reference temperature
-  // Unset: no dark current can be told from zero.
+  // Unset: the dark current is not significantly above zero.
   std::optional<DarkCurrentOverTemperature> over_temperature;
   NonUniformity non_uniformity;
 };

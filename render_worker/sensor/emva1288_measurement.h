@@ -61,7 +61,7 @@ struct PhotonTransfer {
   // Mean of |deviation| from the line of least relative squares, 5 to 95 % of saturation.
   double linearity_error_relative = 0;
   double linearity_error_min_relative = 0, linearity_error_max_relative = 0;
-  // What temporal noise alone leaves of it for a linear camera, in the mean.
+  // Mean of it that temporal noise alone leaves for a linear camera.
   double linearity_noise_relative = 0;
 };
 
@@ -111,7 +111,7 @@ class FrameStack {
   double MeanDn() const;
   // Mean over the pixels of the temporal variance.
   double TemporalVarianceDn2() const;
-  // Variance over the pixels of the averaged frame, with what temporal noise is left in it.
+  // Variance over the pixels of the averaged frame, with the temporal noise left in it.
   double MeasuredSpatialVarianceDn2() const;
 
  private:

@@ -87,7 +87,7 @@ Image<double> CollectElectrons(const Image<double>& mean_photo_electrons, const 
       }
       CounterRandom random(noise_seed, stream);
       // The sum of two Poisson numbers is one of the summed means. Beyond kLargestMean every pixel
-      // is full; what is no number counts as no light.
+      // is full; NaN counts as no light.
       mean = mean > 0 ? std::min(mean, kLargestMean) : 0;
       double charge = PoissonNumber(mean + dark_electrons, random) + offset;
       if (sensor.dark_noise_electrons > 0) charge += sensor.dark_noise_electrons * random.Normal();

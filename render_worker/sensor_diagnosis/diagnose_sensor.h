@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Diagnosis of a camera from flat-field and dark frames: its values by maximum likelihood and by
 // the definitions of EMVA 1288, and the physics that the linear model of EMVA 1288 lacks
-// (docs/sensor-sets.md).
+// (docs/diagnosis.md).
 #pragma once
 
 #include "absl/status/statusor.h"

@@ -15,7 +15,7 @@
 namespace sightline {
 namespace {
 
-// Room for what goes around an answer in its message.
+// Room for the envelope of an answer in its message.
 constexpr size_t kMostAnswerBytes = kMaxMessageBytes - (1 << 20);
 
 }  // namespace

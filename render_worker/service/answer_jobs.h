@@ -39,7 +39,7 @@ class AnswerJobs {
         [&] { return MemoryOf(request); });
   }
 
-  // Progress in [0, 1] with what is being done; false: the job is cancelled.
+  // Progress in [0, 1] with a text; false: the job is cancelled.
   using Progress = std::function<bool(double fraction, const std::string& what)>;
   // From the progress to report and the context, which says when to stop, to the serialised answer.
   using Work = std::function<absl::StatusOr<std::string>(const Progress&, JobContext&)>;
@@ -55,12 +55,12 @@ class AnswerJobs {
 
   // The serialised answer of a finished job of the kind. NOT_FOUND, reason JOB_UNKNOWN or
   // RESULT_DROPPED; FAILED_PRECONDITION, reason JOB_NOT_FINISHED; the job's error, unless it was
-  // cancelled and its work returned what it had by then.
+  // cancelled and its work returned a partial result.
   absl::StatusOr<std::shared_ptr<const std::string>> Result(const std::string& job_id,
                                                             const std::string& kind);
 
  private:
-  // Of all but its id.
+  // Digest of all fields but the id.
   template <typename Request>
   static std::string DigestOf(Request request) {
     request.clear_request_id();

@@ -19,7 +19,7 @@ namespace sightline {
 // Digest of a message: the same for equal messages, whatever order their maps are in.
 std::string MessageDigest(const google::protobuf::Message& message);
 
-// Memory of a request that waits: the message, and about as much for what was made of it.
+// Memory of a request that waits: the message, and about as much for its parsed form.
 int64_t MemoryOf(const google::protobuf::Message& request);
 
 // A file that is removed when nobody holds it any more.

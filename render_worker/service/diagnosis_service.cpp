@@ -43,7 +43,7 @@ absl::Status InvalidImages(const AssetFolder& files, const std::vector<std::stri
   return InvalidFields(violations);
 }
 
-// `excluded_effects` against `check`, which says what is wrong with an id; `max_effects` in
+// `excluded_effects` against `check`, which gives the error of an id; `max_effects` in
 // [1, most].
 absl::Status CheckEffects(const v1::CreateDiagnosisRequest& request, int most,
                           const std::function<absl::Status(const std::string&)>& check) {
@@ -61,7 +61,7 @@ absl::Status CheckEffects(const v1::CreateDiagnosisRequest& request, int most,
   return InvalidFields(violations);
 }
 
-// What parts and plates have in common.
+// Settings that parts and plates have in common.
 template <typename Settings>
 Settings CommonSettings(const v1::CreateDiagnosisRequest& request, int threads) {
   Settings settings;

@@ -24,7 +24,7 @@
 
 namespace sightline {
 
-// What the service runs. A function that is not there: its calls get UNIMPLEMENTED.
+// Functions that the service runs. A function that is not there: its calls get UNIMPLEMENTED.
 struct RecordingFunctions {
   // Diagnose, Verify and DiagnoseScene.
   std::function<absl::StatusOr<v1::Diagnosis>(const RecordedSet&, const DiagnosisSettings&,
@@ -104,7 +104,7 @@ class DiagnosisServiceImpl final : public v1::DiagnosisService::Service {
 
   const Parts p_;
   AnswerJobs answers_;
-  SharedLimit set_bytes_;  // whoever asks
+  SharedLimit set_bytes_;  // of all callers
   std::atomic<int64_t> next_folder_ = 0;
 };
 

@@ -15,7 +15,7 @@ namespace {
 
 constexpr char kOpticsJobKind[] = "optics";
 
-// What one job holds on to.
+// Resources of one job.
 struct OpticsWork {
   explicit OpticsWork(std::string folder) : assets(std::move(folder)) {}
   AssetFolder assets;

@@ -11,7 +11,7 @@
 namespace sightline {
 namespace {
 
-// As many as jobs are remembered: nobody can ask for older ones.
+// As many as jobs are remembered: older ones cannot be requested.
 constexpr size_t kMostOutputs = kKeptFinishedJobs;
 // With room for those that have not finished.
 constexpr size_t kMostKnown = 4 * kMostOutputs;

@@ -38,12 +38,12 @@ class RenderOutput {
   void Finish();
   // Whether it ended that long ago.
   bool FinishedBefore(absl::Duration age) const;
-  // Nobody wants it any more.
+  // The output is not wanted any more.
   void Discard() { discarded_ = true; }
   bool discarded() const { return discarded_; }
   void AddFile(RenderedFile file);
   void AddWarning(const std::string& warning);
-  // Those from `first` on.
+  // Files from number `first` on.
   std::vector<RenderedFile> FilesFrom(size_t first) const;
   std::vector<std::string> WarningsFrom(size_t first) const;
   int64_t bytes() const;
@@ -70,7 +70,7 @@ class RenderOutputStore {
   void Add(const std::string& job_id, std::shared_ptr<RenderOutput> output);
   // Null if unknown or dropped.
   std::shared_ptr<RenderOutput> Get(const std::string& job_id) const;
-  // Drops what was discarded or is too old, and the oldest outputs beyond the limits on bytes and
+  // Drops discarded and too old outputs, and the oldest ones beyond the limits on bytes and
   // on number, but not the newest one. Who streams from one keeps it alive.
   void Trim();
 

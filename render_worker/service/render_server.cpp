@@ -64,8 +64,8 @@ class Sweeper {
   std::thread thread_;
 };
 
-// What is kept for a time is looked at ten times within it, but not oftener than a machine that has
-// little else to do would notice.
+// Ten sweeps within the time that things are kept, but rarely enough to cost an idle machine
+// nothing.
 absl::Duration SweepInterval(absl::Duration keep) {
   return std::clamp(keep / 10, absl::Milliseconds(50), absl::Minutes(1));
 }

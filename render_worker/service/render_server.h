@@ -16,11 +16,11 @@ namespace sightline {
 struct RenderServerOptions : RpcServerOptions {
   int threads = 0;         // of one job; 0: one per core
   int render_workers = 1;  // jobs at a time
-  // Of all jobs that wait or run: how many, and memory of their requests. More get
+  // Limits on all jobs that wait or run: how many, and memory of their requests. More get
   // RESOURCE_EXHAUSTED.
   int64_t max_queued_jobs = 64;
   int64_t max_queued_bytes = int64_t{256} << 20;
-  // Where assets and images are kept; empty: the system's temporary folder. The server makes a
+  // Folder for assets and images; empty: the system's temporary folder. The server makes a
   // folder there that only its user can enter. It goes when the server ends; if it is killed, when
   // the next one starts on the same folder.
   std::string spool_folder;

@@ -29,7 +29,7 @@ namespace fs = std::filesystem;
 
 constexpr char kRenderJobKind[] = "render";
 
-// What one job holds on to.
+// Resources of one job.
 struct RenderWork {
   explicit RenderWork(std::string input_folder) : assets(std::move(input_folder)) {}
   std::unique_ptr<RenderTask> task;
@@ -101,7 +101,7 @@ absl::Status RenderServiceImpl::Create(const std::string& peer,
       peer, [&] { return MemoryOf(request); });
   if (!admission.ok()) return admission.status();
   if (admission->known) {
-    // By then whoever has made it has kept its output.
+    // The call that created the job holds the lock until its output is kept.
     const std::lock_guard lock(create_mutex_);
     *response->mutable_job() = *std::move(admission->known);
     return absl::OkStatus();
@@ -212,7 +212,7 @@ absl::Status RenderServiceImpl::Stream(grpc::ServerContext* context,
   auto sent = static_cast<size_t>(request.skip_files());
   size_t warnings = 0;
   while (true) {
-    // The job's state first: what it made before it ended is sent.
+    // The job's state first: files that it made before it ended are sent.
     job = p_.jobs->Get(request.job_id());
     if (!job.ok()) return job.status();
     for (const std::string& warning : output->WarningsFrom(warnings)) {

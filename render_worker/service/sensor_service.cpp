@@ -17,7 +17,7 @@ namespace {
 
 constexpr char kSensorJobKind[] = "sensor";
 
-// What one job holds on to.
+// Resources of one job.
 struct SensorWork {
   explicit SensorWork(std::string folder) : assets(std::move(folder)) {}
   AssetFolder assets;

@@ -6,8 +6,8 @@
 
 namespace sightline {
 
-// `render_worker --listen unix:PATH | HOST:PORT [options]`, see ServerMain. `version`: what
-// --version prints.
+// `render_worker --listen unix:PATH | HOST:PORT [options]`, see ServerMain. `version`: text of
+// --version.
 int RenderWorkerMain(int argc, char** argv, const std::string& version);
 
 }  // namespace sightline

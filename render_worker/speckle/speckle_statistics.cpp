@@ -77,8 +77,8 @@ SampledPupil SamplePupil(double radius_m, double wavelength_m, double image_dist
   return sampled;
 }
 
-// What two rows of the pupil give together, by lag along the line: overlaps of their samples at all
-// shifts times the waves.
+// Joint contribution of two rows of the pupil, by lag along the line: overlaps of their samples at
+// all shifts times the waves.
 class RowOverlaps {
  public:
   // `light`: what passes each sample, row by row.
@@ -393,7 +393,7 @@ std::vector<SpecklePixelCovariance> OfSamples(const Pupil& pupil, const Speckled
   return places;
 }
 
-// What the shape changes, on the statistics of the circle around it.
+// Change by the pupil's shape, relative to the statistics of the circle around it.
 std::vector<SpecklePixelCovariance> OfShape(const Pupil& pupil, const SpeckledLine& line,
                                             double spacing_m) {
   Pupil circle;
@@ -473,7 +473,7 @@ LineSpeckle::LineSpeckle(const Pupil& pupil, double wavelength_m, double image_d
       new Memo<Key, std::shared_ptr<const std::vector<SpecklePixelCovariance>>>(kMost);
   const SpeckledLine line{wavelength_m, image_distance_m, blur, pixel_pitch_m, line_m,
                           lit_m,        row_reach,        lag};
-  // Of the wavefront's errors speckle of an even object knows nothing.
+  // Speckle of an even object does not depend on the wavefront's errors.
   Pupil shape = pupil;
   shape.zernike_m.clear();
   shape.seidel.clear();

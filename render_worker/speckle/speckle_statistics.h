@@ -13,7 +13,7 @@
 
 namespace sightline {
 
-// Of speckle that is computed with: without any there would be no law of it.
+// Least squared contrast; without any speckle its distribution would be undefined.
 inline constexpr double kLeastContrastSquared = 1e-6;
 
 // How much light passes each place of the pupil towards one place of the image; 1 everywhere for an
@@ -37,8 +37,8 @@ class SpecklePixelCovariance {
 
   double At(int rows, int columns) const;
   int max_lag() const { return max_lag_; }
-  // Of pixels that take up shares of what falls on those around them (`shares`: odd sizes, the
-  // pixel itself in the middle; relative to what they get in all).
+  // Covariance if pixels take up fractions of the light on pixels around them (`shares`: odd sizes,
+  // the pixel itself in the middle; relative to what they get in all).
   SpecklePixelCovariance Shared(const Image<double>& shares) const;
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What chapter 5 of the thesis measures in an image of a laser line.
+// Statistics of a laser line in an image, as chapter 5 of the thesis measures them.
 #pragma once
 
 #include <string>
@@ -30,7 +30,7 @@ struct AverageProfile {
 };
 AverageProfile AverageAlongLine(const Image<uint16_t>& raw_dn, const ColourChannel& channel);
 
-// Where the line is detected, column by column (section 5.4.2).
+// Detected row of the line, column by column (section 5.4.2).
 struct LineScatter {
   double found_fraction = 0;  // of the columns
   double mean_row_px = 0;
@@ -40,8 +40,8 @@ struct LineScatter {
   bool found() const { return found_fraction >= 0.5; }
 };
 
-// Detection as in thesis appendix A, at the scale of the nominal line's image. What counts as a
-// line stands six standard deviations above what dark noise alone would show as one. `frame` gives
+// Detection as in thesis appendix A, at the scale of the nominal line's image. A line must exceed
+// the response to dark noise alone by six standard deviations. `frame` gives
 // the scale, the noise and the saturation; rows count from the image's first row.
 absl::StatusOr<LineScatter> DetectLineScatter(const Image<uint16_t>& raw_dn,
                                               const ColourChannel& channel,

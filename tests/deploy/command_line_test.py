@@ -85,6 +85,12 @@ class ParseTest(unittest.TestCase):
         self.assertEqual(options["--schema"].needs, "--form")
         self.assertEqual(options["--schema"].description, "it's checked by this")
 
+    def test_ranges_say_which_ends_are_excluded(self):
+        argument = command_help.parse_argument("--fov-deg FLOAT:in (0, 170)", "")
+        self.assertEqual((argument.placeholder, argument.limits), ("FLOAT", "0 (excluded) to 170 (excluded)"))
+        argument = command_help.parse_argument("--goal FLOAT:in (0, 1]", "")
+        self.assertEqual(argument.limits, "0 (excluded) to 1")
+
     def test_choices_and_defaults(self):
         level = two().subcommands[1].options[1]
         self.assertEqual((level.choices, level.default), (["debug", "info"], "info"))

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the command `sightline` reads: plans, fronts, journals, robots, requests of its page.
+// Inputs of the command `sightline`: plans, fronts, journals, robots, requests of its page.
 #include <memory>
 #include <vector>
 
@@ -20,7 +20,7 @@
 namespace sightline {
 namespace {
 
-// Whoever is asked when the journal has no answer.
+// Stands behind the journal and is asked when the journal has no answer.
 class NoOracle final : public GainOracle {
  public:
   const TargetBits& measurable() const override { return none_; }

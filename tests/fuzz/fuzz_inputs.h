@@ -63,7 +63,7 @@ template <typename Message>
 Message ReadJson(std::string_view bytes) {
   Message message;
   const absl::Status status = ParseStrictJson(std::string(bytes), "fuzz.json", &message);
-  // What was accepted reads back.
+  // Accepted messages read back.
   if (status.ok()) {
     Message again;
     if (!ParseStrictJson(ToJson(message), "again.json", &again).ok()) std::abort();

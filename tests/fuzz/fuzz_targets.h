@@ -14,8 +14,8 @@ namespace sightline {
 using FuzzTarget = std::function<void(std::string_view)>;
 const std::map<std::string, FuzzTarget>& FuzzTargets();
 
-// Those of them that read parts, images, devices and descriptions; what commands and their robots,
-// plans and pages read; requests and files of the servers.
+// Targets by what they read: parts, images, devices and descriptions; commands, robots, plans and
+// pages; requests and files of the servers.
 std::map<std::string, FuzzTarget> FileTargets();
 std::map<std::string, FuzzTarget> ClientTargets();
 std::map<std::string, FuzzTarget> ServiceTargets();

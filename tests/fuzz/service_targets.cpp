@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What servers read: requests by HTTP and gRPC, their files, what their commands say.
+// Inputs of servers: requests by HTTP and gRPC, their files, what their commands say.
 #include <sys/eventfd.h>
 #include <sys/socket.h>
 
@@ -21,7 +21,7 @@ namespace {
 
 // All that a client sends on one connection.
 void ServeHttp(std::string_view bytes) {
-  // What a socket holds without anybody reading.
+  // A socket holds this many bytes without a reader.
   bytes = bytes.substr(0, 16 << 10);
   int ends[2];
   if (socketpair(AF_UNIX, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0, ends) != 0) std::abort();

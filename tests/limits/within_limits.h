@@ -27,8 +27,8 @@ inline constexpr int kSlowness = 1;
 
 struct WorkLimits {
   int cpu_time_s = 10;
-  // Of address space, beyond what the test has already. Sanitizers reserve terabytes: not with
-  // them.
+  // Address space beyond the test's present use. It is not limited with sanitizers, which reserve
+  // terabytes.
   int64_t memory_bytes = int64_t{1} << 30;
 };
 
@@ -40,7 +40,7 @@ inline int64_t AddressSpaceBytes() {
   return int64_t{pages} * sysconf(_SC_PAGESIZE);
 }
 
-// What `work` returns (up to 4000 bytes), or how it went beyond the limits.
+// The result of `work` (up to 4000 bytes), or how it went beyond the limits.
 inline std::string WithinLimits(const WorkLimits& limits,
                                 const std::function<std::string()>& work) {
   int ends[2];

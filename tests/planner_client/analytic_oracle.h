@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Gain oracles with coverage given by formulas, for testing planners without a server.
+// Gain models with coverage given by formulas, for testing planners without a server.
 #pragma once
 
 #include <atomic>
@@ -117,7 +117,7 @@ class WeightedOracle final : public FunctionOracle {
 };
 
 // Targets on a line from 0 to 1, one every hundredth. A scan at offset y brings a share of 0.4 to
-// those within 0.26 of y: three scans settle a target, however they lie. Exact scores are the same.
+// those within 0.26 of y: any three scans satisfy a target. Exact scores are the same.
 class ShareOracle final : public GainOracle {
  public:
   static constexpr size_t kTargets = 101;

@@ -203,7 +203,7 @@ TEST_F(DiagnoseCommandTest, WritesTheAnswerAndACalibratedDescription) {
   v1::Diagnosis full;
   ASSERT_TRUE(ReadStrictJsonFile((out / "diagnosis_full.json").string(), &full).ok());
   EXPECT_EQ(full.finding(), "The aperture is smaller than set.");
-  EXPECT_THAT(Bytes(out / "report.html"), HasSubstr("The aperture is smaller than set."));
+  EXPECT_THAT(Bytes(out / "report.json"), HasSubstr("The aperture is smaller than set."));
   // The recorded plate itself as an inspection, which can be rendered as it is.
   const std::string inspection = (out / "calibrated/inspection.json").string();
   const auto plate = ReadInspection(inspection);
@@ -275,7 +275,7 @@ TEST_F(DiagnoseCommandTest, QuickTakesFewerRecordingsAndSaysSo) {
   EXPECT_LE(diagnosed_recordings, 16u);
   EXPECT_EQ(diagnosed_effects, 2);
   EXPECT_THAT(result.errors, HasSubstr(" of 43 recordings, with at most 2 effects at once"));
-  EXPECT_THAT(Bytes(folder_ + "/long/diagnosis/report.html"), HasSubstr("of 43 recordings"));
+  EXPECT_THAT(Bytes(folder_ + "/long/diagnosis/report.json"), HasSubstr("of 43 recordings"));
 }
 
 // In a process of its own: what is interrupted stays so.
@@ -288,7 +288,7 @@ TEST_F(DiagnoseCommandTest, CtrlCKeepsWhatIsKnown) {
     std::ofstream(out / "calibrated/inspection.json") << "of an earlier run";
     const CommandResult result = Run("diagnose", {folder_ + "/set"});
     const auto answer = nlohmann::json::parse(Bytes(out / "diagnosis.json"));
-    const std::string report = Bytes(out / "report.html");
+    const std::string report = Bytes(out / "report.json");
     const bool kept = answer["verdict"] == "interrupted" &&
                       answer["ranked"][0]["effect"] == "optics.coma" &&
                       report.find("Interrupted: this is no finding") != std::string::npos &&
@@ -317,6 +317,7 @@ TEST_F(DiagnoseCommandTest, Verify) {
   };
   EXPECT_EQ(commas(lines[0]), commas(lines[1]));
   EXPECT_TRUE(fs::exists(out / "report.html"));
+  EXPECT_TRUE(fs::exists(out / "report.json"));
 }
 
 TEST_F(DiagnoseCommandTest, WrongInputIsNamed) {
@@ -359,7 +360,7 @@ TEST_F(DiagnoseCommandTest, Part) {
   const fs::path out = folder_ + "/set/diagnosis";
   const auto answer = nlohmann::json::parse(Bytes(out / "diagnosis.json"));
   EXPECT_EQ(answer["ranked"][0]["effect"], "illumination.interreflection");
-  EXPECT_THAT(Bytes(out / "report.html"), HasSubstr("Light goes from surface to surface."));
+  EXPECT_THAT(Bytes(out / "report.json"), HasSubstr("Light goes from surface to surface."));
   const std::string inspection = (out / "calibrated/inspection.json").string();
   const auto calibrated = ReadInspection(inspection);
   ASSERT_TRUE(calibrated.ok()) << calibrated.status();

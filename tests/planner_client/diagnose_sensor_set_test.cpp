@@ -185,8 +185,8 @@ TEST_F(DiagnoseSensorSetTest, SendsTheSetAndWritesTheAnswer) {
   v1::Sensor camera;
   ASSERT_TRUE(ReadStrictJsonFile((out / "camera.json").string(), &camera).ok());
   EXPECT_EQ(camera.gain_dn_per_electron(), 0.125);
-  EXPECT_THAT(Bytes(out / "report.html"), HasSubstr("Signals fall short of proportion by 2 %."));
-  for (const char* file : {"report.html", "diagnosis.json", "camera.json"}) {
+  EXPECT_THAT(Bytes(out / "report.json"), HasSubstr("Signals fall short of proportion by 2 %."));
+  for (const char* file : {"report.html", "report.json", "diagnosis.json", "camera.json"}) {
     EXPECT_THAT(result.output, HasSubstr((out / file).string() + "\n"));
   }
 }

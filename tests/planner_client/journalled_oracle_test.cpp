@@ -52,7 +52,7 @@ class JournalledOracleTest : public testing::Test {
     return request;
   }
 
-  // What a run through the journal found and asked of the oracle behind it.
+  // Result of a run through the journal, and its queries to the gain model behind it.
   struct Run {
     std::vector<std::array<double, kMeasurementParameters>> scans;
     int64_t evaluations = 0;
@@ -145,7 +145,7 @@ TEST_F(JournalledOracleTest, ADamagedAnswerIsAskedAgain) {
   EXPECT_THAT(last.remarks, IsEmpty());
 }
 
-// The count that an oracle keeps is its own: some queries cost nothing, others more than a scan
+// The count that a gain model keeps is its own: some queries cost nothing, others more than a scan
 // each.
 class CountingOracle final : public FunctionOracle {
  public:
@@ -187,7 +187,7 @@ TEST_F(JournalledOracleTest, AnswersOfAnotherPartAreNotUsed) {
   EXPECT_EQ(other.replayed, 0);
   EXPECT_EQ(other.asked, first.asked);
   EXPECT_THAT(first.remarks, IsEmpty());
-  EXPECT_THAT(other.remarks, ElementsAre(HasSubstr("other questions")));
+  EXPECT_THAT(other.remarks, ElementsAre(HasSubstr("another task")));
 }
 
 // For the journal of another search.

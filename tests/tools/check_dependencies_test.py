@@ -133,6 +133,29 @@ class CheckDependenciesTest(unittest.TestCase):
         self.write("page/package-lock.json", json.dumps(lock))
         self.assertEqual(self.run_tool().returncode, 0)
 
+    def test_what_only_tests_need_may_have_weak_copyleft(self):
+        lock = copy.deepcopy(LOCK)
+        good = lock["packages"]["node_modules/good"]
+        good.update({"license": "EPL-2.0", "dev": True})
+        self.write("page/package-lock.json", json.dumps(lock))
+        self.assertEqual(self.run_tool().returncode, 0)
+        good["license"] = "AGPL-3.0-only"
+        self.write("page/package-lock.json", json.dumps(lock))
+        self.expect("good: licence AGPL-3.0-only")
+        good.update({"license": "EPL-2.0", "dev": False})
+        self.write("page/package-lock.json", json.dumps(lock))
+        self.expect("good: licence EPL-2.0")
+
+    def test_licence_in_a_file_counts_for_its_version(self):
+        lock = copy.deepcopy(LOCK)
+        lock["packages"]["node_modules/good/node_modules/dequeue"] = {
+            **lock["packages"]["node_modules/good"], "version": "1.0.5", "license": None}
+        self.write("page/package-lock.json", json.dumps(lock))
+        self.assertEqual(self.run_tool().returncode, 0)
+        lock["packages"]["node_modules/good/node_modules/dequeue"]["version"] = "1.0.6"
+        self.write("page/package-lock.json", json.dumps(lock))
+        self.expect("dequeue: licence None")
+
     def test_manifest_and_lock_belong_together(self):
         self.write("page/package.json", json.dumps({"dependencies": {"good": "^1.2.3"}}))
         self.expect("must be one exact version", "is not the lock of page/package.json")

@@ -9,11 +9,18 @@
 
 #include <BRepBuilderAPI_MakeFace.hxx>
 #include <BRepPrimAPI_MakeBox.hxx>
+#include <BRepPrimAPI_MakeCylinder.hxx>
+#include <BRepPrimAPI_MakeSphere.hxx>
 #include <BRep_Builder.hxx>
+#include <BRep_Tool.hxx>
 #include <Interface_Static.hxx>
 #include <Message.hxx>
 #include <Message_Messenger.hxx>
+#include <Poly_Triangulation.hxx>
 #include <STEPControl_Writer.hxx>
+#include <TopExp_Explorer.hxx>
+#include <TopoDS.hxx>
+#include <TopoDS_Face.hxx>
 #include <TopoDS_Shell.hxx>
 #include <algorithm>
 #include <array>
@@ -393,6 +400,36 @@ TEST_F(StepReadingTest, AFileWithoutSurfacesSaysWhatItHolds) {
       {{"TESSELLATED_SHAPE_REPRESENTATION('L',(#8)", "SHAPE_REPRESENTATION('L',(#6)"}});
   EXPECT_THAT(Refusal(text),
               AllOf(HasSubstr("no solid and no surface"), HasSubstr("COORDINATES_LIST")));
+}
+
+// --- Area ----------------------------------------------------------------------------------------
+
+// The triangles of a face have its area, or the face is named.
+TEST_F(StepReadingTest, FacesWhoseTrianglesHaveAnotherAreaAreNamed) {
+  const std::vector<TopoDS_Shape> shapes = {BRepPrimAPI_MakeBox(20, 30, 40).Shape(),
+                                            BRepPrimAPI_MakeCylinder(0.3, 50).Shape(),
+                                            BRepPrimAPI_MakeSphere(100).Shape()};
+  for (const TopoDS_Shape& shape : shapes) {
+    for (const double chord_mm : {0.01, 0.05}) {
+      const MeshingOptions options{.chord_tolerance_mm = chord_mm};
+      MeshShape(shape, options);
+      EXPECT_THAT(FacesOfOtherArea(shape, options), testing::IsEmpty());
+    }
+  }
+  // Half of the third face is lost.
+  TopExp_Explorer faces(shapes[0], TopAbs_FACE);
+  faces.Next();
+  faces.Next();
+  const TopoDS_Face face = TopoDS::Face(faces.Current());
+  TopLoc_Location location;
+  const Handle(Poly_Triangulation) whole = BRep_Tool::Triangulation(face, location);
+  ASSERT_EQ(whole->NbTriangles(), 2);
+  Handle(Poly_Triangulation) half = new Poly_Triangulation(whole->NbNodes(), 1, false);
+  for (int i = 1; i <= whole->NbNodes(); ++i) half->SetNode(i, whole->Node(i));
+  half->SetTriangle(1, whole->Triangle(1));
+  BRep_Builder().UpdateFace(face, half);
+  EXPECT_THAT(FacesOfOtherArea(shapes[0], {}),
+              testing::ElementsAre(testing::HasSubstr("face 3 of the body with a corner at (")));
 }
 
 // --- Far from the origin -------------------------------------------------------------------------

@@ -627,7 +627,7 @@ TEST_F(StepShapeTest, EachToleranceBindsItsFace) {
                                                "same width")));
 }
 
-// What a tolerance binds besides faces: some are named, all count.
+// Tolerances also bind entities that are no faces: some are named, all count.
 TEST_F(StepShapeTest, ManyEntitiesAreNotAllNamed) {
   const std::string path = WriteShape(BRepPrimAPI_MakeBox(40, 30, 20).Shape(), "box.stp");
   const std::string text = Text(path);
@@ -984,7 +984,7 @@ TEST_P(DrawnValuesTest, PointsOfAnotherMeshFindTheirFaces) {
   }
   EXPECT_LT(left_out_m2, 1e-9 * area_m2);
   EXPECT_THAT(PointsOnFaces(faces, points, normals), SizeIs(points.size()));
-  // Of the flat faces of datum A no other plane takes part: all its points are in the plane z = 0.
+  // Datum A has no other plane: all points of its flat faces are in the plane z = 0.
   const auto datum = std::find_if(imported->report.datums.begin(), imported->report.datums.end(),
                                   [](const Datum& d) { return d.letter == "A"; });
   ASSERT_NE(datum, imported->report.datums.end());
@@ -1003,7 +1003,7 @@ TEST(DrawnPlateTest, TolerancesBindTheFacesTheyAreDrawnAt) {
   ASSERT_TRUE(imported.ok()) << imported.status();
   std::map<std::string, const Tolerance*> by_name;
   for (const Tolerance& tolerance : imported->report.read) by_name[tolerance.name] = &tolerance;
-  // Where the middle of each face is [mm]; of the holes both.
+  // The middle of each face [mm]; of the holes both.
   const auto middles = [&](const std::string& name) {
     std::vector<Vector3d> found;
     for (const int face : by_name.at(name)->faces) {

@@ -2,8 +2,8 @@
 // validate.mjs FOLDER FILE...: checks files with validators from npm, which FOLDER/node_modules has.
 //
 // By the end of the name: .glb with Khronos's glTF validator, .openapi.json with the schema of OpenAPI,
-// .html with html-validate and, in Chromium at two widths, with axe-core. Prints a line for every
-// problem. Exit codes: 0 none, 1 there are some, 77 there is no Chromium (CHROMIUM names it).
+// .html with html-validate (what scripts make of a report, too) and, in Chromium at two widths, with
+// axe-core. Prints a line for every problem. Exit codes: 0 none, 1 there are some, 77 there is no Chromium (CHROMIUM names it).
 import {existsSync, readFileSync} from 'node:fs';
 import {createRequire} from 'node:module';
 import {basename, join, resolve} from 'node:path';
@@ -37,12 +37,13 @@ for (const file of named('.openapi.json')) {
 const htmlRules = {root: true, extends: ['html-validate:recommended'], rules: {'no-inline-style': 'off'}};
 if (named('.html').length > 0) {
   const {HtmlValidate} = require('html-validate');
-  for (const file of named('.html')) {
-    const {results} = await new HtmlValidate(htmlRules).validateString(readFileSync(file, 'utf8'));
+  const validateMarkup = async (file, what, html) => {
+    const {results} = await new HtmlValidate(htmlRules).validateString(html);
     for (const {messages} of results) {
-      for (const found of messages) report(file, `line ${found.line}: ${found.ruleId}: ${found.message}`);
+      for (const found of messages) report(file, `${what}line ${found.line}: ${found.ruleId}: ${found.message}`);
     }
-  }
+  };
+  for (const file of named('.html')) await validateMarkup(file, '', readFileSync(file, 'utf8'));
   const executablePath = process.env.CHROMIUM || '/usr/bin/chromium';
   if (!existsSync(executablePath)) {
     console.log(`SKIPPED: axe-core needs Chromium at ${executablePath} (apt-get install chromium, or set CHROMIUM)`);
@@ -57,6 +58,11 @@ if (named('.html').length > 0) {
       const context = await browser.newContext({viewport: {width, height: 800}, bypassCSP: true});
       const page = await context.newPage();
       await page.goto(pathToFileURL(file).href);
+      // Charts are drawn once the page has a layout.
+      await page.evaluate(() => new Promise((drawn) => requestAnimationFrame(() => requestAnimationFrame(drawn))));
+      if (await page.locator('#report-data').count() > 0 && width > 1000) {
+        await validateMarkup(file, 'with scripts, ', await page.evaluate(() => '<!DOCTYPE html>\n' + document.documentElement.outerHTML));
+      }
       await page.addScriptTag({path: require.resolve('axe-core/axe.min.js')});
       const {violations} = await page.evaluate(() => globalThis.axe.run());
       for (const {id, help, nodes} of violations) {

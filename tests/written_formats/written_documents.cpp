@@ -15,18 +15,20 @@
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
 #include "absl/strings/str_cat.h"
+#include "core/json/strict_json.h"
 #include "planner_client/exports/export_files.h"
 #include "planner_client/report/diagnosis/diagnosis_report.h"
+#include "planner_client/report/document/report_page.h"
 #include "planner_client/report/optics/optics_report.h"
 #include "planner_client/report/plan/plan_csv.h"
 #include "planner_client/report/plan/report.h"
 #include "planner_client/report/plan/sections/pareto_section.h"
-#include "planner_client/report/recordings/sensor_report.h"
-#include "planner_client/report/recordings/verification_report.h"
+#include "planner_client/report/sensor/sensor_report.h"
 #include "planner_client/report/uncertainty/qif_export.h"
 #include "planner_client/report/uncertainty/uncertainty_ply.h"
+#include "planner_client/report/verification/verification_report.h"
 #include "planner_client/setup_sheet/setup_sheet.h"
-#include "planning_service/http_door/openapi.h"
+#include "planning_service/http_api/openapi.h"
 #include "tests/planner_client/exports/sample_plan.h"
 #include "tests/planner_client/report/diagnosis/sample_diagnosis.h"
 #include "tests/planner_client/report/optics/sample_optics.h"
@@ -110,7 +112,13 @@ absl::StatusOr<std::string> QifOfEveryKind(Drawing drawing) {
     feature.set_id(absl::StrCat("#", k));
     feature.set_name(absl::StrCat("f", k));
     feature.set_kind(ToleranceKindName(kind));
-    feature.set_zone_width_m(IsAngular(kind) ? 0 : 1e-5 * (k + 1));
+    if (!IsAngular(kind)) feature.set_zone_width_m(1e-5 * (k + 1));
+    // Every other one has figures.
+    feature.set_verdict(k % 2 == 0 ? v1::FeatureVerdict::NOT_EVALUATED
+                                   : v1::FeatureVerdict::CANNOT_BE_PROVEN);
+    feature.set_because(k % 2 == 0 ? "not evaluated: its datum A binds no face"
+                                   : "cannot be proven: no acceptance zone is left");
+    if (k % 2 == 1) feature.set_uncertainty_m(1e-5);
     if (drawing == Drawing::kNone) continue;
     Tolerance tolerance;
     tolerance.id = feature.id();
@@ -124,6 +132,7 @@ absl::StatusOr<std::string> QifOfEveryKind(Drawing drawing) {
     }
     tolerances.push_back(tolerance);
   }
+  plan.mutable_uncertainty()->mutable_tolerances()->set_read(plan.uncertainty().features_size());
   return QifDocument(plan, "plate.glb", tolerances);
 }
 
@@ -139,6 +148,30 @@ absl::StatusOr<std::string> QifWithTexts(const std::string& text) {
   return QifDocument(plan, text);
 }
 
+// Results of every kind, with and without values.
+absl::StatusOr<std::string> QifResultsOfEveryKind() {
+  v1::Plan plan = SampleUncertaintyPlan().plan;
+  plan.mutable_uncertainty()->clear_features();
+  v1::InspectionResult measured;
+  for (int kind = 0; kind <= static_cast<int>(ToleranceKind::kAngularDistance); ++kind) {
+    for (int decision = 1; decision <= 4; ++decision) {
+      v1::FeatureVerdict& verdict = *plan.mutable_uncertainty()->add_features();
+      verdict.set_name(absl::StrCat("feature ", kind));
+      verdict.set_kind(ToleranceKindName(static_cast<ToleranceKind>(kind)));
+      verdict.set_zone_width_m(1e-4);
+      v1::InspectedFeature& feature = *measured.add_features();
+      feature.set_decision(static_cast<v1::InspectedFeature::Decision>(decision));
+      feature.set_because("a < b & c");
+      if (decision == 4) continue;
+      feature.set_value_m(0.0123);
+      feature.set_expanded_uncertainty_m(4e-6);
+      feature.set_smallest_deviation_m(-1e-5);
+      feature.set_largest_deviation_m(2e-5);
+    }
+  }
+  return QifDocument(plan, "plate.glb", {}, &measured);
+}
+
 absl::StatusOr<std::string> QifOfCoverage() {
   v1::Plan plan = SampleUncertaintyPlan().plan;
   plan.clear_uncertainty();
@@ -148,6 +181,16 @@ absl::StatusOr<std::string> QifOfCoverage() {
 absl::StatusOr<std::string> UncertaintyCloud() {
   const ReportData data = SampleUncertaintyPlan();
   return UncertaintyPly(data.targets, *data.uncertainty, data.measurable);
+}
+
+absl::StatusOr<std::string> PageOf(const absl::StatusOr<v1::Report>& report) {
+  if (!report.ok()) return report.status();
+  return ReportPage(*report, "report.json");
+}
+
+absl::StatusOr<std::string> DataOf(const absl::StatusOr<v1::Report>& report) {
+  if (!report.ok()) return report.status();
+  return ToJson(*report);
 }
 
 // --- the table ---------------------------------------------------------------------------------
@@ -165,17 +208,19 @@ std::vector<Document> Documents() {
       {"optics_report.html",
        [] {
          const v1::DeviceChoice devices = SampleDevices();
-         return RenderOpticsReport(SampleOptics(), &devices);
+         return PageOf(OpticsReport(SampleOptics(), &devices));
        }},
-      {"diagnosis_report.html", [] { return RenderDiagnosisReport(SampleDiagnosis(), ""); }},
-      {"sensor_report.html", [] { return RenderSensorReport(SampleSensorDiagnosis()); }},
-      {"verification_report.html", [] { return RenderVerificationReport(SampleVerification()); }},
+      {"diagnosis_report.html", [] { return PageOf(DiagnosisReport(SampleDiagnosis(), "")); }},
+      {"sensor_report.html", [] { return PageOf(SensorReport(SampleSensorDiagnosis())); }},
+      {"sensor_report.json", [] { return DataOf(SensorReport(SampleSensorDiagnosis())); }},
+      {"verification_report.html", [] { return PageOf(VerificationReport(SampleVerification())); }},
       {"pareto.svg", [] { return ParetoSvgFile(*FullReport().pareto); }},
       {"plan.csv", [] { return PlanCsv(SamplePlan()); }},
       {"service.openapi.json", [] { return OpenApiJson(); }},
       {"uncertainty.ply", UncertaintyCloud},
       {"plan.qif", [] { return QifDocument(SampleUncertaintyPlan().plan, "plate.glb"); }},
       {"coverage.qif", QifOfCoverage},
+      {"results.qif", QifResultsOfEveryKind},
       {"kinds.qif", [] { return QifOfEveryKind(Drawing::kNone); }},
       {"kinds_with_limits.qif", [] { return QifOfEveryKind(Drawing::kLimits); }},
       {"kinds_with_drawing.qif", [] { return QifOfEveryKind(Drawing::kEverything); }},

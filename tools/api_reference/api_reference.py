@@ -1,6 +1,9 @@
 #!/usr/bin/python3
 # SPDX-License-Identifier: Apache-2.0
-"""Writes the API reference from the contract: one Markdown page per proto file, and an index.
+"""Writes the API reference from the contract: one Markdown page per service, and an index.
+
+A proto file without a service is on the page of the only service that imports it, directly or through
+others. Files that several services import are on the page shared.md, all others on files.md.
 
 Needs python3-protobuf. The descriptor set is made by
   protoc -I proto --include_source_info --descriptor_set_out=FILE sightline/v1/*.proto
@@ -20,7 +23,7 @@ IN_FILE = {"message": 4, "enum": 5, "service": 6}
 IN_MESSAGE = {"field": 2, "message": 3, "enum": 4}
 
 
-class Page:
+class Source:
     """A proto file with the comments of its parts."""
 
     def __init__(self, file):
@@ -30,7 +33,7 @@ class Page:
         for location in file.source_code_info.location:
             text = location.leading_comments or location.trailing_comments
             self._comments[tuple(location.path)] = text
-        # Of the whole file: before the package, detached from it or not.
+        # Comment of the whole file: before the package, detached from it or not.
         self.comment = self._file_comment()
 
     def _file_comment(self):
@@ -95,21 +98,53 @@ def anchor(title):
     return re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-")
 
 
+def page_names(sources):
+    """The page of every source, by its file's name."""
+    imports = {source.file.name: set(source.file.dependency) for source in sources}
+
+    def reached(name, seen):
+        for other in imports.get(name, ()):
+            if other in imports and other not in seen:
+                seen.add(other)
+                reached(other, seen)
+        return seen
+
+    importers = {}
+    for source in sources:
+        if source.file.service:
+            for name in reached(source.file.name, set()):
+                importers.setdefault(name, []).append(source.name)
+    pages = {}
+    for source in sources:
+        by = importers.get(source.file.name, [])
+        if source.file.service:
+            pages[source.file.name] = source.name
+        elif len(by) == 1:
+            pages[source.file.name] = by[0]
+        else:
+            pages[source.file.name] = "shared" if by else "files"
+    return pages
+
+
 class Reference:
     def __init__(self, files):
-        self.pages = [Page(f) for f in sorted(files, key=lambda f: f.name)
-                      if f.name.startswith("sightline/")]
-        self._page_of = {}
-        for page in self.pages:
-            for name, _, _ in page.types():
-                self._page_of[f".{page.file.package}.{name}"] = (page, name)
+        self.sources = [Source(f) for f in sorted(files, key=lambda f: f.name)
+                        if f.name.startswith("sightline/")]
+        self._pages = page_names(self.sources)
+        self._source_of = {}
+        for source in self.sources:
+            for name, _, _ in source.types():
+                self._source_of[f".{source.file.package}.{name}"] = (source, name)
+
+    def page_of(self, source):
+        return self._pages[source.file.name]
 
     def _link(self, type_name, here):
         """To the heading of a message or enumeration."""
-        if type_name not in self._page_of:
+        if type_name not in self._source_of:
             return f"`{type_name.lstrip('.')}`"
-        page, name = self._page_of[type_name]
-        target = "" if page is here else f"{page.name}.md"
+        source, name = self._source_of[type_name]
+        target = "" if self.page_of(source) == self.page_of(here) else f"{self.page_of(source)}.md"
         return f"[{name}]({target}#{anchor(name)})"
 
     def _type(self, field, owner, here):
@@ -154,7 +189,7 @@ class Reference:
         return lines + [""]
 
     def _service(self, page, service, path):
-        lines = [f"## {service.name}", ""]
+        lines = [f"### {service.name}", ""]
         if comment := page.comment_of(*path):
             lines += [comment, ""]
         lines += ["| method | request | answer | |", "|---|---|---|---|"]
@@ -166,50 +201,62 @@ class Reference:
             lines.append(f"| `{method.name}` | {asks} | {answers} | {text} |")
         return lines + [""]
 
-    def page(self, page):
-        lines = [f"# {page.file.name}", "",
-                 f"Package `{page.file.package}`; generated from "
-                 f"[{page.file.name}](../../proto/{page.file.name}).", ""]
-        if page.comment:
-            lines += [page.comment, ""]
-        for service, path in page.services():
-            lines += self._service(page, service, path)
-        types = list(page.types())
-        if types:
-            lines += ["## Messages", ""]
-        for name, kind, path in types:
+    def section(self, source):
+        """All of a proto file: its comment, services, messages."""
+        lines = [f"## {source.file.name}", "",
+                 f"Package `{source.file.package}`; generated from "
+                 f"[{source.file.name}](../../proto/{source.file.name}).", ""]
+        if source.comment:
+            lines += [source.comment, ""]
+        for service, path in source.services():
+            lines += self._service(source, service, path)
+        for name, kind, path in source.types():
             if isinstance(kind, descriptor_pb2.EnumDescriptorProto):
-                lines += self._enum(page, name, kind, path)
+                lines += self._enum(source, name, kind, path)
             else:
-                lines += self._message(page, name, kind, path)
+                lines += self._message(source, name, kind, path)
+        return lines
+
+    def page(self, name, sources):
+        title = {"shared": "Messages that several services share", "files": "Messages of files"}.get(
+            name) or ", ".join(s.name for source in sources for s in source.file.service)
+        # The file with the service comes first.
+        sources = sorted(sources, key=lambda source: not source.file.service)
+        lines = [f"# {title}", ""]
+        for source in sources:
+            lines += self.section(source)
         return "\n".join(lines)
 
     def index(self):
         lines = ["# API reference", "",
                  "Generated from the contract by `tools/api_reference/run`; do not edit. Files and "
                  "HTTP bodies are the JSON form of these messages with the names as they stand "
-                 "here. How to use it: [from an MES](../from-an-mes.md), [from Python]"
-                 "(../from-python.md); what errors mean: [errors](../errors.md).", "",
+                 "here. How to use it: [from an MES](../clients.md#from-an-mes), [from Python]"
+                 "(../clients.md#from-python); what errors mean: [errors](../errors.md).", "",
                  "| service | methods |", "|---|---|"]
-        for page in self.pages:
-            for service, _ in page.services():
+        for source in self.sources:
+            for service, _ in source.services():
                 methods = ", ".join(f"`{m.name}`" for m in service.method)
-                lines.append(f"| [{service.name}]({page.name}.md#{anchor(service.name)}) | "
+                lines.append(f"| [{service.name}]({self.page_of(source)}.md#{anchor(service.name)}) | "
                              f"{methods} |")
         lines += ["", "| messages of | |", "|---|---|"]
-        for page in self.pages:
-            if not page.file.service:
-                first = page.file.message_type[0].name if page.file.message_type else ""
-                first_comment = page.comment_of(IN_FILE["message"], 0).split("\n\n")[0]
-                about = page.comment.split("\n\n")[0] or (
+        for source in self.sources:
+            if not source.file.service:
+                first = source.file.message_type[0].name if source.file.message_type else ""
+                first_comment = source.comment_of(IN_FILE["message"], 0).split("\n\n")[0]
+                about = source.comment.split("\n\n")[0] or (
                     f"{first}: {first_comment}" if first_comment else first)
-                lines.append(f"| [{page.name}]({page.name}.md) | {cell(about)} |")
+                lines.append(f"| [{source.name}]({self.page_of(source)}.md#{anchor(source.file.name)}) | "
+                             f"{cell(about)} |")
         return "\n".join(lines) + "\n"
 
     def files(self):
         """Contents by names of files."""
-        pages = {f"{page.name}.md": self.page(page) for page in self.pages}
-        return {"README.md": self.index(), **pages}
+        pages = {}
+        for source in self.sources:
+            pages.setdefault(self.page_of(source), []).append(source)
+        return {"README.md": self.index(),
+                **{f"{name}.md": self.page(name, sources) for name, sources in pages.items()}}
 
 
 def main():

@@ -71,6 +71,38 @@ class ApiReferenceTest(unittest.TestCase):
         self.assertIn("| [Doer](doer.md#doer) | `Do` |",
                       (self.root / "api" / "README.md").read_text())
 
+    def test_files_without_a_service_are_on_the_page_of_their_service(self):
+        folder = self.root / "sightline" / "v1"
+        head = 'syntax = "proto3";\npackage sightline.v1;\n'
+        service = "service {0} {{ rpc Do({1}) returns ({1}); }}\n"
+        (folder / "own.proto").write_text(head + "message Own {}\n")
+        (folder / "both.proto").write_text(head + "message Both { Deep deep = 1; }\n"
+                                           .replace("message", 'import "sightline/v1/deep.proto";\nmessage'))
+        (folder / "deep.proto").write_text(head + "message Deep {}\n")
+        (folder / "none.proto").write_text(head + "message None {}\n")
+        (folder / "one.proto").write_text(
+            head + 'import "sightline/v1/own.proto";\nimport "sightline/v1/both.proto";\n'
+            "message A { Own own = 1; Both both = 2; }\n" + service.format("One", "A"))
+        (folder / "two.proto").write_text(
+            head + 'import "sightline/v1/both.proto";\nmessage B { Both both = 1; }\n'
+            + service.format("Two", "B"))
+        (folder / "doer.proto").unlink()
+        subprocess.run(["protoc", "-I", self.root, "--include_source_info",
+                        f"--descriptor_set_out={self.root / 'set'}",
+                        *(f"sightline/v1/{path.name}" for path in folder.iterdir())], check=True)
+        self.assertEqual(0, self.generate().returncode)
+        api = self.root / "api"
+        self.assertEqual({"README.md", "one.md", "two.md", "shared.md", "files.md"},
+                         {path.name for path in api.iterdir()})
+        one = (api / "one.md").read_text()
+        self.assertTrue(one.startswith("# One\n"))
+        self.assertIn("## sightline/v1/own.proto\n", one)
+        self.assertIn("[Own](#own)", one)
+        self.assertIn("[Both](shared.md#both)", one)
+        self.assertIn("[Deep](#deep)", (api / "shared.md").read_text())
+        self.assertIn("### None\n", (api / "files.md").read_text())
+        self.assertIn("| [deep](shared.md#sightlinev1deepproto) |", (api / "README.md").read_text())
+
     def test_check_finds_what_is_stale(self):
         self.assertIn("README.md, doer.md", self.generate("--check").stderr)
         self.generate()

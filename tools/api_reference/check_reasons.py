@@ -14,7 +14,7 @@ import sys
 SOURCES = ("proto", "core", "rpc_server", "coverage_server", "render_worker", "planner_client",
            "planning_service")
 NAME = re.compile(r'"([A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*)"')
-# Of job failures, which do not pass through WithErrorInfo.
+# Reasons of job failures, which do not pass through WithErrorInfo.
 OTHER = re.compile(r'(?:kReason\w*\[\] = |(?:StatusCode::k\w+|code\(\)),\s*)"([A-Z][A-Z0-9_]+)"')
 
 

@@ -21,7 +21,7 @@ export default [
     languageOptions: {globals: {...globals.browser, ...globals.serviceworker}},
   },
   {
-    files: ['clients/**/*.js', 'tests/**/*.mjs', 'tests/**/*.cjs', 'deploy/**/*.mjs'],
+    files: ['clients/**/*.js', 'examples/**/*.mjs', 'clients/**/*.mjs', 'tests/**/*.mjs', 'tests/**/*.cjs', 'deploy/**/*.mjs'],
     // The browser tests hand functions to the page.
     languageOptions: {globals: {...globals.node, ...globals.browser}},
   },

@@ -44,7 +44,7 @@ constexpr char kRemark[] = "remark: ";
 
 struct Arguments {
   std::filesystem::path in;  // "-": standard input
-  std::string name;          // what messages call it; empty: `in`
+  std::string name;          // name in messages; empty: `in`
   std::filesystem::path out;
   std::filesystem::path tolerances;  // "-": standard output
   MeshingOptions meshing;
@@ -52,7 +52,7 @@ struct Arguments {
 
   std::string NameOfInput() const { return name.empty() ? in.string() : name; }
 
-  // Where to say what was meshed: never between lines of JSON.
+  // Stream for the report of the mesh: never between lines of JSON.
   FILE* log() const { return tolerances == "-" ? stderr : stdout; }
 };
 
@@ -178,6 +178,12 @@ MeshedModel ReadAndMesh(const StepText& text, const Arguments& arguments) {
     }
     for (const StepBody& body : meshed.model.bodies) {
       BodyMesh mesh = MeshBody(text.name, body, arguments.meshing, arguments.log());
+      if (!body.shape.IsNull()) {
+        for (const std::string& remark : FacesOfOtherArea(body.shape, arguments.meshing)) {
+          std::fprintf(arguments.log(), "%s%s: %s\n", kRemark, OneLine(body.name).c_str(),
+                       remark.c_str());
+        }
+      }
       meshed.meshes.push_back(std::move(mesh.mesh));
       meshed.turned.push_back(mesh.turned);
     }

@@ -1,11 +1,14 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "tools/step_import/shape_mesh.h"
 
+#include <BRepGProp.hxx>
 #include <BRepMesh_IncrementalMesh.hxx>
 #include <BRep_Tool.hxx>
+#include <GProp_GProps.hxx>
 #include <IMeshTools_Parameters.hxx>
 #include <Poly_PolygonOnTriangulation.hxx>
 #include <Poly_Triangulation.hxx>
+#include <Standard_Failure.hxx>
 #include <TopExp.hxx>
 #include <TopExp_Explorer.hxx>
 #include <TopTools_IndexedMapOfShape.hxx>
@@ -51,6 +54,16 @@ std::array<float, 3> FloatMetres(const ShapeMesh& mesh, const Point& p_mm) {
     stored[axis] = static_cast<float>((p_mm[axis] - mesh.origin_mm[axis]) * 1e-3);
   }
   return stored;
+}
+
+// Place at which people find a face in a viewer: " with a corner at (1, 2, 3) mm".
+std::string Place(const TopoDS_Face& face) {
+  const TopExp_Explorer corner(face, TopAbs_VERTEX);
+  if (!corner.More()) return "";
+  const gp_Pnt p = BRep_Tool::Pnt(TopoDS::Vertex(corner.Current()));
+  std::ostringstream text;
+  text << " with a corner at (" << p.X() << ", " << p.Y() << ", " << p.Z() << ") mm";
+  return text.str();
 }
 
 // One mesh vertex per model vertex and per inner point of a discretised model edge.
@@ -147,16 +160,6 @@ class Welder {
     }
   }
 
-  // Place at which people find a face in a viewer: " with a corner at (1, 2, 3) mm".
-  static std::string Place(const TopoDS_Face& face) {
-    const TopExp_Explorer corner(face, TopAbs_VERTEX);
-    if (!corner.More()) return "";
-    const gp_Pnt p = BRep_Tool::Pnt(TopoDS::Vertex(corner.Current()));
-    std::ostringstream text;
-    text << " with a corner at (" << p.X() << ", " << p.Y() << ", " << p.Z() << ") mm";
-    return text.str();
-  }
-
   std::size_t faces_ = 0;  // so far
   TopTools_IndexedMapOfShape vertices_, edges_;
   std::vector<std::uint32_t> vertex_ids_;
@@ -224,6 +227,24 @@ void FlipFlatTriangles(ShapeMesh& mesh) {
   }
 }
 
+double AreaOfTriangles(const TopoDS_Face& face) {
+  TopLoc_Location location;
+  const Handle(Poly_Triangulation) triangulation = BRep_Tool::Triangulation(face, location);
+  if (triangulation.IsNull()) return 0;
+  double area = 0;
+  for (int i = 1; i <= triangulation->NbTriangles(); ++i) {
+    std::array<int, 3> nodes{};
+    triangulation->Triangle(i).Get(nodes[0], nodes[1], nodes[2]);
+    std::array<Point, 3> p;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const gp_Pnt node = triangulation->Node(nodes[k]).Transformed(location.Transformation());
+      p[k] = {node.X(), node.Y(), node.Z()};
+    }
+    area += 0.5 * Norm(Cross(p[0], p[1], p[2]));
+  }
+  return area;
+}
+
 }  // namespace
 
 ShapeMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options) {
@@ -276,6 +297,44 @@ std::vector<FaceTriangles> TriangulatedFaces(const TopoDS_Shape& shape, bool tur
     faces.push_back(std::move(out));
   }
   return faces;
+}
+
+std::vector<std::string> FacesOfOtherArea(const TopoDS_Shape& shape,
+                                          const MeshingOptions& options) {
+  constexpr double kLargestShare = 0.05;
+  constexpr std::size_t kMostNamed = 10;
+  std::vector<std::string> texts;
+  std::size_t number = 0, more = 0;
+  for (TopExp_Explorer it(shape, TopAbs_FACE); it.More(); it.Next()) {
+    const TopoDS_Face face = TopoDS::Face(it.Current());
+    ++number;
+    const double meshed = AreaOfTriangles(face);
+    double exact = 0, edges = 0;
+    try {
+      GProp_GProps surface, lines;
+      BRepGProp::SurfaceProperties(face, surface);
+      BRepGProp::LinearProperties(face, lines);
+      exact = surface.Mass();
+      edges = lines.Mass();
+    } catch (const Standard_Failure&) {
+      continue;  // its area is not known
+    }
+    const double tolerated =
+        kLargestShare * std::abs(exact) + options.chord_tolerance_mm * std::abs(edges);
+    if (std::abs(meshed - std::abs(exact)) <= tolerated) continue;
+    if (texts.size() == kMostNamed) {
+      ++more;
+      continue;
+    }
+    std::ostringstream text;
+    text << "face " << number << " of the body" << Place(face) << " has an area of "
+         << std::abs(exact) << " mm2, its triangles have " << meshed
+         << " mm2: look at it before you trust what is planned there";
+    texts.push_back(text.str());
+  }
+  if (more > 0)
+    texts.push_back(std::to_string(more) + " more faces have triangles of another area");
+  return texts;
 }
 
 void SetOrigin(ShapeMesh& mesh) {

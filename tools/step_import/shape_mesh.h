@@ -35,7 +35,7 @@ struct MeshingOptions {
   double angular_tolerance_deg = 15.0;
 };
 
-// What is wrong with a mesh, counted; all zero (area and volume apart) for a closed part.
+// Counts of a mesh's defects; all zero (area and volume apart) for a closed part.
 struct MeshHealth {
   std::size_t boundary_edges = 0;        // used by one triangle only: a hole in the surface
   std::size_t non_manifold_edges = 0;    // used by three or more triangles
@@ -62,6 +62,12 @@ ShapeMesh MeshShape(const TopoDS_Shape& shape, const MeshingOptions& options);
 // welded, each with vertices of its own in metres, rounded to a nanometre. `turned`: the other way
 // round. Numbers of the faces are left 0. Throws std::runtime_error if a face has no triangulation.
 std::vector<FaceTriangles> TriangulatedFaces(const TopoDS_Shape& shape, bool turned);
+
+// Faces of a shape that MeshShape has meshed whose triangles have another area than the face, by
+// more than 5 % and more than a strip of the chord tolerance along its edges: the mesher has left
+// out a part of it or covered a hole. A sentence each, with the number of the face in the body and
+// a corner of it in mm; at most ten, and then how many more there are.
+std::vector<std::string> FacesOfOtherArea(const TopoDS_Shape& shape, const MeshingOptions& options);
 
 // Sets the origin of a mesh that is far from the model's: the centre of its box, in whole mm.
 void SetOrigin(ShapeMesh& mesh);

@@ -6,6 +6,7 @@
 #include <limits>
 #include <numbers>
 #include <span>
+#include <string>
 #include <utility>
 #include <vector>
 
@@ -107,7 +108,7 @@ absl::StatusOr<PartExtent> FindExtent(const Faces& faces, const StopCheck& stop)
   return extent;
 }
 
-absl::Status CheckExtent(const PartExtent& extent) {
+absl::Status CheckExtent(const PartExtent& extent, std::string_view unit_advice) {
   if (extent.box_m.isEmpty()) {
     return absl::InvalidArgumentError("has no triangles with area, so it has no surface");
   }
@@ -115,14 +116,15 @@ absl::Status CheckExtent(const PartExtent& extent) {
   if (size_m > kLargestPart_m * (1 + kSizeRounding)) {
     return absl::InvalidArgumentError(
         absl::StrCat("its largest extent is ", size_m,
-                     " m, must be in [0.001, 10] m: looks like millimetres read as metres; state "
-                     "the unit of the file"));
+                     " m, must be in [0.001, 10] m: looks like millimetres read as metres; ",
+                     std::string(unit_advice)));
   }
   if (size_m < kSmallestPart_m * (1 - kSizeRounding)) {
     return absl::InvalidArgumentError(
         absl::StrCat("its largest extent is ", size_m * 1e3,
                      " mm, must be in [1, 10000] mm: looks like metres read as millimetres (or "
-                     "smaller); state the unit of the file"));
+                     "smaller); ",
+                     std::string(unit_advice)));
   }
   if (const double error_m = RoundingError(extent.largest_m); error_m > kLargestMeshError_m) {
     return absl::InvalidArgumentError(absl::StrFormat(
@@ -223,7 +225,7 @@ absl::StatusOr<Pass> NormaliseOnce(const Faces& faces, const PartExtent& extent,
 }  // namespace
 
 absl::StatusOr<TriangleMesh> NormaliseMesh(const RawMesh& raw, double metres_per_unit,
-                                           const StopCheck& stop) {
+                                           std::string_view unit_advice, const StopCheck& stop) {
   if (raw.triangles.empty()) return absl::InvalidArgumentError("has no triangles");
   Faces faces;
   faces.positions_m.reserve(raw.positions.size());
@@ -243,7 +245,7 @@ absl::StatusOr<TriangleMesh> NormaliseMesh(const RawMesh& raw, double metres_per
   for (int i = 0; i < kMostPasses; ++i) {
     const absl::StatusOr<PartExtent> extent = FindExtent(faces, stop);
     if (!extent.ok()) return extent.status();
-    if (absl::Status status = CheckExtent(*extent); !status.ok()) return status;
+    if (absl::Status status = CheckExtent(*extent, unit_advice); !status.ok()) return status;
     absl::StatusOr<Pass> pass = NormaliseOnce(faces, *extent, stop);
     if (!pass.ok()) return pass.status();
     const bool same = pass->mesh.positions_m.size() == faces.positions_m.size() &&

@@ -15,6 +15,8 @@
 // an edge that would be open without it, and between corners of faces with area.
 #pragma once
 
+#include <string_view>
+
 #include "absl/status/statusor.h"
 #include "core/job/stop_check.h"
 #include "core/part/mesh.h"
@@ -25,12 +27,13 @@ namespace sightline {
 // The mesh may be off by this much, in metres: by rounding to 32-bit coordinates, by welding.
 inline constexpr double kLargestMeshError_m = 1e-6;
 
-// `metres_per_unit`: of the coordinates in `raw`. The result does not change when it is written
-// with all its digits, read and normalised again: both ends of an upload compute the same digest.
-// INVALID_ARGUMENT gives the reason: no face with area, a coordinate that is not finite, an
-// implausible size, or a part so far from the origin of its file that 32-bit coordinates would be
-// off by more than kLargestMeshError_m.
+// `metres_per_unit`: of the coordinates in `raw`. `unit_advice`: remedy for a part of implausible
+// size ("state the unit of the file"). The result does not
+// change when it is written with all its digits, read and normalised again: both ends of an upload
+// compute the same digest. INVALID_ARGUMENT gives the reason: no face with area, a coordinate that
+// is not finite, an implausible size, or a part so far from the origin of its file that 32-bit
+// coordinates would be off by more than kLargestMeshError_m.
 absl::StatusOr<TriangleMesh> NormaliseMesh(const RawMesh& raw, double metres_per_unit,
-                                           const StopCheck& stop);
+                                           std::string_view unit_advice, const StopCheck& stop);
 
 }  // namespace sightline

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Bad input recognised before anything is concluded from it: wrong files, wrong regions, numbers
-// that are not raw, recordings that are not what they are said to be.
+// Recognises bad input before anything is concluded from it: wrong files, wrong regions, numbers
+// that are not raw, recordings that contradict their description.
 #pragma once
 
 #include <optional>
@@ -13,7 +13,7 @@
 
 namespace sightline {
 
-// What a look at one recording says.
+// Result of the check of one recording.
 struct RecordingState {
   double mean_dn = 0;
   double largest_dn = 0;
@@ -32,7 +32,7 @@ struct NarrowNumbers {
 // Messages name file, field and reason.
 struct RecordingCheck {
   std::vector<std::string> errors;    // cannot be used
-  std::vector<std::string> warnings;  // suspicious, or what the set is too small to say
+  std::vector<std::string> warnings;  // suspicious, or quantities for which the set is too small
   std::vector<RecordingState> recordings;
   std::vector<int> without_line;        // laser recordings that should show it; among the errors
   std::optional<NarrowNumbers> narrow;  // can be taken as such; among the errors until they are
@@ -53,7 +53,7 @@ std::string TakeNarrowNumbers(const NarrowNumbers& narrow, RecordingSet* set,
                               std::vector<Image<uint16_t>>* raw_dn);
 
 // Takes recordings without a line out of a set if they are at most a tenth of its laser recordings
-// and in no burst, so that the others can still be used. What was left out and why, as warnings;
+// and in no burst, so that the others can still be used. Omissions with their reasons, as warnings;
 // none: nothing was changed. The set is to be checked again.
 std::vector<std::string> LeaveOutWithoutLine(const RecordingCheck& check, RecordingSet* set,
                                              std::vector<Image<uint16_t>>* raw_dn);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a set is too small to say.
+// Finds quantities for which a set is too small.
 #include <algorithm>
 #include <map>
 #include <set>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the checks of recordings share: the set, what was seen of it so far, and what was found.
+// State that the checks of recordings share: the set, its images so far, and the findings.
 #pragma once
 
 #include <algorithm>
@@ -103,7 +103,7 @@ class RecordingChecks {
   void CheckLinearity();
   void CheckSpeckle();
 
-  // What the set is too small to say.
+  // Reports quantities for which the set is too small.
   void CheckContents();
 
   const RecordingSet& set_;

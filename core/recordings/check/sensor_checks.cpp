@@ -27,7 +27,8 @@ struct ColumnRatios {
 };
 
 std::optional<ColumnRatios> MeasureColumnRatios(const Image<uint16_t>& image, double dark_dn) {
-  // Of the line alone: other light may have other colours. Half of the rows at least are beside it.
+  // Only rows outside the line are used: other light may have other colours. Half of the rows at
+  // least are beside it.
   std::vector<double> means(static_cast<size_t>(image.rows_px));
   for (int row = 0; row < image.rows_px; ++row) {
     const uint16_t* values = image.Row(row);

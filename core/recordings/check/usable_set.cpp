@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What can be used of a set with errors.
+// Selects the usable recordings of a set with errors.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>

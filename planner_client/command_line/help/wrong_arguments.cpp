@@ -22,7 +22,8 @@ const CLI::Option* OptionOf(const CLI::App& app, const std::string& argument) {
   return app.get_option_no_throw(argument.substr(0, argument.find('=')));
 }
 
-// Where the words of a command line lead: the command they name, and the first that names none.
+// End of the search along the words of a command line: the command they name, and the first that
+// names none.
 struct Reached {
   const CLI::App* command;
   std::string words;         // "sightline recordings"

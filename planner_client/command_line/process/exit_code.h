@@ -9,7 +9,7 @@ namespace sightline {
 inline constexpr int kExitDone = 0;
 inline constexpr int kExitFailed = 1;         // failed while running
 inline constexpr int kExitWrongInput = 2;     // the message names file, field and reason
-inline constexpr int kExitInterrupted = 130;  // what was finished is kept
+inline constexpr int kExitInterrupted = 130;  // finished results are kept
 
 // Whether the input is refused: it is wrong, is missing or exceeds a limit (reasons such as
 // PART_TOO_LARGE). Otherwise the work failed: no memory, no disk space, no server.

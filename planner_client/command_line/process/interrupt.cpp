@@ -12,7 +12,7 @@ namespace {
 std::atomic<bool> interrupted{false};
 
 void OnSignal(int signal) {
-  // Of what is allowed in a handler: write, not stdio.
+  // A signal handler may call write, not stdio.
   constexpr std::string_view kMessage =
       "\ninterrupted: ending at the next step; once more ends at once\n";
   if (!interrupted.exchange(true)) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Folders for what commands write.
+// Output folders of commands.
 #pragma once
 
 #include <initializer_list>
@@ -21,7 +21,7 @@ absl::Status MakeOutputFolder(const std::string& path);
 absl::StatusOr<FileLock> OpenOutputFolder(const std::string& path,
                                           FileLock::Kind kind = FileLock::Kind::kExclusive);
 
-// Removes files of an earlier command that would not belong to what is written now. Those that are
+// Removes files of an earlier command that would not belong to the new ones. Those that are
 // not there are no error. INTERNAL names the file that cannot be removed.
 absl::Status RemoveFiles(const std::string& folder, std::initializer_list<std::string_view> names);
 

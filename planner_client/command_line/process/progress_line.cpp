@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
+#include "core/json/printable.h"
 #include "planner_client/command_line/help/terminal.h"
 
 namespace sightline {
@@ -60,7 +61,7 @@ void ProgressLine::Show(double fraction, const std::string& text) {
     return;
   }
   const std::string time = TimeText(fraction, absl::FromChrono(now - phase_start_));
-  const std::string told = time.empty() ? text : absl::StrFormat("%s (%s)", text, time);
+  const std::string told = Printable(time.empty() ? text : absl::StrFormat("%s (%s)", text, time));
   if (terminal_) {
     const int filled = static_cast<int>(std::lround(fraction * kBarWidth));
     const std::string bar = std::string(filled, '#') + std::string(kBarWidth - filled, '.');

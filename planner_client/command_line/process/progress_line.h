@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // Progress on stderr: one line redrawn in place on a terminal, a line now and then elsewhere, lines
-// of JSON for programs that asked for them. People are also told for how long the phase has been
-// running and, once a twentieth of it is done, how long the rest takes at the same rate.
+// of JSON for programs that asked for them. People also see for how long the phase has been running
+// and, once a twentieth of it is done, how long the rest takes at the same rate.
 #pragma once
 
 #include <chrono>
@@ -11,12 +11,12 @@
 
 namespace sightline {
 
-// Of all progress and errors of this process: text for people, or a JSON object a line:
+// Format of all progress and errors of this process: text for people, or a JSON object a line:
 // {"progress":0.42,"message":"..."}, {"error":{"code":"...","reason":"...","message":"..."}}.
 void UseJsonProgress();
 bool UsesJsonProgress();
 
-// What part of the whole command a phase is, in [0, 1]: programs are told of the whole.
+// The interval of the whole command, in [0, 1], that a phase fills; programs see the whole.
 struct ProgressPhase {
   double begin = 0;
   double end = 1;
@@ -34,7 +34,7 @@ class ProgressLine {
   ProgressLine(const ProgressLine&) = delete;
   ProgressLine& operator=(const ProgressLine&) = delete;
 
-  // What follows belongs to another phase.
+  // Later reports belong to another phase.
   void Enter(ProgressPhase phase) {
     phase_ = phase;
     phase_start_ = std::chrono::steady_clock::now();

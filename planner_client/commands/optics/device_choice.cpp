@@ -43,7 +43,7 @@ v1::Inspection InspectionOf(const DeviceCamera& camera, const DeviceLens& lens,
   to->set_min_f_number(lens.min_f_number);
   to->set_max_f_number(lens.max_f_number);
   if (lens.min_focus_distance_m) to->set_min_focus_distance_m(*lens.min_focus_distance_m);
-  // Where scanning has a speed the camera limits it, too.
+  // If the stage has a scanning speed, the camera limits it too.
   const v1::CostModel& costs = inspection.costs();
   *devices.mutable_costs() = costs;
   if (camera.max_frame_rate_hz && (costs.has_frame_rate_hz() || costs.has_stage_speed_m_per_s())) {
@@ -103,7 +103,7 @@ void AddDeviceOptions(CLI::App& app, DeviceRequirements* requirements) {
   app.add_option("--max-price", requirements->max_price_eur,
                  "with --catalogue: most that the devices may cost together [EUR]");
   app.add_option("--rendered", requirements->rendered,
-                 "with --catalogue: combinations that are judged by images")
+                 "with --catalogue: number of combinations to evaluate with rendered images")
       ->check(CLI::Range(1, 1000))
       ->capture_default_str();
 }
@@ -183,10 +183,10 @@ absl::StatusOr<DeviceCandidates> FindDevices(const std::string& folder,
       example = absl::StrCat(NameOf(c), ": ", c.lost_because());
     }
     return absl::InvalidArgumentError(
-        absl::StrFormat("%s: none of its %d combinations does at %.4g mm; the nearest, %s", folder,
-                        static_cast<int>(candidates.lost.size()), 1e3 * z_m, example));
+        absl::StrFormat("%s: none of its %d combinations is suitable at %.4g mm; the nearest, %s",
+                        folder, static_cast<int>(candidates.lost.size()), 1e3 * z_m, example));
   }
-  // Small pixels first, then cheap ones; what is left over is not looked at closer.
+  // Small pixels first, then cheap ones; the rest is not examined.
   std::stable_sort(
       candidates.rendered.begin(), candidates.rendered.end(), [](const auto& a, const auto& b) {
         const auto key = [](const v1::DeviceCombination& c) {
@@ -245,7 +245,7 @@ absl::StatusOr<ChosenDevices> ChooseDevices(const DeviceCandidates& candidates,
     auto optics = PlanOptics(reporting, std::move(one), assets);
     v1::DeviceCombination combination = candidate.combination;
     if (!optics.ok()) {
-      // Of these devices, not of the request: others may do.
+      // The error concerns these devices, not the request: others may do.
       if (!absl::IsFailedPrecondition(optics.status())) return optics.status();
       combination.set_lost_because(std::string(optics.status().message()));
       lost.push_back(std::move(combination));
@@ -301,7 +301,7 @@ absl::StatusOr<ChosenDevices> ChooseDevices(const DeviceCandidates& candidates,
                                           c->price_eur() - best.combination.price_eur()));
     } else {
       c->set_lost_because(absl::StrFormat(
-          "as good (%.3g um against %.3g um as height); no price or time tells them apart",
+          "as good (%.3g um against %.3g um as height); prices and times do not differ",
           1e6 * judged[i].height_cost_m, 1e6 * best.height_cost_m));
     }
   }

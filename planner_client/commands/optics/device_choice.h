@@ -28,19 +28,19 @@ void AddDeviceOptions(CLI::App& app, DeviceRequirements* requirements);
 // All combinations, those that geometry allows and are to be rendered first.
 struct DeviceCandidates {
   struct Candidate {
-    v1::DeviceCombination combination;  // with what geometry says
+    v1::DeviceCombination combination;  // with results of geometry
     v1::Inspection devices;             // its camera, lens, laser and costs; the rest is empty
   };
   std::vector<Candidate> rendered;
   std::vector<v1::DeviceCombination> lost;
 };
 
-// Combinations by geometry at the camera distance of the request's first frame. What is not
-// required is asked of by the inspection: its targets' largest pixel footprint, and nine tenths of
+// Combinations by geometry at the camera distance of the request's first frame. The inspection sets
+// missing requirements: its targets' largest pixel footprint, and nine tenths of
 // the field of view that its own camera and lens have along the rows. Of those that fit, the ones
 // with the smallest pixels on the part and the cheapest are rendered, `rendered` of them.
-// INVALID_ARGUMENT: an empty catalogue, or no combination fits; the message counts what they failed
-// by. NOT_FOUND: no such folder.
+// INVALID_ARGUMENT: an empty catalogue, or no combination fits; the message counts the reasons.
+// NOT_FOUND: no such folder.
 absl::StatusOr<DeviceCandidates> FindDevices(const std::string& folder,
                                              const Inspection& inspection,
                                              const v1::CreateOpticsRequest& request,

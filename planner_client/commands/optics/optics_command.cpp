@@ -15,6 +15,7 @@
 #include "core/json/strict_json.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/frame_choice.h"
 #include "planner_client/commands/optics/device_choice.h"
@@ -26,6 +27,7 @@
 #include "planner_client/optics_client/optics_client.h"
 #include "planner_client/optics_client/uncertainty_correction.h"
 #include "planner_client/plan_file/plan_file.h"
+#include "planner_client/report/document/report_page.h"
 #include "planner_client/report/optics/optics_report.h"
 
 namespace sightline {
@@ -60,25 +62,25 @@ void PutWarningsFirst(const std::vector<std::string>& first, v1::OpticsPlan* opt
 }
 
 void Print(const v1::OpticsPlan& optics) {
-  std::printf("%s\n", optics.common().statement().c_str());
-  std::printf("\nf-number  exposure ms   u_px  coverage   cost  as good as the best\n");
+  PrintText("%s\n", optics.common().statement().c_str());
+  PrintText("\nf-number  exposure ms   u_px  coverage   cost  as good as the best\n");
   for (const v1::OpticsPoint& point : optics.curve()) {
-    std::printf("%8s  %11s  %5.3f  %7.1f%%  %5.3f  %s\n",
-                absl::StrFormat("%.3g", point.f_number()).c_str(),
-                absl::StrFormat("%.4g", 1e3 * point.exposure_time_s()).c_str(), point.u_px(),
-                100 * point.profile_coverage(), point.cost(), point.as_good_as_best() ? "yes" : "");
+    PrintText("%8s  %11s  %5.3f  %7.1f%%  %5.3f  %s\n",
+              absl::StrFormat("%.3g", point.f_number()).c_str(),
+              absl::StrFormat("%.4g", 1e3 * point.exposure_time_s()).c_str(), point.u_px(),
+              100 * point.profile_coverage(), point.cost(), point.as_good_as_best() ? "yes" : "");
   }
   if (optics.scans_size() > 1) {
-    std::printf("\nscan  f-number  exposure ms   u_px  coverage   cost\n");
+    PrintText("\nscan  f-number  exposure ms   u_px  coverage   cost\n");
     for (const v1::OpticsChoice& scan : optics.scans()) {
       const v1::OpticsPoint& point = scan.best();
-      std::printf("%4d  %8s  %11s  %5.3f  %7.1f%%  %5.3f\n", scan.scan(),
-                  absl::StrFormat("%.3g", point.f_number()).c_str(),
-                  absl::StrFormat("%.4g", 1e3 * point.exposure_time_s()).c_str(), point.u_px(),
-                  100 * point.profile_coverage(), point.cost());
+      PrintText("%4d  %8s  %11s  %5.3f  %7.1f%%  %5.3f\n", scan.scan(),
+                absl::StrFormat("%.3g", point.f_number()).c_str(),
+                absl::StrFormat("%.4g", 1e3 * point.exposure_time_s()).c_str(), point.u_px(),
+                100 * point.profile_coverage(), point.cost());
     }
   }
-  std::printf("\n");
+  PrintText("\n");
 }
 
 absl::StatusOr<int> Optics(const OpticsOptions& options) {
@@ -130,7 +132,7 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
 
   Print(*optics);
   for (const std::string& warning : optics->warnings()) {
-    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+    PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }
   const fs::path out = options.choice.out;
   std::vector<std::string> files;
@@ -155,7 +157,8 @@ absl::StatusOr<int> Optics(const OpticsOptions& options) {
   absl::Status s = WriteOpticsReport(*optics, devices ? &*devices : nullptr, report);
   if (!s.ok()) return s;
   files.push_back(report);
-  for (const std::string& file : files) std::printf("%s\n", fs::absolute(file).c_str());
+  files.push_back(ReportDataPath(report));
+  for (const std::string& file : files) PrintText("%s\n", fs::absolute(file).c_str());
   return kExitDone;
 }
 
@@ -179,7 +182,7 @@ Command AddOpticsCommand(CLI::App& app) {
   app.add_option("--seed", options->seed, "of simulated speckle, photons and noise; default 1");
   AddWorkerOptions(app, &options->worker);
   TakeSizes(*app.add_option("--max-image-bytes", options->worker.max_image_bytes,
-                            "memory of our own worker for one image, e.g. 16GB; default 8GB"));
+                            "memory of the embedded worker for one image, e.g. 16GB; default 8GB"));
   return [options]() -> int {
     const absl::StatusOr<int> code = Optics(*options);
     return code.ok() ? *code : ReportError(code.status());

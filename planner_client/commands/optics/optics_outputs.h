@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What commands write of an optical plan besides its report.
+// Files of an optical plan, besides its report.
 #pragma once
 
 #include <string>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a render worker is asked when a setting of camera and laser is looked for.
+// Request to a render worker for the choice of a setting of camera and laser.
 #pragma once
 
 #include <string>
@@ -17,11 +17,11 @@ struct OpticsRequest {
   Inspection inspection;
   v1::CreateOpticsRequest request;  // without id and assets
   std::vector<AssetFile> assets;
-  std::vector<std::string> remarks;  // what to know of the plan
+  std::vector<std::string> remarks;  // remarks on the plan
 };
 
-// Of the frames that are chosen. INVALID_ARGUMENT: the inspection lacks what images need
-// (CheckImagingInspection), or what ChooseFrames says.
+// Makes a request for the chosen frames. INVALID_ARGUMENT: the inspection lacks inputs of images
+// (CheckImagingInspection), or errors of ChooseFrames.
 absl::StatusOr<OpticsRequest> MakeOpticsRequest(const FrameChoice& choice);
 
 }  // namespace sightline

@@ -6,11 +6,16 @@
 #include <optional>
 #include <utility>
 
+#include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "absl/strings/str_split.h"
 #include "core/command_options/option_values.h"
+#include "core/file/read_file.h"
 #include "core/part/load_part.h"
 #include "core/physics/angle.h"
+#include "core/text/length_unit.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/coverage_client/part_upload.h"
 #include "planner_client/plan_file/plan_file.h"
 #include "planner_client/replanning/measured_oracle.h"
@@ -18,7 +23,7 @@
 namespace sightline {
 namespace {
 
-// What is fixed to the holder does not move with the part.
+// Returns a mesh that stays fixed to the holder while the part moves.
 std::shared_ptr<const TriangleMesh> FixedToHolder(const TriangleMesh& mesh, const PartPose& pose) {
   auto moved = std::make_shared<TriangleMesh>(mesh);
   const Eigen::Isometry3d to_part = pose.Matrix().inverse();
@@ -28,30 +33,44 @@ std::shared_ptr<const TriangleMesh> FixedToHolder(const TriangleMesh& mesh, cons
   return moved;
 }
 
-MeasuredTargets TargetsOf(const PlanningSession& session, CoverageClient& client) {
-  const Inspection& inspection = session.inspection;
-  const std::vector<const IndexedScan*> scans = session.measured->ScanPointers();
-  MeasuredTargets targets;
-  for (const IndexedScan* scan : scans) {
-    targets.covered.push_back(CoveredByPoints(client.targets(), inspection.targets, *scan, 0));
-    targets.covered.back() &= client.measurable();
-    targets.points.push_back(static_cast<int64_t>(scan->points.positions_m.size()) +
-                             scan->points.off_model);
-  }
-  if (!session.ForUncertainty()) return targets;
-  const UncertaintyModel& model = *inspection.uncertainty;
+std::optional<JudgedTargets> JudgedOf(const PlanningSession& session, CoverageClient& client) {
+  if (!session.ForUncertainty()) return std::nullopt;
   const Requirements& requirements = *session.requirements;
-  targets.client = &client;
-  targets.judged = JudgeTargets(client, model, inspection.targets,
-                                requirements.AdmissibleUncertainties(client.targets()),
-                                requirements.relaxed_uncertainty_m);
-  targets.priors = PriorsOf(client.targets(), inspection.targets, model);
-  targets.uncertainties = UncertaintiesFromPoints(
-      client.targets(), targets.priors, inspection.targets.max_normal_angle_rad, scans, 0);
-  return targets;
+  return JudgeTargets(client, *session.inspection.uncertainty, session.inspection.targets,
+                      requirements.AdmissibleUncertainties(client.targets()),
+                      requirements.relaxed_uncertainty_m);
 }
 
-// Part of the targets that scans settle, exact; infeasible ones count for nothing.
+// A rigid motion from a text of 16 numbers, row by row.
+absl::StatusOr<Eigen::Isometry3d> ReadPose(const std::string& path) {
+  constexpr uint64_t kMostBytes = 1 << 16;
+  const auto text = ReadRegularFile(path, kMostBytes);
+  if (!text.ok()) return text.status();
+  Eigen::Matrix4d matrix = Eigen::Matrix4d::Zero();
+  int count = 0;
+  for (absl::string_view word :
+       absl::StrSplit(*text, absl::ByAnyChar(" \t\r\n,;[]"), absl::SkipEmpty())) {
+    double value = 0;
+    if (count >= 16 || !absl::SimpleAtod(word, &value)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat(path, ": a pose is 16 numbers, the rows of a 4 x 4 matrix"));
+    }
+    matrix(count / 4, count % 4) = value;
+    ++count;
+  }
+  const Eigen::Matrix3d turn = matrix.topLeftCorner<3, 3>();
+  const bool rigid = (turn * turn.transpose() - Eigen::Matrix3d::Identity()).norm() < 1e-4 &&
+                     turn.determinant() > 0 && matrix.row(3) == Eigen::RowVector4d(0, 0, 0, 1);
+  if (count != 16 || !rigid) {
+    return absl::InvalidArgumentError(absl::StrCat(
+        path,
+        ": a pose is 16 numbers, the rows of a 4 x 4 matrix: a rotation, a shift [m] in the "
+        "last column, and 0 0 0 1"));
+  }
+  return Eigen::Isometry3d(matrix);
+}
+
+// Part of the targets that scans satisfy, exact; infeasible ones count for nothing.
 absl::StatusOr<double> SettledFraction(GainOracle& oracle, std::span<const Measurement> scans) {
   const auto all = static_cast<double>(std::max<int64_t>(1, oracle.measurable().Count()));
   auto exact = oracle.ExactCoverage(scans);
@@ -75,11 +94,7 @@ std::string Triple(const v1::Vector3& v, double scale) {
 
 }  // namespace
 
-void AddAsMeasuredOptions(CLI::App& app, AsMeasuredOptions* options) {
-  app.add_option("--measured", options->files,
-                 "with --resume: points that scans of the plan have measured (PLY, metres), one "
-                 "file per scan: scan_NN.ply, or in the order of the scans; the rest is planned "
-                 "for the part as they show it");
+void AddRegistrationOptions(CLI::App& app, AsMeasuredOptions* options) {
   app.add_option(
          "--pose-prior-mm", options->pose_prior_mm,
          "with --measured: how far off the part may lie, standard deviation along each axis")
@@ -90,7 +105,87 @@ void AddAsMeasuredOptions(CLI::App& app, AsMeasuredOptions* options) {
   app.add_option("--tolerated-distance-mm", options->tolerated_distance_mm,
                  "with --measured: three quarters of a file's points must be this near to the part")
       ->check(CLI::Range(0.001, 5.0));
-  NeedOption(app, {"--pose-prior-mm", "--pose-prior-deg", "--tolerated-distance-mm"}, "--measured");
+  app.add_option("--measured-unit", options->unit,
+                 "with --measured: length unit of PLY and PCD points: m, cm, mm, um, inch")
+      ->transform(NameOfLengthUnit());
+  app.add_option("--pose", options->pose_file,
+                 "with --measured: text file with a 4 x 4 matrix (metres) that takes PLY and PCD "
+                 "points to the coordinates of the CAD model");
+}
+
+absl::StatusOr<MeasuredPartOptions> PartOptionsOf(const AsMeasuredOptions& options) {
+  MeasuredPartOptions finding;
+  finding.prior.rotation_standard_deviation_rad = options.pose_prior_deg * kRadPerDeg;
+  finding.prior.translation_standard_deviation_m = 1e-3 * options.pose_prior_mm;
+  finding.tolerated_distance_m = 1e-3 * options.tolerated_distance_mm;
+  finding.metres_per_unit = MetresPerUnit(options.unit).value_or(1);
+  if (options.pose_file.empty()) return finding;
+  const auto pose = ReadPose(options.pose_file);
+  if (!pose.ok()) return pose.status();
+  finding.pose = *pose;
+  return finding;
+}
+
+void PrintPointCounts(const MeasuredPart& part) {
+  for (size_t f = 0; f < part.files.size(); ++f) {
+    const MeasuredPart::PointCounts& counts = part.counts[f];
+    if (counts.among_neighbours + counts.off_model + counts.duplicates == 0) continue;
+    PrintTextTo(
+        stderr,
+        "%s: of %d points %d differ from their neighbours and %d are far from the part: not "
+        "used; %d repeat others\n",
+        part.message.scans(static_cast<int>(f)).file(), counts.read, counts.among_neighbours,
+        counts.off_model, counts.duplicates);
+  }
+}
+
+MeasuredTargets MeasuredTargetsOf(const PlanningSession& session, CoverageClient& client,
+                                  std::optional<JudgedTargets> judged) {
+  const Inspection& inspection = session.inspection;
+  const std::vector<const IndexedScan*> scans = session.measured->ScanPointers();
+  MeasuredTargets targets;
+  for (const IndexedScan* scan : scans) {
+    targets.covered.push_back(CoveredByPoints(client.targets(), inspection.targets, *scan, 0));
+    targets.covered.back() &= client.measurable();
+    targets.points.push_back(static_cast<int64_t>(scan->points.positions_m.size()) +
+                             scan->points.off_model);
+  }
+  if (!judged) return targets;
+  targets.client = &client;
+  targets.judged = *std::move(judged);
+  targets.priors = PriorsOf(client.targets(), inspection.targets, *inspection.uncertainty);
+  targets.uncertainties = UncertaintiesFromPoints(
+      client.targets(), targets.priors, inspection.targets.max_normal_angle_rad, scans, 0);
+  return targets;
+}
+
+absl::Status PutFoundPart(std::shared_ptr<const MeasuredPart> measured, PlanningSession& session,
+                          CoverageTask& task) {
+  session.part = measured->mesh;
+  session.inspection.rig.part_placement = measured->placement;
+  session.measured = measured;
+  // As the server reads it: vertices that fell together are one.
+  auto welded = LoadPartFromMemory(EncodePly(*measured->mesh), "ply", "m", "part as measured");
+  if (!welded.ok()) return welded.status();
+  task.part = std::make_shared<const TriangleMesh>(*std::move(welded));
+  task.rig = session.inspection.rig;
+  for (CoverageTask::Obstacle& obstacle : task.obstacles) {
+    if (obstacle.frame != ObstacleFrame::kPart) continue;
+    obstacle.mesh = FixedToHolder(*obstacle.mesh, measured->registration.pose);
+  }
+  return absl::OkStatus();
+}
+
+void AddAsMeasuredOptions(CLI::App& app, AsMeasuredOptions* options) {
+  app.add_option("--measured", options->files,
+                 "with --resume: points that scans of the plan have measured (PLY, PCD, CSV of "
+                 "profiles, depth rasters), one file per scan: scan_NN.ply, or in the order of the "
+                 "scans; the rest is planned for the part as they show it");
+  AddRegistrationOptions(app, options);
+  NeedOption(app,
+             {"--pose-prior-mm", "--pose-prior-deg", "--tolerated-distance-mm", "--measured-unit",
+              "--pose"},
+             "--measured");
 }
 
 std::vector<Measurement> EarlierPlan::Measured() const {
@@ -134,34 +229,23 @@ absl::StatusOr<EarlierPlan> LockMeasuredScans(const AsMeasuredOptions& options,
 std::function<absl::Status(PlanningSession&, CoverageTask&)> PutMeasuredPart(
     const AsMeasuredOptions& options, const EarlierPlan& earlier) {
   return [options, &earlier](PlanningSession& session, CoverageTask& task) -> absl::Status {
-    MeasuredPartOptions finding;
-    finding.prior.rotation_standard_deviation_rad = options.pose_prior_deg * kRadPerDeg;
-    finding.prior.translation_standard_deviation_m = 1e-3 * options.pose_prior_mm;
-    finding.tolerated_distance_m = 1e-3 * options.tolerated_distance_mm;
+    const auto finding = PartOptionsOf(options);
+    if (!finding.ok()) return finding.status();
     auto found =
-        FindMeasuredPart(*session.part, session.inspection, earlier.files, earlier.scans, finding);
+        FindMeasuredPart(*session.part, session.inspection, earlier.files, earlier.scans, *finding);
     if (!found.ok()) return found.status();
-    auto measured = std::make_shared<const MeasuredPart>(*std::move(found));
-    session.part = measured->mesh;
-    session.inspection.rig.part_placement = measured->placement;
-    session.measured = measured;
-    // As the server reads it: vertices that fell together are one.
-    auto welded = LoadPartFromMemory(EncodePly(*measured->mesh), "ply", "m", "part as measured");
-    if (!welded.ok()) return welded.status();
-    task.part = std::make_shared<const TriangleMesh>(*std::move(welded));
-    task.rig = session.inspection.rig;
-    for (CoverageTask::Obstacle& obstacle : task.obstacles) {
-      if (obstacle.frame != ObstacleFrame::kPart) continue;
-      obstacle.mesh = FixedToHolder(*obstacle.mesh, measured->registration.pose);
-    }
-    return absl::OkStatus();
+    PrintPointCounts(*found);
+    return PutFoundPart(std::make_shared<const MeasuredPart>(*std::move(found)), session, task);
   };
 }
 
 absl::Status AskMeasuredPoints(const EarlierPlan& earlier, PlanningSession* session) {
-  MeasuredTargets planned = TargetsOf(*session, *session->client);
+  CoverageClient& client = *session->client;
+  MeasuredTargets planned = MeasuredTargetsOf(*session, client, JudgedOf(*session, client));
   std::optional<MeasuredTargets> fresh;
-  if (session->fresh_client) fresh = TargetsOf(*session, *session->fresh_client);
+  if (CoverageClient* other = session->fresh_client.get()) {
+    fresh = MeasuredTargetsOf(*session, *other, JudgedOf(*session, *other));
+  }
   auto oracle = std::make_unique<MeasuredOracle>(
       std::move(session->oracle), earlier.Measured(), std::move(planned), std::move(fresh),
       session->requirements ? session->requirements->relaxed_uncertainty_m : 0);
@@ -208,8 +292,8 @@ std::string SummariseAsMeasured(const v1::Plan& plan) {
       Triple(m.rotation_standard_deviation_deg(), 2));
   if (m.not_fixed_size() > 0) {
     absl::StrAppendFormat(&text,
-                          "the points do not fix %d of its 6 degrees of freedom; there the prior "
-                          "(%.3g mm, %.3g deg) stays.\n",
+                          "the points do not determine %d of its 6 degrees of freedom; these keep "
+                          "the prior (%.3g mm, %.3g deg).\n",
                           m.not_fixed_size(), 1e3 * m.prior_translation_standard_deviation_m(),
                           m.prior_rotation_standard_deviation_deg());
   }
@@ -223,10 +307,10 @@ std::string SummariseAsMeasured(const v1::Plan& plan) {
         2e3 * m.deviation().largest_uncertainty_m());
   }
   absl::StrAppendFormat(&text,
-                        "on this part the %d measured scans settle %.2f %%, the earlier plan of %d "
-                        "scans %.2f %%, this plan of %d scans %.2f %%.\n",
-                        m.scans_size(), 100 * m.measured_settled(), m.earlier_scans(),
-                        100 * m.earlier_settled(), plan.scans_size(), 100 * m.settled());
+                        "targets satisfied on this part: %.2f %% by the measured scans (%d), %.2f "
+                        "%% by the earlier plan (%d), %.2f %% by this plan (%d).\n",
+                        100 * m.measured_settled(), m.scans_size(), 100 * m.earlier_settled(),
+                        m.earlier_scans(), 100 * m.settled(), plan.scans_size());
   return text;
 }
 

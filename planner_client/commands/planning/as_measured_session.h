@@ -4,6 +4,8 @@
 
 #include <CLI/CLI.hpp>
 #include <functional>
+#include <memory>
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -23,9 +25,18 @@ struct AsMeasuredOptions {
   double pose_prior_mm = 5;
   double pose_prior_deg = 3;
   double tolerated_distance_mm = 2;
+  std::string unit = "m";  // of files of points that state none
+  std::string pose_file;   // from the coordinates of the points to those of the model; empty: none
 };
 
 void AddAsMeasuredOptions(CLI::App& app, AsMeasuredOptions* options);
+// Adds only the options about reading and registering points.
+void AddRegistrationOptions(CLI::App& app, AsMeasuredOptions* options);
+// INVALID_ARGUMENT names the file of the pose and its error.
+absl::StatusOr<MeasuredPartOptions> PartOptionsOf(const AsMeasuredOptions& options);
+
+// A line on stderr for each scan that has outliers or points without a value.
+void PrintPointCounts(const MeasuredPart& part);
 
 // An earlier plan and which of its scans were measured.
 struct EarlierPlan {
@@ -34,21 +45,30 @@ struct EarlierPlan {
   std::vector<Measurement> Measured() const;
 };
 
-// Of the plan.json in `folder`, whose scans `request` already has; the measured ones become its
+// Reads the plan.json in `folder`, whose scans `request` already has; the measured ones become its
 // first locked scans. INVALID_ARGUMENT: files that fit no scan, or that lie where this plan's own
 // points will be written.
 absl::StatusOr<EarlierPlan> LockMeasuredScans(const AsMeasuredOptions& options,
                                               const std::string& folder, PlannerRequest* request);
 
-// What SessionOptions::before_upload does for such a plan: finds the part by the points and puts it
-// in the place of the CAD model. `earlier` must outlive the call of what is returned.
+// Puts the measured part in the place of the CAD model.
+absl::Status PutFoundPart(std::shared_ptr<const MeasuredPart> measured, PlanningSession& session,
+                          CoverageTask& task);
+
+// Information of the points about the targets of a client's scene; `judged` only for plans for
+// uncertainty.
+MeasuredTargets MeasuredTargetsOf(const PlanningSession& session, CoverageClient& client,
+                                  std::optional<JudgedTargets> judged);
+
+// Makes SessionOptions::before_upload for such a plan: finds the part by the points and puts it
+// in the place of the CAD model. `earlier` must outlive the call of the returned function.
 std::function<absl::Status(PlanningSession&, CoverageTask&)> PutMeasuredPart(
     const AsMeasuredOptions& options, const EarlierPlan& earlier);
 
-// Makes the session's oracle say of measured scans what their points say.
+// Makes the session's gain model use the points of measured scans.
 absl::Status AskMeasuredPoints(const EarlierPlan& earlier, PlanningSession* session);
 
-// Plan::as_measured: the part as it was found, and what changed by planning anew.
+// Plan::as_measured: the part as it was found, and the changes by planning again.
 absl::Status DescribeAsMeasured(const EarlierPlan& earlier, const PlanningSession& session,
                                 PlanDocument* document);
 

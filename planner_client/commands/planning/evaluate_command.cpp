@@ -8,6 +8,7 @@
 #include "planner_client/command_line/help/terminal.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/other_part.h"
 #include "planner_client/commands/planning/plan_document.h"
@@ -18,7 +19,7 @@
 namespace sightline {
 namespace {
 
-// What the given scans were to be set to stays with them; their order may be another one.
+// The given scans keep their settings; their order may be another one.
 void KeepSettings(const PlanFileScans& given, PlanDocument& document) {
   for (size_t i = 0; i < document.scans.size(); ++i) {
     const auto scan = std::find(given.all.begin(), given.all.end(), document.scans[i].measurement);
@@ -44,7 +45,7 @@ Command AddEvaluateCommand(CLI::App& app) {
   app.add_option("--out", options->output.folder, "folder for plan.json, report.html, ...")
       ->required();
   app.add_option("--coverage-server", options->session.coverage_server,
-                 "unix:PATH or HOST:PORT; default: one of our own");
+                 "unix:PATH or HOST:PORT; default: an embedded server");
   AddServerTlsOptions(app, &options->session.tls);
   AddOtherPartOption(app, &options->session.plans.other_part);
   app.add_flag("!--no-pictures", options->output.pictures,
@@ -81,9 +82,9 @@ Command AddEvaluateCommand(CLI::App& app) {
     if (absl::Status status = WritePlanOutputs(*session, document, options->output); !status.ok())
       return ReportError(status);
     PrintWrapped(SummarisePlan(document.plan));
-    std::printf("plan:   %s\nreport: %s\n",
-                std::filesystem::absolute(options->output.folder + "/plan.json").c_str(),
-                std::filesystem::absolute(options->output.folder + "/report.html").c_str());
+    PrintText("plan:   %s\nreport: %s\n",
+              std::filesystem::absolute(options->output.folder + "/plan.json").c_str(),
+              std::filesystem::absolute(options->output.folder + "/report.html").c_str());
     return kExitDone;
   };
 }

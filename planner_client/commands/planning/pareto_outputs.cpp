@@ -10,6 +10,7 @@
 #include "core/json/strict_json.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/pareto/frame_estimate.h"
 #include "planner_client/pareto/make_pareto_front.h"
 #include "planner_client/report/plan/sections/pareto_section.h"
@@ -75,8 +76,9 @@ absl::StatusOr<std::vector<ChosenScan>> EvaluateAgain(const PlanningSession& ses
   }
   auto score = run.Score(measurements, true);
   if (!score.ok()) return score.status();
-  const PlanTime time = TimeOfPlan(session.inspection.costs, session.inspection.rig.scan_step_m,
-                                   measurements, frames, point.locked_scans());
+  const PlanTime time =
+      TimeOfPlan(ExecutionModelOf(session.inspection), session.inspection.rig.scan_step_m,
+                 measurements, frames, point.locked_scans());
   if (absl::Status same = CheckSameNumbers(point, *score, time, path); !same.ok()) return same;
   return scans;
 }
@@ -91,10 +93,10 @@ void AddParetoOptions(CLI::App& app, ParetoOptions* options) {
                  "plan and report of this point of the pareto.json in --out, without planning "
                  "again");
   app.add_option("--pick-scans", options->pick.scans,
-                 "the same of the point that settles most with at most so many scans")
+                 "the same for the point that satisfies most targets with at most so many scans")
       ->check(CLI::Range(1, 1000));
   app.add_option("--pick-seconds", options->pick.seconds,
-                 "the same of the point that settles most within so many seconds")
+                 "the same for the point that satisfies most targets within so many seconds")
       ->check(CLI::NonNegativeNumber);
 }
 
@@ -124,15 +126,15 @@ absl::StatusOr<PlannerResult> PlanFront(const PlanningSession& session,
                                         const PlannerRequest& request, ProgressLine& progress,
                                         OutputOptions* output) {
   if (session.robot) {
-    std::fprintf(stderr,
-                 "warning: rig.robot: --pareto counts the seconds of `costs` without the robot's "
-                 "moves; its scans are all within the robot's reach\n");
+    PrintTextTo(stderr,
+                "warning: rig.robot: --pareto counts the seconds of `costs` without the robot's "
+                "moves; its scans are all within the robot's reach\n");
   }
   const FrameEstimate estimate(session.inspection.rig, session.client->scene().part_centre_m,
                                session.client->targets());
   ParetoRequest front;
   front.plan = request;
-  front.costs = session.inspection.costs;
+  front.execution = request.execution;
   front.scan_step_m = session.inspection.rig.scan_step_m;
   front.estimate_frames = [&](const Measurement& scan) { return estimate.Frames(scan); };
   front.on_progress = [&](double fraction, const std::string& text) {
@@ -179,7 +181,7 @@ int RunPick(const SessionOptions& session_options, const ParetoPick& pick, Outpu
     return ReportError(status);
   }
   if (!remark.empty()) {
-    std::fprintf(stderr, "warning: %s\n", remark.c_str());
+    PrintTextTo(stderr, "warning: %s\n", remark.c_str());
     session->plan_remarks.push_back(std::move(remark));
   }
   const v1::ParetoPoint point = front.points(*index);
@@ -189,7 +191,9 @@ int RunPick(const SessionOptions& session_options, const ParetoPick& pick, Outpu
                           v1::Plan::STOP_REASON_EVALUATED};
   auto document = MakePlanDocument(*session, *std::move(scans), source);
   if (!document.ok()) return ReportError(document.status());
-  if (auto status = RemoveFiles(output.folder, {"optics.json", "optics.html"}); !status.ok()) {
+  if (auto status =
+          RemoveFiles(output.folder, {"optics.json", "optics.html", "optics_report.json"});
+      !status.ok()) {
     return ReportError(status);
   }
   front.set_chosen(point.number());
@@ -200,10 +204,10 @@ int RunPick(const SessionOptions& session_options, const ParetoPick& pick, Outpu
   if (absl::Status status = WritePlanOutputs(*session, *document, output); !status.ok()) {
     return ReportError(status);
   }
-  std::printf("point %d: %splan:   %s\nreport: %s\n", point.number(),
-              SummarisePlan(document->plan).c_str(),
-              std::filesystem::absolute(output.folder + "/plan.json").c_str(),
-              std::filesystem::absolute(output.folder + "/report.html").c_str());
+  PrintText("point %d: %splan:   %s\nreport: %s\n", point.number(),
+            SummarisePlan(document->plan).c_str(),
+            std::filesystem::absolute(output.folder + "/plan.json").c_str(),
+            std::filesystem::absolute(output.folder + "/report.html").c_str());
   return kExitDone;
 }
 

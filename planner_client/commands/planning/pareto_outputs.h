@@ -24,7 +24,7 @@ struct ParetoOptions {
 
 void AddParetoOptions(CLI::App& app, ParetoOptions* options);
 
-// INVALID_ARGUMENT: `front` with a strategy that makes none or with what plans otherwise too
+// INVALID_ARGUMENT: `front` with a strategy that makes none or with another way of planning
 // (`other`: the option's name, empty: none), `pick` with either, or more than one pick.
 absl::Status CheckParetoOptions(const ParetoOptions& options, const std::string& strategy,
                                 const std::string& other);

@@ -17,33 +17,38 @@
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/optics/optics_outputs.h"
 #include "planner_client/commands/other_part.h"
 #include "planner_client/commands/part_assets.h"
-#include "planner_client/commands/part_of_work.h"
 #include "planner_client/commands/planning/as_measured_session.h"
 #include "planner_client/commands/planning/pareto_outputs.h"
 #include "planner_client/commands/planning/plan_document.h"
 #include "planner_client/commands/planning/plan_outputs.h"
 #include "planner_client/commands/planning/plan_with_optics.h"
 #include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/shard.h"
 #include "planner_client/commands/starts/plan_starts.h"
 #include "planner_client/commands/starts/search_checkpoint.h"
 #include "planner_client/multi_start/start_result.h"
+#include "planner_client/pareto/frame_estimate.h"
 #include "planner_client/plan_file/plan_file.h"
 #include "planner_client/report/optics/optics_report.h"
-#include "planner_client/strategy/priced_plan.h"
+#include "planner_client/strategy/execution/least_time_plan.h"
+#include "planner_client/strategy/generated_columns_plan.h"
+#include "planner_client/strategy/scan_order.h"
 
 namespace sightline {
 namespace {
 
-// Of the whole command, by how long the example head takes; opening the session comes before, the
-// outputs after.
+// Fractions of the whole command, by the time that the example head takes; opening the session
+// comes before, the outputs after.
 constexpr ProgressPhase kPlanningPhase{kOpenSessionPhase.end, 0.5};
 constexpr ProgressPhase kBoundPhase{0.5, 0.7};
-constexpr ProgressPhase kAgainPhase{0.7, 0.95};
+constexpr ProgressPhase kAgainPhase{0.7, 0.87};
+constexpr ProgressPhase kLeastTimePhase{0.87, 0.95};
 
 struct PlanOptions {
   SessionOptions session;
@@ -58,7 +63,8 @@ struct PlanOptions {
   int64_t seed = 1;
   std::optional<double> goal;
   std::optional<int> max_scans;
-  std::optional<double> max_time_s;
+  std::optional<double> max_time_s, goal_time_s;
+  std::optional<int> max_setups, max_sensor_places, max_resting_faces;
   int64_t evaluations_per_scan = 5000;
   int64_t matrix_samples = 1500000;
   int64_t bound_evaluations = 100000;
@@ -95,7 +101,7 @@ absl::Status WriteOptics(const v1::OpticsPlan& optics, const std::string& folder
   named.set_sightline_version(SIGHTLINE_VERSION);
   SetSettings(named, plan);
   for (const std::string& warning : named.warnings()) {
-    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+    PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }
   if (absl::Status s = WriteOpticsJson(named, folder + "/optics.json"); !s.ok()) return s;
   return WriteOpticsReport(named, nullptr, folder + "/optics.html");
@@ -114,7 +120,7 @@ absl::StatusOr<EarlierPlan> ReadMeasuredScans(PlanOptions& options, PlannerReque
   return LockMeasuredScans(options.measured, options.output.folder, &request);
 }
 
-// What --optics needs of the inspection is found before the scene is built.
+// Checks the inputs of --optics before the scene is built.
 absl::Status CheckOptics(const PlanOptions& options) {
   if (!options.optics) return absl::OkStatus();
   if (!options.checkpoint.empty()) {
@@ -131,7 +137,7 @@ absl::Status CheckOptics(const PlanOptions& options) {
   return CheckImagingInspection(message, file).status();
 }
 
-// Of the request, what only the options say.
+// Sets the fields of the request that only the options give.
 void SetOptions(const PlanOptions& options, PlannerRequest& request) {
   request.strategy = options.strategy;
   request.seed = options.seed;
@@ -145,12 +151,16 @@ void SetGoal(const PlanOptions& options, PlanningGoal& goal) {
   if (options.goal) (goal.admissible ? *goal.admissible : goal.coverage) = *options.goal;
   if (options.max_scans) goal.max_scans = *options.max_scans;
   if (options.max_time_s) goal.max_time_s = *options.max_time_s;
+  if (options.goal_time_s) goal.execution_time_s = *options.goal_time_s;
+  if (options.max_setups) goal.max_setups = *options.max_setups;
+  if (options.max_sensor_places) goal.max_sensor_places = *options.max_sensor_places;
+  if (options.max_resting_faces) goal.max_resting_faces = *options.max_resting_faces;
 }
 
 // One plan, step by step, on a session that is open.
 class Planning {
  public:
-  Planning(PlanOptions& options, PlannerRequest request, const PartOfWork& part,
+  Planning(PlanOptions& options, PlannerRequest request, const Shard& part,
            const EarlierPlan& earlier, std::optional<SearchQuestion> question,
            PlanningSession& session, std::chrono::steady_clock::time_point start)
       : options_(options),
@@ -171,6 +181,15 @@ class Planning {
     SetGoal(options_, session_.inspection.goal);
     request_.domain = session_.inspection.domain;
     request_.goal = session_.inspection.goal;
+    request_.execution = ExecutionModelOf(session_.inspection);
+    request_.scan_time_s =
+        [this,
+         frames = FrameEstimate(session_.inspection.rig, session_.client->scene().part_centre_m,
+                                session_.client->targets())](const Measurement& scan) {
+          const FrameRange range = frames.Frames(scan);
+          return ScanTimeS(session_.inspection.costs, session_.inspection.rig.scan_step_m,
+                           range.first, range.last);
+        };
     SetOptions(options_, request_);
     request_.on_progress = [this](const PlanProgress& p) {
       Show(p.done,
@@ -205,20 +224,21 @@ class Planning {
 
   void Print() const {
     if (!part_.IsWhole()) {
-      if (!InterruptFlag()) std::printf("part %d of %d is done\n", part_.number, part_.count);
+      if (!InterruptFlag()) PrintText("shard %d of %d is done\n", part_.number, part_.count);
       return;
     }
     PrintWrapped(absl::StrFormat(
-        "%s%s%s%.1f s from cold start to plan, %.1f s in all: with the lower bound, better plans, "
-        "reasons, pictures and files.\n",
+        "%s%s%s%.1f s from cold start to plan, %.1f s in all with lower bound, better plans, "
+        "reasons, "
+        "pictures and files.\n",
         SummarisePlan(document_.plan), SummariseStarts(document_.plan),
         SummariseAsMeasured(document_.plan), time_to_plan_s_, SecondsSince(start_)));
     if (options_.output.pareto) {
-      std::printf("%s", SummarisePareto(*options_.output.pareto).c_str());
+      PrintText("%s", SummarisePareto(*options_.output.pareto).c_str());
     }
-    std::printf("plan:   %s\nreport: %s\n",
-                std::filesystem::absolute(options_.output.folder + "/plan.json").c_str(),
-                std::filesystem::absolute(options_.output.folder + "/report.html").c_str());
+    PrintText("plan:   %s\nreport: %s\n",
+              std::filesystem::absolute(options_.output.folder + "/plan.json").c_str(),
+              std::filesystem::absolute(options_.output.folder + "/report.html").c_str());
   }
 
  private:
@@ -231,7 +251,7 @@ class Planning {
   // Phases of a search are parts of `search_phase_`.
   void Enter(const ProgressPhase& phase) {
     const double scale =
-        (search_phase_.end - search_phase_.begin) / (kAgainPhase.end - kPlanningPhase.begin);
+        (search_phase_.end - search_phase_.begin) / (kLeastTimePhase.end - kPlanningPhase.begin);
     progress_.Enter({search_phase_.begin + (phase.begin - kPlanningPhase.begin) * scale,
                      search_phase_.begin + (phase.end - kPlanningPhase.begin) * scale});
   }
@@ -241,13 +261,42 @@ class Planning {
 
   // One search for the plan: result_, document_ and bound_.
   absl::Status Search() {
+    if (auto status = SearchFewest(); !status.ok()) return status;
+    if (options_.pareto.front || InterruptFlag() || !WantsLeastTime(request_)) {
+      return absl::OkStatus();
+    }
+    return PlanLeastTime();
+  }
+
+  // The plan of least time, from the plan of fewest scans.
+  absl::Status PlanLeastTime() {
+    PlannerRequest request = request_;
+    if (request.goal.max_time_s) {
+      *request.goal.max_time_s -= SecondsSince(search_start_);
+      if (*request.goal.max_time_s <= 0) return absl::OkStatus();
+    }
+    const auto least_start = std::chrono::steady_clock::now();
+    Enter(kLeastTimePhase);
+    std::vector<Measurement> good;
+    if (bound_) good = bound_->generated_columns;
+    auto result = PlanInLeastTime(*session_.oracle, request, std::move(result_), good);
+    progress_.Finish();
+    if (!result.ok()) return result.status();
+    result_ = *std::move(result);
+    AddTiming(search_name_ + "planning fewer set-ups", SecondsSince(least_start));
+    return Describe();
+  }
+
+  // The plan of fewest scans, and the bound on their number.
+  absl::Status SearchFewest() {
+    search_start_ = std::chrono::steady_clock::now();
     const bool bounded = options_.bound_evaluations > 0;
     // All plans of a front profit from the bound's scans.
     if (options_.pareto.front && bounded) {
       if (auto status = FindBound({}, 1); !status.ok()) return status;
-      request_.candidates = bound_->priced_scans;
+      request_.candidates = bound_->generated_columns;
     }
-    // The bound's scans are better than what a longer search finds without them.
+    // The bound's scans are better than those of a longer search without them.
     PlannerRequest request = request_;
     request.draft = bounded && !options_.pareto.front;
     if (auto status = Plan(request); !status.ok()) return status;
@@ -271,7 +320,7 @@ class Planning {
     std::vector<StartResult> starts;
     size_t best = 0;
     for (int i = part_.number - 1; i < options_.starts.count; i += part_.count) {
-      // What is planned so far is kept, so that there is a plan.
+      // After an interruption the starts planned so far are kept, so that there is a plan.
       if (InterruptFlag() && !starts.empty()) break;
       auto start = SearchFromStart(i, checkpoint);
       if (!start.ok()) return start.status();
@@ -295,7 +344,7 @@ class Planning {
     request_.seed = options_.seed + index;
     if (auto kept = checkpoint.ResultOf(request_.seed)) return *std::move(kept);
     const double begin = kPlanningPhase.begin;
-    const double width = kAgainPhase.end - begin;
+    const double width = kLeastTimePhase.end - begin;
     search_phase_ = {begin + width * index / count, begin + width * (index + 1) / count};
     search_name_ = absl::StrFormat("start %d of %d: ", index + 1, count);
     const std::string name = absl::StrCat("-", request_.seed);
@@ -345,7 +394,7 @@ class Planning {
                                   StopReasonToProto(result_.stop_reason)});
     if (!made.ok()) return made.status();
     document_ = *std::move(made);
-    // Of several searches only the best is written.
+    // With several searches only the best is written.
     if (options_.starts.Several()) return absl::OkStatus();
     if (!earlier_.files.empty()) {
       if (auto status = DescribeAsMeasured(earlier_, session_, &document_); !status.ok()) {
@@ -358,13 +407,14 @@ class Planning {
   absl::Status WritePlan() {
     // Settings of an earlier plan's scans; with --optics they are made anew.
     const std::string& folder = options_.output.folder;
-    if (auto status = RemoveFiles(folder, {"optics.json", "optics.html"}); !status.ok()) {
+    if (auto status = RemoveFiles(folder, {"optics.json", "optics.html", "optics_report.json"});
+        !status.ok()) {
       return status;
     }
     return WritePlanJson(document_, folder);
   }
 
-  // Bounds what `scans` settle, a share of the targets, at most the goal.
+  // Bounds the number of scans for the fraction that `scans` satisfy, at most the goal.
   absl::Status FindBound(std::span<const Measurement> scans, double settled) {
     const auto bound_start = std::chrono::steady_clock::now();
     Enter(kBoundPhase);
@@ -373,7 +423,7 @@ class Planning {
         options_.bound_evaluations, request_.seed,
         [&](const ScanCountBoundProgress& p) {
           Show(static_cast<double>(p.evaluations) / static_cast<double>(p.budget),
-               absl::StrFormat("lower bound so far: %.2f scans", p.bound));
+               absl::StrFormat("relaxation so far: %.2f scans", p.bound));
         },
         &InterruptFlag());
     progress_.Finish();
@@ -393,7 +443,7 @@ class Planning {
     const auto again_start = std::chrono::steady_clock::now();
     Enter(kAgainPhase);
     const size_t before = result_.scans.size();
-    auto result = PlanWithPricedScans(*session_.oracle, request, std::move(result_), *bound_);
+    auto result = PlanWithGeneratedColumns(*session_.oracle, request, std::move(result_), *bound_);
     progress_.Finish();
     if (!result.ok()) return result.status();
     result_ = *std::move(result);
@@ -412,19 +462,20 @@ class Planning {
   }
 
   PlanOptions& options_;
-  const PartOfWork part_;  // of the starts
+  const Shard part_;  // of the starts
   const EarlierPlan& earlier_;
   const std::optional<SearchQuestion> question_;  // set if answers are kept
   PlanningSession& session_;
   PlannerRequest request_;
   std::chrono::steady_clock::time_point start_;
   ProgressLine progress_;
-  ProgressPhase search_phase_{kPlanningPhase.begin, kAgainPhase.end};
+  ProgressPhase search_phase_{kPlanningPhase.begin, kLeastTimePhase.end};
   std::string search_name_;  // of several: before all that is shown of a search
   PlannerResult result_;
   PlanDocument document_;
   std::optional<ScanCountBoundResult> bound_;
   double planning_s_ = 0, time_to_plan_s_ = 0;
+  std::chrono::steady_clock::time_point search_start_;
 };
 
 // Everything that the answers kept by --checkpoint depend on; unset without this option.
@@ -437,18 +488,20 @@ absl::StatusOr<std::optional<SearchQuestion>> QuestionOf(const PlanOptions& opti
     files->push_back(
         {absl::StrCat("--measured ", std::filesystem::path(file).filename().string()), file});
   }
+  if (!options.measured.pose_file.empty()) files->push_back({"--pose", options.measured.pose_file});
   auto contents = FileContents::Of(*std::move(files));
   if (!contents.ok()) return contents.status();
   const AsMeasuredOptions& m = options.measured;
   return SearchQuestion{
       *std::move(contents),
-      m.files.empty() ? ""
-                      : absl::StrFormat("pose prior %s mm, %s deg; tolerated distance %s mm",
-                                        NumberText(m.pose_prior_mm), NumberText(m.pose_prior_deg),
-                                        NumberText(m.tolerated_distance_mm))};
+      m.files.empty()
+          ? ""
+          : absl::StrFormat("pose prior %s mm, %s deg; tolerated distance %s mm; unit %s",
+                            NumberText(m.pose_prior_mm), NumberText(m.pose_prior_deg),
+                            NumberText(m.tolerated_distance_mm), m.unit)};
 }
 
-absl::Status PlanParsed(PlanOptions& options, const PartOfWork& part) {
+absl::Status PlanParsed(PlanOptions& options, const Shard& part) {
   PlannerRequest request;
   if (auto status = ReadGivenScans(options, request); !status.ok()) return status;
   if (auto status = CheckStrategy(options.strategy); !status.ok()) return status;
@@ -509,14 +562,27 @@ Command AddPlanCommand(CLI::App& app) {
   for (const StrategyDescription& known : Strategies()) strategies.push_back(known.name);
   app.add_option("--strategy", options->strategy, absl::StrJoin(strategies, ", "));
   app.add_option("--seed", options->seed, "same seed, same plan");
-  app.add_option("--goal", options->goal,
-                 "fraction of the targets to be covered (or known admissibly, if the inspection's "
-                 "goal is that), overrides the inspection's")
+  app.add_option(
+         "--goal", options->goal,
+         "fraction of the targets to cover (or to know with admissible uncertainty, if that is "
+         "the inspection's goal); overrides the inspection's")
       ->check(CLI::Range(1e-6, 1.0));
   app.add_option("--max-scans", options->max_scans, "overrides the inspection's")
       ->check(CLI::Range(1, 1000));
   app.add_option("--max-time-s", options->max_time_s, "wall-clock limit")
       ->check(CLI::PositiveNumber);
+  app.add_option("--goal-time-s", options->goal_time_s,
+                 "longest time to execute the plan, by the inspection's costs; the plan satisfies "
+                 "as many targets as it can in that time")
+      ->check(CLI::PositiveNumber);
+  app.add_option("--max-setups", options->max_setups,
+                 "most set-ups: resting faces with places of the sensors")
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--max-sensor-places", options->max_sensor_places, "most places of the sensors")
+      ->check(CLI::Range(1, 1000));
+  app.add_option("--max-resting-faces", options->max_resting_faces,
+                 "most faces that the part is laid on")
+      ->check(CLI::Range(1, 1000));
   app.add_option("--keep", options->keep,
                  "plan.json whose scans stay as they are; the rest is planned");
   app.add_flag("--resume", options->resume, "go on from the plan.json in --out");
@@ -525,8 +591,8 @@ Command AddPlanCommand(CLI::App& app) {
   AddParetoOptions(app, &options->pareto);
   AddStartsOptions(app, &options->starts);
   app.add_option("--checkpoint", options->checkpoint,
-                 "folder for what is needed to go on after the process was ended; the same command "
-                 "with the same folder makes the plan of an unbroken run");
+                 "folder for a checkpoint: after an interruption the same command with the same "
+                 "folder goes on and makes the same plan");
   app.add_option("--evaluations-per-scan", options->evaluations_per_scan,
                  "gain evaluations per scan")
       ->check(CLI::Range(1, 100000000));
@@ -536,8 +602,8 @@ Command AddPlanCommand(CLI::App& app) {
                  "budget of the lower bound, 0: none")
       ->check(CLI::Range(0, 100000000));
   app.add_flag("--optics", options->optics,
-               "plan the geometry for the line as images of its scans show it, and write the "
-               "setting of camera and laser of every scan");
+               "plan geometry and settings in turn: learn line detection from rendered images, and "
+               "write each scan's setting of camera and laser");
   app.add_option("--optics-rounds", options->optics_rounds,
                  "most times that geometry and setting are planned in turn")
       ->check(CLI::Range(1, 20));
@@ -545,7 +611,7 @@ Command AddPlanCommand(CLI::App& app) {
   app.add_flag("!--no-fresh-targets", options->session.fresh_targets,
                "score the plan on its own targets only");
   app.add_option("--coverage-server", options->session.coverage_server,
-                 "unix:PATH or HOST:PORT; default: one of our own");
+                 "unix:PATH or HOST:PORT; default: an embedded server");
   app.add_option("--field-directions", options->session.field_directions,
                  "directions of the visibility field")
       ->check(CLI::Range(64, 65536));
@@ -561,14 +627,15 @@ Command AddPlanCommand(CLI::App& app) {
     for (const char* pick : {"--pick", "--pick-scans", "--pick-seconds"}) {
       absl::Status status =
           CheckExcluded(app, pick,
-                        {"--strategy", "--seed", "--goal", "--max-scans", "--max-time-s", "--keep",
-                         "--resume", "--starts", "--checkpoint", "--evaluations-per-scan",
-                         "--matrix-samples", "--bound-evaluations"});
+                        {"--strategy", "--seed", "--goal", "--max-scans", "--max-time-s",
+                         "--goal-time-s", "--max-setups", "--max-sensor-places",
+                         "--max-resting-faces", "--keep", "--resume", "--starts", "--checkpoint",
+                         "--evaluations-per-scan", "--matrix-samples", "--bound-evaluations"});
       if (!status.ok()) return ReportError(status);
     }
     if (app.count("--matrix-samples") > 0 && options->strategy != kMatrixStrategy) {
-      std::fprintf(stderr, "warning: --matrix-samples has no effect without --strategy %s\n",
-                   kMatrixStrategy);
+      PrintTextTo(stderr, "warning: --matrix-samples has no effect without --strategy %s\n",
+                  kMatrixStrategy);
     }
     GiveBothServersTls(options->session.coverage_server, &options->session.tls,
                        options->worker.address, &options->worker.tls);

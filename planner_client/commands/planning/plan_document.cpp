@@ -23,6 +23,7 @@
 #include "planner_client/commands/planning/uncertainty_outputs.h"
 #include "planner_client/commands/planning/uncovered_outputs.h"
 #include "planner_client/report/uncertainty/inadmissible.h"
+#include "planner_client/report/uncertainty/uncertainty_report.h"
 #include "planner_client/requirements/feature_verdicts.h"
 #include "planner_client/strategy/scan_order.h"
 
@@ -88,6 +89,7 @@ absl::Status AddVerdicts(const PlanningSession& session, std::span<const Measure
   auto verdicts = JudgeFeatures(session.inspection, *session.requirements, scans,
                                 session.client->scene().part_centre_m, knowledge);
   if (!verdicts.ok()) return verdicts.status();
+  *document.plan.mutable_uncertainty()->mutable_tolerances() = CountVerdicts(*verdicts);
   for (v1::FeatureVerdict& verdict : *verdicts) {
     *document.plan.mutable_uncertainty()->add_features() = std::move(verdict);
   }
@@ -124,7 +126,7 @@ void ExaminePropagation(const PlanningSession& session, const std::vector<Chosen
   message.set_second_order_points(not_linear);
 }
 
-// Exact uncertainties after the plan's scans in their order, and what they amount to.
+// Exact uncertainties after the plan's scans in their order, and their statistics.
 absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& document) {
   const Requirements& requirements = *session.requirements;
   document.admissible_uncertainty_m =
@@ -199,7 +201,7 @@ absl::Status AddUncertainty(const PlanningSession& session, PlanDocument& docume
   message.mutable_gain()->set_relaxed(gain.relaxed);
   message.mutable_gain()->set_information(gain.information);
   message.mutable_gain()->set_total_uncertainty(gain.total_uncertainty);
-  if (!requirements.features.empty()) {
+  if (!requirements.features.empty() || !requirements.unbound.empty()) {
     if (absl::Status status = AddVerdicts(session, feasible, document); !status.ok()) return status;
   }
   if (session.fresh_client && !feasible.empty()) {
@@ -227,6 +229,8 @@ v1::Plan::StopReason StopReasonToProto(StopReason reason) {
       return v1::Plan::STOP_REASON_STALLED;
     case StopReason::kInterrupted:
       return v1::Plan::STOP_REASON_INTERRUPTED;
+    case StopReason::kExecutionLimit:
+      return v1::Plan::STOP_REASON_EXECUTION_LIMIT;
   }
   return v1::Plan::STOP_REASON_UNSPECIFIED;
 }
@@ -234,7 +238,8 @@ v1::Plan::StopReason StopReasonToProto(StopReason reason) {
 absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
                                               std::vector<ChosenScan> scans,
                                               const PlanSource& source) {
-  const CostModel& costs = session.inspection.costs;
+  const ExecutionModel execution = ExecutionModelOf(session.inspection);
+  const CostModel& costs = execution.costs;
   const SceneInfo& scene = session.client->scene();
   std::vector<Measurement> measurements;
   int locked = 0;
@@ -252,7 +257,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
     moves = OrderForRobot(session, scans, fixed);
     for (const RobotMove& move : moves) order.push_back(move.scan);
   } else {
-    order = OrderScans(costs, measurements, fixed);
+    order = OrderScans(execution, measurements, fixed);
   }
   for (const int index : order) document.scans.push_back(std::move(scans[index]));
 
@@ -285,9 +290,9 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
     scan.set_cumulative_targets(covered.Count());
     scan.set_scan_time_s(ScanTimeS(costs, session.inspection.rig.scan_step_m,
                                    chosen.exact.first_frame, chosen.exact.last_frame));
-    if (i > 0)
-      scan.set_reposition_time_s(
-          RepositionTimeS(costs, document.scans[i - 1].measurement, chosen.measurement));
+    scan.set_reposition_time_s(
+        i > 0 ? RepositionTimeS(execution, document.scans[i - 1].measurement, chosen.measurement)
+              : TimesBeforeFirst(execution).Total_s());
     cost.set_scan_time_s(cost.scan_time_s() + scan.scan_time_s());
     cost.set_reposition_time_s(cost.reposition_time_s() + scan.reposition_time_s());
     if (session.robot) {
@@ -345,7 +350,7 @@ void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan) {
 
 namespace {
 
-// What the rig cannot measure at all, and why planning ended short of the goal.
+// Says how much the rig cannot measure at all, and why planning ended short of the goal.
 std::string SummariseReach(const v1::Plan& plan) {
   const v1::PlanCoverage& c = plan.coverage();
   std::string text;
@@ -354,22 +359,26 @@ std::string SummariseReach(const v1::Plan& plan) {
            static_cast<double>(std::max<int64_t>(1, c.targets()));
   };
   if (c.measurable_in_free_space_targets() > c.measurable_targets()) {
-    absl::StrAppendFormat(&text,
-                          "of all %d targets %.1f %% cannot be measured with this rig (rests, "
-                          "domain, table, limits), "
-                          "%.1f %% by no camera and laser at all.\n",
-                          c.targets(),
-                          share(c.measurable_in_free_space_targets() - c.measurable_targets()),
-                          share(c.targets() - c.measurable_in_free_space_targets()));
+    absl::StrAppendFormat(
+        &text,
+        "of all %d targets, this rig cannot measure %.1f %% (resting faces, domain, "
+        "table, limits); no rig can measure a further %.1f %%.\n",
+        c.targets(), share(c.measurable_in_free_space_targets() - c.measurable_targets()),
+        share(c.targets() - c.measurable_in_free_space_targets()));
   }
   if (plan.stop_reason() == v1::Plan::STOP_REASON_STALLED && !plan.has_uncertainty()) {
-    absl::StrAppendFormat(&text,
-                          "the goal was not reached: further scans would have added too little "
-                          "(goal.min_gain), although this rig can measure the remaining %d targets "
-                          "as far as sight and table go.\n",
-                          c.measurable_targets() - c.covered_targets());
+    absl::StrAppendFormat(
+        &text,
+        "the goal was not reached: further scans would add less than goal.min_gain. "
+        "Line of sight and table allow this rig to measure the remaining %d "
+        "targets.\n",
+        c.measurable_targets() - c.covered_targets());
   }
   if (plan.resting_faces_size() > 0) {
+    for (const v1::ExcludedFace& excluded : plan.excluded_faces()) {
+      absl::StrAppend(&text, "face ", excluded.face().name(), " is not used: ", excluded.because(),
+                      ".\n");
+    }
     absl::StrAppend(&text, "the part is laid on ",
                     plan.resting_faces_size() == 1 ? "face " : "faces ",
                     absl::StrJoin(plan.resting_faces(), ", ",
@@ -386,6 +395,34 @@ std::string SummariseReach(const v1::Plan& plan) {
   return text;
 }
 
+// Set-ups and the time to execute the plan.
+std::string SummariseSetups(const v1::Plan& plan) {
+  const auto count = [](int number, const char* one, const char* several) {
+    return absl::StrCat(number, " ", number == 1 ? one : several);
+  };
+  std::string text = absl::StrFormat("%s from %s of the sensors; executing the plan takes %.1f min",
+                                     count(plan.setups_size(), "set-up", "set-ups"),
+                                     count(plan.sensor_places_size(), "place", "places"),
+                                     plan.cost().total() / 60);
+  double turn_s = 0, lay_s = 0, move_s = 0;
+  for (const v1::Setup& setup : plan.setups()) {
+    turn_s += setup.time_s().turn();
+    lay_s += setup.time_s().lay();
+    move_s += setup.time_s().move_sensors();
+  }
+  absl::StrAppendFormat(&text,
+                        ": scanning %.1f, turning the part %.1f, laying it %.1f, placing the "
+                        "sensors %.1f.\n",
+                        plan.cost().scan_time_s() / 60, turn_s / 60, lay_s / 60, move_s / 60);
+  if (plan.stop_reason() == v1::Plan::STOP_REASON_EXECUTION_LIMIT) {
+    absl::StrAppend(&text,
+                    "the goal was not reached within the limits on time to execute, set-ups, "
+                    "sensor places or resting faces (goal.execution_time_s, max_setups, "
+                    "max_sensor_places, max_resting_faces).\n");
+  }
+  return text;
+}
+
 }  // namespace
 
 std::string SummarisePlan(const v1::Plan& plan) {
@@ -395,8 +432,9 @@ std::string SummarisePlan(const v1::Plan& plan) {
   absl::StrAppendFormat(
       &text,
       "%d %s %.2f %% of the %d measurable targets (%swithout the gate on normals %.2f %%).\n"
-      "fast estimate against exact: mean |error| %.3f %%, largest %.3f %% of all targets, over "
-      "this plan's scans.\n",
+      "fast estimate of this plan's scans against exact: mean |error| %.3f %%, largest %.3f %% of "
+      "all "
+      "targets.\n",
       plan.scans_size(), plan.scans_size() == 1 ? "scan measures" : "scans measure",
       100 * c.coverage(), c.measurable_targets(),
       c.goal() > 0 ? absl::StrFormat("goal %.4g %%; ", 100 * c.goal()) : "",
@@ -405,36 +443,35 @@ std::string SummarisePlan(const v1::Plan& plan) {
       100 * c.fast_mean_absolute_error(), 100 * c.fast_max_absolute_error());
   text += SummariseReach(plan);
   if (plan.coverage().has_fresh_coverage()) {
-    absl::StrAppendFormat(&text, "of %d targets sampled anew: %.2f %%.\n",
+    absl::StrAppendFormat(&text, "of %d validation targets: %.2f %%.\n",
                           c.fresh_measurable_targets(), 100 * c.fresh_coverage());
   }
   if (plan.has_uncertainty()) {
     const v1::PlanUncertainty& u = plan.uncertainty();
     absl::StrAppendFormat(&text,
-                          "uncertainty is admissible at %.2f %% of the %d judged targets (goal "
-                          "%.4g %%), at most %.3g "
-                          "mm at %.2f %%; median %.1f um.\n",
+                          "uncertainty is admissible at %.2f %% of the %d toleranced targets (goal "
+                          "%.4g %%), at most %.3g mm at %.2f %%; median %.1f um.\n",
                           100 * u.admissible_fraction(), u.judged_targets(), 100 * u.goal(),
                           1e3 * u.relaxed_uncertainty_m(), 100 * u.relaxed_fraction(),
                           1e6 * u.median_uncertainty_m());
     if (u.has_fresh_admissible_fraction()) {
-      absl::StrAppendFormat(&text, "of %d targets sampled anew: admissible at %.2f %%.\n",
+      absl::StrAppendFormat(&text, "of %d validation targets: admissible at %.2f %%.\n",
                             u.fresh_judged_targets(), 100 * u.fresh_admissible_fraction());
     }
     if (u.second_order_points() > 0) {
       absl::StrAppendFormat(&text,
-                            "at %d of %d points examined linear propagation of errors is not to be "
-                            "relied on.\n",
+                            "linear propagation of errors is unreliable at %d of %d points "
+                            "examined.\n",
                             u.second_order_points(), u.examined_points());
     }
     text += SummariseInadmissible(u);
+    text += SummariseVerdicts(u);
     if (!u.bound().statement().empty()) absl::StrAppend(&text, u.bound().statement(), "\n");
   }
   text += SummariseUncovered(plan.coverage());
   if (!plan.bound().statement().empty()) absl::StrAppend(&text, plan.bound().statement(), "\n");
   if (!plan.cost().unit_costs()) {
-    absl::StrAppendFormat(&text, "scanning takes %.1f s, repositioning %.1f s.\n",
-                          plan.cost().scan_time_s(), plan.cost().reposition_time_s());
+    text += SummariseSetups(plan);
   }
   int robot_scans = 0, unreached = 0;
   for (const v1::PlannedScan& scan : plan.scans()) {

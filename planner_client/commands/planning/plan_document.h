@@ -19,7 +19,7 @@ struct PlanDocument {
   v1::Plan plan;
   std::vector<ChosenScan> scans;  // in the plan's order
   // Only of plans for uncertainty: of all targets after all scans, exact; and of every target what
-  // is admissible [m], 0 if it is not judged.
+  // is admissible [m], 0 if it is not toleranced.
   PosteriorUncertainties uncertainties;
   std::vector<float> admissible_uncertainty_m;
   // One per target, as far as it is not covered; empty until ExplainUncovered.
@@ -50,7 +50,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
                                               std::vector<ChosenScan> scans,
                                               const PlanSource& source);
 
-// Adds the lower bound, to what the plan is for.
+// Adds the lower bound to the coverage or uncertainty of the plan.
 void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan);
 
 // One paragraph for the terminal.

@@ -21,6 +21,7 @@
 #include "core/part/load_part.h"
 #include "core/part/part_health_proto.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/commands/planning/set_up_outputs.h"
 #include "planner_client/commands/planning/uncertainty_outputs.h"
@@ -72,7 +73,7 @@ void ShowWhereItLies(const PlanningSession& session, ReportData* data) {
   }
 }
 
-// What moves with the part is known to the server in coordinates of the part as it was found.
+// The server knows meshes that move with the part in coordinates of the part as found.
 std::shared_ptr<const TriangleMesh> MeshWhereItLies(const PlanningSession& session,
                                                     const CoverageTask::Obstacle& obstacle) {
   if (!session.measured || obstacle.frame != ObstacleFrame::kPart) return obstacle.mesh;
@@ -113,9 +114,9 @@ absl::StatusOr<ReportData> DescribeForReport(const PlanningSession& session,
     if (!status.ok()) return status;
     if (options.point_clouds) data.uncertainty->scan_sensitivities.resize(document.scans.size());
   } else if (options.ellipsoids) {
-    std::fprintf(stderr,
-                 "warning: --ellipsoids has no effect: the inspection's goal is coverage, not "
-                 "uncertainty\n");
+    PrintTextTo(stderr,
+                "warning: --ellipsoids has no effect: the inspection's goal is coverage, not "
+                "uncertainty\n");
   }
   return data;
 }
@@ -151,7 +152,7 @@ absl::StatusOr<std::string> PictureOfTargets(const PlanningSession& session,
   return session.client->RenderView(std::move(request));
 }
 
-// Of plans for uncertainty with the sensitivity of the scan's points, into `sensitivity`.
+// For plans with uncertainty, writes the sensitivity of the scan's points to `sensitivity`.
 absl::Status WritePointsOfScan(const PlanningSession& session, const ChosenScan& scan, size_t index,
                                const std::vector<ScanPoint>& points, const OutputOptions& options,
                                ScanSensitivityMap* sensitivity) {
@@ -177,7 +178,8 @@ struct ScanAnswers {
   absl::Status picture, points;
 };
 
-// Pictures and point clouds, of several scans at a time. What the server does not give is missing.
+// Pictures and point clouds, of several scans at a time. Data that the server does not give are
+// missing.
 absl::Status ShowScans(const PlanningSession& session, PlanDocument& document,
                        const OutputOptions& options, ReportData* data) {
   std::vector<TargetBits> covered_until;
@@ -265,7 +267,7 @@ absl::Status WritePlanOutputs(PlanningSession& session, PlanDocument& document,
        std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count()});
   for (const std::string& missing : document.missing) {
     data->notes.push_back(missing);
-    std::fprintf(stderr, "warning: %s\n", missing.c_str());
+    PrintTextTo(stderr, "warning: %s\n", missing.c_str());
   }
   auto html = RenderReport(*data);
   if (!html.ok()) return html.status();

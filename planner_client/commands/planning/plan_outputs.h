@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The files of a plan: plan.json and what stands beside it.
+// The files of a plan: plan.json and the others in its folder.
 #pragma once
 
 #include <optional>
@@ -26,8 +26,8 @@ struct OutputOptions {
 
 // Writes plan.json and plan.csv; then, with the reasons why targets stay uncovered, plan.json
 // again, pictures, report.html and points/scan_NN.ply. plan.json comes first, so that an
-// interruption keeps it; before, what an earlier plan left in the folder about its scans goes
-// (report, point clouds, uncertainty). What the server does not give is left out of the files,
+// interruption keeps it; before that, files of an earlier plan about its scans are removed (report,
+// point clouds, uncertainty). Data that the server does not give are left out of the files and
 // named in the notes of the report and by a warning on stderr: no plan is lost for a picture. The
 // errors are those of writing.
 absl::Status WritePlanJson(const PlanDocument& document, const std::string& folder);

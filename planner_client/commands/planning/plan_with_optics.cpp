@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "planner_client/command_line/process/interrupt.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/optics/optics_outputs.h"
 #include "planner_client/commands/optics/optics_request.h"
 #include "planner_client/commands/planning/plan_outputs.h"
@@ -46,7 +47,7 @@ absl::StatusOr<v1::OpticsPlan> ChooseSettings(const JointPlanOptions& options, b
   if (!request.ok()) return request.status();
   request->request.set_per_scan(per_scan);
   if (before != nullptr) KeepFNumbersWorthTrying(*before, &request->request);
-  std::fprintf(stderr, "%s\n", what);
+  PrintTextTo(stderr, "%s\n", what);
   ProgressLine progress;
   WorkerClientOptions client;
   auto worker = StartWorkerSession(options.worker, &progress, &client);
@@ -72,12 +73,12 @@ std::vector<Measurement> ScansOf(const PlanDocument& document) {
 }
 
 void Say(int number, const v1::JointRound& round) {
-  std::fprintf(stderr,
-               "round %d: %d scans, f/%.3g, %.4g ms; u %.1f %% from what the scans were planned "
-               "for (%.1f standard errors); %.1f %% admissible with it\n",
-               number, round.scans(), round.setting().f_number(),
-               1e3 * round.setting().exposure_time_s(), 100 * round.change_of_u(),
-               round.change_in_standard_errors(), 100 * round.settled_with());
+  PrintTextTo(stderr,
+              "round %d: %d scans, f/%.3g, %.4g ms; learned u differs by %.1f %% from the planned "
+              "one (%.1f standard errors); %.1f %% admissible with the learned one\n",
+              number, round.scans(), round.setting().f_number(),
+              1e3 * round.setting().exposure_time_s(), 100 * round.change_of_u(),
+              round.change_in_standard_errors(), 100 * round.settled_with());
 }
 
 class JointPlanner {
@@ -100,7 +101,7 @@ class JointPlanner {
   }
 
  private:
-  // Plans in turn until what is learned is what the scans were planned for.
+  // Plans in turn until the learned detection equals the planned one.
   absl::Status FindRest() {
     LineDetectionNoise planned_for = session_.inspection.uncertainty->detection;
     double earlier_error = 0;
@@ -115,7 +116,8 @@ class JointPlanner {
       *round.mutable_setting() = optics->best().setting();
       if (!optics->common().has_detection()) {
         missing_ =
-            "too little of the line is detected to learn how well; the scans are planned for the "
+            "too few points of the line were detected to learn their uncertainty; the scans use "
+            "the "
             "inspection's own line_detection";
         rounds_.push_back(round);
         return absl::OkStatus();
@@ -133,7 +135,7 @@ class JointPlanner {
       last_ = *std::move(optics);
       if (absl::Status s = LookWith(planned_for, &round); !s.ok()) return s;
       Say(number, round);
-      // Scans that reached the goal reach it with what was learned, too.
+      // Scans that reached the goal reach it with the learned detection, too.
       const double goal = GoalFraction(request_.goal);
       const bool as_good = round.settled_with() >= goal || round.settled_for() < goal;
       converged_ = change.IsNone() && (same_setting || number == 1) && as_good;

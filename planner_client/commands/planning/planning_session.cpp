@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <chrono>
+#include <cmath>
 #include <cstdio>
 #include <filesystem>
 #include <numbers>
@@ -14,6 +15,7 @@
 #include "core/random/random.h"
 #include "core/rig/sensor_bodies.h"
 #include "planner_client/command_line/process/interrupt.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/command_line/process/progress_line.h"
 #include "planner_client/commands/planning/robot_outputs.h"
 #include "planner_client/part_files/part_file.h"
@@ -24,39 +26,13 @@
 namespace sightline {
 namespace {
 
-// Plans are only scored on fresh targets, exactly: their field serves to find out which of them can
-// be measured, and directions between its own are tried there anyway.
+// Plans are only scored on validation targets, exactly: their field serves to find out which of
+// them can be measured, and directions between its own are tried there anyway.
 constexpr int kFreshFieldDirections = 576;
 
 // Another seed than the one of the plan's own targets, which follows from it.
 int64_t FreshSeed(int64_t seed) {
   return static_cast<int64_t>(DeriveSeed(static_cast<uint64_t>(seed), 41) >> 1);
-}
-
-absl::Status ReadRequirements(PlanningSession& session) {
-  if (!session.inspection.tolerances || !session.inspection.uncertainty) return absl::OkStatus();
-  std::optional<ToleranceReport> report;
-  std::vector<FaceTriangles> faces;
-  if (const std::string& file = session.inspection.tolerances->file; !file.empty()) {
-    ToleranceImportOptions options;
-    options.length_unit = session.inspection.tolerances->file_unit;
-    auto read = ImportTolerances(file, options);
-    if (!read.ok()) return read.status();
-    report = std::move(read->report);
-    faces = std::move(read->faces);
-  }
-  auto requirements = MakeRequirements(session.inspection, *session.part, report, faces);
-  if (!requirements.ok()) return requirements.status();
-  if (session.ForUncertainty()) {
-    absl::Status reach = CheckReach(session.inspection, *requirements);
-    if (!reach.ok()) return reach;
-  }
-  session.requirements = *std::move(requirements);
-  for (const UnreadTolerance& tolerance : session.requirements->left_out) {
-    std::fprintf(stderr, "tolerance left out: %s: %s\n", tolerance.name.c_str(),
-                 tolerance.reason.c_str());
-  }
-  return absl::OkStatus();
 }
 
 // Whether camera and laser find no room at the ends of the domain's distances and angles.
@@ -86,28 +62,40 @@ absl::Status HoldPartOf(PlanningSession& session) {
   auto held = HoldPart(*session.part, &session.inspection);
   if (!held.ok()) return held.status();
   session.held = *std::move(held);
-  if (session.held.faces.empty()) return absl::OkStatus();
+  return absl::OkStatus();
+}
+
+void PrintRests(const HeldPart& held) {
+  if (held.faces.empty()) return;
   std::string faces;
-  for (const RestingFace& face : session.held.faces) {
+  for (const RestingFace& face : held.faces) {
     absl::StrAppend(&faces, faces.empty() ? "" : ", ", face.name);
     if (face.stability_rad > 0) {
       absl::StrAppendFormat(&faces, " (topples at %.0f deg)",
                             face.stability_rad * 180 / std::numbers::pi);
     }
   }
-  std::fprintf(stderr, "part: rests on faces %s\n", faces.c_str());
-  return absl::OkStatus();
+  PrintTextTo(stderr, "part: rests on faces %s\n", faces.c_str());
+  for (const ExcludedRest& excluded : held.excluded) {
+    PrintTextTo(stderr, "part: face %s is not used: %s\n", excluded.face.name.c_str(),
+                excluded.because.c_str());
+  }
 }
 
 std::string LimitsText(const TargetSampling& targets) {
   std::string text;
   const auto add = [&](const char* name, const std::optional<double>& limit, const char* format) {
-    if (!limit) return;
+    if (!limit || *limit == 0) return;
     absl::StrAppend(&text, text.empty() ? "" : ", ", name, " ", NumberText(*limit), format);
   };
   add("max_pixel_footprint_m", targets.max_pixel_footprint_m, " m");
   add("max_depth_per_pixel_m", targets.max_depth_per_pixel_m, " m");
   add("max_circle_of_confusion_px", targets.max_circle_of_confusion_px, " px");
+  std::optional<double> incidence_deg;
+  if (targets.max_incidence_rad) {
+    incidence_deg = std::round(*targets.max_incidence_rad * 180 / std::numbers::pi * 1e6) / 1e6;
+  }
+  add("max_incidence_deg", incidence_deg, " deg");
   return text.empty() ? "none" : text;
 }
 
@@ -127,13 +115,35 @@ absl::Status MakeOracle(PlanningSession& session) {
   auto oracle = std::make_unique<UncertaintyOracle>(
       judge(session.client.get()), judge(session.fresh_client.get()), model,
       session.inspection.goal.gain, requirements.relaxed_uncertainty_m);
-  std::fprintf(stderr, "tolerances: %lld of the measurable targets are judged\n",
-               static_cast<long long>(oracle->measurable().Count()));
+  PrintTextTo(stderr, "tolerances: they bind %lld of the measurable targets\n",
+              static_cast<long long>(oracle->measurable().Count()));
   session.oracle = std::move(oracle);
   return absl::OkStatus();
 }
 
 }  // namespace
+
+absl::StatusOr<std::optional<Requirements>> ReadRequirements(const Inspection& inspection,
+                                                             const TriangleMesh& part) {
+  if (!inspection.tolerances || !inspection.uncertainty) return std::nullopt;
+  std::optional<ToleranceReport> report;
+  std::vector<FaceTriangles> faces;
+  if (const std::string& file = inspection.tolerances->file; !file.empty()) {
+    ToleranceImportOptions options;
+    options.length_unit = inspection.tolerances->file_unit;
+    auto read = ImportTolerances(file, options);
+    if (!read.ok()) return read.status();
+    report = std::move(read->report);
+    faces = std::move(read->faces);
+  }
+  auto requirements = MakeRequirements(inspection, part, report, faces);
+  if (!requirements.ok()) return requirements.status();
+  for (const UnreadTolerance& tolerance : requirements->left_out) {
+    PrintTextTo(stderr, "tolerance left out: %s: %s\n", tolerance.name.c_str(),
+                tolerance.reason.c_str());
+  }
+  return std::optional<Requirements>(*std::move(requirements));
+}
 
 absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   const auto start = std::chrono::steady_clock::now();
@@ -157,20 +167,26 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   if (!remarks.ok()) return remarks.status();
   session.plan_remarks = *std::move(remarks);
   for (const std::string& remark : session.plan_remarks) {
-    std::fprintf(stderr, "warning: %s\n", remark.c_str());
+    PrintTextTo(stderr, "warning: %s\n", remark.c_str());
   }
   session.model_centre_m = session.part->BoundingBox().center();
   const Eigen::Vector3d size_mm = 1e3 * session.health.bounding_box_m.sizes();
-  std::fprintf(stderr, "part: %s, %.1f x %.1f x %.1f mm, %lld triangles, %.1f cm2\n",
-               std::filesystem::path(session.inspection.part_file).filename().c_str(), size_mm.x(),
-               size_mm.y(), size_mm.z(), static_cast<long long>(session.health.triangle_count),
-               1e4 * session.health.area_m2);
+  PrintTextTo(stderr, "part: %s, %.1f x %.1f x %.1f mm, %lld triangles, %.1f cm2\n",
+              std::filesystem::path(session.inspection.part_file).filename().c_str(), size_mm.x(),
+              size_mm.y(), size_mm.z(), static_cast<long long>(session.health.triangle_count),
+              1e4 * session.health.area_m2);
   for (const std::string& finding : session.health.findings) {
-    std::fprintf(stderr, "part: %s\n", finding.c_str());
+    PrintTextTo(stderr, "part: %s\n", finding.c_str());
   }
 
   if (absl::Status status = HoldPartOf(session); !status.ok()) return status;
-  if (absl::Status status = ReadRequirements(session); !status.ok()) return status;
+  auto requirements = ReadRequirements(session.inspection, *session.part);
+  if (!requirements.ok()) return requirements.status();
+  session.requirements = *std::move(requirements);
+  if (session.requirements && session.ForUncertainty()) {
+    absl::Status reach = CheckReach(session.inspection, *session.requirements);
+    if (!reach.ok()) return reach;
+  }
 
   CoverageTask task;
   task.part = session.part;
@@ -179,7 +195,6 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   task.sampling = session.inspection.targets;
   task.field_directions = options.field_directions;
   task.uncertainty = session.inspection.uncertainty;
-  task.domain = session.inspection.domain;
   std::vector<PlacedObstacle> placed;
   for (const ObstacleSource& source : session.inspection.obstacles) {
     auto mesh = LoadPartFile(source.file, source.unit);
@@ -190,6 +205,13 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
         {std::make_shared<const TriangleMesh>(std::move(*mesh)), source.frame, name});
     placed.push_back({task.obstacles.back().mesh.get(), source.frame, name});
   }
+  if (absl::Status left =
+          ExcludeBlockedRests(*session.part, placed, &session.inspection, &session.held);
+      !left.ok()) {
+    return absl::Status(left.code(), absl::StrCat(options.inspection_file, ": ", left.message()));
+  }
+  PrintRests(session.held);
+  task.domain = session.inspection.domain;
   if (absl::Status clear =
           CheckObstaclesClear(*session.part, session.inspection, session.held, placed);
       !clear.ok()) {
@@ -249,29 +271,27 @@ absl::StatusOr<PlanningSession> OpenSession(const SessionOptions& options) {
   const auto percent = [&](int64_t count) {
     return 100.0 * static_cast<double>(count) / static_cast<double>(scene.target_count);
   };
-  std::fprintf(stderr,
-               "targets: %lld, of which %lld (%.1f %%) can be measured with this rig (%.1f %% by "
-               "sensors anywhere); ready after %.1f s\n",
-               static_cast<long long>(scene.target_count),
-               static_cast<long long>(scene.measurable_count), percent(scene.measurable_count),
-               percent(scene.measurable_in_free_space_count), session.open_time_s);
+  PrintTextTo(stderr,
+              "targets: %lld, of which %lld (%.1f %%) can be measured with this rig (%.1f %% by "
+              "sensors anywhere); ready after %.1f s\n",
+              static_cast<long long>(scene.target_count),
+              static_cast<long long>(scene.measurable_count), percent(scene.measurable_count),
+              percent(scene.measurable_in_free_space_count), session.open_time_s);
   if (scene.measurable_count == 0) {
     return absl::InvalidArgumentError(
         scene.measurable_in_free_space_count == 0
             ? absl::StrCat(session.inspection.part_file,
-                           ": no target on this part can be measured: every one is hidden "
-                           "from all pairs of directions 10 to 80 degrees apart")
+                           ": no target on this part can be measured: none is visible from "
+                           "two directions 10 to 80 degrees apart")
         : NoRoomForBodies(session.inspection)
             ? absl::StrCat(options.inspection_file,
-                           ": camera and laser would stand in one another (rig.camera_bodies, "
-                           "rig.laser_bodies) at the shortest and longest "
+                           ": the bodies of camera and laser (rig.camera_bodies, "
+                           "rig.laser_bodies) overlap at the shortest and longest "
                            "measurement.camera_distance_m and triangulation_angle_deg")
-            : absl::StrCat(
-                  options.inspection_file,
-                  ": no target on this part can be measured in this domain: no scan that rig, "
-                  "`measurement` and the limits of `targets` allow reaches one; the limits in "
-                  "force: ",
-                  LimitsText(session.inspection.targets)));
+            : absl::StrCat(options.inspection_file,
+                           ": no target on this part can be measured by the scans that rig, "
+                           "`measurement` and the limits of `targets` allow; the limits in force: ",
+                           LimitsText(session.inspection.targets)));
   }
   if (absl::Status status = MakeOracle(session); !status.ok()) return status;
   AskRobotFirst(options.kept_scans, &session);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every planning command starts with: the inspection, its part, and a coverage server that
+// The common start of every planning command: the inspection, its part, and a coverage server that
 // knows them.
 #pragma once
 
@@ -35,7 +35,7 @@ struct SessionOptions {
   std::string coverage_server;
   ServerTlsOptions tls;  // of that server
   int field_directions = kDefaultFieldDirections;
-  // Also sample targets anew, to score plans on what their search has not seen.
+  // Also sample validation targets, which the search does not see, to score plans on.
   bool fresh_targets = true;
   // Instead of the inspection's, which must have an uncertainty.
   std::optional<LineDetectionNoise> line_detection;
@@ -44,7 +44,7 @@ struct SessionOptions {
   // Plans that scans were taken from; those of another part are refused.
   GivenPlans plans;
   // Called with the inspection, its part and its obstacles as they were read, before anything is
-  // uploaded; what it changes is what will be planned for. May be null.
+  // uploaded; planning uses its changes. May be null.
   std::function<absl::Status(PlanningSession&, CoverageTask&)> before_upload;
 };
 
@@ -55,14 +55,14 @@ struct PlanningSession {
   PartDigest part_digest;
   // Remarks on the plans that scans were taken from, for the first lines of reports.
   std::vector<std::string> plan_remarks;
-  // What the part lies on; the domain of `inspection` has its orientations.
+  // The support of the part; the domain of `inspection` has its orientations.
   HeldPart held;
   PartHealth health;
   // Centre of the CAD model's bounding box, which the rig's offsets refer to.
   Eigen::Vector3d model_centre_m = Eigen::Vector3d::Zero();
-  // Of plans that go on from measured scans: the part as these found it (`part` is its mesh, and
-  // the rig of `inspection` has its placement), and what knows what their points settle, which
-  // `oracle` owns. Null of other plans.
+  // For plans that go on from measured scans: the part as these found it (`part` is its mesh, and
+  // the rig of `inspection` has its placement), and the gain model of their points, which `oracle`
+  // owns. Null of other plans.
   std::shared_ptr<const MeasuredPart> measured;
   MeasuredOracle* measured_oracle = nullptr;
   // As the coverage server knows them.
@@ -70,7 +70,7 @@ struct PlanningSession {
   std::shared_ptr<const RobotCell> robot;  // null without rig.robot
   std::unique_ptr<EmbeddedServer> server;  // null with --coverage-server
   std::unique_ptr<CoverageClient> client;
-  std::unique_ptr<CoverageClient> fresh_client;  // null without fresh targets
+  std::unique_ptr<CoverageClient> fresh_client;  // null without validation targets
   std::optional<Requirements> requirements;      // of inspections with tolerances
   // For coverage, or for uncertainty where the goal asks for it.
   std::unique_ptr<GainOracle> oracle;
@@ -78,6 +78,11 @@ struct PlanningSession {
 
   bool ForUncertainty() const { return inspection.goal.admissible.has_value(); }
 };
+
+// The requirements of an inspection with tolerances and uncertainty, the file of tolerances read
+// and the tolerances that are left out printed; unset for others.
+absl::StatusOr<std::optional<Requirements>> ReadRequirements(const Inspection& inspection,
+                                                             const TriangleMesh& part);
 
 // The part of a planning command that opening a session is.
 inline constexpr ProgressPhase kOpenSessionPhase{0, 0.2};

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/random/random.h"
 #include "planner_client/command_line/process/interrupt.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/optimise/search_space.h"
 #include "planner_client/plan_oracle/reachable_oracle.h"
 #include "planner_client/robot/nearest_reachable.h"
@@ -27,7 +28,7 @@ ScanTravel ExpectedTravel(const PlanningSession& session, const Measurement& mea
                         session.inspection.targets.spacing_m, CentreOf(session), measurement);
 }
 
-// What of the domain is reached, by scans spread over it, and what hinders most often.
+// Prints the reachable fraction of scans spread over the domain, and the most frequent obstacle.
 void PrintReach(const PlanningSession& session) {
   constexpr int kTried = 200;
   const SearchSpace space(session.inspection.domain);
@@ -58,13 +59,13 @@ void PrintReach(const PlanningSession& session) {
       most = reason;
     }
   }
-  std::fprintf(stderr, "robot: %s reaches %d of %d scans spread over the domain%s\n",
-               session.robot->model().name.c_str(), reached, tried,
-               count == 0 ? "" : absl::StrCat("; most others: ", most).c_str());
+  PrintTextTo(stderr, "robot: %s reaches %d of %d scans spread over the domain%s\n",
+              session.robot->model().name.c_str(), reached, tried,
+              count == 0 ? "" : absl::StrCat("; most others: ", most).c_str());
 }
 
 ReportSolid SolidForReport(const Shape& shape) {
-  // What a page can hold; of finer meshes some triangles are left out.
+  // Limit for a page; of finer meshes some triangles are left out.
   constexpr size_t kMostTriangles = 20000;
   ReportSolid solid;
   if (const auto* box = std::get_if<BoxShape>(&shape.solid)) {
@@ -127,7 +128,7 @@ std::unique_ptr<GainOracle> WithinReach(const PlanningSession& session,
 void AskRobotFirst(const std::vector<Measurement>& kept, PlanningSession* session) {
   if (!session->robot) return;
   for (const std::string& remark : session->robot->model().remarks) {
-    std::fprintf(stderr, "robot: %s\n", remark.c_str());
+    PrintTextTo(stderr, "robot: %s\n", remark.c_str());
   }
   PrintReach(*session);
   session->oracle = WithinReach(*session, std::move(session->oracle), kept);
@@ -143,11 +144,11 @@ std::vector<RobotMove> OrderForRobot(const PlanningSession& session,
                                                                 scan.exact.last_frame * step_m}
                                                    : ExpectedTravel(session, scan.measurement)});
   }
-  const CostModel& costs = session.inspection.costs;
+  const ExecutionModel execution = ExecutionModelOf(session.inspection);
   return SequenceScans(
       *session.robot, to_reach, locked,
       [&](int from, int to) {
-        return RepositionTimeS(costs, scans[static_cast<size_t>(from)].measurement,
+        return RepositionTimeS(execution, scans[static_cast<size_t>(from)].measurement,
                                scans[static_cast<size_t>(to)].measurement);
       },
       &InterruptFlag());
@@ -168,12 +169,11 @@ void DescribeMove(const PlanningSession& session, const RobotMove& move, v1::Pla
   const auto nearest = NearestReachable(
       *session.robot, session.inspection.domain, measurement,
       [&](const Measurement& near) { return ExpectedTravel(session, near); }, &InterruptFlag());
-  scan->add_remarks(
-      absl::StrCat("the robot cannot make this scan (", move.because, "); ",
-                   nearest ? absl::StrCat("the nearest that it can make and that was found has ",
-                                          DifferenceText(*nearest, measurement))
-                   : InterruptFlag() ? "scans near it were not looked at"
-                                     : "no scan near it that it can make was found"));
+  scan->add_remarks(absl::StrCat("the robot cannot make this scan (", move.because, "); ",
+                                 nearest ? absl::StrCat("the nearest reachable scan found has ",
+                                                        DifferenceText(*nearest, measurement))
+                                 : InterruptFlag() ? "scans near it were not tried"
+                                                   : "no reachable scan was found near it"));
 }
 
 ReportRobot RobotForReport(const PlanningSession& session, const v1::Plan& plan) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The robot of an inspection: its cell for a planning session, and what plans say of it.
+// The robot of an inspection: its cell for a planning session, and its part of plans.
 #pragma once
 
 #include <memory>
@@ -18,12 +18,12 @@ namespace sightline {
 // found there.
 absl::Status OpenRobotCell(const CoverageTask& task, PlanningSession* session);
 
-// Scans that the robot cannot make become infeasible to the session's oracle, save `kept`. Says on
-// stderr how much of the domain is reached. Nothing without a robot.
+// Scans that the robot cannot make become infeasible to the session's gain model, save `kept`. Says
+// on stderr how much of the domain is reached. Nothing without a robot.
 void AskRobotFirst(const std::vector<Measurement>& kept, PlanningSession* session);
 
-// The oracle with scans that the robot cannot make infeasible, save `kept`. Only with a robot; the
-// session's client must outlive it.
+// The gain model with scans that the robot cannot make infeasible, save `kept`. Only with a robot;
+// the session's client must outlive it.
 std::unique_ptr<GainOracle> WithinReach(const PlanningSession& session,
                                         std::unique_ptr<GainOracle> oracle,
                                         const std::vector<Measurement>& kept);

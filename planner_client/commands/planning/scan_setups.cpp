@@ -12,6 +12,7 @@
 #include "core/physics/angle.h"
 #include "core/rig/scan_geometry.h"
 #include "core/rig/sensor_bodies.h"
+#include "planner_client/strategy/execution/execution_model.h"
 
 namespace sightline {
 namespace {
@@ -55,6 +56,63 @@ v1::RestingFace FaceToProto(const RestingFace& face, double centre_height_m) {
   return message;
 }
 
+v1::Pose PoseOf(const Eigen::Matrix4d& matrix) {
+  v1::Pose pose;
+  for (int row = 0; row < 4; ++row) {
+    for (int column = 0; column < 4; ++column) pose.add_matrix(matrix(row, column));
+  }
+  return pose;
+}
+
+v1::SensorPlace PlaceToProto(const PlanningSession& session, const ExecutionModel& execution,
+                             const Measurement& scan) {
+  const ScanGeometry geometry = GeometryOf(session, scan);
+  v1::SensorPlace place;
+  if (execution.robot_holds_head) {
+    *place.mutable_camera_pose() = PoseOf(Eigen::Matrix4d::Identity());
+    *place.mutable_laser_pose() =
+        PoseOf(geometry.camera.Matrix().inverse() * geometry.laser.Matrix());
+    return place;
+  }
+  *place.mutable_camera_pose() = PoseOf(geometry.camera.Matrix());
+  *place.mutable_laser_pose() = PoseOf(geometry.laser.Matrix());
+  if (!execution.stage_moves_in_height && !execution.robot_holds_part) {
+    place.set_table_height_m(TableHeight(execution, scan));
+  }
+  return place;
+}
+
+// sensor_places and setups of the plan's scans in their order.
+void AddSetupRuns(const PlanningSession& session, v1::Plan* plan) {
+  const ExecutionModel execution = ExecutionModelOf(session.inspection);
+  std::vector<Measurement> scans;
+  for (const v1::PlannedScan& scan : plan->scans()) {
+    scans.push_back(MeasurementFromProto(scan.measurement()));
+  }
+  for (const SetupRun& run : SetupsOf(execution, scans)) {
+    if (run.place == static_cast<size_t>(plan->sensor_places_size())) {
+      *plan->add_sensor_places() = PlaceToProto(session, execution, scans[run.begin]);
+    }
+    v1::Setup& setup = *plan->add_setups();
+    setup.set_sensor_place(static_cast<int>(run.place));
+    const v1::PlannedScan& first = plan->scans(static_cast<int>(run.begin));
+    if (first.has_resting_face()) setup.set_resting_face(first.resting_face());
+    v1::SetupTime& time = *setup.mutable_time_s();
+    for (size_t i = run.begin; i < run.end; ++i) {
+      const v1::PlannedScan& scan = plan->scans(static_cast<int>(i));
+      setup.add_scans(scan.index());
+      const ChangeTimes change =
+          i > 0 ? TimesBetween(execution, scans[i - 1], scans[i]) : TimesBeforeFirst(execution);
+      time.set_scan(time.scan() + scan.scan_time_s());
+      // Repositioning by speeds is of the part as of the sensors; it is counted as turning.
+      time.set_turn(time.turn() + change.turn_s + change.reposition_s);
+      time.set_lay(time.lay() + change.lay_s);
+      time.set_move_sensors(time.move_sensors() + change.move_sensors_s);
+    }
+    time.set_total(time.scan() + time.turn() + time.lay() + time.move_sensors());
+  }
+}
+
 // Parameters outside what the inspection allows, in words; empty: none.
 std::string OutsideDomain(const MeasurementDomain& domain, const Measurement& measurement) {
   const auto values = ToArray(measurement);
@@ -72,7 +130,10 @@ std::string OutsideDomain(const MeasurementDomain& domain, const Measurement& me
 
 }  // namespace
 
-void AddSetups(const PlanningSession& session, v1::Plan* plan) {
+namespace {
+
+// resting_faces, and resting_face and table_height_m of the scans.
+void AddRestingFaces(const PlanningSession& session, v1::Plan* plan) {
   const std::vector<RestingFace>& faces = session.held.faces;
   if (faces.empty()) return;
   std::vector<int> listed(faces.size(), -1);
@@ -97,6 +158,22 @@ void AddSetups(const PlanningSession& session, v1::Plan* plan) {
   }
 }
 
+}  // namespace
+
+void AddSetups(const PlanningSession& session, v1::Plan* plan) {
+  AddRestingFaces(session, plan);
+  for (const ExcludedRest& excluded : session.held.excluded) {
+    v1::ExcludedFace& message = *plan->add_excluded_faces();
+    Measurement m;
+    m.part_alpha_rad = excluded.face.part_alpha_rad;
+    m.part_beta_rad = excluded.face.part_beta_rad;
+    *message.mutable_face() = FaceToProto(excluded.face, -GeometryOf(session, m).table_height_m);
+    message.set_because(excluded.because);
+    message.set_obstacle(excluded.obstacle);
+  }
+  AddSetupRuns(session, plan);
+}
+
 void AddRemarks(const PlanningSession& session, const std::vector<ChosenScan>& scans, bool given,
                 v1::Plan* plan) {
   const MeasurementDomain& domain = session.inspection.domain;
@@ -118,7 +195,7 @@ void AddRemarks(const PlanningSession& session, const std::vector<ChosenScan>& s
     const ScanGeometry geometry = GeometryOf(session, chosen.measurement);
     if (SensorBodiesCollide(rig, geometry)) {
       scan.add_remarks(
-          absl::StrFormat("camera and laser would stand %.3g mm into one another "
+          absl::StrFormat("the bodies of camera and laser overlap by %.3g mm "
                           "(rig.camera_bodies, rig.laser_bodies)",
                           1e3 * SensorBodyOverlap(rig, geometry)));
     }
@@ -126,21 +203,22 @@ void AddRemarks(const PlanningSession& session, const std::vector<ChosenScan>& s
       case ScanFeasibility::kFeasible:
         break;
       case ScanFeasibility::kCollision:
-        scan.add_remarks("camera, laser or part would collide: it counts for nothing");
+        scan.add_remarks("camera, laser or part would collide: the scan does not count");
         continue;
       case ScanFeasibility::kTravel:
-        scan.add_remarks("needs more stage travel than there is: it counts for nothing");
+        scan.add_remarks(
+            "needs more stage travel than rig.stage_travel_m: the scan does not count");
         continue;
       case ScanFeasibility::kOutOfBounds:
-        scan.add_remarks("is out of bounds: it counts for nothing");
+        scan.add_remarks("is out of bounds: the scan does not count");
         continue;
       case ScanFeasibility::kUnreachable:
-        continue;  // what the robot's move says
+        continue;  // the robot's move says why
     }
     if (!given && !chosen.locked) continue;
     if (session.ForUncertainty()) continue;
     if (scan.covered_targets() == 0) {
-      scan.add_remarks("measures nothing that counts");
+      scan.add_remarks("measures no target");
     } else if (static_cast<double>(scan.new_targets()) < kLittle * measurable) {
       scan.add_remarks(
           absl::StrFormat("adds little: %d of its %d targets are measured by no scan before it",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How an engineer sets up a plan's scans: what the part lies on, and what is unusual about a scan.
+// How an engineer sets up a plan's scans: the part's support, and remarks on unusual scans.
 #pragma once
 
 #include <vector>
@@ -10,7 +10,8 @@
 
 namespace sightline {
 
-// Fills in resting_faces, and resting_face and table_height_m of the scans, of parts that rest.
+// Fills in sensor_places and setups, and of parts that rest resting_faces, excluded_faces, and
+// resting_face and table_height_m of the scans. Scans are in their order and have their times.
 void AddSetups(const PlanningSession& session, v1::Plan* plan);
 
 // Fills in remarks of the scans: outside the inspection's domain, not feasible, of no use. `given`:

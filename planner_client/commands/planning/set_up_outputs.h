@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What people and machines need to set up the scans of a plan: how well each measures, the set-up
-// sheet and the exports.
+// Data that people and machines need to set up the scans of a plan: how well each measures, the
+// set-up sheet and the exports.
 #pragma once
 
 #include <string>
@@ -19,15 +19,15 @@ inline constexpr char kSetUpSheetFile[] = "setup.html";
 // points found it.
 Eigen::Isometry3f ToStage(const PlanningSession& session);
 
-// Sets PlannedScan.quality of every scan that measures anything, from all of its points. What the
-// coverage server does not give is missing in the document.
+// Sets PlannedScan.quality of every scan that measures anything, from all of its points. Data that
+// the coverage server does not give are missing in the document.
 void AddScanQuality(const PlanningSession& session, PlanDocument& document);
 
 // Depth per pixel of the targets that the plan covers (ReportData.depth_per_pixel_m).
 std::vector<float> DepthPerPixel(const PlanningSession& session, const PlanDocument& document,
                                  const TargetSet& targets);
 
-// setup.html and exports/, from what the report shows.
+// setup.html and exports/, from the data of the report.
 absl::Status WriteSetUpFiles(const ReportData& data, const std::string& folder);
 
 }  // namespace sightline

@@ -68,6 +68,9 @@ TargetUncertainties TargetUncertaintiesOf(const PlanningSession& session,
     result.feature_targets.push_back(
         session.requirements->TargetsOf(feature, session.client->targets()));
   }
+  // One for every verdict.
+  result.feature_targets.resize(result.feature_targets.size() +
+                                session.requirements->unbound.size());
   return result;
 }
 

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a plan for uncertainty leaves besides plan.json: maps on the part, files for other programs.
+// Files of a plan for uncertainty, besides plan.json: maps on the part, files for other programs.
 #pragma once
 
 #include <string>
@@ -13,7 +13,7 @@
 
 namespace sightline {
 
-// What the report shows of every target. `document` is that of a plan for uncertainty.
+// The values of every target that the report shows. `document` is that of a plan for uncertainty.
 TargetUncertainties TargetUncertaintiesOf(const PlanningSession& session,
                                           const PlanDocument& document);
 

@@ -22,6 +22,7 @@
 #include "core/recordings/recordings.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/part_assets.h"
 #include "planner_client/commands/recordings/diagnose_sensor_set.h"
@@ -61,7 +62,7 @@ std::string AnswerFile(const std::string& set) {
   return file_name && !taken ? set + ".json" : "";
 }
 
-// What `sightline render --effects` reads.
+// The file of effects that `sightline render --effects` reads.
 std::string EffectsJson(const v1::Diagnosis& diagnosis) {
   v1::PlateRender effects;
   *effects.mutable_effects() = diagnosis.calibrated_effects();
@@ -91,30 +92,30 @@ std::string Describe(const v1::Explanation& explanation) {
 }
 
 void Print(const v1::Diagnosis& diagnosis) {
-  std::printf("%s: %s\n\nprobability  explanation\n", diagnosis.set().c_str(),
-              diagnosis.finding().c_str());
+  PrintText("%s: %s\n\nprobability  explanation\n", diagnosis.set().c_str(),
+            diagnosis.finding().c_str());
   for (int i = 0; i < std::min(kShownExplanations, diagnosis.ranked_size()); ++i) {
-    std::printf("%11.3f  %s\n", diagnosis.ranked(i).probability(),
-                Describe(diagnosis.ranked(i)).c_str());
+    PrintText("%11.3f  %s\n", diagnosis.ranked(i).probability(),
+              Describe(diagnosis.ranked(i)).c_str());
   }
   if (!diagnosis.same_class().empty()) {
-    std::printf("\nThese recordings cannot tell it from: %s\n",
-                absl::StrJoin(diagnosis.same_class(), ", ").c_str());
+    PrintText("\nThese recordings cannot tell it from: %s\n",
+              absl::StrJoin(diagnosis.same_class(), ", ").c_str());
   }
-  if (!diagnosis.next_recordings().empty()) std::printf("\nRecord next:\n");
+  if (!diagnosis.next_recordings().empty()) PrintText("\nRecord next:\n");
   for (const v1::NextRecording& next : diagnosis.next_recordings()) {
-    std::printf("  %s (%.2g bits%s%s)\n", next.description().c_str(), next.expected_gain_bits(),
-                next.tells_apart().empty() ? "" : ", tells apart ",
-                absl::StrJoin(next.tells_apart(), ", ").c_str());
+    PrintText("  %s (%.2g bits%s%s)\n", next.description().c_str(), next.expected_gain_bits(),
+              next.tells_apart().empty() ? "" : ", tells apart ",
+              absl::StrJoin(next.tells_apart(), ", ").c_str());
   }
-  std::printf("\n");
+  PrintText("\n");
 }
 
 bool IsInterrupted(const v1::Diagnosis& diagnosis) { return diagnosis.verdict() == "interrupted"; }
 
 bool ShowsPart(const RecordedFolder& set) { return set.recordings.format_version() == 2; }
 
-// The null model of recordings of a part: --inspection, or what the recordings say; self-contained
+// The null model of recordings of a part: --inspection, or their own description; self-contained
 // but for files, which are found from here.
 absl::StatusOr<v1::Inspection> NominalPart(const DiagnoseOptions& options,
                                            const RecordedFolder& set) {
@@ -178,7 +179,7 @@ absl::StatusOr<CalibratedInspection> Calibrated(
 absl::StatusOr<std::vector<std::string>> WriteFiles(
     const std::vector<std::pair<fs::path, std::string>>& files, const v1::Diagnosis& diagnosis,
     const std::string& set_folder, const fs::path& out) {
-  std::vector<std::string> paths = {(out / "report.html").string()};
+  std::vector<std::string> paths = {(out / "report.html").string(), (out / "report.json").string()};
   for (const auto& [path, text] : files) {
     absl::Status status = WriteFileAtomically(path.string(), text);
     if (!status.ok()) return status;
@@ -189,7 +190,7 @@ absl::StatusOr<std::vector<std::string>> WriteFiles(
   return paths;
 }
 
-// A smaller battery: fewer recordings, one effect at a time. A sentence on what was left out.
+// A smaller battery: fewer recordings, one effect at a time. A sentence on omissions.
 std::string MakeQuick(RecordedFolder* set, v1::CreateDiagnosisRequest* request) {
   const std::vector<int> chosen = QuickChoice(set->recordings);
   const int all = set->recordings.recordings_size();
@@ -227,7 +228,7 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
   files.emplace_back(out / "diagnosis.json", answer);
   files.emplace_back(out / "diagnosis_full.json", ToJson(diagnosis) + "\n");
   const fs::path inspection = calibrated / "inspection.json";
-  // Those of an earlier run would not be of this diagnosis.
+  // Files of an earlier run would not belong to this diagnosis.
   std::error_code error;
   for (const char* file : {"inspection.json", "recordings.json", "effects.json", "plate.obj"}) {
     fs::remove(calibrated / file, error);
@@ -251,7 +252,7 @@ absl::StatusOr<std::vector<std::string>> WriteAnswer(const DiagnoseOptions& opti
   if (result.ok()) {
     files.emplace_back(inspection, ToJson(result->inspection) + "\n");
     warnings->insert(warnings->end(), result->warnings.begin(), result->warnings.end());
-    for (const std::string& change : result->changes) std::printf("%s\n", change.c_str());
+    for (const std::string& change : result->changes) PrintText("%s\n", change.c_str());
   } else {
     // The finding is worth having without it.
     warnings->push_back(
@@ -324,9 +325,9 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   };
   const auto on_waiting_for_rest = [&progress] {
     progress.Finish();
-    std::fprintf(stderr,
-                 "interrupted: what is known is written once the fit at hand has ended; Ctrl-C "
-                 "again ends at once\n");
+    PrintTextTo(stderr,
+                "interrupted: what is known is written once the fit at hand has ended; Ctrl-C "
+                "again ends at once\n");
   };
   auto diagnosis =
       DiagnoseRecordings(client, std::move(request), set->images, assets, on_waiting_for_rest);
@@ -338,10 +339,10 @@ absl::StatusOr<int> Diagnose(DiagnoseOptions options) {
   std::vector<std::string> warnings(diagnosis->warnings().begin(), diagnosis->warnings().end());
   const auto files = WriteAnswer(options, *set, nominal_part, *diagnosis, &warnings);
   for (const std::string& warning : warnings) {
-    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+    PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }
   if (!files.ok()) return files.status();
-  for (const std::string& file : *files) std::printf("%s\n", fs::absolute(file).c_str());
+  for (const std::string& file : *files) PrintText("%s\n", fs::absolute(file).c_str());
   return IsInterrupted(*diagnosis) ? kExitInterrupted : kExitDone;
 }
 

@@ -13,9 +13,10 @@
 #include "core/json/strict_json.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/diagnosis_client/sensor_set_client.h"
 #include "planner_client/diagnosis_client/sensor_set_folder.h"
-#include "planner_client/report/recordings/sensor_report.h"
+#include "planner_client/report/sensor/sensor_report.h"
 
 namespace sightline {
 namespace {
@@ -24,8 +25,8 @@ namespace fs = std::filesystem;
 
 void PrintQuantities(const v1::SensorDiagnosis& diagnosis) {
   if (diagnosis.quantities().empty()) return;
-  std::printf("\n%-34s %12s  %-27s %12s  %s\n", "quantity", "value", "95 % interval", "EMVA 1288",
-              "unit");
+  PrintText("\n%-34s %12s  %-27s %12s  %s\n", "quantity", "value", "95 % interval", "EMVA 1288",
+            "unit");
   const auto number = [](bool given, double value) {
     return given ? absl::StrFormat("%.5g", value) : "-";
   };
@@ -33,11 +34,11 @@ void PrintQuantities(const v1::SensorDiagnosis& diagnosis) {
     const std::string interval = q.has_lower() && q.has_upper()
                                      ? absl::StrFormat("%.5g to %.5g", q.lower(), q.upper())
                                      : "-";
-    std::printf("%-34s %12s  %-27s %12s  %s\n", q.name().c_str(),
-                number(q.has_value(), q.value()).c_str(), interval.c_str(),
-                number(q.has_emva_value(), q.emva_value()).c_str(), q.unit().c_str());
-    // What has no value says why.
-    if (!q.has_value() && !q.note().empty()) std::printf("    %s\n", q.note().c_str());
+    PrintText("%-34s %12s  %-27s %12s  %s\n", q.name().c_str(),
+              number(q.has_value(), q.value()).c_str(), interval.c_str(),
+              number(q.has_emva_value(), q.emva_value()).c_str(), q.unit().c_str());
+    // A quantity without a value says why.
+    if (!q.has_value() && !q.note().empty()) PrintText("    %s\n", q.note().c_str());
   }
 }
 
@@ -49,17 +50,16 @@ void PrintDepartures(const v1::SensorDiagnosis& diagnosis) {
       (departure.testable() ? absent : not_testable).push_back(departure.effect());
       continue;
     }
-    if (!any) std::printf("\nThe linear model leaves out:\n");
+    if (!any) PrintText("\nThe linear model leaves out:\n");
     any = true;
-    std::printf("  %s (%s, p = %.2g): %s\n", departure.effect().c_str(), departure.stage().c_str(),
-                departure.p_value(), departure.description().c_str());
+    PrintText("  %s (%s, p = %.2g): %s\n", departure.effect().c_str(), departure.stage().c_str(),
+              departure.p_value(), departure.description().c_str());
   }
   if (!absent.empty()) {
-    std::printf("\nLooked for and not found: %s\n", absl::StrJoin(absent, ", ").c_str());
+    PrintText("\nLooked for and not found: %s\n", absl::StrJoin(absent, ", ").c_str());
   }
   if (!not_testable.empty()) {
-    std::printf("\nNot testable with these images: %s\n",
-                absl::StrJoin(not_testable, ", ").c_str());
+    PrintText("\nNot testable with these images: %s\n", absl::StrJoin(not_testable, ", ").c_str());
   }
 }
 
@@ -82,12 +82,12 @@ absl::StatusOr<int> RunSensorSetDiagnosis(SensorSetOptions options) {
   progress.Finish();
   if (!diagnosis.ok()) return AboutInput(diagnosis.status(), set->description_file);
 
-  std::printf("%s: %s\n", diagnosis->set().c_str(), diagnosis->finding().c_str());
+  PrintText("%s: %s\n", diagnosis->set().c_str(), diagnosis->finding().c_str());
   PrintQuantities(*diagnosis);
   PrintDepartures(*diagnosis);
-  std::printf("\n");
+  PrintText("\n");
   for (const std::string& warning : diagnosis->warnings()) {
-    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+    PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }
   const fs::path out = options.out;
   absl::Status status =
@@ -97,8 +97,8 @@ absl::StatusOr<int> RunSensorSetDiagnosis(SensorSetOptions options) {
   if (!status.ok()) return status;
   status = WriteSensorReport(*diagnosis, (out / "report.html").string());
   if (!status.ok()) return status;
-  for (const char* file : {"report.html", "diagnosis.json", "camera.json"}) {
-    std::printf("%s\n", fs::absolute(out / file).c_str());
+  for (const char* file : {"report.html", "report.json", "diagnosis.json", "camera.json"}) {
+    PrintText("%s\n", fs::absolute(out / file).c_str());
   }
   return kExitDone;
 }

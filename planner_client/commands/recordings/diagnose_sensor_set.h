@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// `sightline diagnose` of flat-field and dark frames: what the camera is, and which physics the
+// `sightline diagnose` of flat-field and dark frames: values of the camera, and physics that the
 // linear model of EMVA 1288 leaves out.
 #pragma once
 

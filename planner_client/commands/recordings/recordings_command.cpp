@@ -20,6 +20,7 @@
 #include "core/recordings/shot_list.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 
 namespace sightline {
@@ -50,15 +51,15 @@ absl::StatusOr<int> New(const NewOptions& options) {
   status = WriteFileAtomically((folder / "recordings.json").string(),
                                RecordingsToJson(RecordingsToProto(list->set)) + "\n");
   if (!status.ok()) return status;
-  for (const std::string& note : list->notes) std::fprintf(stderr, "note: %s\n", note.c_str());
-  std::printf("%zu recordings to take:\n", list->set.recordings.size());
+  for (const std::string& note : list->notes) PrintTextTo(stderr, "note: %s\n", note.c_str());
+  PrintText("%zu recordings to take:\n", list->set.recordings.size());
   for (const char* file : {"README.md", "recordings.json"}) {
-    std::printf("%s\n", fs::absolute(folder / file).c_str());
+    PrintText("%s\n", fs::absolute(folder / file).c_str());
   }
   return kExitDone;
 }
 
-// Which images are not there yet: named, if there are few, else how many.
+// Describes the missing images: named, if there are few, else how many.
 std::string MissingText(const std::vector<std::string>& missing) {
   constexpr size_t kNamed = 5;
   const size_t named = std::min(missing.size(), kNamed);
@@ -107,7 +108,7 @@ absl::StatusOr<int> Check(const std::string& input) {
   check.warnings.insert(check.warnings.begin(), notes.begin(), notes.end());
   errors.insert(errors.end(), check.errors.begin(), check.errors.end());
 
-  std::printf("file                 kind     mean DN  largest  saturated  line  remarks\n");
+  PrintText("file                 kind     mean DN  largest  saturated  line  remarks\n");
   for (size_t i = 0; i < images.size(); ++i) {
     const RecordedImage& recording = set->recordings[i];
     const RecordingState& state = check.recordings[i];
@@ -116,19 +117,19 @@ absl::StatusOr<int> Check(const std::string& input) {
                                                                 : "ambient";
     if (std::find(missing.begin(), missing.end(), recording.file) != missing.end()) continue;
     if (images[i].empty()) {
-      std::printf("%-20s %-7s %8s %8s %10s  %-4s  not usable\n", recording.file.c_str(), kind, "-",
-                  "-", "-", "-");
+      PrintText("%-20s %-7s %8s %8s %10s  %-4s  not usable\n", recording.file.c_str(), kind, "-",
+                "-", "-", "-");
       continue;
     }
-    std::printf("%-20s %-7s %8.1f %8.0f %8.2f %%  %-4s  %s\n", recording.file.c_str(), kind,
-                state.mean_dn, state.largest_dn, 100 * state.saturated_fraction,
-                set->format_version != 1 ? "-"
-                : state.line_found       ? "yes"
-                                         : "no",
-                absl::StrJoin(state.remarks, "; ").c_str());
+    PrintText("%-20s %-7s %8.1f %8.0f %8.2f %%  %-4s  %s\n", recording.file.c_str(), kind,
+              state.mean_dn, state.largest_dn, 100 * state.saturated_fraction,
+              set->format_version != 1 ? "-"
+              : state.line_found       ? "yes"
+                                       : "no",
+              absl::StrJoin(state.remarks, "; ").c_str());
   }
-  std::printf("\n");
-  for (const std::string& warning : check.warnings) std::printf("warning: %s\n", warning.c_str());
+  PrintText("\n");
+  for (const std::string& warning : check.warnings) PrintText("warning: %s\n", warning.c_str());
   // One line for all that are not there.
   std::erase_if(errors, [&](const std::string& error) {
     return std::any_of(missing.begin(), missing.end(), [&](const std::string& file) {
@@ -140,14 +141,14 @@ absl::StatusOr<int> Check(const std::string& input) {
     errors.push_back(absl::StrCat(missing.size(), " of ", paths.size(),
                                   " images are not there: ", MissingText(missing)));
   }
-  for (const std::string& error : errors) std::printf("error: %s\n", error.c_str());
+  for (const std::string& error : errors) PrintText("error: %s\n", error.c_str());
   if (!errors.empty()) {
     return absl::InvalidArgumentError(absl::StrCat(
         description.string(), ": ", errors.size(), " error", errors.size() > 1 ? "s" : "",
         ", see above; take or save these recordings again"));
   }
-  std::printf("%zu recordings: usable%s\n", images.size(),
-              check.warnings.empty() ? "" : ", with warnings");
+  PrintText("%zu recordings: usable%s\n", images.size(),
+            check.warnings.empty() ? "" : ", with warnings");
   return kExitDone;
 }
 

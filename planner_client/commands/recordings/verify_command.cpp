@@ -13,13 +13,14 @@
 #include "core/json/strict_json.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/commands/worker_session.h"
 #include "planner_client/diagnosis_client/diagnosis_client.h"
 #include "planner_client/diagnosis_client/recorded_folder.h"
 #include "planner_client/diagnosis_client/sensor_set_folder.h"
 #include "planner_client/diagnosis_client/verification_csv.h"
-#include "planner_client/report/recordings/verification_report.h"
+#include "planner_client/report/verification/verification_report.h"
 
 namespace sightline {
 namespace {
@@ -33,19 +34,19 @@ struct VerifyOptions {
 };
 
 void Print(const v1::Verification& verification) {
-  std::printf("%s\nchannel    mean e_i  largest e_i  mean e_u  largest e_u\n",
-              verification.set().c_str());
+  PrintText("%s\nchannel    mean e_i  largest e_i  mean e_u  largest e_u\n",
+            verification.set().c_str());
   const auto text = [](bool given, double value) {
     return given ? absl::StrFormat("%.3f", value) : "-";
   };
   for (const v1::ChannelSummary& c : verification.summary()) {
-    std::printf("%-9s %9s %12s %9s %12s\n", c.channel().c_str(),
-                text(c.has_mean_e_i(), c.mean_e_i()).c_str(),
-                text(c.has_largest_e_i(), c.largest_e_i()).c_str(),
-                text(c.has_mean_e_u(), c.mean_e_u()).c_str(),
-                text(c.has_largest_e_u(), c.largest_e_u()).c_str());
+    PrintText("%-9s %9s %12s %9s %12s\n", c.channel().c_str(),
+              text(c.has_mean_e_i(), c.mean_e_i()).c_str(),
+              text(c.has_largest_e_i(), c.largest_e_i()).c_str(),
+              text(c.has_mean_e_u(), c.mean_e_u()).c_str(),
+              text(c.has_largest_e_u(), c.largest_e_u()).c_str());
   }
-  std::printf("\n");
+  PrintText("\n");
 }
 
 absl::StatusOr<int> Verify(VerifyOptions options) {
@@ -74,7 +75,7 @@ absl::StatusOr<int> Verify(VerifyOptions options) {
 
   Print(*verification);
   for (const std::string& warning : verification->warnings()) {
-    std::fprintf(stderr, "warning: %s\n", warning.c_str());
+    PrintTextTo(stderr, "warning: %s\n", warning.c_str());
   }
   const fs::path out = options.out;
   const std::string report = (out / "report.html").string();
@@ -84,8 +85,8 @@ absl::StatusOr<int> Verify(VerifyOptions options) {
   status = WriteFileAtomically((out / "verification.csv").string(), VerificationCsv(*verification));
   if (!status.ok()) return status;
   if (status = WriteVerificationReport(*verification, report); !status.ok()) return status;
-  for (const char* file : {"report.html", "verification.json", "verification.csv"}) {
-    std::printf("%s\n", fs::absolute(out / file).c_str());
+  for (const char* file : {"report.html", "report.json", "verification.json", "verification.csv"}) {
+    PrintText("%s\n", fs::absolute(out / file).c_str());
   }
   return kExitDone;
 }

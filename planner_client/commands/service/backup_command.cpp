@@ -1,12 +1,12 @@
 // SPDX-License-Identifier: Apache-2.0
 #include <sys/stat.h>
 
-#include <cstdio>
 #include <memory>
 #include <string>
 
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/interrupt.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planning_service/backup/back_up.h"
 
@@ -27,9 +27,9 @@ int RunBackup(const BackupOptions& options) {
     return kExitInterrupted;
   }
   if (!report.ok()) return ReportError(report.status());
-  std::printf("%s: %lld files, %lld of them new (%.1f MB)\n", options.out.c_str(),
-              static_cast<long long>(report->files), static_cast<long long>(report->copied_files),
-              1e-6 * static_cast<double>(report->copied_bytes));
+  PrintText("%s: %lld files, %lld of them new (%.1f MB)\n", options.out.c_str(),
+            static_cast<long long>(report->files), static_cast<long long>(report->copied_files),
+            1e-6 * static_cast<double>(report->copied_bytes));
   return kExitDone;
 }
 

@@ -14,6 +14,7 @@
 #include "core/spelling/nearest_name.h"
 #include "planner_client/command_line/help/terminal.h"
 #include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/effect_list/effect_list.h"
 
@@ -34,13 +35,13 @@ void PrintList(const std::vector<const ListedEffect*>& effects) {
   std::string stage;
   for (const ListedEffect* effect : effects) {
     if (effect->stage != stage) {
-      std::printf("%sStage: %s\n", stage.empty() ? "" : "\n", effect->stage.c_str());
+      PrintText("%sStage: %s\n", stage.empty() ? "" : "\n", effect->stage.c_str());
       stage = effect->stage;
     }
-    std::printf("\n%s\n", effect->effect.c_str());
-    std::printf("%s\n", WrapText("  " + effect->summary, kColumns, "  ").c_str());
+    PrintText("\n%s\n", effect->effect.c_str());
+    PrintText("%s\n", WrapText("  " + effect->summary, kColumns, "  ").c_str());
     for (const ListedParameter& p : effect->parameters) {
-      std::printf("    %-28s %s\n", p.name.c_str(), Range(p).c_str());
+      PrintText("    %-28s %s\n", p.name.c_str(), Range(p).c_str());
     }
   }
 }
@@ -61,19 +62,19 @@ std::string Example(const ListedEffect& effect) {
 }
 
 void PrintOne(const ListedEffect& effect) {
-  std::printf("%s (stage: %s)\n%s\n%s\n\n", effect.effect.c_str(), effect.stage.c_str(),
-              WrapText(effect.summary, kColumns).c_str(),
-              WrapText("Source: " + effect.source, kColumns, "  ").c_str());
+  PrintText("%s (stage: %s)\n%s\n%s\n\n", effect.effect.c_str(), effect.stage.c_str(),
+            WrapText(effect.summary, kColumns).c_str(),
+            WrapText("Source: " + effect.source, kColumns, "  ").c_str());
   for (const ListedParameter& p : effect.parameters) {
-    std::printf(
+    PrintText(
         "%s\n  allowed          %s\n  without effect   %s\n  usual deviation  %s%s\n",
         p.name.c_str(), Range(p).c_str(),
         WithUnit(absl::StrFormat("%.4g", p.without), p.unit).c_str(),
         WithUnit(absl::StrFormat("%.4g", p.usual), p.unit).c_str(),
         p.decades > 0 ? absl::StrFormat(", or up to %.3g decades less", p.decades).c_str() : "");
   }
-  std::printf("\nfor `sightline render ... --effects FILE`, or `effects` of an inspection:\n%s\n",
-              Example(effect).c_str());
+  PrintText("\nfor `sightline render ... --effects FILE`, or `effects` of an inspection:\n%s\n",
+            Example(effect).c_str());
 }
 
 int Print(const std::string& name) {
@@ -96,7 +97,7 @@ int Print(const std::string& name) {
   }
   PrintList(found);
   if (name.empty()) {
-    std::printf(
+    PrintText(
         "\n%zu effects; `sightline effects NAME` tells more of one, or lists those whose "
         "name\ncontains NAME\n",
         found.size());

@@ -17,10 +17,14 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "absl/strings/str_split.h"
+#include "absl/strings/string_view.h"
 #include "core/catalogue/catalogue.h"
 #include "core/command_options/option_values.h"
 #include "core/file/atomic_write.h"
+#include "core/inspection/imaging_limits.h"
 #include "core/inspection/inspection.h"
+#include "core/inspection/target_limits.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
@@ -31,6 +35,7 @@
 #include "core/text/number.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/inspection_draft/inspection_draft.h"
 #include "planner_client/part_files/part_file.h"
@@ -48,6 +53,12 @@ namespace fs = std::filesystem;
 
 constexpr int kMostAttempts = 5;
 
+// Settings of a rig that a draft can have; an inspection written by hand may have others.
+constexpr Limits kHousingAngle{10, 80, " deg"};
+constexpr Limits kStandOff{50, 800, " mm"};
+constexpr Limits kAngleStep{1, 90, " deg"};
+constexpr Limits kDistanceStep{1, 500, " mm"};
+
 struct NewInspectionOptions {
   std::string part, out = "inspection.json", unit, name, holding = "resting";
   std::string catalogue, camera, lens, laser, tolerances, tolerances_unit;
@@ -56,6 +67,10 @@ struct NewInspectionOptions {
   std::optional<double> goal, spacing_mm, tolerance_mm;
   bool construction_geometry = false, force = false, no_questions = false;
   bool holding_given = false;
+  std::string rig = "free", urdf, tip_link;
+  std::vector<double> triangulation_angles_deg, stand_offs_mm;
+  std::optional<double> angle_step_deg, distance_step_mm;
+  bool rig_given = false, fixed_height = false;
 };
 
 // --- what a file without a unit may measure ------------------------------------------------------
@@ -96,14 +111,14 @@ bool NeedsUnit(const NewInspectionOptions& options) {
 absl::Status Ask(const std::string& question, const std::string& usual,
                  const std::function<absl::Status(const std::string&)>& take) {
   for (int attempt = 0; attempt < kMostAttempts; ++attempt) {
-    std::fprintf(stderr, "%s%s: ", question.c_str(),
-                 usual.empty() ? "" : absl::StrCat(" [", usual, "]").c_str());
+    PrintTextTo(stderr, "%s%s: ", question.c_str(),
+                usual.empty() ? "" : absl::StrCat(" [", usual, "]").c_str());
     std::string answer;
     if (!std::getline(std::cin, answer)) return absl::CancelledError("no answer; nothing written");
     absl::StripAsciiWhitespace(&answer);
     absl::Status taken = take(answer.empty() ? usual : answer);
     if (taken.ok()) return taken;
-    std::fprintf(stderr, "  %s\n", std::string(taken.message()).c_str());
+    PrintTextTo(stderr, "  %s\n", std::string(taken.message()).c_str());
   }
   return absl::InvalidArgumentError(absl::StrCat("no usable answer to: ", question));
 }
@@ -118,15 +133,94 @@ absl::Status TakeOneOf(const std::string& answer, const std::vector<std::string>
 }
 
 // An empty answer leaves it unset.
-absl::Status TakeNumber(const std::string& answer, double above, double most,
+absl::Status TakeNumber(const std::string& answer, const Limits& limits,
                         std::optional<double>* value) {
   if (answer.empty() || answer == "none") return absl::OkStatus();
   const auto number = ParseReal(answer);
-  if (!number.ok() || !(*number > above && *number <= most)) {
-    return absl::InvalidArgumentError(absl::StrCat("must be a number above ", NumberText(above),
-                                                   " and at most ", NumberText(most)));
+  if (!number.ok() || !limits.Contains(*number)) {
+    return absl::InvalidArgumentError(absl::StrCat("must be a number in ", limits.ToString()));
   }
   *value = *number;
+  return absl::OkStatus();
+}
+
+// Numbers between commas, each in its range; at least one.
+absl::Status TakeNumbers(const std::string& answer, const Limits& limits,
+                         std::vector<double>* values) {
+  std::vector<double> taken;
+  for (const absl::string_view word : absl::StrSplit(answer, ',', absl::SkipWhitespace())) {
+    const auto number = ParseReal(std::string(absl::StripAsciiWhitespace(word)));
+    if (!number.ok() || !limits.Contains(*number)) {
+      return absl::InvalidArgumentError(
+          absl::StrCat("must be numbers in ", limits.ToString(), " with commas between them"));
+    }
+    taken.push_back(*number);
+  }
+  if (taken.empty()) return absl::InvalidArgumentError("must be given");
+  *values = std::move(taken);
+  return absl::OkStatus();
+}
+
+absl::Status AskYesOrNo(const std::string& question, const std::string& usual, bool* value) {
+  std::string answer;
+  absl::Status asked = Ask(question, usual, [&](const std::string& text) {
+    return TakeOneOf(text, {"yes", "no"}, &answer);
+  });
+  *value = answer == "yes";
+  return asked;
+}
+
+// Asks for the kind of rig and for the settings that it has.
+absl::Status AskRig(NewInspectionOptions* options) {
+  if (!options->rig_given) {
+    absl::Status asked = Ask(
+        "What is the rig: rigid (camera and laser in one housing), free (each on a stand of its "
+        "own), turntable (moves the part), robot (moves the housing)?",
+        options->rig, [&](const std::string& answer) {
+          return TakeOneOf(answer, {"rigid", "free", "turntable", "robot"}, &options->rig);
+        });
+    if (!asked.ok()) return asked;
+    bool moves = true;
+    if (options->rig == "free" || options->rig == "rigid") {
+      asked = AskYesOrNo("Does the table move in height?", "yes", &moves);
+      if (!asked.ok()) return asked;
+    }
+    options->fixed_height = !moves;
+    if (!options->angle_step_deg && options->rig != "robot") {
+      asked = Ask("Steps in which angles are set, in degrees; none: any angle", "none",
+                  [&](const std::string& answer) {
+                    return TakeNumber(answer, kAngleStep, &options->angle_step_deg);
+                  });
+      if (!asked.ok()) return asked;
+    }
+  }
+  const bool housing = options->rig == "rigid" || options->rig == "robot";
+  if (housing && options->triangulation_angles_deg.empty()) {
+    absl::Status asked =
+        Ask("Triangulation angle of the housing in degrees", "30", [&](const std::string& answer) {
+          return TakeNumbers(answer, kHousingAngle, &options->triangulation_angles_deg);
+        });
+    if (!asked.ok()) return asked;
+  }
+  if (housing && options->stand_offs_mm.empty()) {
+    absl::Status asked =
+        Ask("Stand-off of the housing in mm", "250", [&](const std::string& answer) {
+          return TakeNumbers(answer, kStandOff, &options->stand_offs_mm);
+        });
+    if (!asked.ok()) return asked;
+  }
+  if (options->rig != "turntable" && options->rig != "robot") return absl::OkStatus();
+  for (const auto& [question, value] :
+       {std::pair("URDF file of the table or robot", &options->urdf),
+        std::pair("Its link that holds the part or the housing", &options->tip_link)}) {
+    if (!value->empty()) continue;
+    absl::Status asked = Ask(question, "", [value = value](const std::string& answer) {
+      if (answer.empty()) return absl::InvalidArgumentError("must be given");
+      *value = answer;
+      return absl::OkStatus();
+    });
+    if (!asked.ok()) return asked;
+  }
   return absl::OkStatus();
 }
 
@@ -145,7 +239,8 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
       if (!asked.ok()) return asked;
     }
   }
-  if (!options->holding_given) {
+  if (absl::Status asked = AskRig(options); !asked.ok()) return asked;
+  if (!options->holding_given && options->rig != "turntable") {
     absl::Status asked =
         Ask("How is the part held: resting (on the table), fixture (clamped as in the CAD file), "
             "free (in any orientation)?",
@@ -156,16 +251,17 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
   }
   const bool has_lens = options->focal_length_mm || !options->lens.empty();
   if (options->camera.empty() && !options->fov_deg && !has_lens) {
-    absl::Status asked = Ask(
-        "Vertical field of view of the camera in degrees", "45",
-        [&](const std::string& answer) { return TakeNumber(answer, 0, 169, &options->fov_deg); });
+    absl::Status asked = Ask("Vertical field of view of the camera in degrees", "45",
+                             [&](const std::string& answer) {
+                               return TakeNumber(answer, kFieldOfView, &options->fov_deg);
+                             });
     if (!asked.ok()) return asked;
   }
   // With a lens the field of view follows from the camera's pixels; no usual size stands for them.
   if (options->camera.empty() && !options->fov_deg && has_lens && !options->pixel_pitch_um) {
     absl::Status asked = Ask("Pixel pitch of the camera in um", "", [&](const std::string& answer) {
       if (answer.empty()) return absl::InvalidArgumentError("must be given");
-      return TakeNumber(answer, 0.1, 1000, &options->pixel_pitch_um);
+      return TakeNumber(answer, kPixelPitch.In(" um", 1e6), &options->pixel_pitch_um);
     });
     if (!asked.ok()) return asked;
   }
@@ -174,7 +270,7 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
         Ask("Full width of the surface's tolerance in mm, to plan until it can be proven; none: "
             "plan until the surface is covered",
             "none", [&](const std::string& answer) {
-              return TakeNumber(answer, 0, 100, &options->tolerance_mm);
+              return TakeNumber(answer, kZoneWidth.In(" mm", 1e3), &options->tolerance_mm);
             });
     if (!asked.ok()) return asked;
   }
@@ -265,7 +361,7 @@ absl::Status CheckOptions(const NewInspectionOptions& options) {
     errors.Add(absl::NotFoundError(absl::StrCat(options.part, ": no such file")));
   } else if (NeedsUnit(options)) {
     const std::vector<SizeInUnit> sizes = PlausibleUnits(options.part);
-    // Of a file that cannot be read in any unit loading tells why.
+    // If the file cannot be read in any unit, loading it says why.
     if (!sizes.empty()) {
       errors.Add(absl::InvalidArgumentError(absl::StrCat(
           options.part, ": --unit is missing, the file carries none: ", UnitsText(sizes))));
@@ -330,6 +426,16 @@ absl::StatusOr<DraftRequest> MakeRequest(const NewInspectionOptions& options) {
   request.part_unit = options.unit;
   request.construction_geometry = options.construction_geometry;
   request.holding = HoldingOf(options.holding);
+  request.rig.kind = *RigKindNamed(options.rig);
+  request.rig.triangulation_angles_deg = options.triangulation_angles_deg;
+  for (const double stand_off_mm : options.stand_offs_mm) {
+    request.rig.stand_offs_m.push_back(stand_off_mm / 1e3);
+  }
+  request.rig.angle_step_deg = options.angle_step_deg;
+  if (options.distance_step_mm) request.rig.distance_step_m = *options.distance_step_mm / 1e3;
+  request.rig.stage_moves_in_height = !options.fixed_height;
+  if (!options.urdf.empty()) request.rig.urdf = FromFolderOf(options.out, options.urdf);
+  request.rig.tip_link = options.tip_link;
   request.columns_px = options.columns_px;
   request.rows_px = options.rows_px;
   request.vertical_fov_deg = options.fov_deg;
@@ -368,17 +474,30 @@ absl::Status New(NewInspectionOptions options) {
   if (status = WriteFileAtomically(options.out, text); !status.ok()) return status;
 
   const Eigen::Vector3d mm = 1e3 * request->health.bounding_box_m.sizes();
-  std::printf("%s: %.4g x %.4g x %.4g mm, about %lld targets %.4g mm apart\n",
-              fs::path(options.part).filename().c_str(), mm.x(), mm.y(), mm.z(),
-              static_cast<long long>(draft->expected_targets),
-              1e3 * draft->inspection.targets().spacing_m());
-  if (!draft->lens.empty()) std::printf("lens chosen: %s\n", draft->lens.c_str());
+  PrintText("%s: %.4g x %.4g x %.4g mm, about %lld targets %.4g mm apart\n",
+            fs::path(options.part).filename().c_str(), mm.x(), mm.y(), mm.z(),
+            static_cast<long long>(draft->expected_targets),
+            1e3 * draft->inspection.targets().spacing_m());
+  if (!draft->lens.empty()) PrintText("lens chosen: %s\n", draft->lens.c_str());
   for (const std::string& finding : request->health.findings) {
-    std::printf("part: %s\n", finding.c_str());
+    PrintText("part: %s\n", finding.c_str());
   }
-  std::printf("written: %s\nnext:    sightline plan %s --out plan\n",
-              fs::absolute(options.out).lexically_normal().c_str(), options.out.c_str());
+  PrintText("written: %s\nnext:    sightline plan %s --out plan\n",
+            fs::absolute(options.out).lexically_normal().c_str(), options.out.c_str());
   return absl::OkStatus();
+}
+
+// The range of the field of an inspection that an option sets.
+CLI::Validator Within(const Limits& limits) {
+  return CLI::Validator(
+      [limits](std::string& text) {
+        const auto number = ParseReal(text);
+        return number.ok() && limits.Contains(*number)
+                   ? std::string()
+                   : absl::StrCat("is ", text, ", must be in ", limits.ToString());
+      },
+      // The option's name states the unit.
+      absl::StrCat("in ", limits.In("", 1).ToString()));
 }
 
 }  // namespace
@@ -400,6 +519,30 @@ Command AddNewCommand(CLI::App& app) {
                      "in the CAD file; free: in any orientation")
           ->check(CLI::IsMember({"resting", "fixture", "free"}))
           ->capture_default_str();
+  CLI::Option* rig =
+      app.add_option("--rig", options->rig,
+                     "rigid: camera and laser in one housing; free: each on a stand of its own; "
+                     "turntable: moves the part; robot: moves the housing")
+          ->check(CLI::IsMember({"rigid", "free", "turntable", "robot"}))
+          ->capture_default_str();
+  app.add_option("--triangulation-angle-deg", options->triangulation_angles_deg,
+                 "of a housing, between camera and laser; several with commas")
+      ->delimiter(',')
+      ->check(Within(kHousingAngle));
+  app.add_option("--stand-off-mm", options->stand_offs_mm,
+                 "of a housing, from the middle of its range; several with commas")
+      ->delimiter(',')
+      ->check(Within(kStandOff));
+  app.add_flag("--fixed-height", options->fixed_height, "the table does not move in height");
+  app.add_option("--angle-step-deg", options->angle_step_deg,
+                 "step in which angles are set; default: any angle")
+      ->check(Within(kAngleStep));
+  app.add_option("--distance-step-mm", options->distance_step_mm,
+                 "step in which the camera's distance is set; default: any distance")
+      ->check(Within(kDistanceStep));
+  app.add_option("--urdf", options->urdf, "of the turntable or robot");
+  app.add_option("--tip-link", options->tip_link,
+                 "link of --urdf that holds the part or the housing");
   app.add_option("--catalogue", options->catalogue,
                  "folder with cameras/, lenses/ and lasers/, for the names below");
   app.add_option("--camera", options->camera,
@@ -407,26 +550,26 @@ Command AddNewCommand(CLI::App& app) {
   app.add_option("--lens", options->lens, "lens of the catalogue");
   app.add_option("--laser", options->laser, "laser of the catalogue");
   app.add_option("--columns", options->columns_px, "of the camera's image")
-      ->check(CLI::Range(16, 16384));
-  app.add_option("--rows", options->rows_px, "of the camera's image")->check(CLI::Range(16, 16384));
+      ->check(Within(kImageSize));
+  app.add_option("--rows", options->rows_px, "of the camera's image")->check(Within(kImageSize));
   app.add_option("--pixel-pitch-um", options->pixel_pitch_um,
                  "of the camera; with a lens the field of view follows from it")
-      ->check(CLI::Range(0.1, 1000.0));
+      ->check(Within(kPixelPitch.In(" um", 1e6)));
   app.add_option("--fov-deg", options->fov_deg,
                  "vertical field of view; default: by --focal-length-mm, --pixel-pitch-um and "
                  "--rows, else 45")
-      ->check(CLI::Range(0.1, 169.0));
+      ->check(Within(kFieldOfView));
   app.add_option("--focal-length-mm", options->focal_length_mm, "of the lens")
-      ->check(CLI::Range(0.5, 99.0));
+      ->check(Within(kLensFocalLength.In(" mm", 1e3)));
   app.add_option("--f-number", options->f_number, "of the lens; default 8")
-      ->check(CLI::Range(0.5, 128.0));
+      ->check(Within(kLensFNumber));
   app.add_option("--goal", options->goal,
                  "fraction of the surface to be covered, or known well enough for its tolerance; "
                  "default 0.95")
-      ->check(CLI::Range(1e-6, 1.0));
+      ->check(Within(kCoverageGoal));
   app.add_option("--tolerance-mm", options->tolerance_mm,
                  "full width of the surface's tolerance: plan until it can be proven")
-      ->check(CLI::Range(1e-6, 100.0));
+      ->check(Within(kZoneWidth.In(" mm", 1e3)));
   CLI::Option* tolerances =
       app.add_option("--tolerances", options->tolerances,
                      "STEP (AP242) or QIF file with tolerances of the drawing; part: those of the "
@@ -437,12 +580,13 @@ Command AddNewCommand(CLI::App& app) {
       ->needs(tolerances);
   app.add_option("--spacing-mm", options->spacing_mm,
                  "between targets; default: so that there are about 8000")
-      ->check(CLI::Range(0.1, 1000.0));
+      ->check(Within(kTargetSpacing.In(" mm", 1e3)));
   app.add_flag("--force", options->force, "write over a file that is there");
   app.add_flag("--no-questions", options->no_questions,
                "ask nothing, even on a terminal: what is not given has its default");
-  return [options, holding]() -> int {
+  return [options, holding, rig]() -> int {
     options->holding_given = holding->count() > 0;
+    options->rig_given = rig->count() > 0;
     const absl::Status status = New(*options);
     return status.ok() ? kExitDone : ReportError(status);
   };

@@ -14,23 +14,22 @@ namespace sightline {
 void AddStartsOptions(CLI::App& app, StartsOptions* options) {
   app.add_option(
          "--starts", options->count,
-         "plan with so many seeds, from --seed on, and keep the plan with the fewest scans; "
-         "ties: that which settles more, then the lower seed")
+         "plan with so many seeds, from --seed on, and keep the plan that costs least to execute; "
+         "ties: fewer scans, then more satisfied targets, then the lower seed")
       ->check(CLI::Range(1, 1000));
   app.add_option("--part", options->part,
-                 "K/N: only number K of N parts of the starts, for another process or machine each "
-                 "with the same --checkpoint; the same command without --part, after all of them, "
-                 "chooses and writes --out");
+                 "K/N: run shard K of N of the starts, each as a process of its own with the same "
+                 "--checkpoint, on any machine; then the same command without --part chooses the "
+                 "best and writes --out");
 }
 
-absl::StatusOr<PartOfWork> CheckStartsOptions(const StartsOptions& options, int64_t first_seed,
-                                              const std::string& checkpoint,
-                                              const std::string& other) {
-  auto part = ParsePartOfWork(options.part, checkpoint);
+absl::StatusOr<Shard> CheckStartsOptions(const StartsOptions& options, int64_t first_seed,
+                                         const std::string& checkpoint, const std::string& other) {
+  auto part = ParseShard(options.part, checkpoint);
   if (!part.ok()) return part.status();
   if (part->count > options.count) {
     return absl::InvalidArgumentError(
-        absl::StrFormat("--part %s: there are %d starts (--starts), so at most as many parts",
+        absl::StrFormat("--part %s: there are %d starts (--starts), so at most as many shards",
                         options.part, options.count));
   }
   if (!options.Several()) return part;
@@ -53,11 +52,12 @@ StartResult StartOf(const PlannerResult& result, const v1::Plan& plan,
   start.evaluations = plan.gain_evaluations();
   start.settled = static_cast<double>(result.score.Claimed()) /
                   static_cast<double>(std::max<int64_t>(1, result.score.judged));
+  start.cost = plan.cost().total();
   for (const ChosenScan& scan : result.scans) {
     start.scans.push_back({scan.measurement, scan.locked});
   }
   start.bound = bound;
-  if (start.bound) start.bound->priced_scans.clear();
+  if (start.bound) start.bound->generated_columns.clear();
   return start;
 }
 
@@ -88,6 +88,7 @@ void SetStarts(const std::vector<StartResult>& starts, v1::Plan& plan) {
     message.set_settled(start.settled);
     message.set_stop_reason(StopReasonToProto(start.stop_reason));
     message.set_gain_evaluations(start.evaluations);
+    message.set_cost(start.cost);
   }
 }
 

@@ -10,8 +10,8 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "planner_client/commands/part_of_work.h"
 #include "planner_client/commands/planning/planning_session.h"
+#include "planner_client/commands/shard.h"
 #include "planner_client/multi_start/start_result.h"
 #include "planner_client/strategy/planner.h"
 #include "sightline/v1/plan.pb.h"
@@ -27,20 +27,19 @@ struct StartsOptions {
 
 void AddStartsOptions(CLI::App& app, StartsOptions* options);
 
-// Which of the starts are this process's. INVALID_ARGUMENT: several starts together with what plans
-// otherwise (`other`: the option's name, empty: none), a seed beyond the largest, and a part of one
-// start, of fewer starts than there are parts, or without `checkpoint`.
-absl::StatusOr<PartOfWork> CheckStartsOptions(const StartsOptions& options, int64_t first_seed,
-                                              const std::string& checkpoint,
-                                              const std::string& other);
+// Selects the starts that this process runs. INVALID_ARGUMENT: several starts together with another
+// way of planning (`other`: the option's name, empty: none), a seed beyond the largest, and a shard
+// of one start, more shards than starts, or shards without `checkpoint`.
+absl::StatusOr<Shard> CheckStartsOptions(const StartsOptions& options, int64_t first_seed,
+                                         const std::string& checkpoint, const std::string& other);
 
-// Of a search that has ended. `plan` is its document, which has numbers that `result` has summed up
-// with those of a later search that was given up.
+// Result of a finished search. `plan` is its document, which has numbers that `result` has summed
+// up with those of a later search that was given up.
 StartResult StartOf(const PlannerResult& result, const v1::Plan& plan,
                     const std::optional<ScanCountBoundResult>& bound);
 
-// The scans of a search with what they cover, exact and as estimated, asked of the session's oracle
-// again. Errors of the oracle.
+// The scans of a search with what they cover, exact and as estimated, asked of the session's gain
+// model again. Errors of the gain model.
 absl::StatusOr<std::vector<ChosenScan>> ScansOfStart(const PlanningSession& session,
                                                      const StartResult& start);
 

@@ -13,6 +13,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/digest/sha256.h"
 #include "core/process/program_build.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/multi_start/start_file.h"
 
 namespace sightline {
@@ -47,7 +48,7 @@ class KeyOfPieces {
   Sha256 digest_;
 };
 
-// Names all that the answers of the session's oracle depend on.
+// Names all that the answers of the session's gain model depend on.
 std::string FingerprintOfAnswers(const PlanningSession& session, const SearchQuestion& question,
                                  const PlannerRequest& request) {
   KeyOfPieces key;
@@ -71,7 +72,7 @@ std::string FingerprintOfAnswers(const PlanningSession& session, const SearchQue
   return key.Hex();
 }
 
-// Names what searches are asked for besides, whatever their seed.
+// Names the request of searches apart from their seed.
 std::string FingerprintOfResults(const std::string& answers, const PlannerRequest& request,
                                  int64_t bound_evaluations) {
   KeyOfPieces key;
@@ -87,7 +88,7 @@ std::string FingerprintOfResults(const std::string& answers, const PlannerReques
 }
 
 void SayAboutCheckpoint(const std::string& remark) {
-  std::fprintf(stderr, "checkpoint: %s\n", remark.c_str());
+  PrintTextTo(stderr, "checkpoint: %s\n", remark.c_str());
 }
 
 }  // namespace
@@ -130,7 +131,7 @@ std::optional<StartResult> SearchCheckpoint::ResultOf(int64_t seed) const {
   auto start = ReadStart(ResultFile(seed), results_fingerprint_, seed, &why);
   if (!why.empty()) {
     SayAboutCheckpoint(
-        absl::StrCat(ResultFile(seed), ": ", why, "; the search of this seed is made again"));
+        absl::StrCat(ResultFile(seed), ": ", why, "; the search with this seed is repeated"));
   }
   return start;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `sightline plan --checkpoint` keeps, so that the same command goes on after its process was
-// ended.
+// Checkpoint of `sightline plan --checkpoint`, so that the same command goes on after its process
+// was ended.
 #pragma once
 
 #include <cstdint>
@@ -26,8 +26,8 @@ struct SearchQuestion {
   std::string options;
 };
 
-// A folder with what the coverage server has answered searches that were broken off, in `answers…`,
-// and the results of those that have ended, in `start-SEED.json`. Several processes may use it for
+// A folder with the coverage server's answers to interrupted searches, in `answers…`, and the
+// results of finished ones, in `start-SEED.json`. Several processes may use it for
 // different searches.
 class SearchCheckpoint {
  public:
@@ -44,10 +44,10 @@ class SearchCheckpoint {
                                                const PlannerRequest& request,
                                                int64_t bound_evaluations);
 
-  // From now on the session's oracle keeps its answers, and gives those that are kept of the search
-  // of that name. INTERNAL: the file cannot be written.
+  // From now on the session's gain model keeps its answers, and gives those that are kept of the
+  // search of that name. INTERNAL: the file cannot be written.
   absl::Status KeepAnswers(const std::string& search, PlanningSession* session);
-  // The session's oracle is again what it was before KeepAnswers.
+  // Restores the session's gain model from before KeepAnswers.
   void LeaveAnswers(PlanningSession* session);
 
   std::optional<StartResult> ResultOf(int64_t seed) const;
@@ -60,7 +60,7 @@ class SearchCheckpoint {
 
   std::string folder_;  // empty: nothing is kept
   std::string answers_fingerprint_, results_fingerprint_;
-  JournalledOracle* journal_ = nullptr;  // the session's oracle, if that keeps its answers
+  JournalledOracle* journal_ = nullptr;  // the session's gain model, if that keeps its answers
 };
 
 }  // namespace sightline

@@ -191,8 +191,8 @@ export class Controls {
   }
 }
 
-// Of a shown value: 0.1 mm is 0.0001 m, not 0.00010000000000000002; what rounding for people has put just outside a range
-// is its end.
+// Exact value for a shown one: 0.1 mm is 0.0001 m, not 0.00010000000000000002; what rounding for
+// people has put just outside a range is its end.
 function exactValue(parameter, shown) {
   const value = Number((shown / parameter.scale).toPrecision(12));
   return isAllowed(parameter, value) ? nearestAllowed(parameter, value) : value;

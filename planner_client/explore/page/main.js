@@ -79,7 +79,7 @@ class Explorer {
     return Number($('stage').value) / 1000;
   }
 
-  /** Runs what asks the server; what goes wrong is shown. */
+  /** Runs requests to the server and shows their errors. */
   async attempt(action) {
     try {
       const result = await action();
@@ -148,7 +148,7 @@ class Explorer {
     this.draw();
   }
 
-  /** Where the goal is uncertainty: what the plan makes known admissibly, without and with this scan. */
+  /** For an uncertainty goal: what the plan makes known admissibly, without and with this scan. */
   async judge(position) {
     if (!this.setup.for_uncertainty) return;
     const number = this.judging = (this.judging ?? 0) + 1;

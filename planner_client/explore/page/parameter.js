@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a parameter may be, in the unit that people see.
+// Allowed values of a parameter, in the unit that people see.
 
 /** The shortest decimal number that is as good as `value`: 0.1 um, 0.0001 degrees. */
 export const tidy = (value) => Number(value.toFixed(4));

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The 3-D view: the report's scene, coloured by what the plan and this scan measure.
+// The 3-D view: the report's scene, coloured by the targets that the plan and this scan measure.
 import {hasBit, readViewerData} from '../../report/viewer/data.js';
 import {COVERED, NEVER, NEW, PartScene, UNMEASURABLE} from '../../report/viewer/scene.js';
 

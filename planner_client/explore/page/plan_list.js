@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The scans of the plan, each with what can be done with it.
+// The scans of the plan, each with its actions.
 import {tidy} from './parameter.js';
 
 function arrangement({measurement: m}) {

@@ -17,7 +17,7 @@ bool Drawable(const ChartAxis& axis, double value) {
   return std::isfinite(value) && (!axis.logarithmic || value > 0);
 }
 
-// What lies beside the abscissa's axis is left out; what lies above or below is drawn at its end.
+// Values beside the abscissa's axis are left out; those above or below are drawn at its end.
 bool DrawableX(const XyChart& chart, const ChartScale& x, double value) {
   return Drawable(chart.x, value) && x.Shows(value);
 }

@@ -7,14 +7,11 @@
 #include <utility>
 #include <vector>
 
-#include "absl/strings/match.h"
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "absl/strings/str_replace.h"
 #include "absl/strings/str_split.h"
-#include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
 
 namespace sightline {
@@ -22,7 +19,7 @@ namespace sightline {
 std::string NameWords(const google::protobuf::RepeatedPtrField<std::string>& names) {
   std::vector<std::string> words;
   for (const std::string& name : names) {
-    // What is said in words stays as it is.
+    // Names in words stay as they are.
     words.push_back(name.find(' ') == std::string::npos ? QuantityName(name) : name);
   }
   return absl::StrJoin(words, ", ");
@@ -44,31 +41,48 @@ std::string Change(const std::string& before, const std::string& after) {
 
 std::string GainText(double nats) { return FixedNumber(nats, std::abs(nats) < 10 ? 1 : 0); }
 
-std::string LawHtml(const std::string& law) {
+namespace {
+
+// A whole exponent in raised digits, another one as "^0.52".
+std::string RaisedText(const std::string& exponent) {
+  int whole = 0;
+  if (!absl::SimpleAtoi(exponent, &whole)) {
+    return absl::StrCat("^", absl::StrReplaceAll(exponent, {{"-", "\u2212"}}));
+  }
+  constexpr const char* kDigits[] = {"\u2070", "\u00b9", "\u00b2", "\u00b3", "\u2074",
+                                     "\u2075", "\u2076", "\u2077", "\u2078", "\u2079"};
+  std::string raised;
+  for (const char c : absl::StrCat(whole)) raised += c == '-' ? "\u207b" : kDigits[c - '0'];
+  return raised;
+}
+
+}  // namespace
+
+std::string LawText(const std::string& law) {
   const std::vector<std::string> given = absl::StrSplit(law, ' ', absl::SkipEmpty());
   std::vector<std::string> words;
+  bool follows_power = false;
   for (size_t i = 0; i < given.size(); ++i) {
     const std::pair<std::string, std::string> power =
         absl::StrSplit(given[i], absl::MaxSplits('^', 1));
-    std::string name = QuantityName(power.first);
+    const std::string name = QuantityName(power.first);
     double value = 0;
     const size_t digits = i + 1 < given.size() ? given[i + 1].find_last_not_of(",;)") + 1 : 0;
     if (!power.second.empty()) {
       // Powers side by side are multiplied.
-      const bool follows_power = !words.empty() && absl::StartsWith(words.back(), "<em>");
-      words.push_back(absl::StrCat("<em>", follows_power ? "\u00b7 " : "", EscapeHtml(name)));
-      if (power.second != "1") {
-        absl::StrAppend(&words.back(), "<sup>",
-                        EscapeHtml(absl::StrReplaceAll(power.second, {{"-", "\u2212"}})), "</sup>");
-      }
-      words.back() += "</em>";
-    } else if (power.first.find('_') != std::string::npos && digits > 0 &&
-               absl::SimpleAtod(given[i + 1].substr(0, digits), &value)) {
+      words.push_back(absl::StrCat(follows_power ? "\u00b7 " : "", name,
+                                   power.second == "1" ? "" : RaisedText(power.second)));
+      follows_power = true;
+      continue;
+    }
+    follows_power = false;
+    if (power.first.find('_') != std::string::npos && digits > 0 &&
+        absl::SimpleAtod(given[i + 1].substr(0, digits), &value)) {
       ++i;
-      words.push_back(EscapeHtml(
-          absl::StrCat(name, " ", SettingText(power.first, value), given[i].substr(digits))));
+      words.push_back(
+          absl::StrCat(name, " ", SettingText(power.first, value), given[i].substr(digits)));
     } else {
-      words.push_back(EscapeHtml(name));
+      words.push_back(name);
     }
   }
   return absl::StrJoin(words, " ");
@@ -83,18 +97,6 @@ std::string ExplanationTitle(const v1::Explanation& explanation) {
   const std::string joined = absl::StrJoin(titles, " + ");
   return explanation.effect() == "unknown" ? absl::StrCat(EffectTitle("unknown"), " (", joined, ")")
                                            : joined;
-}
-
-std::string ProbabilityBar(double probability) {
-  const double cut = std::isfinite(probability) ? std::clamp(probability, 0.0, 1.0) : 0;
-  return absl::StrFormat(
-      "<span class=\"nowrap\"><svg class=\"probability\" viewBox=\"0 0 110 10\" "
-      "aria-hidden=\"true\"><rect "
-      "class=\"rail\" "
-      "x=\"0\" y=\"4\" width=\"110\" height=\"2\"/><rect class=\"bar\" x=\"0\" y=\"0\" "
-      "width=\"%.1f\" "
-      "height=\"10\"/></svg>%s</span>",
-      110 * cut, EscapeHtml(ProbabilityText(probability)));
 }
 
 }  // namespace sightline

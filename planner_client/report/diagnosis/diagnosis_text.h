@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// How a diagnosis's report words and draws single numbers.
+// How a diagnosis's report words single numbers.
 #pragma once
 
 #include <optional>
@@ -9,27 +9,24 @@
 
 namespace sightline {
 
-// Names of the vocabulary as words, joined by commas: "line_flanks" -> "line flanks". Text.
+// Names of the vocabulary as words, joined by commas: "line_flanks" -> "line flanks".
 std::string NameWords(const google::protobuf::RepeatedPtrField<std::string>& names);
 
 // Chi squared per degree of freedom; nothing to say without any.
 std::optional<double> PerDegree(double chi_squared, int degrees_of_freedom);
 std::string PerDegreeText(double chi_squared, int degrees_of_freedom);
 
-// "before -> after", as HTML.
+// "before -> after".
 std::string Change(const std::string& before, const std::string& after);
 
 // A gain in log evidence.
 std::string GainText(double nats);
 
-// "proportional to exposure_time_s^1 f_number^-2 (0.1 at exposure_time_s 0.02)" with exponents
-// raised and values with their units, as HTML.
-std::string LawHtml(const std::string& law);
+// "proportional to exposure_time_s^1 f_number^-2 (0.1 at exposure_time_s 0.02)" with whole
+// exponents raised and values with their units.
+std::string LawText(const std::string& law);
 
-// The effects of an explanation by their titles. Text.
+// The effects of an explanation by their titles.
 std::string ExplanationTitle(const v1::Explanation& explanation);
-
-// A bar of that length with the number behind it, as HTML.
-std::string ProbabilityBar(double probability);
 
 }  // namespace sightline

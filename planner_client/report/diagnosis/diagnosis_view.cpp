@@ -6,7 +6,6 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "planner_client/report/diagnosis/diagnosis_text.h"
-#include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
 #include "planner_client/report/recordings/recording_text.h"
 
@@ -23,7 +22,7 @@ DiagnosisView::DiagnosisView(const v1::Diagnosis& of, const std::string& folder)
       if (recording.held_out()) held_out.insert(recording.recording());
     }
   }
-  // Of parts: tiles of every recording are held out, none as a whole. Of plates: every recording
+  // For parts, tiles of every recording are held out, none as a whole. For plates, every recording
   // is held out in its turn.
   of_part = diagnosis.calibrated().format_version() == 2;
   if (of_part || static_cast<int>(held_out.size()) >= diagnosis.model_fit().recordings_size()) {
@@ -37,13 +36,14 @@ const v1::Recording* DiagnosisView::RecordingAt(int index) const {
              : nullptr;
 }
 
-std::string DiagnosisView::Caption(int index, const std::string& title_suffix) const {
+std::string DiagnosisView::CaptionTitle(int index, const std::string& title_suffix) const {
+  return absl::StrCat(RecordingTitle(index, RecordingAt(index)), title_suffix,
+                      held_out.count(index) > 0 ? ", not used in fitting" : "");
+}
+
+std::string DiagnosisView::CaptionSetup(int index) const {
   const v1::Recording* recording = RecordingAt(index);
-  const std::string setup = recording == nullptr ? "" : RecordingSetup(*recording);
-  return absl::StrCat(
-      "<h3>", EscapeHtml(RecordingTitle(index, recording) + title_suffix),
-      held_out.count(index) > 0 ? "<span class=\"badge\">not used in fitting</span>" : "",
-      "</h3>\n", setup.empty() ? "" : SoftParagraph(EscapeHtml(setup)));
+  return recording == nullptr ? "" : RecordingSetup(*recording);
 }
 
 std::string DiagnosisView::ModelName() const {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every section of a diagnosis's report asks: the diagnosis itself and how it is spoken of.
+// Common data of the sections of a diagnosis report: the diagnosis itself and its wording.
 #pragma once
 
 #include <set>
@@ -16,8 +16,9 @@ struct DiagnosisView {
   // Null if the index names none.
   const v1::Recording* RecordingAt(int index) const;
 
-  // Title and setup of a recording, as HTML.
-  std::string Caption(int index, const std::string& title_suffix = "") const;
+  // Title of a recording, and its setup; the latter is empty if it is not known.
+  std::string CaptionTitle(int index, const std::string& title_suffix = "") const;
+  std::string CaptionSetup(int index) const;
 
   // The model with something added, in words.
   std::string ModelName() const;

@@ -3,156 +3,185 @@
 
 #include <algorithm>
 #include <optional>
+#include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "planner_client/report/diagnosis/diagnosis_text.h"
-#include "planner_client/report/diagnosis/diagnosis_view.h"
-#include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
-#include "planner_client/report/page/static_page.h"
 #include "planner_client/report/recordings/recording_text.h"
 
 namespace sightline {
 namespace {
 
-std::string ParameterText(const v1::FittedParameter& parameter) {
-  std::string html = absl::StrCat(EscapeHtml(QuantityName(parameter.name())), " ");
-  if (!parameter.has_standard_error() && !(parameter.lower() < parameter.upper())) {
-    return absl::StrCat(html, "<span class=\"soft\">not determined by these recordings</span>");
+std::string FittedText(const v1::FittedParameter& parameter) {
+  const std::string name = QuantityName(parameter.name());
+  const bool has_interval = parameter.lower() < parameter.upper();
+  if (!parameter.has_standard_error() && !has_interval) {
+    return absl::StrCat(name, " not determined by these recordings");
   }
   std::optional<double> error;
   if (parameter.has_standard_error()) error = parameter.standard_error();
-  absl::StrAppend(&html, "<strong>",
-                  EscapeHtml(QuantityWithError(parameter.name(), parameter.value(), error)),
-                  "</strong>");
-  if (parameter.lower() < parameter.upper()) {
-    absl::StrAppend(
-        &html, " <span class=\"soft nowrap\">(", error.has_value() ? "95\u202f%: " : "",
-        EscapeHtml(QuantityInterval(parameter.name(), parameter.lower(), parameter.upper())),
-        ")</span>");
+  std::string text =
+      absl::StrCat(name, " ", QuantityWithError(parameter.name(), parameter.value(), error));
+  if (has_interval) {
+    absl::StrAppend(&text, " (", error.has_value() ? "95\u202f%: " : "",
+                    QuantityInterval(parameter.name(), parameter.lower(), parameter.upper()), ")");
   }
-  return html;
+  return text;
+}
+
+v1::ReportCell GainCell(double nats) { return NumberCell(nats, GainText(nats)); }
+
+// The terms of every explanation's evidence, folded away; empty if none has them.
+ReportBlocks EvidenceTerms(const v1::Diagnosis& diagnosis) {
+  std::vector<ReportCells> rows;
+  for (const v1::Explanation& explanation : diagnosis.ranked()) {
+    if (!explanation.has_evidence()) continue;
+    const v1::Evidence& terms = explanation.evidence();
+    rows.push_back({TextCell(ExplanationTitle(explanation)), GainCell(terms.fit_nats()),
+                    GainCell(terms.covariance_nats()), GainCell(terms.curvature_nats()),
+                    GainCell(terms.parameter_prior_nats()), GainCell(terms.model_prior_nats())});
+  }
+  if (rows.empty()) return {};
+  std::vector<v1::ReportColumn> columns = {WordsColumn("explanation")};
+  for (const char* term : {"fit of the data", "covariance of the data", "curvature at the best fit",
+                           "prior of the parameters", "prior of the explanation"}) {
+    columns.push_back(NumberColumn(term, "nats"));
+  }
+  return {FoldedBlock("The evidence, term by term",
+                      {TableBlock("The evidence, term by term", columns, rows),
+                       RemarkBlock("Each over that of the nominal description fitted again. The "
+                                   "first four make up the gain in log evidence.")})};
+}
+
+ReportCells ExplanationRow(const v1::Explanation& explanation) {
+  const bool named = explanation.effect() != "none" && explanation.effect() != "unknown";
+  std::vector<std::string> ids, parameters;
+  for (const v1::FittedEffect& effect : explanation.effects()) {
+    ids.push_back(effect.effect());
+    for (const v1::FittedParameter& parameter : effect.parameters()) {
+      parameters.push_back(
+          absl::StrCat(explanation.effects_size() > 1 ? EffectTitle(effect.effect()) + ": " : "",
+                       FittedText(parameter)));
+    }
+  }
+  if (ids.empty() && named) ids.push_back(explanation.effect());
+  std::string detail = absl::StrJoin(ids, " + ");
+  if (!explanation.stage().empty() && explanation.stage() != "none") {
+    absl::StrAppend(&detail, detail.empty() ? "" : ", ", "stage ", explanation.stage());
+  }
+  const double chi = explanation.held_out_chi_squared_per_dof();
+  return {StrongCell(ExplanationTitle(explanation), detail),
+          ShareCell(explanation.probability(), ProbabilityText(explanation.probability())),
+          GainCell(explanation.log_evidence_gain()),
+          chi > 0 ? NumberCell(chi, Number(chi)) : TextCell(kNoValue),
+          TextCell(absl::StrJoin(parameters, "\n"), explanation.reason())};
+}
+
+// Effects that change these images alike.
+v1::ReportBlock SameClass(const v1::Diagnosis& diagnosis) {
+  std::vector<v1::ReportRun> runs = {PlainRun("These recordings cannot tell "),
+                                     StrongRun(ExplanationTitle(diagnosis.ranked(0))),
+                                     PlainRun(" from ")};
+  double together = 0;
+  const auto& same = diagnosis.same_class();
+  for (const v1::Explanation& explanation : diagnosis.ranked()) {
+    if (&explanation == &diagnosis.ranked(0) ||
+        std::find(same.begin(), same.end(), explanation.effect()) != same.end()) {
+      together += explanation.probability();
+    }
+  }
+  for (int i = 0; i < same.size(); ++i) {
+    if (i > 0) runs.push_back(PlainRun(", "));
+    runs.push_back(StrongRun(EffectTitle(same[i])));
+    runs.push_back(PlainRun(" ("));
+    runs.push_back(CodeRun(same[i]));
+    runs.push_back(PlainRun(")"));
+  }
+  runs.push_back(
+      PlainRun(absl::StrCat(": all of them change these images alike. Together they have ",
+                            ProbabilityText(together), ".")));
+  return TitledBlock("Cannot be told apart", {ParagraphBlock(runs)});
 }
 
 }  // namespace
 
-std::string ExplanationsHtml(const DiagnosisView& view) {
-  if (view.diagnosis.ranked().empty()) return "";
-  std::vector<std::vector<std::string>> rows;
+ReportBlocks ExplanationBlocks(const DiagnosisView& view) {
+  if (view.diagnosis.ranked().empty()) return {};
+  std::vector<ReportCells> rows;
   double sum = 0;
   for (const v1::Explanation& explanation : view.diagnosis.ranked()) {
     sum += explanation.probability();
-    const bool named = explanation.effect() != "none" && explanation.effect() != "unknown";
-    std::vector<std::string> ids, stages, parameters;
-    for (const v1::FittedEffect& effect : explanation.effects()) {
-      ids.push_back(CodeHtml(effect.effect()));
-      for (const v1::FittedParameter& parameter : effect.parameters()) {
-        parameters.push_back(absl::StrCat(
-            "<span class=\"parameter\">",
-            explanation.effects_size() > 1 ? EscapeHtml(EffectTitle(effect.effect())) + ": " : "",
-            ParameterText(parameter), "</span>"));
-      }
-    }
-    if (ids.empty() && named) ids.push_back(CodeHtml(explanation.effect()));
-    std::string name = absl::StrCat("<span class=\"effect\">",
-                                    EscapeHtml(ExplanationTitle(explanation)), "</span>");
-    std::string detail = absl::StrJoin(ids, " + ");
-    if (!explanation.stage().empty() && explanation.stage() != "none") {
-      absl::StrAppend(&detail, detail.empty() ? "" : ", ", "stage ",
-                      EscapeHtml(explanation.stage()));
-    }
-    if (!detail.empty()) absl::StrAppend(&name, "<span class=\"detail\">", detail, "</span>");
-    const double chi = explanation.held_out_chi_squared_per_dof();
-    std::string last = absl::StrJoin(parameters, "<br>");
-    if (!explanation.reason().empty()) {
-      absl::StrAppend(&last, "<span class=\"detail\">", EscapeHtml(explanation.reason()),
-                      "</span>");
-    }
-    rows.push_back({name, ProbabilityBar(explanation.probability()),
-                    GainText(explanation.log_evidence_gain()), chi > 0 ? Number(chi) : "\u2013",
-                    last});
+    rows.push_back(ExplanationRow(explanation));
   }
   if (1 - sum > 0.0005) {
-    rows.push_back({"<span class=\"soft\">all others</span>", ProbabilityBar(1 - sum), "", "", ""});
+    rows.push_back({TextCell("all others"), ShareCell(1 - sum, ProbabilityText(1 - sum)),
+                    TextCell(""), TextCell(""), TextCell("")});
   }
-  std::string html =
-      PageTable({"explanation", "probability", "gain in log evidence<br>over nominal [nats]",
-                 "\u03c7\u00b2/dof,<br>held out", "fitted values, and why (not)"},
-                rows, {0, 1, 4});
-  html += SoftParagraph(
-      "Log evidence: how much better an explanation predicts these recordings than the nominal "
-      "description fitted again, its freedom taken into account. 3 nats are odds of 20 to 1.");
-  if (!view.diagnosis.same_class().empty()) {
-    std::vector<std::string> names;
-    double together = 0;
-    for (const v1::Explanation& explanation : view.diagnosis.ranked()) {
-      const auto& same = view.diagnosis.same_class();
-      if (&explanation == &view.diagnosis.ranked(0) ||
-          std::find(same.begin(), same.end(), explanation.effect()) != same.end()) {
-        together += explanation.probability();
-      }
-    }
-    for (const std::string& id : view.diagnosis.same_class()) {
-      names.push_back(
-          absl::StrCat("<strong>", EscapeHtml(EffectTitle(id)), "</strong> (", CodeHtml(id), ")"));
-    }
-    absl::StrAppend(
-        &html, "<h3>Cannot be told apart</h3>\n<p>These recordings cannot tell <strong>",
-        EscapeHtml(ExplanationTitle(view.diagnosis.ranked(0))), "</strong> from ",
-        absl::StrJoin(names, ", "), ": all of them change these images alike. Together they have ",
-        EscapeHtml(ProbabilityText(together)), ".</p>\n");
-  }
-  return html;
+  ReportBlocks blocks = {
+      TableBlock(
+          "Explanations",
+          {WordsColumn("explanation"), ShareColumn("probability"),
+           NumberColumn("gain in log evidence over nominal", "nats"),
+           NumberColumn("\u03c7\u00b2/dof, held out"), WordsColumn("fitted values, and why (not)")},
+          rows),
+      RemarkBlock(
+          "Log evidence: how much better an explanation predicts these recordings than the nominal "
+          "description fitted again, its freedom taken into account. 3 nats are odds of 20 to 1.")};
+  for (v1::ReportBlock& block : EvidenceTerms(view.diagnosis)) blocks.push_back(std::move(block));
+  if (!view.diagnosis.same_class().empty()) blocks.push_back(SameClass(view.diagnosis));
+  return blocks;
 }
 
-std::string NextRecordingsHtml(const DiagnosisView& view) {
-  if (view.diagnosis.next_recordings().empty()) return "";
-  std::vector<std::vector<std::string>> rows;
+ReportBlocks NextRecordingBlocks(const DiagnosisView& view) {
+  if (view.diagnosis.next_recordings().empty()) return {};
+  std::vector<ReportCells> rows;
   for (const v1::NextRecording& next : view.diagnosis.next_recordings()) {
     const std::string setup = RecordingSetup(next.recording());
     std::vector<std::string> apart;
-    for (const std::string& id : next.tells_apart()) apart.push_back(EscapeHtml(EffectTitle(id)));
-    rows.push_back(
-        {next.description().empty() ? absl::StrCat("<strong>", EscapeHtml(setup), "</strong>")
-                                    : EscapeHtml(next.description()),
-         next.description().empty() ? "" : EscapeHtml(setup),
-         absl::StrCat("<strong>", Number(next.expected_gain_bits(), 2), "</strong> bits"),
-         absl::StrJoin(apart, ", ")});
+    for (const std::string& id : next.tells_apart()) apart.push_back(EffectTitle(id));
+    const bool described = !next.description().empty();
+    rows.push_back({described ? TextCell(next.description()) : StrongCell(setup),
+                    TextCell(described ? setup : ""),
+                    NumberCell(next.expected_gain_bits(), Number(next.expected_gain_bits(), 2)),
+                    TextCell(absl::StrJoin(apart, ", "))});
   }
-  return PageTable({"recording", "settings", "expected gain", "tells apart"}, rows, {0, 1, 3});
+  return {TableBlock("Recordings to make next",
+                     {WordsColumn("recording"), WordsColumn("settings"),
+                      NumberColumn("expected gain", "bits"), WordsColumn("tells apart")},
+                     rows)};
 }
 
-std::string PowerHtml(const DiagnosisView& view) {
-  if (view.diagnosis.power().empty()) return "";
-  std::vector<std::vector<std::string>> rows;
+ReportBlocks PowerBlocks(const DiagnosisView& view) {
+  if (view.diagnosis.power().empty()) return {};
+  std::vector<ReportCells> rows;
   for (const v1::DetectableStrength& power : view.diagnosis.power()) {
-    std::string found;
+    v1::ReportCell found = TextCell("");
     if (!view.diagnosis.ranked().empty()) {
       for (const v1::FittedEffect& effect : view.diagnosis.ranked(0).effects()) {
         if (effect.effect() != power.effect()) continue;
         for (const v1::FittedParameter& parameter : effect.parameters()) {
-          if (parameter.name() == power.parameter()) {
-            found = absl::StrCat("<strong>",
-                                 EscapeHtml(QuantityText(parameter.name(), parameter.value())),
-                                 "</strong>");
-          }
+          if (parameter.name() != power.parameter()) continue;
+          found = QuantityCell(parameter.name(), parameter.value());
+          found.set_strong(true);
         }
       }
     }
-    rows.push_back({absl::StrCat("<span class=\"effect\">", EscapeHtml(EffectTitle(power.effect())),
-                                 "</span>"),
-                    EscapeHtml(QuantityName(power.parameter())),
-                    EscapeHtml(QuantityText(power.parameter(), power.strength(), 2)), found,
-                    EscapeHtml(power.unit_note())});
+    rows.push_back({StrongCell(EffectTitle(power.effect())),
+                    TextCell(QuantityName(power.parameter())),
+                    QuantityCell(power.parameter(), power.strength(), 2), std::move(found),
+                    TextCell(power.unit_note())});
   }
-  return SoftParagraph(
-             "The strength of each effect at which these recordings would, on average, raise the "
-             "log-likelihood by 5 over the nominal description fitted again. Anything weaker may "
-             "be "
-             "there unseen.") +
-         PageTable({"effect", "parameter", "seen from", "found", ""}, rows, {0, 1, 4});
+  return {RemarkBlock(
+              "The strength of each effect at which these recordings would, on average, raise the "
+              "log-likelihood by 5 over the nominal description fitted again. Anything weaker may "
+              "be there unseen."),
+          TableBlock("Detectable strengths",
+                     {WordsColumn("effect"), WordsColumn("parameter"), NumberColumn("seen from"),
+                      NumberColumn("found"), WordsColumn("remark")},
+                     rows)};
 }
 
 }  // namespace sightline

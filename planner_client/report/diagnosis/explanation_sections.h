@@ -1,17 +1,17 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sections on explanations: how probable each is, what would tell them apart, and what could have
-// been found at all.
+// Sections of a diagnosis's report about explanations of the recordings.
 #pragma once
 
-#include <string>
-
 #include "planner_client/report/diagnosis/diagnosis_view.h"
+#include "planner_client/report/document/report_parts.h"
 
 namespace sightline {
 
-// HTML below the section's heading; empty if the diagnosis holds none.
-std::string ExplanationsHtml(const DiagnosisView& view);
-std::string NextRecordingsHtml(const DiagnosisView& view);
-std::string PowerHtml(const DiagnosisView& view);
+// All of them are empty where the diagnosis has nothing to say.
+// Explanations by probability, with fitted values, and which of them cannot be told apart.
+ReportBlocks ExplanationBlocks(const DiagnosisView& view);
+ReportBlocks NextRecordingBlocks(const DiagnosisView& view);
+// Strength from which on each effect would have been seen.
+ReportBlocks PowerBlocks(const DiagnosisView& view);
 
 }  // namespace sightline

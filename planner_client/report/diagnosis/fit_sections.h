@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sections on how well the model fits, and what it made of the set-up.
+// How well models fit: sections of a diagnosis's report.
 #pragma once
 
-#include <string>
-
 #include "planner_client/report/diagnosis/diagnosis_view.h"
+#include "planner_client/report/document/report_parts.h"
 
 namespace sightline {
 
-// HTML below the section's heading; empty if the diagnosis holds none.
-std::string FitHtml(const DiagnosisView& view);
-std::string DeviationsHtml(const DiagnosisView& view);
+// Chi squared by kind of observable and by recording, and the intensity error. Empty: no fits.
+ReportBlocks FitBlocks(const DiagnosisView& view);
+
+// The set-up's fitted deviations over their stated uncertainties. Empty: there are none.
+ReportBlocks DeviationBlocks(const DiagnosisView& view);
 
 }  // namespace sightline

@@ -3,16 +3,13 @@
 
 #include <algorithm>
 #include <cmath>
+#include <string>
 #include <utility>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/report/charts/region_map_picture.h"
-#include "planner_client/report/charts/xy_chart.h"
-#include "planner_client/report/diagnosis/diagnosis_view.h"
-#include "planner_client/report/page/html.h"
+#include "planner_client/report/document/report_series.h"
 #include "planner_client/report/page/number_text.h"
-#include "planner_client/report/page/static_page.h"
 #include "planner_client/report/recordings/line_range.h"
 #include "planner_client/report/recordings/raw_picture.h"
 
@@ -22,6 +19,9 @@ namespace {
 // Pictures of the most telling recordings; more would hide the finding.
 constexpr int kMaxProfiles = 6;
 constexpr int kMaxRegionMaps = 4;
+
+// |z| from which on a deeper colour is used: 1 and 2 are chance, the others are not.
+constexpr double kResidualLevels[] = {1, 2, 3, 5, 10, 20};
 
 // Halos, offsets and background are a few DN beside a line of hundreds: the residual tells
 // whether faint parts matter.
@@ -39,137 +39,147 @@ bool NeedsLogarithm(const v1::ProfileComparison& profile) {
   return peak > 0 && faint > 0.5 * all;
 }
 
-std::string ProfileCard(const DiagnosisView& view, const v1::ProfileComparison& profile) {
+// Ordinate at which a logarithmic profile begins: rows of noise about 0 shall not take the
+// axis.
+double LogarithmicLow(const v1::ProfileComparison& profile) {
+  double lowest = INFINITY;
+  for (const double value : profile.null_dn()) {
+    if (value > 0) lowest = std::min(lowest, value);
+  }
+  const double peak = *std::max_element(profile.observed_dn().begin(), profile.observed_dn().end());
+  return std::clamp(0.5 * lowest, 1e-4 * peak, 0.1 * peak);
+}
+
+v1::ReportBlock ProfileCard(const DiagnosisView& view, const v1::ProfileComparison& profile) {
   const std::vector<double> rows(profile.row_px().begin(), profile.row_px().end());
   const std::vector<double> observed(profile.observed_dn().begin(), profile.observed_dn().end());
   const std::vector<double> sigma(profile.standard_deviation_dn().begin(),
                                   profile.standard_deviation_dn().end());
-  XyChart signal, residual;
-  signal.height = 240;
-  signal.hide_x_labels = true;
-  signal.y.title = "mean over the line [DN]";
-  if (NeedsLogarithm(profile)) {
-    signal.y.logarithmic = true;
-    signal.y.title += ", log";
-    // Rows of noise about 0 shall not take the axis.
-    double lowest = INFINITY;
-    for (const double value : profile.null_dn()) {
-      if (value > 0) lowest = std::min(lowest, value);
-    }
-    const double peak = *std::max_element(observed.begin(), observed.end());
-    signal.y.low = std::clamp(0.5 * lowest, 1e-4 * peak, 0.1 * peak);
-  }
-  // Where the line itself is what differs, it is shown larger.
-  if (!signal.y.logarithmic) {
-    const auto [first, last] = LineRange(rows, observed);
-    if (std::isfinite(first) && first < last) {
-      signal.x.low = residual.x.low = first;
-      signal.x.high = residual.x.high = last;
+  v1::ReportChart signal, residual;
+  signal.set_title("Mean over the line");
+  *signal.mutable_x() = AxisOf("row", "px");
+  *signal.mutable_y() = AxisOf("signal", "DN", NeedsLogarithm(profile));
+  residual.set_title("Residual");
+  *residual.mutable_x() = signal.x();
+  *residual.mutable_y() = AxisOf("residual", "\u03c3");
+  for (const double at : {-2, 0, 2}) AddLineAtY(at, &residual);
+  if (signal.y().logarithmic()) {
+    signal.mutable_y()->set_low(LogarithmicLow(profile));
+  } else if (const auto [first, last] = LineRange(rows, observed);
+             std::isfinite(first) && first < last) {
+    // A line that itself differs is shown larger.
+    for (v1::ReportChart* chart : {&signal, &residual}) {
+      chart->mutable_x()->set_low(first);
+      chart->mutable_x()->set_high(last);
     }
   }
-  ChartSeries data{"observed", SeriesMark::kDots, rows, observed, {}, {}};
-  for (const double s : sigma) data.half_band.push_back(2 * s);
-  signal.series.push_back(data);
-
-  residual.height = 180;
-  residual.x.title = "row [px]";
-  residual.y.title = "residual [\u03c3]";
-  residual.marks = {-2, 0, 2};
-  const auto add = [&](const auto& values, const char* css_class, SeriesMark mark) {
+  v1::ReportSeries data =
+      SeriesOf("observed", v1::REPORT_COLOUR_OBSERVED, v1::ReportSeries::DOTS, rows, observed);
+  std::vector<double> two_sigma;
+  for (const double s : sigma) two_sigma.push_back(2 * s);
+  AddBand("\u00b1 2\u03c3 of the observation", two_sigma, &data);
+  *signal.add_series() = std::move(data);
+  const auto add = [&](const auto& values, const std::string& name, v1::ReportColour colour,
+                       v1::ReportSeries::Mark mark) {
     if (values.empty()) return;
     const std::vector<double> expected(values.begin(), values.end());
-    signal.series.push_back({css_class, mark, rows, expected, {}, {}});
+    *signal.add_series() = SeriesOf(name, colour, mark, rows, expected);
     if (sigma.empty()) return;
-    ChartSeries z{css_class, mark, rows, {}, {}, {}};
-    for (size_t i = 0; i < rows.size(); ++i) z.y.push_back((observed[i] - expected[i]) / sigma[i]);
-    residual.series.push_back(std::move(z));
+    v1::ReportSeries& z = *residual.add_series();
+    z = EmptySeries(name, colour, mark);
+    for (size_t i = 0; i < rows.size(); ++i) {
+      AddPoint(rows[i], (observed[i] - expected[i]) / sigma[i], &z);
+    }
   };
-  add(profile.null_dn(), "null", SeriesMark::kDashedLine);
-  if (view.has_model) add(profile.model_dn(), "model", SeriesMark::kLine);
+  add(profile.null_dn(), "nominal description, fitted again", v1::REPORT_COLOUR_REFERENCE,
+      v1::ReportSeries::DASHED_LINE);
+  if (view.has_model) {
+    add(profile.model_dn(), view.ModelName(), v1::REPORT_COLOUR_MODEL, v1::ReportSeries::LINE);
+  }
   const std::string channel =
       profile.channel().empty() || profile.channel() == "mono" ? "" : ", " + profile.channel();
-  return absl::StrCat("<div class=\"card\">", view.Caption(profile.recording(), channel),
-                      XyChartSvg(signal), residual.series.empty() ? "" : XyChartSvg(residual),
-                      "</div>\n");
+  ReportBlocks blocks = {ChartBlock(std::move(signal))};
+  if (!residual.series().empty()) blocks.push_back(ChartBlock(std::move(residual)));
+  return CardBlock(view.CaptionTitle(profile.recording(), channel),
+                   view.CaptionSetup(profile.recording()), std::move(blocks));
+}
+
+v1::ReportBlock ResidualMap(const v1::RegionMap& map,
+                            const google::protobuf::RepeatedField<float>& z, const char* what) {
+  v1::ReportBlock block;
+  v1::ReportMap& made = *block.mutable_map();
+  double squares = 0;
+  int finite = 0;
+  for (const float value : z) {
+    if (!std::isfinite(value)) continue;
+    squares += static_cast<double>(value) * value;
+    ++finite;
+  }
+  made.set_title(absl::StrCat(
+      what, finite > 0 ? absl::StrCat(", rms ", Number(std::sqrt(squares / finite), 2)) : ""));
+  made.set_value_name("standardised residual");
+  made.set_rows(map.rows());
+  made.set_columns(map.columns());
+  *made.mutable_row_edges_px() = map.row_edges_px();
+  *made.mutable_column_edges_px() = map.column_edges_px();
+  *made.mutable_values() = z;
+  for (const double level : kResidualLevels) made.add_levels(level);
+  return block;
+}
+
+v1::ReportBlock RegionMapCard(const DiagnosisView& view, const v1::RegionMap& map) {
+  ReportBlocks panes;
+  if (!map.null_z().empty()) {
+    panes.push_back(ResidualMap(map, map.null_z(), view.has_model ? "before" : "residual"));
+  }
+  if (view.has_model && !map.model_z().empty()) {
+    panes.push_back(ResidualMap(map, map.model_z(), "after"));
+  }
+  if (const v1::Recording* recording = view.RecordingAt(map.recording()); recording != nullptr) {
+    const std::string png = RawPicturePng(view.set_folder, recording->file());
+    if (!png.empty()) {
+      panes.insert(view.of_part ? panes.begin() : panes.end(),
+                   PictureBlock(png, "recorded, square root of the signal",
+                                absl::StrCat("Recording ", map.recording()), true));
+    }
+  }
+  if (panes.empty()) panes.push_back(RemarkBlock("There are no residuals."));
+  return CardBlock(view.CaptionTitle(map.recording()), view.CaptionSetup(map.recording()),
+                   {GroupBlock(v1::ReportGroup::THREE_COLUMNS, std::move(panes))});
 }
 
 }  // namespace
 
-std::string ProfilesHtml(const DiagnosisView& view) {
-  std::string cards;
-  int count = 0, shown = 0;
+ReportBlocks ProfileBlocks(const DiagnosisView& view) {
+  ReportBlocks cards;
+  int count = 0;
   for (const v1::ProfileComparison& profile : view.diagnosis.profiles()) {
     if (profile.row_px().empty()) continue;
-    ++count;
-    if (shown == kMaxProfiles) continue;
-    cards += ProfileCard(view, profile);
-    ++shown;
+    if (++count <= kMaxProfiles) cards.push_back(ProfileCard(view, profile));
   }
-  if (shown == 0) return "";
-  std::vector<KeyEntry> key = {
-      {"observed", KeyShape::kDot, "observed"},
-      {"observed", KeyShape::kBand, "\u00b1 2\u03c3 of the observation"},
-      {"null", KeyShape::kDashedLine, "nominal description, fitted again"}};
-  if (view.has_model) key.push_back({"model", KeyShape::kLine, view.ModelName()});
-  return absl::StrCat(
-      SoftParagraph(absl::StrCat(
-          "Mean profile across the line; below it what is left, in standard deviations. ",
-          view.has_model ? "The recordings that tell most" : "The recordings that differ most",
-          count > shown ? absl::StrCat(", ", shown, " of ", count, ".") : ".")),
-      ChartKey(key), "<div class=\"cards\">\n", cards, "</div>\n");
+  if (cards.empty()) return {};
+  const int shown = std::min(count, kMaxProfiles);
+  return {RemarkBlock(absl::StrCat(
+              "Mean profile across the line; below it what is left, in standard deviations. ",
+              view.has_model ? "The recordings that tell most" : "The recordings that differ most",
+              count > shown ? absl::StrCat(", ", shown, " of ", count, ".") : ".")),
+          GroupBlock(v1::ReportGroup::TWO_COLUMNS, std::move(cards))};
 }
 
-std::string RegionMapsHtml(const DiagnosisView& view) {
-  std::string cards;
-  int count = 0, shown = 0;
+ReportBlocks RegionMapBlocks(const DiagnosisView& view) {
+  ReportBlocks cards;
+  int count = 0;
   for (const v1::RegionMap& map : view.diagnosis.region_maps()) {
     if (map.rows() == 0 || map.columns() == 0) continue;
-    ++count;
-    if (shown == kMaxRegionMaps) continue;
-    ++shown;
-    const auto pane = [&](const google::protobuf::RepeatedField<float>& z, const char* what) {
-      if (z.empty()) return std::string();
-      RegionMapGrid grid;
-      grid.rows = map.rows();
-      grid.columns = map.columns();
-      grid.row_edges_px.assign(map.row_edges_px().begin(), map.row_edges_px().end());
-      grid.column_edges_px.assign(map.column_edges_px().begin(), map.column_edges_px().end());
-      grid.z.assign(z.begin(), z.end());
-      double squares = 0;
-      int finite = 0;
-      for (const float value : z) {
-        if (!std::isfinite(value)) continue;
-        squares += static_cast<double>(value) * value;
-        ++finite;
-      }
-      const std::string title =
-          absl::StrCat("Standardised residuals of recording ", map.recording(), ", ", what);
-      return absl::StrCat(
-          "<figure><figcaption>", what,
-          finite > 0 ? absl::StrCat(", rms ", Number(std::sqrt(squares / finite), 2)) : "",
-          "</figcaption>", RegionMapSvg(grid, title), "</figure>\n");
-    };
-    std::string picture;
-    if (const v1::Recording* recording = view.RecordingAt(map.recording()); recording != nullptr) {
-      const std::string png = RawPicturePng(view.set_folder, recording->file());
-      if (!png.empty()) {
-        picture = absl::StrCat(
-            "<figure><figcaption>recorded, square root of the signal</figcaption><img alt=\"",
-            "Recording ", map.recording(), "\" src=\"", PngDataUri(png), "\"></figure>\n");
-      }
-    }
-    absl::StrAppend(&cards, "<div class=\"card map-card\">", view.Caption(map.recording()),
-                    "<div class=\"panes\">\n", view.of_part ? picture : "",
-                    pane(map.null_z(), view.has_model ? "before" : "residual"),
-                    view.has_model ? pane(map.model_z(), "after") : "", view.of_part ? "" : picture,
-                    "</div></div>\n");
+    if (++count <= kMaxRegionMaps) cards.push_back(RegionMapCard(view, map));
   }
-  if (shown == 0) return "";
-  return absl::StrCat(SoftParagraph(absl::StrCat(
-                          "Standardised residuals over the image: orange where more light was "
-                          "recorded than expected, blue where less, pale where it is chance.",
-                          count > shown ? absl::StrCat(" ", shown, " of ", count, ".") : "")),
-                      RegionMapKeySvg(), "<div class=\"cards one\">\n", cards, "</div>\n");
+  if (cards.empty()) return {};
+  const int shown = std::min(count, kMaxRegionMaps);
+  return {RemarkBlock(absl::StrCat(
+              "Standardised residuals over the image: orange where more light was recorded than "
+              "expected, blue where less, pale where it is chance.",
+              count > shown ? absl::StrCat(" ", shown, " of ", count, ".") : "")),
+          GroupBlock(v1::ReportGroup::STACK, std::move(cards))};
 }
 
 }  // namespace sightline

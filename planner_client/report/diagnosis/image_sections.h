@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sections on what the recordings show: profiles across the line, and maps over the image.
+// Recorded and expected images: sections of a diagnosis's report.
 #pragma once
 
-#include <string>
-
 #include "planner_client/report/diagnosis/diagnosis_view.h"
+#include "planner_client/report/document/report_parts.h"
 
 namespace sightline {
 
-// HTML below the section's heading; empty if the diagnosis holds none.
-std::string ProfilesHtml(const DiagnosisView& view);
-std::string RegionMapsHtml(const DiagnosisView& view);
+// Profiles across the line and what is left of them. Empty: there are none.
+ReportBlocks ProfileBlocks(const DiagnosisView& view);
+
+// Maps of standardised residuals beside the recording. Empty: there are none.
+ReportBlocks RegionMapBlocks(const DiagnosisView& view);
 
 }  // namespace sightline

@@ -1,17 +1,15 @@
 // SPDX-License-Identifier: Apache-2.0
-// Sections on what is missing, whether or not it has a name: at which stage of the chain, what it
-// grows with, and the term itself.
+// The term that the nominal description lacks: sections of a diagnosis's report.
 #pragma once
 
-#include <string>
-
 #include "planner_client/report/diagnosis/diagnosis_view.h"
+#include "planner_client/report/document/report_parts.h"
 
 namespace sightline {
 
-// HTML below the section's heading; empty if the diagnosis holds none.
-std::string StagesHtml(const DiagnosisView& view);
-std::string LawsHtml(const DiagnosisView& view);
-std::string FreeFormHtml(const DiagnosisView& view);
+// All of them are empty where the diagnosis has nothing to say.
+ReportBlocks StageBlocks(const DiagnosisView& view);
+ReportBlocks LawBlocks(const DiagnosisView& view);
+ReportBlocks FreeFormBlocks(const DiagnosisView& view);
 
 }  // namespace sightline

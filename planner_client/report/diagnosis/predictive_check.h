@@ -1,15 +1,16 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whether recordings that were not fitted are predicted, kind by kind and setting by setting.
+// Whether the named model predicts recordings it was not fitted to.
 #pragma once
 
 #include <string>
 
+#include "planner_client/report/document/report_parts.h"
 #include "sightline/v1/diagnosis.pb.h"
 
 namespace sightline {
 
-// HTML of a report's section; empty if no prediction was made. `named_model`: text, what the most
-// probable model with a name is called; empty if that is the null model.
-std::string PredictiveCheckHtml(const v1::Diagnosis& diagnosis, const std::string& named_model);
+// `named_model`: the model of diagnosis.named_check in words; empty: it is the nominal one. Empty:
+// there was no check.
+ReportBlocks PredictiveCheckBlocks(const v1::Diagnosis& diagnosis, const std::string& named_model);
 
 }  // namespace sightline

@@ -2,17 +2,16 @@
 // Sections of the optical report about what planning of the geometry takes from it.
 #pragma once
 
-#include <string>
-
+#include "planner_client/report/document/report_parts.h"
 #include "sightline/v1/optics.pb.h"
 
 namespace sightline {
 
 // The learned u over distance and angle of incidence, with its relative standard errors, as a
 // table. Empty: nothing was learned.
-std::string DetectionSection(const v1::OpticsChoice& choice);
+ReportBlocks DetectionBlocks(const v1::OpticsChoice& choice);
 
 // Geometry and setting planned in turn, a line per round. Empty: there was no such planning.
-std::string RoundsSection(const v1::OpticsPlan& optics);
+ReportBlocks RoundBlocks(const v1::OpticsPlan& optics);
 
 }  // namespace sightline

@@ -7,11 +7,9 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/report/charts/xy_chart.h"
+#include "planner_client/report/document/report_series.h"
 #include "planner_client/report/optics/optics_text.h"
-#include "planner_client/report/page/html.h"
 #include "planner_client/report/page/number_text.h"
-#include "planner_client/report/page/static_page.h"
 
 namespace sightline {
 namespace {
@@ -19,7 +17,7 @@ namespace {
 using v1::OpticsPoint;
 using Exposure = v1::OpticsPoint::ExposurePoint;
 
-constexpr size_t kMaxLines = 12;  // as many as charts.css has colours in order
+constexpr size_t kMaxLines = 12;  // as many as there are colours in order
 
 struct Value {
   double value = kNoNumber, lower = kNoNumber, upper = kNoNumber;
@@ -32,7 +30,7 @@ Value WithInterval(double value, bool has_interval, const v1::OpticsInterval& in
 
 // One of the quantities that are drawn over the f-number.
 struct ChartedQuantity {
-  const char* css_class;
+  v1::ReportColour colour;
   double factor;  // from the field to what the axis says
   Value (*of)(const OpticsPoint&);
 };
@@ -66,35 +64,42 @@ std::string Note(const OpticsPoint& point) {
                       Achieved(point.cost(), UPx(point), point.profile_coverage()));
 }
 
-// A line through all points and a dot at each: filled where it is as good as the best.
-void AddQuantity(XyChart* chart, const OpticsCurve& curve, const ChartedQuantity& quantity) {
-  ChartSeries line{quantity.css_class, SeriesMark::kLine, {}, {}, {}, {}};
-  ChartSeries good{quantity.css_class, SeriesMark::kDots, {}, {}, {}, {}};
-  ChartSeries worse{quantity.css_class, SeriesMark::kHollowDots, {}, {}, {}, {}};
+// A line through all points and a dot at each: filled where it is as good as the best. Only the
+// dots of the simulated quantities stand in the key, the line of others does.
+void AddQuantity(const OpticsCurve& curve, const ChartedQuantity& quantity, const std::string& name,
+                 v1::ReportChart* chart) {
+  const bool in_key = name.empty();
+  v1::ReportSeries line = EmptySeries(name, quantity.colour, v1::ReportSeries::LINE);
+  v1::ReportSeries good =
+      EmptySeries(in_key ? "as good as the best" : "", quantity.colour, v1::ReportSeries::DOTS);
+  v1::ReportSeries worse =
+      EmptySeries(in_key ? "worse" : "", quantity.colour, v1::ReportSeries::HOLLOW_DOTS);
   for (const OpticsPoint* point : curve.points) {
     const Value value = quantity.of(*point);
-    line.x.push_back(point->f_number());
-    line.y.push_back(quantity.factor * value.value);
-    line.lower.push_back(quantity.factor * value.lower);
-    line.upper.push_back(quantity.factor * value.upper);
-    ChartSeries& dots = AsGoodAsBest(curve, *point) ? good : worse;
-    dots.x.push_back(line.x.back());
-    dots.y.push_back(line.y.back());
-    dots.notes.push_back(Note(*point));
+    const double y = quantity.factor * value.value;
+    AddPoint(point->f_number(), y, &line);
+    line.add_low(quantity.factor * value.lower);
+    line.add_high(quantity.factor * value.upper);
+    if (in_key && std::isfinite(value.lower)) {
+      line.set_band_name("95 of 100 fresh frames; of the exposure time: as good as the one drawn");
+    }
+    AddPoint(point->f_number(), y, Note(*point), AsGoodAsBest(curve, *point) ? &good : &worse);
   }
-  chart->series.push_back(std::move(line));
-  chart->series.push_back(std::move(worse));
-  chart->series.push_back(std::move(good));
+  for (v1::ReportSeries* series : {&line, &worse, &good}) {
+    if (!series->x().empty()) *chart->add_series() = std::move(*series);
+  }
 }
 
-void MarkBest(XyChart* chart, const OpticsCurve& curve, const ChartedQuantity& quantity) {
+v1::ReportSeries RingAt(double x, double y, const std::string& note) {
+  v1::ReportSeries ring = EmptySeries("best", v1::REPORT_COLOUR_REFERENCE, v1::ReportSeries::RINGS);
+  AddPoint(x, y, note, &ring);
+  return ring;
+}
+
+void MarkBest(const OpticsCurve& curve, const ChartedQuantity& quantity, v1::ReportChart* chart) {
   if (curve.best == nullptr) return;
-  chart->series.push_back({"null",
-                           SeriesMark::kRings,
-                           {curve.best->f_number()},
-                           {quantity.factor * quantity.of(*curve.best).value},
-                           {},
-                           {Note(*curve.best)}});
+  *chart->add_series() = RingAt(
+      curve.best->f_number(), quantity.factor * quantity.of(*curve.best).value, Note(*curve.best));
 }
 
 // Times of one chart share one unit, that of the middle of their logarithmic axis.
@@ -116,10 +121,9 @@ struct Extent {
   bool IsNear(double value) const { return value >= low / 2 && value <= 2 * high; }
 };
 
-KeyEntry LimitKey(double longest_exposure_time_s) {
-  return {"mark", KeyShape::kDashedLine,
-          absl::StrCat("longest exposure time possible, ",
-                       SettingText("exposure_time_s", longest_exposure_time_s))};
+std::string LimitName(double longest_exposure_time_s) {
+  return absl::StrCat("longest exposure time possible, ",
+                      SettingText("exposure_time_s", longest_exposure_time_s));
 }
 
 // So many of `count` things, evenly spread and with `wanted` among them (npos: none).
@@ -138,6 +142,82 @@ std::vector<size_t> Spread(size_t count, size_t most, size_t wanted) {
   return chosen;
 }
 
+// Cost, exposure time, scatter and coverage over the f-number, in this order.
+ReportBlocks QuantityCharts(const OpticsCurve& curve, const v1::ReportAxis& f_numbers,
+                            const Extent& times) {
+  const auto chart_of = [&](const char* title, const v1::ReportAxis& y) {
+    v1::ReportChart chart;
+    chart.set_title(title);
+    *chart.mutable_x() = f_numbers;
+    *chart.mutable_y() = y;
+    return chart;
+  };
+  const auto finish = [&](const ChartedQuantity& quantity, v1::ReportChart chart) {
+    AddQuantity(curve, quantity, "", &chart);
+    MarkBest(curve, quantity, &chart);
+    return ChartBlock(std::move(chart));
+  };
+  const v1::ReportColour model = v1::REPORT_COLOUR_MODEL, blue = v1::REPORT_COLOUR_BLUE;
+  v1::ReportChart cost = chart_of("Cost", AxisOf("cost", "px"));
+
+  const ShownUnit unit = TimeUnit(times.low, times.high);
+  v1::ReportChart exposure = chart_of("Exposure time", AxisOf("exposure time", unit.name, true));
+  v1::ReportSeries constant =
+      EmptySeries("constant exposure (eq. 6.6)", blue, v1::ReportSeries::DASHED_LINE);
+  bool has_constant_exposure = false, has_real = false;
+  for (const OpticsPoint* point : curve.points) {
+    AddPoint(point->f_number(), unit.per_named * point->constant_exposure_time_s(), &constant);
+    has_constant_exposure |= point->constant_exposure_time_s() > 0;
+    has_real |= std::isfinite(ExpectedRealUPx(*point));
+  }
+  if (has_constant_exposure) *exposure.add_series() = std::move(constant);
+  if (times.IsNear(curve.longest_exposure_time_s)) {
+    AddLineAtY(unit.per_named * curve.longest_exposure_time_s, &exposure,
+               LimitName(curve.longest_exposure_time_s));
+  }
+
+  v1::ReportChart scatter = chart_of("Scatter of the detected line", AxisOf("u\u209a\u2093", "px"));
+  if (has_real) {
+    AddQuantity(curve, {blue, 1, RealUPx}, "u\u209a\u2093 expected of the real camera (eq. 6.8)",
+                &scatter);
+  }
+  v1::ReportChart coverage = chart_of("Profile coverage", AxisOf("detected part of the line", "%"));
+  coverage.mutable_y()->set_high(100);
+  return {finish({model, 1, Cost}, std::move(cost)),
+          finish({model, unit.per_named, ExposureTime}, std::move(exposure)),
+          finish({model, 1, SimulatedUPx}, std::move(scatter)),
+          finish({model, 100, Coverage}, std::move(coverage))};
+}
+
+// Costs over exposure times with one f-number. A search does not ask in order.
+v1::ReportSeries CostsOverTime(const OpticsPoint& point, const ShownUnit& unit) {
+  std::vector<const Exposure*> exposures;
+  for (const Exposure& exposure : point.exposures()) exposures.push_back(&exposure);
+  std::stable_sort(exposures.begin(), exposures.end(), [](const Exposure* a, const Exposure* b) {
+    return a->exposure_time_s() < b->exposure_time_s();
+  });
+  v1::ReportSeries series = EmptySeries(FNumberText(point.f_number()), v1::REPORT_COLOUR_IN_ORDER,
+                                        v1::ReportSeries::LINE);
+  for (const Exposure* exposure : exposures) {
+    AddPoint(unit.per_named * exposure->exposure_time_s(), exposure->cost(), &series);
+  }
+  return series;
+}
+
+// The first of the f-number's exposure times with the least cost.
+v1::ReportSeries LeastCost(const OpticsPoint& point, const ShownUnit& unit) {
+  const Exposure& least =
+      *std::min_element(point.exposures().begin(), point.exposures().end(),
+                        [](const Exposure& a, const Exposure& b) { return a.cost() < b.cost(); });
+  v1::ReportSeries dot = EmptySeries("", v1::REPORT_COLOUR_IN_ORDER, v1::ReportSeries::DOTS);
+  AddPoint(unit.per_named * least.exposure_time_s(), least.cost(),
+           absl::StrCat(FNumberText(point.f_number()), ", ",
+                        SettingText("exposure_time_s", least.exposure_time_s()), ": ",
+                        Achieved(least.cost(), least.u_px(), least.profile_coverage())),
+           &dot);
+  return dot;
+}
+
 }  // namespace
 
 bool AsGoodAsBest(const OpticsCurve& curve, const OpticsPoint& point) {
@@ -145,81 +225,19 @@ bool AsGoodAsBest(const OpticsCurve& curve, const OpticsPoint& point) {
          (curve.best != nullptr && point.f_number() == curve.best->f_number());
 }
 
-std::string FNumberCharts(const OpticsCurve& curve) {
-  if (curve.points.empty()) return "";
-  XyChart frame;
-  frame.x.title = "f-number";
-  frame.x.logarithmic = true;
+ReportBlocks FNumberBlocks(const OpticsCurve& curve) {
+  if (curve.points.empty()) return {};
+  v1::ReportAxis f_numbers = AxisOf("f-number", "", true);
   Extent times;
-  bool has_real = false, has_constant_exposure = false;
   for (const OpticsPoint* point : curve.points) {
-    frame.x.ticks.push_back(point->f_number());
+    f_numbers.add_ticks(point->f_number());
     times.Add(point->exposure_time_s());
-    has_real |= std::isfinite(ExpectedRealUPx(*point));
-    has_constant_exposure |= point->constant_exposure_time_s() > 0;
   }
-  const bool has_limit = times.IsNear(curve.longest_exposure_time_s);
-
-  XyChart cost = frame;
-  cost.title = "Cost";
-  cost.y.title = "cost [px]";
-  const ChartedQuantity cost_px = {"model", 1, Cost};
-  AddQuantity(&cost, curve, cost_px);
-  MarkBest(&cost, curve, cost_px);
-
-  XyChart exposure = frame;
-  const ShownUnit unit = TimeUnit(times.low, times.high);
-  exposure.title = "Exposure time";
-  exposure.y.title = absl::StrCat("exposure time [", unit.name, "]");
-  exposure.y.logarithmic = true;
-  if (has_constant_exposure) {
-    ChartSeries constant{"blue", SeriesMark::kDashedLine, {}, {}, {}, {}};
-    for (const OpticsPoint* point : curve.points) {
-      constant.x.push_back(point->f_number());
-      constant.y.push_back(unit.per_named * point->constant_exposure_time_s());
-    }
-    exposure.series.push_back(std::move(constant));
-  }
-  const ChartedQuantity time = {"model", unit.per_named, ExposureTime};
-  AddQuantity(&exposure, curve, time);
-  MarkBest(&exposure, curve, time);
-  if (has_limit) exposure.marks = {unit.per_named * curve.longest_exposure_time_s};
-
-  XyChart scatter = frame;
-  scatter.title = "Scatter of the detected line";
-  scatter.y.title = "u\u209a\u2093 [px]";
-  if (has_real) AddQuantity(&scatter, curve, {"blue", 1, RealUPx});
-  const ChartedQuantity u_px = {"model", 1, SimulatedUPx};
-  AddQuantity(&scatter, curve, u_px);
-  MarkBest(&scatter, curve, u_px);
-
-  XyChart coverage = frame;
-  coverage.title = "Profile coverage";
-  coverage.y.title = "detected part of the line [%]";
-  coverage.y.high = 100;
-  const ChartedQuantity percent = {"model", 100, Coverage};
-  AddQuantity(&coverage, curve, percent);
-  MarkBest(&coverage, curve, percent);
-
-  std::vector<KeyEntry> key = {
-      {"model", KeyShape::kDot, "as good as the best"},
-      {"model", KeyShape::kHollowDot, "worse"},
-      {"model", KeyShape::kBand,
-       "95 of 100 fresh frames; of the exposure time: as good as the one drawn"}};
-  if (curve.best != nullptr) key.insert(key.begin(), {"null", KeyShape::kRing, "best"});
-  if (has_constant_exposure) {
-    key.push_back({"blue", KeyShape::kDashedLine, "constant exposure (eq. 6.6)"});
-  }
-  if (has_real) {
-    key.push_back({"blue", KeyShape::kLine, "u\u209a\u2093 expected of the real camera (eq. 6.8)"});
-  }
-  if (has_limit) key.push_back(LimitKey(curve.longest_exposure_time_s));
-  return absl::StrCat("<p class=\"soft\">Every dot is the best setting with that f-number.</p>\n",
-                      ChartKey(key), "<div class=\"cards\">\n", XyChartSvg(cost),
-                      XyChartSvg(exposure), XyChartSvg(scatter), XyChartSvg(coverage), "</div>\n");
+  return {RemarkBlock("Every dot is the best setting with that f-number."),
+          GroupBlock(v1::ReportGroup::TWO_COLUMNS, QuantityCharts(curve, f_numbers, times))};
 }
 
-std::string ExposureChart(const OpticsCurve& curve) {
+ReportBlocks ExposureBlocks(const OpticsCurve& curve) {
   std::vector<const OpticsPoint*> evaluated;
   size_t of_best = std::string::npos;
   for (const OpticsPoint* point : curve.points) {
@@ -229,85 +247,47 @@ std::string ExposureChart(const OpticsCurve& curve) {
     }
     evaluated.push_back(point);
   }
-  if (evaluated.empty()) return "";
+  if (evaluated.empty()) return {};
   const std::vector<size_t> drawn = Spread(evaluated.size(), kMaxLines, of_best);
-
-  Extent times, costs;
+  Extent times;
   for (const size_t i : drawn) {
-    for (const Exposure& exposure : evaluated[i]->exposures()) {
+    for (const Exposure& exposure : evaluated[i]->exposures())
       times.Add(exposure.exposure_time_s());
-      costs.Add(exposure.cost());
-    }
   }
   const ShownUnit unit = TimeUnit(times.low, times.high);
-  XyChart chart;
-  chart.width = 1000;
-  chart.height = 420;
-  chart.x.title = absl::StrCat("exposure time [", unit.name, "]");
-  chart.x.logarithmic = true;
-  chart.y.title = "cost [px]";
-  std::vector<KeyEntry> key;
-  std::vector<ChartSeries> dots;
+  v1::ReportChart chart;
+  chart.set_title("Cost against exposure time");
+  chart.set_explanation("A dot is the least cost with its f-number.");
+  *chart.mutable_x() = AxisOf("exposure time", unit.name, true);
+  *chart.mutable_y() = AxisOf("cost", "px");
+  std::vector<v1::ReportSeries> dots;
   for (size_t line = 0; line < drawn.size(); ++line) {
     const OpticsPoint& point = *evaluated[drawn[line]];
-    // A search does not ask in order.
-    std::vector<const Exposure*> exposures;
-    for (const Exposure& exposure : point.exposures()) exposures.push_back(&exposure);
-    std::stable_sort(exposures.begin(), exposures.end(), [](const Exposure* a, const Exposure* b) {
-      return a->exposure_time_s() < b->exposure_time_s();
-    });
     const size_t hue = drawn.size() == 1 ? 1 : line * (kMaxLines - 1) / (drawn.size() - 1);
+    v1::ReportSeries& costs = *chart.add_series();
+    costs = CostsOverTime(point, unit);
     // Neighbours among many colours are told apart by the dashes.
-    const bool dashed = drawn.size() > 6 && line % 2 == 1;
-    ChartSeries series{absl::StrCat("hue", hue),
-                       dashed ? SeriesMark::kDashedLine : SeriesMark::kLine,
-                       {},
-                       {},
-                       {},
-                       {}};
-    for (const Exposure* exposure : exposures) {
-      series.x.push_back(unit.per_named * exposure->exposure_time_s());
-      series.y.push_back(exposure->cost());
-    }
-    const Exposure& least = **std::min_element(
-        exposures.begin(), exposures.end(),
-        [](const Exposure* a, const Exposure* b) { return a->cost() < b->cost(); });
-    dots.push_back(
-        {series.css_class,
-         SeriesMark::kDots,
-         {unit.per_named * least.exposure_time_s()},
-         {least.cost()},
-         {},
-         {absl::StrCat(FNumberText(point.f_number()), ", ",
-                       SettingText("exposure_time_s", least.exposure_time_s()), ": ",
-                       Achieved(least.cost(), least.u_px(), least.profile_coverage()))}});
-    key.push_back({series.css_class, dashed ? KeyShape::kDashedLine : KeyShape::kLine,
-                   FNumberText(point.f_number())});
-    chart.series.push_back(std::move(series));
+    if (drawn.size() > 6 && line % 2 == 1) costs.set_mark(v1::ReportSeries::DASHED_LINE);
+    costs.set_hue(static_cast<int32_t>(hue));
+    dots.push_back(LeastCost(point, unit));
+    dots.back().set_hue(static_cast<int32_t>(hue));
   }
-  const bool has_limit = times.IsNear(curve.longest_exposure_time_s);
-  if (has_limit) {
-    const double at = unit.per_named * curve.longest_exposure_time_s;
-    chart.series.push_back(
-        {"mark", SeriesMark::kDashedLine, {at, at}, {costs.low, costs.high}, {}, {}});
-    key.push_back(LimitKey(curve.longest_exposure_time_s));
+  if (times.IsNear(curve.longest_exposure_time_s)) {
+    AddLineAtX(unit.per_named * curve.longest_exposure_time_s, &chart,
+               LimitName(curve.longest_exposure_time_s));
   }
-  chart.series.insert(chart.series.end(), dots.begin(), dots.end());
-  key.push_back({"observed", KeyShape::kDot, "least cost with that f-number"});
+  for (v1::ReportSeries& dot : dots) *chart.add_series() = std::move(dot);
   if (curve.best != nullptr) {
-    chart.series.push_back({"null",
-                            SeriesMark::kRings,
-                            {unit.per_named * curve.best->exposure_time_s()},
-                            {curve.best->cost()},
-                            {},
-                            {Note(*curve.best)}});
-    key.push_back({"null", KeyShape::kRing, "best"});
+    *chart.add_series() = RingAt(unit.per_named * curve.best->exposure_time_s(), curve.best->cost(),
+                                 Note(*curve.best));
   }
-  return absl::StrCat(drawn.size() == evaluated.size()
-                          ? ""
-                          : absl::StrCat("<p class=\"soft\">", drawn.size(), " of ",
-                                         evaluated.size(), " f-numbers are drawn.</p>\n"),
-                      ChartKey(key), XyChartSvg(chart));
+  ReportBlocks blocks;
+  if (drawn.size() < evaluated.size()) {
+    blocks.push_back(
+        RemarkBlock(absl::StrCat(drawn.size(), " of ", evaluated.size(), " f-numbers are drawn.")));
+  }
+  blocks.push_back(ChartBlock(std::move(chart)));
+  return blocks;
 }
 
 }  // namespace sightline

@@ -3,9 +3,9 @@
 // cost against exposure time.
 #pragma once
 
-#include <string>
 #include <vector>
 
+#include "planner_client/report/document/report_parts.h"
 #include "sightline/v1/optics.pb.h"
 
 namespace sightline {
@@ -19,10 +19,10 @@ struct OpticsCurve {
 // The point is the best one of the curve, or cannot be told apart from it.
 bool AsGoodAsBest(const OpticsCurve& curve, const v1::OpticsPoint& point);
 
-// Body of a section, HTML; empty without points.
-std::string FNumberCharts(const OpticsCurve& curve);
+// Empty without points.
+ReportBlocks FNumberBlocks(const OpticsCurve& curve);
 
-// The same; empty if no exposure times were kept. Of more than 12 f-numbers it draws 12.
-std::string ExposureChart(const OpticsCurve& curve);
+// Empty if no exposure times were kept. Of more than 12 f-numbers it draws 12.
+ReportBlocks ExposureBlocks(const OpticsCurve& curve);
 
 }  // namespace sightline

@@ -6,6 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
+#include "planner_client/report/document/report_parts.h"
 #include "planner_client/report/page/number_text.h"
 
 namespace sightline {
@@ -59,6 +60,10 @@ std::string ShareText(double share) {
   if (share > 0.9995 && share < 1) return ">\u202f99.9\u202f%";
   if (share > 0 && share < 1) return absl::StrCat(FixedNumber(100 * share, 1), "\u202f%");
   return SettingText("share_fraction", share);
+}
+
+v1::ReportCell ShareOfLineCell(double share) {
+  return NumberCell(100 * share, ShareText(share), "%");
 }
 
 double UPx(const v1::OpticsPoint& point) {

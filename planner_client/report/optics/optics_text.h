@@ -6,6 +6,7 @@
 #include <string>
 
 #include "sightline/v1/optics.pb.h"
+#include "sightline/v1/report.pb.h"
 
 namespace sightline {
 
@@ -26,6 +27,9 @@ std::string TiltWords(const v1::OpticalSetting& setting);
 
 // "97.3 %": a share from 0 to 1. Only 0 and 1 themselves are "0 %" and "100 %".
 std::string ShareText(double share);
+
+// The same as a cell, its number in per cent.
+v1::ReportCell ShareOfLineCell(double share);
 
 // u_px and the real one; NaN where no point was detected, or where it is not known.
 double UPx(const v1::OpticsPoint& point);

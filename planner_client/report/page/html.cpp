@@ -12,10 +12,6 @@ std::string EscapeHtml(absl::string_view text) {
       text, {{"&", "&amp;"}, {"<", "&lt;"}, {">", "&gt;"}, {"\"", "&quot;"}, {"'", "&#39;"}});
 }
 
-std::string SoftParagraph(absl::string_view html) {
-  return absl::StrCat("<p class=\"soft\">", html, "</p>\n");
-}
-
 std::string ScrollingTable(absl::string_view label_html, absl::string_view attributes) {
   std::string label;
   bool in_tag = false;
@@ -30,10 +26,6 @@ std::string ScrollingTable(absl::string_view label_html, absl::string_view attri
   return absl::StrCat("<div class=\"table-wrap\" tabindex=\"0\" role=\"group\" aria-label=\"",
                       absl::StrReplaceAll(label, {{"\"", "&quot;"}}), "\"><table",
                       attributes.empty() ? "" : " ", attributes, ">");
-}
-
-std::string CodeHtml(absl::string_view text) {
-  return absl::StrCat("<code>", EscapeHtml(text), "</code>");
 }
 
 std::string GroupedInteger(int64_t value) {

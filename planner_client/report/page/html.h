@@ -12,16 +12,10 @@ namespace sightline {
 // Safe as text and inside quoted attributes.
 std::string EscapeHtml(absl::string_view text);
 
-// A paragraph in the soft colour of remarks.
-std::string SoftParagraph(absl::string_view html);
-
 // Begins a table that scrolls sideways where it is wider than the page, within the keyboard's
 // reach: a focusable group around <table ATTRIBUTES>. Both end with "</table></div>". `label_html`
 // names the table to screen readers; tags in it are left out.
 std::string ScrollingTable(absl::string_view label_html, absl::string_view attributes = "");
-
-// An identifier, escaped.
-std::string CodeHtml(absl::string_view text);
 
 // "20 134": digits in groups of three, separated by narrow no-break spaces.
 std::string GroupedInteger(int64_t value);

@@ -159,7 +159,7 @@ std::string Number(double value, int significant) {
   if (std::isnan(value)) return kDash;
   if (std::isinf(value)) return value < 0 ? "\u2212\u221e" : "\u221e";
   if (value == 0) return "0";
-  // Of the rounded value: 9.999 counts as 10.
+  // The rounded value counts: 9.999 is 10.
   const double rounded =
       std::strtod(absl::StrFormat("%.*e", significant - 1, value).c_str(), nullptr);
   const int exponent = static_cast<int>(std::floor(std::log10(std::abs(rounded)) + 1e-12));

@@ -4,7 +4,6 @@
 #include <algorithm>
 
 #include "absl/strings/str_cat.h"
-#include "planner_client/report/page/assets.h"
 #include "planner_client/report/page/html.h"
 
 namespace sightline {
@@ -35,40 +34,6 @@ std::string KeyDrawing(const KeyEntry& entry) {
 }
 
 }  // namespace
-
-std::string StaticPageHtml(const StaticPage& page) {
-  std::string html = absl::StrCat(
-      "<!DOCTYPE html>\n<html lang=\"en\">\n<head>\n<meta charset=\"utf-8\">\n"
-      "<meta name=\"viewport\" content=\"width=device-width, initial-scale=1\">\n"
-      "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src data:; "
-      "style-src 'unsafe-inline'\">\n<title>",
-      EscapeHtml(page.title), "</title>\n<link rel=\"icon\" href=\"data:,\">\n<style>\n",
-      ReportStyle(), ChartStyle(), "</style>\n</head>\n<body>\n<header class=\"page-head\">\n");
-  absl::StrAppend(&html, "<p class=\"kicker\">", EscapeHtml(page.kicker), "</p>\n<h1>",
-                  EscapeHtml(page.heading), "</h1>\n");
-  if (!page.finding_html.empty()) {
-    absl::StrAppend(&html, "<p class=\"finding\">", page.finding_html, "</p>\n");
-  }
-  if (!page.figures.empty()) {
-    html += "<dl class=\"figures\">";
-    for (const auto& [name, value] : page.figures) {
-      absl::StrAppend(&html, "<div><dt>", EscapeHtml(name), "</dt><dd>", value, "</dd></div>");
-    }
-    html += "</dl>\n";
-  }
-  if (!page.warnings.empty()) {
-    html += "<div class=\"notice warnings\"><h2>Please note</h2>\n<ul>";
-    for (const std::string& warning : page.warnings) {
-      absl::StrAppend(&html, "<li>", EscapeHtml(warning), "</li>");
-    }
-    html += "</ul></div>\n";
-  }
-  absl::StrAppend(
-      &html, "</header>\n<main>\n", page.sections_html,
-      "</main>\n<footer>Sightline. One file, nothing is loaded from anywhere.</footer>\n"
-      "</body>\n</html>\n");
-  return html;
-}
 
 std::string PageSection(absl::string_view id, absl::string_view title,
                         absl::string_view body_html) {

@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "planner_client/report/page/assets.h"
 #include "planner_client/report/page/html.h"
+#include "planner_client/report/page/page_template.h"
 #include "planner_client/report/plan/sections/as_measured_section.h"
 #include "planner_client/report/plan/sections/effort_sections.h"
 #include "planner_client/report/plan/sections/finding.h"
@@ -55,18 +56,19 @@ std::string AccuracySection(const ReportData& data) {
       "search used a faster estimate; this is how far it was off for the scans of this plan.</p>\n";
   std::vector<std::pair<std::string, std::string>> fresh;
   if (coverage.has_fresh_coverage()) {
-    fresh.push_back({"Measured, on fresh targets", Percent(coverage.fresh_coverage(), 2)});
+    fresh.push_back({"Measured, on validation targets", Percent(coverage.fresh_coverage(), 2)});
     fresh.push_back(
         {"Fresh measurable targets", GroupedInteger(coverage.fresh_measurable_targets())});
   }
   if (data.plan.uncertainty().has_fresh_admissible_fraction()) {
     fresh.push_back({"Admissible", Percent(data.plan.uncertainty().admissible_fraction(), 2)});
-    fresh.push_back({"Admissible, on fresh targets",
+    fresh.push_back({"Admissible, on validation targets",
                      Percent(data.plan.uncertainty().fresh_admissible_fraction(), 2)});
   }
   if (!fresh.empty()) {
     body +=
-        "<p class=\"soft\">Scans are chosen to suit the plan's targets; fresh targets, sampled "
+        "<p class=\"soft\">Scans are chosen to suit the plan's targets; validation targets, "
+        "sampled "
         "anew, "
         "show how much of that holds for the surface between them.</p>\n";
   }
@@ -120,25 +122,6 @@ std::string ProvenanceSection(const ReportData& data) {
       {"Scene digest", code(plan.scene_digest())}};
   if (!gain.empty()) facts.push_back({"Gain of a target", gain});
   return PlanSection("provenance", "How to get this plan again", FactsTable(facts, "left"));
-}
-
-// Replaces {{NAME}} marks in one pass: what is put in is not searched again.
-std::string FillTemplate(absl::string_view text,
-                         const std::vector<std::pair<absl::string_view, std::string>>& values) {
-  std::string result;
-  while (true) {
-    const size_t begin = text.find("{{");
-    const size_t end = begin == absl::string_view::npos ? begin : text.find("}}", begin);
-    if (end == absl::string_view::npos) break;
-    absl::StrAppend(&result, text.substr(0, begin));
-    const absl::string_view name = text.substr(begin + 2, end - begin - 2);
-    for (const auto& [key, value] : values) {
-      if (key == name) result += value;
-    }
-    text.remove_prefix(end + 2);
-  }
-  absl::StrAppend(&result, text);
-  return result;
 }
 
 }  // namespace

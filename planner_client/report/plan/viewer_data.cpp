@@ -158,7 +158,7 @@ std::string LengthCodes(const std::vector<T>& lengths_m) {
   return Base64(codes);
 }
 
-// Of the targets that a scan covers: what is known of the measured point nearest to each.
+// Sensitivity of the measured point nearest to each target that a scan covers.
 Json SensitivityOfTargets(const ScanSensitivityMap& map, const TargetSet& targets,
                           const TargetBits& covered) {
   const PointIndex<3> index(map.positions_m);

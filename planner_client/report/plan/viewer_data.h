@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the web viewer draws, as JSON.
+// The data that the web viewer draws, as JSON.
 #pragma once
 
 #include <string>

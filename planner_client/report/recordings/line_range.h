@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where in a profile the laser line is.
+// Range of the laser line in a profile.
 #pragma once
 
 #include <utility>

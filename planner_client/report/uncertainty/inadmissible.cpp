@@ -10,7 +10,7 @@
 namespace sightline {
 namespace {
 
-// Of the targets of a region that are known well enough.
+// Medians over the targets of a region that are known well enough.
 struct Usual {
   double points = 0, point_variance_m2 = 0, admissible_m = 0;
 };
@@ -37,7 +37,7 @@ Usual UsualOf(const TargetUncertainties& u, std::span<const int32_t> points,
   return {Median(std::move(counts)), Median(std::move(variances)), Median(std::move(admissible))};
 }
 
-// What makes the noise larger than it usually is.
+// The reason why the noise is larger than usual.
 v1::UncertaintyLimit LimitOfNoise(const TargetUncertainties& u, std::span<const int32_t> points,
                                   size_t t, const Usual& usual) {
   const double fewer = usual.points / std::max(1, points[t]);
@@ -166,7 +166,7 @@ std::string SummariseInadmissible(const v1::PlanUncertainty& uncertainty) {
                           words.empty() ? "" : ", ", LimitWords(count.limit()), count.targets(),
                           count.median_uncertainty_over_admissible());
   }
-  return absl::StrFormat("%d judged targets are not known well enough: %s.\n", total, words);
+  return absl::StrFormat("%d toleranced targets are not known well enough: %s.\n", total, words);
 }
 
 }  // namespace sightline

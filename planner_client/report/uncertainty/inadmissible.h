@@ -13,11 +13,11 @@
 
 namespace sightline {
 
-// What limits each judged target whose uncertainty is above the admissible one; UNSPECIFIED of the
-// others. `points`: measured points within the neighbourhood of each target. The largest part of u
-// decides; noise is taken apart further by comparison with the medians of the covered targets of
-// the same region of interest that are known well enough, if there are such (regions may differ in
-// resolution). u^2 of noise goes with the points' variance over their number, so of the factors
+// The limit of each toleranced target whose uncertainty is above the admissible one, UNSPECIFIED of
+// the others. `points`: measured points within the neighbourhood of each target. The largest part
+// of u decides; noise is taken apart further by comparison with the medians of the covered targets
+// of the same region of interest that are known well enough, if there are such (regions may differ
+// in resolution). u^2 of noise goes with the points' variance over their number, so of the factors
 //   (number there) / (number here), (variance here) / (there), (admissible u^2 there) / (here)
 // the largest is named.
 // `regions`: of each target, -1 for none.
@@ -35,7 +35,7 @@ std::vector<v1::InadmissibleCount> CountInadmissible(const TargetUncertainties& 
 std::string LimitWords(v1::UncertaintyLimit limit);
 std::string WhatHelps(v1::UncertaintyLimit limit);
 
-// "150 judged targets are not known well enough: ... (120, u 1.4 times the admissible), ...\n";
+// "150 toleranced targets are not known well enough: ... (120, u 1.4 times the admissible), ...\n";
 // empty: none.
 std::string SummariseInadmissible(const v1::PlanUncertainty& uncertainty);
 

@@ -134,6 +134,11 @@ class XmlWriter {
     absl::StrAppend(&text_, "<", name, ">", Escape(text), "</", name, ">\n");
   }
   void Leaf(absl::string_view name, int64_t id) { Leaf(name, absl::StrCat(id)); }
+  void LeafWith(absl::string_view name, absl::string_view attributes, absl::string_view text) {
+    Indent();
+    absl::StrAppend(&text_, "<", name, attributes.empty() ? "" : " ", attributes, ">", Escape(text),
+                    "</", name, ">\n");
+  }
   void Empty(absl::string_view name, absl::string_view attributes = "") {
     Indent();
     absl::StrAppend(&text_, "<", name, attributes.empty() ? "" : " ", attributes, "/>\n");
@@ -232,7 +237,7 @@ QifKind KindOf(const v1::FeatureVerdict& feature, const Tolerance* tolerance) {
     if (feature.kind() == ToleranceKindName(ToleranceKind::kLinearDistance))
       return {"DistanceBetween", Form::kLimits};
     if (feature.kind() == ToleranceKindName(ToleranceKind::kLinearSize)) {
-      // What is measured of the feature is among the modifiers.
+      // One of the modifiers names the measured size of the feature.
       for (const auto& [modifier, name] :
            {std::pair{"diameter", "Diameter"}, std::pair{"radius", "Radius"},
             std::pair{"thickness", "Thickness"}, std::pair{"width", "Width"}}) {
@@ -306,8 +311,8 @@ void WriteNominal(const Characteristic& c, XmlWriter& xml) {
   xml.OpenWithId(c.kind.name + "CharacteristicNominal", c.nominal);
   xml.Leaf("CharacteristicDefinitionId", c.definition);
   if (c.kind.form == Form::kLimits) {
-    // Where deviations are written for want of limits, there is no nominal value; 0 would be a lie,
-    // but deviations need one to be read.
+    // If deviations are written because there are no limits, there is no nominal value; 0 would be
+    // a lie, but deviations need one to be read.
     if (c.tolerance != nullptr && IsWritable(c.tolerance->nominal_m))
       xml.Leaf("TargetValue", MillimetreText(*c.tolerance->nominal_m));
     if (c.kind.name == "DistanceBetween") xml.Leaf("AnalysisMode", "THREEDIMENSIONAL");
@@ -321,25 +326,38 @@ std::string NameOf(const v1::FeatureVerdict& feature) {
                                  : feature.kind();
 }
 
+// Figures that were evaluated; others are left out.
+void WriteFigures(const v1::FeatureVerdict& feature, Attributes& attributes) {
+  const auto length = [&](const char* name, bool known, double value_m) {
+    if (known) attributes.Real(name, RoundedMillimetres(value_m));
+  };
+  length("predicted_standard_uncertainty_mm", feature.has_uncertainty_m(), feature.uncertainty_m());
+  length("predicted_noise_mm", feature.has_noise_m(), feature.noise_m());
+  length("predicted_sampling_mm", feature.has_sampling_m(), feature.sampling_m());
+  length("predicted_calibration_mm", feature.has_calibration_m(), feature.calibration_m());
+  length("admissible_standard_uncertainty_mm", feature.has_admissible_uncertainty_m(),
+         feature.admissible_uncertainty_m());
+  length("zone_width_mm", feature.has_zone_width_m(), feature.zone_width_m());
+  length("acceptance_zone_mm", feature.has_acceptance_zone_m(), feature.acceptance_zone_m());
+  if (feature.has_probability_wrong_acceptance())
+    attributes.Real("probability_wrong_acceptance", feature.probability_wrong_acceptance());
+  if (feature.has_probability_wrong_rejection())
+    attributes.Real("probability_wrong_rejection", feature.probability_wrong_rejection());
+  if (feature.verdict() != v1::FeatureVerdict::NOT_EVALUATED)
+    attributes.Truth("conformance_can_be_proven", feature.can_be_proven());
+  attributes.Text("verdict_state", v1::FeatureVerdict::Verdict_Name(feature.verdict()));
+}
+
 void WriteItem(const Characteristic& c, XmlWriter& xml) {
   const v1::FeatureVerdict& feature = *c.feature;
   xml.OpenWithId(c.kind.name + "CharacteristicItem", c.item);
   Attributes attributes;
-  attributes.Real("predicted_standard_uncertainty_mm", RoundedMillimetres(feature.uncertainty_m()));
-  attributes.Real("predicted_noise_mm", RoundedMillimetres(feature.noise_m()));
-  attributes.Real("predicted_sampling_mm", RoundedMillimetres(feature.sampling_m()));
-  attributes.Real("predicted_calibration_mm", RoundedMillimetres(feature.calibration_m()));
-  attributes.Real("admissible_standard_uncertainty_mm",
-                  RoundedMillimetres(feature.admissible_uncertainty_m()));
-  attributes.Real("zone_width_mm", RoundedMillimetres(feature.zone_width_m()));
-  attributes.Real("acceptance_zone_mm", RoundedMillimetres(feature.acceptance_zone_m()));
-  attributes.Real("probability_wrong_acceptance", feature.probability_wrong_acceptance());
-  attributes.Real("probability_wrong_rejection", feature.probability_wrong_rejection());
-  attributes.Truth("conformance_can_be_proven", feature.can_be_proven());
+  WriteFigures(feature, attributes);
   attributes.Text("verdict", feature.because());
   attributes.Integer("targets_count", feature.targets());
   attributes.Integer("measured_targets_count", feature.measured_targets());
-  attributes.Integer("admissible_targets_count", feature.admissible_targets());
+  if (feature.has_admissible_targets())
+    attributes.Integer("admissible_targets_count", feature.admissible_targets());
   attributes.Text("kind", feature.kind());
   if (c.tolerance != nullptr) {
     std::string datums;
@@ -524,10 +542,96 @@ void WriteDocumentAttributes(const v1::Plan& plan, const std::string& part_name,
     attributes.Real("goal_admissible_fraction", uncertainty.goal());
     attributes.Real("relaxed_uncertainty_mm",
                     RoundedMillimetres(uncertainty.relaxed_uncertainty_m()));
+    if (uncertainty.has_tolerances()) {
+      attributes.Integer("tolerances_read_count", uncertainty.tolerances().read());
+      attributes.Integer("tolerances_evaluated_count", uncertainty.tolerances().evaluated());
+      attributes.Integer("tolerances_proven_count", uncertainty.tolerances().proven());
+    }
     attributes.Real("median_uncertainty_mm",
                     RoundedMillimetres(uncertainty.median_uncertainty_m()));
   }
   attributes.Write(xml);
+}
+
+const char* StatusName(v1::InspectedFeature::Decision decision) {
+  switch (decision) {
+    case v1::InspectedFeature::CONFORMS:
+      return "PASS";
+    case v1::InspectedFeature::DOES_NOT_CONFORM:
+      return "FAIL";
+    case v1::InspectedFeature::UNDECIDED:
+      return "INDETERMINATE";
+    default:
+      return "NOT_ANALYZED";
+  }
+}
+
+void WriteMeasurement(const Characteristic& c, const v1::InspectedFeature& feature, int64_t id,
+                      XmlWriter& xml) {
+  xml.OpenWithId(c.kind.name + "CharacteristicMeasurement", id);
+  Attributes attributes;
+  attributes.Text("decision", v1::InspectedFeature::Decision_Name(feature.decision()));
+  if (feature.has_expanded_uncertainty_m()) {
+    attributes.Real("expanded_uncertainty_mm",
+                    RoundedMillimetres(feature.expanded_uncertainty_m()));
+  }
+  attributes.Integer("measured_targets_count", feature.measured_targets());
+  attributes.Write(xml);
+  if (!feature.because().empty()) xml.Leaf("Description", feature.because());
+  xml.Open("Status");
+  xml.Leaf("CharacteristicStatusEnum", StatusName(feature.decision()));
+  xml.Close();
+  xml.Leaf("CharacteristicItemId", c.item);
+  if (feature.has_value_m() && IsWritable(feature.value_m())) {
+    const std::string value = MillimetreText(feature.value_m());
+    if (c.kind.form == Form::kOther) {
+      xml.Leaf("Value", value + " mm");
+    } else {
+      const double u_m = 0.5 * feature.expanded_uncertainty_m();
+      xml.LeafWith(
+          "Value",
+          IsWritable(u_m) ? absl::StrCat("combinedUncertainty=\"", MillimetreText(u_m), "\"") : "",
+          value);
+    }
+  }
+  if (c.kind.name == "SurfaceProfile" && feature.has_largest_deviation_m() &&
+      IsWritable(feature.largest_deviation_m()) && IsWritable(feature.smallest_deviation_m())) {
+    xml.Leaf("WorstPositiveDeviation", MillimetreText(feature.largest_deviation_m()));
+    xml.Leaf("WorstNegativeDeviation", MillimetreText(feature.smallest_deviation_m()));
+  }
+  xml.Close();
+}
+
+// FAIL if a characteristic does not conform, PASS if all conform.
+const char* WholeStatus(const v1::InspectionResult& measured) {
+  bool all_pass = true;
+  for (const v1::InspectedFeature& feature : measured.features()) {
+    if (feature.decision() == v1::InspectedFeature::DOES_NOT_CONFORM) return "FAIL";
+    all_pass = all_pass && feature.decision() == v1::InspectedFeature::CONFORMS;
+  }
+  return all_pass ? "PASS" : "UNKNOWN";
+}
+
+// The results have the id `first_id`, their measurements those that follow.
+void WriteResults(const std::vector<Characteristic>& characteristics,
+                  const v1::InspectionResult& measured, int64_t first_id, XmlWriter& xml) {
+  xml.Open("Results");
+  xml.OpenList("MeasurementResultsSet", 1);
+  xml.OpenWithId("MeasurementResults", first_id);
+  xml.Open("MeasuredCharacteristics");
+  xml.OpenList("CharacteristicMeasurements", characteristics.size());
+  for (size_t i = 0; i < characteristics.size(); ++i) {
+    WriteMeasurement(characteristics[i], measured.features(static_cast<int>(i)),
+                     first_id + 1 + static_cast<int64_t>(i), xml);
+  }
+  xml.Close();
+  xml.Close();
+  xml.Open("InspectionStatus");
+  xml.Leaf("InspectionStatusEnum", WholeStatus(measured));
+  xml.Close();
+  xml.Close();
+  xml.Close();
+  xml.Close();
 }
 
 void WriteUnits(XmlWriter& xml) {
@@ -551,7 +655,8 @@ void WriteUnits(XmlWriter& xml) {
 }  // namespace
 
 absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string& part_name,
-                                        std::span<const Tolerance> tolerances) {
+                                        std::span<const Tolerance> tolerances,
+                                        const v1::InspectionResult* measured) {
   const auto& verdicts = plan.uncertainty().features();
   if (plan.scans().empty() && verdicts.empty()) {
     return absl::InvalidArgumentError(
@@ -587,6 +692,14 @@ absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string&
     instructions.push_back(++last_id);
     methods.push_back(++last_id);
   }
+  if (measured != nullptr && measured->features_size() != verdicts.size()) {
+    return absl::InvalidArgumentError(absl::StrCat("QIF export: ", measured->features_size(),
+                                                   " measured features for ", verdicts.size(),
+                                                   " of the plan"));
+  }
+  const int64_t results = last_id + 1;
+  const bool with_results = measured != nullptr && !characteristics.empty();
+  if (with_results) last_id += 1 + static_cast<int64_t>(characteristics.size());
   for (const QifFeature& feature : features) feature_items.push_back(feature.item);
   for (const Characteristic& c : characteristics) characteristic_items.push_back(c.item);
 
@@ -641,6 +754,7 @@ absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string&
     xml.Close();
     xml.Close();
   }
+  if (with_results) WriteResults(characteristics, *measured, results, xml);
   const std::string body = xml.Take();
   return absl::StrCat(
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"

@@ -14,8 +14,12 @@
 //                   ActionMethods (OtherMeasureFeatureMethod per scan: QIF names no laser line
 //                   triangulation), OrderedPlanRoot: a step MeasureSpecifiedFeatures per scan, then
 //                   EvaluateSpecifiedCharacteristics
+//   Results         with measured values: one measurement per characteristic, with its value,
+//   combined
+//                   uncertainty (U over its coverage factor) and status; PASS, FAIL, INDETERMINATE
+//                   or NOT_ANALYZED. Profiles have their worst deviations too.
 // Not written: datums and datum reference frames (their letters are an Attribute), Product,
-// MeasurementResources, Results. Where the schema demands what a plan does not know (the material
+// MeasurementResources. Where the schema demands what a plan does not know (the material
 // condition and the zone's shape of position, orientation, straightness), the tolerance says it;
 // without one, REGARDLESS and a zone that is no cylinder stand there, and an Attribute says that
 // they are assumed. Attributes have names that end in their unit. Line profiles are user-defined
@@ -30,6 +34,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/tolerance/tolerance.h"
+#include "sightline/v1/measured_result.pb.h"
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {
@@ -39,7 +44,10 @@ namespace sightline {
 // same bytes. A plan for coverage has the whole surface as its one feature, and no characteristics.
 // Numbers that are not finite, and texts that XML cannot hold, are left out or replaced.
 // INVALID_ARGUMENT for a plan without scans and features.
+// `measured`: values of the features of plan.uncertainty, equally many in the same order; null:
+// none.
 absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string& part_name,
-                                        std::span<const Tolerance> tolerances = {});
+                                        std::span<const Tolerance> tolerances = {},
+                                        const v1::InspectionResult* measured = nullptr);
 
 }  // namespace sightline

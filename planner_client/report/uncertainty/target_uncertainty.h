@@ -28,7 +28,7 @@ struct TargetUncertainties {
   std::vector<double> total_m, noise_m, sampling_m, calibration_m;
   std::vector<double> admissible_m;  // 0: no tolerance binds the target, it is not judged
   double relaxed_m = 0;              // 0: none
-  // What limits each target that is not admissible (inadmissible.h); empty: not told apart.
+  // The limit of each target that is not admissible (inadmissible.h); empty: not told apart.
   std::vector<v1::UncertaintyLimit> limits;
   // Only where they are to be shown: one per scan of the plan, empty maps for scans without.
   std::vector<ScanSensitivityMap> scan_sensitivities;

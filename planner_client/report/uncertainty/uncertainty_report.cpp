@@ -105,13 +105,52 @@ std::string Key(double relaxed_m, bool fresh) {
       "</p>\n");
 }
 
+// "3 of 5 tolerances can be proven; 1 is not evaluated."
+std::string ToleranceCountText(const v1::PlanUncertainty& uncertainty) {
+  int proven = 0, evaluated = 0;
+  for (const v1::FeatureVerdict& feature : uncertainty.features()) {
+    proven += feature.can_be_proven();
+    evaluated += feature.verdict() != v1::FeatureVerdict::NOT_EVALUATED;
+  }
+  const int left = uncertainty.features_size() - evaluated;
+  return absl::StrCat(proven, " of ", uncertainty.features_size(),
+                      uncertainty.features_size() == 1 ? " tolerance" : " tolerances",
+                      " can be proven", left == 0 ? "" : absl::StrCat("; ", left, " not evaluated"),
+                      ".");
+}
+
 std::string Verdict(const v1::FeatureVerdict& feature) {
-  return absl::StrCat(
-      feature.can_be_proven() ? "<span class=\"verdict yes\">\u2713 can be proven</span>"
-                              : "<span class=\"verdict no\">\u2717 cannot be proven</span>",
-      feature.because().empty()
-          ? ""
-          : absl::StrCat("<br><span class=\"soft\">", EscapeHtml(feature.because()), "</span>"));
+  const char* state = "<span class=\"verdict no\">\u2717 cannot be proven</span>";
+  if (feature.can_be_proven()) state = "<span class=\"verdict yes\">\u2713 can be proven</span>";
+  if (feature.verdict() == v1::FeatureVerdict::NOT_EVALUATED)
+    state = "<span class=\"verdict\">not evaluated</span>";
+  // The state is not said twice.
+  std::string because = feature.because();
+  for (const char* prefix : {"can be proven: ", "cannot be proven: ", "not evaluated: "}) {
+    if (because.starts_with(prefix)) because.erase(0, std::char_traits<char>::length(prefix));
+  }
+  return absl::StrCat(state, because.empty() ? ""
+                                             : absl::StrCat("<br><span class=\"soft\">",
+                                                            EscapeHtml(because), "</span>"));
+}
+
+// Not evaluated, then what cannot be proven, then what can; each by falling excess of u.
+int OrderOfVerdict(const v1::FeatureVerdict& feature) {
+  if (feature.verdict() == v1::FeatureVerdict::NOT_EVALUATED) return 0;
+  return feature.can_be_proven() ? 2 : 1;
+}
+
+std::string LengthOrUnknown(bool known, double length_m) {
+  return known ? MicrometreColumn(length_m) : kUnknown;
+}
+
+std::string ProbabilityOrUnknown(bool known, double probability) {
+  return known ? EscapeHtml(ProbabilityText(probability)) : kUnknown;
+}
+
+std::string AcceptanceZoneText(const v1::FeatureVerdict& feature) {
+  if (!feature.has_acceptance_zone_m()) return kUnknown;
+  return feature.acceptance_zone_m() > 0 ? MillimetreColumn(feature.acceptance_zone_m()) : "empty";
 }
 
 }  // namespace
@@ -121,6 +160,26 @@ std::string LengthText(double length_m) {
   if (length_m != 0 && std::abs(length_m) < 0.9995e-3)
     return absl::StrCat(Number(1e6 * length_m), "\u202f\u00b5m");
   return absl::StrCat(Number(1e3 * length_m), "\u202fmm");
+}
+
+std::string SummariseVerdicts(const v1::PlanUncertainty& uncertainty) {
+  constexpr int kMostLines = 100;
+  if (uncertainty.features().empty()) return "";
+  std::string text = absl::StrCat("tolerances: ", ToleranceCountText(uncertainty), "\n");
+  int lines = 0;
+  for (const v1::FeatureVerdict& feature : uncertainty.features()) {
+    if (++lines > kMostLines) {
+      absl::StrAppend(&text, "  and ", uncertainty.features_size() - kMostLines,
+                      " more in the report.\n");
+      break;
+    }
+    const std::string drawn =
+        !feature.text().empty()
+            ? feature.text()
+            : absl::StrFormat("%s %.6g mm", feature.kind(), 1e3 * feature.zone_width_m());
+    absl::StrAppend(&text, "  ", feature.name(), " (", drawn, ") ", feature.because(), ".\n");
+  }
+  return text;
 }
 
 std::string UncertaintyFinding(const v1::Plan& plan, const std::string& why_stopped) {
@@ -139,12 +198,8 @@ std::string UncertaintyFinding(const v1::Plan& plan, const std::string& why_stop
                     " targets that the search has not seen it is ",
                     KnownPercent(uncertainty.fresh_admissible_fraction()), ".");
   }
-  const int features = uncertainty.features_size();
-  if (features > 0) {
-    const auto proven = std::count_if(uncertainty.features().begin(), uncertainty.features().end(),
-                                      [](const auto& feature) { return feature.can_be_proven(); });
-    absl::StrAppend(&html, " ", proven, " of ", features,
-                    features == 1 ? " tolerance" : " tolerances", " can be proven.");
+  if (uncertainty.features_size() > 0) {
+    absl::StrAppend(&html, " ", ToleranceCountText(uncertainty));
   }
   const v1::ScanCountBound& bound = uncertainty.bound();
   if (bound.scans() > 0 && bound.converged()) {
@@ -174,7 +229,7 @@ std::vector<std::pair<std::string, std::string>> UncertaintyFigures(const v1::Pl
                     uncertainty.goal() > 0 ? small("goal " + Goal(uncertainty.goal())) : "")}};
   if (uncertainty.has_fresh_admissible_fraction()) {
     figures.push_back(
-        {"admissible, fresh targets", KnownPercent(uncertainty.fresh_admissible_fraction())});
+        {"admissible, validation targets", KnownPercent(uncertainty.fresh_admissible_fraction())});
   }
   figures.push_back(
       {absl::StrCat("within ", SettingText("relaxed_m", uncertainty.relaxed_uncertainty_m())),
@@ -187,7 +242,7 @@ std::vector<std::pair<std::string, std::string>> UncertaintyFigures(const v1::Pl
     figures.push_back({uncertainty.bound().converged() ? "lower bound" : "relaxation (not a bound)",
                        absl::StrCat(FixedNumber(uncertainty.bound().scans(), 1), small("scans"))});
   }
-  figures.push_back({"judged targets", GroupedInteger(uncertainty.judged_targets())});
+  figures.push_back({"toleranced targets", GroupedInteger(uncertainty.judged_targets())});
   return figures;
 }
 
@@ -234,15 +289,16 @@ std::string FeatureSection(const v1::Plan& plan, bool selectable) {
     return std::isfinite(ratio) ? ratio : 1e300;
   };
   std::stable_sort(order.begin(), order.end(), [&](int a, int b) {
-    if (features[a].can_be_proven() != features[b].can_be_proven())
-      return !features[a].can_be_proven();
+    if (OrderOfVerdict(features[a]) != OrderOfVerdict(features[b]))
+      return OrderOfVerdict(features[a]) < OrderOfVerdict(features[b]);
     return excess(a) > excess(b);
   });
   std::string body =
       "<p class=\"soft\">A tolerance can be proven if the zone left for acceptance by the guard "
       "bands is wide enough (ISO 14253-1). u is the standard uncertainty of what the tolerance is "
       "about; its parts add up as squares. Probabilities of deciding wrongly are those of a part "
-      "taken from production (JCGM 106).";
+      "taken from production (JCGM 106). What is not evaluated has no figures: "
+      "its reason says what is missing.";
   if (selectable) body += " Select a row to see the feature in the part above.";
   absl::StrAppend(
       &body, "</p>\n", ScrollingTable("Toleranced features", "id=\"feature-table\""),
@@ -270,19 +326,27 @@ std::string FeatureSection(const v1::Plan& plan, bool selectable) {
         &body,
         selectable ? absl::StrCat("<tr class=\"selectable\" data-feature=\"", i, "\">") : "<tr>",
         "<td class=\"words\"><strong>", EscapeHtml(name), "</strong><br><span class=\"soft\">",
-        EscapeHtml(feature.kind()), "</span></td><td class=\"words verdict-cell\">",
-        Verdict(feature), "</td><td class=\"first\">",
+        EscapeHtml(feature.text().empty() ? feature.kind() : feature.text()),
+        "</span></td><td class=\"words verdict-cell\">", Verdict(feature),
+        "</td><td class=\"first\">",
         feature.zone_width_m() > 0 ? ShortNumber(1e3 * feature.zone_width_m()) : kUnknown,
+        "</td><td>", AcceptanceZoneText(feature), "</td><td class=\"first strong\">",
+        LengthOrUnknown(feature.has_uncertainty_m(), feature.uncertainty_m()), "</td><td>",
+        LengthOrUnknown(feature.has_noise_m(), feature.noise_m()), "</td><td>",
+        LengthOrUnknown(feature.has_sampling_m(), feature.sampling_m()), "</td><td>",
+        LengthOrUnknown(feature.has_calibration_m(), feature.calibration_m()), "</td><td>",
+        LengthOrUnknown(feature.has_admissible_uncertainty_m(), feature.admissible_uncertainty_m()),
+        "</td><td class=\"first\">",
+        ProbabilityOrUnknown(feature.has_probability_wrong_acceptance(),
+                             feature.probability_wrong_acceptance()),
         "</td><td>",
-        feature.acceptance_zone_m() > 0 ? MillimetreColumn(feature.acceptance_zone_m()) : "empty",
-        "</td><td class=\"first strong\">", MicrometreColumn(feature.uncertainty_m()), "</td><td>",
-        MicrometreColumn(feature.noise_m()), "</td><td>", MicrometreColumn(feature.sampling_m()),
-        "</td><td>", MicrometreColumn(feature.calibration_m()), "</td><td>",
-        MicrometreColumn(feature.admissible_uncertainty_m()), "</td><td class=\"first\">",
-        EscapeHtml(ProbabilityText(feature.probability_wrong_acceptance())), "</td><td>",
-        EscapeHtml(ProbabilityText(feature.probability_wrong_rejection())),
+        ProbabilityOrUnknown(feature.has_probability_wrong_rejection(),
+                             feature.probability_wrong_rejection()),
         "</td><td class=\"first\">", share(feature.measured_targets(), feature.targets()),
-        "</td><td>", share(feature.admissible_targets(), feature.targets()), "</td></tr>\n");
+        "</td><td>",
+        feature.has_admissible_targets() ? share(feature.admissible_targets(), feature.targets())
+                                         : kUnknown,
+        "</td></tr>\n");
   }
   return PageSection("features", "Which tolerances can be proven",
                      body + "</tbody></table></div>\n");
@@ -308,13 +372,13 @@ std::string InadmissibleSection(const TargetUncertainties& uncertainties,
   }
   if (inadmissible == 0) {
     return PageSection("inadmissible", "Why targets are not admissible",
-                       "<p>None: every judged target is admissible.</p>\n");
+                       "<p>None: every toleranced target is admissible.</p>\n");
   }
-  std::string body = absl::StrCat("<p class=\"soft\">", GroupedInteger(inadmissible), " of ",
-                                  GroupedInteger(judged),
-                                  " judged targets, by the largest part of their uncertainty after "
-                                  "all scans; of noise, by what "
-                                  "differs most from the places that are known well enough.</p>\n");
+  std::string body = absl::StrCat(
+      "<p class=\"soft\">", GroupedInteger(inadmissible), " of ", GroupedInteger(judged),
+      " toleranced targets, by the largest part of their uncertainty after "
+      "all scans; of noise, by what "
+      "differs most from the places that are known well enough.</p>\n");
   std::vector<std::vector<std::string>> rows;
   for (const v1::InadmissibleCount& count : CountInadmissible(uncertainties)) {
     const int64_t only_relaxed = relaxed[count.limit()];

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the report of a plan for uncertainty shows besides coverage: how much of the surface is
+// The report of a plan for uncertainty, besides coverage: how much of the surface is
 // known well enough, which tolerances can be proven, and why not.
 #pragma once
 
@@ -24,16 +24,21 @@ std::string UncertaintyFinding(const v1::Plan& plan, const std::string& why_stop
 // Headline numbers: name (text), value (HTML).
 std::vector<std::pair<std::string, std::string>> UncertaintyFigures(const v1::Plan& plan);
 
-// Fraction of the judged targets that is admissible, and at most relaxed, after each scan, with the
-// goal and the bound on the number of scans (thesis Fig. 6.4); bars of the same (Fig. 6.5).
+// Fraction of the toleranced targets that is admissible, and at most relaxed, after each scan, with
+// the goal and the bound on the number of scans (thesis Fig. 6.4); bars of the same (Fig. 6.5).
 std::string UncertaintyCurveSection(const v1::Plan& plan);
 
-// Every toleranced feature, those that cannot be proven first; of each kind the one that misses or
+// Every toleranced feature: those that are not evaluated, those that cannot be proven, then the
+// others; of each kind the one that misses or
 // keeps its admissible uncertainty by least first. Empty without features. `selectable`: rows refer
 // to the viewer's features by their index in the plan.
 std::string FeatureSection(const v1::Plan& plan, bool selectable);
 
-// Judged targets that are not admissible, by what limits them (TargetUncertainties::limits).
+// The verdicts as lines for a terminal, each with its reason: first how many tolerances can be
+// proven and how many are not evaluated. Empty without features; at most 100 verdicts.
+std::string SummariseVerdicts(const v1::PlanUncertainty& uncertainty);
+
+// Toleranced targets that are not admissible, by what limits them (TargetUncertainties::limits).
 std::string InadmissibleSection(const TargetUncertainties& uncertainties,
                                 const TargetBits& measurable);
 

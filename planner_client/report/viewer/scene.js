@@ -389,7 +389,7 @@ void main() {
     this.addRobot();
   }
 
-  /** What carries the scanner or the part; nothing where it cannot make the scan. */
+  /** Draws the robot that carries the scanner or the part, unless it cannot make the scan. */
   addRobot() {
     this.robot = null;
     if (!this.scan.robot) return;

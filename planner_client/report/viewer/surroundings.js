@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What stands around the part: obstacles, the table, and the boxes of regions of interest.
+// Surroundings of the part: obstacles, the table, and the boxes of regions of interest.
 import {
   Box3, Box3Helper, BufferAttribute, BufferGeometry, CanvasTexture, DoubleSide, EdgesGeometry, Group,
   LineBasicMaterial, LineSegments, Mesh, MeshLambertMaterial, Sprite, SpriteMaterial, SRGBColorSpace, Vector3,

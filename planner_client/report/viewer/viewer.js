@@ -130,7 +130,7 @@ class Viewer {
         this.reveal();
       });
     }
-    // What can be clicked can be reached and pressed by keys.
+    // Keys reach and press everything that can be clicked.
     for (const row of all('tr.selectable, circle[data-scan]')) {
       row.tabIndex = 0;
       row.addEventListener('keydown', (event) => {
@@ -175,7 +175,7 @@ class Viewer {
     this.setColour('class');
   }
 
-  /** What is known of a target, in words. */
+  /** The uncertainty of a target in words. */
   describe(i) {
     const u = this.data.uncertainty;
     if (u.classes[i] === 4) return 'not measurable';
@@ -237,7 +237,7 @@ class Viewer {
     this.moveStage();
   }
 
-  /** What is drawn per target, and the numbers beside it. */
+  /** Draws the colour of each target and the numbers beside it. */
   recolour() {
     if (this.colour === 'reason') this.recolourReasons();
     else if (this.colour === 'depth') this.recolourDepth();
@@ -359,7 +359,7 @@ class Viewer {
     const {kinds, ofTarget} = this.data.reasons;
     const colours = kinds.map(({reason}) => new Color().setStyle(css(`--reason-${reason}`), ''));
     const plain = new Color().setStyle(css('--plain'), '');
-    // What is hidden takes a state of its own.
+    // Hidden targets take a state of their own.
     const states = Uint8Array.from(ofTarget, (kind) =>
       (kind === 0 ? COVERED : this.shownReasons[kind - 1] ? NEVER : LATER));
     const tints = Array.from(ofTarget, (kind) => (kind === 0 ? plain : colours[kind - 1]));
@@ -409,7 +409,7 @@ class Viewer {
     const total = counts.reduce((a, b) => a + b, 0) - counts[UNMEASURABLE];
     this.showLegend(counts, perScan);
     this.scene.setShown(this.shown);
-    // Of the unmeasured ones, only those of the region being looked at.
+    // Unmeasured targets are drawn in the region being looked at alone.
     const drawn = this.region ?
       states.map((state, i) => (state === NEVER && !this.region.targets.has(i) ? UNMEASURABLE : state)) : states;
     this.scene.setStates(drawn, tints);

@@ -40,7 +40,7 @@ absl::StatusOr<TriangleMesh> LoadRobotMesh(const std::string& path, const Eigen:
   const std::string scale_text =
       absl::StrCat("with mesh scale \"", scale.x(), " ", scale.y(), " ", scale.z(), "\"");
   const MeshUnit& unit = NearestUnit(scale.cwiseAbs().maxCoeff());
-  absl::StatusOr<TriangleMesh> mesh = LoadPart(path, unit.name);
+  absl::StatusOr<TriangleMesh> mesh = LoadPart(path, unit.name, {}, "correct the scale of <mesh>");
   if (!mesh.ok()) {
     return absl::Status(mesh.status().code(),
                         absl::StrCat(mesh.status().message(), " (", scale_text, ")"));

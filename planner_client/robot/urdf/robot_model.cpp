@@ -32,7 +32,7 @@ constexpr size_t kMostJoints = 16;
 constexpr size_t kMostShapes = 2000;
 constexpr size_t kMostTriangles = 500000;
 constexpr uintmax_t kMostMeshBytes = 256 << 20;  // of all files that meshes are read from
-// Of any length in a URDF; larger ones are in other units than metres.
+// Largest length in a URDF; larger ones are in other units than metres.
 constexpr double kMostMetres = 100;
 // Largest limit of a revolute joint, either way. Published robots have up to 10 rad; in degrees
 // even narrow joints have more than that.
@@ -50,6 +50,7 @@ class Reader {
     if (!file.ok()) return file.status();
     urdf_ = file->model;
     model_.remarks = file->remarks;
+    joints_with_limits_ = std::move(file->joints_with_limits);
     joints_with_soft_limits_ = std::move(file->joints_with_soft_limits);
     digest_.Update(file->digest);
     if (urdf_->links_.size() > kMostLinks) {
@@ -271,14 +272,16 @@ class Reader {
     return absl::OkStatus();
   }
 
-  // Limits of the file that the specification gives no effect, though somebody may have meant them.
+  // Limits of the file that have no effect by the specification, though the author may have meant
+  // them.
   void RemarkOnUnusedLimits(const urdf::Joint& joint) {
     const double lower = joint.limits->lower, upper = joint.limits->upper;
-    if (joint.type == urdf::Joint::CONTINUOUS && (lower != 0 || upper != 0)) {
+    if (joint.type == urdf::Joint::CONTINUOUS && joints_with_limits_.contains(joint.name)) {
       model_.remarks.push_back(absl::StrCat(
           "joint ", joint.name, ": its limits ", NumberText(lower), " to ", NumberText(upper),
-          " rad have no effect, since it turns without end (continuous); with type=\"revolute\" "
-          "they bound it"));
+          " rad have no effect, since it turns without end (continuous)",
+          lower < upper ? "; with type=\"revolute\" they bound it"
+                        : "; a joint that stands still has type=\"fixed\""));
     }
     if (joint.safety && joint.safety->soft_lower_limit == 0 &&
         joint.safety->soft_upper_limit == 0 && joints_with_soft_limits_.contains(joint.name)) {
@@ -483,7 +486,7 @@ class Reader {
   RobotModel model_;
   std::map<std::string, int> index_;
   std::vector<urdf::LinkConstSharedPtr> source_;  // of each link
-  std::set<std::string> joints_with_soft_limits_;
+  std::set<std::string> joints_with_limits_, joints_with_soft_limits_;
   Sha256 digest_;
   std::map<std::pair<std::string, std::array<double, 3>>, MeshShape> meshes_;  // by path and scale
   uintmax_t mesh_bytes_ = 0;

@@ -47,7 +47,7 @@ struct RobotLink {
   Eigen::Isometry3d origin = Eigen::Isometry3d::Identity();
   Eigen::Vector3d axis = Eigen::Vector3d::UnitZ();
   int joint = -1;             // index into joints; -1: does not move
-  std::vector<Shape> shapes;  // what it collides with
+  std::vector<Shape> shapes;  // shapes for collisions
 };
 
 // Joint positions in the order of the chain.
@@ -60,7 +60,7 @@ struct RobotModel {
   int base = 0, tip = 0;  // indices of links
   JointPositions home;
   std::string digest;                // of the URDF and its meshes
-  std::vector<std::string> remarks;  // what was left out or is likely forgotten, a sentence each
+  std::vector<std::string> remarks;  // omissions and likely oversights, a sentence each
 
   // Pose of every link in the frame of the base link; q has one number per joint.
   std::vector<Eigen::Isometry3d> LinkPoses(const JointPositions& q) const;

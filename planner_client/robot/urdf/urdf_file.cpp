@@ -47,9 +47,9 @@ class Messages final : public console_bridge::OutputHandler {
   std::string errors_;
 };
 
-// What TinyXML must not be given: empty if nothing. It reads elements by recursion and looks for
-// double attributes by comparing all pairs. Tags are told apart as TinyXML does it, which differs
-// from XML: otherwise what looks like a comment here could be an element there.
+// Finds constructs that TinyXML must not be given; empty if nothing. It reads elements by recursion
+// and looks for double attributes by comparing all pairs. Tags are distinguished as TinyXML does
+// it, which differs from XML: otherwise a comment here could be an element there.
 std::string Refuse(std::string_view xml) {
   int depth = 0;
   bool after_root = false;
@@ -149,15 +149,16 @@ std::string RefuseLoops(const TiXmlElement& robot) {
   return "";
 }
 
-std::set<std::string> JointsWithSoftLimits(const TiXmlElement& robot) {
+// Names of the joints of which an element `tag` has one of the attributes.
+std::set<std::string> JointsThatState(const TiXmlElement& robot, const char* tag, const char* lower,
+                                      const char* upper) {
   std::set<std::string> names;
   for (const TiXmlElement* joint = robot.FirstChildElement("joint"); joint != nullptr;
        joint = joint->NextSiblingElement("joint")) {
-    const TiXmlElement* safety = joint->FirstChildElement("safety_controller");
+    const TiXmlElement* element = joint->FirstChildElement(tag);
     const char* name = joint->Attribute("name");
-    if (safety == nullptr || name == nullptr) continue;
-    if (safety->Attribute("soft_lower_limit") != nullptr ||
-        safety->Attribute("soft_upper_limit") != nullptr) {
+    if (element == nullptr || name == nullptr) continue;
+    if (element->Attribute(lower) != nullptr || element->Attribute(upper) != nullptr) {
       names.insert(name);
     }
   }
@@ -201,7 +202,9 @@ absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
     const absl::Status known = CheckUrdfVocabulary(*robot, &result.remarks);
     if (!known.ok()) return bad(std::string(known.message()));
     if (const std::string reason = RefuseLoops(*robot); !reason.empty()) return bad(reason);
-    result.joints_with_soft_limits = JointsWithSoftLimits(*robot);
+    result.joints_with_limits = JointsThatState(*robot, "limit", "lower", "upper");
+    result.joints_with_soft_limits =
+        JointsThatState(*robot, "safety_controller", "soft_lower_limit", "soft_upper_limit");
   }
 
   // The console of urdfdom is one for the whole process.
@@ -216,7 +219,7 @@ absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path) {
     thrown = exception.what();
   }
   console_bridge::restorePreviousOutputHandler();
-  // urdfdom goes on after some errors, without what was wrong.
+  // urdfdom goes on after some errors, without the wrong element.
   if (!messages.errors().empty()) return bad(messages.errors());
   if (!thrown.empty()) return bad(thrown);
   if (!result.model) return bad("is not a URDF");

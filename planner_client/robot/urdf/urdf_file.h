@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// A URDF file read by urdfdom. That library trusts its input and skips what it does not know, so
-// hostile structure and words outside the specification (urdf_vocabulary.h) are refused first.
+// A URDF file read by urdfdom. That library trusts its input and skips unknown words, so hostile
+// structure and words outside the specification (urdf_vocabulary.h) are refused first.
 #pragma once
 
 #include <urdf_world/types.h>
@@ -16,15 +16,15 @@ namespace sightline {
 struct UrdfFile {
   urdf::ModelInterfaceSharedPtr model;
   std::string digest;                // SHA-256 of the file
-  std::vector<std::string> remarks;  // what was left out, a sentence each
-  // Names of the joints whose safety_controller states a soft limit. urdfdom gives limits that are
-  // left out the value 0, like stated ones of 0.
-  std::set<std::string> joints_with_soft_limits;
+  std::vector<std::string> remarks;  // omissions, a sentence each
+  // Names of the joints whose <limit>, and of those whose safety_controller, states lower or upper
+  // limits. urdfdom gives limits that are left out the value 0, like stated ones of 0.
+  std::set<std::string> joints_with_limits, joints_with_soft_limits;
 };
 
 // NOT_FOUND: no such file. INVALID_ARGUMENT names the file and the reason: not a regular file, more
 // than 4 MB, document type declarations (entities), elements nested more than 64 deep, text or
-// elements behind the root, what CheckUrdfVocabulary refuses, what urdfdom finds wrong.
+// elements behind the root, errors of CheckUrdfVocabulary and of urdfdom.
 absl::StatusOr<UrdfFile> ReadUrdfFile(const std::string& path);
 
 }  // namespace sightline

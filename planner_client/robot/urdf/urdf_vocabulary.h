@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 // The elements and attributes of the URDF specification, and a check that a file has no others.
 //
-// urdfdom skips what it does not know, so that a misspelt <colision> leaves an arm without solids.
+// urdfdom skips unknown words, so that a misspelt <colision> leaves an arm without solids.
 // The specification is http://wiki.ros.org/urdf/XML with urdf.xsd of urdfdom; attributes that
 // published robots add to it are known too. Elements of other programs (<gazebo>, <transmission>,
 // <ros2_control>, <mujoco>, <drake:...>) are skipped by a list, with everything in them.
@@ -21,7 +21,7 @@ enum class UrdfValue {
   kNumber,     // finite, decimal digits
   kVector,     // three numbers
   kAngles,     // three angles within [-4 pi, 4 pi] rad; beyond that they are degrees
-  kZeros,      // three zeros: nobody reads it, so that anything else would vanish
+  kZeros,      // three zeros: it is not read, so that anything else would vanish
   kJointType,  // revolute, continuous, prismatic, fixed, floating or planar
 };
 

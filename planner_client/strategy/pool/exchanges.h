@@ -1,8 +1,8 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a plan is worth when one of its scans gives way to another of the pool.
+// Worth of a plan when one of its scans gives way to another of the pool.
 //
-// Two ways to know it: by sums of shares, and, where every scan settles a target or tells nothing
-// of it, by bits, of which sixty-four targets take one step. Both give the same numbers.
+// There are two ways to compute it: sums of fractions, and bits if every scan gives a target all
+// its information or none. With bits, sixty-four targets take one step. Both give the same numbers.
 #pragma once
 
 #include <cstddef>
@@ -16,8 +16,8 @@ namespace sightline {
 // Indices of scans in a pool.
 using PoolPlan = std::vector<size_t>;
 
-// Of one scan, [step][target]: its share as a part of the step's threshold, in units of
-// 1 / kWholeShare.
+// Column of one scan, [step][target]: its fraction of the step's threshold, in units of 1 /
+// kWholeShare.
 using ShareColumn = std::vector<uint8_t>;
 inline constexpr uint8_t kWholeShare = 127;  // two of them still fit into a byte
 
@@ -42,17 +42,17 @@ class ShareExchanges {
   const size_t targets_;
   const std::vector<ShareColumn>& columns_;
   PoolPlan plan_;
-  // Of the plan's scans. Not saturated, so that scans can be taken out again.
+  // Sum of the columns of the plan's scans. Not saturated, so that scans can be taken out again.
   std::vector<uint16_t> sum_;
 };
 
-// A bit for every target that the scan settles, [step][word of 64 targets].
+// A bit for every target that the scan satisfies, [step][word of 64 targets].
 using CoverColumn = std::vector<uint64_t>;
 
-// Targets whose shares are whole.
+// Targets that reach the whole threshold.
 CoverColumn WholeShares(const ShareColumn& column, size_t steps, size_t targets);
 
-// The same as ShareExchanges for scans whose shares are all 0 or whole.
+// The same as ShareExchanges for scans whose fractions are all 0 or 1.
 class CoverExchanges {
  public:
   CoverExchanges(const std::vector<ShareStep>& steps, const std::vector<CoverColumn>& columns,
@@ -64,13 +64,13 @@ class CoverExchanges {
   void Exchange(size_t place, size_t scan);
 
  private:
-  // Finds out again what the plan's scans settle.
+  // Counts again the targets that the plan's scans satisfy.
   void Count();
 
   const std::vector<ShareStep>& steps_;
   const std::vector<CoverColumn>& columns_;
   PoolPlan plan_;
-  CoverColumn once_, twice_;  // settled by one scan or more, by two or more
+  CoverColumn once_, twice_;  // satisfied by one scan or more, by two or more
 };
 
 }  // namespace sightline

@@ -2,16 +2,26 @@
 #include "planner_client/strategy/pool/scan_pool.h"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 #include <utility>
+
+#include "core/cpu/function_clones.h"
 
 namespace sightline {
 namespace {
 
 constexpr double kBetter = 1e-9;
-// Temperatures of annealing, in parts of what all is worth: one exchange in three that loses this
-// much is accepted.
+// Temperatures of annealing, as fractions of the largest worth: one exchange in three that loses
+// this much is accepted.
 constexpr double kHottest = 0.005, kColdest = 0.0001;
+
+SIGHTLINE_CLONES("popcnt")
+int64_t CountInEither(const uint64_t* a, const uint64_t* b, size_t words) {
+  int64_t count = 0;
+  for (size_t i = 0; i < words; ++i) count += std::popcount(a[i] | b[i]);
+  return count;
+}
 
 void AddSaturated(const std::vector<uint8_t>& added, std::vector<uint8_t>& sum) {
   for (size_t i = 0; i < sum.size(); ++i) {
@@ -99,7 +109,7 @@ size_t ScanPool::Add(const TargetShares& shares) {
     for (size_t s = 0; s < steps_.size(); ++s) {
       const float part = shares.share[i] / steps_[s].of(targets_[place]);
       only_whole_ = only_whole_ && part >= 1;
-      // What does not reach the step by itself must not do so by rounding.
+      // Rounding must not lift a fraction below the threshold to the whole.
       column[s * targets_.size() + place] =
           part >= 1 ? kWholeShare
                     : std::min<uint8_t>(kWholeShare - 1,
@@ -144,14 +154,41 @@ double ScanPool::WorthWith(const Column& need, const Column& added) const {
   return worth;
 }
 
+CoverColumn ScanPool::CoveredBy(const PoolPlan& plan) const {
+  CoverColumn once(covers_.empty() ? 0 : covers_.front().size(), 0);
+  for (const size_t scan : plan) {
+    for (size_t w = 0; w < once.size(); ++w) once[w] |= covers_[scan][w];
+  }
+  return once;
+}
+
+double ScanPool::WorthOf(const CoverColumn& once, const CoverColumn& also) const {
+  const size_t words = once.size() / std::max<size_t>(1, steps_.size());
+  double worth = 0;
+  for (size_t s = 0; s < steps_.size(); ++s) {
+    worth += steps_[s].weight * static_cast<double>(CountInEither(once.data() + s * words,
+                                                                  also.data() + s * words, words));
+  }
+  return worth;
+}
+
 double ScanPool::Worth(const PoolPlan& plan) const {
+  if (only_whole_) {
+    const CoverColumn once = CoveredBy(plan);
+    return WorthOf(once, once);
+  }
   return WorthWith(NeedAfter(plan), Column(steps_.size() * targets_.size(), 0));
 }
 
 std::vector<double> ScanPool::WorthWithEach(const PoolPlan& plan) const {
-  const Column need = NeedAfter(plan);
   std::vector<double> worth;
   worth.reserve(columns_.size());
+  if (only_whole_) {
+    const CoverColumn once = CoveredBy(plan);
+    for (const CoverColumn& cover : covers_) worth.push_back(WorthOf(once, cover));
+    return worth;
+  }
+  const Column need = NeedAfter(plan);
   for (const Column& column : columns_) worth.push_back(WorthWith(need, column));
   return worth;
 }

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Choosing scans out of a pool so that targets are worth most with a given number of scans (maximum
-// coverage; with shares, multi-coverage).
+// Chooses a given number of scans out of a pool for the largest worth (maximum coverage; with
+// fractions, multi-coverage).
 #pragma once
 
 #include <atomic>
@@ -15,14 +15,14 @@
 
 namespace sightline {
 
-// Targets that a pool may look at, ascending: all that are judged, or a random part of `pairs` /
+// Targets that a pool may look at, ascending: all toleranced ones, or a random part of `pairs` /
 // `steps` of them where pairs of a target and one of `steps` steps of its worth are clearly more
 // than `pairs`.
 std::vector<uint32_t> TargetSample(const TargetBits& judged, size_t steps, size_t pairs,
                                    Random& random);
 
-// Shares of the pool's scans at some of the targets, as parts of every step's threshold in units of
-// 1/127: a plan's worth is then a count over bytes, or over bits where all shares are whole.
+// Fractions of every step's threshold that the pool's scans give to some of the targets, in units
+// of 1/127. A plan's worth is a count over bytes, or over bits if all fractions are 0 or 1.
 class ScanPool {
  public:
   // `targets`: those that the pool looks at, ascending.
@@ -31,7 +31,7 @@ class ScanPool {
   size_t size() const { return columns_.size(); }
   // Index of the scan.
   size_t Add(const TargetShares& shares);
-  // The scan tells of nothing any more.
+  // The scan has no information any more.
   void Empty(size_t scan);
   // Keeps these scans only, ascending; they get the indices 0, 1, ...
   void Keep(const std::vector<size_t>& kept);
@@ -41,8 +41,8 @@ class ScanPool {
   std::vector<double> WorthWithEach(const PoolPlan& plan) const;
   // If every target reached every step.
   double MostWorth() const;
-  // What each scan of the pool would add to the plan, plus the most that putting it in the place of
-  // one of the plan's scans would gain.
+  // Gain of each scan of the pool if added to the plan, plus the largest gain of putting it in the
+  // place of one of the plan's scans.
   std::vector<double> Promise(const PoolPlan& plan) const;
 
   // Adds the scan that is worth most (the first of equal ones) until the plan has `size` scans, is
@@ -53,7 +53,7 @@ class ScanPool {
   void ExchangeWhileBetter(PoolPlan& plan, size_t fixed) const;
   // Simulated annealing (Kirkpatrick et al. 1983) over exchanges of one scan of the plan, from
   // place `fixed` on, for one of the pool: `proposals` of them, at temperatures that fall in equal
-  // ratios from a two-hundredth of what all is worth to a fiftieth of that; then exchanges while
+  // ratios from a two-hundredth of the largest worth to a fiftieth of that; then exchanges while
   // better. The best plan met. Stops at a worth of `goal`, or when `stop`, asked now and then, says
   // so.
   PoolPlan Anneal(PoolPlan plan, size_t fixed, double goal, int64_t proposals, Random& random,
@@ -62,14 +62,18 @@ class ScanPool {
  private:
   using Column = ShareColumn;
 
-  // What every target still needs to reach every step.
+  // Targets that the plan's scans satisfy, and worth of those that are in either set; only if all
+  // fractions are 0 or 1.
+  CoverColumn CoveredBy(const PoolPlan& plan) const;
+  double WorthOf(const CoverColumn& once, const CoverColumn& also) const;
+  // The remaining need of every target at every step.
   Column NeedAfter(const PoolPlan& plan) const;
   double WorthWith(const Column& need, const Column& added) const;
 
   std::vector<ShareStep> steps_;
   std::vector<uint32_t> targets_;
   std::vector<Column> columns_;
-  // Where no share is a part: the same as columns_.
+  // The same as columns_, if every fraction is 0 or 1.
   std::vector<CoverColumn> covers_;
   bool only_whole_ = true;
 };

@@ -18,7 +18,7 @@ namespace sightline {
 inline constexpr absl::Duration kSchedulerToolTimeout = absl::Seconds(30);
 
 struct TaskArray {
-  std::string job;     // whose it is; letters, digits and '-'
+  std::string job;     // owner of the array; letters, digits and '-'
   std::string script;  // element K, from 1, runs `/bin/sh SCRIPT-K.sh`
   int size = 1;
   std::string folder;  // working folder
@@ -57,10 +57,10 @@ class BatchScheduler {
   // Lets an array begin whose `after` has ended well, where the workload manager does not see to
   // that itself.
   virtual absl::Status Release(const std::string& id) = 0;
-  // Of elements 1 to `size`. Empty: it knows of none such, or no longer.
+  // Status of elements 1 to `size`. Empty: it knows of none such, or no longer.
   virtual absl::StatusOr<std::vector<std::optional<ElementStatus>>> Look(const std::string& id,
                                                                          int size) = 0;
-  // What has ended stays so; an unknown id is none to cancel.
+  // Does nothing to finished arrays and unknown ids.
   virtual absl::Status Cancel(const std::string& id) = 0;
   // Cancels all arrays of a job.
   virtual absl::Status CancelJob(const std::string& job) = 0;

@@ -44,7 +44,7 @@ JobProcessEnd Stopped() {
   return end;
 }
 
-// One command of an attempt, by its files and by what the workload manager says of it.
+// One command of an attempt, by its files and its state in the workload manager.
 class Element {
  public:
   Element(const std::string& tasks, std::string name, absl::Duration grace)
@@ -56,7 +56,7 @@ class Element {
   JobProgress Progress() const {
     if (IsDone()) return {1, ""};
     JobProgress progress = files_.messages().progress();
-    // What has said something runs, whatever the workload manager said before.
+    // A task that reports progress runs, whatever the workload manager said before.
     if (progress.message.empty() && status_ && status_->state == State::kWaiting) {
       progress.message = absl::StrCat("waits for a machine of the cluster",
                                       status_->reason.empty() ? "" : ": ", status_->reason);
@@ -183,7 +183,7 @@ class ClusterEngine final : public ComputeEngine {
   }
 
   absl::StatusOr<Begun> Begin(const AttemptOptions& options, const ProgressCallback& wish) {
-    // Of a service that was killed before it had noted what it submitted.
+    // A service that was killed may have submitted tasks that it had not noted.
     if (RevokeTasks(options.folder)) {
       absl::Status cancelled =
           Insist("cancel", wish, [&] { return scheduler_->CancelJob(options.name); });
@@ -288,7 +288,7 @@ class ClusterEngine final : public ComputeEngine {
     }
   }
 
-  // What the workload manager says; how the first of them ended that did not end well.
+  // Asks the workload manager. Returns how the first task that failed ended.
   std::optional<JobProcessEnd> Ask(const ClusterRecord& record, bool parts_done, bool* released,
                                    Arrays* arrays) {
     absl::Status asked = LookAt(record.parts, &arrays->parts);
@@ -305,14 +305,14 @@ class ClusterEngine final : public ComputeEngine {
       part.ReadFiles();
       if (auto end = part.BadEnd()) return end;
     }
-    // Until the parts are done it waits, or was cancelled for what became of them.
+    // Until the shards are done it waits, or was cancelled because one failed.
     if (!parts_done) return std::nullopt;
     arrays->conclusion[0].ReadFiles();
     return arrays->conclusion[0].BadEnd();
   }
 
-  // Ends what still runs. Nothing of it writes any more afterwards: where a machine was lost, or
-  // the workload manager does not tell, that is what the revoked tasks are for.
+  // Ends running commands. None of them writes afterwards: if a machine was lost, or the workload
+  // manager gives no state, the revoked tasks see to that.
   absl::Status Stop(const AttemptOptions& options, const ClusterRecord& record,
                     const ProgressCallback& wish, bool may_run_on = false) {
     RevokeTasks(options.folder);

@@ -11,7 +11,7 @@
 namespace sightline {
 
 struct ClusterTiming {
-  absl::Duration files = absl::Milliseconds(500);  // between looks at what commands say
+  absl::Duration files = absl::Milliseconds(500);  // between looks at the commands' messages
   absl::Duration scheduler = absl::Seconds(3);     // between questions to the workload manager
   // How long the exit code of a command that the workload manager says has ended may take to be
   // seen here.

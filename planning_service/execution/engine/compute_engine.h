@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Where the commands of jobs run: on this machine, or on the machines of a cluster.
+// The machines on which the commands of jobs run: on this machine, or on the machines of a cluster.
 #pragma once
 
 #include <cstdint>
@@ -31,11 +31,11 @@ struct AttemptOptions {
   absl::Duration max_time = absl::InfiniteDuration();  // of each command
 };
 
-// What is to become of an attempt.
+// The caller's wish for an attempt.
 enum class Wish {
   kGoOn,
   kCancel,
-  // Whoever asks goes away; what can run on without him does, and may be found again.
+  // The caller leaves. Work that can run on without it does, and may be found again.
   kLeave,
 };
 using ProgressCallback = std::function<Wish(const JobProgress&)>;

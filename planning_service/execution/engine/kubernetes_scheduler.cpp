@@ -97,7 +97,7 @@ ElementStatus StatusOfPod(const json& pod) {
   return {State::kRunning, reason};
 }
 
-// A pod of the same index that is further tells more.
+// A pod of the same index that is further counts.
 int Weight(State state) {
   switch (state) {
     case State::kEnded:
@@ -121,7 +121,7 @@ class KubernetesScheduler final : public BatchScheduler {
 
   absl::StatusOr<std::string> Submit(const TaskArray& array) override {
     const std::string id = absl::StrFormat("%s-%08x", array.job, RandomBits() & 0xffffffffu);
-    // Beside the scripts, for whoever looks for what was asked.
+    // The request is kept beside the scripts, for analysis.
     const std::string file = absl::StrCat(array.script, ".json");
     absl::Status written = WriteFileAtomically(file, Manifest(array, id).dump(2) + "\n");
     if (!written.ok()) return written;

@@ -24,6 +24,7 @@ JobProcessOptions ProcessOf(const AttemptOptions& options, std::vector<std::stri
   process.program = options.program;
   process.arguments = std::move(arguments);
   process.folder = options.folder + "/in";
+  process.temporary_folder = options.folder + "/tmp";
   process.lock_fd = options.lock_fd;
   process.max_memory_bytes = options.max_memory_bytes;
   process.max_time = options.max_time;

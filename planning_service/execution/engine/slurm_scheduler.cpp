@@ -17,8 +17,8 @@ namespace {
 
 using State = ElementStatus::State;
 
-// Answers that say nothing about the job: later ones may differ. Slurm's tools end with 1 for
-// everything, so their words must tell.
+// Answers that say nothing about the job: later ones may differ. Slurm's tools end with 1 for every
+// error, so their text decides.
 bool IsTransientSlurmError(const std::string& errors) {
   const std::string lower = absl::AsciiStrToLower(errors);
   for (const char* words :
@@ -100,7 +100,7 @@ class SlurmScheduler final : public BatchScheduler {
     auto answer = Run(
         "squeue", {"--jobs=" + id, "--states=all", "--array", "--noheader", "--format=%K|%T|%r"});
     if (!answer.ok()) {
-      // Slurm forgets what ended some time ago (MinJobAge).
+      // Slurm forgets jobs that ended some time ago (MinJobAge).
       if (absl::StrContains(answer.status().message(), "Invalid job id")) return statuses;
       return answer.status();
     }

@@ -29,14 +29,14 @@ constexpr int kLeaseInterval_s = 2;
 constexpr absl::Duration kRevokedWithin = absl::Seconds(2 * kLeaseInterval_s + 1);
 constexpr absl::Duration kWaitStep = absl::Milliseconds(200);
 constexpr double kShareOfParts = 0.95;
-// Of one reading; the rest comes with the next.
+// Most blocks of one reading; the rest comes with the next.
 constexpr int kMostBlocks = 256;
 
 std::string Quoted(const std::string& text) {
   return absl::StrCat("'", absl::StrReplaceAll(text, {{"'", "'\\''"}}), "'");
 }
 
-// A shell that is told to end (SIGTERM of the workload manager) passes that on and waits.
+// A shell that receives SIGTERM from the workload manager passes it on and waits.
 constexpr char kScript[] = R"(#!/bin/sh
 tasks=$TASKS
 [ -e "$tasks/go" ] && cd $FOLDER || exit 1
@@ -130,7 +130,7 @@ absl::Status ClusterRecord::Write(const std::string& folder) const {
 }
 
 absl::StatusOr<std::string> MakeTaskFolder(const AttemptOptions& options) {
-  // Another name for every attempt: one that nobody reaches any more cannot speak for this one.
+  // Another name for every attempt: an unreachable attempt cannot speak for this one.
   std::string tasks = options.folder + "/tasks-XXXXXX";
   if (mkdtemp(tasks.data()) == nullptr) {
     return absl::InternalError(absl::StrCat(tasks, ": ", std::strerror(errno)));

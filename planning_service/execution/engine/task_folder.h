@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the service and the commands of a job on other machines tell each other: files in a folder
+// Messages between the service and the commands of a job on other machines: files in a folder
 // that all of them see.
 #pragma once
 
@@ -20,7 +20,7 @@ JobProgress ProgressOfParts(const std::vector<JobProgress>& parts, const JobProg
 // Calls `prepare` of the attempt; how it ended, if that failed.
 std::optional<JobProcessEnd> PrepareFailure(const AttemptOptions& options);
 
-// Which arrays work on a job's folder: kept there as long as they are to.
+// Record of the arrays that work on a job's folder: kept there as long as they are to.
 struct ClusterRecord {
   std::string scheduler;  // BatchScheduler::kind
   std::string tasks;      // absolute path of the tasks' folder
@@ -36,12 +36,12 @@ struct ClusterRecord {
 };
 
 // Makes a new folder of scripts, `parts-K.sh` and `conclusion-1.sh`, in the job's folder. Each runs
-// its command, keeps what it says in NAME.stderr and its exit code in NAME.exit, and ends it when
+// its command, keeps its messages in NAME.stderr and its exit code in NAME.exit, and ends it when
 // the tasks are revoked. Returns the folder.
 absl::StatusOr<std::string> MakeTaskFolder(const AttemptOptions& options);
 
-// Tasks that still run in the job's folder, on a machine that nobody reaches maybe, end within
-// seconds of seeing it. Returns whether there may be any.
+// Tasks that still run in the job's folder, perhaps on an unreachable machine, end within seconds
+// of seeing it. Returns whether there may be any.
 bool RevokeTasks(const std::string& folder);
 // Waits these seconds, while it is wished.
 void AwaitRevokedTasks(const ProgressCallback& wish);
@@ -51,7 +51,7 @@ class TaskFiles {
  public:
   // `name`: as of MakeTaskFolder, e.g. "parts-1".
   TaskFiles(const std::string& folder, const std::string& name);
-  // Reads what is new.
+  // Reads new messages.
   void Read();
 
   const CommandMessages& messages() const { return messages_; }

@@ -5,7 +5,7 @@ import {ServiceError, errorOfAnswer} from './field_errors.js';
 
 const TOKEN = 'sightline_token';
 
-// Told when the token is set or forgotten.
+// Called when the token is set or forgotten.
 const listeners = new Set();
 export function onTokenChange(listener) { listeners.add(listener); }
 
@@ -46,7 +46,7 @@ async function withToken(attempt) {
 
 const NO_ANSWER = 'The server does not answer.';
 
-// The answer of a request; throws ServiceError for what is not 2xx.
+// The answer of a request; throws ServiceError if it is not 2xx.
 export function request(path, {method = 'GET', headers = {}, signal} = {}) {
   return withToken(async () => {
     let answer;
@@ -100,7 +100,7 @@ export function newIdempotencyKey() {
 }
 
 // Sends a task with files [{name, blob}]; `onProgress(fraction)` of the upload. Resolves to the job.
-// Fetch tells nothing of an upload's progress, so this is an XMLHttpRequest.
+// Fetch does not report an upload's progress, so this is an XMLHttpRequest.
 export function createJob({task, files, key, onProgress, signal}) {
   return withToken(() => new Promise((resolve, reject) => {
     const form = new FormData();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Elements without markup in strings: what came from elsewhere is always text.
+// Elements without markup in strings: foreign data are always text.
 
 // An element with properties (`class`, `on…` handlers, `aria-…` and other attributes) and children
 // (elements, text, null).
@@ -49,7 +49,7 @@ export const STATES = {
   CANCELLED: ['cancelled', '–'],
 };
 
-// Word and sign, so that nobody depends on the colour.
+// Word and sign, so that the colour is not needed.
 export function stateBadge(state) {
   const [word, sign] = STATES[state] ?? [String(state ?? 'unknown').toLowerCase(), '?'];
   return h('span', {class: `state ${word}`}, h('span', {'aria-hidden': 'true'}, sign), ` ${word}`);

@@ -57,8 +57,8 @@ function wait(seconds, signal) {
 }
 
 // Follows a job until it is finished or `signal` aborts. `open(lastId, signal)` gives the answer of
-// the events' address; `onJob(job)` gets every state, `onConnection(error)` what goes wrong on the
-// way and null when all is well again. Breaks are mended, asking for what came after the last event;
+// the events' address; `onJob(job)` gets every state, `onConnection(error)` the connection's error, and null when it is
+// well again. Breaks are mended from the last event on;
 // errors that stay (an unknown job) are thrown.
 export async function watchJob({open, onJob, onConnection, signal}) {
   let lastId = '';
@@ -71,7 +71,7 @@ export async function watchJob({open, onJob, onConnection, signal}) {
     try {
       const answer = await open(lastId, attempt.signal);
       onConnection(null);
-      // No content: the job is finished, and all was told before.
+      // No content: the job is finished, and all its events were sent before.
       if (answer.status === 204) return;
       const parser = new EventStreamParser();
       parser.lastId = lastId;

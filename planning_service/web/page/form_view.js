@@ -30,7 +30,7 @@ function valueOf(field, text) {
 }
 
 export class FormView {
-  // `onChange(path, value)` gets what the user entered.
+  // `onChange(path, value)` gets the user's input.
   constructor(onChange) {
     this.onChange = onChange;
     this.controls = new Map();
@@ -169,7 +169,7 @@ export class FormView {
     return true;
   }
 
-  // Opens what hides marked fields.
+  // Opens sections that hide marked fields.
   reveal(path) {
     const control = this.controls.get(path);
     for (let box = control?.element.closest('details'); box; box = box.parentElement.closest('details')) box.open = true;

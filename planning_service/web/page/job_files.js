@@ -83,7 +83,7 @@ export function neededFiles(task, chosen) {
   return [...needed.values()];
 }
 
-// What a JSON file is by its content: 'inspection', 'recordings', 'plan', or 'other' (cameras,
+// Role of a JSON file by its content: 'inspection', 'recordings', 'plan', or 'other' (cameras,
 // materials).
 export function roleOfJson(json) {
   if (typeof json !== 'object' || json === null || Array.isArray(json)) return 'other';

@@ -80,7 +80,7 @@ export class JobView {
     }
   }
 
-  // An event tells less than the job: when it was started is worth a question.
+  // An event lacks the time of the start, so the job is fetched.
   takeEvent(job, signal) {
     const isNew = job.state !== this.job?.state && !isFinished(job);
     this.take(job, signal);
@@ -100,7 +100,7 @@ export class JobView {
 
   take(job, signal) {
     if (signal.aborted) return;
-    // Events repeated after a break are older than what is known.
+    // Events repeated after a break are older than the shown state.
     if (this.job && Number(job.revision) < Number(this.job.revision)) return;
     this.job = {...this.job, ...job};
     this.draw();
@@ -134,7 +134,7 @@ export class JobView {
     this.bar.value = percent;
     this.percent.textContent = `${percent} %`;
     this.message.textContent = message ?? '';
-    // What it was doing last is of no interest any more.
+    // The last progress message of a finished job is of no interest.
     this.message.hidden = !message || isFinished(job);
     const failure = job.state === 'FAILED' ? job.failure ?? {} : null;
     this.failure.hidden = !failure;

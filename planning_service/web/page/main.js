@@ -49,7 +49,7 @@ function go(isFirst) {
     }
   }
   current.show(parameters);
-  // Whoever does not see the page change hears where it went.
+  // The focus moves to the heading, so that screen readers announce the new page.
   if (!isFirst) {
     window.scrollTo(0, 0);
     current.heading.focus({preventScroll: true});

@@ -32,7 +32,7 @@ export class NewJobView {
     this.jsonError = '';
     // Name of a part file for which the service asked for the unit.
     this.partWithoutUnit = null;
-    // Of diagnose: whether the inspection is what recordings are compared with.
+    // For diagnose: whether the inspection is what recordings are compared with.
     this.usesInspection = false;
     this.key = null;
     this.form = new FormView((path, value) => this.take(path, value));
@@ -352,7 +352,7 @@ export class NewJobView {
     const state = JSON.stringify([isAsked, stated, size]);
     if (state === this.unitState) return;
     this.unitState = state;
-    // Who tabs through the page while the part is read stays where they are.
+    // The focus of a user who tabs through the page stays where it is while the part is read.
     const focused = this.unitBox.contains(document.activeElement) ? document.activeElement.value : null;
     this.unitBox.hidden = !isAsked;
     this.unitBox.replaceChildren(h('legend', {}, 'Unit of the file: which size is right?'),
@@ -366,7 +366,7 @@ export class NewJobView {
     if (focused !== null) (this.unitBox.querySelector('input:checked') ?? this.unitBox.querySelector(`input[value="${focused}"]`))?.focus();
   }
 
-  // What follows from the camera's numbers.
+  // Shows the values derived from the camera's numbers.
   drawDerived() {
     const box = this.form.element.querySelector('#derived-camera');
     const {inspection} = this.task;
@@ -396,7 +396,7 @@ export class NewJobView {
 
   // --- errors -------------------------------------------------------------------------------------
 
-  // Where an error outside the form is shown: [text element, element to focus].
+  // The elements that show an error outside the form: [text element, element to focus].
   place(path) {
     switch (path) {
       case 'inspection': return [this.jsonErrorText, this.jsonBox];
@@ -459,7 +459,7 @@ export class NewJobView {
     items.find(({go}) => go)?.go();
   }
 
-  // What is known to be wrong before anything is sent.
+  // Errors that the page finds before anything is sent.
   ownErrors() {
     const errors = this.form.unread().map(({path, description}) => ({path, field: path, description}));
     if (this.jsonError && this.hasInspection()) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The stage with the part, and what is known of its size.
+// The stage with the part, and its size.
 import {h} from './dom.js';
 import {PartView} from './part_view.js';
 import {METRES_PER_UNIT, roundedText} from './units.js';

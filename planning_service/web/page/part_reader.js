@@ -62,7 +62,7 @@ async function readPart(name, bytes) {
   corners -= corners % 3;
   if (corners === 0) throw new Error('it has no triangles');
   const positions = new Float32Array(3 * corners);
-  // Facet normals of an STL file tell no more than the triangles do.
+  // Facet normals of an STL file add nothing to the triangles.
   const hasNormals = !/\.stl$/i.test(name) && meshes.every(({geometry}) => geometry.attributes.normal);
   const normals = hasNormals ? new Float32Array(3 * corners) : null;
   const min = [Infinity, Infinity, Infinity], max = [-Infinity, -Infinity, -Infinity];

@@ -160,8 +160,8 @@ export class PartView {
     const half = part.size.map((size) => 0.5 * size);
     const placed = [];
     this.labels.forEach((label, axis) => {
-      // Of the four parallel edges the one that is drawn farthest from the middle, rather below it;
-      // upright ones rather at the side, away from the other two.
+      // Among the four parallel edges this takes the one drawn farthest from the middle, rather
+      // below it. Upright edges are taken at the side, away from the other two.
       let best = null;
       for (const [a, b] of [[-1, -1], [-1, 1], [1, -1], [1, 1]]) {
         const middle = [0, 0, 0];

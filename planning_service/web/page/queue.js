@@ -1,7 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a queued job waits for.
+// Tells what a queued job waits for.
 
-// A sentence. The server counts the jobs ahead of all clients and tells no more about them; events
+// A sentence. The server counts the jobs ahead of all clients and reveals nothing else about them; events
 // come without the count.
 export function queueText({jobs_ahead: ahead}) {
   if (ahead === undefined) return 'Waiting to start.';

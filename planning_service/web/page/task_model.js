@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // The task as the service takes it (v1::PlanningTask), read and written by path. Form and JSON both
-// show this one object, so that what the form does not know is kept.
+// show this one object, so that fields unknown to the form are kept.
 
 export function getPath(object, path) {
   let value = object;
@@ -49,7 +49,7 @@ export function takesRecordings(kind) {
 
 function isFilled(message) { return message !== undefined && Object.keys(message).length > 0; }
 
-// What is sent for a kind: fields that other kinds have are left out.
+// The task that is sent for a kind: fields that other kinds have are left out.
 export function taskOfKind(kind, task) {
   const sent = {kind};
   const plate = kind === 'render' && task.recordings !== undefined && !getPath(task, 'inspection.part');
@@ -127,7 +127,7 @@ export function withFollowingAngle(before, after) {
   return follows && old_deg !== new_deg ? withPath(after, 'camera.vertical_fov_deg', new_deg) : after;
 }
 
-// What a camera sees at a distance: width and height in mm, and size of a pixel.
+// Field of view of a camera at a distance: width and height in mm, and size of a pixel.
 export function fieldOfView(inspection, distance_m) {
   const columns = Number(getPath(inspection, 'camera.columns_px') ?? 512);
   const rows = Number(getPath(inspection, 'camera.rows_px') ?? 512);

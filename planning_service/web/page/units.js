@@ -33,8 +33,8 @@ export function humanNumber(value, exponent = 0) {
 
 const ITEM = /^([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?)(?:\s*(?:to|\.\.\.?|…|–|-)\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?))?$/i;
 
-// What a parameter may be, from "300", "200, 300, 400" or "-80 to -10, 10 to 80": {value} is the
-// ParameterDomain of the service (fixed, values or ranges), or {error}.
+// Reads the domain of a parameter from "300", "200, 300, 400" or "-80 to -10, 10 to 80": {value} is
+// the ParameterDomain of the service (fixed, values or ranges), or {error}.
 export function parseDomain(text, {exponent = 0, unit = ''} = {}) {
   const fixed = [], ranges = [];
   for (let item of text.replaceAll('\u2212', '-').split(/[,;]/)) {
@@ -59,7 +59,7 @@ export function parseDomain(text, {exponent = 0, unit = ''} = {}) {
   return {value: fixed.length === 1 ? {fixed: fixed[0]} : {values: fixed}};
 }
 
-// The inverse; null for what is none or several of fixed, values and ranges.
+// The inverse; null for none or several of fixed, values and ranges.
 export function domainText(domain, exponent = 0) {
   if (typeof domain !== 'object' || domain === null) return null;
   const given = ['fixed', 'values', 'ranges'].filter((name) => domain[name] !== undefined);

@@ -17,7 +17,7 @@ bool IsSmear(const ActiveEffect& active);
 // Charge that smear adds. It is a sum over the column, whose speckle averages out in part.
 struct SmearTrail {
   Image<double> laser, steady;  // mean electrons; empty: no smear
-  int crest_row = 0;            // where the line is brightest
+  int crest_row = 0;            // row of the brightest line
   double contrast_kept = 0;     // of the column's sum over that of a pixel
 };
 

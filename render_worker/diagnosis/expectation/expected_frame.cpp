@@ -93,12 +93,12 @@ class LevelFactors {
   std::vector<int> place_of_row_;
 };
 
-// Copies the first column to all of `columns_px`.
+// Repeats the columns of an image until there are `columns_px`.
 template <typename T>
-Image<T> Widened(const Image<T>& column, int columns_px) {
-  Image<T> wide(columns_px, column.rows_px);
+Image<T> Widened(const Image<T>& columns, int columns_px) {
+  Image<T> wide(columns_px, columns.rows_px);
   for (int row = 0; row < wide.rows_px; ++row) {
-    std::fill_n(&wide.At(row, 0), columns_px, column.At(row, 0));
+    for (int c = 0; c < columns_px; ++c) wide.At(row, c) = columns.At(row, c % columns.columns_px);
   }
   return wide;
 }
@@ -108,10 +108,13 @@ struct ReadNoise {
   double dark_electrons = 0;  // mean without light
   double variance_electrons2 = 0, rounding_variance_dn2 = 0;
 
-  // Temporal variance of the number of a pixel with this mean of photo-electrons [DN^2].
+  // Temporal variance of the charge of a pixel with this mean of photo-electrons [electrons^2].
+  double ChargeVarianceAt(double photo_electrons) const {
+    return std::max(0.0, photo_electrons) + variance_electrons2;
+  }
+  // Temporal variance of its number; `gain` includes that of the effects on charge [DN^2].
   double VarianceAt(double photo_electrons, double gain_dn_per_electron) const {
-    return gain_dn_per_electron * gain_dn_per_electron *
-               (std::max(0.0, photo_electrons) + variance_electrons2) +
+    return gain_dn_per_electron * gain_dn_per_electron * ChargeVarianceAt(photo_electrons) +
            rounding_variance_dn2;
   }
 };
@@ -168,11 +171,10 @@ Image<double> PhotoElectronsAt(int level, const ExpectedLight& light, const Leve
 }
 
 // Fills in mean and variance over the levels, and the variances of noise and of fixed patterns at
-// the mean level.
+// the mean level. `noise_gains`: as NoiseGains.
 void AddMoments(const Image<double>& photo_electrons, const ReadNoise& noise,
-                ExpectedFrame& expected) {
+                const Image<double>& noise_gains, ExpectedFrame& expected) {
   const Sensor& sensor = expected.frame.sensor;
-  const double gain = sensor.gain_dn_per_electron;
   const auto level_count = static_cast<double>(expected.level_dn.size());
   const int columns_px = photo_electrons.columns_px, rows_px = photo_electrons.rows_px;
   expected.mean_dn = Image<double>(columns_px, rows_px, 0.0);
@@ -191,11 +193,13 @@ void AddMoments(const Image<double>& photo_electrons, const ReadNoise& noise,
   expected.pattern_variance_dn2 = expected.noise_variance_dn2;
   for (size_t i = 0; i < photo_electrons.values.size(); ++i) {
     const double mean = std::max(0.0, photo_electrons.values[i]);
+    const double gain = noise_gains.values[i];
     expected.noise_variance_dn2.values[i] = static_cast<float>(noise.VarianceAt(mean, gain));
     const double before_rounding = noise.VarianceAt(mean, gain) - noise.rounding_variance_dn2;
     if (before_rounding > 0 && IsCoarselyRounded(std::sqrt(before_rounding))) {
       const RoundedMoments rounded = MomentsAfterRounding(
-          gain * (mean + noise.dark_electrons) + sensor.black_level_dn, std::sqrt(before_rounding));
+          sensor.gain_dn_per_electron * (mean + noise.dark_electrons) + sensor.black_level_dn,
+          std::sqrt(before_rounding));
       expected.noise_variance_dn2.values[i] = static_cast<float>(rounded.variance);
       if (expected.noise_excess_kurtosis.empty()) {
         expected.noise_excess_kurtosis = Image<float>(columns_px, rows_px);
@@ -310,6 +314,32 @@ Image<double> ChargeOfLevel(int level, Image<double> electrons, double dark_elec
   return electrons;
 }
 
+// Numbers per electron of a pixel's noise [DN/electron]: the sensor's gain times the derivative of
+// the effects on charge, which act after the noise has been added. The derivative is the central
+// difference over one standard deviation of the noise. Effects that move charge between pixels are
+// left out: they conserve it.
+Image<double> NoiseGains(const Image<double>& photo_electrons, const ReadNoise& noise,
+                         const FrameSetup& frame, std::span<const ActiveEffect> effects) {
+  Image<double> gains(photo_electrons.columns_px, photo_electrons.rows_px,
+                      frame.sensor.gain_dn_per_electron);
+  Image<double> lower = photo_electrons, upper = photo_electrons, deviation = photo_electrons;
+  for (size_t i = 0; i < gains.values.size(); ++i) {
+    const double variance = noise.ChargeVarianceAt(photo_electrons.values[i]);
+    deviation.values[i] = variance > 0 ? std::sqrt(variance) : 1;
+    lower.values[i] += noise.dark_electrons - deviation.values[i];
+    upper.values[i] += noise.dark_electrons + deviation.values[i];
+  }
+  for (const ActiveEffect& active : effects) {
+    if (active.effect->description().MovesCharge()) continue;
+    active.effect->OnElectrons(lower, frame, active.parameters);
+    active.effect->OnElectrons(upper, frame, active.parameters);
+  }
+  for (size_t i = 0; i < gains.values.size(); ++i) {
+    gains.values[i] *= (upper.values[i] - lower.values[i]) / (2 * deviation.values[i]);
+  }
+  return gains;
+}
+
 ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEffect> all_effects,
                             const Image<double>* previous,
                             std::shared_ptr<const LineImaging> known_imaging, int speckle_levels,
@@ -341,19 +371,24 @@ ExpectedFrame ExpectColumns(const FrameSetup& nominal, std::span<const ActiveEff
 
   // Numbers, and their moments over the levels.
   Image<double> mean_of_levels(frame.roi.columns_px, frame.roi.rows_px, 0.0);
+  for (const Image<double>& electrons : electrons_of_level) {
+    for (size_t i = 0; i < electrons.values.size(); ++i) {
+      mean_of_levels.values[i] += electrons.values[i] / level_count;
+    }
+  }
+  const Image<double> noise_gains = NoiseGains(mean_of_levels, read_noise, frame, effects);
   for (int level = 0; level < level_count; ++level) {
     Image<double>& electrons = electrons_of_level[level];
     Image<float> noise_dn(electrons.columns_px, electrons.rows_px);
     for (size_t i = 0; i < electrons.values.size(); ++i) {
-      mean_of_levels.values[i] += electrons.values[i] / level_count;
       noise_dn.values[i] = static_cast<float>(
-          std::sqrt(read_noise.VarianceAt(electrons.values[i], frame.sensor.gain_dn_per_electron)));
+          std::sqrt(read_noise.VarianceAt(electrons.values[i], noise_gains.values[i])));
     }
     electrons = ChargeOfLevel(level, std::move(electrons), read_noise.dark_electrons, model, frame,
                               effects);
     expected.level_dn.push_back(numbers.Of(electrons, noise_dn));
   }
-  AddMoments(mean_of_levels, read_noise, expected);
+  AddMoments(mean_of_levels, read_noise, noise_gains, expected);
   expected.mean_photo_electrons = std::move(mean_of_levels);
   return expected;
 }
@@ -366,6 +401,12 @@ const SpecklePixelCovariance& ExpectedFrame::SpeckleAt(int row, int column) cons
   return of_cell->At(of_cell->PlaceOf((frame.roi.row_px + row) * frame.sensor.pixel_pitch_m));
 }
 
+bool ColumnsAlternate(std::span<const ActiveEffect> effects) {
+  return std::any_of(effects.begin(), effects.end(), [](const ActiveEffect& active) {
+    return active.effect->description().columns_alternate;
+  });
+}
+
 ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect> effects,
                           const Image<double>* previous, std::shared_ptr<const LineImaging> imaging,
                           int speckle_levels, int block_columns_px) {
@@ -374,21 +415,27 @@ ExpectedFrame ExpectFrame(const FrameSetup& frame, std::span<const ActiveEffect>
     return ExpectColumns(frame, effects, previous, std::move(imaging), speckle_levels,
                          block_columns_px);
   }
-  // Without colours all columns have the same expectation: one is computed.
+  // Without colours all columns have the same expectation, or every second one does: one column or
+  // two neighbours are computed. These start at a whole number of periods, so that the column c of
+  // the region repeats the column c % period of them.
+  const int period = ColumnsAlternate(effects) ? 2 : 1;
+  const int first_column = columns_px / 2 / period * period;
   FrameSetup narrow = frame;
-  narrow.roi.column_px += columns_px / 2;
-  narrow.roi.columns_px = 1;
-  Image<double> previous_column;
+  narrow.roi.column_px += first_column;
+  narrow.roi.columns_px = period;
+  Image<double> previous_columns;
   if (previous != nullptr && !previous->empty()) {
-    previous_column = Image<double>(1, previous->rows_px);
+    previous_columns = Image<double>(period, previous->rows_px);
     for (int row = 0; row < previous->rows_px; ++row) {
-      previous_column.At(row, 0) = previous->At(row, 0);
+      for (int c = 0; c < period; ++c) {
+        previous_columns.At(row, c) = previous->At(row, std::min(c, previous->columns_px - 1));
+      }
     }
   }
   ExpectedFrame expected =
-      ExpectColumns(narrow, effects, previous == nullptr ? nullptr : &previous_column,
+      ExpectColumns(narrow, effects, previous == nullptr ? nullptr : &previous_columns,
                     std::move(imaging), speckle_levels, block_columns_px);
-  expected.frame.roi.column_px -= columns_px / 2;
+  expected.frame.roi.column_px -= first_column;
   expected.frame.roi.columns_px = columns_px;
   for (Image<float>& level : expected.level_dn) level = Widened(level, columns_px);
   expected.mean_dn = Widened(expected.mean_dn, columns_px);

@@ -50,6 +50,7 @@ struct ExpectedFrame {
   // phase.
   double drawn_variance_along_line = 0;
 
+  // Columns of a mono sensor are alike, or alternate where an effect has `columns_alternate`.
   double MeanDn(int row, int column) const { return mean_dn.At(row, column); }
   // The variance of a variance of n pixels is its square times (2 + this) / n.
   double NoiseExcessKurtosis(int row, int column) const {
@@ -58,6 +59,9 @@ struct ExpectedFrame {
   // Speckle of the pixels of a row; of a colour sensor that of the given column.
   const SpecklePixelCovariance& SpeckleAt(int row, int column = 0) const;
 };
+
+// True if an effect makes odd and even columns of a mono sensor differ.
+bool ColumnsAlternate(std::span<const ActiveEffect> effects);
 
 // `frame`: nominal with deviations applied; its region of interest is narrow enough that the line's
 // profile is that of its middle column. `previous`: mean electrons of the frame before in the

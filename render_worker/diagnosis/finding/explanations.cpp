@@ -14,6 +14,9 @@
 #include "render_worker/diagnosis/fit/model_error.h"
 #include "render_worker/diagnosis/free_form/free_form.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
+#include "render_worker/evidence/answer_text.h"
+#include "render_worker/evidence/evidence.h"
+#include "render_worker/evidence/judgement.h"
 
 namespace sightline {
 
@@ -48,17 +51,91 @@ std::string NameOf(const Hypothesis& hypothesis, const ModelComparison& comparis
   return Text(hypothesis.effects[Leading(hypothesis, comparison).front()].effect->description().id);
 }
 
-std::string ReasonFor(const Hypothesis& hypothesis, const Hypothesis& best, bool same_class) {
-  if (&hypothesis == &best) return "describes the recordings best";
+// Score on held-out recordings over that of the named model [nats].
+double MoreHeldOutScore(const SetModel& model, const ModelComparison& comparison,
+                        const Hypothesis& hypothesis, uint64_t seed) {
+  return CheckPredictions(model, hypothesis.fit, comparison.null, seed).log_score -
+         comparison.named_check.log_score;
+}
+
+// Why a hypothesis with a model-discrepancy term is not the answer, a named model is.
+std::string ReasonForTerm(const SetModel& model, const ModelComparison& comparison,
+                          const Hypothesis& hypothesis, uint64_t seed) {
+  TermOverName term;
+  term.more_evidence = hypothesis.log_evidence - comparison.ranked.front().log_evidence;
+  if (comparison.remainder) term.share_left = comparison.remainder->share;
+  if (term.more_evidence > 0 && term.share_left > kShareNamesMayLeave) {
+    term.more_held_out_score = MoreHeldOutScore(model, comparison, hypothesis, seed);
+  }
+  return WhyTermDoesNotLead(term);
+}
+
+std::string ReasonForAnswer(const ModelComparison& comparison) {
+  const Hypothesis& best = comparison.ranked.front();
+  const bool most_evidence =
+      std::all_of(comparison.ranked.begin(), comparison.ranked.end(),
+                  [&](const Hypothesis& h) { return h.log_evidence <= best.log_evidence; });
+  return most_evidence ? "describes the recordings best" : "the most probable one";
+}
+
+// Why a hypothesis is not the answer, by evidence and prior.
+std::string ReasonByEvidence(const ModelComparison& comparison, const Hypothesis& hypothesis) {
+  constexpr double kNear_nats = 3;
+  const Hypothesis& best = comparison.ranked.front();
   const double behind =
       best.log_evidence + best.log_prior - hypothesis.log_evidence - hypothesis.log_prior;
-  if (same_class) return "changes these recordings in the same way";
+  const bool named_is_rejected =
+      IsFreeForm(best) && comparison.named_check.p_value < kRejectedBelow;
+  if (behind < kNear_nats && named_is_rejected && !IsFreeForm(hypothesis)) {
+    return absl::StrFormat(
+        "recordings that were not fitted reject the best known effect (by evidence and prior %.1f "
+        "nats %s)",
+        std::abs(behind), behind < 0 ? "ahead" : "behind");
+  }
+  if (behind < 0) {
+    return absl::StrFormat("%.1f nats ahead, which errors of the model itself may cause", -behind);
+  }
+  if (behind < kNear_nats) return absl::StrFormat("nearly as good: %.1f nats behind", behind);
   const double chi = hypothesis.fit.chi_squared - best.fit.chi_squared;
-  if (behind < 3) return absl::StrFormat("nearly as good: %.1f nats behind", behind);
   if (chi > 3) {
     return absl::StrFormat("leaves chi squared larger by %.3g (%.3g nats behind)", chi, behind);
   }
   return absl::StrFormat("needs more freedom for the same fit (%.3g nats behind)", behind);
+}
+
+std::string ReasonFor(const SetModel& model, const ModelComparison& comparison,
+                      const Hypothesis& hypothesis, uint64_t seed) {
+  const Hypothesis& best = comparison.ranked.front();
+  if (&hypothesis == &best) return ReasonForAnswer(comparison);
+  if (IsFreeForm(hypothesis) && !IsFreeForm(best) && hypothesis.probability == 0) {
+    return ReasonForTerm(model, comparison, hypothesis, seed);
+  }
+  const bool same_class =
+      !hypothesis.effects.empty() &&
+      std::find(comparison.same_class.begin(), comparison.same_class.end(),
+                hypothesis.effects.front().effect) != comparison.same_class.end();
+  if (same_class) return "changes these recordings in the same way";
+  return ReasonByEvidence(comparison, hypothesis);
+}
+
+void AddRemainder(const ModelComparison& comparison, v1::Diagnosis* diagnosis) {
+  if (!comparison.remainder) return;
+  v1::Remainder* remainder = diagnosis->mutable_remainder();
+  if (comparison.remainder->term != nullptr) {
+    remainder->set_stage(Text(StageName(comparison.remainder->term->description().stage)));
+  }
+  remainder->set_share(comparison.remainder->share);
+  remainder->set_probability(comparison.remainder->probability);
+  // Several p-values may be too small for a number: chi squared then decides.
+  const std::vector<PredictedGroup>& groups = comparison.named_check.groups;
+  const auto per_number = [](const PredictedGroup& group) {
+    return group.chi_squared / std::max(1, group.degrees_of_freedom);
+  };
+  const auto worst = std::min_element(
+      groups.begin(), groups.end(), [&](const PredictedGroup& a, const PredictedGroup& b) {
+        return a.p_value != b.p_value ? a.p_value < b.p_value : per_number(a) > per_number(b);
+      });
+  if (worst != groups.end()) remainder->set_group(worst->name);
 }
 
 }  // namespace
@@ -122,7 +199,6 @@ Eigen::MatrixXd CoefficientCovariance(const Hypothesis& hypothesis) {
 
 void AddExplanations(const SetModel& model, const ModelComparison& comparison, uint64_t seed,
                      v1::Diagnosis* diagnosis) {
-  const Hypothesis& best = comparison.ranked.front();
   std::map<std::string, v1::Explanation*> by_name;
   for (const Hypothesis& hypothesis : comparison.ranked) {
     const std::string name = NameOf(hypothesis, comparison);
@@ -151,11 +227,8 @@ void AddExplanations(const SetModel& model, const ModelComparison& comparison, u
       explanation->set_held_out_chi_squared_per_dof(predicted.chi_squared /
                                                     predicted.degrees_of_freedom);
     }
-    const bool same_class =
-        !hypothesis.effects.empty() &&
-        std::find(comparison.same_class.begin(), comparison.same_class.end(),
-                  hypothesis.effects.front().effect) != comparison.same_class.end();
-    explanation->set_reason(ReasonFor(hypothesis, best, same_class));
+    *explanation->mutable_evidence() = EvidenceToProto(hypothesis.evidence);
+    explanation->set_reason(ReasonFor(model, comparison, hypothesis, seed));
   }
   std::stable_sort(diagnosis->mutable_ranked()->begin(), diagnosis->mutable_ranked()->end(),
                    [](const v1::Explanation& a, const v1::Explanation& b) {
@@ -164,6 +237,7 @@ void AddExplanations(const SetModel& model, const ModelComparison& comparison, u
   for (const Effect* effect : comparison.same_class) {
     diagnosis->add_same_class(Text(effect->description().id));
   }
+  AddRemainder(comparison, diagnosis);
 }
 
 void AddUnfinished(const SetModel& model, const ModelComparison& comparison,
@@ -180,6 +254,7 @@ void AddUnfinished(const SetModel& model, const ModelComparison& comparison,
     }
     explanation->set_probability(hypothesis.probability);
     explanation->set_log_evidence_gain(hypothesis.log_evidence);
+    *explanation->mutable_evidence() = EvidenceToProto(hypothesis.evidence);
     explanation->set_reason("fitted, not yet held to recordings that were not fitted");
     if (IsFreeForm(hypothesis)) continue;
     for (size_t i : Leading(hypothesis, comparison)) {

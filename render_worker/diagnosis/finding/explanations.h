@@ -13,11 +13,12 @@ namespace sightline {
 // Effect `index` of a hypothesis with its parameters and their 95 % intervals.
 v1::FittedEffect DescribeEffect(const SetModel& model, const Hypothesis& hypothesis, size_t index);
 
-// Covariance of the coefficients of a hypothesis's free-form term (its last effect), in their
-// units; those that are not needed are known.
+// Covariance of the coefficients of a hypothesis's model-discrepancy term (its last effect), in
+// their units; those that are not needed are known.
 Eigen::MatrixXd CoefficientCovariance(const Hypothesis& hypothesis);
 
-// Explanations with the same leading effect are one, as the most probable of them has it.
+// Adds `ranked`, `same_class` and `remainder`. Explanations with the same leading effect are one,
+// as the most probable of them has it.
 void AddExplanations(const SetModel& model, const ModelComparison& comparison, uint64_t seed,
                      v1::Diagnosis* diagnosis);
 

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "render_worker/evidence/answer_text.h"
 
 namespace sightline {
 
@@ -35,14 +36,25 @@ std::string EffectsInWords(const google::protobuf::RepeatedPtrField<v1::FittedEf
   return absl::StrJoin(parts, " and ");
 }
 
-}  // namespace
+// The line on the remainder, with the line break before it, or nothing.
+std::string RemainderLine(const v1::Diagnosis& diagnosis) {
+  const std::string text = RemainderText(diagnosis);
+  if (text.empty()) return "";
+  const std::string& stage = diagnosis.remainder().stage();
+  return absl::StrCat("\n", text,
+                      stage.empty() ? ""
+                                    : absl::StrCat(" A model-discrepancy term at the stage \"",
+                                                   stage, "\" describes it best."));
+}
 
-std::string FindingText(const Hypothesis& best, const v1::Diagnosis& diagnosis) {
+std::string AnswerSentence(const Hypothesis& best, const v1::Diagnosis& diagnosis) {
   const v1::Explanation& first = diagnosis.ranked(0);
   const auto chi = [&](double value) { return absl::StrFormat("%.3g", value); };
   const v1::HeldOutImprovement& held_out = diagnosis.held_out_improvement();
   if (first.effect() == "none") {
-    return absl::StrCat("Nothing is missing beyond the stated uncertainties (",
+    return absl::StrCat(NullIsRejectedAnswer(diagnosis)
+                            ? "None of the known effects is found ("
+                            : "Nothing is missing beyond the stated uncertainties (",
                         Percent(first.probability()), "); chi squared per number is ",
                         chi(held_out.null()), " on recordings not fitted.");
   }
@@ -66,6 +78,12 @@ std::string FindingText(const Hypothesis& best, const v1::Diagnosis& diagnosis) 
   return absl::StrCat(what, ": probability ", Percent(first.probability()),
                       "; chi squared per number on recordings not fitted falls from ",
                       chi(held_out.null()), " to ", chi(held_out.with_effect()), ".");
+}
+
+}  // namespace
+
+std::string FindingText(const Hypothesis& best, const v1::Diagnosis& diagnosis) {
+  return AnswerSentence(best, diagnosis) + RemainderLine(diagnosis);
 }
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The finding in one sentence, for people.
+// The finding in one sentence, for people, and a second one on what it leaves.
 #pragma once
 
 #include <string>
@@ -9,7 +9,8 @@
 
 namespace sightline {
 
-// `best`: the hypothesis of `diagnosis.ranked(0)`.
+// `best`: the hypothesis of `diagnosis.ranked(0)`. `diagnosis` needs everything but the finding. A
+// second line follows if there is a remainder with a probability above 0.5.
 std::string FindingText(const Hypothesis& best, const v1::Diagnosis& diagnosis);
 
 }  // namespace sightline

@@ -5,6 +5,7 @@
 #include <cmath>
 #include <utility>
 
+#include "render_worker/diagnosis/statistic/noise/bin_moments.h"
 #include "render_worker/recordings/profile_bins.h"
 #include "render_worker/recordings/strips.h"
 
@@ -68,8 +69,8 @@ v1::ProfileComparison CompareProfiles(const SetModel& model, const FitResult& nu
       }
       for (int b = 0; b < blocks; ++b) {
         const ExpectedFrame& strip = after.strips[b][recording];
-        null_dn += before.strips[b][recording].MeanDn(row, plane.first_column) / blocks;
-        const double mean = strip.MeanDn(row, plane.first_column);
+        null_dn += MeanOfColumns(before.strips[b][recording].mean_dn, row, plane) / blocks;
+        const double mean = MeanOfColumns(strip.mean_dn, row, plane);
         model_dn += mean / blocks;
         double speckle = 0;
         for (const Image<float>& level : strip.level_dn) {

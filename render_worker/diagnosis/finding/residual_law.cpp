@@ -4,7 +4,7 @@
 #include <cmath>
 #include <vector>
 
-#include "render_worker/diagnosis/finding/setup_law.h"
+#include "render_worker/diagnosis/finding/setup_law/setup_law.h"
 
 namespace sightline {
 

@@ -11,6 +11,29 @@
 
 namespace sightline {
 
+namespace {
+
+// Logarithm of the determinant of the leading m x m block of a block's covariance. The diagonal of
+// the Cholesky factor L follows from unit vectors u_j, because (L^-1 u_j)_j = 1 / L_jj.
+double LeadingLogDeterminant(const FitResult& fit, int block, Eigen::Index m) {
+  const Eigen::Index size = fit.residual[static_cast<size_t>(block)].size();
+  double sum = 0;
+  for (Eigen::Index j = 0; j < m; ++j) {
+    sum -= 2 * std::log((*fit.whitening)(block, Eigen::VectorXd::Unit(size, j))[j]);
+  }
+  return sum;
+}
+
+// The Jacobian with columns of 0 for the parameters at an active bound.
+Eigen::MatrixXd OfFreeParameters(const FitResult& fit, Eigen::MatrixXd jacobian) {
+  for (size_t i = 0; i < fit.at_bound.size(); ++i) {
+    if (fit.at_bound[i]) jacobian.col(static_cast<Eigen::Index>(i)).setZero();
+  }
+  return jacobian;
+}
+
+}  // namespace
+
 std::vector<bool> HeldOutRecordings(const RecordedSet& set, uint64_t seed, int fold) {
   std::vector<bool> held_out(set.frames.size(), false);
   const auto uniform = [&](const char* what, int id) {
@@ -52,19 +75,67 @@ BlockSplit SplitBlocks(const SetModel& model, const std::vector<bool>& held_out_
   return split;
 }
 
-Prediction::Prediction(const FitResult& fit, const std::vector<bool>& use_block) : fit_(fit) {
+std::vector<DividedBlock> DivideBlocks(const SetModel& model, const FitResult& fit,
+                                       const BlockSplit& split, int fold) {
+  std::vector<DividedBlock> divided;
+  for (int e = 0; e < model.blocks(); ++e) {
+    if (split.used[e] || split.held_out[e] || model.ObservedParts(e).empty()) continue;
+    divided.push_back(DivideBlock(fit, e, model.observed()[e], model.ObservedParts(e), fold));
+  }
+  return divided;
+}
+
+DividedBlock DivideBlock(const FitResult& fit, int block, const Eigen::VectorXd& observed,
+                         const BlockVectors& parts, int held_out) {
+  const auto e = static_cast<size_t>(block);
+  const auto count = static_cast<double>(parts.size());
+  const Eigen::Index m = parts.front().size();
+  // The covariance of the data is `variance` times that of the block's leading components.
+  const auto whiten = [&](const Eigen::VectorXd& data, double variance) -> WhitenedData {
+    // L is lower triangular: the leading components of L^-1 d depend on those of d alone.
+    Eigen::VectorXd difference = Eigen::VectorXd::Zero(observed.size());
+    difference.head(m) = data - observed.head(m);
+    const Eigen::VectorXd residual = fit.residual[e] + (*fit.whitening)(block, difference);
+    return {residual.head(m) / std::sqrt(variance),
+            fit.jacobian[e].topRows(m) / std::sqrt(variance)};
+  };
+  Eigen::VectorXd others = Eigen::VectorXd::Zero(m);
+  for (size_t k = 0; k < parts.size(); ++k) {
+    if (static_cast<int>(k) != held_out) others += parts[k] / (count - 1);
+  }
+  DividedBlock divided;
+  divided.block = block;
+  divided.used = whiten(others, count / (count - 1));
+  divided.held_out = whiten(parts[static_cast<size_t>(held_out)], count);
+  divided.log_determinant =
+      LeadingLogDeterminant(fit, block, m) + static_cast<double>(m) * std::log(count);
+  return divided;
+}
+
+Prediction::Prediction(const FitResult& fit, const std::vector<bool>& use_block,
+                       const std::vector<DividedBlock>& divided)
+    : fit_(fit) {
   const LinearFit used(fit, use_block);
   step_ = used.Step();
   information_ = used.information();
+  if (divided.empty()) return;
+  Eigen::VectorXd gradient = information_ * step_;
+  for (const DividedBlock& each : divided) {
+    const Eigen::MatrixXd jacobian = OfFreeParameters(fit, each.used.jacobian);
+    information_.noalias() += jacobian.transpose() * jacobian;
+    gradient.noalias() += jacobian.transpose() * each.used.residual;
+  }
+  step_ = information_.llt().solve(gradient);
 }
 
 void Prediction::Add(int block, Sum* sum) const {
   const auto e = static_cast<size_t>(block);
-  Eigen::MatrixXd jacobian = fit_.jacobian[e];
-  for (size_t i = 0; i < fit_.at_bound.size(); ++i) {
-    if (fit_.at_bound[i]) jacobian.col(static_cast<Eigen::Index>(i)).setZero();
-  }
-  const Eigen::VectorXd residual = fit_.residual[e] - jacobian * step_;
+  Add({fit_.residual[e], fit_.jacobian[e]}, sum);
+}
+
+void Prediction::Add(const WhitenedData& data, Sum* sum) const {
+  const Eigen::MatrixXd jacobian = OfFreeParameters(fit_, data.jacobian);
+  const Eigen::VectorXd residual = data.residual - jacobian * step_;
   if (sum->numbers == 0) {
     sum->information = information_;
     sum->gradient.setZero(step_.size());
@@ -102,9 +173,15 @@ PredictedFit CrossValidate(const SetModel& model, const FitResult& fit, uint64_t
   PredictedFit all;
   for (int fold = 0; fold < kFolds; ++fold) {
     const BlockSplit split = SplitBlocks(model, HeldOutRecordings(model.set(), seed, fold));
-    const PredictedFit predicted = PredictBlocks(fit, split.used, split.held_out);
-    all.chi_squared += predicted.chi_squared;
-    all.degrees_of_freedom += predicted.degrees_of_freedom;
+    const std::vector<DividedBlock> divided = DivideBlocks(model, fit, split, fold);
+    const Prediction prediction(fit, split.used, divided);
+    Prediction::Sum sum;
+    for (int e = 0; e < model.blocks(); ++e) {
+      if (split.held_out[e]) prediction.Add(e, &sum);
+    }
+    for (const DividedBlock& each : divided) prediction.Add(each.held_out, &sum);
+    all.chi_squared += prediction.ChiSquared(sum);
+    all.degrees_of_freedom += sum.numbers;
   }
   return all;
 }

@@ -60,18 +60,28 @@ PredictiveCheck CheckPredictions(const SetModel& model, const FitResult& fit, co
   PredictiveCheck check;
   for (int fold = 0; fold < kFolds; ++fold) {
     const BlockSplit split = SplitBlocks(model, HeldOutRecordings(model.set(), seed, fold));
-    const Prediction prediction(fit, split.used);
+    const std::vector<DividedBlock> divided = DivideBlocks(model, fit, split, fold);
+    const Prediction prediction(fit, split.used, divided);
     std::map<std::string, Prediction::Sum, std::less<>> sums;
     Prediction::Sum all;
+    const auto change = [&](int e) { return (*fit.whitening)(e, fit.mean[e] - null.mean[e]); };
+    // `data`: index of a block, or part of a block; `squared_change`: |d|^2 of it.
+    const auto add = [&](int e, const auto& data, double squared_change) {
+      prediction.Add(data, &all);
+      for (const std::string& name : groups_of[e]) {
+        prediction.Add(data, &sums[name]);
+        groups[name].model_error += kEffectError * kEffectError * squared_change;
+      }
+    };
     for (int e = 0; e < model.blocks(); ++e) {
       if (!split.held_out[e]) continue;
-      prediction.Add(e, &all);
       check.log_score -= 0.5 * fit.whitening->LogDeterminant(e);
-      const Eigen::VectorXd change = (*fit.whitening)(e, fit.mean[e] - null.mean[e]);
-      for (const std::string& name : groups_of[e]) {
-        prediction.Add(e, &sums[name]);
-        groups[name].model_error += kEffectError * kEffectError * change.squaredNorm();
-      }
+      add(e, e, change(e).squaredNorm());
+    }
+    for (const DividedBlock& part : divided) {
+      check.log_score -= 0.5 * part.log_determinant;
+      const Eigen::Index m = part.held_out.residual.size();
+      add(part.block, part.held_out, change(part.block).head(m).squaredNorm() / kObservedParts);
     }
     check.log_score -= 0.5 * (prediction.ChiSquared(all) + prediction.LogDeterminant(all));
     for (const auto& [name, sum] : sums) {

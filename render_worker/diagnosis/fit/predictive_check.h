@@ -30,7 +30,9 @@ struct PredictiveCheck {
   double log_score = 0;
 };
 
-// Every recording is predicted from the other folds (HeldOutRecordings), as CrossValidate does.
+// Every recording is predicted from the other folds (HeldOutRecordings), as CrossValidate does. An
+// effect that shows in one statistic of all recordings together cannot be predicted that way, so
+// such a block is divided by pixels (DividedBlock).
 // `null`: a fit of the same set without effects. The whitened change d from its expectation to that
 // of `fit` has a relative error of kEffectError. Chi squared of a group of n components is
 // therefore compared with a noncentral chi squared distribution of n degrees of freedom and

@@ -8,6 +8,7 @@
 
 #include "core/parallel/worker_threads.h"
 #include "render_worker/diagnosis/statistic/burst_statistic.h"
+#include "render_worker/diagnosis/statistic/column_parity_statistic.h"
 #include "render_worker/diagnosis/statistic/histogram_statistic.h"
 #include "render_worker/diagnosis/statistic/hot_pixels.h"
 #include "render_worker/diagnosis/statistic/line_displacement.h"
@@ -152,6 +153,7 @@ SetModel::SetModel(const RecordedSet& set, const SetModelSettings& settings)
   statistics_.push_back(std::make_unique<HistogramStatistic>(set));
   statistics_.push_back(std::make_unique<FixedPatternStatistic>(set));
   statistics_.push_back(std::make_unique<BurstStatistic>(set));
+  statistics_.push_back(std::make_unique<ColumnParityStatistic>(set));
   const bool recorded = !set.frames.empty() && !set.frames.front().raw_dn.values.empty();
   const RecordedSet cleaned = recorded ? WithoutHotPixels(set) : RecordedSet{};
   for (size_t s = 0; s < statistics_.size(); ++s) {
@@ -161,6 +163,8 @@ SetModel::SetModel(const RecordedSet& set, const SetModelSettings& settings)
     for (int block = 0; block < statistics_[s]->blocks(); ++block) {
       places_.emplace_back(static_cast<int>(s), block);
       observed_.push_back(recorded ? statistics_[s]->Observed(seen, block) : Eigen::VectorXd());
+      observed_parts_.push_back(recorded ? statistics_[s]->ObservedOfParts(seen, block)
+                                         : BlockVectors());
     }
   }
 }
@@ -204,34 +208,6 @@ BlockVectors SetModel::MeanOf(const ExpectedSet& expected, const std::vector<boo
   return mean;
 }
 
-int SetModel::PlatePositionOf(int block) const {
-  int position = -1;
-  for (int f : FramesOf(block)) {
-    const int id = set_.frames[f].plate_position_id;
-    if (id < 0 || id == position) continue;
-    if (position >= 0) return -1;
-    position = id;
-  }
-  return position;
-}
-
-std::map<int, double> SetModel::EstimateLineShifts(const SetParameters& parameters) const {
-  SetParameters centred = parameters;
-  centred.line_shift_px.clear();
-  const ExpectedSet expected = ExpectStrips(centred, false);
-  std::map<int, std::pair<double, int>> sums;
-  for (size_t f = 0; f < set_.frames.size(); ++f) {
-    const RecordedFrame& recorded = set_.frames[f];
-    if (recorded.plate_position_id < 0) continue;
-    auto& [sum, count] = sums[recorded.plate_position_id];
-    sum += DisplacementOfLine(set_, expected, static_cast<int>(f)).shift_px;
-    ++count;
-  }
-  std::map<int, double> shifts;
-  for (const auto& [id, value] : sums) shifts[id] = value.first / value.second;
-  return shifts;
-}
-
 SetModel::Expectation SetModel::Expect(const SetParameters& parameters, bool with_covariance,
                                        bool middle_only) const {
   const ExpectedSet expected = ExpectStrips(parameters, middle_only);
@@ -246,6 +222,34 @@ SetModel::Expectation SetModel::Expect(const SetParameters& parameters, bool wit
     }
   });
   return expectation;
+}
+
+int PlatePositionOf(const SetModel& model, int block) {
+  int position = -1;
+  for (int f : model.FramesOf(block)) {
+    const int id = model.set().frames[f].plate_position_id;
+    if (id < 0 || id == position) continue;
+    if (position >= 0) return -1;
+    position = id;
+  }
+  return position;
+}
+
+std::map<int, double> EstimateLineShifts(const SetModel& model, const SetParameters& parameters) {
+  SetParameters centred = parameters;
+  centred.line_shift_px.clear();
+  const ExpectedSet expected = model.ExpectStrips(centred, false);
+  std::map<int, std::pair<double, int>> sums;
+  for (size_t f = 0; f < model.set().frames.size(); ++f) {
+    const RecordedFrame& recorded = model.set().frames[f];
+    if (recorded.plate_position_id < 0) continue;
+    auto& [sum, count] = sums[recorded.plate_position_id];
+    sum += DisplacementOfLine(model.set(), expected, static_cast<int>(f)).shift_px;
+    ++count;
+  }
+  std::map<int, double> shifts;
+  for (const auto& [id, value] : sums) shifts[id] = value.first / value.second;
+  return shifts;
 }
 
 }  // namespace sightline

@@ -50,6 +50,8 @@ class SetModel {
 
   int blocks() const { return static_cast<int>(observed_.size()); }
   const BlockVectors& observed() const { return observed_; }
+  // SetStatistic::ObservedOfParts of a block.
+  const BlockVectors& ObservedParts(int block) const { return observed_parts_[block]; }
   // The statistic that a block belongs to.
   const SetStatistic& StatisticOf(int block) const { return *statistics_[places_[block].first]; }
   // Recordings that a block is computed from, in order of time.
@@ -57,16 +59,10 @@ class SetModel {
     return StatisticOf(block).Frames(places_[block].second);
   }
 
-  // Plate position of all laser recordings of a block; -1: none or several.
-  int PlatePositionOf(int block) const;
   // Recording that a component of a block belongs to.
   int FrameOfComponent(int block, int component) const {
     return StatisticOf(block).FrameOfComponent(places_[block].second, component);
   }
-
-  // Line shift of every plate position in addition to the parameters' deviations, from the centroid
-  // of the line [px]. It starts the fit, which needs the line to within its width.
-  std::map<int, double> EstimateLineShifts(const SetParameters& parameters) const;
 
   struct Expectation {
     BlockVectors mean;
@@ -97,8 +93,16 @@ class SetModel {
   std::vector<std::unique_ptr<SetStatistic>> statistics_;
   std::vector<std::pair<int, int>> places_;  // of every block: statistic, block of it
   BlockVectors observed_;
+  std::vector<BlockVectors> observed_parts_;  // of every block
   std::vector<int> position_ids_;
   std::vector<std::pair<int, int>> bursts_;  // first frame, one past the last
 };
+
+// Plate position of all laser recordings of a block; -1: none or several.
+int PlatePositionOf(const SetModel& model, int block);
+
+// Line shift of every plate position in addition to the parameters' deviations, from the centroid
+// of the line [px]. It starts the fit, which needs the line to within its width.
+std::map<int, double> EstimateLineShifts(const SetModel& model, const SetParameters& parameters);
 
 }  // namespace sightline

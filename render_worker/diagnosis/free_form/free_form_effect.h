@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Base of the free-form terms, and what they share.
+// Base of the model-discrepancy terms, and what they share.
 #pragma once
 
 #include <algorithm>

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-form terms of the geometry: where camera, projector and line are, how the sensor lies to
-// them. The scale of the image belongs to the lens.
+// Model-discrepancy terms of the geometry: where camera, projector and line are, how the sensor
+// lies to them. The scale of the image belongs to the lens.
 #include <algorithm>
 #include <array>
 #include <cmath>

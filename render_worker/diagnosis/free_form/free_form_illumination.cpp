@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-form terms of the illumination: profile, course along the line and over time of the laser,
-// other light, coherence.
+// Model-discrepancy terms of the illumination: profile, course along the line and over time of the
+// laser, other light, coherence.
 #include <array>
 #include <cmath>
 #include <numbers>
@@ -12,7 +12,7 @@
 namespace sightline {
 namespace {
 
-constexpr double kLaserDistance_m = 0.4;  // where distance laws are 1
+constexpr double kLaserDistance_m = 0.4;  // distance functions are 1 here
 
 // Hermite polynomials of a normal distribution.
 double Hermite3(double t) { return t * (t * t - 3); }

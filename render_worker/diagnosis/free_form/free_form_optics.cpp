@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-form terms of the lens: halos, wavefront, amount of light against aperture and field,
-// distortion.
+// Model-discrepancy terms of the lens: halos, wavefront, amount of light against aperture and
+// field, distortion.
 #include <array>
 #include <cmath>
 #include <numbers>

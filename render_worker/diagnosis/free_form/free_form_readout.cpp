@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-form terms of what the sensor's readout adds: noise of pixels, rows and columns, pixels far
-// out of line, codes that do not occur.
+// Model-discrepancy terms of what the sensor's readout adds: noise of pixels, rows and columns,
+// pixels far out of line, codes that do not occur.
 #include <array>
 #include <cmath>
 
@@ -72,7 +72,7 @@ class LineNoiseTerm final : public FreeFormEffect {
   }
 };
 
-// Which pixels, and how much of the mean, is fixed for a camera.
+// The pixels, and the fraction of the mean, are fixed for a camera.
 class PixelTailTerm final : public FreeFormEffect {
  public:
   PixelTailTerm()

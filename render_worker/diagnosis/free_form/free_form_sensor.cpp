@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-form terms of the sensor: response, colours, dark signal, charge that goes astray in space
-// and time. Noise and codes: free_form_readout.cpp.
+// Model-discrepancy terms of the sensor: response, colours, dark signal, charge that goes astray in
+// space and time. Noise and codes: free_form_readout.cpp.
 #include <array>
 #include <cmath>
 

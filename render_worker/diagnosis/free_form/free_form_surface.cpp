@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-form terms of the surface: light that spreads on the plate, reflectance by direction.
+// Model-discrepancy terms of the surface: light that spreads on the plate, reflectance by
+// direction.
 #include <array>
 #include <cmath>
 #include <utility>

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-form terms of time: the exposure that a set time gives, and drifts.
+// Model-discrepancy terms of time: the exposure that a set time gives, and drifts.
 #include <array>
 #include <cmath>
 

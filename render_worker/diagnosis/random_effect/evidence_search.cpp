@@ -154,12 +154,24 @@ void Climb(const EvidenceSpace& space, Coordinates& best, double& gain) {
   }
 }
 
-// Laplace's approximation of the log evidence at the top, one coordinate at a time. Enlarges
-// standard errors to those of the curvature where it is larger than 1.
-double LaplaceEvidence(const EvidenceSpace& space, const Coordinates& best, double gain,
-                       std::vector<double>& standard_errors) {
+// The fine grid about the top: its step, and how far it reaches in every coordinate. A sum over
+// points a standard deviation apart integrates a normal peak to 1e-8.
+constexpr double kFineStep = 0.1, kFineReach = 0.6;
+
+// Laplace's approximation of the log evidence at the top, one coordinate at a time, and the
+// standard deviations of a normal peak of its curvature, at most 1.
+struct LaplacePeak {
+  double log_evidence = 0;
+  double narrowest = 1, widest = 0;
+};
+
+// Enlarges standard errors to those of the curvature where it is larger than 1.
+LaplacePeak LaplaceEvidence(const EvidenceSpace& space, const Coordinates& best, double gain,
+                            std::vector<double>& standard_errors) {
   constexpr double kStep = 0.02;
-  double laplace = gain;
+  LaplacePeak peak;
+  double& laplace = peak.log_evidence;
+  laplace = gain;
   for (size_t k = 0; k < space.dimensions(); ++k) {
     Coordinates less = best, more = best;
     less[k] -= kStep;
@@ -167,6 +179,9 @@ double LaplaceEvidence(const EvidenceSpace& space, const Coordinates& best, doub
     const double curvature = (2 * gain - space.GainAt(less) - space.GainAt(more)) / (kStep * kStep);
     const double slope =
         std::abs(space.ParametersAt(more)[k] - space.ParametersAt(less)[k]) / (2 * kStep);
+    const double width = 1 / std::sqrt(std::max(1.0, curvature));
+    peak.narrowest = std::min(peak.narrowest, width);
+    peak.widest = std::max(peak.widest, width);
     const double z = k == 0 ? std::exp(best[0]) : best[1];
     laplace += std::log((k == 0 ? 2 * z : 1) / (pi * (1 + z * z)) *
                         std::sqrt(2 * pi / std::max(1.0, curvature)));
@@ -174,7 +189,7 @@ double LaplaceEvidence(const EvidenceSpace& space, const Coordinates& best, doub
       standard_errors[k] = std::max(standard_errors[k], slope / std::sqrt(curvature));
     }
   }
-  return laplace;
+  return peak;
 }
 
 }  // namespace
@@ -189,14 +204,20 @@ EvidencePeak SearchEvidence(std::span<const EffectParameter> description,
   double top = coarse.gain;
   Climb(space, best, top);
   EvidencePeak fine = Summarise(space.Grid(
-      {std::max(kWeakest, best[0] - 0.6), std::min(space.strongest(), best[0] + 0.6), 0.1},
-      {best[1] - 0.5, std::min(space.longest(), best[1] + 0.5), 0.1}));
+      {std::max(kWeakest, best[0] - kFineReach), std::min(space.strongest(), best[0] + kFineReach),
+       kFineStep},
+      {best[1] - kFineReach, std::min(space.longest(), best[1] + kFineReach), kFineStep}));
   fine.parameters = space.ParametersAt(best);
   fine.gain = top;
-  // The coarse grid covers a wide peak. A narrow one falls between grid points, but has a
-  // curvature. The maximum of three estimates is biased upwards: a single one should replace it.
-  const double laplace = LaplaceEvidence(space, best, top, fine.standard_errors);
-  fine.log_evidence = std::max({laplace, fine.log_evidence, coarse.log_evidence});
+  // One estimate, chosen by the peak's width and not by its value: the largest of several would be
+  // biased upwards. A peak narrower than the fine grid's step falls between its points; one whose
+  // 2.5 standard deviations leave the fine grid is covered by the coarse one.
+  const LaplacePeak peak = LaplaceEvidence(space, best, top, fine.standard_errors);
+  if (peak.narrowest < kFineStep) {
+    fine.log_evidence = peak.log_evidence;
+  } else if (2.5 * peak.widest > kFineReach) {
+    fine.log_evidence = coarse.log_evidence;
+  }
   return fine;
 }
 

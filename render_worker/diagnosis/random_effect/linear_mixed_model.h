@@ -47,7 +47,7 @@ struct ProjectedModel {
 };
 ProjectedModel ProjectOutNuisance(const LinearMixedModel& model);
 
-// What is left for the amplitudes to explain at the offset c.
+// The rest that the amplitudes have to explain at the offset c.
 struct ProjectedData {
   Eigen::VectorXd slope;  // b = V'P(r - U c), m
   double length = 0;      // (r - U c)'P(r - U c)

@@ -240,7 +240,7 @@ LinearisationBasis MakeBasis(const SetModel& model, const FitResult& fit,
   for (const Eigen::VectorXd& mean : null.mean) {
     basis.offset.push_back(basis.offset.back() + static_cast<int>(mean.size()));
   }
-  for (int e = 0; e < model.blocks(); ++e) basis.position.push_back(model.PlatePositionOf(e));
+  for (int e = 0; e < model.blocks(); ++e) basis.position.push_back(PlatePositionOf(model, e));
   for (size_t i = 0; i < fit.at_bound.size(); ++i) {
     if (!fit.at_bound[i]) continue;
     for (Eigen::MatrixXd& block : basis.jacobian) block.col(static_cast<Eigen::Index>(i)).setZero();

@@ -26,7 +26,7 @@ std::vector<int> LitRecordings::RecordingsOfEntries(int slot) const {
   }
   std::vector<int> recordings;
   for (int e = 0; e < model_.blocks(); ++e) {
-    const auto recording = recording_of.find(model_.PlatePositionOf(e));
+    const auto recording = recording_of.find(PlatePositionOf(model_, e));
     recordings.push_back(recording == recording_of.end() ? -1 : recording->second);
   }
   return recordings;

@@ -21,7 +21,7 @@ namespace {
 std::vector<double> ScalesOfLight(const SetModel& model, SetParameters parameters, size_t count,
                                   const std::function<int(int block, int component)>& group_of) {
   // The line must be expected where it is, or its light would seem to be missing.
-  parameters.line_shift_px = model.EstimateLineShifts(parameters);
+  parameters.line_shift_px = EstimateLineShifts(model, parameters);
   const BlockVectors expected = model.Expect(parameters, false).mean;
   constexpr double kNotCutOff = 0.8;
   std::vector<double> product(count, 0), square(count, 0);
@@ -128,7 +128,7 @@ std::vector<int> BlocksOfEntries(const SetModel& model) {
   std::vector<int> block_of_entry(model.blocks(), -1);
   std::map<int, int> next_block;
   for (int e = 0; e < model.blocks(); ++e) {
-    const int position = model.PlatePositionOf(e);
+    const int position = PlatePositionOf(model, e);
     if (position >= 0 && model.StatisticOf(e).kind() == StatisticKind::kProfile) {
       block_of_entry[e] = next_block[position]++;
     }
@@ -163,7 +163,7 @@ Eigen::VectorXd ReflectanceExcesses(const SetModel& model, SetParameters paramet
   const int blocks = model.blocks_along_line();
   const std::vector<double> light = ScalesOfLight(
       model, std::move(parameters), blocks * model.position_ids().size(), [&](int e, int) {
-        const Eigen::Index position = PositionIndex(model, model.PlatePositionOf(e));
+        const Eigen::Index position = PositionIndex(model, PlatePositionOf(model, e));
         return static_cast<int>(position) * blocks + block_of_entry[e];
       });
   const std::vector<double> excesses = OverMedian(light);

@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -26,6 +27,13 @@ struct ComparisonSettings {
   uint64_t seed = 1;                          // of the choice of recordings that are left out
 };
 
+// The part of the difference between the recordings and the null model that the answer leaves.
+struct RemainderOfAnswer {
+  const Effect* term = nullptr;  // model-discrepancy term that describes it best; null: none does
+  double share = 0;              // of the null model's excess on held-out recordings, in [0, 1]
+  double probability = 0;        // that it is physics which the vocabulary lacks, in [0, 1]
+};
+
 struct ModelComparison {
   // False: `progress` stopped it. `null`, `screened` and `ranked` hold what was found until then,
   // ranked by evidence; no predictive check was made.
@@ -40,6 +48,8 @@ struct ModelComparison {
   // the predictive checks of the null model and of it.
   Hypothesis named;
   PredictiveCheck null_check, named_check;
+  // Unset: nothing speaks for it, or ranked.front() has a model-discrepancy term.
+  std::optional<RemainderOfAnswer> remainder;
 };
 
 // `null`: a fit of `model` without effects. `progress` gets the fraction done in [0, 1] from the

@@ -39,21 +39,21 @@ Hypothesis FitHypothesis(const Context& context, Hypothesis hypothesis, const Fi
   settings.max_iterations = effort.max_iterations;
   hypothesis.fit = FitSet(context.model, start, hypothesis.free, settings, &reference);
   hypothesis.effects = hypothesis.fit.parameters.effects;
-  hypothesis.log_evidence = LogEvidence(hypothesis, context.null, context.linearisation);
+  SetEvidence(EvidenceOver(hypothesis, context.null, context.linearisation), &hypothesis);
   return hypothesis;
 }
 
 Hypothesis FitFromNominal(const Context& context, Hypothesis hypothesis) {
   SetParameters start;
   start.effects = hypothesis.effects;
-  start.line_shift_px = context.model.EstimateLineShifts(start);
+  start.line_shift_px = EstimateLineShifts(context.model, start);
   FitSettings settings;
   // Chosen: as FitSettings, with wide tolerances first, since the start is far off.
   settings.rounds = {{0.3, 0.3}, {0.1, 0.2}, {0.01, 0.1}, {0, 0.03}, {0, 0}};
   settings.middle_only = true;
   hypothesis.fit = FitSet(context.model, start, hypothesis.free, settings, nullptr);
   hypothesis.effects = hypothesis.fit.parameters.effects;
-  hypothesis.log_evidence = LogEvidence(hypothesis, context.null);
+  SetEvidence(EvidenceOver(hypothesis, context.null), &hypothesis);
   return hypothesis;
 }
 

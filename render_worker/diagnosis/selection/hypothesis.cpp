@@ -113,16 +113,26 @@ bool EffectsAreDetected(const Hypothesis& hypothesis) {
   return true;
 }
 
-double LogEvidence(const Hypothesis& hypothesis, const FitResult& null) {
-  return -0.5 * (TwiceCost(hypothesis.fit) - TwiceCost(null)) + LogPrior(hypothesis);
+Evidence EvidenceOver(const Hypothesis& hypothesis, const FitResult& null) {
+  const FitResult& fit = hypothesis.fit;
+  return {.fit = -0.5 * (fit.chi_squared - null.chi_squared),
+          .covariance = -0.5 * (fit.data_log_determinant - null.data_log_determinant),
+          .curvature = -0.5 * (fit.log_determinant - null.log_determinant),
+          .parameter_prior = -0.5 * (fit.prior - null.prior) + LogPrior(hypothesis),
+          .model_prior = 0};
 }
 
-double LogEvidence(const Hypothesis& hypothesis, const FitResult& null,
-                   const FitResult& linearisation) {
-  const FitResult& fit = hypothesis.fit;
-  const double more =
-      LogDeterminantAbout(fit, linearisation) - LogDeterminantAbout(null, linearisation);
-  return LogEvidence(hypothesis, null) + 0.5 * (fit.log_determinant - null.log_determinant - more);
+Evidence EvidenceOver(const Hypothesis& hypothesis, const FitResult& null,
+                      const FitResult& linearisation) {
+  Evidence evidence = EvidenceOver(hypothesis, null);
+  evidence.curvature = -0.5 * (LogDeterminantAbout(hypothesis.fit, linearisation) -
+                               LogDeterminantAbout(null, linearisation));
+  return evidence;
+}
+
+void SetEvidence(const Evidence& evidence, Hypothesis* hypothesis) {
+  hypothesis->evidence = evidence;
+  hypothesis->log_evidence = evidence.LogMarginalLikelihood();
 }
 
 }  // namespace sightline

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "render_worker/diagnosis/fit/fit.h"
+#include "render_worker/evidence/evidence.h"
 
 namespace sightline {
 
@@ -20,9 +21,13 @@ struct Hypothesis {
   std::vector<double> realised;
   // Phase in the middle of every exposure of a vibration whose phases were fitted [rad], or empty.
   std::vector<double> phases_rad;
-  // Logarithm of the evidence over that of the null model [nats], of the whole set.
-  double log_evidence = 0;
+  // Terms of the evidence over those of the null model, of the whole set. For a random effect `fit`
+  // is its log-likelihood ratio, amplitudes and nuisance parameters integrated out.
+  Evidence evidence;
+  double log_evidence = 0;  // evidence.LogMarginalLikelihood() [nats]
   double log_prior = 0;
+  // Log predictive density of recordings left out [nats], up to a constant of the data.
+  double held_out_score = 0;
   double probability = 0;  // posterior, in [0, 1]
 };
 
@@ -44,16 +49,19 @@ bool IsRandomEffect(const Hypothesis& hypothesis);
 // compared with none by its evidence.
 bool EffectsAreDetected(const Hypothesis& hypothesis);
 
-// Logarithm of the evidence over that of the null model [nats]:
+// Terms of the evidence over those of the null model, without the model's prior:
 //   -1/2 (X - X0) + log pi, X = chi squared + sum of z^2 + log |Sigma| + log |H|
 // with the data's covariance Sigma, the set-up's standardised parameters z, the posterior
 // information H, and the prior density pi of the effects' parameters. Each fit may have a
 // covariance of its own, but both must be of the same data.
-double LogEvidence(const Hypothesis& hypothesis, const FitResult& null);
+Evidence EvidenceOver(const Hypothesis& hypothesis, const FitResult& null);
 // The same with the derivatives of `linearisation` with respect to the set-up's parameters in both
 // information matrices; it must have the same covariance. Derivatives that every fit finds by its
 // own finite differences change log |H| by some nats without meaning.
-double LogEvidence(const Hypothesis& hypothesis, const FitResult& null,
-                   const FitResult& linearisation);
+Evidence EvidenceOver(const Hypothesis& hypothesis, const FitResult& null,
+                      const FitResult& linearisation);
+
+// Sets the evidence and its logarithm.
+void SetEvidence(const Evidence& evidence, Hypothesis* hypothesis);
 
 }  // namespace sightline

@@ -10,30 +10,6 @@
 
 namespace sightline::thresholds {
 
-// --- Prior probabilities (stages/rank.cpp, stages/hold_to_predictions.cpp) ---
-
-// Probability that a set lacks no effect. Chosen: whoever asks has mostly seen a difference, and no
-// survey of rigs is known.
-inline constexpr double kNonePrior = 0.3;
-// Probability that the difference follows no effect of the vocabulary, if there is one. Chosen: the
-// vocabulary has the effects of the textbooks, so one rig in ten is the most it may lack.
-inline constexpr double kUnknownPrior = 0.1;
-// Fraction of kUnknownPrior for an effect of the vocabulary plus a model-discrepancy term. Chosen:
-// no reason is known to prefer it to a term by itself.
-inline constexpr double kNearKnownPrior = 0.5;
-// Stages of the image chain, which share the model-discrepancy terms. Derived: the enumerators of
-// Stage (render_worker/effects/effect.h).
-inline constexpr double kStages = 6;
-// Probability of one more effect. Chosen: as kUnknownPrior.
-inline constexpr double kOneMorePrior = 0.1;
-
-// --- Predictive checks (stages/hold_to_predictions.cpp, stages/terms_beside.cpp) ---
-
-// Log score on recordings left out that a name must gain [nats]. e^3 = 20 are the odds at which
-// Kass and Raftery (J. Am. Stat. Assoc. 90 (1995) 773) call evidence strong.
-inline constexpr double kClearGain_nats = 3;
-// A model is rejected below this p-value of its predictions. Chosen: the customary level of 1 %.
-inline constexpr double kRejectedBelow = 0.01;
 // Standard errors by which one of an effect's parameters must differ from its null value, in a
 // hypothesis of several effects. Derived: the two-sided 95 % interval of a normal distribution.
 inline constexpr double kDetected_standard_errors = 2;

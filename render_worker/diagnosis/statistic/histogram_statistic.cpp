@@ -90,8 +90,12 @@ double Plateau(const std::vector<std::vector<ExpectedFrame>>& strips, int f, dou
     const std::vector<Image<float>>& levels = samples[f].level_dn;
     if (levels.size() < 2) return 0;
     const Image<float>& weaker = levels[levels.size() - 2];
+    // Odd and even columns of a mono sensor may differ: the brighter ones have the plateau.
+    const bool mono = samples[f].frame.sensor.colour_filter == ColourFilter::kMono;
+    const int columns = mono ? std::min(2, weaker.columns_px) : 1;
     for (int row = 0; row < weaker.rows_px; ++row) {
-      rows += weaker.At(row, 0) > *largest - kFlat_dn ? 1 : 0;
+      const float brighter = *std::max_element(weaker.Row(row), weaker.Row(row) + columns);
+      rows += brighter > *largest - kFlat_dn ? 1 : 0;
     }
   }
   // Chosen: two rows of every segment on average.

@@ -51,7 +51,12 @@ enum class StatisticKind {
   kSharedSpeckle,  // exposures of the same speckle compared by pixel (SharedSpeckleStatistic)
   kBurst,          // image lag within a burst (BurstStatistic)
   kHistogram,      // frequencies of raw values (HistogramStatistic)
+  kColumnParity,   // odd against even columns (ColumnParityStatistic)
 };
+
+// Parts of the pixels that an observation block can be divided into. Chosen: as many as there are
+// folds of the cross-validation (fit/fit_quality.h), so that each fold holds out one part.
+inline constexpr int kObservedParts = 4;
 
 // Block indices are 0 ... blocks() - 1.
 class SetStatistic {
@@ -71,6 +76,17 @@ class SetStatistic {
   // All have the same size, which depends on the recordings alone.
   virtual Eigen::VectorXd Observed(const RecordedSet& set, int block) const = 0;
   virtual Eigen::VectorXd Expected(const ExpectedSet& expected, int block) const = 0;
+  // The leading m components of a block, computed on each of kObservedParts disjoint parts of the
+  // pixels: all of size m <= Observed().size(). Empty (the default): the block is not divided, or
+  // the set is only planned. Each part has the expectation of the block's leading components. Parts
+  // count as independent with kObservedParts times the block's covariance, so that together they
+  // are as informative as the block. That is an approximation in two respects: pixels within a lag
+  // of the border between two parts contribute to both, and those errors of the model that all
+  // parts share count as independent.
+  virtual std::vector<Eigen::VectorXd> ObservedOfParts(const RecordedSet& /*set*/,
+                                                       int /*block*/) const {
+    return {};
+  }
   virtual Eigen::MatrixXd Covariance(const ExpectedSet& expected, int block) const = 0;
 };
 

@@ -47,7 +47,7 @@ class PathTracer {
   LampChoice lamps_;
   int channels_;
   int max_bounces_;
-  std::vector<Spectrum> sources_;  // what the lamps add to the ambient radiance, then that
+  std::vector<Spectrum> sources_;  // lamps beyond the ambient radiance, then the ambient one
   std::vector<Spectrum> weights_;
   std::vector<float> channel_radiance_;  // [source][channel]
 };

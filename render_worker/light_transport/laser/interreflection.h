@@ -16,7 +16,7 @@ class Interreflection {
 
   struct Estimate {
     float radiance_w_m2_sr = 0;
-    // Of what lights the first surface, weighted by its light.
+    // Mean over the sources that light the first surface, weighted by their light.
     float inverse_distance_1_m = 0;
     int rays = 0;
   };

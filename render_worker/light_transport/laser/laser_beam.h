@@ -45,7 +45,7 @@ class LaserBeam {
 
   // Direction of travel at a point, unit vector (the slight divergence across the sheet left out).
   Eigen::Vector3d Direction(const Coordinates& c) const;
-  // Where in the source the light of a point comes from, for shadow rays: the same relative place
+  // Origin in the source of the light at a point, for shadow rays: the same relative place
   // in the beam's profile.
   Eigen::Vector3d SourcePoint(const Coordinates& c) const;
 

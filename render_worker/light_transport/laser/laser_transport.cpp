@@ -26,7 +26,7 @@ constexpr double kFloorOfLine = 1e-4;
 // Samples per pixel of details that are smaller than the blocks.
 constexpr int kDetailSamples = 16;
 
-// What the chief ray of every sub-pixel meets, and the laser's direct light there.
+// The first hit of every sub-pixel's chief ray, and the laser's direct light there.
 class DirectLaser {
  public:
   DirectLaser(const RayScene& scene, const SceneView& view, const SubPixelGrid& grid)

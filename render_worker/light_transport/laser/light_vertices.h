@@ -23,7 +23,7 @@ struct LightVertex {
   Eigen::Vector3f towards_light;  // local direction to where the light came from
   float flux_w = 0;               // carried by the path, before reflection here
   float density = 0;              // of this vertex in the light path [1/m^2]
-  // Of the vertex before: its density, cosine over distance squared towards this one, running sum.
+  // Vertex before: its density, cosine over distance squared towards this one, running sum.
   float previous_density = 0;
   float previous_geometry = 0;
   float previous_sum = 0;
@@ -39,7 +39,7 @@ class LightVertices {
   int paths() const { return paths_; }
   // Vertices after s - 1 reflections, s = 1..max_reflections, in the order of the fan.
   const std::vector<LightVertex>& AtDepth(int s) const { return vertices_[s - 1]; }
-  // What a first look at many of them needs, close together in memory.
+  // Data that a first pass over many vertices needs, close together in memory.
   struct Summary {
     Eigen::Vector3f position_m;
     Eigen::Vector3f normal;

@@ -3,8 +3,7 @@
 // 32-bit sizes (90 half angles theta_h in steps growing as a square, 90 theta_d, 180 phi_d), then
 // three colours of that many doubles. The file holds phi_d in [0, pi), which is Helmholtz
 // reciprocity; here also phi_d and pi - phi_d are averaged (mirror symmetry of an isotropic
-// surface). Linear between the centres of the cells. Negative numbers mark what was not measured:
-// 0.
+// surface). Linear between the centres of the cells. Negative numbers mark unmeasured values: 0.
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
@@ -23,7 +22,7 @@ constexpr int kHalfAngles = 90;
 constexpr int kDifferenceAngles = 90;
 constexpr int kAzimuths = 180;
 constexpr int kCells = kHalfAngles * kDifferenceAngles * kAzimuths;
-// Of the file's numbers to BRDF, red, green, blue (Matusik's BRDFRead).
+// Scale from the file's numbers to the BRDF, red, green, blue (Matusik's BRDFRead).
 constexpr float kScale[3] = {1.0F / 1500, 1.15F / 1500, 1.66F / 1500};
 // Wavelengths the three colours stand for; linear in between.
 constexpr double kWavelength_m[3] = {620e-9, 550e-9, 460e-9};

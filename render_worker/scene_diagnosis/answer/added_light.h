@@ -14,7 +14,7 @@ struct AddedLight {
   // Sums over all blocks of the mean photo-electrons of a pixel: of the added light, and of the
   // null model's laser light [electrons].
   double sum = 0, laser_sum = 0;
-  ExcessRegion region;  // where it stands out most; none for the null model
+  ExcessRegion region;  // most significant region; none for the null model
 };
 
 // `null_fit`: the null model alone, from whose residuals the light stands out.

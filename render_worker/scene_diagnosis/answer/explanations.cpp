@@ -9,6 +9,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "render_worker/evidence/answer_text.h"
+#include "render_worker/evidence/evidence.h"
+#include "render_worker/evidence/judgement.h"
 #include "render_worker/scene_diagnosis/light/path_names.h"
 
 namespace sightline {
@@ -66,6 +69,46 @@ void AddEffects(const PathFit& fit, const ExcessRegion& region, const RecordedSc
   }
 }
 
+bool IsUnknown(const PathHypothesis& hypothesis) {
+  return !hypothesis.effects.empty() && hypothesis.effects.front() == kUnknownLight;
+}
+
+std::string ReasonFor(const PathComparison& comparison, const PathHypothesis& hypothesis,
+                      const PathHypothesis& best) {
+  const char* most = comparison.finished ? "the most probable" : "the best so far";
+  if (&hypothesis == &best) {
+    const bool off = best.Name() == kInterreflection;
+    return absl::StrCat(most, off ? "; render.laser_interreflection switches it on" : "");
+  }
+  if (!hypothesis.predicts) {
+    return absl::StrFormat(
+        "predicts held-out tiles less than %.0f nats better than without it, or with one effect "
+        "less",
+        kClearGain_nats);
+  }
+  if (IsUnknown(hypothesis) && !IsUnknown(best) && comparison.remainder) {
+    return WhyTermDoesNotLead(
+        {.more_evidence = hypothesis.log_predictive - best.log_predictive,
+         .more_held_out_score = hypothesis.best.HeldOutLogDensity() - best.best.HeldOutLogDensity(),
+         .share_left = comparison.remainder->share});
+  }
+  const double below = best.log_predictive - hypothesis.log_predictive;
+  return absl::StrFormat("log evidence %.1f %s %s%s", std::abs(below),
+                         below < 0 ? "above" : "below", most,
+                         below < 0 ? ", but less probable beforehand" : "");
+}
+
+void AddRemainder(const PathComparison& comparison, v1::Diagnosis* diagnosis) {
+  if (!comparison.remainder) return;
+  v1::Remainder* remainder = diagnosis->mutable_remainder();
+  const int discrepancy = comparison.remainder->discrepancy;
+  if (discrepancy >= 0) {
+    remainder->set_stage(comparison.hypotheses[static_cast<size_t>(discrepancy)].stage);
+  }
+  remainder->set_share(comparison.remainder->share);
+  remainder->set_probability(comparison.remainder->probability);
+}
+
 }  // namespace
 
 std::vector<const PathHypothesis*> RankHypotheses(const std::vector<PathHypothesis>& hypotheses) {
@@ -73,6 +116,7 @@ std::vector<const PathHypothesis*> RankHypotheses(const std::vector<PathHypothes
   for (const PathHypothesis& h : hypotheses) ranked.push_back(&h);
   std::stable_sort(ranked.begin(), ranked.end(),
                    [](const PathHypothesis* a, const PathHypothesis* b) {
+                     if (a->probability != b->probability) return a->probability > b->probability;
                      return a->log_prior + a->log_predictive > b->log_prior + b->log_predictive;
                    });
   return ranked;
@@ -82,9 +126,7 @@ void AddExplanations(const RecordedScene& scene, const PathComparison& compariso
                      const std::vector<const PathHypothesis*>& ranked, const ExcessRegion& region,
                      v1::Diagnosis* diagnosis) {
   const PathHypothesis& best = *ranked.front();
-  const char* most = comparison.finished ? "the most probable" : "the best so far";
-  const char* switch_on =
-      best.Name() == kInterreflection ? "; render.laser_interreflection switches it on" : "";
+  const Evidence none = comparison.hypotheses[0].Terms();
   std::map<std::string, double> stages;
   for (const PathHypothesis* hypothesis : ranked) {
     if (!hypothesis->stage.empty()) stages[hypothesis->stage] += hypothesis->probability;
@@ -96,12 +138,10 @@ void AddExplanations(const RecordedScene& scene, const PathComparison& compariso
                                        comparison.hypotheses[0].log_predictive);
     explanation->set_held_out_chi_squared_per_dof(hypothesis->best.HeldOutChiSquaredPerDegree());
     AddEffects(hypothesis->best, hypothesis == &best ? region : ExcessRegion(), scene, explanation);
-    explanation->set_reason(hypothesis == &best
-                                ? absl::StrCat(most, switch_on)
-                                : absl::StrFormat("log evidence %.1f below %s",
-                                                  best.log_predictive - hypothesis->log_predictive,
-                                                  most));
+    *explanation->mutable_evidence() = EvidenceToProto(hypothesis->Terms() - none);
+    explanation->set_reason(ReasonFor(comparison, *hypothesis, best));
   }
+  AddRemainder(comparison, diagnosis);
   for (const auto& [stage, probability] : stages) {
     v1::StageEvidence* evidence = diagnosis->add_stages();
     evidence->set_stage(stage);

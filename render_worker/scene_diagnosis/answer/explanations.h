@@ -12,11 +12,12 @@
 
 namespace sightline {
 
-// Most probable first; equally probable ones in the order of the comparison.
+// Most probable first; equally probable ones by score and prior, then in the order of the
+// comparison.
 std::vector<const PathHypothesis*> RankHypotheses(const std::vector<PathHypothesis>& hypotheses);
 
-// Adds `ranked` and the probabilities of the stages. `region`: where the first hypothesis' light
-// stands out.
+// Adds `ranked`, `remainder` and the probabilities of the stages. `region`: where the first
+// hypothesis' light stands out.
 void AddExplanations(const RecordedScene& scene, const PathComparison& comparison,
                      const std::vector<const PathHypothesis*>& ranked, const ExcessRegion& region,
                      v1::Diagnosis* diagnosis);

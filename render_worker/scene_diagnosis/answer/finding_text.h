@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The finding in one sentence, for people.
+// The finding in one sentence, for people. DiagnoseScene adds a second one on what it leaves.
 #pragma once
 
 #include <string>

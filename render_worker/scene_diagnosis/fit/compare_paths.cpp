@@ -9,16 +9,14 @@
 #include <span>
 #include <utility>
 
-#include "absl/strings/str_join.h"
+#include "render_worker/evidence/model_prior.h"
+#include "render_worker/scene_diagnosis/fit/judge_paths.h"
 #include "render_worker/scene_diagnosis/fit/smooth_map.h"
 #include "render_worker/scene_diagnosis/light/path_names.h"
 
 namespace sightline {
 namespace {
 
-// Prior probabilities of: no effect, one, two, light of unknown origin. Assumptions; those of one
-// and two are shared equally by all effects and pairs.
-constexpr double kPriorNone = 0.5, kPriorOne = 0.35, kPriorTwo = 0.05, kPriorUnknown = 0.1;
 // So many of the best single effects are combined with all others. Chosen to bound the number of
 // fits.
 constexpr size_t kPairPartners = 3;
@@ -44,6 +42,20 @@ SortedPaths SortPaths(const SceneLight& light, const std::vector<std::string>& e
     }
   }
   return sorted;
+}
+
+// The effects of the comparison, and the smooth map as the one discrepancy term of one stage.
+ModelCounts CountsOf(const SortedPaths& paths) {
+  return {.effects = std::max(1, static_cast<int>(paths.left_out.size())),
+          .discrepancy_terms = 1,
+          .stages = 1};
+}
+
+// Logarithm of the prior of the smooth map by itself and beside each effect. It is fitted by itself
+// only, since it is free enough to contain what it would be beside an effect.
+double LogPriorOfMap(const ModelCounts& counts) {
+  const double beside = LogPriorOfDiscrepancy(counts, true) + std::log(counts.effects);
+  return LogAdd(LogPriorOfDiscrepancy(counts, false), beside);
 }
 
 size_t PairPartners(const PathComparisonSettings& settings) {
@@ -94,13 +106,12 @@ PathHypothesis WithFit(PathHypothesis hypothesis, const BlockMeans& blocks, Path
 
 PathHypothesis FitNullModel(const ComparisonInputs& inputs) {
   PathHypothesis none;
-  none.log_prior = std::log(kPriorNone);
+  none.log_prior = LogPriorOfNoEffect();
   return WithFit(std::move(none), inputs.blocks, inputs.paths.nominal, 0);
 }
 
 ComparisonStage FitSingles(const ComparisonInputs& inputs, size_t done) {
   ComparisonStage stage;
-  const auto effects = static_cast<double>(inputs.paths.left_out.size());
   for (const auto& [effect, shapes] : inputs.paths.left_out) {
     if (!inputs.Report(done + stage.fits, effect)) {
       stage.finished = false;
@@ -109,7 +120,7 @@ ComparisonStage FitSingles(const ComparisonInputs& inputs, size_t done) {
     PathHypothesis one;
     one.effects = {effect};
     one.stage = shapes.front()->stage;
-    one.log_prior = std::log(kPriorOne / effects);
+    one.log_prior = LogPriorOfNamed(CountsOf(inputs.paths), 1);
     for (const LightPath* shape : shapes) {
       PathChoice paths = inputs.paths.nominal;
       paths.push_back(shape);
@@ -125,12 +136,10 @@ ComparisonStage FitSingles(const ComparisonInputs& inputs, size_t done) {
 // The hypothesis of two effects, not yet fitted.
 PathHypothesis PairOf(const ComparisonInputs& inputs, const PathHypothesis& first,
                       const PathHypothesis& second) {
-  const auto effects = static_cast<double>(inputs.paths.left_out.size());
-  const double pairs = 0.5 * effects * (effects - 1);
   PathHypothesis two;
   two.effects = {first.effects.front(), second.effects.front()};
   two.stage = first.stage;
-  two.log_prior = std::log(kPriorTwo / pairs);
+  two.log_prior = LogPriorOfNamed(CountsOf(inputs.paths), 2);
   return two;
 }
 
@@ -171,7 +180,7 @@ ComparisonStage FitSmoothMap(const ComparisonInputs& inputs, size_t done,
                              std::vector<std::vector<LightPath>>* maps) {
   PathHypothesis unknown;
   unknown.effects = {std::string(kUnknownLight)};
-  unknown.log_prior = std::log(kPriorUnknown);
+  unknown.log_prior = LogPriorOfMap(CountsOf(inputs.paths));
   // No stage is measured; light is the most general description.
   unknown.stage = "illumination";
   ComparisonStage stage;
@@ -191,22 +200,16 @@ ComparisonStage FitSmoothMap(const ComparisonInputs& inputs, size_t done,
   return stage;
 }
 
-// Posterior probabilities by Bayes' theorem.
-void FindProbabilities(std::vector<PathHypothesis>* hypotheses) {
-  double log_sum = -std::numeric_limits<double>::infinity();
-  for (const PathHypothesis& h : *hypotheses) {
-    log_sum = LogAdd(log_sum, h.log_prior + h.log_predictive);
+void FindProbabilities(PathComparison* comparison) {
+  const JudgedPaths judged = JudgePaths(comparison->hypotheses);
+  for (size_t h = 0; h < comparison->hypotheses.size(); ++h) {
+    comparison->hypotheses[h].probability = judged.probability[h];
+    comparison->hypotheses[h].predicts = judged.predicts[h];
   }
-  for (PathHypothesis& h : *hypotheses) {
-    h.probability = std::exp(h.log_prior + h.log_predictive - log_sum);
-  }
+  comparison->remainder = judged.remainder;
 }
 
 }  // namespace
-
-std::string PathHypothesis::Name() const {
-  return effects.empty() ? "none" : absl::StrJoin(effects, " + ");
-}
 
 PathComparison ComparePaths(const RecordedScene& scene, const SceneLight& light,
                             const BlockMeans& blocks, const PathComparisonSettings& settings,
@@ -232,7 +235,7 @@ PathComparison ComparePaths(const RecordedScene& scene, const SceneLight& light,
   if (comparison.finished && !settings.singles_only) {
     keep(FitSmoothMap(inputs, done, &comparison.maps));
   }
-  FindProbabilities(&comparison.hypotheses);
+  FindProbabilities(&comparison);
   return comparison;
 }
 

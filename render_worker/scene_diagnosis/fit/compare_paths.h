@@ -3,39 +3,31 @@
 // one of them, with two of them, and with a smooth map for light of unknown origin.
 //
 // The score of a hypothesis is log prior + log marginal likelihood on the tiles of the fit + log
-// predictive density on the held-out tiles (fit/path_fit.h), averaged over its shapes.
+// predictive density on the held-out tiles (fit/path_fit.h), averaged over its shapes. Priors are
+// those of render_worker/evidence/model_prior.h; fit/judge_paths.h says which hypothesis leads.
 #pragma once
 
 #include <functional>
-#include <limits>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <vector>
 
+#include "render_worker/evidence/judgement.h"
 #include "render_worker/scene_diagnosis/block/block_means.h"
-#include "render_worker/scene_diagnosis/fit/path_fit.h"
+#include "render_worker/scene_diagnosis/fit/path_hypothesis.h"
 #include "render_worker/scene_diagnosis/light_paths.h"
 #include "render_worker/scene_diagnosis/recorded_scene.h"
 
 namespace sightline {
-
-// The null model with the light paths of some effects. Each choice of shapes is fitted.
-struct PathHypothesis {
-  std::vector<std::string> effects;  // empty: none
-  std::string stage;                 // the first effect's
-  double log_prior = 0;
-  double log_predictive = -std::numeric_limits<double>::infinity();  // mean over the shapes
-  PathFit best;            // of the best shapes; refers to the light's paths
-  double probability = 0;  // posterior, among the hypotheses compared
-
-  std::string Name() const;  // "none", or effects with " + " between
-};
 
 struct PathComparison {
   // In this order: none, each effect alone, pairs, the smooth map.
   std::vector<PathHypothesis> hypotheses;
   // False: stopped; `hypotheses` are those that were compared until then.
   bool finished = true;
+  // The part that the leading hypothesis leaves; its `discrepancy` is an index of `hypotheses`.
+  std::optional<Remainder> remainder;
   // Light paths of the smooth map at each scale, to which fits refer.
   std::vector<std::vector<LightPath>> maps;
 };

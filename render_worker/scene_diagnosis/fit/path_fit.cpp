@@ -109,13 +109,13 @@ double StepLength(const PathChoice& paths, const Eigen::VectorXd& factors,
 void AddDensities(const BlockGrid& grid, const Eigen::VectorXd& variance_dn2, PathFit* fit) {
   for (int b = 0; b < grid.count(); ++b) {
     const double z = fit->residuals[b];
-    const double density = LogStudentDensity(z) - 0.5 * std::log(variance_dn2[b]);
+    Evidence& terms = grid.HeldOut(b) ? fit->held_out : fit->evidence;
+    terms.fit += LogStudentDensity(z);
+    terms.covariance -= 0.5 * std::log(variance_dn2[b]);
     if (grid.HeldOut(b)) {
-      fit->held_out_log_density += density;
       fit->held_out_chi_squared += z * z;
       ++fit->held_out_count;
     } else {
-      fit->log_evidence += density;
       fit->chi_squared += z * z;
       ++fit->count;
     }
@@ -124,16 +124,17 @@ void AddDensities(const BlockGrid& grid, const Eigen::VectorXd& variance_dn2, Pa
 
 // Log prior at the fitted factors. The 2 pi of prior and posterior cancel.
 void AddLogPrior(const PathChoice& paths, const FactorPrior& prior, PathFit* fit) {
+  double& log_prior = fit->evidence.parameter_prior;
   for (Eigen::Index k = 0; k < fit->factors.size(); ++k) {
     const double deviation = fit->factors[k] - prior.mean[k];
-    fit->log_evidence +=
+    log_prior +=
         -0.5 * deviation * deviation * prior.precision[k] + 0.5 * std::log(prior.precision[k]);
     if (paths[static_cast<size_t>(k)]->may_be_negative) continue;
     // Prior and posterior are both truncated at 0.
-    fit->log_evidence += LogNormalDistribution(fit->factors[k] / std::sqrt(fit->covariance(k, k))) -
-                         LogNormalDistribution(prior.mean[k] * std::sqrt(prior.precision[k]));
+    log_prior += LogNormalDistribution(fit->factors[k] / std::sqrt(fit->covariance(k, k))) -
+                 LogNormalDistribution(prior.mean[k] * std::sqrt(prior.precision[k]));
   }
-  fit->log_evidence += LogSpecklePrior(fit->speckle_factor);
+  log_prior += LogSpecklePrior(fit->speckle_factor);
 }
 
 // The fit without truncation: factors may come out negative.
@@ -163,7 +164,7 @@ PathFit FitWithoutBounds(const BlockMeans& blocks, PathChoice paths) {
   fit.residuals = (blocks.observed_dn() - expected.mean_dn).cwiseQuotient(variance_dn2.cwiseSqrt());
   AddDensities(blocks.grid(), variance_dn2, &fit);
   AddLogPrior(paths, prior, &fit);
-  fit.log_evidence -= 0.5 * information.vectorD().array().log().sum();
+  fit.evidence.curvature = -0.5 * information.vectorD().array().log().sum();
   fit.paths = std::move(paths);
   return fit;
 }
@@ -174,8 +175,8 @@ PathFit FitWithoutBounds(const BlockMeans& blocks, PathChoice paths) {
 PathFit WithZeroFactor(PathFit fit, PathChoice paths, Eigen::Index k, double error) {
   const LightPath& path = *paths[static_cast<size_t>(k)];
   const double z = path.prior_mean / path.prior_standard_deviation;
-  fit.log_evidence += std::log(error / (2 * path.prior_standard_deviation)) - 0.5 * z * z -
-                      LogNormalDistribution(z);
+  fit.evidence.parameter_prior += std::log(error / (2 * path.prior_standard_deviation)) -
+                                  0.5 * z * z - LogNormalDistribution(z);
   const auto count = static_cast<Eigen::Index>(paths.size());
   Eigen::VectorXd factors = Eigen::VectorXd::Zero(count);
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(count, count);

@@ -9,6 +9,7 @@
 
 #include <Eigen/Core>
 
+#include "render_worker/evidence/evidence.h"
 #include "render_worker/scene_diagnosis/block/block_means.h"
 
 namespace sightline {
@@ -20,14 +21,18 @@ struct PathFit {
   // Variance of speckle over that of fully developed speckle of an evenly lit surface: lines out of
   // focus have longer speckle, depolarised light has less of it.
   double speckle_factor = 1;
-  double log_evidence = 0;          // marginal likelihood of the blocks of the fit [nats]
-  double held_out_log_density = 0;  // of the held-out blocks at the fitted factors [nats]
+  // Marginal likelihood of the blocks of the fit. Its term `fit` is the log density of Student's t
+  // of the standardised residuals, its term `parameter_prior` contains the truncation at 0.
+  Evidence evidence;
+  // Log predictive density of the held-out blocks at the fitted factors: `fit` and `covariance`.
+  Evidence held_out;
   double chi_squared = 0, held_out_chi_squared = 0;
   int count = 0, held_out_count = 0;  // blocks of the fit, and held-out ones
   Eigen::VectorXd residuals;          // of all blocks, over their standard deviations
   Eigen::VectorXd mean_dn;            // of all blocks
 
-  double LogPredictive() const { return log_evidence + held_out_log_density; }
+  double HeldOutLogDensity() const { return held_out.LogMarginalLikelihood(); }
+  double LogPredictive() const { return evidence.LogMarginalLikelihood() + HeldOutLogDensity(); }
   double HeldOutChiSquaredPerDegree() const { return held_out_chi_squared / held_out_count; }
 };
 

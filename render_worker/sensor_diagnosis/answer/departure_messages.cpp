@@ -9,6 +9,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
+#include "render_worker/evidence/model_prior.h"
+#include "render_worker/evidence/significance.h"
 
 namespace sightline {
 namespace {
@@ -18,6 +20,13 @@ constexpr double kSignificance = 1e-3;
 // Departures that the finding describes; the others are counted.
 constexpr size_t kDescribedInFinding = 2;
 
+// Largest probability of a departure after its test, the prior of all shared out among the tests.
+double MostProbable(double p_value, int tests) {
+  const double prior = (1 - kPriorOfNoEffect) / tests;
+  const double odds = prior / (1 - prior) * BayesFactorBound(p_value);
+  return odds / (1 + odds);
+}
+
 v1::SensorDeparture DepartureMessage(const Departure& departure, int tests) {
   v1::SensorDeparture message;
   message.set_effect(departure.effect);
@@ -26,6 +35,7 @@ v1::SensorDeparture DepartureMessage(const Departure& departure, int tests) {
   message.set_testable(departure.testable);
   const double p = std::min(1.0, departure.p_value * tests);
   message.set_p_value(departure.testable ? p : 1);
+  if (departure.testable) message.set_probability(MostProbable(departure.p_value, tests));
   message.set_found(departure.testable && departure.material && p < kSignificance);
   for (const DepartureParameter& parameter : departure.parameters) {
     v1::SensorParameter* out = message.add_parameters();

@@ -11,8 +11,9 @@
 namespace sightline {
 
 // A departure is found if it is testable and material and if its p-value times the number of tests
-// (Bonferroni) is below 0.001. The order is otherwise that of `departures`: photon transfer, fixed
-// patterns, frames, converter.
+// (Bonferroni) is below 0.001. Its probability comes from its own p-value, by the bound of
+// render_worker/evidence/significance.h and equal prior shares of 1 - kPriorOfNoEffect. The order
+// is otherwise that of `departures`: photon transfer, fixed patterns, frames, converter.
 void AddDepartures(const std::vector<Departure>& departures, v1::SensorDiagnosis* answer);
 
 }  // namespace sightline

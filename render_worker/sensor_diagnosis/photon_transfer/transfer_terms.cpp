@@ -19,7 +19,7 @@ namespace {
 // diagnosis of plates: odds of twenty.
 constexpr double kClearGain_nats = 3;
 // Exposure times that differ by a smaller factor do not separate dark current from black level.
-// Chosen; docs/sensor-sets.md asks users for it.
+// Chosen; docs/diagnosis.md asks users for it.
 constexpr double kTimesDiffer = 1.5;
 // A smaller variance deficit at saturation does not matter [1]: photon noise of a saturated pixel
 // is wrong by half of it. Chosen.

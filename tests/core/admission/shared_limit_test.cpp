@@ -33,7 +33,7 @@ TEST(SharedLimit, CountsByOwnerAndInAll) {
     EXPECT_FALSE(of_all->of_owner);
     EXPECT_EQ(of_all->held, 100);
     EXPECT_EQ(of_all->limit, 100);
-    // What was refused was not taken.
+    // Refused amounts were not taken.
     EXPECT_EQ(second.held(), 10);
     EXPECT_EQ(other.held(), 40);
     EXPECT_EQ(limit.held(), 100);

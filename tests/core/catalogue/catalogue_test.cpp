@@ -352,7 +352,7 @@ double DiscDiameter(double focal_length_m, double f_number, double z_m, double s
   return 2 * std::abs(hit_m);
 }
 
-// Where `function`, monotonic between a and b, is 0.
+// Root of `function`, monotonic between a and b.
 double Root(const std::function<double(double)>& function, double a, double b) {
   for (int i = 0; i < 200; ++i) {
     const double middle = 0.5 * (a + b);
@@ -527,7 +527,7 @@ TEST_F(Unfit, Wavelength) {
 
 TEST_F(Unfit, WorkingDistance) {
   z_m_ = 0.09;
-  // What it would see there does not count.
+  // The pixel footprint there does not count.
   required_.max_pixel_footprint_m = 1e-6;
   EXPECT_THAT(Why(), ElementsAre("the lens focuses no nearer than 100 mm, the working distance is "
                                  "90 mm"));

@@ -40,7 +40,10 @@ TEST(Inspection, DefaultsAreThoseOfTheSchema) {
   EXPECT_EQ(i.goal.coverage, 0.95);
   EXPECT_EQ(i.goal.max_scans, 40);
   EXPECT_EQ(i.goal.min_gain, 0.0002);
-  EXPECT_TRUE(i.costs.IsUnit());
+  EXPECT_EQ(i.costs.stage_speed_m_per_s, 0.05);
+  EXPECT_EQ(i.costs.lay_time_s, 180);
+  EXPECT_EQ(i.costs.turn_time_s, 60);
+  EXPECT_EQ(i.costs.move_sensors_time_s, 900);
   EXPECT_TRUE(i.domain.resting_orientations.empty());
 }
 
@@ -261,7 +264,7 @@ TEST(Inspection, NamesAllFilesThatAreNotThere) {
   }
   EXPECT_THAT(error, AllOf(HasSubstr("obstacles[0].file: no file"), HasSubstr("goal.coverage is 3"),
                            ::testing::Not(HasSubstr("p2.glb"))));
-  // Where nothing needs them they are not looked for.
+  // Files that nothing needs are not looked for.
   std::ofstream(path) << R"({"part": {"file": "p.glb"}})";
   EXPECT_TRUE(ReadInspection(path).ok());
   EXPECT_EQ(ReadInspectionWithFiles(path).status().code(), absl::StatusCode::kNotFound);
@@ -643,7 +646,7 @@ TEST(InspectionImaging, EffectsKeepTheirParameters) {
   EXPECT_EQ(parsed->effects[0].parameters.at("glare_fraction"), 0.05);
 }
 
-// What is inlined once needs no files any more.
+// An inspection that was inlined once needs no files.
 TEST(InspectionImaging, InliningIsIdempotent) {
   v1::Inspection message;
   message.mutable_part()->set_file("a.glb");

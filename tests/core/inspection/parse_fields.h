@@ -12,7 +12,7 @@
 
 namespace sightline {
 
-// Of a part a.glb in the folder parts/; `fields`: JSON members beside it, may be empty.
+// Inspection of a part a.glb in the folder parts/; `fields`: JSON members beside it, may be empty.
 inline absl::StatusOr<Inspection> ParseFields(const std::string& fields) {
   v1::Inspection message;
   const std::string json =

@@ -392,7 +392,7 @@ TEST(JobStore, HasRoomForNoMoreUnfinishedJobsThanItMay) {
   expect_full("me", 0, "for me: 2 of its jobs wait or run, at most 2 may");
   expect_full("you", 31,
               ": the jobs that wait or run hold 70 bytes, this one 31 more, at most 100");
-  // What was refused takes no place; what is being made does.
+  // Refused jobs take no place; what is being made does.
   auto third = *reserve("you", 20);
   expect_full("you", 11, "hold 90 bytes, this one 11 more");
   const auto fourth = *reserve("nobody", 0);

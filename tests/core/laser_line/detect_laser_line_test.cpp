@@ -265,8 +265,8 @@ TEST(DetectLaserLine, SaturatedPlateausAreOneLineWithoutBias) {
       ASSERT_EQ(points.size(), 40u) << height;
       for (const LinePoint& p : points) {
         EXPECT_TRUE(p.saturated);
-        // Where the flank falls to 1/e within about a pixel (the two highest), sampling what is cut
-        // leaves an error that changes sign within a pixel.
+        // If the flank falls to 1/e within about a pixel (the two highest), sampling the clipped
+        // profile leaves an error that changes sign within a pixel.
         EXPECT_NEAR(p.row_px, centre(p.column_px), height < 2000 ? 0.02 : 0.1) << height;
       }
       EXPECT_NEAR(ErrorsOf(points, centre).mean, 0, 1e-3) << height;

@@ -109,7 +109,7 @@ std::vector<std::vector<LineSums>> Transposed(const std::vector<std::vector<Line
   return blocks;
 }
 
-// The stated intervals hold fresh images in 95 of 100 cases, from few realisations.
+// The stated intervals hold new images in 95 of 100 cases, from few realisations.
 class Intervals : public ::testing::TestWithParam<int> {};
 TEST_P(Intervals, HoldFreshImages) {
   const int realisations = GetParam();
@@ -155,7 +155,7 @@ TEST(QualityEstimate, StandardErrorIsTheScatterOfTheMean) {
   EXPECT_NEAR(std::sqrt(variance / kTrials) / scatter, 1, 0.1);
 }
 
-// What two settings share by chance cancels in their difference.
+// Chance that two settings share cancels in their difference.
 TEST(QualityEstimate, SharedChanceCancelsInDifferences) {
   std::mt19937 random(5);
   std::vector<std::vector<LineSums>> a, b;

@@ -134,7 +134,7 @@ TEST(Polygons, ManyLargeFacesTakeSeconds) {
             "ok");
 }
 
-// Those that would take much longer are refused rather than cut wrongly.
+// Polygons that would take much longer are refused rather than cut wrongly.
 TEST(Polygons, TheWorkOfAFileIsLimited) {
   const auto ends = [](const Outline& outline, int times) {
     const std::string said =

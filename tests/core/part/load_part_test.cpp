@@ -330,12 +330,55 @@ TEST(PlyFile, BadContentIsNamed) {
   EXPECT_THAT(ErrorOf(PlyHeader("element nothing 99999999999\n"), "ply"), HasSubstr("properties"));
   EXPECT_THAT(ErrorOf(PlyHeader("element vertex 1\nproperty float x\n") + "1\n", "ply"),
               HasSubstr("x, y and z"));
-  // Which of two lists is the outline is not said.
+  // The file does not say which of two lists is the outline.
   EXPECT_THAT(
       ErrorOf(PlyHeader(std::string(kVertex4) + kFace1 + "property list uchar int vertex_index\n") +
                   kSquare + "3 0 1 2 3 1 2 3\n",
               "ply"),
       HasSubstr("two lists"));
+}
+
+// The line of a file of nine lines of data on which the fault is, for each kind of fault.
+TEST(PlyFile, FaultsAreNamedWithTheirLine) {
+  const std::string header = PlyHeader(std::string(kVertex4) + "element face 2\n" +
+                                       "property list uchar int vertex_indices\n");
+  const auto header_lines = std::count(header.begin(), header.end(), '\n');
+  const std::vector<std::string> good = {"0 0 0", "1 0 0", "1 1 0", "0 1 0", "3 0 1 2", "3 0 2 3"};
+  struct Fault {
+    size_t at;  // in `good`
+    std::string line, reason;
+  };
+  for (const std::string end : {"\n", "\r\n"}) {
+    for (const Fault& fault : {
+             Fault{1, "1 x 0", "vertex 1 has a wrong value: \"x\" is no number"},
+             Fault{2, "1 1,5 0", "vertex 2 has a wrong value: \"1,5\" is no number"},
+             Fault{2, "1 1", "vertex 2 has fewer numbers on its line"},
+             Fault{2, "1 1 0 5", "vertex 2 has more numbers on its line"},
+             Fault{0, "0 0 0 0 0 0", "vertex 0 has more numbers on its line"},
+             Fault{4, "3 0 1", "face 0 has fewer numbers on its line"},
+             Fault{4, "3 0 1 9", "face 0 has vertex index 9"},
+             Fault{5, "2 0 1", "face 1 has 2 vertices"},
+             Fault{5, "3 0 2 x", "face 1 has a wrong value: \"x\" is no number"},
+         }) {
+      std::string file = header;
+      for (size_t i = 0; i < good.size(); ++i) {
+        file += (i == fault.at ? fault.line : good[i]) + end;
+      }
+      EXPECT_THAT(ErrorOf(file, "ply"),
+                  HasSubstr(absl::StrCat("line ", header_lines + 1 + static_cast<int64_t>(fault.at),
+                                         ": ", fault.reason)))
+          << fault.line;
+    }
+  }
+  // Lines that are not there are no damage of those that are.
+  EXPECT_THAT(
+      ErrorOf(header + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n", "ply"),
+      AllOf(HasSubstr("truncated"), HasSubstr("2 elements \"face\""), HasSubstr("index 1")));
+  EXPECT_THAT(ErrorOf(PlyHeader(std::string(kVertex4) +
+                                "element face 1\nproperty list char int vertex_indices\n") +
+                          kSquare + "-3 0 1 2\n",
+                      "ply"),
+              HasSubstr("face 0 has a list of -3 values"));
 }
 
 // A number of an ASCII file is a value of its property's type, or the line is named: for each type
@@ -373,9 +416,9 @@ TEST(PlyFile, NumbersAreValuesOfTheirTypes) {
       if (whole) bad.insert(bad.end(), no_integers.begin(), no_integers.end());
       for (const char* value : c.good) EXPECT_EQ(Load(file(value), "ply").triangles.size(), 2u);
       for (const char* value : bad) {
-        EXPECT_THAT(
-            ErrorOf(file(value), "ply"),
-            HasSubstr(absl::StrCat("line ", line, ": ", value, " is no value of type ", name)));
+        EXPECT_THAT(ErrorOf(file(value), "ply"),
+                    AllOf(HasSubstr(absl::StrCat("line ", line, ": vertex 1 has a wrong value: ",
+                                                 value, " is no value of type ", name))));
       }
     }
   }
@@ -564,7 +607,7 @@ TEST(Glb, UnsupportedFeaturesAreRefusedByName) {
               HasSubstr("no larger than the one before"));
   EXPECT_THAT(error_with([](GlbParts& p) { p.primitive_extra = R"(, "mode": 1)"; }),
               HasSubstr("only points and lines"));
-  // What concerns only the looks is no obstacle.
+  // Extensions that concern only the looks are accepted.
   GlbParts parts = GlbOf(Box());
   parts.root_extra = R"(, "extensionsRequired": ["KHR_materials_unlit", "KHR_texture_transform"])";
   ExpectIsBox(Load(parts.ToBytes(), "glb"));
@@ -666,19 +709,21 @@ TEST_F(LoadPartFileTest, GltfReadsItsBufferFromBesideIt) {
               AllOf(HasSubstr(path), HasSubstr("triangle.bin")));
 }
 
-// Which of several scenes is read is no secret where the file leaves it open.
+// If the file leaves the choice of a scene open, a message names the scene that is read.
 TEST_F(LoadPartFileTest, ASceneThatIsChosenIsNamed) {
   Write("triangle.bin", Bytes(std::vector<float>{0, 0, 0, 1, 0, 0, 0, 1, 0}));
-  const auto read = [&](const std::string& scenes) {
-    const std::string path = Write("scenes.gltf",
-                                   R"({"asset": {"version": "2.0"},
+  const auto path_of = [&](const std::string& scenes) {
+    return Write("scenes.gltf",
+                 R"({"asset": {"version": "2.0"},
             "nodes": [{"mesh": 0}, {"mesh": 0, "scale": [2, 2, 2]}], )" +
-                                       scenes + R"(,
+                     scenes + R"(,
           "buffers": [{"byteLength": 36, "uri": "triangle.bin"}],
           "bufferViews": [{"buffer": 0, "byteLength": 36}],
           "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
           "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]})");
-    const absl::StatusOr<TriangleMesh> mesh = LoadPart(path, "");
+  };
+  const auto read = [&](const std::string& scenes) {
+    const absl::StatusOr<TriangleMesh> mesh = LoadPart(path_of(scenes), "");
     EXPECT_TRUE(mesh.ok()) << mesh.status();
     return mesh.ok() ? *mesh : TriangleMesh();
   };
@@ -689,13 +734,25 @@ TEST_F(LoadPartFileTest, ASceneThatIsChosenIsNamed) {
   EXPECT_THAT(first.remarks[0],
               AllOf(HasSubstr("of its 2 scenes"), HasSubstr("read was scenes[0] \"part\""),
                     HasSubstr("not scenes[1]")));
-  // A default, one scene, and none leave nothing open.
+  // A default and a single scene leave nothing open.
   const TriangleMesh second = read("\"scene\": 1, " + two);
   EXPECT_NEAR(Area(second), 2, 1e-6);
   EXPECT_TRUE(second.remarks.empty());
   EXPECT_TRUE(read("\"scene\": 0, " + two).remarks.empty());
   EXPECT_TRUE(read(R"("scenes": [{"nodes": [0]}])").remarks.empty());
-  EXPECT_TRUE(read(R"("extras": {})").remarks.empty());
+  // Without a scene all nodes without a parent are read: of several this is said.
+  const TriangleMesh all = read(R"("extras": {})");
+  EXPECT_NEAR(Area(all), 2.5, 1e-6);
+  ASSERT_EQ(all.remarks.size(), 1u);
+  EXPECT_THAT(all.remarks[0], AllOf(HasSubstr("no scene"), HasSubstr("nodes[0], nodes[1]")));
+  // A scene without triangles is not the whole file.
+  const std::string empty = R"("scenes": [{"name": "stage"}, {"name": "part", "nodes": [0]}])";
+  for (const std::string& scenes : {empty, "\"scene\": 0, " + empty}) {
+    const absl::StatusOr<TriangleMesh> none = LoadPart(path_of(scenes), "");
+    EXPECT_THAT(std::string(none.status().message()),
+                AllOf(HasSubstr("scenes[0] \"stage\""), HasSubstr("has no triangles"),
+                      HasSubstr("scenes[1] \"part\"")));
+  }
 }
 
 TEST_F(LoadPartFileTest, PointCloudsAreBinaryPly) {
@@ -718,9 +775,9 @@ std::filesystem::path OwnPart(const std::string& name) {
   return std::filesystem::path(source != nullptr ? source : ".") / "tests/core/part/data" / name;
 }
 
-// What data/make_flange.py writes, as CAD systems do.
+// data/make_flange.py writes this part as CAD systems do.
 TEST(WholeFileTest, FlangeIsClosedInEveryFormat) {
-  // Of a ring of 48 corners: r^2 times this instead of pi.
+  // Area of a ring of 48 corners: r^2 times this instead of pi.
   const double area_factor = 24 * std::sin(2 * std::numbers::pi / 48);
   const double volume_m3 =
       1e-9 * area_factor * ((30 * 30 - 10 * 10) * 8 + (18 * 18 - 10 * 10) * 12);

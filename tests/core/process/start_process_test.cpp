@@ -38,7 +38,7 @@ std::string ReadToTheEnd(int fd) {
   return text;
 }
 
-// What `script` writes to its descriptor `number`.
+// Text that `script` writes to its descriptor `number`.
 std::string Said(const std::string& script, int number, const std::string& folder = "") {
   int ends[2];
   EXPECT_EQ(pipe2(ends, O_CLOEXEC), 0);
@@ -87,7 +87,7 @@ TEST(StartProcess, LooksInPathOnlyIfAsked) {
 }
 
 TEST(StartProcess, LeadsItsGroupAndHearsSignals) {
-  // What we block and ignore is not the child's.
+  // The child does not inherit our blocked and ignored signals.
   sigset_t term, before;
   sigemptyset(&term);
   sigaddset(&term, SIGTERM);

@@ -30,7 +30,7 @@ Registration Found(const SurfaceIndex& index, const SurfaceSample& sample,
   return found.ok() ? *found : Registration{};
 }
 
-// Of the error of a found pose, in units of its covariance.
+// Mahalanobis distance of a found pose from the truth, by its covariance.
 double Mahalanobis(const Registration& found, const PartPose& truth) {
   const PoseVector error = found.pose.parameters - truth.parameters;
   return std::sqrt(error.dot(found.covariance.ldlt().solve(error)));

@@ -52,6 +52,49 @@ TEST(PartHolding, WhatExcludesEachOtherIsNamed) {
               AllOf(HasSubstr("rig.table.thickness_m"), HasSubstr("[0.001, 1] m")));
 }
 
+// A box of 20 x 20 x 120 mm topples at atan(20 / 120) = 9.5 degrees from its ends.
+TEST(PartHolding, FacesThatToppleEasilyAreNotOffered) {
+  const TriangleMesh bar = BoxMesh({0, 0, 0}, {0.02f, 0.02f, 0.12f});
+  auto inspection = ParseFields("");
+  const auto held = HoldPart(bar, &*inspection);
+  ASSERT_TRUE(held.ok()) << held.status();
+  EXPECT_EQ(held->faces.size(), 4u);
+  ASSERT_EQ(held->excluded.size(), 2u);
+  EXPECT_THAT(held->excluded[0].because, AllOf(HasSubstr("topples at 9 deg"), HasSubstr("15 deg")));
+  EXPECT_EQ(inspection->domain.resting_orientations.size(), 4u);
+  auto before = ParseFields(R"("defaults": "0.1")");
+  const auto all = HoldPart(bar, &*before);
+  ASSERT_TRUE(all.ok());
+  EXPECT_EQ(all->faces.size(), 6u);
+  EXPECT_TRUE(all->excluded.empty());
+}
+
+TEST(PartHolding, FacesOnWhichAClampStandsInTheTableAreExcluded) {
+  const TriangleMesh part = BoxMesh({0, 0, 0}, {0.06f, 0.04f, 0.02f});
+  // Beside the part, 35 mm below its lower face.
+  const TriangleMesh clamp = BoxMesh({0.06f, 0, -0.035f}, {0.07f, 0.04f, 0.01f});
+  auto inspection = ParseFields("");
+  auto held = HoldPart(part, &*inspection);
+  ASSERT_TRUE(held.ok());
+  const size_t faces = held->faces.size();
+  const absl::Status left =
+      ExcludeBlockedRests(part, {{&clamp, ObstacleFrame::kPart, "clamp"}}, &*inspection, &*held);
+  ASSERT_TRUE(left.ok()) << left;
+  EXPECT_EQ(held->faces.size(), inspection->domain.resting_orientations.size());
+  // On the lower face, and on the side that the clamp stands at.
+  EXPECT_EQ(held->excluded.size(), 2u);
+  EXPECT_EQ(held->faces.size() + held->excluded.size(), faces);
+  bool below = false;
+  for (const ExcludedRest& excluded : held->excluded) {
+    if (excluded.face.normal.z() > -0.9) continue;
+    below = true;
+    EXPECT_EQ(excluded.obstacle, "clamp");
+    EXPECT_THAT(excluded.because, HasSubstr("35 mm"));
+  }
+  EXPECT_TRUE(below);
+  for (const RestingFace& face : held->faces) EXPECT_GT(face.normal.z(), -0.9);
+}
+
 // Servers know a mesh by the digest of what they read.
 TEST(PartHolding, TheTableIsTheSameWhenItIsReadAgain) {
   auto inspection = ParseFields("");

@@ -230,14 +230,14 @@ TEST(Measurement, ArrayRoundTripKeepsTheOrder) {
 }
 
 TEST(AdmissibleDepth, NoLimitAdmitsEverything) {
-  const DepthInterval depth = AdmissibleDepth(Rig(), 0.4, std::nullopt, std::nullopt);
+  const PointLimits depth = AdmissibleDepth(Rig(), 0.4, std::nullopt, std::nullopt);
   EXPECT_EQ(depth.min_m, 0);
   EXPECT_TRUE(std::isinf(depth.max_m));
 }
 
 TEST(AdmissibleDepth, FootprintOfOnePixelGrowsWithDepth) {
   Rig rig;
-  const DepthInterval depth = AdmissibleDepth(rig, 0.4, 2e-4, std::nullopt);
+  const PointLimits depth = AdmissibleDepth(rig, 0.4, 2e-4, std::nullopt);
   EXPECT_NEAR(depth.max_m / rig.camera.FocalLengthPx(), 2e-4, 1e-15);
 }
 
@@ -245,8 +245,8 @@ TEST(AdmissibleDepth, FootprintOfOnePixelGrowsWithDepth) {
 // focused at z0, independent of the closed form.
 double CircleOfConfusionPx(const Rig& rig, double focus_m, double z_m) {
   const double f = rig.lens->focal_length_m;
-  const double sensor = focus_m * f / (focus_m - f);  // where the focused plane images
-  const double image = z_m * f / (z_m - f);           // where the point images
+  const double sensor = focus_m * f / (focus_m - f);  // image distance of the focused plane
+  const double image = z_m * f / (z_m - f);           // image distance of the point
   const double pupil = f / rig.lens->f_number;
   // Rays from the rim of the pupil meet at `image`; the sensor cuts their cone at `sensor`.
   return pupil * std::abs(sensor - image) / image / *rig.camera.pixel_pitch_m;
@@ -260,7 +260,7 @@ TEST(AdmissibleDepth, CircleOfConfusionIsMetExactlyAtBothEnds) {
   rig.camera.pixel_pitch_m = 5e-6;
   for (double focus : {0.1, 0.3, 0.8}) {
     for (double limit : {0.5, 2.0, 5.0}) {
-      const DepthInterval depth = AdmissibleDepth(rig, focus, std::nullopt, limit);
+      const PointLimits depth = AdmissibleDepth(rig, focus, std::nullopt, limit);
       ASSERT_LT(depth.min_m, focus);
       ASSERT_GT(depth.max_m, focus);
       EXPECT_NEAR(CircleOfConfusionPx(rig, focus, depth.min_m), limit, 1e-6);
@@ -277,9 +277,9 @@ TEST(AdmissibleDepth, AStatedFocusDistanceCounts) {
   rig.lens->focal_length_m = 0.016;
   rig.lens->f_number = 2;
   rig.camera.pixel_pitch_m = 5e-6;
-  const DepthInterval at_focus = AdmissibleDepth(rig, 0.3, std::nullopt, 2.0);
+  const PointLimits at_focus = AdmissibleDepth(rig, 0.3, std::nullopt, 2.0);
   rig.lens->focus_distance_m = 0.3;
-  const DepthInterval stated = AdmissibleDepth(rig, 0.5, std::nullopt, 2.0);
+  const PointLimits stated = AdmissibleDepth(rig, 0.5, std::nullopt, 2.0);
   EXPECT_EQ(stated.min_m, at_focus.min_m);
   EXPECT_EQ(stated.max_m, at_focus.max_m);
 }
@@ -290,7 +290,7 @@ TEST(AdmissibleDepth, BeyondTheHyperfocalDistanceEverythingFarIsSharp) {
   rig.lens->focal_length_m = 0.004;
   rig.lens->f_number = 16;
   rig.camera.pixel_pitch_m = 5e-6;
-  const DepthInterval depth = AdmissibleDepth(rig, 0.8, std::nullopt, 3.0);
+  const PointLimits depth = AdmissibleDepth(rig, 0.8, std::nullopt, 3.0);
   EXPECT_TRUE(std::isinf(depth.max_m));
   EXPECT_LE(CircleOfConfusionPx(rig, 0.8, 1e6), 3.0);
 }

@@ -213,7 +213,7 @@ TEST(PoissonDisk, RadialDistributionIsThatOfBlueNoise) {
     });
   }
   ASSERT_GT(centres, 5000);
-  // Of the inner part: targets stand a little denser along a border.
+  // Density of the inner part: targets stand a little denser along a border.
   const double density = static_cast<double>(centres) / std::pow(side - 2 * reach, 2);
   const auto g = [&](int bin) {
     const double inner = reach * bin / kBins, outer = reach * (bin + 1) / kBins;

@@ -60,7 +60,7 @@ TEST(NumberTable, ATableIsReadAsItWasWrittenOrRefused) {
         const auto rows = Read(text);
         if (!rows.ok()) continue;
         ++read;
-        // Commas that separate values cannot be told from decimal ones by any rule if nothing but
+        // No rule can distinguish commas that separate values from decimal ones if nothing but
         // digits is between them in every line; such tables differ in their number of columns.
         if (decimal == ',' && separator[0] == ',' && (*rows)[0].size() != table[0].size()) continue;
         EXPECT_EQ(*rows, table) << text;
@@ -104,7 +104,7 @@ TEST(NumberTable, TablesThatCanBeReadInTwoWaysAreRefused) {
   }
 }
 
-// One line that cannot be one number settles it, and so do the names of the columns.
+// One line that cannot be one number decides it, and so do the names of the columns.
 TEST(NumberTable, PointsAndCommasThatCanBeReadInOneWayAreRead) {
   EXPECT_EQ(*Read("1.234,567\n1.5,2\n"), (Rows{{1.234, 567}, {1.5, 2}}));
   EXPECT_EQ(*Read("0.234,567\n"), (Rows{{0.234, 567}}));

@@ -60,14 +60,15 @@ TEST(StepLengthUnitScan, KnowsThatNoContextHasOne) {
   const std::string context = kContext, radian = kRadian;
   const std::vector<std::string> not_stated = {
       "#10=(GEOMETRIC_REPRESENTATION_CONTEXT(3)REPRESENTATION_CONTEXT('',''));\n",
-      context + radian,
+      absl::StrReplaceAll(context, {{"#21,", ""}}) + radian,
       // A unit that no context refers to is that of something else.
       absl::StrReplaceAll(context, {{"#21,", ""}}) + kMillimetre + radian,
-      absl::StrReplaceAll(context, {{"#21", "#210"}}) + kMillimetre + radian,
+      absl::StrReplaceAll(context, {{"#21", "#210"}}) + kMillimetre + radian +
+          "#210=(MASS_UNIT());\n",
       // Words in strings and comments state nothing.
       context + radian + "#21=DESCRIPTIVE_ITEM('LENGTH_UNIT() .METRE.','it''s METRE');\n",
-      context + radian + "/* #21=(LENGTH_UNIT()); */\n",
-      context + radian + "/*/ #21=(LENGTH_UNIT()); a/*/\n",
+      absl::StrReplaceAll(context, {{"#21,", ""}}) + radian + "/* #21=(LENGTH_UNIT()); */\n",
+      absl::StrReplaceAll(context, {{"#21,", ""}}) + radian + "/*/ #21=(LENGTH_UNIT()); a/*/\n",
       context + radian + "#21=(NAMED_UNIT(*)MASS_UNIT()SI_UNIT(.KILO.,.GRAM.));\n",
   };
   for (const std::string& data : not_stated) {
@@ -75,6 +76,43 @@ TEST(StepLengthUnitScan, KnowsThatNoContextHasOne) {
       EXPECT_TRUE(StatesNone(FileOf(data), piece)) << data;
     }
   }
+}
+
+// A file whose damage is what is wrong with it is not blamed for its unit.
+TEST(StepLengthUnitScan, SaysNothingOfDamagedFiles) {
+  const std::string data = std::string(kContext) + kRadian + "#21=(MASS_UNIT()NAMED_UNIT(*));\n";
+  const std::string whole = FileOf(data);
+  ASSERT_TRUE(StatesNone(whole));
+  for (const std::string& damaged : {
+           FileOf(absl::StrReplaceAll(data, {{"#21=", "#210="}})),  // its context dangles
+           FileOf(data + "#30=ADVANCED_FACE('',(#31),#31,.T.);\n"),
+           std::string("\x7f"
+                       "ELF\x02\x01\x01") +
+               "#1=(;#2;" + std::string(4096, 'x') + whole,
+           absl::StrReplaceAll(whole, {{"END-ISO-10303-21;", ""}}),
+       }) {
+    EXPECT_FALSE(StatesNone(damaged)) << damaged.substr(0, 200);
+  }
+}
+
+TEST(StepLengthUnitScan, KnowsThatEveryShapeHasAUnit) {
+  const auto states_all = [](const std::string& data) {
+    StepLengthUnitScan scan;
+    scan.Add(FileOf(data));
+    return scan.StatesAll();
+  };
+  const std::string with_unit = std::string(kContext) + kMillimetre + kRadian;
+  const std::string without =
+      absl::StrReplaceAll(std::string(kContext), {{"#10=", "#11="}, {"#21,", ""}});
+  EXPECT_TRUE(states_all(with_unit));
+  EXPECT_TRUE(states_all(std::string(kMillimetre) + kRadian + kContext));
+  // Curves in parameter space have no unit.
+  EXPECT_TRUE(states_all(with_unit +
+                         "#12=(GEOMETRIC_REPRESENTATION_CONTEXT(2)"
+                         "PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('',''));\n"));
+  EXPECT_FALSE(states_all(with_unit + without));
+  EXPECT_FALSE(states_all(with_unit + "#30=ADVANCED_FACE('',(#31),#31,.T.);\n"));
+  EXPECT_FALSE(states_all("#1=PRODUCT('p','p','',());\n"));
 }
 
 TEST(StepLengthUnitScan, SaysNothingOfTextThatItCannotTell) {

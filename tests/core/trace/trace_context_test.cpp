@@ -40,7 +40,7 @@ TEST(TraceContextTest, KnowsValidOnes) {
   EXPECT_EQ(ValidTraceparent("00-0af7651916cd43dd8448eb211c80319c-0000000000000000-01"), "");
 }
 
-// What comes from outside goes into logs: nothing but the very form may pass.
+// Text from outside goes into logs: nothing but the very form may pass.
 TEST(TraceContextTest, NoOtherByteAnywhere) {
   for (size_t i = 0; i < sizeof(kSample) - 1; ++i) {
     for (const char other : {'G', 'A', ' ', '\n', '"', '=', '\0'}) {

@@ -618,8 +618,8 @@ TEST_F(QifTest, DeepNestingIsRefused) {
   EXPECT_THAT(ErrorOf(With("read past", open + close)), HasSubstr("nested more than"));
 }
 
-// One feature of many entities, or with a long name, to which many characteristics refer: what is
-// told of them must not grow as the product.
+// One feature of many entities, or with a long name, to which many characteristics refer: the
+// report on them must not grow as the product.
 TEST_F(QifTest, ReferencesDoNotMultiplyWhatIsRead) {
   const auto document = [](const std::string& feature, int characteristics) {
     std::string text = absl::StrCat(
@@ -805,8 +805,9 @@ TEST_F(QifUnitsTest, ContradictionsAreNamed) {
   EXPECT_THAT(error("<LinearUnit><UnitName>x</UnitName><UnitConversion><Factor>1</Factor><Offset>3"
                     "</Offset></UnitConversion></LinearUnit>"),
               HasSubstr("<Offset>"));
-  EXPECT_THAT(error(mm, "mm"), HasSubstr("--unit must be left out"));
-  EXPECT_THAT(error("", "cubit"), HasSubstr("--unit is \"cubit\""));
+  EXPECT_THAT(error(mm, "mm"), AllOf(HasSubstr("states its unit, mm"), HasSubstr("--unit"),
+                                     HasSubstr("tolerances.unit")));
+  EXPECT_THAT(error("", "cubit"), HasSubstr("the length unit given for it is \"cubit\""));
 }
 
 // Bytes before and behind the document.

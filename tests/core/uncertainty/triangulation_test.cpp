@@ -102,7 +102,7 @@ TriangulationCovariance FullCovariance(uint64_t index) {
   return 0.5 * (covariance + covariance.transpose());
 }
 
-// Of the point's deviation.
+// Moments of the point's deviation.
 struct Moments {
   Eigen::Vector3d mean;
   Eigen::Matrix3d covariance;
@@ -157,7 +157,7 @@ TEST(Triangulation, SolvesTheLinearSystemOfTheThesis) {
   }
 }
 
-// A setup that truly differs sees the point elsewhere; told by how much, Triangulate finds it.
+// A setup that truly differs sees the point elsewhere; given the difference, Triangulate finds it.
 TEST(Triangulation, FindsThePointSeenByASetupWithErrors) {
   for (int i = 0; i < 300; ++i) {
     const Sample s = RandomSample(i);
@@ -597,7 +597,7 @@ TEST(TriangulationCovariance, ValidOnesPass) {
           .ok());
   for (int i = 0; i < 50; ++i) {
     EXPECT_TRUE(CheckTriangulationCovariance(FullCovariance(i), "c").ok());
-    // Of rank 1: everything hangs on one cause.
+    // A covariance of rank 1: everything hangs on one cause.
     const TriangulationErrors cause = FullCovariance(i).col(0);
     EXPECT_TRUE(CheckTriangulationCovariance(cause * cause.transpose(), "c").ok());
   }
@@ -650,7 +650,8 @@ TEST(TriangulationCovariance, FaultsAreNamed) {
       << message(bad);
 }
 
-// What the tolerance lets pass, propagation must bear: singular matrices with rounded numbers.
+// Propagation must accept every covariance that the check accepts: singular matrices with rounded
+// numbers.
 TEST(TriangulationCovariance, SingularOnesPropagate) {
   for (int i = 0; i < 20; ++i) {
     const Sample s = RandomSample(i);

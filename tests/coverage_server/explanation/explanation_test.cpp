@@ -233,7 +233,7 @@ TEST(Explanation, AimedScansLieInTheDomain) {
   }
 }
 
-// What brute force says of a target: scans of the domain drawn at random that have the target in
+// Brute-force result for a target: scans of the domain drawn at random that have the target in
 // the image's centre, judged by Embree.
 struct Sampled {
   int facing = 0;  // both sensors

@@ -106,7 +106,7 @@ void ExpectSameScans(const TriangleMesh& part, const Rig& rig, const TargetSampl
       m.offset_y_m = m.offset_z_m = 0;
     }
     const auto exact =
-        MeasureScan(part, rig, part.BoundingBox().center(), occluders, m, DepthInterval{}, nullptr);
+        MeasureScan(part, rig, part.BoundingBox().center(), occluders, m, PointLimits{}, nullptr);
     // Frames just outside must be empty for the judge too.
     const int first = exact.empty() ? 0 : exact.front().frame - 2,
               last = exact.empty() ? 0 : exact.back().frame + 2;
@@ -297,7 +297,7 @@ TEST_F(HeadVisibility, BitsAreThoseOfRaysInEveryElevationClass) {
 TEST_F(HeadVisibility, MeasurableTargetsAreThoseOfRandomPairs) {
   const auto& [part, sampling, targets, probes, field, judge] = *data_;
   TargetBits measurable(targets.size());
-  MarkMeasurable(targets, *field, PartOccluder(part), 10 * kRadPerDeg, 80 * kRadPerDeg, 0,
+  MarkMeasurable(targets, *field, PartOccluder(part), {10 * kRadPerDeg, 80 * kRadPerDeg}, 0,
                  targets.size(), measurable);
   Random random(5);
   int64_t tests = 0, yes = 0, only_rays = 0, only_field = 0;

@@ -41,7 +41,7 @@ class LiteralScanner {
   // order of column and row.
   virtual std::vector<LiteralPoint> Frame(int frame) = 0;
 
-  // Of the frame rendered last: true if a rendering cannot decide a point at this place (part
+  // Concerns the frame rendered last: true if a rendering cannot decide a point at this place (part
   // coordinates) because within one camera pixel of it, seen from camera or laser, the picture has
   // an edge (a jump in depth, another surface, the border) or the surface is within
   // `grazing_rad` of grazing.

@@ -47,8 +47,7 @@ Comparison Compare(const TriangleMesh& part, const Rig& rig, const Measurement& 
                    int sub_rows, const TargetSet* targets, const TargetSampling& sampling) {
   Comparison result;
   const Eigen::Vector3d centre = part.BoundingBox().center();
-  const auto points =
-      MeasureScan(part, rig, centre, PartOccluder(part), m, DepthInterval{}, nullptr);
+  const auto points = MeasureScan(part, rig, centre, PartOccluder(part), m, PointLimits{}, nullptr);
   std::map<int, std::vector<MeasurementPoint>> by_frame;
   for (const auto& p : points) by_frame[p.frame].push_back(p);
   std::unique_ptr<TargetLookup> lookup;
@@ -174,7 +173,7 @@ void ExpectSameCoverage(const TriangleMesh& part, const char* name, uint64_t see
   ASSERT_GT(fine.literal, 4000);
   ASSERT_GT(covered, 1000);
   ExpectAgreement(fine);
-  // What the rendering misses are slivers narrower than its rows: finer rows find more of them.
+  // The rendering misses slivers narrower than its rows: finer rows find more of them.
   EXPECT_LT(fine.exact_alone * coarse.exact,
             0.6 * static_cast<double>(coarse.exact_alone * fine.exact));
   EXPECT_LE(static_cast<double>(only_literal), 0.001 * static_cast<double>(covered));
@@ -206,7 +205,7 @@ TEST(LiteralFrames, ComparisonSeesAShiftedPart) {
   ASSERT_TRUE(scanner.ok()) << scanner.status();
   m.offset_z_m = 0.001;
   const auto points = MeasureScan(part, rig, part.BoundingBox().center(), PartOccluder(part), m,
-                                  DepthInterval{}, nullptr);
+                                  PointLimits{}, nullptr);
   int literal = 0, close = 0;
   for (int frame = -10; frame <= 10; ++frame) {
     for (const auto& l : (*scanner)->Frame(frame)) {

@@ -18,7 +18,7 @@ namespace {
 constexpr double kRoundingM = 2e-7;  // of float positions within half a metre
 
 std::vector<MeasurementPoint> Measure(const TriangleMesh& part, const Rig& rig,
-                                      const Measurement& m, const DepthInterval& depth = {}) {
+                                      const Measurement& m, const PointLimits& depth = {}) {
   return MeasureScan(part, rig, part.BoundingBox().center(), PartOccluder(part), m, depth, nullptr);
 }
 
@@ -126,7 +126,7 @@ TEST(ClosedForm, LimitsOnFootprintAndDefocus) {
   Measurement m = OverheadMeasurement(20 * kRadPerDeg);
   m.part_beta_rad = 30 * kRadPerDeg;
   const double f = rig.camera.FocalLengthPx();
-  const auto depths = [&](const DepthInterval& limits) {
+  const auto depths = [&](const PointLimits& limits) {
     const ScanGeometry g = MakeScanGeometry(rig, m);
     std::pair<double, double> range(std::numeric_limits<double>::infinity(), 0);
     for (const auto& p : Measure(plate, rig, m, limits)) {
@@ -160,6 +160,37 @@ TEST(ClosedForm, LimitsOnFootprintAndDefocus) {
   EXPECT_LE(blur_px(sharp.second), 2 + 1e-3);
   EXPECT_GT(blur_px(sharp.first - kFrameM), 2);
   EXPECT_GT(blur_px(sharp.second + kFrameM), 2);
+}
+
+// Exactly the points that keep the limit on incidence are left.
+TEST(ClosedForm, IncidenceLimitsTheSurface) {
+  const TriangleMesh ball = SphereMesh(0.05, 4);
+  const Rig rig;
+  const Measurement m = OverheadMeasurement(25 * kRadPerDeg);
+  PointLimits limits;
+  limits.min_cos_incidence = std::cos(50 * kRadPerDeg);
+  const ScanGeometry geometry = MakeScanGeometry(rig, m);
+  const Eigen::Vector3d centre = ball.BoundingBox().center();
+  const auto keeps = [&](const MeasurementPoint& p) {
+    const double stage_m = p.frame * rig.scan_step_m;
+    const Eigen::Vector3d x = PartToWorld(geometry, centre, p.position_m.cast<double>(), stage_m);
+    const Eigen::Vector3d n = geometry.part_rotation * p.normal.cast<double>();
+    return std::min(n.dot((geometry.camera.origin_m - x).normalized()),
+                    n.dot((geometry.laser.origin_m - x).normalized())) -
+           limits.min_cos_incidence;
+  };
+  int within = 0, beyond = 0;
+  for (const MeasurementPoint& p : Measure(ball, rig, m)) {
+    within += keeps(p) > 1e-5;
+    beyond += keeps(p) < -1e-5;
+  }
+  EXPECT_GT(beyond, 100);
+  int kept = 0;
+  for (const MeasurementPoint& p : Measure(ball, rig, m, limits)) {
+    ASSERT_GT(keeps(p), -1e-5);
+    kept += keeps(p) > 1e-5;
+  }
+  EXPECT_EQ(kept, within);
 }
 
 TEST(ClosedForm, SheetAlongTheScanSweepsNothing) {

@@ -88,7 +88,7 @@ TEST(Collision, TravelIsSwept) {
     EXPECT_FALSE(Collides(s.rig, g, centre, thin, 0.2, 0.2));
     EXPECT_TRUE(Collides(s.rig, g, centre, thin, 0, 0.2));
   }
-  // What stands in the world does not move.
+  // An obstacle in the world frame does not move.
   const auto still =
       WorldBox({-0.4, -0.1, 0.45}, {-0.03 - kHair, 0.1, 0.46}, ObstacleFrame::kWorld, g, centre);
   EXPECT_FALSE(Collides(s.rig, g, centre, still, -0.5, 0.5));
@@ -121,7 +121,7 @@ TEST(Collision, PartMayNotRunIntoWhatStandsStill) {
   EXPECT_TRUE(hits(still, 0.0, 0.9));
   EXPECT_FALSE(hits(still, 0.42 + kHair, 0.9));
   EXPECT_FALSE(hits(scene(ObstacleFrame::kWorld, 0.05 + kHair), 0.0, 0.9));
-  // What travels along is never run into.
+  // An obstacle that travels along is never hit.
   EXPECT_FALSE(hits(scene(ObstacleFrame::kStage, 0.0), 0.0, 0.9));
 }
 

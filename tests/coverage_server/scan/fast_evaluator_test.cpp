@@ -145,6 +145,13 @@ TEST(FastEvaluator, SteppedPartIsCloseToExact) {
   ExpectCloseToExact(Small(SteppedPart()), "stepped", 40, 31, 0.002);
 }
 
+// Targets just beyond the limit may be covered through their neighbourhood: they count as inside.
+TEST(FastEvaluator, LimitedIncidenceIsCloseToExact) {
+  SceneDefinition definition = Small(SteppedPart());
+  definition.sampling.max_incidence_rad = 0.9;
+  ExpectCloseToExact(std::move(definition), "incidence", 40, 35, 0.005);
+}
+
 TEST(FastEvaluator, BlindHoleIsCloseToExact) {
   ExpectCloseToExact(Small(BlindHolePart()), "hole", 40, 32, 0.002);
 }
@@ -334,7 +341,7 @@ TEST(FastEvaluator, SkippedBlocksHoldNothingThatIsCovered) {
   for (int i = 0; i < 400; ++i) {
     const Measurement m = RandomMeasurement(random);
     rig.max_range_m = i % 4 == 1 ? random.Uniform(0.3, 0.6) : 1.5;
-    DepthInterval depth;
+    PointLimits depth;
     if (i % 4 == 2) depth = {.min_m = m.camera_distance_m, .max_m = m.camera_distance_m + 0.01};
     if (i % 4 == 3) {
       depth.max_depth_times_distance_m2 =

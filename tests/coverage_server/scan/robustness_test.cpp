@@ -19,7 +19,7 @@ SceneDefinition Coarse(TriangleMesh part) {
   return definition;
 }
 
-// What is broken must change nothing.
+// Broken triangles must change nothing.
 TEST(Robustness, DegenerateAndDuplicateTrianglesChangeNothing) {
   const TriangleMesh sound = SteppedPart();
   TriangleMesh broken = sound;

@@ -32,7 +32,7 @@ SceneDefinition Definition(TriangleMesh part) {
   return definition;
 }
 
-// Of the targets that face a direction, those with a bit.
+// Counts the targets that face a direction, and those of them with a bit.
 std::pair<int, int> Facing(const CoverageScene& scene, const Eigen::Vector3f& direction,
                            const TargetBits& bits) {
   std::pair<int, int> count{0, 0};
@@ -175,7 +175,7 @@ TEST(DomainMeasurability, TheFaceThatAPartLiesOnNeedsAnotherRest) {
   EXPECT_EQ(side_below, side_of);
 }
 
-// Wherever the part lies: near it and at small angles there is no room for both sensors.
+// However the part lies, there is no room for both sensors near it and at small angles.
 TEST(DomainMeasurability, BodiesOfCameraAndLaserNeedRoom) {
   const auto measurable = [](double distance_m, std::vector<RestingOrientation> rests) {
     SceneDefinition definition = Definition(BoxMesh({0, 0, 0}, {0.08f, 0.06f, 0.05f}));
@@ -193,7 +193,7 @@ TEST(DomainMeasurability, BodiesOfCameraAndLaserNeedRoom) {
 }
 
 TEST(DomainMeasurability, LimitsAndDomainsLeaveNothingThatScansMeasure) {
-  // Whatever exact scans of the domain cover is measurable.
+  // Every target that exact scans of the domain cover is measurable.
   SceneDefinition definition = Definition(Mushroom());
   definition.obstacles.push_back({Table(), ObstacleFrame::kTable});
   definition.domain = ThesisDomain();
@@ -225,6 +225,43 @@ TEST(DomainMeasurability, LimitsAndDomainsLeaveNothingThatScansMeasure) {
   EXPECT_LT(covered.CountNotIn(scene->measurable()), covered.Count() / 100);
 }
 
+// A ray that reaches the wall of a slot of width w at depth h through the opening has at most the
+// cosine 1 / sqrt(1 + (h / w)^2) to the wall's normal: at 70 degrees it reaches h = 2.75 w.
+TEST(FreeSpaceMeasurability, IncidenceLimitsTheDepthInASlot) {
+  constexpr float kHalfWidth_m = 0.005f, kTop_m = 0.06f;
+  const double deepest_m = 2 * kHalfWidth_m * std::tan(70 * kRadPerDeg);
+  const TriangleMesh part =
+      Merged(BoxMesh({-0.02f, -0.06f, -0.01f}, {0.02f, 0.06f, 0}),
+             Merged(BoxMesh({-0.02f, -0.06f, 0}, {-kHalfWidth_m, 0.06f, kTop_m}),
+                    BoxMesh({kHalfWidth_m, -0.06f, 0}, {0.02f, 0.06f, kTop_m})));
+  SceneDefinition definition = Definition(part);
+  definition.field_directions = 4096;
+  for (const bool with_domain : {false, true}) {
+    if (with_domain) definition.domain = ThesisDomain();
+    definition.sampling.max_incidence_rad = 70 * kRadPerDeg;
+    const auto scene = BuildScene(definition, 2);
+    ASSERT_NE(scene, nullptr);
+    int shallow = 0, deep = 0;
+    for (size_t t = 0; t < scene->targets().size(); ++t) {
+      const Eigen::Vector3f& at = scene->targets().positions_m[t];
+      const bool wall = std::abs(std::abs(at.x()) - kHalfWidth_m) < 1e-5f && at.z() > 0.005f;
+      // Rays through the ends of the slot reach 2.75 w along it too.
+      if (!wall || std::abs(at.y()) > 0.025f) continue;
+      const double depth_m = kTop_m - at.z();
+      EXPECT_TRUE(scene->measurable_in_free_space().Test(t));
+      if (depth_m < 0.8 * deepest_m) {
+        ++shallow;
+        EXPECT_TRUE(scene->measurable().Test(t)) << depth_m;
+      } else if (depth_m > 1.1 * deepest_m) {
+        ++deep;
+        EXPECT_FALSE(scene->measurable().Test(t)) << depth_m;
+      }
+    }
+    EXPECT_GT(shallow, 20);
+    EXPECT_GT(deep, 20);
+  }
+}
+
 TEST(DepthPerPixel, LimitsEveryPointByItsOwnAngle) {
   const TriangleMesh part = SteppedPart();
   const auto points_with = [&](std::optional<double> limit_m, FastCoverage* fast) {
@@ -236,7 +273,7 @@ TEST(DepthPerPixel, LimitsEveryPointByItsOwnAngle) {
     std::vector<MeasurementPoint> points;
     scene->EvaluateExact(m, &points, nullptr);
     scene->EvaluateFastCoverage({&m, 1}, {fast, 1}, nullptr);
-    // Of each point, by its definition.
+    // Evaluates each point by its definition.
     const ScanGeometry g = MakeScanGeometry(scene->rig(), m);
     int finer = 0;
     for (const MeasurementPoint& p : points) {

@@ -263,7 +263,7 @@ TEST(UncertaintyTest, GainsCountWhatScansAddToWhatIsKnown) {
   ASSERT_GT(information.targets.size(), 100u);
   const SurfacePrior& prior = scene->priors()->priors[0];
   // Every second target needs twice what the scan tells at the first one, the others half of it;
-  // one in ten is not judged.
+  // one in ten is not toleranced.
   const double told = information.density[information.density.size() / 2];
   std::vector<float> admissible_m(count);
   for (size_t t = 0; t < count; ++t) {
@@ -308,10 +308,10 @@ TEST(UncertaintyTest, GainsCountWhatScansAddToWhatIsKnown) {
   requirement.target_weights = weights;
   EXPECT_NEAR(gain(requirement).gain, 0.25 * shares, 1e-3 * shares);
   requirement.target_weights = {};
-  // Thesis eq. 6.1: the scan lowers the penalty of the targets it tells of nearly to nothing.
+  // Thesis eq. 6.1: the scan lowers the penalty of the targets it informs about nearly to zero.
   requirement.weights = {.total_uncertainty = 1};
   EXPECT_NEAR(gain(requirement).gain, static_cast<double>(judged), 0.02 * judged);
-  // What is known already is not gained again.
+  // Known information is not gained again.
   requirement.weights = {.admissible = 1};
   std::vector<float> more = known;
   for (float& density : more) density *= 4;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Whoever cancels a scene of a part of millions of triangles waits for no more than 100 ms of work.
+// Cancelling a scene of a part of millions of triangles takes no more than 100 ms of work.
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
@@ -35,7 +35,7 @@ TriangleMesh Sphere(int rings) {
   return Lathe(profile, rings);
 }
 
-// Of processes that this one has started and seen end.
+// CPU time of processes that this one has started and seen end.
 double ChildrenCpuSeconds() {
   rusage usage{};
   getrusage(RUSAGE_CHILDREN, &usage);

@@ -335,7 +335,7 @@ TEST_F(CoverageServiceTest, UnaryStreamAndSplitBatchesAnswerTheSameBytes) {
     EXPECT_EQ(joined.SerializeAsString(), unary.SerializeAsString()) << "batches of " << batch;
   }
 
-  // What the engine says itself.
+  // The engine itself is the reference.
   SceneDefinition definition;
   definition.part = *LoadedBox({0.1f, 0.2f, 0.3f});
   const auto reference = MakeFakeScene(definition, {});

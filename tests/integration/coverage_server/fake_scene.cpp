@@ -78,7 +78,7 @@ class FakeScene final : public CoverageScene {
     }
   }
 
-  // What cannot be measured is hidden, all else was not chosen.
+  // Targets that cannot be measured are reported as hidden, all others as not chosen.
   void Explain(const MeasurementDomain&, std::span<const uint32_t> targets,
                std::span<TargetExplanation> results,
                const std::atomic<bool>* cancelled) const override {

@@ -36,7 +36,7 @@ struct FakeOptions {
 // the number of the part's triangles and on the sampling seed.
 CoverageBackend MakeFakeBackend(const FakeOptions& options);
 
-// What such a backend answers, for comparison.
+// The scene that such a backend serves, for comparison.
 std::unique_ptr<CoverageScene> MakeFakeScene(SceneDefinition definition,
                                              const FakeOptions& options);
 

@@ -192,7 +192,7 @@ TEST_F(RpcServerTlsTest, NewConnectionsSeeTheNewCertificate) {
 
   Replace(new_authority_.Issue("second"));
   WaitUntil([&] { return CallOver(NewChannel(address, both_roots_)).server_name == "second"; });
-  // Who trusts the old authority alone gets no new connection, but keeps the one it has.
+  // A client that trusts the old authority alone gets no new connection, but keeps the one it has.
   EXPECT_FALSE(CallOver(NewChannel(address, old_authority_.certificate())).status.ok());
   const Answer after = CallOver(open);
   EXPECT_TRUE(after.status.ok()) << after.status;

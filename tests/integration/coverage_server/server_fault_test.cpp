@@ -383,7 +383,7 @@ TEST_F(ServerFaultTest, AServerKilledBeforeItListensIsRestartedOnce) {
   auto server = EmbeddedServer::Start(options);
   ASSERT_TRUE(server.ok()) << server.status();
   EXPECT_FALSE(Connection((*server)->address()).MakeScene().empty());
-  // That was the one restart.
+  // The server has used its one restart.
   ASSERT_GT((*server)->pid(), 1);
   ASSERT_EQ(kill((*server)->pid(), SIGKILL), 0);
   WaitUntil([&] { return !(*server)->CheckAlive().ok(); });
@@ -436,7 +436,7 @@ TEST_F(ServerFaultTest, ProgressIsReportedWithinOpenOnly) {
     client = *std::move(opened);
   }
   EXPECT_GT(*reports, 0);
-  // What the callback refers to may go now: sanitizers and a null pointer see it if it is used.
+  // The callback's data may be destroyed now: sanitizers and a null pointer see it if it is used.
   reports.reset();
   ASSERT_GT(server_->pid(), 1);
   ASSERT_EQ(kill(server_->pid(), SIGKILL), 0);

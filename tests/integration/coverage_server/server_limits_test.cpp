@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What clients that want too much, or nothing at all, can do to a server: nothing to the others.
+// Clients that want too much, or nothing at all, do no harm to the others.
 #include <arpa/inet.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -59,7 +59,7 @@ class ServerLimitsTest : public ::testing::Test {
     connection_ = std::make_unique<Connection>(server_->address());
   }
 
-  // Of the coverage service, or of the server as a whole.
+  // Health of the coverage service, or of the server as a whole.
   bool Serves(const std::string& service = "sightline.v1.CoverageService") {
     HealthCheckOptions check;
     check.address = server_->address();
@@ -182,7 +182,7 @@ TEST(PeerTurnsTest, APeerHasOneAtATimeAndTheOthersWait) {
     EXPECT_TRUE(absl::IsCancelled(turns.Wait("c", stop).status()));
   }
   EXPECT_TRUE(turns.Wait("c", go_on).ok());
-  // Who waits is woken, and nobody has the turn of a peer while it has it.
+  // A waiting caller is woken, and nobody has the turn of a peer while it has it.
   std::atomic<int> at_work{0}, most{0};
   std::vector<std::thread> threads;
   for (int i = 0; i < 8; ++i) {

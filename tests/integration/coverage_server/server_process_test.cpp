@@ -92,7 +92,7 @@ TEST_F(ServerProcessTest, LogNamesTheRequestOfTheCaller) {
   std::string line;
   ASSERT_TRUE(std::getline(log, line));
   EXPECT_THAT(line, HasSubstr(" trace_id=0af7651916cd43dd8448eb211c80319c event=call"));
-  // Who has none gets one of the call.
+  // A call without one gets its own.
   ASSERT_TRUE(std::getline(log, line));
   EXPECT_THAT(line, ::testing::ContainsRegex(" trace_id=[0-9a-f]{32} event=call"));
   EXPECT_THAT(line, ::testing::Not(HasSubstr("0af7651916cd43dd8448eb211c80319c")));

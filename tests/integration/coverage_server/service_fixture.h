@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the integration tests share: parts, requests, a connection.
+// Helpers that the integration tests share: parts, requests, a connection.
 #pragma once
 
 #include <grpcpp/grpcpp.h>

@@ -44,7 +44,7 @@ TEST(RpcStatus, CarriesAllDetailsThereAndBack) {
   EXPECT_EQ(ErrorMetadata(unknown).at("part_digest"), "abc");
 }
 
-// What other languages' libraries expect in grpc-status-details-bin.
+// Libraries of other languages expect this form in grpc-status-details-bin.
 TEST(RpcStatus, WireFormIsGoogleRpcStatus) {
   const grpc::Status status = ToGrpcStatus(absl::UnavailableError("later"));
   google::rpc::Status message;
@@ -296,7 +296,7 @@ TEST(SceneSpec, ADomainIsWrittenOutWithoutNames) {
   ASSERT_TRUE(plain->domain);
   EXPECT_EQ(plain->domain->resting_orientations.size(), 1u);
 
-  // What an inspection leaves to the part has been found by then.
+  // The part's holding must be resolved before a scene is described.
   spec.mutable_rig()->set_part_holding(v1::Rig::PART_HOLDING_RESTING);
   EXPECT_THAT(std::string(ParseSceneSpec(spec).status().message()),
               ::testing::HasSubstr("spec.rig.part_holding"));

@@ -27,6 +27,13 @@ constexpr char kOtherPartInspection[] = R"({
   "rig": {"part_holding": "PART_HOLDING_FREE"}, "targets": {"required_resolution_m": 0}
 })";
 
+constexpr char kOtherPartToleranced[] = R"({
+  "name": "box", "part": {"file": "box.obj", "unit": "mm"},
+  "rig": {"part_holding": "PART_HOLDING_FREE"},
+  "uncertainty": {"line_detection": {"standard_deviation_px": 0.1}},
+  "tolerances": {"zone_width_m": 0.0004}
+})";
+
 constexpr char kOtherPartImaging[] = R"({
   "name": "box", "part": {"file": "box.obj", "unit": "mm"},
   "rig": {"part_holding": "PART_HOLDING_FREE"},
@@ -54,6 +61,7 @@ constexpr PlanUse kPlanUses[] = {
     {"render", "tall_imaging.json --scan 1 --out out"},
     {"optics", "tall_imaging.json --plan {plan} --out new"},
     {"explore", "tall.json --plan {plan} --listen 127.0.0.1:0 --out new"},
+    {"inspect", "tall_toleranced.json --plan {plan} --measured points.ply --out new"},
 };
 
 class OtherPartProcessTest : public BoxProcessTest {
@@ -68,6 +76,7 @@ class OtherPartProcessTest : public BoxProcessTest {
     const std::pair<std::string, std::string> tall = {"box.obj", "tall.obj"};
     Write("tall.json", absl::StrReplaceAll(kOtherPartInspection, {tall}));
     Write("tall_imaging.json", absl::StrReplaceAll(kOtherPartImaging, {tall}));
+    Write("tall_toleranced.json", absl::StrReplaceAll(kOtherPartToleranced, {tall}));
     Write("by_hand.json", R"({"scans": [{"measurement": {"camera_distance_m": 0.3,
                               "triangulation_angle_deg": 30}}]})");
     const auto [code, output] =

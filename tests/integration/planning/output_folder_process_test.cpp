@@ -1,5 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
-// What `sightline` leaves in its output folder, and which files it does not read, as processes.
+// Files that `sightline` leaves in its output folder, and files that it does not read, as
+// processes.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>
@@ -41,7 +42,7 @@ TEST_F(OutputFolderTest, NothingStaysOfThePlanBefore) {
   ASSERT_EQ(code, 0) << output;
   ASSERT_EQ(Read<v1::Plan>("a/plan.json").scans_size(), 2);
   ASSERT_TRUE(Has("a/points/scan_02.ply"));
-  // What the plan has nothing to do with is the user's.
+  // Files that the plan did not write belong to the user.
   Write("a/points/notes.txt", "mine");
   Write("a/points/scan_02_measured.ply", "mine");
   Write("a/optics.json", "{}");

@@ -78,7 +78,7 @@ TEST_F(ParetoProcessTest, PlansAFrontAndThePlanFollowsThePick) {
   EXPECT_EQ(Bytes("a/pareto.json"), Bytes("b/pareto.json"));
   ASSERT_EQ(Run(pick + "--pick-seconds 1000000").first, 0);
 
-  // What there is not.
+  // A point that does not exist is refused.
   const auto [beside, why] = Run(absl::StrCat(pick, "--pick ", front.points_size() + 1));
   EXPECT_EQ(beside, 2);
   EXPECT_THAT(why, HasSubstr(absl::StrCat("points 1 to ", front.points_size())));

@@ -25,7 +25,7 @@ constexpr char kReasonsInspection[] = R"({
                   "camera_polar_deg": {"ranges": [{"min": 0, "max": 30}]},
                   "triangulation_angle_deg": {"ranges": [{"min": 15, "max": 40}]}},
   "obstacles": [{"name": "clamp <A>", "file": "clamp.obj", "unit": "mm", "frame": "FRAME_PART"}],
-  "targets": {"spacing_m": 0.003, "regions": [
+  "targets": {"spacing_m": 0.003, "max_incidence_deg": 90, "regions": [
     {"name": "clamped end", "spacing_m": 0.003, "min_m": {"x": 0.04, "y": -1, "z": 0.0199},
      "max_m": {"x": 1, "y": 1, "z": 0.0201}},
     {"name": "free end", "spacing_m": 0.002, "min_m": {"x": 0, "y": -1, "z": 0.0199},
@@ -120,7 +120,7 @@ TEST_F(ReasonsProcessTest, CountsReasonsOfAllTargetsAndOfRegions) {
 }
 
 TEST_F(ReasonsProcessTest, ACollisionNamesWhatIsTouched) {
-  // Where the camera's body is when it looks down from 0.4 m.
+  // The camera's body is there when it looks down from 0.4 m.
   std::string beam = kClamp;
   for (const auto& [from, to] :
        {std::pair(" 22\n", " 440\n"), std::pair(" 24\n", " 460\n"), std::pair("v 30 ", "v -100 "),
@@ -150,7 +150,7 @@ TEST_F(ReasonsProcessTest, RefusesADistanceWithoutRoomForCameraAndLaser) {
     "targets": {"required_resolution_m": 0}})");
   const auto [code, output] = Run("plan near.json --out a --no-pictures");
   EXPECT_EQ(code, 2) << output;
-  EXPECT_THAT(output, HasSubstr("camera and laser would stand in one another (rig.camera_bodies"));
+  EXPECT_THAT(output, HasSubstr("the bodies of camera and laser (rig.camera_bodies"));
 }
 
 TEST_F(ReasonsProcessTest, RefusesARegionWithoutTargets) {

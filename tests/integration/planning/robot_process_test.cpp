@@ -80,10 +80,10 @@ TEST_F(RobotProcessTest, ScansOutOfReachAreSaidToBe) {
   ASSERT_EQ(plan.scans_size(), 1);
   EXPECT_FALSE(plan.scans(0).robot().reachable());
   EXPECT_FALSE(plan.scans(0).robot().because().empty());
-  EXPECT_THAT(plan.scans(0).remarks(), Contains(HasSubstr("the nearest that it can make")));
+  EXPECT_THAT(plan.scans(0).remarks(), Contains(HasSubstr("the nearest reachable scan found")));
 }
 
-// The gains are those of the oracle that the robot's oracle asks.
+// The gains are those of the gain model that the robot's asks.
 TEST_F(RobotProcessTest, ComparesGainsWithinReach) {
   Write("uncertain.json",
         absl::StrReplaceAll(kRobotInspection, {{R"("goal": {"coverage": 0.7, "max_scans": 4})",

@@ -73,7 +73,7 @@ TEST_F(DiagnoseProcessTest, PartFromImagesToACalibratedInspection) {
   ASSERT_TRUE(ReadStrictJsonFile(folder_ + "/d/diagnosis_full.json", &full).ok());
   EXPECT_EQ(full.ranked(0).effect(), "illumination.interreflection") << full.finding();
   EXPECT_LT(full.held_out_improvement().with_effect(), 0.7 * full.held_out_improvement().null());
-  for (const char* file : {"diagnosis.json", "groove.json", "report.html"}) {
+  for (const char* file : {"diagnosis.json", "groove.json", "report.html", "report.json"}) {
     EXPECT_TRUE(fs::exists(folder_ + "/d/" + file)) << file;
   }
   const std::string calibrated = folder_ + "/d/calibrated/inspection.json";

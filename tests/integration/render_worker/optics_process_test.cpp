@@ -91,6 +91,7 @@ TEST_F(OpticsProcessTest, OneFrame) {
   EXPECT_GT(optics.best().profile_coverage(), 0.9);
   EXPECT_LE(optics.best().u_px_interval().lower(), optics.best().u_px());
   EXPECT_TRUE(fs::exists(folder_ + "/out/report.html"));
+  EXPECT_TRUE(fs::exists(folder_ + "/out/report.json"));
   EXPECT_FALSE(fs::exists(folder_ + "/out/plan.json"));
 }
 
@@ -144,6 +145,7 @@ TEST_F(OpticsProcessTest, SameSeedSameBytes) {
   };
   EXPECT_EQ(bytes("a/optics.json"), bytes("b/optics.json"));
   EXPECT_EQ(bytes("a/report.html"), bytes("b/report.html"));
+  EXPECT_EQ(bytes("a/report.json"), bytes("b/report.json"));
 }
 
 struct BadInput {

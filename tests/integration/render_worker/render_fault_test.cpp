@@ -133,7 +133,7 @@ class RenderFaultTest : public ::testing::Test {
   std::unique_ptr<v1::JobService::Stub> jobs_;
 };
 
-// What is left of an error is the client's own names.
+// The error names only the client's own files.
 void ExpectFullDisk(const absl::Status& status, const std::string& spool) {
   EXPECT_EQ(status.code(), absl::StatusCode::kResourceExhausted) << status;
   EXPECT_THAT(std::string(status.message()), Not(HasSubstr(spool)));

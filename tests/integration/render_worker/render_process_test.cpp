@@ -272,7 +272,7 @@ TEST_F(RenderProcessTest, GoesOnWithTheImagesThatAreMissing) {
   EXPECT_EQ(fs::last_write_time(image(3)), before);
   EXPECT_TRUE(fs::exists(folder_ + "/out/recordings.json"));
 
-  // Of another request nothing is taken.
+  // Images of another request are not reused.
   const ProcessResult other = Render("{folder}/set.json --seed 2 --checkpoint {folder}/checkpoint");
   ASSERT_EQ(other.exit_code, 0) << other.output;
   EXPECT_THAT(other.output, HasSubstr("finished_images: its images are of another request"));

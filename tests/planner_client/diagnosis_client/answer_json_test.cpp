@@ -107,6 +107,22 @@ TEST(AnswerJson, PairsAreOneEntryWithTheRestBesideIt) {
   EXPECT_DOUBLE_EQ(answer["also_present"][0]["probability"].get<double>(), 0.65);
 }
 
+TEST(AnswerJson, RemainderStandsOnlyWhereThereIsOne) {
+  v1::Diagnosis diagnosis;
+  AddExplanation(&diagnosis, "optics.coma", "optics", 1);
+  EXPECT_FALSE(Json::parse(AnswerJson(diagnosis)).contains("remainder"));
+  v1::Remainder* remainder = diagnosis.mutable_remainder();
+  remainder->set_share(0.02);
+  remainder->set_probability(0.97);
+  remainder->set_group("f_number 1.4");
+  // No term describes it: the stage stays empty.
+  EXPECT_EQ(Json::parse(AnswerJson(diagnosis))["remainder"],
+            Json::parse(R"({"stage": "", "share": 0.02, "probability": 0.97,
+                            "group": "f_number 1.4"})"));
+  remainder->set_share(NAN);
+  EXPECT_FALSE(Json::parse(AnswerJson(diagnosis))["remainder"].contains("share"));
+}
+
 TEST(AnswerJson, NumbersThatAreNoneAreLeftOut) {
   v1::Diagnosis diagnosis;
   v1::FittedEffect* effect = AddEffectTo(AddExplanation(&diagnosis, "sensor.smear", "sensor", 1),

@@ -44,7 +44,8 @@ const imaging = {
 function writeInspection(name, more) {
   const file = join(folder, name);
   writeFileSync(file, JSON.stringify({
-    name: 'stepped block', part: {file: 'block.stl', unit: 'mm'}, rig: {stage_travel_m: 0.6, part_holding: 'PART_HOLDING_FREE'},
+    // Without limits on blur: the camera is so near that most of its image is blurred.
+    name: 'stepped block', defaults: '0.1', part: {file: 'block.stl', unit: 'mm'}, rig: {stage_travel_m: 0.6, part_holding: 'PART_HOLDING_FREE'},
     targets: {spacing_m: 0.008, coverage_radius_m: 0.005, required_resolution_m: 0},
     // From so near that two scans are not enough.
     measurement: {
@@ -112,7 +113,7 @@ const rows = () => page.locator('#scans tr');
 const press = (name) => page.getByRole('button', {name, exact: true}).click();
 const picture = () => page.locator('#picture-box[data-state=drawn]').waitFor();
 
-// What is done, then the answer with exact numbers to it; how long that took, for the record.
+// Acts, waits for the answer with exact numbers, and records how long that took.
 async function untilExact(what, act) {
   const answered = page.waitForResponse((response) =>
     response.url().endsWith('api/scan') && JSON.parse(response.request().postData()).exact);

@@ -143,7 +143,7 @@ TEST_F(ExploreSessionTest, TheStateIsKeptForAPageThatIsLoadedAgain) {
   const Json state = session_->State();
   EXPECT_EQ(state["position"]["measurement"], LineMeasurement(0.2));
   EXPECT_EQ(state["position"]["setting"]["f_number"], 4);
-  // What was set goes with the scan.
+  // The setting goes with the scan.
   EXPECT_EQ(session_->Scans()[0].setting->exposure_time_s(), 0.002);
 }
 
@@ -444,7 +444,7 @@ TEST_F(ExploreSessionTest, BeginsWithAPlanAndKeepsItsSettings) {
   EXPECT_EQ(state["scans"][0]["covered"], 21);
   EXPECT_FALSE(state["unsaved"]);
   EXPECT_EQ(state["position"]["setting"]["f_number"], 5.6);
-  // What the page has no control for stays as it was.
+  // Parameters without a control on the page stay as they were.
   ASSERT_TRUE(Change("replace",
                      {{"index", 0},
                       {"measurement", LineMeasurement(0.2)},

@@ -25,7 +25,7 @@ class StartFileTest : public testing::Test {
   void SetUp() override { ASSERT_NE(mkdtemp(folder_.data()), nullptr); }
   void TearDown() override { fs::remove_all(folder_); }
 
-  // Of numbers that no shorter text gives.
+  // Makes a result of numbers that no shorter text gives.
   static StartResult Sample() {
     Random random(11);
     StartResult start;
@@ -33,6 +33,7 @@ class StartFileTest : public testing::Test {
     start.stop_reason = StopReason::kMaxScans;
     start.evaluations = (int64_t{1} << 60) + 1;
     start.settled = random.Uniform();
+    start.cost = 1e4 * random.Uniform();
     for (int i = 0; i < 50; ++i) {
       std::array<double, kMeasurementParameters> values;
       for (double& value : values) value = std::ldexp(random.Uniform() - 0.5, -i);
@@ -51,6 +52,7 @@ class StartFileTest : public testing::Test {
     EXPECT_EQ(a.stop_reason, b.stop_reason);
     EXPECT_EQ(a.evaluations, b.evaluations);
     EXPECT_EQ(a.settled, b.settled);
+    EXPECT_EQ(a.cost, b.cost);
     EXPECT_EQ(a.scans, b.scans);
     ASSERT_EQ(a.bound.has_value(), b.bound.has_value());
     if (!a.bound) return;

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which of several searches is the best.
+// Tests the choice of the best of several searches.
 #include "planner_client/multi_start/start_result.h"
 
 #include <gtest/gtest.h>
@@ -12,12 +12,14 @@
 namespace sightline {
 namespace {
 
-StartResult Start(int64_t seed, StopReason reason, int scans, double settled) {
+// Every scan costs 1 unless `cost` says otherwise.
+StartResult Start(int64_t seed, StopReason reason, int scans, double settled, double cost = -1) {
   StartResult start;
   start.seed = seed;
   start.stop_reason = reason;
   start.scans.resize(static_cast<size_t>(scans));
   start.settled = settled;
+  start.cost = cost < 0 ? scans : cost;
   return start;
 }
 
@@ -29,6 +31,15 @@ TEST(StartResultTest, FewestScansThenMostSettledThenLowestSeed) {
   EXPECT_FALSE(IsBetterStart(Start(9, kReached, 4, 0.96), Start(1, kReached, 4, 0.96)));
 }
 
+TEST(StartResultTest, LessTimeToExecuteComesBeforeFewerScans) {
+  constexpr auto kReached = StopReason::kGoalReached;
+  EXPECT_TRUE(IsBetterStart(Start(9, kReached, 5, 0.95, 2400), Start(1, kReached, 4, 0.95, 4700)));
+  EXPECT_TRUE(IsBetterStart(Start(9, kReached, 4, 0.95, 2400), Start(1, kReached, 5, 0.99, 2400)));
+  constexpr auto kStalled = StopReason::kStalled;
+  EXPECT_TRUE(IsBetterStart(Start(9, kStalled, 5, 0.8, 2400), Start(1, kStalled, 4, 0.8, 4700)));
+  EXPECT_FALSE(IsBetterStart(Start(9, kStalled, 5, 0.7, 2400), Start(1, kStalled, 4, 0.8, 4700)));
+}
+
 // A plan that gave up early has few scans too.
 TEST(StartResultTest, ReachingTheGoalComesFirst) {
   for (const StopReason reason : {StopReason::kMaxScans, StopReason::kMaxTime, StopReason::kStalled,
@@ -38,21 +49,22 @@ TEST(StartResultTest, ReachingTheGoalComesFirst) {
     EXPECT_TRUE(IsBetterStart(reached, short_of_it));
     EXPECT_FALSE(IsBetterStart(short_of_it, reached));
   }
-  // Where none does, what is settled counts more than the number of scans.
+  // If no start reaches the goal, the satisfied fraction counts more than the number of scans.
   EXPECT_TRUE(IsBetterStart(Start(2, StopReason::kStalled, 7, 0.8),
                             Start(1, StopReason::kStalled, 2, 0.7)));
   EXPECT_TRUE(IsBetterStart(Start(2, StopReason::kStalled, 2, 0.8),
                             Start(1, StopReason::kMaxScans, 7, 0.8)));
 }
 
-// Whichever of them ends first, the same one is found to be the best.
+// The same one is the best, whichever of them ends first.
 TEST(StartResultTest, OrdersResultsStrictly) {
   Random random(5);
   std::vector<StartResult> starts;
   for (int seed = 0; seed < 60; ++seed) {
     starts.push_back(
         Start(seed, random.Below(2) == 0 ? StopReason::kGoalReached : StopReason::kStalled,
-              1 + static_cast<int>(random.Below(4)), 0.1 * static_cast<double>(random.Below(4))));
+              1 + static_cast<int>(random.Below(4)), 0.1 * static_cast<double>(random.Below(4)),
+              static_cast<double>(random.Below(3))));
   }
   for (const StartResult& a : starts) {
     for (const StartResult& b : starts) {

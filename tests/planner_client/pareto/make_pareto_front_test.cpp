@@ -46,7 +46,7 @@ ParetoRequest ClusterRequest() {
   request.plan.domain.parameters[0] = {{}, {0.1, 0.3}, false};
   request.plan.goal.coverage = 1;
   request.plan.evaluations_per_scan = 2000;
-  request.costs.stage_speed_m_per_s = 0.1;
+  request.execution.costs.stage_speed_m_per_s = 0.1;
   request.scan_step_m = 0.001;
   request.estimate_frames = ClusterOracle::Frames;
   return request;
@@ -57,14 +57,14 @@ ParetoRequest CastingRequest() {
   request.plan.domain = NineParameterDomain();
   request.plan.goal.coverage = 0.8;
   request.plan.evaluations_per_scan = 1000;
-  request.costs.stage_speed_m_per_s = 0.1;
-  request.costs.reposition_time_s = 2;
-  request.costs.reposition_speed_rad_per_s = 0.5;
+  request.execution.costs.stage_speed_m_per_s = 0.1;
+  request.execution.costs.reposition_time_s = 2;
+  request.execution.costs.reposition_speed_rad_per_s = 0.5;
   request.time_limits = 6;
   return request;
 }
 
-// Scans, seconds, settled targets.
+// Scans, seconds, satisfied targets.
 std::vector<std::tuple<size_t, int64_t, int64_t>> Objectives(const ParetoFront& front) {
   std::vector<std::tuple<size_t, int64_t, int64_t>> objectives;
   for (const ParetoPoint& point : front.points) {
@@ -141,9 +141,9 @@ TEST(MakeParetoFrontTest, HasNoDominatedPointsAndTheirNumbersAreThoseOfTheirScan
     EXPECT_EQ(a.score.settled, covered.Count());
     EXPECT_EQ(a.reaches_goal, covered.Count() >= 160);
     EXPECT_EQ(a.time.Total_s(),
-              TimeOfPlan(request.costs, request.scan_step_m, scans, frames, 0).Total_s());
+              TimeOfPlan(request.execution, request.scan_step_m, scans, frames, 0).Total_s());
   }
-  // Whoever allows more scans and seconds gets no less.
+  // More scans and seconds never give less.
   const auto most_within = [&](size_t scans, double seconds) {
     int64_t most = 0;
     for (const ParetoPoint& point : points) {
@@ -177,7 +177,7 @@ TEST(MakeParetoFrontTest, ReachesTheGoalWithNoMoreScansThanThePlanAlone) {
 TEST(MakeParetoFrontTest, WithoutCostsItIsScansAgainstSettledTargets) {
   FunctionOracle oracle = CastingOracle(200, 1);
   ParetoRequest request = CastingRequest();
-  request.costs = {};
+  request.execution = {};
   const auto made = MakeParetoFront(oracle, request);
   ASSERT_TRUE(made.ok()) << made.status();
   const std::vector<ParetoPoint>& points = made->front.points;
@@ -228,11 +228,11 @@ TEST(MakeParetoFrontTest, WorksWhereOnlyWholePlansAreScored) {
   request.plan.domain = OffsetDomain();
   request.plan.goal.admissible = 0.9;
   request.plan.evaluations_per_scan = 500;
-  request.costs.reposition_time_s = 5;
+  request.execution.costs.reposition_time_s = 5;
   request.time_limits = 4;
   const auto made = MakeParetoFront(oracle, request);
   ASSERT_TRUE(made.ok()) << made.status();
-  // Three scans settle what all of them see; six settle all.
+  // Three scans satisfy what all of them see; six satisfy all.
   const auto chosen = PointForGoal(made->front.points);
   ASSERT_TRUE(chosen.has_value());
   EXPECT_TRUE(made->front.points[*chosen].reaches_goal);
@@ -284,7 +284,7 @@ TEST(MakeParetoFrontTest, AnEmptyFrontSaysWhy) {
   FunctionOracle nothing(0, [](const Measurement&, size_t) { return true; });
   const auto empty = MakeParetoFront(nothing, ClusterRequest());
   EXPECT_EQ(empty.status().code(), absl::StatusCode::kFailedPrecondition);
-  EXPECT_THAT(std::string(empty.status().message()), HasSubstr("no target"));
+  EXPECT_THAT(std::string(empty.status().message()), HasSubstr("no measurable target"));
 }
 
 TEST(MakeParetoFrontTest, RefusesWhatItCannotDo) {

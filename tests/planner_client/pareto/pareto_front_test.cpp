@@ -30,7 +30,7 @@ TEST(ParetoFrontTest, APointDominatesWhatIsNowhereBetter) {
 }
 
 TEST(ParetoFrontTest, WhatCountsIsWhatAPlanCanClaim) {
-  // As good on its own targets, worse on fresh ones.
+  // As good on its own targets, worse on validation targets.
   ParetoPoint a = Point(2, 10, 50), b = Point(2, 10, 50);
   a.score.fresh_judged = b.score.fresh_judged = 100;
   a.score.fresh_settled = 50;

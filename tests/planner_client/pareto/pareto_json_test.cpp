@@ -16,7 +16,7 @@ using ::testing::AllOf;
 using ::testing::HasSubstr;
 using ::testing::Not;
 
-ParetoTask Task() {
+ParetoTask FrontTask() {
   ParetoTask task;
   task.inspection_name = "plate";
   task.sightline_version = "1";
@@ -58,7 +58,7 @@ v1::ParetoFront Front() {
                          FrontPoint(3, 8, 70, 35), FrontPoint(3, 20, 97, 48)};
   result.front.dominated = {FrontPoint(3, 30, 60, 30)};
   result.evaluations = 1234;
-  return ParetoToProto(result, Task(), 7, 3, v1::Plan::STOP_REASON_GOAL_REACHED);
+  return ParetoToProto(result, FrontTask(), 7, 3, v1::Plan::STOP_REASON_GOAL_REACHED);
 }
 
 ParetoPick Number(int number) {
@@ -86,7 +86,7 @@ TEST(ParetoJsonTest, ComesBackFromTextAsItWas) {
   ASSERT_TRUE(parsed.ok()) << parsed;
   EXPECT_EQ(read.SerializeAsString(), front.SerializeAsString());
   EXPECT_EQ(ToJson(read), ToJson(front));
-  EXPECT_TRUE(CheckPareto(read, Task(), "pareto.json").ok());
+  EXPECT_TRUE(CheckPareto(read, FrontTask(), "pareto.json").ok());
   const std::vector<Measurement> scans = ScansOfPoint(read.points(2));
   ASSERT_EQ(scans.size(), 3u);
   EXPECT_DOUBLE_EQ(scans[2].offset_y_m, 0.2);
@@ -107,7 +107,7 @@ TEST(ParetoJsonTest, HasTheNumbersOfThePoints) {
   EXPECT_DOUBLE_EQ(point.settled(), 0.7);
   EXPECT_EQ(point.locked_scans(), 1);
   EXPECT_FALSE(point.reaches_goal());
-  // 48 of 50 fresh ones are 96 %.
+  // 48 of 50 validation targets are 96 %.
   EXPECT_DOUBLE_EQ(front.points(3).settled(), 0.96);
   EXPECT_TRUE(front.points(3).reaches_goal());
   ASSERT_EQ(front.dominated_size(), 1);
@@ -117,30 +117,30 @@ TEST(ParetoJsonTest, HasTheNumbersOfThePoints) {
 
 TEST(ParetoJsonTest, FrontsOfAnotherPartOrInspectionAreRefusedByFileAndField) {
   const v1::ParetoFront front = Front();
-  ParetoTask task = Task();
+  ParetoTask task = FrontTask();
   task.part_digest.hex = std::string(64, 'c');
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")),
               AllOf(HasSubstr("d/pareto.json: part_digest"), HasSubstr("another part"),
                     HasSubstr(std::string(64, 'a')), HasSubstr(task.part_digest.Text()),
                     Not(HasSubstr("--other-part"))));
-  task = Task();
+  task = FrontTask();
   task.scene_digest = "cc";
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")), HasSubstr("scene_digest"));
-  task = Task();
+  task = FrontTask();
   task.costs.stage_speed_m_per_s = 0.2;
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")),
               HasSubstr("costs.stage_speed_m_per_s is 0.1, must be 0.2"));
-  task = Task();
+  task = FrontTask();
   task.costs.frame_rate_hz = 50;
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")),
               HasSubstr("costs.frame_rate_hz is not given"));
-  task = Task();
+  task = FrontTask();
   task.for_uncertainty = true;
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")), HasSubstr("goal.admissible"));
-  task = Task();
+  task = FrontTask();
   task.judged_targets = 99;
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")), HasSubstr("judged_targets"));
-  task = Task();
+  task = FrontTask();
   task.domain.parameters[7].ranges = {{-0.05, 0.05}};
   // The first scan is locked: it need not be in the domain.
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")),
@@ -153,12 +153,12 @@ TEST(ParetoJsonTest, AFrontOfAnOlderRuleIsTakenWithARemark) {
   front.set_part_digest(std::string(64, 'e'));
   front.set_scene_digest("another");
   std::string remark;
-  const absl::Status taken = CheckPareto(front, Task(), "d/pareto.json", &remark);
+  const absl::Status taken = CheckPareto(front, FrontTask(), "d/pareto.json", &remark);
   EXPECT_TRUE(taken.ok()) << taken;
   EXPECT_THAT(remark, AllOf(HasSubstr("pareto.json"), HasSubstr("rule 1"), HasSubstr("plate.stl")));
-  EXPECT_TRUE(CheckPareto(Front(), Task(), "d/pareto.json", &remark).ok());
+  EXPECT_TRUE(CheckPareto(Front(), FrontTask(), "d/pareto.json", &remark).ok());
   EXPECT_EQ(remark, "");
-  ParetoTask task = Task();
+  ParetoTask task = FrontTask();
   task.judged_targets = 99;
   EXPECT_THAT(Error(CheckPareto(front, task, "d/pareto.json")), HasSubstr("judged_targets"));
 }
@@ -166,33 +166,33 @@ TEST(ParetoJsonTest, AFrontOfAnOlderRuleIsTakenWithARemark) {
 TEST(ParetoJsonTest, DamagedFrontsAreRefused) {
   v1::ParetoFront front = Front();
   front.mutable_points(1)->set_number(5);
-  EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("points[1].number is 5"));
+  EXPECT_THAT(Error(CheckPareto(front, FrontTask(), "p")), HasSubstr("points[1].number is 5"));
   front = Front();
   front.mutable_points(1)->clear_measurements();
-  EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("points[1].scans"));
+  EXPECT_THAT(Error(CheckPareto(front, FrontTask(), "p")), HasSubstr("points[1].scans"));
   front = Front();
   front.mutable_points(0)->set_locked_scans(2);
-  EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("points[0].locked_scans"));
+  EXPECT_THAT(Error(CheckPareto(front, FrontTask(), "p")), HasSubstr("points[0].locked_scans"));
   front = Front();
   front.mutable_points(0)->set_settled(1.5);
-  EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("points[0].settled"));
+  EXPECT_THAT(Error(CheckPareto(front, FrontTask(), "p")), HasSubstr("points[0].settled"));
   front = Front();
   front.mutable_points(0)->set_time_s(-1);
-  EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("points[0].time_s"));
+  EXPECT_THAT(Error(CheckPareto(front, FrontTask(), "p")), HasSubstr("points[0].time_s"));
   for (const double goal : {0.0, -1.0, 1.5, std::nan("")}) {
     front = Front();
     front.set_goal(goal);
-    EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("goal is ")) << goal;
+    EXPECT_THAT(Error(CheckPareto(front, FrontTask(), "p")), HasSubstr("goal is ")) << goal;
   }
   front = Front();
   while (front.points(1).measurements_size() <= 1000) {
     *front.mutable_points(1)->add_measurements() = front.points(1).measurements(0);
   }
   front.mutable_points(1)->set_scans(front.points(1).measurements_size());
-  EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("and in [1, 1000]"));
+  EXPECT_THAT(Error(CheckPareto(front, FrontTask(), "p")), HasSubstr("and in [1, 1000]"));
   front = Front();
   front.clear_points();
-  EXPECT_THAT(Error(CheckPareto(front, Task(), "p")), HasSubstr("points is empty"));
+  EXPECT_THAT(Error(CheckPareto(front, FrontTask(), "p")), HasSubstr("points is empty"));
   EXPECT_THAT(Error(PickPoint(front, Number(1), "p").status()), HasSubstr("points is empty"));
 }
 
@@ -203,7 +203,7 @@ TEST(ParetoJsonTest, PicksByNumberScansAndSeconds) {
   EXPECT_EQ(*PickPoint(front, Scans(2), "p"), 1);
   EXPECT_EQ(*PickPoint(front, Scans(10), "p"), 3);
   EXPECT_EQ(*PickPoint(front, Seconds(5), "p"), 0);
-  EXPECT_EQ(*PickPoint(front, Seconds(23), "p"), 1);  // of equally settled ones fewer scans
+  EXPECT_EQ(*PickPoint(front, Seconds(23), "p"), 1);  // of equally satisfied ones fewer scans
   EXPECT_EQ(*PickPoint(front, Seconds(100), "p"), 3);
 }
 

@@ -31,7 +31,7 @@ TEST(PlanTimeTest, IsTheSumCalculatedByHand) {
   // and 2 s, of which the stage alone would need half. In the order 0, 2, 1 two moves of 1 rad take
   // 3 + 2 s each.
   const std::vector<FrameRange> frames = {{-100, 300}, {0, 100}, {50, 250}};
-  const PlanTime time = TimeOfPlan(Costs(), 0.001, ThreeScans(), frames, 0);
+  const PlanTime time = TimeOfPlan(ExecutionModel{Costs()}, 0.001, ThreeScans(), frames, 0);
   EXPECT_NEAR(time.scan_s, 7, 1e-12);
   EXPECT_NEAR(time.frame_rate_s, 3.5, 1e-12);
   EXPECT_NEAR(time.reposition_s, 10, 1e-12);
@@ -41,15 +41,15 @@ TEST(PlanTimeTest, IsTheSumCalculatedByHand) {
 TEST(PlanTimeTest, LockedScansStayInTheirOrder) {
   const std::vector<FrameRange> frames(3, {0, 100});
   // 0, 1, then 2: moves of 2 and 1 rad.
-  const PlanTime time = TimeOfPlan(Costs(), 0.001, ThreeScans(), frames, 2);
+  const PlanTime time = TimeOfPlan(ExecutionModel{Costs()}, 0.001, ThreeScans(), frames, 2);
   EXPECT_NEAR(time.reposition_s, 2 * 3 + 4 + 2, 1e-12);
 }
 
 TEST(PlanTimeTest, LongerStepsAtTheSameFrameRateAreFaster) {
   const std::vector<Measurement> scans(1);
   const std::vector<FrameRange> fine = {{0, 400}}, coarse = {{0, 200}};  // 0.4 m both
-  const PlanTime slow = TimeOfPlan(Costs(), 0.001, scans, fine, 0);
-  const PlanTime fast = TimeOfPlan(Costs(), 0.002, scans, coarse, 0);
+  const PlanTime slow = TimeOfPlan(ExecutionModel{Costs()}, 0.001, scans, fine, 0);
+  const PlanTime fast = TimeOfPlan(ExecutionModel{Costs()}, 0.002, scans, coarse, 0);
   EXPECT_NEAR(slow.scan_s, 4, 1e-12);
   EXPECT_NEAR(fast.scan_s, 2, 1e-12);
   EXPECT_NEAR(fast.frame_rate_s, 0, 1e-12);  // now as fast as the stage
@@ -58,17 +58,19 @@ TEST(PlanTimeTest, LongerStepsAtTheSameFrameRateAreFaster) {
 TEST(PlanTimeTest, FrameRateAloneIsAllOfTheScanTime) {
   CostModel costs;
   costs.frame_rate_hz = 100;
-  const PlanTime time =
-      TimeOfPlan(costs, 0.001, std::vector<Measurement>(1), std::vector<FrameRange>{{0, 400}}, 0);
+  const PlanTime time = TimeOfPlan(ExecutionModel{costs}, 0.001, std::vector<Measurement>(1),
+                                   std::vector<FrameRange>{{0, 400}}, 0);
   EXPECT_NEAR(time.scan_s, 4, 1e-12);
   EXPECT_EQ(time.frame_rate_s, time.scan_s);
 }
 
 TEST(PlanTimeTest, NoScansNoFramesAndNoCostsTakeNoTime) {
-  EXPECT_EQ(TimeOfPlan(Costs(), 0.001, {}, {}, 0).Total_s(), 0);
+  EXPECT_EQ(TimeOfPlan(ExecutionModel{Costs()}, 0.001, {}, {}, 0).Total_s(), 0);
   const std::vector<FrameRange> none(1), some = {{0, 100}, {0, 100}, {0, 100}};
-  EXPECT_EQ(TimeOfPlan(Costs(), 0.001, std::vector<Measurement>(1), none, 0).Total_s(), 0);
-  EXPECT_EQ(TimeOfPlan(CostModel{}, 0.001, ThreeScans(), some, 0).Total_s(), 0);
+  EXPECT_EQ(
+      TimeOfPlan(ExecutionModel{Costs()}, 0.001, std::vector<Measurement>(1), none, 0).Total_s(),
+      0);
+  EXPECT_EQ(TimeOfPlan(ExecutionModel{CostModel{}}, 0.001, ThreeScans(), some, 0).Total_s(), 0);
 }
 
 }  // namespace

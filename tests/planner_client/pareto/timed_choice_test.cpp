@@ -15,7 +15,9 @@ class TimedChoiceTest : public testing::Test {
  protected:
   static constexpr size_t kTargets = 24;
 
-  TimedChoiceTest() : pool_({{1.0, {1.0f}}}, AllTargets()) { costs_.reposition_time_s = 1; }
+  TimedChoiceTest() : pool_({{1.0, {1.0f}}}, AllTargets()) {
+    execution_.costs.reposition_time_s = 1;
+  }
 
   static std::vector<uint32_t> AllTargets() {
     std::vector<uint32_t> targets;
@@ -44,7 +46,7 @@ class TimedChoiceTest : public testing::Test {
       Add(mask, 1 + 9 * random.Uniform(), random.Uniform());
     }
   }
-  TimedChoice Choice() const { return TimedChoice(costs_, pool_, scans_, seconds_); }
+  TimedChoice Choice() const { return TimedChoice(execution_, pool_, scans_, seconds_); }
   PoolPlan Best(double limit_s, size_t most_scans = 100, PoolPlan start = {},
                 size_t fixed = 0) const {
     Random random(1);
@@ -66,14 +68,14 @@ class TimedChoiceTest : public testing::Test {
     return most;
   }
 
-  CostModel costs_;
+  ExecutionModel execution_;
   ScanPool pool_;
   std::vector<Measurement> scans_;
   std::vector<double> seconds_;
 };
 
 TEST_F(TimedChoiceTest, FindsTheBestPlanWithinEveryLimit) {
-  costs_.reposition_speed_m_per_s = 0.2;  // up to 5 s
+  execution_.costs.reposition_speed_m_per_s = 0.2;  // up to 5 s
   AddRandomScans(11, 5);
   for (const double limit_s : {2.0, 5.0, 10.0, 15.0, 20.0, 30.0, 60.0}) {
     const PoolPlan plan = Best(limit_s);
@@ -114,7 +116,7 @@ TEST_F(TimedChoiceTest, ShorteningGivesUpTheLeastPerSecondAndKeepsFixedScans) {
 }
 
 TEST_F(TimedChoiceTest, AddedSecondsAreThoseOfTheBestPlaceInTheOrder) {
-  costs_.reposition_speed_m_per_s = 0.1;
+  execution_.costs.reposition_speed_m_per_s = 0.1;
   std::vector<Measurement> order(2);
   order[1].offset_y_m = 0.5;
   Measurement between;

@@ -56,6 +56,17 @@ TEST_F(FinishedImagesTest, ImagesOfTheSameQuestionCount) {
   EXPECT_THAT(again.remarks(), IsEmpty());
 }
 
+// Image 0 is the one that counts (see the test before).
+TEST_F(FinishedImagesTest, ImagesThatAreMadeAgainAreNamed) {
+  Render("a");
+  std::ofstream(folder_ + "/0.png") << "other bytes";
+  const FinishedImages damaged = Open(spec_, "a");
+  EXPECT_THAT(damaged.images(), IsEmpty());
+  EXPECT_THAT(damaged.remarks(), ElementsAre(HasSubstr("kept image 0 (0.png)")));
+  // It is named once: the list no longer has it.
+  EXPECT_THAT(Open(spec_, "a").remarks(), IsEmpty());
+}
+
 TEST_F(FinishedImagesTest, ImagesOfAnotherRequestOrBuildAreNamedAndDoNotCount) {
   v1::RenderSpec other = spec_;
   other.mutable_plate()->set_seed(2);

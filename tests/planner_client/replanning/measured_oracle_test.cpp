@@ -58,7 +58,7 @@ TEST(MeasuredOracle, ForwardsWeightsOfTheGain) {
   EXPECT_EQ(asked.weights().information, 0.5);
 }
 
-// Whatever simulation says of a scan that has been made.
+// A scan that has been made is feasible, whatever simulation says.
 TEST(MeasuredOracle, MeasuredScansAreFeasible) {
   auto simulated = std::make_unique<FunctionOracle>(kTargets, Covers);
   simulated->set_feasibility([](const Measurement& m) {
@@ -70,7 +70,7 @@ TEST(MeasuredOracle, MeasuredScansAreFeasible) {
   EXPECT_EQ((*exact)[0].feasibility, ScanFeasibility::kFeasible);
 }
 
-// The planner keeps the measured scan, in front, and settles what its points left open.
+// The planner keeps the measured scan, in front, and satisfies what its points left open.
 TEST(MeasuredOracle, PlansGoOnFromWhatPointsSettle) {
   const auto oracle = Oracle(std::make_unique<FunctionOracle>(kTargets, Covers));
   PlannerRequest request;

@@ -214,7 +214,7 @@ TEST_F(MeasuredPartTest, EmptyAndDamagedFilesAreRefused) {
   EXPECT_EQ(Find((folder_ / "none.ply").string()).status().code(), absl::StatusCode::kNotFound);
 }
 
-// By what headers announce, before points take memory.
+// Files are refused by the number in their header, before points take memory.
 TEST_F(MeasuredPartTest, TooManyPointsAreRefusedBeforeTheyAreRead) {
   const auto ply = [&](const std::string& name, const std::string& elements, uint64_t data_bytes) {
     const std::string path = WriteText(
@@ -260,6 +260,59 @@ TEST_F(MeasuredPartTest, TooManyPointsAreRefusedBeforeTheyAreRead) {
   // As many as there may be, but they are not there.
   const std::string cut = said({{ply("cut.ply", "element vertex 20000000\n", 300), 0}});
   EXPECT_TRUE(has(cut, "cut.ply: truncated")) << cut;
+}
+
+TEST_F(MeasuredPartTest, InchesAndMirrorImagesAreNamed) {
+  SurfaceSample inches = Measured(model_, truth_, 9);
+  for (Eigen::Vector3d& p : inches.positions_m) p /= 0.0254;
+  const std::string path = Write("inch.ply", inches);
+  const auto refused = Find(path);
+  EXPECT_TRUE(Says(refused.status(), "--measured-unit inch")) << refused.status();
+  MeasuredPartOptions options;
+  options.metres_per_unit = 0.0254;
+  const auto read = FindMeasuredPart(model_, inspection_, {{path, 0}}, {scan_}, options);
+  EXPECT_TRUE(read.ok()) << read.status();
+  SurfaceSample mirrored = Measured(model_, truth_, 10);
+  for (size_t i = 0; i < mirrored.positions_m.size(); ++i) {
+    mirrored.positions_m[i].x() = 0.08 - mirrored.positions_m[i].x();
+    mirrored.normals[i].x() *= -1;
+  }
+  const auto mirror = Find(Write("mirror.ply", mirrored));
+  EXPECT_TRUE(Says(mirror.status(), "mirrored in x")) << mirror.status();
+}
+
+TEST_F(MeasuredPartTest, RepeatedPointsAreRefusedUnlessTheyAreFew) {
+  SurfaceSample sample = Measured(model_, truth_, 11);
+  for (int i = 0; i < 20; ++i) {
+    sample.positions_m.push_back(sample.positions_m[5]);
+    sample.normals.push_back(sample.normals[5]);
+  }
+  const auto few = Find(Write("few.ply", sample));
+  ASSERT_TRUE(few.ok()) << few.status();
+  EXPECT_EQ(few->counts[0].duplicates, 20);
+  EXPECT_EQ(few->counts[0].read, 8000);
+  for (int i = 0; i < 1000; ++i) {
+    sample.positions_m.push_back(sample.positions_m[5]);
+    sample.normals.push_back(sample.normals[5]);
+  }
+  const auto many = Find(Write("many.ply", sample));
+  EXPECT_TRUE(Says(many.status(), "many.ply: 1020 of its 9020 points repeat")) << many.status();
+}
+
+TEST_F(MeasuredPartTest, StrayPointsAreCountedAndLeftOut) {
+  inspection_.uncertainty.emplace();
+  inspection_.uncertainty->detection.standard_deviations_px = {0.02};
+  SurfaceSample sample = Measured(model_, truth_, 12, 60'000);
+  for (size_t i = 0; i < 600; ++i) {
+    sample.positions_m[100 * i] +=
+        2e-3 * (truth_.Rotation() * sample.normals[100 * i]).normalized();
+  }
+  const auto part = Find(Write("stray.ply", sample));
+  ASSERT_TRUE(part.ok()) << part.status();
+  EXPECT_GT(part->counts[0].among_neighbours, 500);
+  EXPECT_LT(part->counts[0].among_neighbours, 700);
+  EXPECT_EQ(part->outliers_m.size(), static_cast<size_t>(part->counts[0].among_neighbours));
+  EXPECT_LT(part->counts[0].rms_m, 2e-4);
 }
 
 // ASCII without normals as other programs write it.

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What every page must be, whatever it says, and how tests look into one.
+// Properties of every page, and functions by which tests look into one.
 #pragma once
 
 #include <google/protobuf/message.h>

@@ -18,8 +18,8 @@ class InverseKinematicsTest : public RobotFilesTest {};
 
 const auto kAll = [](const JointPositions&) { return false; };
 
-// Whatever position an arm takes, the pose it has there is found again, by solutions within the
-// limits that have that very pose; nearly always the position itself is among them.
+// For any position of an arm, the solver finds its pose again, by solutions within the limits that
+// have that very pose; nearly always the position itself is among them.
 TEST_F(InverseKinematicsTest, FindsPosesOfTheArmAgain) {
   const auto model = ReadRobotModel(ArmMount());
   ASSERT_TRUE(model.ok()) << model.status();

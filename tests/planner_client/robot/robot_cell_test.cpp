@@ -16,8 +16,8 @@ constexpr ScanTravel kTravel{-0.1, 0.1};
 
 class RobotCellTest : public CellTest {};
 
-// Where an arm with the head has it, the camera is where the scan wants it, seen from the part:
-// that is all that a scan is.
+// With the head on the arm, the camera is where the scan wants it, seen from the part: that is all
+// that defines a scan.
 TEST_F(RobotCellTest, ArmPutsTheHeadWhereTheScanWantsItOverThePart) {
   const CellTask task = HeadTask();
   const auto cell = Make(task);

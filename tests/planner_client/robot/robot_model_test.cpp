@@ -124,6 +124,7 @@ TEST_F(RobotModelTest, MeshesBelongToTheDigest) {
            std::pair{R"(filename="hand.obj" scale="0 1 1")", "scale must be finite and not 0"},
            std::pair{R"(filename="hand.obj" scale="nan 1 1")", "arm.urdf: "},
            std::pair{R"(filename="hand.obj")", "looks like millimetres"},
+           std::pair{R"(filename="hand.obj")", "correct the scale of <mesh>"},
            std::pair{R"(filename="arm.urdf")", "arm.urdf"},
        }) {
     const auto refused = with(mesh);
@@ -245,6 +246,13 @@ TEST_F(RobotModelTest, LimitsWithoutEffectAreRemarked) {
               ElementsAre(HasSubstr("joint elbow: its limits -1 to 2 rad have no effect")));
   EXPECT_THAT(remarks("continuous", R"(upper="2")", ""),
               ElementsAre(HasSubstr("joint elbow: its limits 0 to 2 rad have no effect")));
+  // Stated limits of 0 differ from limits that are left out, though urdfdom gives both the same.
+  for (const char* zero : {R"(lower="0" upper="0")", R"(lower="0.0")", R"(upper="0")"}) {
+    EXPECT_THAT(remarks("continuous", zero, ""),
+                ElementsAre(AllOf(HasSubstr("joint elbow: its limits 0 to 0 rad have no effect"),
+                                  HasSubstr("\"fixed\""))))
+        << zero;
+  }
   EXPECT_THAT(remarks("continuous", "", ""), ElementsAre());
   const std::string limits = R"(lower="-1" upper="2")";
   for (const char* zero : {R"(soft_lower_limit="0" soft_upper_limit="0" )",

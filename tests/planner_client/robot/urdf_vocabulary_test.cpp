@@ -206,7 +206,7 @@ TEST_F(UrdfVocabularyTest, RefusesValuesThatAreNoNumbers) {
   }
 }
 
-// Wherever an element of the table has angles: of solids, joints and links.
+// Every element of the table that has angles is tried: of solids, joints and links.
 TEST_F(UrdfVocabularyTest, RefusesAnglesInDegrees) {
   int angles = 0;
   for (const UrdfElement& element : UrdfElements()) {

@@ -28,7 +28,7 @@ using ::testing::Each;
 using ::testing::Key;
 using ::testing::Pair;
 
-// Which calls came, and whether they had a deadline.
+// Records the calls that came, and whether they had a deadline.
 class CallLog {
  public:
   void Add(const std::string& method, const grpc::ServerContext& context) {

@@ -29,7 +29,8 @@ Measurement FromAbove() {
   return measurement;
 }
 
-// Where camera and laser axis meet the plate: pixel d/f, angle tau, depth d/f / sin(tau).
+// The point at which camera and laser axis meet the plate: pixel d/f, angle tau, depth d/f /
+// sin(tau).
 TEST(QualityOfPoint, AtTheOriginIsThatOfTheRig) {
   const Rig rig = PlateRig();
   const PointQuality quality = QualityOfPoint(rig.camera, MakeScanGeometry(rig, FromAbove()),

@@ -91,6 +91,40 @@ TEST(SetUpSheet, HasAPageForEveryScan) {
 }
 
 // The first scan: camera straight above at 400 mm; the part is not turned, its centre at offset z.
+TEST(SetUpSheet, HasAPageForEverySetUp) {
+  SetUpSheet sheet = Sample();
+  for (int s = 0; s < 2; ++s) {
+    v1::Setup& setup = *sheet.plan.add_setups();
+    setup.set_sensor_place(0);
+    setup.mutable_time_s()->set_lay(180);
+    setup.mutable_time_s()->set_total(240);
+  }
+  sheet.plan.mutable_setups(0)->add_scans(sheet.plan.scans(0).index());
+  sheet.plan.mutable_setups(0)->add_scans(sheet.plan.scans(1).index());
+  sheet.plan.mutable_setups(1)->add_scans(sheet.plan.scans(2).index());
+  const std::string html = HtmlOf(sheet);
+  EXPECT_EQ(MarkupFault(html), "");
+  EXPECT_THAT(html, AllOf(HasSubstr("Set-up 1 of 2"), HasSubstr("Set-up 2 of 2"),
+                          HasSubstr("Put camera and laser in <strong>place 1"),
+                          HasSubstr("Leave camera and laser where they are"),
+                          HasSubstr("4 min 00 s"), Not(HasSubstr("Scan 1 of 3"))));
+  sheet.plan.mutable_setups(1)->add_scans(17);
+  EXPECT_THAT(SetUpSheetHtml(sheet).status().message(), HasSubstr("a set-up names no scan"));
+}
+
+TEST(SetUpSheet, ShowsNoTimesWithUnitCosts) {
+  SetUpSheet sheet = Sample();
+  v1::Setup& setup = *sheet.plan.add_setups();
+  for (const v1::PlannedScan& scan : sheet.plan.scans()) setup.add_scans(scan.index());
+  setup.mutable_time_s()->set_total(240);
+  EXPECT_THAT(HtmlOf(sheet), AllOf(HasSubstr("4 min 00 s"), HasSubstr(">time<br>s</th>")));
+  sheet.plan.mutable_cost()->set_unit_costs(true);
+  const std::string html = HtmlOf(sheet);
+  EXPECT_EQ(MarkupFault(html), "");
+  EXPECT_THAT(html, AllOf(HasSubstr("Set-up 1 of 1"), Not(HasSubstr("4 min 00 s")),
+                          Not(HasSubstr("time<br>")), Not(HasSubstr("0.0 s"))));
+}
+
 TEST(SetUpSheet, SaysWhereThingsStand) {
   SetUpSheet sheet = Sample();
   sheet.plan.mutable_scans()->DeleteSubrange(1, 2);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What --help says, and what is said of command lines that are wrong.
+// Tests of --help, and of messages about wrong command lines.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

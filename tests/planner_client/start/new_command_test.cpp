@@ -14,6 +14,7 @@
 #include "core/inspection/read_with_files.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
+#include "core/physics/angle.h"
 #include "planner_client/commands/commands.h"
 #include "planner_client/inspection_draft/inspection_draft.h"
 #include "tests/planner_client/run_command.h"
@@ -77,12 +78,50 @@ TEST_F(NewCommandTest, WritesAnInspectionThatCanBeRead) {
   EXPECT_THAT(
       text, AllOf(HasSubstr("// Written by `sightline new`"), HasSubstr("\"../box.obj\""),
                   HasSubstr("PART_HOLDING_RESTING"), HasSubstr("\"coverage_radius_m\": 0.0006\n")));
-  // What is there is not written over.
+  // An existing file is not overwritten.
   const CommandResult again = New({"--unit", "mm"});
   EXPECT_EQ(again.exit_code, kExitWrongInput);
   EXPECT_THAT(again.errors, HasSubstr("--force"));
   EXPECT_EQ(New({"--unit", "mm", "--force", "--holding", "free"}).exit_code, kExitDone);
   EXPECT_THAT(Text(out_), HasSubstr("\"part_holding\": \"PART_HOLDING_FREE\""));
+}
+
+TEST_F(NewCommandTest, WritesTheRigAsItIsBought) {
+  out_ = folder_ + "/rigid.json";
+  const CommandResult made = New({"--unit", "mm", "--rig", "rigid", "--triangulation-angle-deg",
+                                  "30", "--stand-off-mm", "250", "--fixed-height"});
+  ASSERT_EQ(made.exit_code, kExitDone) << made.errors;
+  const auto rigid = ReadInspectionWithFiles(out_);
+  ASSERT_TRUE(rigid.ok()) << rigid.status();
+  EXPECT_EQ(rigid->sensor_mount, SensorMount::kRigid);
+  EXPECT_FALSE(rigid->stage_moves_in_height);
+  EXPECT_EQ(rigid->costs.move_sensors_time_s, 60);
+  EXPECT_EQ(rigid->rig.laser.distance_m, 0.25);
+  // The camera beside the laser: 250 mm / cos 30 deg.
+  ASSERT_EQ(rigid->domain.parameters[kCameraDistance].values.size(), 1u);
+  EXPECT_NEAR(rigid->domain.parameters[kCameraDistance].values[0], 0.288675, 1e-6);
+  EXPECT_NEAR(rigid->domain.parameters[kTriangulationAngle].values.at(0), 30 * kRadPerDeg, 1e-9);
+
+  out_ = folder_ + "/steps.json";
+  const CommandResult steps = New({"--unit", "mm", "--angle-step-deg", "15"});
+  ASSERT_EQ(steps.exit_code, kExitDone) << steps.errors;
+  const auto free = ReadInspectionWithFiles(out_);
+  ASSERT_TRUE(free.ok()) << free.status();
+  EXPECT_EQ(free->costs.move_sensors_time_s, 900);
+  EXPECT_EQ(free->domain.parameters[kPartGamma].values.size(), 24u);
+  EXPECT_EQ(free->domain.parameters[kCameraPolar].values.size(), 7u);
+
+  out_ = folder_ + "/table.json";
+  EXPECT_THAT(New({"--unit", "mm", "--rig", "turntable"}).errors, HasSubstr("--urdf"));
+  EXPECT_THAT(New({"--unit", "mm", "--rig", "rigid", "--stand-off-mm", "250"}).errors,
+              HasSubstr("--triangulation-angle-deg"));
+  const CommandResult table =
+      New({"--unit", "mm", "--rig", "turntable", "--urdf", "table.urdf", "--tip-link", "plate"});
+  ASSERT_EQ(table.exit_code, kExitDone) << table.errors;
+  const auto turned = ReadInspectionWithFiles(out_);
+  ASSERT_TRUE(turned.ok() && turned->robot) << turned.status();
+  EXPECT_EQ(turned->robot->load, RobotMount::Load::kPart);
+  EXPECT_EQ(turned->costs.lay_time_s, 0);
 }
 
 // The same as an inspection that says nothing about it gets: 75 mm of diameter.
@@ -227,6 +266,40 @@ TEST_F(NewCommandTest, TheFieldOfViewIsThatOfPixelsAndLens) {
   // A stated field of view needs no pitch.
   EXPECT_EQ(New({"--unit", "mm", "--focal-length-mm", "16", "--fov-deg", "20"}).exit_code,
             kExitDone);
+}
+
+// An option takes what the field takes that it sets, and nothing else: at the ends of every range.
+TEST_F(NewCommandTest, OptionsHaveTheRangesOfTheirFields) {
+  out_ = folder_ + "/i.json";
+  struct Option {
+    std::string name, taken, refused;
+    std::vector<std::string> beside;
+  };
+  const std::vector<Option> options = {
+      {"--focal-length-mm", "1", "0.5", {"--fov-deg", "20"}},
+      {"--focal-length-mm", "99.9", "100", {"--fov-deg", "20"}},
+      {"--fov-deg", "169.9", "170", {}},
+      {"--fov-deg", "0.01", "0", {}},
+      {"--columns", "16", "15", {}},
+      {"--rows", "16384", "16385", {}},
+      {"--f-number", "0.5", "0.4", {"--focal-length-mm", "16", "--fov-deg", "20"}},
+      {"--f-number", "128", "129", {"--focal-length-mm", "16", "--fov-deg", "20"}},
+      {"--goal", "1", "1.01", {}},
+      {"--goal", "1e-7", "0", {}},
+      {"--spacing-mm", "1000", "1001", {}},
+      {"--tolerance-mm", "1000", "1001", {}},
+  };
+  for (const Option& option : options) {
+    std::vector<std::string> arguments = {"--unit", "mm", "--force"};
+    arguments.insert(arguments.end(), option.beside.begin(), option.beside.end());
+    arguments.insert(arguments.end(), {option.name, option.taken});
+    const CommandResult taken = New(arguments);
+    EXPECT_EQ(taken.exit_code, kExitDone) << option.name << " " << option.taken << taken.errors;
+    arguments.back() = option.refused;
+    const CommandResult refused = New(arguments);
+    EXPECT_EQ(refused.exit_code, kExitWrongInput) << option.name << " " << option.refused;
+    EXPECT_THAT(refused.errors, AllOf(HasSubstr(option.name), HasSubstr("must be in ")));
+  }
 }
 
 TEST(SpacingFor, GivesAboutEightThousandTargets) {

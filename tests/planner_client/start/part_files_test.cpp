@@ -19,6 +19,7 @@
 
 #include "absl/cleanup/cleanup.h"
 #include "absl/strings/str_cat.h"
+#include "planner_client/command_line/process/print.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/part_files/private_folder.h"
 #include "planner_client/part_files/step_mesh.h"
@@ -244,7 +245,7 @@ TEST_F(StepMeshTest, MeshesThatNobodyAskedForGo) {
   EXPECT_TRUE(fs::exists(other));
 }
 
-// Remarks of every reader come to whoever reads the part.
+// Remarks of every reader reach the caller that reads the part.
 TEST(PartFile, RemarksOfReadersAreSaid) {
   std::string folder = "/tmp/sightline-remarks-XXXXXX";
   ASSERT_NE(mkdtemp(folder.data()), nullptr);
@@ -282,6 +283,33 @@ TEST(PartFile, OnlyStepHasConstructionGeometry) {
   EXPECT_EQ(MeshFileOf("a.stl", "mm")->unit, "mm");
   EXPECT_TRUE(IsStepFile("b.P21"));
   EXPECT_FALSE(IsStepFile("b.stl"));
+}
+
+// Names in files are text, never commands to a terminal.
+TEST(PartFileNames, ArePrintedWithoutControlCharacters) {
+  const std::string folder = testing::TempDir() + absl::StrCat("names_", getpid());
+  fs::create_directories(folder);
+  const std::string path = folder + "/\x1b[31mpart\u202e.gltf";
+  std::ofstream(path) << R"({"asset": {"version": "2.0"},
+    "nodes": [{"mesh": 0}], "scenes": [{"name": "a\u202e\u001b[2Jb", "nodes": [0]}, {"nodes": [0]}],
+    "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,)"
+                      << "AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"
+                      << R"("}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}]})";
+  testing::internal::CaptureStderr();
+  const auto part = LoadPartFile(path, "");
+  const std::string said = testing::internal::GetCapturedStderr();
+  ASSERT_TRUE(part.ok()) << part.status();
+  EXPECT_THAT(said, AllOf(HasSubstr("\\x1b[31mpart\\u202e.gltf"), HasSubstr("scenes[0]")));
+  EXPECT_EQ(said.find('\x1b'), std::string::npos) << said;
+  EXPECT_EQ(said.find("\u202e"), std::string::npos) << said;
+  fs::remove_all(folder);
+
+  testing::internal::CaptureStdout();
+  PrintText("%s: %d faces\n", std::string("a\x1b]0;x\x07\u2066"), 3);
+  EXPECT_EQ(testing::internal::GetCapturedStdout(), "a\\x1b]0;x\\x07\\u2066: 3 faces\n");
 }
 
 }  // namespace

@@ -39,7 +39,7 @@ std::vector<Measurement> Scans(const PlannerResult& plan) {
   return scans;
 }
 
-// What must hold for every plan: curve and gains are those of the exact coverage, and the scans
+// Properties of every plan: curve and gains are those of the exact coverage, and the scans
 // after the locked ones come in the order of greatest gain.
 void ExpectConsistent(FunctionOracle& oracle, const PlannerResult& plan) {
   ASSERT_EQ(plan.coverage_curve.size(), plan.scans.size());
@@ -382,7 +382,7 @@ TEST(PlanForShares, ScansAddUpUntilTargetsAreSettled) {
     EXPECT_GE(plan->scans.size(), 6u);
     EXPECT_LE(plan->scans.size(), std::string(strategy) == "refined" ? 7u : 9u) << strategy;
     ASSERT_EQ(plan->coverage_curve.size(), plan->scans.size());
-    EXPECT_EQ(plan->coverage_curve.front(), 0);  // one scan settles nothing
+    EXPECT_EQ(plan->coverage_curve.front(), 0);  // one scan satisfies nothing
     EXPECT_EQ(plan->coverage_curve.back(), 1);
   }
 }

@@ -36,13 +36,14 @@ TEST(ScanOrderTest, RepositioningIsTheFixedTimePlusTheSlowerMotion) {
   Measurement a, b;
   b.offset_y_m = a.offset_y_m + 0.3;
   b.part_gamma_rad = a.part_gamma_rad + 1;
-  EXPECT_NEAR(RepositionTimeS(Costs(), a, b), 2 + 3, 1e-12);  // 0.3 m at 0.1 m/s; 1 rad takes 2 s
+  EXPECT_NEAR(RepositionTimeS(ExecutionModel{Costs()}, a, b), 2 + 3,
+              1e-12);  // 0.3 m at 0.1 m/s; 1 rad takes 2 s
   b.part_gamma_rad = a.part_gamma_rad + 2;
-  EXPECT_NEAR(RepositionTimeS(Costs(), a, b), 2 + 4, 1e-12);
+  EXPECT_NEAR(RepositionTimeS(ExecutionModel{Costs()}, a, b), 2 + 4, 1e-12);
   // The short way round.
   b.part_gamma_rad = a.part_gamma_rad + 6;
-  EXPECT_NEAR(RepositionTimeS(Costs(), a, b), 2 + 3, 1e-12);
-  EXPECT_EQ(RepositionTimeS(CostModel{}, a, b), 0);
+  EXPECT_NEAR(RepositionTimeS(ExecutionModel{Costs()}, a, b), 2 + 3, 1e-12);
+  EXPECT_EQ(RepositionTimeS(ExecutionModel{CostModel{}}, a, b), 0);
 }
 
 TEST(ScanOrderTest, ScanTimeFollowsTheSlowerOfStageAndCamera) {
@@ -59,15 +60,15 @@ TEST(ScanOrderTest, DynamicProgrammingEqualsBruteForce) {
   for (uint64_t seed = 1; seed <= 5; ++seed) {
     for (int locked : {0, 1, 3}) {
       const auto scans = RandomScans(7, seed);
-      const std::vector<int> order = OrderScans(Costs(), scans, locked);
+      const std::vector<int> order = OrderScans(ExecutionModel{Costs()}, scans, locked);
       for (int i = 0; i < locked; ++i) EXPECT_EQ(order[i], i);
       std::vector<int> trial(7);
       std::iota(trial.begin(), trial.end(), 0);
       double best = 1e300;
       do {
-        best = std::min(best, TotalRepositionTimeS(Costs(), scans, trial));
+        best = std::min(best, TotalRepositionTimeS(ExecutionModel{Costs()}, scans, trial));
       } while (std::next_permutation(trial.begin() + locked, trial.end()));
-      EXPECT_NEAR(TotalRepositionTimeS(Costs(), scans, order), best, 1e-9);
+      EXPECT_NEAR(TotalRepositionTimeS(ExecutionModel{Costs()}, scans, order), best, 1e-9);
     }
   }
 }
@@ -77,22 +78,23 @@ TEST(ScanOrderTest, LocalSearchFindsAnOrderAlongALine) {
   std::vector<Measurement> scans(20);
   Random random(4);
   for (Measurement& scan : scans) scan.offset_y_m = random.Uniform() - 0.5;
-  const std::vector<int> order = OrderScans(Costs(), scans);
+  const std::vector<int> order = OrderScans(ExecutionModel{Costs()}, scans);
   double least = 1, most = -1;
   for (const Measurement& scan : scans) {
     least = std::min(least, scan.offset_y_m);
     most = std::max(most, scan.offset_y_m);
   }
-  EXPECT_NEAR(TotalRepositionTimeS(Costs(), scans, order), 19 * 2 + (most - least) / 0.1, 1e-9);
+  EXPECT_NEAR(TotalRepositionTimeS(ExecutionModel{Costs()}, scans, order),
+              19 * 2 + (most - least) / 0.1, 1e-9);
 }
 
 TEST(ScanOrderTest, CostsWithoutMotionKeepTheOrder) {
   const auto scans = RandomScans(5, 1);
   CostModel costs;
-  EXPECT_EQ(OrderScans(costs, scans), (std::vector<int>{0, 1, 2, 3, 4}));
+  EXPECT_EQ(OrderScans(ExecutionModel{costs}, scans), (std::vector<int>{0, 1, 2, 3, 4}));
   costs.reposition_time_s = 3;
-  EXPECT_EQ(OrderScans(costs, scans), (std::vector<int>{0, 1, 2, 3, 4}));
-  EXPECT_TRUE(OrderScans(Costs(), {}).empty());
+  EXPECT_EQ(OrderScans(ExecutionModel{costs}, scans), (std::vector<int>{0, 1, 2, 3, 4}));
+  EXPECT_TRUE(OrderScans(ExecutionModel{Costs()}, {}).empty());
 }
 
 }  // namespace

@@ -29,7 +29,7 @@ using testing::HasSubstr;
 using testing::IsEmpty;
 using testing::SizeIs;
 
-// Of "abc", from FIPS 180-2, and of nothing.
+// SHA-256 of "abc", from FIPS 180-2, and of nothing.
 constexpr char kAbc[] = "ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad";
 constexpr char kNothing[] = "e3b0c44298fc1c149afbf4c8996fb92427ae41e4649b934ca495991b7852b855";
 
@@ -216,7 +216,7 @@ TEST_F(ArtefactStoreTest, MaterialisesACopy) {
   ASSERT_TRUE(store_->Materialise(kAbc, path).ok());
   EXPECT_EQ(Bytes(path), "abc");
   EXPECT_NE(Inode(path), Inode(*store_->Path(kAbc)));
-  // What an attempt before has left there is replaced.
+  // A file that an earlier attempt left is replaced.
   WriteBytes(path, "half");
   ASSERT_TRUE(store_->Materialise(kAbc, path).ok());
   EXPECT_EQ(Bytes(path), "abc");

@@ -56,7 +56,8 @@ class BackUpTest : public testing::Test {
   absl::StatusOr<BackupReport> BackUpNow(bool only_files = false) {
     return BackUp(data_, backup_, only_files, stop_);
   }
-  // What every job of a data folder names is there, with its bytes; returns the number of jobs.
+  // Checks that all files that jobs of a data folder name are there, with their bytes; returns the
+  // number of jobs.
   static size_t CheckWhole(const std::string& folder) {
     auto store = OpenSqliteJobStore(folder + "/jobs.sqlite");
     EXPECT_TRUE(store.ok()) << store.status();
@@ -281,6 +282,40 @@ TEST_F(BackUpTest, DamageEndsItAndTheOneBeforeStays) {
   EXPECT_EQ(CheckWhole(backup_), 1u);
   stop_ = true;
   EXPECT_TRUE(absl::IsCancelled(BackUpNow().status()));
+}
+
+// The service empties the folders of its jobs, and a copy would contain itself.
+TEST_F(BackUpTest, FoldersInsideTheDataFolderAreRefused) {
+  Create("part");
+  fs::create_directories(data_ + "/work");
+  fs::create_symlink(data_, folder_ + "/link");
+  for (const std::string& inside : {data_ + "/work", data_ + "/work/copy", data_ + "/artefacts",
+                                    data_ + "/copy", folder_ + "/link/work/copy"}) {
+    backup_ = inside;
+    EXPECT_TRUE(absl::IsFailedPrecondition(BackUpNow().status())) << inside;
+    EXPECT_TRUE(absl::IsFailedPrecondition(BackUpNow(/*only_files=*/true).status())) << inside;
+    EXPECT_FALSE(fs::exists(inside + "/jobs.sqlite")) << inside;
+  }
+  // A folder whose name begins alike is another one.
+  backup_ = data_ + "-copy";
+  EXPECT_TRUE(BackUpNow().ok());
+}
+
+// A bug found: a backup took the folder of other files for itself, and closed it to their readers.
+TEST_F(BackUpTest, FoldersOfOtherFilesAreRefusedAndStayAsTheyAre) {
+  Create("part");
+  backup_ = folder_ + "/others";
+  fs::create_directories(backup_ + "/lost+found");
+  std::ofstream(backup_ + "/precious") << "theirs";
+  const fs::perms before = fs::status(backup_).permissions();
+  for (const bool only_files : {false, true}) {
+    EXPECT_TRUE(absl::IsFailedPrecondition(BackUpNow(only_files).status()));
+    EXPECT_EQ(fs::status(backup_).permissions(), before);
+    EXPECT_FALSE(fs::exists(backup_ + "/artefacts"));
+  }
+  fs::remove(backup_ + "/precious");
+  EXPECT_TRUE(BackUpNow().ok());
+  EXPECT_TRUE(BackUpNow().ok());
 }
 
 TEST_F(BackUpTest, WrongFoldersAreRefused) {

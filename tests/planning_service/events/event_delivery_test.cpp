@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Delivery by itself: receivers and a store that fail as they are told.
+// Delivery by itself: receivers and a store that fail on command.
 #include "planning_service/events/event_delivery.h"
 
 #include <gmock/gmock.h>
@@ -118,7 +118,7 @@ class FakeEventStore final : public PlanningJobStore {
   std::atomic<bool> readable_ = true;
 };
 
-// What a receiver got, and how it behaves; outlives the receiver.
+// Record of a receiver's events, and its behaviour; outlives the receiver.
 struct Script {
   std::mutex mutex;
   std::vector<int64_t> got;

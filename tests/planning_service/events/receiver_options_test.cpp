@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is refused before anything is sent.
+// Receiver options that are refused before anything is sent.
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

@@ -117,7 +117,7 @@ inline EventDeliveryOptions QuickRetries() {
   return options;
 }
 
-// The events that a receiver keeps by the rule of docs/from-an-mes.md: delivery is at least once
+// The events that a receiver keeps by the rule of docs/clients.md: delivery is at least once
 // and in order, so what is not greater than all before is a repetition. A broker that restarts
 // sends again all that its listener has not acknowledged (MQTT 3.1.1, 4.6: 1, 2, 3, 2, 3, 4). An
 // event that comes after a greater one is missing from the answer.

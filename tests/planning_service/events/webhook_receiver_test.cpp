@@ -33,7 +33,7 @@ struct Post {
   std::string event, delivery, signature, content_type;
 };
 
-// Remembers what is posted to it, and answers as it is told.
+// Remembers what is posted to it, and gives scripted answers.
 class Peer {
  public:
   explicit Peer(std::unique_ptr<httplib::Server> server = std::make_unique<httplib::Server>(),

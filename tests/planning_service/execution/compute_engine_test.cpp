@@ -67,7 +67,7 @@ class ComputeEngineTest : public testing::TestWithParam<std::string> {
     timing_.stop = absl::Minutes(1);
   }
   void TearDown() override {
-    // Whatever a test left: its tasks see that.
+    // Tasks that a test left running see that their folder is gone. its tasks see that.
     fs::remove_all(folder_);
   }
 

@@ -67,6 +67,24 @@ until [ -e seen_b ]; do sleep 0.02; done; pwd > where; exit 0)");
   EXPECT_EQ(fs::path(where), fs::canonical(folder_));
 }
 
+// Temporary files of a job, those of its servers included, are gone with the job's folder.
+TEST_F(JobProcessTest, TemporaryFilesGoToItsOwnFolder) {
+  JobProcessOptions options = Script("bash -c 'mktemp > where; stat -c %a $TMPDIR > mode'");
+  options.temporary_folder = folder_ + "/tmp";
+  for (int attempt = 0; attempt < 2; ++attempt) {
+    const auto end = RunJobProcess(options, GoOn);
+    ASSERT_TRUE(end.ok()) << end.status();
+    EXPECT_EQ(end->kind, Kind::kDone);
+    std::string where, mode;
+    std::ifstream(folder_ + "/where") >> where;
+    std::ifstream(folder_ + "/mode") >> mode;
+    EXPECT_EQ(fs::path(where).parent_path(), options.temporary_folder);
+    EXPECT_EQ(mode, "700");
+  }
+  options.temporary_folder = folder_ + "/none/tmp";
+  EXPECT_TRUE(absl::IsUnavailable(RunJobProcess(options, GoOn).status()));
+}
+
 TEST_F(JobProcessTest, AReasonIsPassedOn) {
   const auto options = Script(
       R"(echo '{"error":{"code":"INVALID_ARGUMENT","reason":"WHY","message":"bad part"}}' >&2; exit 2)");
@@ -105,7 +123,7 @@ TEST_F(JobProcessTest, IsKilledWhenItDoesNotStop) {
   pid_t child = 0;
   std::ifstream(folder_ + "/child") >> child;
   ASSERT_GT(child, 0);
-  // Killed with its parent's group; whoever inherited it may not have reaped it yet.
+  // Killed with its parent's group; its new parent may not have reaped it yet.
   WaitUntil([&] {
     std::ifstream stat("/proc/" + std::to_string(child) + "/stat");
     std::string line;

@@ -148,7 +148,7 @@ exit 2)");
   EXPECT_THAT(failed.failure.message, testing::Not(HasSubstr(folder_)));
 }
 
-// The last lines of a process that says nothing else are told its client as well.
+// The client also gets the last lines of a process that says nothing else.
 TEST_F(JobRunnerTest, LastWordsHaveNoPathsOfTheServer) {
   Start(R"(for i in $(seq 200); do echo "warning: $PWD/part.glb: line $i has no end" >&2; done
 exit 3)");
@@ -179,7 +179,7 @@ TEST_F(JobRunnerTest, AJobThatOnlyCrashesFails) {
   EXPECT_GT(job.attempts, 1);
 }
 
-// Whoever kills processes at random may hit the same job many times before it gets any further.
+// Random kills may hit the same job many times before it gets any further.
 TEST_F(JobRunnerTest, AJobThatIsKilledOftenGoesOn) {
   Start(R"(n=$(ls ../checkpoint | wc -l); touch ../checkpoint/$n
 [ $n -lt 20 ] && kill -9 $$

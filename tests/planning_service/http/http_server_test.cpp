@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Who may have how many connections, and for how long without a word.
+// Limits on connections by peer, and on how long they may be silent.
 #include "planning_service/http/http_server.h"
 
 #include <gmock/gmock.h>
@@ -14,7 +14,7 @@
 #include "absl/time/clock.h"
 #include "planning_service/http/http_reply.h"
 #include "tests/limits/wait_until.h"
-#include "tests/planning_service/http_door/raw_connection.h"
+#include "tests/planning_service/http_api/raw_connection.h"
 
 namespace sightline {
 namespace {
@@ -87,7 +87,7 @@ TEST_F(HttpServerTest, APeerIsToldThatItHasTooMany) {
   auto second = OpenSilent("127.0.0.2");
   EXPECT_THAT(Ask("127.0.0.2"), AllOf(StartsWith("HTTP/1.1 503"), HasSubstr("TOO_MANY_CONNECTIONS"),
                                       HasSubstr("127.0.0.2 has 2 connections already")));
-  // What is closed can be had again.
+  // A closed connection makes room for a new one.
   second.reset();
   WaitUntil([&] { return absl::StartsWith(Ask("127.0.0.2"), "HTTP/1.1 200"); });
 }

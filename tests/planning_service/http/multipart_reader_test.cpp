@@ -63,6 +63,16 @@ TEST(MultipartReader, ReadsPartsWhereverTheBodyIsCut) {
   }
 }
 
+// Browsers encode quotes and line ends in names, and nothing else.
+TEST(MultipartReader, DecodesNamesAsBrowsersEncodeThem) {
+  const auto parts = ReadAll(
+      "--XYZ\r\nContent-Disposition: form-data; name=\"fi%22le\"; "
+      "filename=\"3%22 bracket 50%25 %0D%0a.stl\"\r\n\r\n\r\n--XYZ--\r\n",
+      100);
+  ASSERT_TRUE(parts.ok()) << parts.status();
+  EXPECT_THAT(*parts, ElementsAre(ReadPart{"fi\"le", "3\" bracket 50%25 \r\n.stl", ""}));
+}
+
 TEST(MultipartReader, ReadsAFormWithoutParts) {
   const auto parts = ReadAll("--XYZ--\r\n", 100);
   ASSERT_TRUE(parts.ok()) << parts.status();

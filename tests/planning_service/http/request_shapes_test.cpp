@@ -18,7 +18,7 @@
 #include "absl/strings/str_replace.h"
 #include "planning_service/http/http_reply.h"
 #include "planning_service/http/http_server.h"
-#include "tests/planning_service/http_door/raw_connection.h"
+#include "tests/planning_service/http_api/raw_connection.h"
 
 namespace sightline {
 namespace {

@@ -76,7 +76,7 @@ TEST_P(JobStoreTest, KeepsWhatItWasGiven) {
   }
 }
 
-// One worker takes the jobs in the order that their numbers say, whoever asks and however.
+// One worker takes the jobs in the order of their numbers, for all clients and ways of asking.
 TEST_P(JobStoreTest, JobsAheadAreThoseThatAreClaimedBefore) {
   const std::vector<std::pair<std::string, int>> asked = {
       {"mes", 0}, {"line", 5}, {"mes", 5}, {"mes", -3}, {"other", 0}, {"line", 0}, {"mes", 0}};
@@ -161,7 +161,7 @@ TEST_P(JobStoreTest, SameRequestGivesSameJob) {
   quota.max_stored_bytes = 0;
   const auto first = store_->Create(asked, quota);
   ASSERT_TRUE(first.ok()) << first.status();
-  // Whatever the quota says.
+  // A repeated request succeeds whatever the quota says.
   const auto again = store_->Create(asked, quota);
   ASSERT_TRUE(again.ok()) << again.status();
   EXPECT_EQ(again->job_id, first->job_id);
@@ -307,7 +307,7 @@ TEST_P(JobStoreTest, QuotaOfStoredBytesCountsDifferentFilesOnce) {
   ASSERT_TRUE(store_->Succeed(AttemptOf(Claim()), {File("plan.json", 'd', 1000)}).ok());
   EXPECT_EQ(store_->Count("mes")->stored_bytes, 1100);
   EXPECT_EQ(ErrorReason(store_->Create(NewJob(), quota).status()), "QUOTA_EXCEEDED");
-  // What the client holds it may upload again.
+  // The client may upload again the files that it holds.
   EXPECT_TRUE(store_->AddUpload("mes", File("", 'a', 60), quota).ok());
 
   ASSERT_TRUE(store_->AddUpload("other", File("", 'a', 60), quota).ok());
@@ -464,7 +464,7 @@ TEST_P(JobStoreTest, AsksRunningJobToStop) {
   EXPECT_EQ(asked->state, JobState::kRunning);
   EXPECT_TRUE(asked->cancel_requested);
   EXPECT_EQ(store_->RequestCancel(made.job_id)->revision, asked->revision);
-  EXPECT_TRUE(*store_->ReportProgress(attempt, 0.1, "m"));  // also when it tells nothing new
+  EXPECT_TRUE(*store_->ReportProgress(attempt, 0.1, "m"));  // also when it says nothing new
   EXPECT_TRUE(*store_->ReportProgress(attempt, 0.2, "m"));
   ASSERT_TRUE(store_->MarkCancelled(attempt).ok());
   const auto job = store_->Get(made.job_id);
@@ -759,7 +759,7 @@ TEST_P(JobStoreTest, EventsWaitForTheirReceivers) {
   EXPECT_EQ(*store_->RemoveOlderThan(absl::Hours(1)), 1);
   auto events = store_->Events(0, std::nullopt, 10);
   ASSERT_THAT(*events, SizeIs(2));
-  // The job has gone, what there is to tell of it has not.
+  // The job has gone, its events have not.
   EXPECT_THAT((*events)[1].job.results, ElementsAre(File("r", 'a', 1)));
   ASSERT_TRUE(store_->SetEventCursor("mqtt", 1).ok());
   EXPECT_EQ(*store_->RemoveOlderThan(absl::Hours(1)), 0);
@@ -824,7 +824,7 @@ TEST_P(JobStoreTest, RefusesNewerTables) {
   EXPECT_THAT(refused.message(), HasSubstr("version 3"));
 }
 
-// What a program of the first version left behind.
+// Tables that a program of the first version left behind.
 TEST_P(JobStoreTest, TakesOverTablesOfVersion1) {
   const PlanningJob running = Create();
   Claim();

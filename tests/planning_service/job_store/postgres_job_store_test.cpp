@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is peculiar to a database that several processes share.
+// Tests peculiar to a database that several processes share.
 #include <map>
 #include <mutex>
 #include <thread>
@@ -43,6 +43,26 @@ TEST_F(PostgresJobStoreTest, TellsWhyItCannotConnect) {
   const absl::Status encoding = OpenPostgresJobStore(latin).status();
   EXPECT_TRUE(absl::IsFailedPrecondition(encoding)) << encoding;
   EXPECT_THAT(encoding.message(), HasSubstr("LATIN1"));
+}
+
+// Needs no server: messages about a connection reach clients and logs.
+TEST(PostgresConnectionText, ItsPasswordIsInNoMessage) {
+  for (const char* text : {
+           "host=/nowhere dbname=jobs user=plan password=s3cret",
+           "postgresql://plan:s3cret@127.0.0.1:1/jobs",
+           "postgresql://plan:s3cret@127.0.0.1:port/jobs",
+           "postgresql://plan:s3cret@[::1/jobs",
+           "host=127.0.0.1 port=1 dbname=jobs password='s3cret",
+           "host=127.0.0.1 password s3cret",
+           "host=127.0.0.1 passwort=s3cret",
+       }) {
+    const absl::Status status = OpenPostgresJobStore(text).status();
+    EXPECT_FALSE(status.ok()) << text;
+    EXPECT_THAT(std::string(status.message()), testing::Not(testing::HasSubstr("s3cret"))) << text;
+  }
+  EXPECT_THAT(
+      std::string(OpenPostgresJobStore("host=/nowhere dbname=jobs password=x").status().message()),
+      testing::AllOf(testing::HasSubstr("database \"jobs\""), testing::HasSubstr("/nowhere")));
 }
 
 TEST_F(PostgresJobStoreTest, StoresThatOpenTogetherMakeTheTablesOnce) {
@@ -125,7 +145,7 @@ TEST_F(PostgresJobStoreTest, CutConnectionsAreOpenedAnew) {
   EXPECT_EQ(*store->RequeueOrphans(), 0);
   EXPECT_EQ(server_.CutConnections("cut"), 3);
   EXPECT_TRUE(store->Create(NewJob(), {}).ok());
-  EXPECT_EQ(server_.CutConnections("cut"), 1);  // what is not used is not opened
+  EXPECT_EQ(server_.CutConnections("cut"), 1);  // unused connections are not opened
   EXPECT_TRUE(store->Succeed(attempt, {}).ok());
   EXPECT_EQ(store->Get(made->job_id)->state, JobState::kSucceeded);
 }

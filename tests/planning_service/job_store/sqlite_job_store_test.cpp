@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What is peculiar to the embedded database.
+// Tests peculiar to the embedded database.
 #include <sys/stat.h>
 #include <unistd.h>
 

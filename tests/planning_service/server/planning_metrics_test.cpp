@@ -45,7 +45,7 @@ class PlanningMetricsTest : public testing::Test {
     ASSERT_TRUE(store_->Succeed(attempt, {{"plan.json", std::string(64, 'a'), 1}}).ok());
   }
 
-  // What a scrape sees: value by name and labels.
+  // The metrics of a scrape: value by name and labels.
   static std::map<std::string, double> Scrape(PlanningMetrics* metrics) {
     std::istringstream text(
         prometheus::TextSerializer().Serialize(metrics->collectable()->Collect()));

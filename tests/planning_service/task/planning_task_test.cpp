@@ -10,6 +10,7 @@
 #include <map>
 
 #include "core/json/strict_json.h"
+#include "planning_service/task/option_fields.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {
@@ -107,7 +108,7 @@ TEST(PlanningTask, ValuesAreCheckedWhereTheyStand) {
             "plan_options.goal");
 }
 
-// What a request names can be one of its own files only.
+// A request can name its own files only.
 TEST(PlanningTask, NoNameLeavesTheTask) {
   for (const std::string name :
        {"/etc/passwd", "../part.stl", "a/../../part.stl", "./part.stl", "a//part.stl",
@@ -126,9 +127,53 @@ TEST(PlanningTask, NoNameLeavesTheTask) {
                               "tolerances": {"file": "../secret.stp"}}})",
                           {{"part.glb", ""}})),
             "inspection.tolerances.file");
-  EXPECT_EQ(FieldOf(Check(R"({"kind": "plan", "inspection": {"part": {"file": "part.gltf"}}})",
-                          {{"part.gltf", ""}})),
-            "inspection.part.file");
+}
+
+// A step "." leads nowhere else: commands take such names, and so does the service.
+TEST(PlanningTask, NamesWithDotStepsAreThoseOfTheFiles) {
+  v1::PlanningTask task = Task(R"({"kind": "render", "inspection": {
+      "part": {"file": "./part.stl", "unit": "mm"}, "obstacles": [{"file": "a/./b.stl"}],
+      "camera": {"sensor_file": "././camera.json"}, "tolerances": {"file": "../x.stp"}}})");
+  NormaliseFileNames(&task);
+  const v1::Inspection& inspection = task.inspection();
+  EXPECT_EQ(inspection.part().file(), "part.stl");
+  EXPECT_EQ(inspection.obstacles(0).file(), "a/b.stl");
+  EXPECT_EQ(inspection.camera().sensor_file(), "camera.json");
+  EXPECT_EQ(inspection.tolerances().file(), "../x.stp");
+}
+
+TEST(PlanningTask, ADamagedDigestOfItsPlanIsRefused) {
+  const auto check = [](const std::string& digest) {
+    return Check(R"({"kind": "evaluate", "plan": {"part_digest": ")" + digest +
+                     R"("}, "inspection": {"part": {"file": "part.stl", "unit": "mm"}}})",
+                 {{"part.stl", "solid"}});
+  };
+  EXPECT_TRUE(check("2:" + std::string(64, 'a')).ok()) << check("2:" + std::string(64, 'a'));
+  for (const std::string& bad :
+       {std::string("abc"), "2:" + std::string(63, 'a'), "x:" + std::string(64, 'a')}) {
+    EXPECT_EQ(FieldOf(check(bad)), "plan.part_digest") << bad;
+  }
+}
+
+// Every option that is written into a command line is given back as its field, and clients read no
+// option of a command that they do not call.
+TEST(PlanningTask, WhatCommandsSayNamesFields) {
+  for (const std::string& kind : TaskKinds()) {
+    for (const OptionField& entry : OptionFields(kind)) {
+      EXPECT_EQ(OptionOf(kind, entry.field), entry.option);
+      EXPECT_EQ(WithFieldNames(kind, std::string(entry.option) + ": is wrong"),
+                std::string(entry.field) + ": is wrong");
+      EXPECT_EQ(WithFieldNames(kind, "x (" + std::string(entry.option) + "=3)"),
+                "x (" + std::string(entry.field) + "=3)");
+    }
+  }
+  EXPECT_EQ(WithFieldNames("plan", "part.stp: --unit must be left out"),
+            "part.stp: inspection.part.unit must be left out");
+  EXPECT_EQ(WithFieldNames("plan", "state part.unit (--unit of `sightline part`): m, cm (or mm)"),
+            "state part.unit: m, cm (or mm)");
+  for (const char* other : {"a--b", "file--unit.stl", "--unknown-option", "-- x", "1 --", ""}) {
+    EXPECT_EQ(WithFieldNames("plan", other), other);
+  }
 }
 
 // A material file names further files: these count as well.
@@ -216,7 +261,7 @@ TEST(PlanningTask, ArgumentsAreTheCommands) {
   EXPECT_THAT(SplitTask(optics, "../out", "../checkpoint", 1).conclusion, Contains("--scan=2"));
 }
 
-// Of every kind that takes a plan, whether the plan comes with the task or is that of a job.
+// Every kind that takes a plan is tried, with the plan in the task and as that of a job.
 TEST(PlanningTask, APlanOfAnotherPartIsTakenOnRequest) {
   const Files files = {{"p.glb", ""}};
   for (const std::string kind : {"evaluate", "optics", "render"}) {

@@ -14,7 +14,7 @@ test('errors are read from answers', () => {
   assert.deepEqual([error.status, error.code, error.reason, error.message, error.fields],
       [400, 'INVALID_ARGUMENT', 'R', 'wrong', [{field: 'a.b', description: 'is 1'}]]);
   assert.ok(!error.isTransient);
-  // Of a proxy.
+  // The answer of a proxy.
   const other = errorOfAnswer(502, '<html>Bad gateway</html>');
   assert.match(other.message, /502/);
   assert.ok(other.isTransient);
@@ -26,7 +26,7 @@ test('fields lead to the form', () => {
   assert.equal(knownPath('task.inspection.rig.scan_step_m', KNOWN), 'inspection.rig.scan_step_m');
   assert.equal(knownPath('rig.scan_step_m', KNOWN), 'inspection.rig.scan_step_m');
   assert.equal(knownPath('inspection.measurement.camera_distance_m.ranges[0]', KNOWN), 'inspection.measurement.camera_distance_m');
-  // What the form does not show is at the JSON.
+  // Errors of fields that the form does not show appear at the JSON.
   assert.equal(knownPath('inspection.obstacles[1].frame', KNOWN), 'inspection');
   assert.equal(knownPath('plan_job_id', KNOWN), 'plan_job_id');
   assert.equal(knownPath('nothing.like.it', new Set()), null);

@@ -35,11 +35,12 @@ const EVENT_OF_STATE = {QUEUED: 'accepted', RUNNING: 'progress', SUCCEEDED: 'don
 
 // `stepMs`: time of one step of a job's progress. `token`: wanted of every request if given.
 // `settings` can be changed while it runs: `loseAnswers` (how many answers to POST get lost on their
-// way), `cutStreams` (break each event stream after two events), `token`.
+// way), `cutStreams` (break each event stream after two events), `endsWhenRead` (a job ends only when
+// a stream has asked for what comes after an event), `token`.
 export async function startMockServer({pageFolder, port = 0, stepMs = 60, token = ''}) {
   const jobs = [];
   const byRequest = new Map();
-  const settings = {loseAnswers: 0, cutStreams: true, token};
+  const settings = {loseAnswers: 0, cutStreams: true, endsWhenRead: false, token};
   const posts = [];
   const eventRequests = [];
 
@@ -63,7 +64,9 @@ export async function startMockServer({pageFolder, port = 0, stepMs = 60, token 
   function run(job) {
     const isShort = job.task.inspection?.goal?.max_scans === 1;
     let step = 0;
+    const isRead = () => eventRequests.some(({job: id, after}) => id === job.shown.job_id && after > 0);
     job.timer = setInterval(() => {
+      if (settings.endsWhenRead && step >= 2 && !isRead()) return;
       step += 1;
       if (job.fails && step > 2) {
         clearInterval(job.timer);
@@ -172,7 +175,7 @@ export async function startMockServer({pageFolder, port = 0, stepMs = 60, token 
       sent += 1;
       if (isCut && sent === 2) {
         // A browser drops what it has not read when the connection breaks; each time it gets longer.
-        setTimeout(() => response.destroy(), 20 * eventRequests.length);
+        setTimeout(() => response.destroy(), 100 * eventRequests.length);
         return;
       }
       if (['done', 'failed', 'cancelled'].includes(event.type)) {

@@ -68,7 +68,7 @@ beforeEach(async () => {
   page.on('request', (request) => {
     if (!request.url().startsWith(url) && !request.url().startsWith(`blob:${url}`)) troubles.push(`request: ${request.url()}`);
   });
-  if (mock) Object.assign(mock.settings, {loseAnswers: 0, cutStreams: true, token: ''});
+  if (mock) Object.assign(mock.settings, {loseAnswers: 0, cutStreams: true, endsWhenRead: false, token: ''});
 });
 
 const noTroubles = () => assert.deepEqual(troubles, []);
@@ -82,6 +82,13 @@ const choose = (name, buffer) => page.locator('#file-input').setInputFiles({name
 const field = (label) => page.getByLabel(label, {exact: false}).and(page.locator('input:visible')).first();
 const submit = () => page.getByRole('button', {name: 'Submit job'}).click();
 const state = (word) => page.locator('.job-view .job-state', {hasText: word});
+
+async function until(holds, what) {
+  for (const end = Date.now() + 30000; !await holds();) {
+    assert.ok(Date.now() < end, what);
+    await new Promise((resolve) => setTimeout(resolve, 20));
+  }
+}
 
 async function chooseBlock(name = 'block.stl') {
   await choose(name, blockStl());
@@ -105,6 +112,7 @@ async function submitSmallPlan(name) {
 }
 
 test('a part is uploaded, planned and reported', async () => {
+  if (mock) mock.settings.endsWhenRead = true;
   await open();
   await chooseBlock();
   await page.locator('.facts', {hasText: '120 × 80 × 40 mm'}).waitFor();
@@ -206,7 +214,7 @@ test('form and JSON stay in step', async () => {
   assert.equal(await field('Scan step').inputValue(), '0.5');
   assert.equal(await page.locator('#field-inspection-goal-coverage').inputValue(), '90');
   assert.equal(await field('Pixel size').inputValue(), '');
-  // What the form does not know is kept.
+  // Fields that the form does not know are kept.
   await field('Scan step').fill('2');
   assert.deepEqual(await inspection(), {rig: {scan_step_m: 0.002, camera_bodies: []}, goal: {coverage: 0.9}});
   await json.fill('{"rig": ');
@@ -246,7 +254,8 @@ test('jobs are listed, and a plan is gone on from', async () => {
   await row.getByText('done').waitFor();
   await row.getByRole('link').click();
   await page.getByRole('link', {name: 'Evaluate it'}).click();
-  assert.equal(await page.getByLabel('On the plan of job').inputValue(), id);
+  // The click returns before the page has followed the link.
+  await until(async () => await page.getByLabel('On the plan of job').inputValue() === id, 'the plan of the job is filled in');
   assert.ok(await page.getByRole('radio', {name: /Evaluate/}).isChecked());
   // Part and numbers of the plan are still there.
   await submit();

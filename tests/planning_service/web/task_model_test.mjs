@@ -70,7 +70,7 @@ test('the angle of view follows from pixel size, rows and focal length', () => {
   assert.equal(first.camera.vertical_fov_deg, 19.964);
   const longer = withFollowingAngle(first, withPath(first, 'lens.focal_length_m', 0.032));
   assert.equal(longer.camera.vertical_fov_deg, angleOfViewDeg(longer));
-  // What was stated stays. An angle that was left out stays so: the service works it out.
+  // Stated values stay. An angle that was left out stays so: the service works it out.
   const stated = withPath(full, 'camera.vertical_fov_deg', 40);
   assert.equal(withFollowingAngle(stated, withPath(stated, 'lens.focal_length_m', 0.032)).camera.vertical_fov_deg, 40);
   assert.equal(withFollowingAngle(full, withPath(full, 'camera.rows_px', 2048)).camera.vertical_fov_deg, undefined);

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a diagnosis refuses.
+// Inputs that a diagnosis refuses.
 #include "render_worker/diagnosis/diagnose.h"
 
 #include <gtest/gtest.h>

@@ -98,7 +98,7 @@ SetupDeviation SomeDeviations() {
 
 FitResult FitNull(const SetModel& model) {
   SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
+  start.line_shift_px = EstimateLineShifts(model, start);
   return FitSet(model, start, {}, {}, nullptr);
 }
 

@@ -17,7 +17,7 @@ RecordingSet SmallSetDescription();
 RecordedSet RenderSmallSet(const SetupDeviation& deviation,
                            const std::vector<ActiveEffect>& effects, uint64_t seed);
 
-// Of several quantities, within their uncertainties.
+// Deviations of several quantities, within their uncertainties.
 SetupDeviation SomeDeviations();
 
 // The set's known parameters alone.

@@ -28,6 +28,31 @@ TEST(FrameEffects, PowerDriftDecays) {
   }
 }
 
+// Half of the light at the acceptance's own f-number, all of it at high ones; 1 / (1 + 0.5^2) at
+// twice the f-number for the order 2. The dark signal is no light.
+TEST(FrameEffects, MicroLensesLoseLightOfWideCones) {
+  const auto accepted = [](double f_number, double acceptance, double order) {
+    FrameSetup frame = TestFrame();
+    frame.lens.f_number = f_number;
+    const FrameSetup after =
+        FrameAfter("sensor.micro_lens_vignetting",
+                   {{"acceptance_f_number", acceptance}, {"roll_off_order", order}}, frame);
+    EXPECT_EQ(after.sensor.dark_mean_electrons, frame.sensor.dark_mean_electrons);
+    EXPECT_EQ(after.lens.f_number, f_number);
+    const double wavelength_m = frame.laser.wavelength_m;
+    const double ratio = after.sensor.quantum_efficiency[0].At(wavelength_m) /
+                         frame.sensor.quantum_efficiency[0].At(wavelength_m);
+    // All colours alike.
+    EXPECT_DOUBLE_EQ(after.sensor.quantum_efficiency[1].At(wavelength_m),
+                     ratio * frame.sensor.quantum_efficiency[1].At(wavelength_m));
+    return ratio;
+  };
+  EXPECT_DOUBLE_EQ(accepted(1.4, 1.4, 4), 0.5);
+  EXPECT_DOUBLE_EQ(accepted(2.8, 1.4, 2), 0.8);
+  EXPECT_NEAR(accepted(16, 1.4, 4), 1, 1e-4);
+  EXPECT_LT(accepted(1.4, 0.7, 4), accepted(2.0, 0.7, 4));
+}
+
 // Mean and spread over many recordings; 4 standard errors of each.
 TEST(FrameEffects, PowerNoiseAndExposureJitterScatterAsStated) {
   constexpr int kFrames = 4000;

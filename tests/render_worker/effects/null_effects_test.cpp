@@ -117,7 +117,7 @@ std::vector<double> Numbers(const PixelIrradiance& light) {
   return n;
 }
 
-// What all hooks make of the same random data, each hook's output apart.
+// Outputs of all hooks for the same random data, each hook's output apart.
 std::vector<std::vector<double>> Outputs(const Effect& effect, const std::vector<double>& p,
                                          bool apply) {
   std::vector<std::vector<double>> outputs;

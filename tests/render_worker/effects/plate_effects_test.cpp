@@ -240,7 +240,7 @@ TEST(RollingShutter, EveryRowSeesFlickerAtItsOwnTime) {
   }
 }
 
-// What the sensor sees of the fluorescing line, along s, is its fraction of the laser's radiance.
+// The sensor's signal of the fluorescing line, along s, is its fraction of the laser's radiance.
 TEST(Fluorescence, IsAFractionOfTheLasersLight) {
   const FrameSetup frame = TestFrame();
   const PlateScene scene = SceneAfter("surface.fluorescence", {{"fluorescence_relative", 0.15}});

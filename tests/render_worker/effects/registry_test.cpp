@@ -77,8 +77,10 @@ const std::vector<VocabularyEntry>& Vocabulary() {
       {"sensor.smear", {"smear_relative"}},
       {"sensor.lower_full_well", {"full_well_electrons"}},
       {"sensor.gain_error", {"gain_factor"}},
+      {"sensor.column_gain", {"gain_difference_relative"}},
       {"sensor.qe_error", {"qe_factor", "qe_factor_green", "qe_factor_blue"}},
       {"sensor.colour_response_error", {"qe_factor_green", "qe_factor_blue"}},
+      {"sensor.micro_lens_vignetting", {"acceptance_f_number", "roll_off_order"}},
       {"sensor.read_noise_excess", {"noise_factor"}},
       {"sensor.row_noise", {"row_noise_electrons"}},
       {"sensor.adc_missing_bits", {"missing_bits"}},
@@ -135,7 +137,7 @@ TEST(Registry, DescriptionsAreSane) {
   }
 }
 
-// What the diagnosis and the calibration of inspections rely on.
+// The diagnosis and the calibration of inspections rely on these properties.
 TEST(Registry, DescriptionsAgreeWithThemselves) {
   for (const Effect* effect : AllEffects()) {
     const EffectDescription& description = effect->description();

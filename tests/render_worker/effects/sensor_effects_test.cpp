@@ -223,6 +223,25 @@ TEST(HotPixels, FractionAndMeanCurrent) {
   EXPECT_NEAR(Sum(warm) / Sum(after), 2, 1e-9);
 }
 
+// The factor belongs to the column of the sensor, whatever region is read out, and also left of the
+// principal point.
+TEST(ColumnGain, OddColumnsGainWhatEvenOnesLose) {
+  const double d = 0.03;
+  for (const int first_column : {-21, -20, -1, 0, 7, 8}) {
+    FrameSetup frame = TestFrame();
+    frame.roi = {first_column, -12, 9, 3};
+    const Image<double> even_light(9, 3, 1000.0);
+    const Image<double> after =
+        OnCharge("sensor.column_gain", {{"gain_difference_relative", d}}, even_light, frame);
+    for (int c = 0; c < 9; ++c) {
+      const bool odd = std::abs(first_column + c) % 2 == 1;
+      EXPECT_DOUBLE_EQ(after.At(1, c), odd ? 1000 + 500 * d : 1000 - 500 * d) << first_column;
+    }
+    // The mean of two neighbours stays.
+    EXPECT_DOUBLE_EQ(after.At(2, 3) + after.At(2, 4), 2000);
+  }
+}
+
 TEST(AdcInl, IsASineOfTheNumber) {
   const FrameSetup frame = TestFrame();
   Image<double> image(1, 1, 0.25 * 1023 / 0.16);

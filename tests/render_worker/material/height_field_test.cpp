@@ -80,7 +80,7 @@ TEST(HeightField, FootprintAveragesSlopesAndKeepsTheirVariance) {
   const SlopeStatistics fine = Statistics(field, 0);
   const SlopeStatistics coarse = Statistics(field, kPeriod * kPitch);
   EXPECT_LT(coarse.deviation, 1e-3 * fine.deviation);
-  // What the mean lost is reported as variance inside the footprint.
+  // The variance that the mean lost is reported as variance inside the footprint.
   const double k = 2 * std::numbers::pi / (kPeriod * kPitch), x = 2 * std::numbers::pi / kPeriod;
   EXPECT_NEAR(coarse.lost / std::pow(kAmplitude * k * std::sin(x / 2) / (x / 2), 2), 0.5, 0.005);
 }

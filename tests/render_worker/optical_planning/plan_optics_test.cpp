@@ -101,8 +101,7 @@ TEST(PlanOptics, SearchIsAsGoodAsTheFullGrid) {
   EXPECT_EQ(search->best().f_number(), grid->best().f_number());
 }
 
-// What is promised of a fresh image holds for images of the renderer, which the choice has not
-// seen.
+// Intervals promised for a new image hold for images of the renderer that the choice has not seen.
 TEST(PlanOptics, FreshImagesLieInTheIntervals) {
   StepOptions step = With(R"("f_numbers": [5.6], "realisations": 4)");
   const auto scene = StepScene(step);
@@ -230,7 +229,7 @@ TEST(PlanOptics, EveryScanHasItsOwn) {
   }
 }
 
-// Few f-numbers take long: progress moves within each, so that the time left can be told.
+// Few f-numbers take long: progress moves within each, so that the time left can be estimated.
 TEST(PlanOptics, ProgressMovesWithinAnFNumber) {
   StepOptions step = With(
       R"("f_numbers": [4], "realisations": 2, "two_exposures": true,
@@ -250,10 +249,10 @@ TEST(PlanOptics, ProgressMovesWithinAnFNumber) {
     EXPECT_GE(fractions[i], fractions[i - 1]) << i;
     largest_step = std::max(largest_step, fractions[i] - fractions[i - 1]);
   }
-  // Of the whole; the f-number is three quarters of it.
+  // The largest step as a fraction of the whole; the f-number is three quarters of it.
   EXPECT_LT(largest_step, 0.2);
 
-  // Who watches changes nothing.
+  // An observer changes nothing.
   const auto unwatched = Plan(*scene);
   ASSERT_TRUE(unwatched.ok());
   EXPECT_EQ(unwatched->SerializeAsString(), plan->SerializeAsString());

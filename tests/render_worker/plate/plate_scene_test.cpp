@@ -190,7 +190,7 @@ TEST(PlateScene, PlacewiseAndColumnwiseRenderingAgree) {
     peak = std::max(peak, value);
     error = std::max(error, std::abs(value - by_place.laser_irradiance_w_m2.values[i]));
   }
-  // What is left out where no corner of a pixel has a millionth of a millionth.
+  // Pixels are left out where no corner has a millionth of a millionth.
   EXPECT_LT(error, 1e-11 * peak);
 }
 

@@ -26,12 +26,42 @@ using ::testing::HasSubstr;
 using ::testing::UnorderedElementsAre;
 using ::testing::UnorderedElementsAreArray;
 
+// Properties of every answer: probabilities, terms of the evidence, and when unknown light leads.
+void ExpectRules(const v1::Diagnosis& diagnosis) {
+  double sum = 0;
+  for (const v1::Explanation& explanation : diagnosis.ranked()) {
+    sum += explanation.probability();
+    EXPECT_LE(explanation.probability(), diagnosis.ranked(0).probability());
+    const v1::Evidence& terms = explanation.evidence();
+    EXPECT_NEAR(terms.fit_nats() + terms.covariance_nats() + terms.curvature_nats() +
+                    terms.parameter_prior_nats(),
+                explanation.log_evidence_gain(),
+                1e-9 * (1 + std::abs(terms.fit_nats()) + std::abs(terms.covariance_nats())))
+        << explanation.effect();
+    if (explanation.effect() == "none") {
+      EXPECT_EQ(terms.model_prior_nats(), 0);
+    }
+    // A tenth of what is not "none", for any number of known paths.
+    if (explanation.effect() == "unknown") {
+      EXPECT_NEAR(terms.model_prior_nats(), std::log(0.07 / 0.3), 1e-9);
+    }
+  }
+  EXPECT_NEAR(sum, 1, 1e-9);
+  if (diagnosis.ranked(0).effect() == "unknown") {
+    EXPECT_FALSE(diagnosis.has_remainder());
+  }
+  EXPECT_GE(diagnosis.remainder().share(), 0);
+  EXPECT_LE(diagnosis.remainder().share(), 1);
+}
+
 v1::Diagnosis Diagnosed(const RecordedScene& scene, int threads = 2) {
   SceneDiagnosisSettings settings;
   settings.threads = threads;
   auto diagnosis = DiagnoseScene(scene, settings, nullptr);
   EXPECT_TRUE(diagnosis.ok()) << diagnosis.status();
-  return diagnosis.ok() ? *diagnosis : v1::Diagnosis();
+  if (!diagnosis.ok()) return {};
+  ExpectRules(*diagnosis);
+  return *diagnosis;
 }
 
 TEST(DiagnoseScene, FindsInterreflection) {

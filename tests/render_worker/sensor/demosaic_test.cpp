@@ -62,7 +62,7 @@ TEST(Demosaic, KeepsLinearGradients) {
   }
 }
 
-// What the paper is about: on detail that all colours share it errs less.
+// The paper's claim: on detail that all colours share it errs less.
 TEST(Demosaic, GradientCorrectionErrsLessOnSharedDetail) {
   const auto colour = [](int i, int j) {
     const double detail = 200 * std::sin(0.8 * i) * std::cos(0.7 * j);

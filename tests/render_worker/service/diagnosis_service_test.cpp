@@ -223,7 +223,7 @@ TEST_F(DiagnosisServiceTest, SameRequestIdSameJobThatRunsOnce) {
   EXPECT_NE(third->job_id(), first->job_id());
 }
 
-// Runs until it is told to stop.
+// Runs until it is stopped.
 absl::StatusOr<v1::Diagnosis> Endless(const RecordedSet&, const DiagnosisSettings&,
                                       const DiagnosisProgress& progress) {
   while (progress(0.5, "working")) absl::SleepFor(absl::Milliseconds(1));

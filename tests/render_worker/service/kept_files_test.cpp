@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a render worker keeps on disk: for its user alone, and for a time.
+// Files that a render worker keeps on disk: for its user alone, and for a time.
 #include <grpcpp/grpcpp.h>
 #include <gtest/gtest.h>
 #include <sys/stat.h>

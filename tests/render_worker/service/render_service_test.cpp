@@ -262,7 +262,7 @@ void ExpectQueueFull(const absl::Status& status) {
   EXPECT_EQ(ErrorReason(status), "QUEUE_FULL") << status;
 }
 
-// What an empty request gets.
+// Answer to an empty request.
 template <typename Request, typename Response, typename Call>
 absl::Status CallWithNothing(const Call& call) {
   grpc::ClientContext context;
@@ -278,7 +278,7 @@ TEST_F(RenderServiceTest, AFullQueueIsSeenBeforeTheRequest) {
   const auto first = Create(PlateSpec(3000), "a");
   const auto second = Create(PlateSpec(3000), "b");
   ASSERT_TRUE(first.ok() && second.ok()) << first.status() << second.status();
-  // Requests that are wrong would be told so by whoever looks at them.
+  // A server that looks at a wrong request would reject it for that.
   ExpectQueueFull(Create(nothing, "c").status());
   ExpectQueueFull(Create(nothing).status());
   const auto optics = v1::OpticsService::NewStub(channel_);
@@ -291,7 +291,7 @@ TEST_F(RenderServiceTest, AFullQueueIsSeenBeforeTheRequest) {
           [&](auto... arguments) { return sensor->CreateSensorDiagnosis(arguments...); }));
   ExpectQueueFull(CallWithNothing<v1::CreateDiagnosisRequest, v1::CreateDiagnosisResponse>(
       [&](auto... arguments) { return diagnosis->CreateDiagnosis(arguments...); }));
-  // What was made before is found all the same.
+  // Earlier results are found all the same.
   const auto again = Create(PlateSpec(3000), "b");
   ASSERT_TRUE(again.ok()) << again.status();
   EXPECT_EQ(again->job_id(), second->job_id());

@@ -56,7 +56,7 @@ void Map(Images* images, const std::function<double(double)>& change) {
   }
 }
 
-// What JPEG does to one plane: cosine transform of blocks of 8 x 8, rounded to multiples of the
+// JPEG compression of one plane: cosine transform of blocks of 8 x 8, rounded to multiples of the
 // luminance table of ITU-T T.81, annex K, scaled to `quality` as the IJG library does.
 void Jpeg(Image<uint16_t>* image, int quality, double largest) {
   constexpr std::array<int, 64> kTable = {

@@ -187,7 +187,7 @@ TEST(LineScatterOfAnImage, IsTheLinesOwn) {
       ASSERT_TRUE(scatter.ok()) << scatter.status();
       EXPECT_EQ(scatter->found_fraction, 1) << channel.name;
       EXPECT_NEAR(scatter->mean_row_px, 47.3, 0.02) << channel.name;
-      // Of a sine over whole periods.
+      // Standard deviation of a sine over whole periods.
       EXPECT_NEAR(scatter->u_px, 0.8 / std::sqrt(2), 0.01) << channel.name;
     }
   }

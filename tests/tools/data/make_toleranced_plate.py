@@ -262,7 +262,7 @@ def main():
     angle = file.add(f"ANGULAR_LOCATION('slant',$,{bottom},{slant},.SMALL.)")
     drawing.value(angle, [drawing.nominal(SLANT_DEG, angle=True)])
     drawing.limits(angle, drawing.angle(-1), drawing.angle(1))
-    # Where the holes are meant to be: without limits of its own.
+    # Theoretical positions of the holes: without limits of its own.
     pitch = file.add(f"DIMENSIONAL_LOCATION('pitch',$,{holes[0]},{holes[1]})")
     theoretical = file.add("DESCRIPTIVE_REPRESENTATION_ITEM('dimensional note','theoretical')")
     drawing.value(pitch, [drawing.nominal(HOLES_MM[1][0] - HOLES_MM[0][0]), theoretical])

@@ -11,7 +11,7 @@
 namespace sightline {
 
 struct StepText {
-  std::string name;  // what messages call the file
+  std::string name;  // name of the file in messages
   std::string text;  // from ISO-10303-21; to END-ISO-10303-21;
 };
 

@@ -401,9 +401,11 @@ std::string StatedLengthUnits(const Handle(Interface_InterfaceModel) & model) {
 double MillimetresPer(const std::string& unit) { return 1e3 * MetresPerUnit(unit).value_or(0); }
 
 void FailWithoutLengthUnit(const std::string& name) {
-  throw StepInputError(name +
-                       ": part.unit is missing: the file states no length unit; state it with "
-                       "--unit (part.unit in an inspection): m, cm, mm, um or inch");
+  throw StepInputError(
+      name +
+      ": part.unit is missing: the file states no length unit; state it in "
+      "the inspection (--unit of `sightline part` and `sightline new`): m, cm, mm, "
+      "um or inch");
 }
 
 void FailWithSecondLengthUnit(const std::string& name, const std::string& stated) {

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Which solids and surface models of a STEP file are the part.
+// Selects the solids and surface models of a STEP file that are the part.
 //
 // A product's shape is what its SHAPE_DEFINITION_REPRESENTATION uses, what
 // SHAPE_REPRESENTATION_RELATIONSHIPs join to that, and what is mapped into it (ISO 10303-41, -43;

@@ -72,9 +72,9 @@ class Part21File {
   std::vector<Part21Record> Records(int64_t id) const;
   // First of FILE_SCHEMA in the header, e.g. "AP242_MANAGED_MODEL_BASED_3D_ENGINEERING_MIM_LF...".
   const std::string& schema() const { return schema_; }
-  // What messages call the file.
+  // Name of the file in messages.
   const std::string& name() const { return name_; }
-  // Of text that an instance takes; 0 if there is no such instance.
+  // Bytes of an instance's text; 0 if there is no such instance.
   size_t Bytes(int64_t id) const;
 
  private:

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What aspects, annotations, zones and dimensions say of one another.
+// Indexes the references between aspects, annotations, zones and dimensions.
 #include <algorithm>
 #include <cstdint>
 #include <set>

@@ -53,7 +53,7 @@ class PmiReader {
   std::string UnreadName(int64_t id) const;
   std::string Standard() const;
 
-  // What aspects, annotations, zones and dimensions say of one another: pmi_links.cpp.
+  // Index the references between aspects, annotations, zones and dimensions: pmi_links.cpp.
   void IndexAspects();
   void IndexAnnotations();
   void IndexZones();

@@ -25,9 +25,9 @@ struct PmiBinding {
 // leads there: some seconds, and a few times as many bytes. Some 2000 bytes belong to a tolerance
 // of an ordinary file, so that this is enough for 50 000 of them.
 inline constexpr size_t kMostWork = 100'000'000;
-// What is kept of it: its number here, and that of its face in the report, its message and JSON.
+// Memory per link: its number here, and that of its face in the report, its message and JSON.
 inline constexpr size_t kBytesOfLink = 64;
-// Of entities of the shape that are no faces, so many of each tolerance or datum are named.
+// Most entities of the shape, other than faces, that are named for each tolerance or datum.
 inline constexpr size_t kEntitiesNamed = 16;
 
 struct StepPmi {

@@ -28,7 +28,7 @@
 namespace sightline {
 namespace {
 
-// What the reader made of entities of the file.
+// Finds the shapes that the reader made of entities of the file.
 class ShapeFinder {
  public:
   ShapeFinder(STEPCAFControl_Reader& reader, const std::set<int64_t>& wanted)

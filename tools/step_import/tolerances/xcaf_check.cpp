@@ -168,7 +168,7 @@ double WidthMm(const Tolerance& tolerance) {
 void Compare(const std::string& what, const std::vector<const Tolerance*>& ours,
              const std::vector<Found>& theirs, std::vector<std::string>& notes) {
   std::vector<const Tolerance*> partner(theirs.size(), nullptr);
-  // Those without a partner, by their faces.
+  // Our tolerances without a partner, by their faces.
   std::map<std::vector<int>, std::vector<const Tolerance*>> single;
   for (const Tolerance* tolerance : ours) single[tolerance->faces].push_back(tolerance);
   size_t paired = 0;
@@ -192,7 +192,7 @@ void Compare(const std::string& what, const std::vector<const Tolerance*>& ours,
   std::vector<std::string> remarks;
   for (size_t i = 0; i < theirs.size(); ++i) {
     if (partner[i] == nullptr) {
-      // What the file gives no value for is listed as not read.
+      // Tolerances to which the file gives no value are listed as not read.
       if (theirs[i].width_mm > 0) {
         remarks.push_back("OpenCASCADE alone has " + what + " " + theirs[i].name + " of " +
                           Number(theirs[i].width_mm) + ": check it");

@@ -22,7 +22,7 @@ inline constexpr size_t kMostBoundFaces = 1'500'000;
 // Numbers of the faces that share one underlying shape: one per place in the assembly.
 using FaceNumbers = std::map<const TopoDS_TShape*, std::vector<int>>;
 
-// Of all faces of `shape`, ascending, each once; empty for a null shape.
+// Numbers of all faces of `shape`, ascending, each once; empty for a null shape.
 std::vector<int> NumbersOf(const TopoDS_Shape& shape, const FaceNumbers& numbers);
 
 // Sentences for people: how many of `report`'s tolerances and dimensions XCAF found on the same

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Section of a plan's report on what measured points told of the part.
+// Section of a plan's report on the deviations of a measured part.
 #pragma once
 
 #include <span>

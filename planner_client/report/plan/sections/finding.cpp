@@ -17,7 +17,7 @@
 namespace sightline {
 namespace {
 
-// What of the surface can be measured, and why not more.
+// The share of the surface that can be measured, and why not more.
 std::string MeasurableShare(const v1::PlanCoverage& coverage) {
   if (coverage.targets() <= 0) return "";
   const auto share = [&](int64_t targets) {
@@ -100,7 +100,7 @@ std::string FiguresHtml(const ReportData& data) {
                                                  "</small>")
                                   : "")});
   if (plan.coverage().has_fresh_coverage()) {
-    figures.push_back({"measured, fresh targets", Percent(plan.coverage().fresh_coverage())});
+    figures.push_back({"measured, validation targets", Percent(plan.coverage().fresh_coverage())});
   }
   if (plan.bound().scans() > 0 && !plan.has_uncertainty()) {
     figures.push_back(

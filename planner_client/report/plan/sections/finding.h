@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the report of a plan says first: the answer, its figures, and coverage over scans.
+// The first part of a plan's report: the answer, its figures, and coverage over scans.
 #pragma once
 
 #include <string>

@@ -62,8 +62,8 @@ std::string ParetoChartSvg(const v1::ParetoFront& front) {
   chart.x.whole_numbers = !front.has_costs();
   chart.y.title = front.for_uncertainty() ? "admissible, % of the judged surface"
                                           : "measured, % of the measurable surface";
-  chart.title = front.has_costs() ? "Settled surface against time, by number of scans"
-                                  : "Settled surface against number of scans";
+  chart.title = front.has_costs() ? "Satisfied surface against time, by number of scans"
+                                  : "Satisfied surface against number of scans";
   if (front.goal() > 0) chart.marks = {100 * front.goal()};
   ChartSeries dominated;
   dominated.css_class = "faint";
@@ -109,7 +109,7 @@ std::string ParetoSection(const v1::ParetoFront& front) {
   std::string body = absl::StrCat(
       "<p>Plans of which none is better than another in all of number of scans",
       front.has_costs() ? ", time" : "",
-      " and settled surface. What counts as settled is the less "
+      " and satisfied surface. What counts as satisfied is the less "
       "of the plan\u2019s own targets and of targets that the search has not seen; all numbers "
       "are exact.</p>\n");
   if (!front.has_costs()) {
@@ -146,7 +146,7 @@ std::string ParetoSection(const v1::ParetoFront& front) {
   head.push_back(front.for_uncertainty() ? "admissible<br>%" : "measured<br>%");
   head.push_back("own targets");
   const bool fresh = front.fresh_judged_targets() > 0;
-  if (fresh) head.push_back("fresh targets");
+  if (fresh) head.push_back("validation targets");
   head.push_back("");
   std::vector<std::vector<std::string>> rows;
   for (const v1::ParetoPoint& point : front.points()) {

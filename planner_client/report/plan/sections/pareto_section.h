@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// The trade-off between scans, seconds and settled surface, as a drawing and a section of the
+// The trade-off between scans, seconds and satisfied surface, as a drawing and a section of the
 // report.
 #pragma once
 
@@ -9,7 +9,7 @@
 
 namespace sightline {
 
-// An <svg> element: settled surface over seconds (over scans if the front has no costs), points
+// An <svg> element: satisfied surface over seconds (over scans if the front has no costs), points
 // labelled by their number of scans, dominated plans faint, the chosen point in a ring.
 std::string ParetoChartSvg(const v1::ParetoFront& front);
 

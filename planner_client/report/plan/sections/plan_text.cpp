@@ -71,6 +71,8 @@ std::string StopWords(v1::Plan::StopReason reason) {
       return "it was interrupted";
     case v1::Plan::STOP_REASON_EVALUATED:
       return "the plan was given; only its coverage was computed";
+    case v1::Plan::STOP_REASON_EXECUTION_LIMIT:
+      return "a limit on time to execute, set-ups, sensor places or resting faces was reached";
     default:
       return "not recorded";
   }

@@ -136,6 +136,7 @@ std::string ReasonsHtml(const ReportData& data) {
     std::vector<NamedTargets> features;
     for (size_t f = 0; f < data.uncertainty->feature_targets.size(); ++f) {
       const std::vector<uint32_t>& targets = data.uncertainty->feature_targets[f];
+      if (targets.empty()) continue;
       const v1::FeatureVerdict& verdict = data.plan.uncertainty().features(static_cast<int>(f));
       NamedTargets& row = features.emplace_back();
       row.name = verdict.name().empty() ? verdict.id() : verdict.name();

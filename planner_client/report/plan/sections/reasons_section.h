@@ -15,7 +15,7 @@ std::string ReasonsHtml(const ReportData& data);
 // "hidden by the part itself (12), not chosen (3)" of some targets, escaped; empty without reasons.
 std::string ReasonsOf(const ReportData& data, const std::vector<uint32_t>& targets);
 
-// Of the targets that count as not measurable.
+// Reasons of the targets that count as not measurable.
 std::string ReasonsOfUnmeasurable(const ReportData& data);
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What a plan's report is made of.
+// The data of a plan's report.
 #pragma once
 
 #include <Eigen/Core>
@@ -22,7 +22,7 @@
 
 namespace sightline {
 
-// What the report shows of a scan beyond the plan's own numbers.
+// Data of a scan that the report shows beside the plan's own numbers.
 struct ReportScan {
   TargetBits covered;             // exact, of this scan alone, one bit per target
   std::string rendered_view_png;  // part, camera and laser; empty: none
@@ -52,7 +52,7 @@ struct ComparisonTable {
   std::vector<StrategyComparison> strategies;
 };
 
-// Where the surface of a measured part deviates from the CAD model, in coordinates of the model.
+// A deviation of a measured part from the CAD model, in coordinates of the model.
 struct ReportDeviation {
   Eigen::Vector3f position_m, normal;
   float deviation_m = 0;
@@ -86,13 +86,13 @@ struct ReportData {
   std::vector<NamedTiming> timings;
   std::optional<ComparisonTable> comparison;
   std::optional<v1::ParetoFront> pareto;  // of which the plan is a point
-  // Of plans for uncertainty: shown on the part. What plan.uncertainty says is shown in any case.
+  // Plans for uncertainty: shown on the part. The numbers of plan.uncertainty are always shown.
   std::optional<TargetUncertainties> uncertainty;
-  // Of plans with plan.as_measured.
+  // Plans with plan.as_measured have these.
   std::vector<ReportDeviation> deviations;
   std::optional<ReportRobot> robot;
   std::vector<std::string> notes;
-  // Of every target by the scan that covers it best [m], 0 where none does; empty: not shown.
+  // Depth per pixel of every target by the scan that covers it best [m], 0: none; empty: not shown.
   std::vector<float> depth_per_pixel_m;
   std::string set_up_sheet;  // file beside the report; empty: none
 };

@@ -28,7 +28,7 @@ struct ReportRobot {
   };
   std::vector<Joint> joints;
   std::vector<ReportSolid> solids;
-  // Of every scan: the solids' poses at its start and at its end, part coordinates with the stage
+  // The solids' poses of a scan at its start and at its end, part coordinates with the stage
   // where it is then; none if the robot cannot make it.
   struct ScanPoses {
     std::vector<Eigen::Isometry3d> start, end;

@@ -15,7 +15,7 @@
 namespace sightline {
 namespace {
 
-// What the targets that are not measurable are, if there are any.
+// The targets that are not measurable in words, if there are any.
 std::string UnmeasurableWords(const ReportData& data) {
   const int64_t others = data.plan.coverage().targets() - data.plan.coverage().measurable_targets();
   if (others == 0) return "";

@@ -33,7 +33,7 @@ std::vector<UncoveredRegion> FindUncoveredRegions(const TargetSet& targets,
                                                   const TargetSampling& sampling,
                                                   const TargetBits& selected);
 
-// Where in the part's bounding box a region lies and which way it faces, in words, e.g.
+// Place of a region in the part's bounding box and the way it faces, in words, e.g.
 // "at the y- side, 23 mm below the top, facing y-". z is taken as up.
 std::string DescribePlace(const UncoveredRegion& region, const Eigen::AlignedBox3d& part_bounds_m);
 

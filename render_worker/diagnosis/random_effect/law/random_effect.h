@@ -22,8 +22,8 @@
 
 namespace sightline {
 
-// What an amplitude changes. Recordings with laser light come in the order of the set, plate
-// positions in that of SetModel::position_ids.
+// The quantity that an amplitude changes. Recordings with laser light come in the order of the set,
+// plate positions in that of SetModel::position_ids.
 enum class Amplitude {
   kLight,  // amount of laser light of a recording, relative
   kShift,  // place of the image across the line in a recording [px]
@@ -60,9 +60,9 @@ class RandomEffect {
     return {};
   }
 
-  // Where the amplitudes are weak: linearisation point about the parameters of a fit without them.
+  // For weak amplitudes: linearisation point about the parameters of a fit without them.
   virtual Realisation StartNear(const SetParameters& /*fitted*/) const = 0;
-  // Where they are so strong that such a fit is wrong: from the recordings, given nominal
+  // For amplitudes so strong that such a fit is wrong: from the recordings, given nominal
   // parameters.
   virtual Realisation StartFromRecordings(const SetParameters& nominal) const = 0;
   // The realisation that these amplitudes stand for.

@@ -12,6 +12,15 @@
 namespace sightline {
 namespace {
 
+// The likelihood ratio at its top and what integrating over the law's parameters leaves of it.
+Evidence EvidenceOf(const RandomEffectCandidate& random) {
+  return {.fit = random.largest_gain,
+          .covariance = 0,
+          .curvature = 0,
+          .parameter_prior = random.log_evidence - random.largest_gain,
+          .model_prior = 0};
+}
+
 // Realised light of every recording, or its movement if the light is constant.
 std::vector<double> Realised(const RandomEffectCandidate& random) {
   const bool light = std::any_of(random.light_relative.begin(), random.light_relative.end(),
@@ -72,15 +81,17 @@ std::vector<Hypothesis> AddRandomEffects(const Context& context, std::vector<Hyp
     Hypothesis hypothesis;
     hypothesis.effects = {{random.effect, random.parameters}};
     hypothesis.free = random.fit.free;
-    hypothesis.log_evidence = random.log_evidence;
+    SetEvidence(EvidenceOf(random), &hypothesis);
     hypothesis.fit = std::move(random.fit);
     hypothesis.realised = Realised(random);
     hypothesis.phases_rad = std::move(random.phases_rad);
     // A null model far from the data makes its linearisation wrong; the fit with the realised
     // values does not depend on it.
     if (NullIsRejected(context)) {
-      hypothesis.log_evidence =
-          std::max(hypothesis.log_evidence, LogEvidence(hypothesis, context.null));
+      const Evidence of_fit = EvidenceOver(hypothesis, context.null);
+      if (of_fit.LogMarginalLikelihood() > hypothesis.log_evidence) {
+        SetEvidence(of_fit, &hypothesis);
+      }
     }
     hypotheses.push_back(std::move(hypothesis));
   }
@@ -115,7 +126,7 @@ StageResult AddRandomEffectsBeside(const Context& context, std::vector<Hypothesi
       Hypothesis pair;
       pair.effects = random.fit.parameters.effects;
       pair.free = random.fit.free;
-      pair.log_evidence = base.log_evidence + random.log_evidence;
+      SetEvidence(base.evidence + EvidenceOf(random), &pair);
       pair.realised = Realised(random);
       pair.fit = std::move(random.fit);
       hypotheses.push_back(std::move(pair));

@@ -7,14 +7,21 @@
 
 #include "render_worker/diagnosis/fit/model_error.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
-#include "render_worker/diagnosis/selection/thresholds.h"
+#include "render_worker/evidence/model_prior.h"
 
 namespace sightline {
 namespace {
 
-// Evidence with the weight that the model's own errors leave it: they and errors of the best
-// effect's modelled change can look like another effect in its place. One more effect, which
-// changes something else, counts in full beyond the gain that such errors could give it.
+double LogModelPrior(const HypothesisCounts& counts, const Hypothesis& hypothesis) {
+  const ModelCounts models = {.effects = counts.effects, .discrepancy_terms = counts.free_forms};
+  const int effects = static_cast<int>(hypothesis.effects.size());
+  if (effects == 0) return LogPriorOfNoEffect();
+  return IsFreeForm(hypothesis) ? LogPriorOfDiscrepancy(models, effects > 1)
+                                : LogPriorOfNamed(models, effects);
+}
+
+}  // namespace
+
 std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses) {
   double best = 0, single = 0, effect_error = kEffectError;
   for (const Hypothesis& hypothesis : hypotheses) {
@@ -38,24 +45,6 @@ std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses) {
   return trusted;
 }
 
-double LogModelPrior(const HypothesisCounts& counts, const Hypothesis& hypothesis) {
-  const double effects = counts.effects;
-  const double forms = std::max(1, counts.free_forms);
-  if (hypothesis.effects.empty()) return std::log(thresholds::kNonePrior);
-  if (IsFreeForm(hypothesis)) {
-    const bool near_known = hypothesis.effects.size() > 1;
-    return std::log((1 - thresholds::kNonePrior) * thresholds::kUnknownPrior *
-                    (near_known ? thresholds::kNearKnownPrior * thresholds::kStages / effects
-                                : 1 - thresholds::kNearKnownPrior) /
-                    forms);
-  }
-  return std::log((1 - thresholds::kNonePrior) * (1 - thresholds::kUnknownPrior) / effects) +
-         (static_cast<double>(hypothesis.effects.size()) - 1) *
-             std::log(thresholds::kOneMorePrior / effects);
-}
-
-}  // namespace
-
 std::vector<Hypothesis> RankHypotheses(const HypothesisCounts& counts,
                                        std::vector<Hypothesis> hypotheses) {
   assert(!hypotheses.empty());
@@ -64,6 +53,7 @@ std::vector<Hypothesis> RankHypotheses(const HypothesisCounts& counts,
   for (size_t h = 0; h < hypotheses.size(); ++h) {
     Hypothesis& hypothesis = hypotheses[h];
     hypothesis.log_prior = LogModelPrior(counts, hypothesis);
+    hypothesis.evidence.model_prior = hypothesis.log_prior - LogPriorOfNoEffect();
     hypothesis.probability = trusted_evidence[h] + hypothesis.log_prior;
     largest = std::max(largest, hypothesis.probability);
   }

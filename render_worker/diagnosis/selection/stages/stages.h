@@ -86,16 +86,20 @@ struct HypothesisCounts {
   int free_forms = 0;
 };
 HypothesisCounts CountsOf(const ComparisonSettings& settings);
+// Evidence of every hypothesis with the weight that the model's own errors leave it [nats]: they
+// and errors of the best effect's modelled change can look like another effect in its place. One
+// more effect, which changes something else, counts in full beyond the gain that such errors could
+// give it.
+std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses);
 // Sets `log_prior` and `probability`, most probable first. `hypotheses`: at least one.
 std::vector<Hypothesis> RankHypotheses(const HypothesisCounts& counts,
                                        std::vector<Hypothesis> hypotheses);
 // Adds the null model, drops hypotheses with an effect that is not detected, and ranks the rest.
 std::vector<Hypothesis> Rank(const Context& context, std::vector<Hypothesis> hypotheses);
 
-// Drops hypotheses of named effects that do not predict recordings left out better than without an
-// effect by kClearGain_nats, and gives unknown physics the probability that the best of the rest
-// leaves: odds of at least pi / (1 - pi) / (-e p ln p) with its p-value p and pi = kUnknownPrior
-// (Sellke, Bayarri and Berger, Am. Stat. 55 (2001) 62). Returns `ranked`, `named` and both checks.
+// Drops hypotheses that do not predict recordings left out clearly better than without one of their
+// effects or terms, and judges the rest (render_worker/evidence/judgement.h). Returns `ranked`,
+// `named`, both checks and the remainder.
 ModelComparison HoldToPredictions(const Context& context, std::vector<Hypothesis> ranked);
 
 // Effects whose whitened change is parallel to that of the first hypothesis' first effect after the

@@ -12,6 +12,7 @@
 #include "render_worker/diagnosis/selection/stages/stages.h"
 #include "render_worker/diagnosis/selection/term_selection.h"
 #include "render_worker/diagnosis/selection/thresholds.h"
+#include "render_worker/evidence/judgement.h"
 
 namespace sightline {
 namespace {
@@ -100,8 +101,7 @@ StageResult AddTermsBeside(const Context& context, std::vector<Hypothesis> hypot
   if (leading == hypotheses.end() || leading->log_evidence < thresholds::kPromising_nats) {
     return {std::move(hypotheses)};
   }
-  const bool rejected =
-      CheckHypothesis(context, hypotheses.front()).p_value < thresholds::kRejectedBelow;
+  const bool rejected = CheckHypothesis(context, hypotheses.front()).p_value < kRejectedBelow;
   if (!rejected && leading != hypotheses.begin()) return {std::move(hypotheses)};
   const Hypothesis best = *leading;
   const LinearFit linear(best.fit);

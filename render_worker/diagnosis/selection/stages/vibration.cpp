@@ -81,8 +81,9 @@ Hypothesis FitWithVibration(const SetModel& model, const FollowedBase& base,
   hypothesis.fit = std::move(followed.fit);
   hypothesis.phases_rad = std::move(followed.phases_rad);
   const DataTerms whole = ExchangeTerms(hypothesis.fit, TermsOf(hypothesis.fit, base.used));
-  hypothesis.log_evidence = base.best.log_evidence + LogEvidence(hypothesis, base.restricted.fit) -
-                            LogEvidence(base.restricted, base.restricted.fit);
+  SetEvidence(base.best.evidence + EvidenceOver(hypothesis, base.restricted.fit) -
+                  EvidenceOver(base.restricted, base.restricted.fit),
+              &hypothesis);
   ExchangeTerms(hypothesis.fit, whole);
   return hypothesis;
 }
@@ -108,10 +109,10 @@ std::vector<Hypothesis> FollowStrongVibration(const Context& context,
   // Evidence under the null model's covariance is meaningless here. Others, with covariances of
   // their own, compare with the vibration's fit; the offset is what its evidence was raised by.
   const Hypothesis& vibration = found.front();
-  const double offset = vibration.log_evidence - LogEvidence(vibration, null);
+  const Evidence offset = vibration.evidence - EvidenceOver(vibration, null);
   for (Hypothesis& other : hypotheses) {
     if (other.fit.whitening == null.whitening) continue;
-    other.log_evidence = LogEvidence(other, null) + offset;
+    SetEvidence(EvidenceOver(other, null) + offset, &other);
     found.push_back(std::move(other));
   }
   return SortedByEvidence(std::move(found));

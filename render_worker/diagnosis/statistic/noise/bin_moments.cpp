@@ -14,8 +14,9 @@ double MeanOfBin(const Image<uint16_t>& raw, const PixelPlane& plane, const Prof
   return sum / count;
 }
 
-double PixelVariance(const ExpectedFrame& sample, int row, int column) {
-  return sample.noise_variance_dn2.At(row, column) + sample.pattern_variance_dn2.At(row, column);
+double PixelVariance(const ExpectedFrame& sample, int row, const PixelPlane& plane) {
+  return MeanOfColumns(sample.noise_variance_dn2, row, plane) +
+         MeanOfColumns(sample.pattern_variance_dn2, row, plane);
 }
 
 double MeanExcessKurtosis(const ExpectedSet& expected, int frame, const PixelPlane& plane,

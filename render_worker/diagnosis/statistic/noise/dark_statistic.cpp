@@ -36,6 +36,21 @@ double OutlierShare(const Image<uint16_t>& raw) {
   return outliers / static_cast<double>(raw.values.size());
 }
 
+// Variance between columns because odd and even ones differ [DN^2].
+double VarianceBetweenColumns(const ExpectedSet& expected, int frame) {
+  if (!ColumnsAlternate(expected.effects)) return 0;
+  double difference = 0, rows = 0;
+  for (const std::vector<ExpectedFrame>& samples : expected.strips) {
+    const ExpectedFrame& sample = samples[frame];
+    if (sample.mean_dn.columns_px < 2) return 0;
+    for (int row = 0; row < sample.mean_dn.rows_px; ++row, ++rows) {
+      difference += sample.MeanDn(row, 1) - sample.MeanDn(row, 0);
+    }
+  }
+  difference /= rows;
+  return difference * difference / 4;
+}
+
 }  // namespace
 
 DarkStatistic::DarkStatistic(const RecordedSet& set) {
@@ -82,7 +97,8 @@ Eigen::VectorXd DarkStatistic::Expected(const ExpectedSet& expected, int block) 
     const ExpectedFrame& sample = samples[f];
     for (int row = 0; row < sample.noise_variance_dn2.rows_px; ++row) {
       for (int column = 0; column < sample.noise_variance_dn2.columns_px; ++column) {
-        independent += PixelVariance(sample, row, column);
+        independent +=
+            sample.noise_variance_dn2.At(row, column) + sample.pattern_variance_dn2.At(row, column);
         const double mean = sample.MeanDn(row, column);
         fixed_mean += mean;
         fixed_square += mean * mean;
@@ -98,9 +114,12 @@ Eigen::VectorXd DarkStatistic::Expected(const ExpectedSet& expected, int block) 
   const double of_rows = any.row_scatter_dn * any.row_scatter_dn;
   const double of_columns = any.column_scatter_dn * any.column_scatter_dn;
   // The random offset of a row remains in the row's mean. It is equal in the means of all columns
-  // and adds nothing to their variance; the same holds for columns.
-  values << pixels + of_rows + of_columns, pixels / columns + of_rows, pixels / rows + of_columns,
-      0;
+  // and adds nothing to their variance; the same holds for columns. A difference of odd and even
+  // columns is in the pixels' variance already, and remains in the columns' means.
+  const double alternation = VarianceBetweenColumns(expected, f);
+  const double others = pixels - alternation;
+  values << pixels + of_rows + of_columns, others / columns + of_rows,
+      others / rows + of_columns + alternation, 0;
   return values;
 }
 

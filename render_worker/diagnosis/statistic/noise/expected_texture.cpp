@@ -25,6 +25,13 @@ double VarianceAlongLine(const ExpectedFrame& sample) {
   return known + sample.drawn_variance_along_line;
 }
 
+// Variance of the expectation of a row's pixels where odd and even columns of the plane differ.
+double VarianceOfAlternation(const ExpectedFrame& sample, int row, const PixelPlane& plane) {
+  if (plane.step > 1 || sample.mean_dn.columns_px < 2) return 0;
+  const double half_difference = (sample.MeanDn(row, 1) - sample.MeanDn(row, 0)) / 2;
+  return half_difference * half_difference;
+}
+
 }  // namespace
 
 int OtherRow(int row, int lag, int rows_px) { return row + lag < rows_px ? row + lag : row - lag; }
@@ -74,19 +81,20 @@ RowMoments ExpectedTexture::MomentsOf(const PixelPlane& plane, int row) const {
   for (const std::vector<ExpectedFrame>& samples : expected_.strips) {
     const ExpectedFrame& sample = samples[frame_];
     const double along = VarianceAlongLine(sample);
-    const double signal = sample.MeanDn(row, plane.first_column) - black_dn_;
+    const double signal = MeanOfColumns(sample.mean_dn, row, plane) - black_dn_;
     // Light that varies along the line raises the mean of squared speckle.
-    moments.level += (1 + along) * sample.level_variance_dn2.At(row, plane.first_column) / segments;
-    moments.noise += PixelVariance(sample, row, plane.first_column) / segments;
+    moments.level += (1 + along) * MeanOfColumns(sample.level_variance_dn2, row, plane) / segments;
+    moments.noise += PixelVariance(sample, row, plane) / segments;
     moments.signal += signal / segments;
     moments.along += along * signal * signal / segments;
+    moments.alternation += VarianceOfAlternation(sample, row, plane) / segments;
   }
   return moments;
 }
 
 // Variance about the mean of the segment, without that of light along the line.
 double ExpectedTexture::AboutMean(const RowMoments& row, double share) const {
-  return row.level * (1 - share) + row.noise * (1 - 1.0 / columns_);
+  return row.level * (1 - share) + row.noise * (1 - 1.0 / columns_) + row.alternation;
 }
 
 // Adds the variance and correlations of a row; returns its signal.
@@ -98,8 +106,10 @@ double ExpectedTexture::AddRow(const PixelPlane& plane, int row, CoreSums& sums)
   sums.variance += here;
   ++sums.rows;
   for (int lag = 1; lag <= kCorrelationLags; ++lag) {
+    // Neighbours alternate: the sign changes with every column.
+    const double alternation = lag % 2 != 0 ? -moments.alternation : moments.alternation;
     sums.correlations[2 * lag - 2] += (moments.level * (speckle.At(0, lag * step_) / one - share) -
-                                       moments.noise / columns_ + moments.along) /
+                                       moments.noise / columns_ + moments.along + alternation) /
                                       here;
     sums.correlations[2 * lag - 1] += CorrelationAcross(plane, row, lag, moments, here, one);
   }
@@ -126,7 +136,8 @@ double ExpectedTexture::CorrelationAcross(const PixelPlane& plane, int row, int 
   }
   return (std::sqrt(moments.level * moments_there.level) *
               (between.At(lag * step_, 0) / both - row_share) +
-          std::sqrt(moments.along * moments_there.along)) /
+          std::sqrt(moments.along * moments_there.along) +
+          std::sqrt(moments.alternation * moments_there.alternation)) /
          std::sqrt(here * there);
 }
 

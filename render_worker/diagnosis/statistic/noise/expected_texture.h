@@ -33,6 +33,7 @@ struct RowMoments {
   double level = 0, noise = 0;  // variance by speckle, by noise and fixed pattern [DN^2]
   double signal = 0;            // mean above dark [DN]
   double along = 0;             // variance of light that changes slowly along the line [DN^2]
+  double alternation = 0;       // variance by a difference of odd and even columns [DN^2]
 };
 
 // Expected variances and correlations of the pixels of one recording.

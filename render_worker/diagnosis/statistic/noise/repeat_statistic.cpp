@@ -50,9 +50,12 @@ struct BinSums {
 
 // Adds the expected mean and temporal variance of a pixel that stands for its segment. `moved`:
 // decorrelation of the speckle between the two recordings.
-void AddExpectedPixel(const ExpectedFrame& first, const ExpectedFrame& second, int row, int column,
-                      const CommonFactor& factor, double moved, BinSums& sums) {
-  sums.mean_dn += (first.MeanDn(row, column) + second.MeanDn(row, column)) / 2;
+void AddExpectedPixel(const ExpectedFrame& first, const ExpectedFrame& second, int row,
+                      const PixelPlane& plane, const CommonFactor& factor, double moved,
+                      BinSums& sums) {
+  const int column = plane.first_column;
+  sums.mean_dn +=
+      (MeanOfColumns(first.mean_dn, row, plane) + MeanOfColumns(second.mean_dn, row, plane)) / 2;
   sums.variance_dn2 +=
       (first.noise_variance_dn2.At(row, column) + second.noise_variance_dn2.At(row, column) +
        std::pow(first.row_scatter_dn, 2) + std::pow(second.row_scatter_dn, 2)) /
@@ -63,7 +66,7 @@ void AddExpectedPixel(const ExpectedFrame& first, const ExpectedFrame& second, i
         factor.Difference(first.level_dn[q].At(row, column), second.level_dn[q].At(row, column));
     sums.variance_dn2 += difference * difference / (2 * static_cast<double>(levels));
   }
-  if (moved > 0) sums.variance_dn2 += moved * first.level_variance_dn2.At(row, column);
+  if (moved > 0) sums.variance_dn2 += moved * MeanOfColumns(first.level_variance_dn2, row, plane);
 }
 
 // Mean speckle variance of a bin [DN^2].
@@ -166,8 +169,8 @@ Eigen::VectorXd RepeatStatistic::Expected(const ExpectedSet& expected, int index
     BinSums sums;
     for (int row : bin.rows) {
       for (const std::vector<ExpectedFrame>& samples : expected.strips) {
-        AddExpectedPixel(samples[first], samples[second], row, planes_[bin.plane].first_column,
-                         factor, moved, sums);
+        AddExpectedPixel(samples[first], samples[second], row, planes_[bin.plane], factor, moved,
+                         sums);
       }
     }
     const auto count = static_cast<double>(bin.rows.size() * expected.strips.size());

@@ -114,7 +114,7 @@ CoreShare ShareOfCore(const ExpectedSet& expected, int frame, const std::vector<
     for (int row : bin.rows) {
       for (const std::vector<ExpectedFrame>& samples : expected.strips) {
         level += samples[frame].level_variance_dn2.At(row, planes[bin.plane].first_column);
-        noise += PixelVariance(samples[frame], row, planes[bin.plane].first_column);
+        noise += PixelVariance(samples[frame], row, planes[bin.plane]);
       }
       middle += row;
       ++rows;

@@ -41,29 +41,38 @@ struct PairSums {
   double Products() const { return 0.5 * (sum * sum - squares); }
 };
 
-// Components 0 and 1. Clips the residuals and removes their rows' means first.
-std::array<double, kDarkProducts> DarkProducts(std::vector<Image<double>>& frames) {
+// Clips residuals and removes their rows' means.
+void PrepareForProducts(std::vector<Image<double>>& frames) {
   for (Image<double>& residual : frames) {
     for (double& value : residual.values) value = ClippedResidual(value);
     SubtractRowMeans(residual);
   }
-  const int columns = frames.front().columns_px, rows = frames.front().rows_px;
+}
+
+// Components 0 and 1 of some columns. `frames`: PrepareForProducts.
+std::array<double, kDarkProducts> DarkProducts(const std::vector<Image<double>>& frames,
+                                               const std::vector<ColumnSpan>& spans) {
+  int columns = 0;
+  const int rows = frames.front().rows_px;
   double pixels = 0, column_means = 0;
   std::vector<double> total(frames.size());
-  for (int c = 0; c < columns; ++c) {
-    std::fill(total.begin(), total.end(), 0);
-    for (int row = 0; row < rows; ++row) {
-      PairSums sums;
-      for (size_t f = 0; f < frames.size(); ++f) {
-        const double value = frames[f].At(row, c);
-        sums.Add(value);
-        total[f] += value;
+  for (const auto& [first, last] : spans) {
+    columns += last - first;
+    for (int c = first; c < last; ++c) {
+      std::fill(total.begin(), total.end(), 0);
+      for (int row = 0; row < rows; ++row) {
+        PairSums sums;
+        for (size_t f = 0; f < frames.size(); ++f) {
+          const double value = frames[f].At(row, c);
+          sums.Add(value);
+          total[f] += value;
+        }
+        pixels += sums.Products();
       }
-      pixels += sums.Products();
+      PairSums sums;
+      for (double value : total) sums.Add(value);
+      column_means += sums.Products();
     }
-    PairSums sums;
-    for (double value : total) sums.Add(value);
-    column_means += sums.Products();
   }
   const double pairs = 0.5 * static_cast<double>(frames.size() * (frames.size() - 1));
   const double area = static_cast<double>(columns) * rows;
@@ -80,12 +89,13 @@ struct RandomDarkPattern {
 
 RandomDarkPattern RealiseDarkPattern(const ExpectedSet& expected, const PatternGroup& group) {
   RandomDarkPattern pattern;
-  if (std::none_of(expected.effects.begin(), expected.effects.end(),
-                   [](const ActiveEffect& active) {
-                     return active.effect->description().VariesOverSensor();
-                   })) {
-    return pattern;
-  }
+  // A gain that alternates multiplies the dark charge, too.
+  const bool uneven =
+      std::any_of(expected.effects.begin(), expected.effects.end(), [](const ActiveEffect& active) {
+        const EffectDescription& description = active.effect->description();
+        return description.VariesOverSensor() || description.columns_alternate;
+      });
+  if (!uneven) return pattern;
   for (int f : group.frames) {
     FrameSetup patch = expected.strips.front()[f].frame;
     patch.roi = group.roi;
@@ -110,14 +120,13 @@ RandomDarkPattern RealiseDarkPattern(const ExpectedSet& expected, const PatternG
   return pattern;
 }
 
-}  // namespace
-
-Eigen::VectorXd ObservedDarkPattern(const RecordedSet& set, const PatternGroup& group) {
-  Eigen::VectorXd values = Eigen::VectorXd::Zero(kDarkProducts + group.frames.size());
+// Differences of every recording from its median, in units of the nominal noise; empty: the set is
+// only planned.
+std::vector<Image<double>> DarkResiduals(const RecordedSet& set, const PatternGroup& group) {
   std::vector<Image<double>> residuals;
   for (int f : group.frames) {
     const Image<uint16_t>& raw = set.frames[f].raw_dn;
-    if (raw.empty()) return values;
+    if (raw.empty()) return {};
     // Hot pixels do not change the median.
     const double median = Median(raw.values);
     Image<double> residual(raw.columns_px, raw.rows_px);
@@ -126,6 +135,15 @@ Eigen::VectorXd ObservedDarkPattern(const RecordedSet& set, const PatternGroup& 
     }
     residuals.push_back(std::move(residual));
   }
+  return residuals;
+}
+
+}  // namespace
+
+Eigen::VectorXd ObservedDarkPattern(const RecordedSet& set, const PatternGroup& group) {
+  Eigen::VectorXd values = Eigen::VectorXd::Zero(kDarkProducts + group.frames.size());
+  std::vector<Image<double>> residuals = DarkResiduals(set, group);
+  if (residuals.empty()) return values;
   for (size_t f = 0; f < residuals.size(); ++f) {
     double common = 0;
     for (size_t i = 0; i < residuals[f].values.size(); ++i) {
@@ -136,10 +154,26 @@ Eigen::VectorXd ObservedDarkPattern(const RecordedSet& set, const PatternGroup& 
     }
     values[kDarkProducts + f] = 2 * std::sqrt(common + kAnscombe);
   }
-  const std::array<double, kDarkProducts> products = DarkProducts(residuals);
+  PrepareForProducts(residuals);
+  const std::array<double, kDarkProducts> products =
+      DarkProducts(residuals, {{0, group.roi.columns_px}});
   values[0] = products[0];
   values[1] = products[1];
   return values;
+}
+
+std::vector<Eigen::VectorXd> ObservedDarkPatternOfParts(const RecordedSet& set,
+                                                        const PatternGroup& group) {
+  std::vector<Image<double>> residuals = DarkResiduals(set, group);
+  if (residuals.empty()) return {};
+  PrepareForProducts(residuals);
+  std::vector<Eigen::VectorXd> parts;
+  for (int part = 0; part < kObservedParts; ++part) {
+    const std::array<double, kDarkProducts> products =
+        DarkProducts(residuals, ColumnsOfPart(group.roi.columns_px, 0, part));
+    parts.push_back(Eigen::Map<const Eigen::VectorXd>(products.data(), kDarkProducts));
+  }
+  return parts;
 }
 
 Eigen::VectorXd ExpectedDarkPattern(const ExpectedSet& expected, const PatternGroup& group) {
@@ -151,7 +185,9 @@ Eigen::VectorXd ExpectedDarkPattern(const ExpectedSet& expected, const PatternGr
   if (pattern.uniform) return values;
   const Eigen::VectorXd counts = OutlierCounts(pattern.frames, group.longest);
   values.tail(counts.size()) = 2 * (counts.array() + kAnscombe).sqrt();
-  const std::array<double, kDarkProducts> products = DarkProducts(pattern.frames);
+  PrepareForProducts(pattern.frames);
+  const std::array<double, kDarkProducts> products =
+      DarkProducts(pattern.frames, {{0, group.roi.columns_px}});
   values[0] += products[0];
   values[1] += products[1];
   return values;

@@ -4,6 +4,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <vector>
 
 #include "render_worker/diagnosis/statistic/pattern/pattern_group.h"
 #include "render_worker/diagnosis/statistic/set_statistic.h"
@@ -20,6 +21,11 @@ inline constexpr int kDarkProducts = 2;
 //   both
 //      there and in the longest exposure.
 Eigen::VectorXd ObservedDarkPattern(const RecordedSet& set, const PatternGroup& group);
+// Components 0 and 1 of every part (SetStatistic::ObservedOfParts), by ColumnsOfPart. The
+// transformed counts are left out, because their expectation depends on the area. Empty: the set is
+// only planned.
+std::vector<Eigen::VectorXd> ObservedDarkPatternOfParts(const RecordedSet& set,
+                                                        const PatternGroup& group);
 Eigen::VectorXd ExpectedDarkPattern(const ExpectedSet& expected, const PatternGroup& group);
 Eigen::MatrixXd CovarianceOfDarkPattern(const ExpectedSet& expected, const PatternGroup& group);
 

@@ -18,7 +18,10 @@ namespace {
 // Variance of rounding [DN^2]: that of a uniform distribution over one raw value.
 constexpr double kQuantisationVariance_dn2 = 1.0 / 12;
 
-// Of each plate position (or dark frame) the recording with the middle exposure.
+// Least width of a region that is divided into parts: a stripe each.
+constexpr int kLeastColumns_px = kObservedParts * kStripe_px;
+
+// Takes the recording with the middle exposure of each plate position (or dark frame).
 PatternGroup MakeGroup(const RecordedSet& set, bool laser,
                        const std::map<int, std::vector<int>>& positions) {
   PatternGroup group;
@@ -82,6 +85,14 @@ int FixedPatternStatistic::FrameOfComponent(int block, int component) const {
 Eigen::VectorXd FixedPatternStatistic::Observed(const RecordedSet& set, int block) const {
   const PatternGroup& group = groups_[block];
   return group.laser ? ObservedSensitivity(set, group) : ObservedDarkPattern(set, group);
+}
+
+std::vector<Eigen::VectorXd> FixedPatternStatistic::ObservedOfParts(const RecordedSet& set,
+                                                                    int block) const {
+  const PatternGroup& group = groups_[block];
+  if (group.roi.columns_px < kLeastColumns_px) return {};
+  return group.laser ? ObservedSensitivityOfParts(set, group)
+                     : ObservedDarkPatternOfParts(set, group);
 }
 
 Eigen::VectorXd FixedPatternStatistic::Expected(const ExpectedSet& expected, int block) const {

@@ -23,6 +23,8 @@ class FixedPatternStatistic : public SetStatistic {
   const std::vector<int>& Frames(int block) const override { return groups_[block].frames; }
   int FrameOfComponent(int block, int component) const override;
   Eigen::VectorXd Observed(const RecordedSet& set, int block) const override;
+  // With laser all components, of dark frames the two products. Empty for narrow regions.
+  std::vector<Eigen::VectorXd> ObservedOfParts(const RecordedSet& set, int block) const override;
   Eigen::VectorXd Expected(const ExpectedSet& expected, int block) const override;
   Eigen::MatrixXd Covariance(const ExpectedSet& expected, int block) const override;
 

@@ -22,7 +22,7 @@ struct ResidualCorrelation {
   }
 };
 
-// Of every recording, on its row of largest weight.
+// Correlation of the residuals of every recording, on its row of largest weight.
 std::vector<ResidualCorrelation> CorrelationsOfResiduals(const ExpectedSet& expected,
                                                          const std::vector<int>& frames,
                                                          const std::vector<RowWeights>& weights);

@@ -23,15 +23,32 @@ constexpr double kAlongError = 0.1;
 // quarter of the pattern's own.
 constexpr int kDraws = 16;
 
-// Sum of products of an image's values with those a lag away.
-double SumOfProducts(const Image<double>& image, const Lag& lag) {
+// Sum of products of an image's values in some columns with those a lag away.
+double SumOfProducts(const Image<double>& image, const Lag& lag, const ColumnSpan& columns) {
   double total = 0;
   for (int row = 0; row + lag.rows < image.rows_px; ++row) {
     const double* here = image.Row(row);
     const double* there = image.Row(row + lag.rows) + lag.columns;
-    for (int c = 0; c + lag.columns < image.columns_px; ++c) total += here[c] * there[c];
+    for (int c = columns.first; c < columns.second; ++c) total += here[c] * there[c];
   }
   return total;
+}
+
+// Sum of all products of an image's values with those a lag away.
+double SumOfProducts(const Image<double>& image, const Lag& lag) {
+  return SumOfProducts(image, lag, {0, image.columns_px - lag.columns});
+}
+
+// Adds factor times the sum of products at every lag to each of the parts.
+void AddProductsOfParts(const Image<double>& image, double factor,
+                        std::vector<Eigen::VectorXd>& parts) {
+  for (int part = 0; part < kObservedParts; ++part) {
+    for (int l = 0; l < kLagCount; ++l) {
+      for (const ColumnSpan& columns : ColumnsOfPart(image.columns_px, kLags[l].columns, part)) {
+        parts[part][l] += factor * SumOfProducts(image, kLags[l], columns);
+      }
+    }
+  }
 }
 
 // Deviations of every recording's light along the line from its segments' means; empty: one of them
@@ -176,15 +193,23 @@ std::vector<Eigen::VectorXd> RandomPatterns(const ExpectedSet& expected,
 
 }  // namespace
 
+namespace {
+
+RelativeResiduals ResidualsOf(const RecordedSet& set, const PatternGroup& group, int frame) {
+  const RecordedFrame& recorded = set.frames[frame];
+  return MakeRelativeResiduals(recorded.raw_dn, group.offset_dn,
+                               recorded.nominal.sensor.largest_dn(), kPatternSegments);
+}
+
+}  // namespace
+
 Eigen::VectorXd ObservedSensitivity(const RecordedSet& set, const PatternGroup& group) {
   Eigen::VectorXd values = Eigen::VectorXd::Zero(kLagCount);
   if (group.weights.empty()) return values;
   // Products of pairs are half the square of the sum minus half the sum of squares.
   Image<double> sum(group.roi.columns_px, group.roi.rows_px, 0.0);
   for (int f : group.frames) {
-    const RelativeResiduals residuals =
-        MakeRelativeResiduals(set.frames[f].raw_dn, group.offset_dn,
-                              set.frames[f].nominal.sensor.largest_dn(), kPatternSegments);
+    const RelativeResiduals residuals = ResidualsOf(set, group, f);
     for (size_t i = 0; i < sum.values.size(); ++i) sum.values[i] += residuals.value.values[i];
     for (int l = 0; l < kLagCount; ++l) values[l] -= 0.5 * SumOfProducts(residuals.value, kLags[l]);
   }
@@ -194,6 +219,34 @@ Eigen::VectorXd ObservedSensitivity(const RecordedSet& set, const PatternGroup& 
     values[l] = total[l] > 0 ? values[l] / total[l] : 0;
   }
   return values;
+}
+
+std::vector<Eigen::VectorXd> ObservedSensitivityOfParts(const RecordedSet& set,
+                                                        const PatternGroup& group) {
+  if (group.weights.empty()) return {};
+  std::vector<Eigen::VectorXd> parts(kObservedParts, Eigen::VectorXd::Zero(kLagCount));
+  // As in ObservedSensitivity; a part has its fraction of the columns and of the weights.
+  Image<double> sum(group.roi.columns_px, group.roi.rows_px, 0.0);
+  for (int f : group.frames) {
+    const RelativeResiduals residuals = ResidualsOf(set, group, f);
+    for (size_t i = 0; i < sum.values.size(); ++i) sum.values[i] += residuals.value.values[i];
+    AddProductsOfParts(residuals.value, -0.5, parts);
+  }
+  AddProductsOfParts(sum, 0.5, parts);
+  const LagValues total = TotalWeights(SumOfWeights(group.weights), group.weights, group.roi);
+  for (int part = 0; part < kObservedParts; ++part) {
+    for (int l = 0; l < kLagCount; ++l) {
+      const int columns = group.roi.columns_px - kLags[l].columns;
+      int of_part = 0;
+      for (const auto& [first, last] :
+           ColumnsOfPart(group.roi.columns_px, kLags[l].columns, part)) {
+        of_part += last - first;
+      }
+      const double weight = total[l] * of_part / columns;
+      parts[part][l] = weight > 0 ? parts[part][l] / weight : 0;
+    }
+  }
+  return parts;
 }
 
 Eigen::VectorXd ExpectedSensitivity(const ExpectedSet& expected, const PatternGroup& group) {

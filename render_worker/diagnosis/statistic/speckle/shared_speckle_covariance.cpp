@@ -40,7 +40,7 @@ double VarianceOfComponent(const SharedSpeckleBlock& block, const SharedSpeckleM
     return 2 / seen + kVarianceError * kVarianceError +
            std::pow(kMotionError * std::max(0.0, excess), 2);
   }
-  // Where speckle has moved, values regress to the mean, by at most this.
+  // If speckle has moved, values regress to the mean, by at most this.
   const double signal = 0.5 * (pair.edges_dn[k] + pair.edges_dn[k + 1]) - 2 * pair.offset_dn;
   const double regression = moments.decorrelation[i] * pair.ratio * std::abs(pair.ratio - 1) /
                             std::pow(1 + pair.ratio, 2);

@@ -105,9 +105,11 @@ class MomentSums {
                                expected.strips.front()[block.pairs[i].second], expected.effects));
       if (i > 0) moments_.common.emplace_back(Eigen::MatrixXd::Zero(bins, bins));
     }
-    // The columns of one cell of the colour filter stand for all of their segment.
+    // The columns of one cell of the colour filter stand for all of their segment. Columns of a
+    // mono sensor are alike unless an effect makes odd and even ones differ.
     const Sensor& sensor = expected.strips.front()[block.frames.front()].frame.sensor;
-    cell_columns_ = sensor.colour_filter == ColourFilter::kMono ? 1 : 2;
+    const bool mono = sensor.colour_filter == ColourFilter::kMono;
+    cell_columns_ = mono && !ColumnsAlternate(expected.effects) ? 1 : 2;
     segments_ = expected.strips.size();
   }
 
@@ -255,12 +257,12 @@ class MomentSums {
   int cell_columns_ = 1;
   size_t segments_ = 0;
   SharedSpeckleMoments moments_;
-  // Of the present segment.
+  // Values of the present segment.
   double pixels_of_level_ = 0;
   bool row_offsets_ = false;
-  // Of the present pixel, by pair.
+  // Values of the present pixel, by pair.
   std::vector<double> spread_, dark_dn_;
-  // Of the present part of a level: of its pair and of the pair before.
+  // Fractions of the present part of a level: of its pair and of the pair before.
   std::vector<double> fractions_, fractions_before_;
 };
 

@@ -12,16 +12,16 @@
 namespace sightline {
 
 struct SharedSpeckleMoments {
-  // Of every component: pixels, sum of the compared value over them, sum of its noise variance.
+  // For every component: pixels, sum of the compared value over them, sum of its noise variance.
   Eigen::VectorXd count, sum, noise;
-  // Of every bin: sum of squared differences over their nominal variance, and sum of one over the
+  // For every bin: sum of squared differences over their nominal variance, and sum of one over the
   // nominal variance.
   Eigen::VectorXd square, weight;
-  // Of every pair but the last: covariance sums of its bins with those of the next pair, by the
+  // For every pair but the last: covariance sums of its bins with those of the next pair, by the
   // noise of the recording that both contain.
   std::vector<Eigen::MatrixXd> common;
   std::vector<double> decorrelation;  // of the speckle of every pair
-  // Of every component, by row: pixels (for the variance ratio: relative variance) that share the
+  // For every component, by row: pixels (for the variance ratio: relative variance) that share the
   // row's random offset; empty: rows have none.
   Eigen::MatrixXd of_rows;
 };

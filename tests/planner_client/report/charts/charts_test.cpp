@@ -12,9 +12,6 @@
 
 #include "planner_client/report/charts/chart_axis.h"
 #include "planner_client/report/charts/coverage_curve.h"
-#include "planner_client/report/charts/range_chart.h"
-#include "planner_client/report/charts/recording_bars.h"
-#include "planner_client/report/charts/region_map_picture.h"
 #include "planner_client/report/charts/xy_chart.h"
 #include "planner_client/report/recordings/line_range.h"
 #include "tests/planner_client/report/well_formed.h"
@@ -177,51 +174,6 @@ TEST(LineRange, IsTheLineAndAsMuchBesideIt) {
   EXPECT_EQ(LineRange({3}, {1}), std::make_pair(3.0, 3.0));
 }
 
-TEST(RegionMap, ColoursBySignAndSize) {
-  RegionMapGrid grid;
-  grid.rows = 1;
-  grid.columns = 6;
-  grid.z = {0.5f, 2.5f, 2.9f, -4.0f, 100.0f, static_cast<float>(kNaN)};
-  const std::string svg = RegionMapSvg(grid, "z");
-  const auto rectangles = [&](const std::string& css_class) {
-    const size_t at = svg.find("class=\"" + css_class + "\" d=\"");
-    if (at == std::string::npos) return size_t{0};
-    return CountOf(svg.substr(at, svg.find("/>", at) - at), "Z");
-  };
-  EXPECT_EQ(rectangles("more0"), 1u);
-  EXPECT_EQ(rectangles("more2"), 1u);  // neighbours of one colour are one rectangle
-  EXPECT_EQ(rectangles("less3"), 1u);
-  EXPECT_EQ(rectangles("more6"), 1u);
-  EXPECT_EQ(CountOf(svg, "<path"), 4u);
-}
-
-TEST(RecordingBars, GoUpAboveOneAndDownBelow) {
-  const std::string svg = RecordingBarsSvg(
-      "chi squared", {{"7", "", false, {{"null", 4.0}, {"model", 0.25}}}, {"8", "", true, {}}});
-  const std::regex bar(
-      "class=\"bar (null|model)\" x=\"[0-9.]*\" y=\"([0-9.]+)\" width=\"[0-9.]*\" "
-      "height=\"([0-9.]+)\"");
-  std::vector<std::pair<double, double>> bars;
-  for (auto it = std::sregex_iterator(svg.begin(), svg.end(), bar); it != std::sregex_iterator();
-       ++it) {
-    bars.push_back({std::atof((*it)[2].str().c_str()), std::atof((*it)[3].str().c_str())});
-  }
-  ASSERT_EQ(bars.size(), 2u);
-  EXPECT_NEAR(bars[0].first + bars[0].second, bars[1].first, 0.2);  // they meet at 1
-  EXPECT_NEAR(bars[0].second, bars[1].second, 0.2);                 // 4 is as far up as 1/4 down
-  EXPECT_EQ(CountOf(svg, "class=\"usual\""), 1u);
-}
-
-TEST(RangeChart, DrawsIntervalsAndNotes) {
-  RangeChart chart;
-  chart.rows = {{"power", {{"null", 0.5, 0.2}, {"model", kNaN, 0.1}}, "0.5 <&> \u00b1"}};
-  const std::string svg = RangeChartSvg(chart);
-  EXPECT_EQ(CountOf(svg, "<circle"), 1u);
-  EXPECT_EQ(CountOf(svg, "class=\"interval null\""), 1u);
-  EXPECT_THAT(svg, HasSubstr("0.5 &lt;&amp;&gt; \u00b1"));
-}
-
-// The label of the bound lies within the drawing, wherever the bound is.
 TEST(CoverageCurve, BoundLabelStaysInTheDrawing) {
   constexpr double kWidth = 760, kWidestCharacter = 8;  // px of the view box; 13 px type
   const std::regex label(

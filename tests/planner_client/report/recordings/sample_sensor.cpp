@@ -26,6 +26,7 @@ v1::SensorDeparture* AddDeparture(const char* effect, const char* stage, const c
   departure->set_found(found);
   departure->set_testable(testable);
   departure->set_p_value(p_value);
+  if (testable) departure->set_probability(p_value < 1e-3 ? 0.973 : 0.04);
   return departure;
 }
 

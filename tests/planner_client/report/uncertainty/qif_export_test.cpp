@@ -120,6 +120,53 @@ TEST(QifExport, ReaderFindsTheTolerancesOfThePlan) {
   EXPECT_THAT(report.not_read[0].name, HasSubstr("rail"));
 }
 
+// Values, combined uncertainties and statuses of the measurements, by the ids of their items.
+TEST(QifExport, ResultsStandBesideTheCharacteristicsOfThePlan) {
+  const v1::Plan plan = SampleUncertaintyPlan().plan;
+  v1::InspectionResult measured;
+  using Feature = v1::InspectedFeature;
+  const Feature::Decision decisions[] = {Feature::CONFORMS, Feature::DOES_NOT_CONFORM,
+                                         Feature::UNDECIDED, Feature::NOT_EVALUATED};
+  for (int i = 0; i < plan.uncertainty().features_size(); ++i) {
+    Feature& feature = *measured.add_features();
+    feature.set_decision(decisions[i % 4]);
+    feature.set_because("because of <this>");
+    if (feature.decision() == Feature::NOT_EVALUATED) continue;
+    feature.set_value_m(1e-4 + 1e-6 * i);
+    feature.set_expanded_uncertainty_m(2e-5);
+  }
+  const auto document = QifDocument(plan, "plate.glb", {}, &measured);
+  ASSERT_TRUE(document.ok()) << document.status();
+  const Element root = Tree(*document);
+  // The plan's part is as without results.
+  const Element bare = Tree(Document(plan));
+  const Element& items = Child(Child(root, "Characteristics"), "CharacteristicItems");
+  const Element& bare_items = Child(Child(bare, "Characteristics"), "CharacteristicItems");
+  const Element& results =
+      Child(Child(Child(root, "Results"), "MeasurementResultsSet"), "MeasurementResults");
+  const Element& measurements =
+      Child(Child(results, "MeasuredCharacteristics"), "CharacteristicMeasurements");
+  ASSERT_EQ(measurements.children.size(), items.children.size());
+  const std::map<Feature::Decision, std::string> status = {
+      {Feature::CONFORMS, "PASS"},
+      {Feature::DOES_NOT_CONFORM, "FAIL"},
+      {Feature::UNDECIDED, "INDETERMINATE"},
+      {Feature::NOT_EVALUATED, "NOT_ANALYZED"}};
+  for (size_t i = 0; i < measurements.children.size(); ++i) {
+    const Element& m = measurements.children[i];
+    EXPECT_EQ(items.children[i].attributes.at("id"), bare_items.children[i].attributes.at("id"));
+    EXPECT_EQ(Child(m, "CharacteristicItemId").text, items.children[i].attributes.at("id"));
+    EXPECT_EQ(Child(Child(m, "Status"), "CharacteristicStatusEnum").text,
+              status.at(decisions[i % 4]));
+  }
+  const Element& value = Child(measurements.children[0], "Value");
+  EXPECT_EQ(value.text, "0.1");
+  EXPECT_EQ(value.attributes.at("combinedUncertainty"), "0.01");
+  EXPECT_EQ(Child(Child(results, "InspectionStatus"), "InspectionStatusEnum").text, "FAIL");
+  measured.mutable_features()->RemoveLast();
+  EXPECT_TRUE(absl::IsInvalidArgument(QifDocument(plan, "plate.glb", {}, &measured).status()));
+}
+
 TEST(QifExport, LimitsZoneShapeAndModifiersComeFromTheDrawing) {
   std::vector<Tolerance> tolerances(2);
   tolerances[0].id = "#3";
@@ -282,11 +329,35 @@ TEST(QifExport, PredictionsAreAttributesInMillimetres) {
   EXPECT_EQ(items["pocket"].count("predicted_standard_uncertainty_mm"), 0u);
 }
 
+TEST(QifExport, WhatIsNotEvaluatedHasNoFigures) {
+  v1::Plan plan = SampleUncertaintyPlan().plan;
+  v1::FeatureVerdict bare;
+  bare.set_id("#4");
+  bare.set_name("pocket");
+  bare.set_verdict(v1::FeatureVerdict::NOT_EVALUATED);
+  bare.set_because("not evaluated: its datum H binds no face");
+  *plan.mutable_uncertainty()->mutable_features(3) = bare;
+  const Element root = Tree(Document(plan));
+  std::map<std::string, std::string> attributes;
+  for (const Element& item :
+       Child(Child(root, "Characteristics"), "CharacteristicItems").children) {
+    if (Child(item, "Name").text != "pocket") continue;
+    for (const Element& attribute : Child(item, "Attributes").children)
+      attributes[attribute.attributes.at("name")] = attribute.attributes.at("value");
+  }
+  EXPECT_EQ(attributes["verdict_state"], "NOT_EVALUATED");
+  EXPECT_EQ(attributes["verdict"], bare.because());
+  for (const char* figure : {"predicted_standard_uncertainty_mm", "acceptance_zone_mm",
+                             "probability_wrong_acceptance", "conformance_can_be_proven"}) {
+    EXPECT_EQ(attributes.count(figure), 0u) << figure;
+  }
+}
+
 TEST(QifExport, AnyTextAndNumberGivesAReadableDocument) {
   v1::Plan plan = SampleUncertaintyPlan().plan;
   SetAllTexts(&plan, "<a href=\"x\">&amp;]]>'\n\t\x01\x1f\xc3\xa4 \xef\xbf\xbf");
   EXPECT_EQ(Read(Document(plan)).not_read.size(), 5u);
-  // What is not UTF-8 cannot be in a plan, but in the name of a file.
+  // A plan holds UTF-8 only, but the name of a file may differ.
   const auto odd = QifDocument(plan, "\xff\xc0\x80\xed\xa0\x80 \xf5.glb");
   ASSERT_TRUE(odd.ok());
   EXPECT_EQ(Read(*odd).not_read.size(), 5u);

@@ -36,12 +36,15 @@ v1::FeatureVerdict Feature(const char* id, const char* name, const char* kind, d
   feature.set_admissible_targets(proven ? 20 : 0);
   feature.set_uncertainty_m(1e-6 * u_um);
   feature.set_noise_m(0.6e-6 * u_um);
+  feature.set_sampling_m(0);
   feature.set_calibration_m(0.8e-6 * u_um);
   feature.set_admissible_uncertainty_m(0.25e-6 * zone_um);
   feature.set_acceptance_zone_m(1e-6 * (zone_um - 4 * u_um));
   feature.set_probability_wrong_acceptance(0.0004);
   feature.set_probability_wrong_rejection(0.031);
   feature.set_can_be_proven(proven);
+  feature.set_verdict(proven ? v1::FeatureVerdict::CAN_BE_PROVEN
+                             : v1::FeatureVerdict::CANNOT_BE_PROVEN);
   feature.set_because(because);
   return feature;
 }

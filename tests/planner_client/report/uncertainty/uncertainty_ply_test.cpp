@@ -150,7 +150,8 @@ TEST(CovarianceEllipsoids, MeshIsClosedAndFacesOutward) {
     EXPECT_EQ(count, 1);
     EXPECT_EQ(edges.count({edge.second, edge.first}), 1u);
   }
-  // Of the unit sphere's polyhedron: per octant three tetrahedra of 1/12 and one of 1/(6 sqrt 2).
+  // Volume of the unit sphere's polyhedron: per octant three tetrahedra of 1/12 and one of 1/(6
+  // sqrt 2).
   const double axes = 5e-3 * 20e-3 * 70e-3;
   EXPECT_NEAR(volume, (2 + 4 / (3 * std::numbers::sqrt2)) * axes, 1e-4 * axes);
 }

@@ -57,7 +57,7 @@ std::vector<T> Decode(const nlohmann::json& text) {
   return values;
 }
 
-// What the page's script reads: 0 or a length in steps of equal ratio.
+// Codes of the page's script: 0 or a length in steps of equal ratio.
 double Length(uint16_t code, const nlohmann::json& uncertainty) {
   const double low = uncertainty["lowest_m"], high = uncertainty["highest_m"];
   return code == 0 ? 0 : low * std::pow(high / low, (code - 1) / 65534.0);
@@ -105,7 +105,7 @@ TEST(UncertaintyReport, LengthsAreShownInMicrometresOrMillimetres) {
 TEST(UncertaintyReport, SaysHowMuchIsKnownAlsoOnFreshTargets) {
   ReportData data = SampleUncertaintyPlan();
   const std::string html = Visible(data);
-  // 19 of 89 judged targets.
+  // 19 of 89 toleranced targets.
   EXPECT_THAT(html,
               HasSubstr("<strong>2 scans make 21.3\u202f%</strong> of the toleranced surface"));
   EXPECT_THAT(html, HasSubstr("short of the goal of 80\u202f%: further scans would have added"));
@@ -153,7 +153,7 @@ TEST(UncertaintyReport, FeaturesThatCannotBeProvenComeFirst) {
 TEST(UncertaintyReport, CountsWhyTargetsAreNotAdmissible) {
   const ReportData data = SampleUncertaintyPlan();
   const std::string html = OwnSections(data);
-  EXPECT_THAT(html, HasSubstr("70 of 89 judged targets"));
+  EXPECT_THAT(html, HasSubstr("70 of 89 toleranced targets"));
   const auto row = [&](const std::string& begin) {
     const size_t at = html.find("<td class=\"words\">" + begin);
     return html.substr(at, html.find("</tr>", at) - at);
@@ -174,7 +174,7 @@ TEST(UncertaintyReport, CountsWhyTargetsAreNotAdmissible) {
   EXPECT_THAT(InadmissibleSection(free, data.measurable), HasSubstr("No tolerance binds"));
   free.admissible_m.assign(100, 1);
   EXPECT_THAT(InadmissibleSection(free, data.measurable),
-              HasSubstr("every judged target is admissible"));
+              HasSubstr("every toleranced target is admissible"));
 }
 
 TEST(UncertaintyLimits, NoiseIsComparedWithWhatIsKnown) {
@@ -206,7 +206,7 @@ TEST(UncertaintyLimits, NoiseIsComparedWithWhatIsKnown) {
   for (const v1::InadmissibleCount& count : counts) *message.add_inadmissible() = count;
   EXPECT_THAT(
       SummariseInadmissible(message),
-      AllOf(HasSubstr("4 judged targets are not known well enough: noise of line detection"),
+      AllOf(HasSubstr("4 toleranced targets are not known well enough: noise of line detection"),
             HasSubstr("(1, u 1.2 times the admissible)"), HasSubstr("(1, u 2 times")));
   EXPECT_EQ(SummariseInadmissible({}), "");
   // Not covered, not judged, not measurable.
@@ -359,6 +359,37 @@ TEST(UncertaintyReport, RefusesUncertaintiesThatDoNotFit) {
   data = SampleUncertaintyPlan();
   data.uncertainty->feature_targets.pop_back();
   EXPECT_THAT(message(data), HasSubstr("feature_targets has size 4, must be 5"));
+}
+
+// A tolerance that is not evaluated: its own state, its own count and no figures.
+TEST(UncertaintyReport, WhatIsNotEvaluatedHasNoFigures) {
+  v1::Plan plan = SampleUncertaintyPlan().plan;
+  v1::FeatureVerdict& pocket = *plan.mutable_uncertainty()->mutable_features(3);
+  v1::FeatureVerdict bare;
+  bare.set_id(pocket.id());
+  bare.set_name("pocket");
+  bare.set_text("cylindricity 0.05 mm");
+  bare.set_zone_width_m(5e-5);
+  bare.set_verdict(v1::FeatureVerdict::NOT_EVALUATED);
+  bare.set_because("not evaluated: its datum H binds no face");
+  pocket = bare;
+  EXPECT_THAT(UncertaintyFinding(plan, ""),
+              HasSubstr("3 of 5 tolerances can be proven; 1 not evaluated."));
+  const std::string html = FeatureSection(plan, false);
+  const size_t row = html.find("pocket"), end = html.find("</tr>", row);
+  ASSERT_NE(row, std::string::npos);
+  // It comes first, and of its figures only the zone is known.
+  EXPECT_LT(row, html.find("bore"));
+  const std::string cells = html.substr(row, end - row);
+  EXPECT_THAT(cells, AllOf(HasSubstr("not evaluated"), HasSubstr("its datum H binds no face"),
+                           Not(HasSubstr("cannot be proven")), Not(HasSubstr("<td>0"))));
+  size_t unknown = 0;
+  for (size_t at = cells.find("\u2013"); at != std::string::npos; at = cells.find("\u2013", at + 1))
+    ++unknown;
+  EXPECT_EQ(unknown, 10u);
+  const std::string lines = SummariseVerdicts(plan.uncertainty());
+  EXPECT_THAT(lines, HasSubstr("tolerances: 3 of 5 tolerances can be proven; 1 not evaluated."));
+  EXPECT_THAT(lines, HasSubstr("  pocket (cylindricity 0.05 mm) not evaluated: its datum H"));
 }
 
 }  // namespace

@@ -35,6 +35,32 @@ TEST(ExpectFrame, AStuckBitTakesHalfANumberOnAverage) {
   FAIL() << "no dark frame";
 }
 
+// Effects on charge act after the noise has been added, so that they scale it as they scale the
+// signal. A bug found: a gain that alternates between columns left the noise as it was.
+TEST(ExpectFrame, NoiseIsScaledAsTheCharge) {
+  const RecordedSet set = MakeRecordedSet(SmallSetDescription(), {});
+  const auto dark = std::find_if(set.frames.begin(), set.frames.end(),
+                                 [](const RecordedFrame& f) { return f.plate_position_id < 0; });
+  FrameSetup frame = dark->nominal;
+  frame.roi.columns_px = 2;
+  frame.sensor.dark_noise_electrons = 5 / frame.sensor.gain_dn_per_electron;
+  const double rounding_dn2 = 1.0 / 12;
+  for (const ColourFilter filter : {ColourFilter::kMono, ColourFilter::kBayerRggb}) {
+    frame.sensor.colour_filter = filter;
+    for (const double difference : {0.1, -0.2}) {
+      const std::vector<ActiveEffect> gain = {{FindEffect("sensor.column_gain"), {difference}}};
+      const ExpectedFrame expected = ExpectFrame(frame, gain, nullptr, nullptr, 4);
+      double noise_dn[2];
+      for (int c = 0; c < 2; ++c) {
+        noise_dn[c] = std::sqrt(expected.noise_variance_dn2.At(0, c) - rounding_dn2);
+      }
+      const double ratio = (1 + difference / 2) / (1 - difference / 2);
+      const bool first_is_odd = frame.roi.column_px % 2 != 0;
+      EXPECT_NEAR(noise_dn[first_is_odd ? 0 : 1] / noise_dn[first_is_odd ? 1 : 0], ratio, 1e-3);
+    }
+  }
+}
+
 // A bug found: a ripple as fine as a block was taken at the block's middle, and its scatter within
 // for a pattern of the sensor.
 TEST(ExpectFrame, AStripStandsForTheMeanOfItsBlock) {

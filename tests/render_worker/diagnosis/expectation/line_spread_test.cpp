@@ -59,7 +59,7 @@ void ExpectAsSummed(const Pupil& pupil, double curvature_per_m) {
   for (int k = 0; k < kStripes; ++k) {
     const double shift_m = 2 * pupil.radius_m * k / kStripes;
     const std::complex<double> sum = DirectSum(pupil, curvature_per_m, shift_m);
-    // Which way round the image lies is checked elsewhere.
+    // The orientation of the image is checked elsewhere.
     EXPECT_NEAR(transfer[k].real(), sum.real(), 4e-3) << k;
     EXPECT_NEAR(std::abs(transfer[k].imag()), std::abs(sum.imag()), 4e-3) << k;
   }

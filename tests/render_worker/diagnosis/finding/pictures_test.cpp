@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What the report draws.
+// Pictures of the report.
 #include "render_worker/diagnosis/finding/pictures.h"
 
 #include <gtest/gtest.h>
@@ -17,7 +17,7 @@ TEST(CompareProfiles, RowsScatterAsDrawn) {
   const RecordedSet set = RenderSmallSet({}, effects, 4);
   const SetModel model(set, {});
   FitResult null, best;
-  null.parameters.line_shift_px = model.EstimateLineShifts({});
+  null.parameters.line_shift_px = EstimateLineShifts(model, {});
   best.parameters = null.parameters;
   best.parameters.effects = effects;
   const v1::ProfileComparison profile = CompareProfiles(model, null, best, 0);
@@ -26,7 +26,7 @@ TEST(CompareProfiles, RowsScatterAsDrawn) {
     square += std::pow(
         (profile.observed_dn(row) - profile.model_dn(row)) / profile.standard_deviation_dn(row), 2);
   }
-  // Of 128 rows, most without light: four standard deviations of the mean square.
+  // With 128 rows, most without light: four standard deviations of the mean square.
   EXPECT_NEAR(square / profile.row_px_size(), 1, 0.5);
 }
 

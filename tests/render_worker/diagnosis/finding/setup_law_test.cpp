@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Laws in the set-up: planted ones come back, noise gives none.
-#include "render_worker/diagnosis/finding/setup_law.h"
+#include "render_worker/diagnosis/finding/setup_law/setup_law.h"
 
 #include <gtest/gtest.h>
 

@@ -131,7 +131,7 @@ TEST(UpdateDerivatives, FollowTheChangeThatWasSeenAndKeepZeros) {
   EXPECT_NEAR((jacobian(0, 0) - 1) / (jacobian(0, 1) - 2), 0.5 / -1, 1e-12);
 }
 
-// Of one deviation, three standard uncertainties off.
+// Fit of one deviation, three standard uncertainties off.
 FitResult FitOfOneDeviation() {
   FitResult fit;
   fit.standardised = Eigen::VectorXd::Constant(1, 3);
@@ -152,7 +152,7 @@ TEST(LinearFit, WhatABoundHoldsAbsorbsNothing) {
   EXPECT_EQ(LinearFit(fit).Step()[0], 0);
 }
 
-// Where an effect may take over from a deviation at its bound, that counts: the residual is that of
+// An effect may take over from a deviation at its bound: the residual is that of
 // the best deviation, at which nothing pulls.
 TEST(LinearFit, WhatIsReleasedGoesToItsBest) {
   FitResult fit = FitOfOneDeviation();

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What recordings could show before they are looked at.
+// Expected gains of recordings before they are made.
 #include "render_worker/diagnosis/fit/power.h"
 
 #include <gtest/gtest.h>
@@ -22,7 +22,7 @@ TEST(NullInformation, GainGrowsWithTheSquareOfAWeakEffect) {
   EXPECT_EQ(gain(0), 0);
   EXPECT_GT(gain(1), 0);
   EXPECT_NEAR(gain(2) / gain(1), 4, 0.1);
-  // What a stated uncertainty can absorb is worth less than the same without one.
+  // An effect that a stated uncertainty can absorb is worth less than the same without one.
   EXPECT_LT(
       information.ExpectedGain({ActiveEffect{FindEffect("illumination.power_error"), {1.01}}}),
       information.ExpectedGain({ActiveEffect{FindEffect("illumination.power_error"), {1.10}}}) /

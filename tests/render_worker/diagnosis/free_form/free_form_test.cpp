@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// Free-form terms: nothing at null, light conserved, the same in the renderer and in the
+// Model-discrepancy terms: nothing at null, light conserved, the same in the renderer and in the
 // expectation, and laws of no vocabulary approximated.
 #include "render_worker/diagnosis/free_form/free_form.h"
 
@@ -435,7 +435,7 @@ TEST(FreeForm, RendererAndExpectationAgree) {
       change += std::pow(by_rendering, 2);
     }
     EXPECT_GT(change, 0) << id;
-    // Where a term is small, what the samples of both leave over counts: 1e-3 of the image.
+    // For small terms the sampling error of both counts: 1e-3 of the image.
     EXPECT_LT(std::sqrt(difference / change), 0.03) << id;
   }
 }

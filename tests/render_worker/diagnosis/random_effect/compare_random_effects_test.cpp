@@ -70,7 +70,7 @@ RecordedSet Render(const std::vector<ActiveEffect>& effects, uint64_t seed,
 struct Compared {
   FitResult null;
   std::vector<RandomEffectCandidate>
-      candidates;  // the vocabulary's four effects, then free-form terms
+      candidates;  // the vocabulary's four effects, then model-discrepancy terms
   const RandomEffectCandidate* best = nullptr;  // of the vocabulary
 
   const RandomEffectCandidate& Of(std::string_view id) const {
@@ -429,7 +429,7 @@ TEST(CompareRandomEffects, APowerThatSwingsIsNoNoiseOfAVocabularyButRemembers) {
   const RecordedSet set = Render({{&swinging, {0.15, 300}}}, 26);
   const SetModel model(set, {});
   SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
+  start.line_shift_px = EstimateLineShifts(model, start);
   const FitResult null = FitSet(model, start, {}, {}, nullptr);
   const Effect* const term = FindFreeFormTerm("unknown.power_scatter");
   const std::vector<const Effect*> effects = {FindEffect(kPowerNoise), FindEffect(kExposureJitter),
@@ -472,7 +472,7 @@ TEST(CompareRandomEffects, JitterOfTheExposureScattersShortOnesMost) {
 Hypothesis BestOf(const RecordedSet& set, const std::vector<const Effect*>& effects) {
   const SetModel model(set, {});
   SetParameters start;
-  start.line_shift_px = model.EstimateLineShifts(start);
+  start.line_shift_px = EstimateLineShifts(model, start);
   ComparisonSettings settings;
   settings.effects = effects;
   return CompareModels(model, FitSet(model, start, {}, {}, nullptr), settings,

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What chance has drawn does not follow the set-up, and what follows it is not chance.
+// Random amplitudes do not follow the set-up, and amplitudes that follow it are not random.
 #include "render_worker/diagnosis/random_effect/setup_independence.h"
 
 #include <gtest/gtest.h>

@@ -70,7 +70,7 @@ TEST(VibrationFit, FindsAmplitudeAndFrequency) {
   EXPECT_GE(within_three_errors, 5);
 }
 
-// Where positions are not known, blurs alone tell the law.
+// Without known positions the blurs alone determine the distribution.
 TEST(VibrationFit, NeedsNoPlace) {
   std::vector<RecordedMovement> movements = Vibrating(2.1, 245, 0.1, 9);
   CounterRandom random(10, 0);

@@ -17,7 +17,7 @@ namespace {
 
 const Effect* Named() { return FindEffect("illumination.power_error"); }
 
-// Of 40 numbers: two known parameters, then those of effects.
+// Fit of 40 numbers: two known parameters, then those of effects.
 FitResult SomeFit(const Eigen::MatrixXd& jacobian, int effects) {
   FitResult fit;
   fit.jacobian = {jacobian};
@@ -48,11 +48,13 @@ TEST(LogEvidence, IsNotToldByDerivativesOfKnownParameters) {
   const FitResult null = SomeFit(known, 0);
   Eigen::MatrixXd jacobian(40, 3);
   jacobian << known, effect;
-  const double evidence = LogEvidence(SomeHypothesis(jacobian), null);
-  EXPECT_NEAR(LogEvidence(SomeHypothesis(jacobian), null, null), evidence, 1e-12);
+  const double evidence = EvidenceOver(SomeHypothesis(jacobian), null).LogMarginalLikelihood();
+  EXPECT_NEAR(EvidenceOver(SomeHypothesis(jacobian), null, null).LogMarginalLikelihood(), evidence,
+              1e-12);
   jacobian.leftCols(2) *= 1.3;
-  EXPECT_LT(LogEvidence(SomeHypothesis(jacobian), null), evidence - 0.3);
-  EXPECT_NEAR(LogEvidence(SomeHypothesis(jacobian), null, null), evidence, 1e-12);
+  EXPECT_LT(EvidenceOver(SomeHypothesis(jacobian), null).LogMarginalLikelihood(), evidence - 0.3);
+  EXPECT_NEAR(EvidenceOver(SomeHypothesis(jacobian), null, null).LogMarginalLikelihood(), evidence,
+              1e-12);
 }
 
 // y = J x + noise of covariance C, x normal of variance 1: the fit that maximises the posterior.
@@ -97,7 +99,7 @@ TEST(LogEvidence, IsTheMarginalLikelihoodWhereTheModelIsLinear) {
   Hypothesis hypothesis = MakeHypothesis({});
   for (const Eigen::MatrixXd& own : {covariance, wider}) {
     hypothesis.fit = FitOfLinearModel(y, more, own);
-    EXPECT_NEAR(LogEvidence(hypothesis, null),
+    EXPECT_NEAR(EvidenceOver(hypothesis, null).LogMarginalLikelihood(),
                 MarginalLogLikelihood(y, more, own) - MarginalLogLikelihood(y, few, covariance),
                 1e-9);
   }
@@ -114,10 +116,13 @@ TEST(LogEvidence, DoesNotDependOnUnitsAndOrderOfTheData) {
   const Eigen::MatrixXd mix = Eigen::MatrixXd::Random(10, 10);
   Hypothesis hypothesis = MakeHypothesis({});
   hypothesis.fit = FitOfLinearModel(y, more, covariance);
-  const double evidence = LogEvidence(hypothesis, FitOfLinearModel(y, few, covariance));
+  const double evidence =
+      EvidenceOver(hypothesis, FitOfLinearModel(y, few, covariance)).LogMarginalLikelihood();
   const Eigen::MatrixXd mixed = mix * covariance * mix.transpose();
   hypothesis.fit = FitOfLinearModel(mix * y, mix * more, mixed);
-  EXPECT_NEAR(LogEvidence(hypothesis, FitOfLinearModel(mix * y, mix * few, mixed)), evidence, 1e-6);
+  EXPECT_NEAR(
+      EvidenceOver(hypothesis, FitOfLinearModel(mix * y, mix * few, mixed)).LogMarginalLikelihood(),
+      evidence, 1e-6);
 }
 
 // A bug found: a strong vibration was named with an astigmatism of 2.9 +- 2.9 waves.

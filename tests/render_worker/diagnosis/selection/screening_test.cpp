@@ -33,7 +33,7 @@ RecordedSet Planned() {
   return MakeRecordedSet(std::move(description), {});
 }
 
-// What screening finds of an effect where nothing else is missing, no noise either.
+// Screened strength of an effect if nothing else is missing, without noise.
 std::vector<double> ScreenedFor(const ActiveEffect& truth) {
   const RecordedSet set = Planned();
   const SetModel model(set, {});

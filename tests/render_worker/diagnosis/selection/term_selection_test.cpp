@@ -52,7 +52,7 @@ TEST(TermSelection, PriorOfSeveralDecadesIsADensity) {
   }
   EXPECT_NEAR(all, 1, 2e-3);
   for (int decade = 5; decade < 9; ++decade) EXPECT_NEAR(of_decades[decade], 1 / 6.5, 0.01);
-  // What is not told from 0 is no better than what its error leaves.
+  // A value not distinguishable from 0 is no better than its error allows.
   EXPECT_LT(LogParameterPrior(one, 0, 1e-3), LogParameterPrior(one, 9e-4, 1e-5));
 }
 

@@ -14,6 +14,7 @@
 #include <vector>
 
 #include "render_worker/diagnosis/statistic/burst_statistic.h"
+#include "render_worker/diagnosis/statistic/column_parity_statistic.h"
 #include "render_worker/diagnosis/statistic/histogram_statistic.h"
 #include "render_worker/diagnosis/statistic/noise/dark_statistic.h"
 #include "render_worker/diagnosis/statistic/noise/repeat_statistic.h"
@@ -110,7 +111,7 @@ RecordedSet Render(const RecordingSet& description, uint64_t seed,
   return set;
 }
 
-// What the model expects if it knows everything but what is drawn at random.
+// Expectation of the model given all but the random values.
 ExpectedSet Expect(const RecordedSet& set, const std::vector<ActiveEffect>& effects) {
   ExpectedSet expected;
   expected.effects = effects;
@@ -337,7 +338,7 @@ TEST(BurstStatistic, LagScattersAsTheFrameBefore) {
 TEST(ProfileStatistic, PatternOfTheSensorCountsOnce) {
   RecordingSet description = Recordings(false);
   const std::vector<ActiveEffect> effects = {Active("sensor.prnu", {0.4})};
-  // That the pattern adds to the brightest bin.
+  // Variance that the pattern adds to the brightest bin.
   const auto variance = [&] {
     const RecordedSet planned = MakeRecordedSet(description, {});
     const ExpectedSet without = Expect(planned, {}), with = Expect(planned, effects);
@@ -425,6 +426,37 @@ class Texture : public TextureStatistic {
   explicit Texture(const RecordedSet& set) : TextureStatistic(set, kBlocks) {}
 };
 
+// Statistics that average over columns expect the mean of odd and even ones, and the variance that
+// their difference adds.
+template <typename Statistic>
+class AlternatingColumnsTest : public testing::Test {};
+class Profile : public ProfileStatistic {
+ public:
+  explicit Profile(const RecordedSet& set) : ProfileStatistic(set, kBlocks) {}
+};
+using AveragingStatistics =
+    testing::Types<Profile, Texture, SharedSpeckleStatistic, RepeatStatistic, DarkStatistic,
+                   FixedPatternStatistic, ColumnParityStatistic>;
+TYPED_TEST_SUITE(AlternatingColumnsTest, AveragingStatistics);
+
+TYPED_TEST(AlternatingColumnsTest, ScattersAsItsCovarianceSays) {
+  const std::vector<ActiveEffect> effects = {Active("sensor.column_gain", {0.08})};
+  double chi_squared = 0;
+  int count = 0;
+  for (uint64_t seed = 1; seed <= 3; ++seed) {
+    const RecordedSet& set = Rendered(false, seed, effects);
+    const Comparison right = Compare(TypeParam(set), set, Expected(false, effects));
+    chi_squared += right.chi_squared;
+    count += right.count;
+  }
+  // The factor allows for errors of the model that recordings without effects show as well.
+  EXPECT_LT(chi_squared, 1.3 * count + 4 * std::sqrt(2.0 * count));
+}
+
+TEST(ColumnParityStatistic, ShowsGainThatAlternates) {
+  ExpectRefuted<ColumnParityStatistic>({{"sensor.column_gain", {0.15}, 30, 3}});
+}
+
 // A bug found: the speckle of charge that spreads was that of the light, and crosstalk was called
 // partial coherence.
 TEST(TextureStatistic, ChargeThatSpreadsTakesContrastAndCorrelates) {
@@ -454,7 +486,7 @@ TEST(TextureStatistic, BlurOfTheImageTakesTheContrastThatIsRendered) {
   }
 }
 
-// What an effect changes of the texture's first numbers, summed over the entries.
+// Change of the texture's first numbers by an effect, summed over the entries.
 struct TextureChange {
   double seen = 0, expected = 0;
 };
@@ -548,7 +580,7 @@ TEST(RepeatStatistic, NoiseIsExpectedAtTheMeanThatIsRecorded) {
     const Eigen::VectorXd residual = statistic.Observed(set, 0) - values;
     const Eigen::VectorXd gained = statistic.Expected(expected_of_gain, 0) - values;
     const Eigen::VectorXd weight = statistic.Covariance(expected, 0).diagonal().cwiseInverse();
-    // Of the amount of noise where there is light, over the errors stated.
+    // Deviation of the amount of noise in lit bins, over the stated errors.
     double lit_information = 0, slope = 0, gain_slope = 0;
     for (Eigen::Index i = 0; i < values.size(); ++i) {
       if (values[i] < 0.3 * values.maxCoeff()) continue;

@@ -1,0 +1,300 @@
+// SPDX-License-Identifier: Apache-2.0
+// The gateway before a service in memory, as clients see it: the simulated MES of examples/factory,
+// which knows nothing of the gateway's code.
+import assert from 'node:assert/strict';
+import {createHash} from 'node:crypto';
+import {createServer} from 'node:net';
+import {mkdtempSync, readFileSync, rmSync, writeFileSync} from 'node:fs';
+import {tmpdir} from 'node:os';
+import path from 'node:path';
+import {after, before, test} from 'node:test';
+import {fileURLToPath} from 'node:url';
+import opcua from 'node-opcua';
+import tar from 'tar-stream';
+import {hashPassword} from '../src/password.js';
+import {start} from '../src/server.js';
+import {FakeService} from './fake_service.mjs';
+
+const {AttributeIds, DataType, OPCUACertificateManager, UserTokenType} = opcua;
+const HERE = path.dirname(fileURLToPath(import.meta.url));
+const ROOT = process.env.SIGHTLINE_PROTO ? path.dirname(process.env.SIGHTLINE_PROTO) : path.join(HERE, '../../..');
+const MACHINE = ['VisionStateMachine'];
+const AUTOMATIC = [...MACHINE, 'AutomaticModeStateMachine'];
+const MAX_SESSIONS = 12;
+const CAUSE = [{dataType: DataType.Int32, value: 0}, {dataType: DataType.String, value: ''}];
+
+const work = mkdtempSync(path.join(tmpdir(), 'gateway-test-'));
+process.env.MES_PACKAGES = path.join(HERE, '..');
+process.env.MES_PKI = path.join(work, 'mes_pki');
+const {connect} = await import(path.join(ROOT, 'examples/factory/order_plan.mjs'));
+
+const service = new FakeService(`unix:${work}/service.sock`);
+const user = (userName, password = `${userName}'s password`) => ({type: UserTokenType.UserName, userName, password});
+const clients = new Set();
+let gateway;
+let certificates;
+let mes;  // {client, session, vision} of the user mes
+const events = [];
+
+async function freePort() {
+  const server = createServer().listen(0, '127.0.0.1');
+  await new Promise((resolve) => server.once('listening', resolve));
+  const {port} = server.address();
+  await new Promise((resolve) => server.close(resolve));
+  return port;
+}
+
+async function until(condition, what) {
+  for (let tries = 0; tries < 1200; tries++) {
+    if (await condition()) return;
+    await new Promise((resolve) => setTimeout(resolve, 50));
+  }
+  assert.fail(`${what} did not happen`);
+}
+
+async function login(identity, system = 'mes') {
+  const connection = await connect(gateway.url, system, identity);
+  clients.add(connection.client);
+  return connection;
+}
+
+async function logout({session, client}) {
+  await session.close();
+  await client.disconnect();
+  clients.delete(client);
+}
+
+// Status code that a call is refused with; 'Good' when it is not.
+const statusOf = (call) => call.then(() => 'Good', (error) => error.status?.name ?? error.message);
+const becomes = (state) => until(async () => await mes.vision.state() === state, `the state ${state}`);
+
+async function recipe(files) {
+  const archive = tar.pack();
+  for (const [name, text] of files) archive.entry({name}, text);
+  archive.finalize();
+  const blocks = [];
+  for await (const block of archive) blocks.push(block);
+  return Buffer.concat(blocks);
+}
+
+async function certificate(name, dates) {
+  const manager = new OPCUACertificateManager({rootFolder: path.join(work, 'users')});
+  await manager.initialize();
+  const file = path.join(work, `${name}.pem`);
+  await manager.createSelfSignedCertificate({applicationUri: `urn:${name}`, subject: `/CN=${name}`, outputFile: file, dns: [],
+    ...dates});
+  const privateKey = readFileSync(manager.privateKey, 'utf8');
+  const der = Buffer.from(readFileSync(file, 'utf8').replace(/-----[^-]*-----|\s/g, ''), 'base64');
+  await manager.dispose();
+  return {digest: createHash('sha256').update(der).digest('hex'), identity: {type: UserTokenType.Certificate, certificateData: der, privateKey}};
+}
+
+before(async () => {
+  await service.start();
+  certificates = {known: await certificate('known', {startDate: new Date(), validity: 10}),
+    unknown: await certificate('unknown', {startDate: new Date(), validity: 10}),
+    expired: await certificate('expired', {startDate: new Date('2020-01-01'), validity: 10})};
+  const file = path.join(work, 'gateway.json');
+  const hash = (name) => hashPassword(`${name}'s password`);
+  writeFileSync(file, JSON.stringify({service: {address: service.address}, host: '127.0.0.1', port: await freePort(),
+    data: 'data', accept_unknown_certificates: true, max_sessions: MAX_SESSIONS, min_free_bytes: 0,
+    clients: [{name: 'mes', users: {mes: hash('mes')}, certificates: [certificates.known.digest, certificates.expired.digest]},
+      {name: 'line', users: {line: hash('line')}}]}));
+  gateway = await start(file);
+  mes = await login(user('mes'));
+  await mes.vision.subscribe((event) => events.push(event));
+});
+
+after(async () => {
+  for (const client of clients) await client.disconnect();
+  await gateway?.stop();
+  service.stop();
+  rmSync(work, {recursive: true, force: true});
+});
+
+test('every method in every state', async () => {
+  const methods = {Stop: AUTOMATIC, Abort: AUTOMATIC, StartContinuous: AUTOMATIC, SimulationMode: AUTOMATIC, Halt: MACHINE, Reset: MACHINE};
+  const no = 'BadInvalidState';
+  const never = 'BadNotSupported';
+  const expected = {Stop: no, Abort: no, StartContinuous: never, SimulationMode: never, Halt: never, Reset: no};
+  const {vision} = mes;
+  const id = (type) => vision.structure(type, {id: ''});
+  const inputs = {StartContinuous: [await id('MeasIdDataType'), await id('PartIdDataType'), await id('RecipeIdExternalDataType'),
+    await id('ProductIdDataType'), {dataType: DataType.Variant, arrayType: 1, value: []}],
+    SimulationMode: [{dataType: DataType.Boolean, value: true}, ...CAUSE]};
+  const check = async (state, changed = {}) => {
+    await becomes(state);
+    for (const [method, parent] of Object.entries(methods)) {
+      const status = await statusOf(vision.call([...parent, method], inputs[method] ?? CAUSE));
+      assert.equal(status, changed[method] ?? expected[method], `${method} in ${state}`);
+    }
+  };
+  await check('Initialized');
+  await vision.sendRecipe('plan', await recipe([['task.json', '{"kind": "plan"}']]));
+  await check('Ready');
+  service.stop();
+  await check('Preoperational');
+  await service.start();
+  await becomes('Ready');
+  await vision.startSingleJob('states', 'plan');
+  assert.equal(await statusOf(vision.startSingleJob('second', 'plan')), no);
+  await check('SingleExecution', {Stop: 'Good'});
+  service.disk_is_full = true;
+  await check('Error');
+  service.disk_is_full = false;
+  await check('Error', {Reset: 'Good'});
+  await becomes('Ready');
+});
+
+const stop = () => mes.vision.call([...AUTOMATIC, 'Stop'], CAUSE);
+const typesOf = (job_id) => events.filter((event) => event.job_id === job_id).map((event) => event.type);
+const ENDED = ['JobStartedEventType', 'ResultReadyEventType', 'ReadyEventType'];
+
+test('a job that waits behind others is SingleExecution and can be stopped', async () => {
+  await mes.vision.startSingleJob('waits', 'plan');
+  assert.equal(service.state(), 'READY');
+  await new Promise((resolve) => setTimeout(resolve, 1000));
+  assert.equal(await mes.vision.state(), 'SingleExecution');
+  await stop();
+  assert.equal(service.jobs.get('waits').state, 'CANCELLED');
+  await becomes('Ready');
+});
+
+test('Stop of a job that the service has not confirmed cancels it when the service is back', async () => {
+  service.lose_answers = Infinity;
+  await mes.vision.startSingleJob('unconfirmed', 'plan');
+  assert.equal(await statusOf(stop()), 'Good');
+  service.stop();
+  await becomes('Preoperational');
+  assert.equal(service.jobs.get('unconfirmed').state, 'QUEUED');
+  service.lose_answers = 0;
+  await service.start();
+  await becomes('Ready');
+  assert.equal(service.jobs.get('unconfirmed').state, 'CANCELLED');
+});
+
+test('the event Ready finds the state Ready, 20 times; each order has its events once and in order', async () => {
+  for (let i = 0; i < 20; i++) {
+    const id = `order-${i}`;
+    await mes.vision.startSingleJob(id, 'plan');
+    service.jobs.get(id).state = 'RUNNING';
+    service.end(service.jobs.get(id));
+    await until(() => typesOf(id).includes('ReadyEventType'), 'the event Ready');
+    assert.equal(await mes.vision.state(), 'Ready');
+    assert.equal(await mes.vision.startSingleJob(id, 'plan'), id);
+  }
+  for (let i = 0; i < 20; i++) assert.deepEqual(typesOf(`order-${i}`), ENDED);
+});
+
+test('RepeatEvents raises them again in pieces, under the same ids', async () => {
+  const count = events.length;
+  const again = [];
+  const second = await login(user('mes'));
+  await second.vision.subscribe((event) => again.push(event));
+  const number = (last) => ({dataType: DataType.UInt64, arrayType: 0, value: last});
+  let last = [0, 0];
+  for (let calls = 0; calls < 10; calls++) {
+    const [next] = await second.vision.call(['RepeatEvents'], [number(last)]);
+    if (next[1] === last[1]) break;
+    last = next;
+  }
+  await until(() => again.length >= count, 'the last event');
+  assert.deepEqual(again.map((event) => event.id), events.map((event) => event.id));
+  assert.equal(parseInt(events.at(-1).id.slice(16), 16), last[1]);
+  await logout(second);
+});
+
+test('ids that are wrong', async () => {
+  const {vision} = mes;
+  assert.equal(await statusOf(vision.startSingleJob('x'.repeat(129), 'plan')), 'BadInvalidArgument');
+  assert.equal(await statusOf(vision.startSingleJob('new', 'nobody')), 'BadNotFound');
+  for (const id of ['', '__proto__', '../../etc/passwd', 'x'.repeat(100)]) {
+    assert.equal(await statusOf(vision.result(id)), 'BadNotFound', id);
+    assert.equal(await statusOf(vision.fetch(id)), 'BadNotFound', id);
+  }
+  const {job_id} = service.jobs.get('order-0');
+  assert.equal((await vision.fetch(`${job_id}/plan.json`)).toString(), service.result.toString());
+  for (const name of ['../plan.json', '/plan.json', 'plan.json/', 'other']) {
+    assert.equal(await statusOf(vision.fetch(`${job_id}/${name}`)), 'BadNotFound', name);
+  }
+});
+
+test('recipes that are wrong', async () => {
+  const {vision} = mes;
+  for (const files of [[], [['other', '']], [['task.json', '{']], [['task.json', '{"kinds": "plan"}']], [['../task.json', '{}']],
+    [['task.json', '{}'], ['a', 'x'], ['a', 'y']], [['task.json', '['.repeat(100_000)]]]) {
+    assert.equal(await statusOf(vision.sendRecipe('wrong', await recipe(files))), 'BadInvalidArgument', JSON.stringify(files).slice(0, 60));
+  }
+  assert.equal(await statusOf(vision.sendRecipe('wrong', Buffer.from('no archive'.repeat(100)))), 'BadInvalidArgument');
+  assert.equal(await vision.state(), 'Ready');
+});
+
+test('a recipe that is prepared and removed at the same time is gone or prepared, never half of it', async () => {
+  const {vision} = mes;
+  const archive = await recipe([['task.json', '{"kind": "plan"}']]);
+  const external = await vision.structure('RecipeIdExternalDataType', {id: 'both'});
+  const remove = () => vision.call(['RecipeManagement', 'RemoveRecipe'], [external]);
+  for (let i = 0; i < 5; i++) {
+    const prepare = vision.sendRecipe('both', archive);
+    await Promise.all([statusOf(prepare), statusOf(remove()), statusOf(remove())]);
+  }
+  while (await statusOf(remove()) === 'Good');
+  // A line that brings a recipe back after its removal would have no name.
+  const ledger = readFileSync(path.join(work, 'data/clients/mes/ledger.jsonl'), 'utf8').trim().split('\n').map((line) => JSON.parse(line));
+  const names = new Map();
+  for (const {recipe: noted, removed_recipe} of ledger) {
+    if (removed_recipe) names.delete(removed_recipe);
+    if (!noted) continue;
+    names.set(noted.internal_id, noted.external_id ?? names.get(noted.internal_id));
+    assert.ok(names.get(noted.internal_id), JSON.stringify(noted));
+  }
+  assert.ok(![...names.values()].includes('both'));
+  assert.ok(!service.recipes.has('both'));
+});
+
+test('another client sees states, and neither calls methods nor gets events or reasons', async () => {
+  const other = await login(user('line'));
+  const count = events.length;
+  let stolen = 0;
+  await other.vision.subscribe(() => stolen++).catch(() => {});
+  assert.equal(await other.vision.state(), 'Ready');
+  assert.equal(await statusOf(other.vision.startSingleJob('theft', 'plan')), 'BadUserAccessDenied');
+  const read = async ({session, vision}) =>
+    (await session.read({nodeId: await vision.node(['LastRefusal']), attributeId: AttributeIds.Value})).statusCode.name;
+  assert.equal(await read(mes), 'Good');
+  assert.notEqual(await read(other), 'Good');
+  await mes.vision.startSingleJob('private', 'plan');
+  service.end(service.jobs.get('private'));
+  await until(() => typesOf('private').length === 3, 'the events');
+  assert.equal(events.length, count + 3);
+  assert.equal(stolen, 0);
+  await logout(other);
+});
+
+test('users: a wrong password, nobody, certificates that are known, unknown and expired', async () => {
+  for (const [identity, status] of [[user('mes', 'wrong'), /Rejected|Denied/], [user('nobody'), /Rejected|Denied/],
+    [{type: UserTokenType.Anonymous}, /ANONYMOUS/], [certificates.unknown.identity, /Rejected/],
+    [certificates.expired.identity, /Rejected/], [certificates.expired.identity, /Rejected/]]) {
+    await assert.rejects(login(identity), status);
+  }
+  const known = await login(certificates.known.identity);
+  assert.equal(await statusOf(known.vision.startSingleJob('by certificate', 'plan')), 'Good');
+  await logout(known);
+  await stop();
+});
+
+test('sessions and subscriptions have limits, and the next client is served after them', async () => {
+  const refused = [];
+  const opened = [];
+  for (let i = 0; i < MAX_SESSIONS + 1; i++) {
+    await login(user('mes')).then((connection) => opened.push(connection), (error) => refused.push(error.message));
+  }
+  assert.ok(opened.length > 5 && opened.length < MAX_SESSIONS);
+  for (const reason of refused) assert.match(reason, /BadTooManySessions/);
+  const subscribe = () => opened[0].vision.subscribe(() => {}).then(() => 'Good', (error) => error.message);
+  const answers = [];
+  for (let i = 0; i < 8; i++) answers.push(await subscribe());
+  assert.equal(answers.filter((answer) => answer === 'Good').length, 5);
+  for (const connection of opened) await logout(connection);
+  await logout(await login(user('mes')));
+});

@@ -1,0 +1,44 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/conformance/characteristic.h"
+
+#include "core/conformance/measurands/measurands.h"
+#include "core/conformance/rigid_motion.h"
+
+namespace sightline {
+
+absl::StatusOr<CharacteristicFit> FitCharacteristic(const Feature& feature,
+                                                    const Characteristic& c) {
+  if (c.elements.empty()) return absl::UnimplementedError("it binds no surface");
+  const MotionFrame frame(feature, c.elements);
+  switch (c.kind) {
+    case ToleranceKind::kFlatness:
+    case ToleranceKind::kStraightness:
+    case ToleranceKind::kRoundness:
+    case ToleranceKind::kCylindricity:
+      return FitForm(frame, c);
+    case ToleranceKind::kSurfaceProfile:
+    case ToleranceKind::kLineProfile:
+      return FitProfile(frame, c);
+    case ToleranceKind::kPosition:
+    case ToleranceKind::kConcentricity:
+    case ToleranceKind::kCoaxiality:
+    case ToleranceKind::kSymmetry:
+      return FitPosition(frame, c);
+    case ToleranceKind::kParallelism:
+    case ToleranceKind::kPerpendicularity:
+    case ToleranceKind::kAngularity:
+      return FitOrientation(frame, c);
+    case ToleranceKind::kCircularRunout:
+    case ToleranceKind::kTotalRunout:
+      return FitRunout(frame, c);
+    case ToleranceKind::kLinearSize:
+    case ToleranceKind::kLinearDistance:
+      return FitSize(frame, c);
+    case ToleranceKind::kAngularSize:
+    case ToleranceKind::kAngularDistance:
+      return FitAngle(frame, c);
+  }
+  return absl::UnimplementedError("its kind is not known");
+}
+
+}  // namespace sightline

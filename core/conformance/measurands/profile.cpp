@@ -1,0 +1,24 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/conformance/measurands/measurands.h"
+
+namespace sightline {
+
+absl::StatusOr<CharacteristicFit> FitProfile(const MotionFrame& frame, const Characteristic& c) {
+  auto datum = DatumMotion(frame, c, /*remaining_with_sizes=*/false);
+  if (!datum.ok()) return datum.status();
+  CharacteristicFit result;
+  result.measurand = Measurand::kDeviation;
+  result.zone = ZoneKind::kTwoSided;
+  FeatureFit& fit = result.fit;
+  fit.used = frame.used();
+  fit.toleranced = TolerancedTargets(c);
+  fit.estimator = datum->estimator;
+  fit.design.resize(static_cast<Eigen::Index>(fit.toleranced.size()), 6);
+  Eigen::Index row = 0;
+  for (const FeatureElement& element : c.elements) {
+    for (const int t : element.targets) fit.design.row(row++) = frame.Deviation(element, t);
+  }
+  return result;
+}
+
+}  // namespace sightline

@@ -1,0 +1,45 @@
+// SPDX-License-Identifier: Apache-2.0
+// Result of a calibration of a scanner.
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "core/scanner_calibration/hand_eye.h"
+#include "core/scanner_calibration/left_out_frames.h"
+#include "core/scanner_calibration/planning_rig.h"
+#include "core/scanner_calibration/rig_adjustment.h"
+
+namespace sightline {
+
+struct CalibrationFrameResult {
+  std::string name;
+  bool used = false;
+  std::string because;    // if not
+  LeftOutFrame left_out;  // if used
+  double corner_rms_px = 0;
+  std::optional<double> hand_eye_position_m;
+};
+
+struct PlaneComparison {
+  double angle_rad = 0;                             // between the normals
+  double distance_m = 0, reference_distance_m = 0;  // from the camera
+};
+
+struct CalibrationResult {
+  std::string name;
+  int columns_px = 0, rows_px = 0;
+  TargetBoard board;
+  AdjustedRig rig;
+  PlanningRig planning;
+  std::vector<CalibrationFrameResult> frames;
+  ScatterRatio ratio;
+  double crossing_sd_px = 0;  // of the line's centre in one row or column, over all used frames
+  double clipped_fraction = 0;
+  std::optional<HandEye> hand_eye;
+  std::optional<PlaneComparison> reference;
+  std::vector<std::string> warnings;
+};
+
+}  // namespace sightline

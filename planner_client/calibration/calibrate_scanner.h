@@ -1,0 +1,19 @@
+// SPDX-License-Identifier: Apache-2.0
+// From a calibration set to the scanner: corners, lines, adjustment, frames left out, hand-eye.
+#pragma once
+
+#include "absl/status/statusor.h"
+#include "core/calibration_set/calibration_set.h"
+#include "core/scanner_calibration/calibration_result.h"
+
+namespace sightline {
+
+// Frames that do not fit are left out and say why: no board, no line, corners that are off three
+// times as far as in the median frame, or a line that is off the plane of the others four times as
+// far as that of the median frame. A given camera with which corners are off more than 1 px and
+// more than twice as far as with an estimated one is not used, which a warning says.
+// INVALID_ARGUMENT: fewer than four frames are left, images differ in size, or the poses do not fit
+// the frames; the message says which mistake would explain it. Others as FindTargets.
+absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set);
+
+}  // namespace sightline

@@ -1,0 +1,106 @@
+// SPDX-License-Identifier: Apache-2.0
+#include <algorithm>
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "core/calibration_set/calibration_set.h"
+#include "core/file/atomic_write.h"
+#include "core/json/strict_json.h"
+#include "planner_client/calibration/calibrate_scanner.h"
+#include "planner_client/calibration/calibration_files.h"
+#include "planner_client/command_line/process/exit_code.h"
+#include "planner_client/command_line/process/output_folder.h"
+#include "planner_client/commands/commands.h"
+#include "planner_client/part_files/part_file.h"
+#include "planner_client/report/calibration/calibration_report.h"
+#include "planner_client/report/document/report_page.h"
+
+namespace sightline {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct CalibrateOptions {
+  std::string folder, part, unit, out;
+};
+
+absl::Status WriteFiles(const CalibrateOptions& options, const CalibrationSet& set,
+                        const CalibrationResult& result) {
+  const fs::path out = options.out;
+  const std::string part =
+      options.part.empty() ? ""
+                           : fs::relative(fs::absolute(options.part), fs::absolute(out)).string();
+  v1::Inspection inspection = CalibratedInspection(result, set, part);
+  if (!options.unit.empty()) inspection.mutable_part()->set_unit(options.unit);
+  if (options.part.empty()) {
+    absl::Status s = WriteFileAtomically((out / "target.stl").string(), TargetStl(result.board));
+    if (!s.ok()) return s;
+  }
+  absl::Status s =
+      WriteFileAtomically((out / "inspection.json").string(), ToJson(inspection) + "\n");
+  if (!s.ok()) return s;
+  s = WriteFileAtomically((out / "calibration.json").string(), CalibrationJson(result));
+  if (!s.ok()) return s;
+  return WriteReport(CalibrationReport(result), (out / "report.html").string());
+}
+
+absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
+  const auto set = ReadCalibrationSet(options.folder);
+  if (!set.ok()) return set.status();
+  if (!options.part.empty()) {
+    const auto mesh = LoadPartFile(options.part, options.unit, {});
+    if (!mesh.ok()) return mesh.status();
+  }
+  const auto out_lock = OpenOutputFolder(options.out);
+  if (!out_lock.ok()) return out_lock.status();
+  const auto result = CalibrateScanner(*set);
+  if (!result.ok()) return result.status();
+  if (absl::Status s = WriteFiles(options, *set, *result); !s.ok()) return s;
+
+  std::printf("frame                 real rms mm  predicted rms mm  ratio\n");
+  for (const CalibrationFrameResult& frame : result->frames) {
+    if (!frame.used) {
+      std::printf("%-20s  not used: %s\n", frame.name.c_str(), frame.because.c_str());
+      continue;
+    }
+    std::printf("%-20s  %11.3f  %16.3f  %5.2f\n", frame.name.c_str(), 1e3 * frame.left_out.rms_m,
+                1e3 * frame.left_out.predicted_rms_m,
+                frame.left_out.rms_m / frame.left_out.predicted_rms_m);
+  }
+  std::printf("\nreal over predicted   %.2f (95 %%: %.2f to %.2f)\n", result->ratio.value,
+              result->ratio.low, result->ratio.high);
+  if (result->hand_eye) {
+    std::printf("hand-eye closure      %.2f mm\n", 1e3 * result->hand_eye->closure_m);
+  }
+  for (const std::string& warning : result->warnings) {
+    std::printf("warning: %s\n", warning.c_str());
+  }
+  for (const char* file : {"inspection.json", "calibration.json", "report.html", "report.json"}) {
+    std::printf("%s\n", fs::absolute(fs::path(options.out) / file).c_str());
+  }
+  return kExitDone;
+}
+
+}  // namespace
+
+Command AddCalibrateCommand(CLI::App& app) {
+  auto options = std::make_shared<CalibrateOptions>();
+  app.add_option("folder", options->folder, "folder with calibration_set.json and its images")
+      ->required();
+  app.add_option("--part", options->part,
+                 "part of the written inspection; default: the target as a plate");
+  app.add_option("--unit", options->unit,
+                 "length unit of a part file that states none: m, cm, mm, um, inch");
+  app.add_option("--out", options->out,
+                 "folder for inspection.json, calibration.json, report.html and report.json")
+      ->required();
+  return [options]() -> int {
+    const absl::StatusOr<int> code = Calibrate(*options);
+    return code.ok() ? *code : ReportError(code.status());
+  };
+}
+
+}  // namespace sightline

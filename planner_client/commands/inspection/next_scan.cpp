@@ -1,0 +1,101 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner_client/commands/inspection/next_scan.h"
+
+#include <algorithm>
+#include <utility>
+#include <vector>
+
+#include "core/inspection/inspection.h"
+#include "planner_client/command_line/process/interrupt.h"
+#include "planner_client/command_line/process/progress_line.h"
+#include "planner_client/replanning/measured_oracle.h"
+#include "planner_client/strategy/execution/execution_model.h"
+#include "planner_client/strategy/planner.h"
+
+namespace sightline {
+namespace {
+
+constexpr ProgressPhase kSearchPhase{kOpenSessionPhase.end, 1};
+
+// Uncertainty to which every target of an undecided feature has to be known [m]; 0 for others.
+std::vector<float> NeededOf(const Requirements& requirements, const JudgedInspection& judged,
+                            const TargetSet& targets) {
+  std::vector<float> needed_m(targets.size(), 0);
+  for (size_t f = 0; f < requirements.features.size(); ++f) {
+    const auto feature_m = static_cast<float>(judged.needed_uncertainty_m[f]);
+    if (!(feature_m > 0)) continue;
+    for (const uint32_t t : requirements.TargetsOf(requirements.features[f], targets)) {
+      needed_m[t] = needed_m[t] > 0 ? std::min(needed_m[t], feature_m) : feature_m;
+    }
+  }
+  return needed_m;
+}
+
+PlannerRequest RequestOf(const PlanningSession& session, const EarlierPlan& earlier,
+                         const NextScanQuestion& question) {
+  PlannerRequest request;
+  request.domain = session.inspection.domain;
+  request.goal = session.inspection.goal;
+  request.goal.admissible = 1;
+  request.locked = earlier.Measured();
+  request.goal.max_scans = static_cast<int>(request.locked.size()) + 1;
+  request.goal.max_time_s.reset();
+  request.strategy = "greedy-pso";
+  request.seed = question.seed;
+  request.evaluations_per_scan = question.evaluations;
+  request.execution = ExecutionModelOf(session.inspection);
+  request.with_curves = false;
+  request.interrupted = &InterruptFlag();
+  return request;
+}
+
+}  // namespace
+
+absl::StatusOr<std::optional<v1::NextScan>> FindNextScan(const NextScanQuestion& question,
+                                                         const EarlierPlan& earlier,
+                                                         std::shared_ptr<const MeasuredPart> part,
+                                                         const JudgedInspection& judged) {
+  SessionOptions options;
+  options.inspection_file = question.inspection_file;
+  options.coverage_server = question.coverage_server;
+  options.tls = question.tls;
+  options.fresh_targets = false;
+  options.kept_scans = earlier.Measured();
+  options.before_upload = [part](PlanningSession& session, CoverageTask& task) {
+    return PutFoundPart(part, session, task);
+  };
+  auto session = OpenSession(options);
+  if (!session.ok()) return session.status();
+  CoverageClient& client = *session->client;
+  const Inspection& inspection = session->inspection;
+  const double relaxed_m = session->requirements->relaxed_uncertainty_m;
+  const JudgedTargets needed =
+      JudgeTargets(client, *inspection.uncertainty, inspection.targets,
+                   NeededOf(*session->requirements, judged, client.targets()), relaxed_m);
+  if (needed.judged.Count() == 0) return std::nullopt;
+  auto simulated = std::make_unique<UncertaintyOracle>(
+      UncertaintyOracle::Sampling{&client, needed}, UncertaintyOracle::Sampling{nullptr, {}},
+      *inspection.uncertainty, inspection.goal.gain, relaxed_m);
+  MeasuredOracle oracle(std::move(simulated), earlier.Measured(),
+                        MeasuredTargetsOf(*session, client, needed), std::nullopt, relaxed_m);
+  ProgressLine progress(kSearchPhase);
+  PlannerRequest request = RequestOf(*session, earlier, question);
+  request.on_progress = [&progress](const PlanProgress& p) { progress.Show(p.done, p.phase); };
+  auto plan = MakePlan(oracle, request);
+  progress.Finish();
+  if (!plan.ok()) return plan.status();
+  if (plan->scans.size() <= request.locked.size()) return std::nullopt;
+  const auto score = oracle.ScorePlan(request.locked, true);
+  if (!score.ok()) return score.status();
+  v1::NextScan next;
+  *next.mutable_measurement() = MeasurementToProto(plan->scans.back().measurement);
+  next.set_open_targets(needed.judged.Count() - score->settled);
+  next.set_settled_targets(std::max<int64_t>(0, plan->score.settled - score->settled));
+  for (size_t f = 0; f < session->requirements->features.size(); ++f) {
+    if (judged.needed_uncertainty_m[f] > 0)
+      next.add_features(session->requirements->features[f].name);
+  }
+  return std::optional<v1::NextScan>(std::move(next));
+}
+
+}  // namespace sightline

@@ -1,0 +1,306 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner_client/inspect/judge_measured.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <string>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/conformance/measured_value.h"
+#include "core/inspection/vector_proto.h"
+#include "planner_client/requirements/characteristic_of.h"
+#include "planner_client/requirements/known_targets.h"
+
+namespace sightline {
+namespace {
+
+using Decision = v1::InspectedFeature::Decision;
+
+// Inputs that all features are judged by.
+struct MeasuredState {
+  const Inspection& inspection;  // with the placement of the part
+  const Requirements& requirements;
+  std::vector<Measurement> scans;  // measured
+  Eigen::Vector3d centre_m;
+  const MeasuredSurface& surface;
+  PlanKnowledge knowledge;
+};
+
+Decision DecisionOf(Conformity conformity) {
+  switch (conformity) {
+    case Conformity::kConforms:
+      return v1::InspectedFeature::CONFORMS;
+    case Conformity::kDoesNotConform:
+      return v1::InspectedFeature::DOES_NOT_CONFORM;
+    case Conformity::kUndecided:
+      break;
+  }
+  return v1::InspectedFeature::UNDECIDED;
+}
+
+// Deviations of the targets from the nominal surfaces. Measured ones are from the facets of the
+// mesh, whose places lie up to the chord tolerance off them.
+Eigen::VectorXd DeviationsOf(const MeasuredState& state, const BoundCharacteristic& bound,
+                             const Feature& feature) {
+  Eigen::VectorXd deviations_m(static_cast<Eigen::Index>(bound.targets.size()));
+  for (size_t i = 0; i < bound.targets.size(); ++i) {
+    deviations_m[static_cast<Eigen::Index>(i)] = state.surface.estimates[bound.targets[i]].mean_m;
+  }
+  const Characteristic& c = bound.characteristic;
+  if (c.exact_datum) return deviations_m;
+  std::vector<bool> done(bound.targets.size(), false);
+  const auto correct = [&](const FeatureElement& element) {
+    if (element.width || element.surface.kind == SurfaceKind::kFreeform) return;
+    for (const int t : element.targets) {
+      const auto i = static_cast<size_t>(t);
+      if (done[i]) continue;
+      done[i] = true;
+      const FeatureTarget& target = feature.targets[i];
+      const Eigen::Vector3d gradient =
+          DistanceGradient(element.surface, target.position_m, target.normal);
+      const double side = gradient.dot(target.normal) < 0 ? -1 : 1;
+      deviations_m[t] += side * SignedDistance(element.surface, target.position_m);
+    }
+  };
+  for (const FeatureElement& element : c.elements) correct(element);
+  for (const auto& datum : c.datums) {
+    for (const FeatureElement& element : datum) correct(element);
+  }
+  return deviations_m;
+}
+
+// The tolerance of the file that a feature stands for; null: it is a region of the inspection.
+const Tolerance* ToleranceOf(const Requirements& requirements, const TolerancedFeature& feature) {
+  if (feature.id.empty()) return nullptr;
+  for (const Tolerance& tolerance : requirements.tolerances) {
+    if (tolerance.id == feature.id && tolerance.name == feature.name) return &tolerance;
+  }
+  return nullptr;
+}
+
+// Limits of a size. FAILED_PRECONDITION: the model has another size than the drawing means.
+absl::Status SetLimits(const Tolerance* tolerance, const CharacteristicFit& fit,
+                       MeasuredZone& zone) {
+  if (fit.model_sizes_m.empty() || tolerance == nullptr || !tolerance->lower_m ||
+      !tolerance->upper_m || !(*tolerance->lower_m < *tolerance->upper_m)) {
+    return absl::OkStatus();
+  }
+  zone.lower_m = tolerance->lower_m;
+  zone.upper_m = tolerance->upper_m;
+  for (const double size_m : fit.model_sizes_m) {
+    if (size_m >= *zone.lower_m - zone.width_m && size_m <= *zone.upper_m + zone.width_m) continue;
+    return absl::FailedPreconditionError(
+        absl::StrFormat("the model has %.4g mm where the drawing allows %.4g to %.4g mm",
+                        1e3 * size_m, 1e3 * *zone.lower_m, 1e3 * *zone.upper_m));
+  }
+  return absl::OkStatus();
+}
+
+void SetValue(const MeasuredValue& value, const MeasuredZone& zone, const Feature& feature,
+              v1::InspectedFeature& message) {
+  message.set_decision(DecisionOf(value.decision));
+  message.set_because(value.because);
+  message.set_value_m(value.value_m);
+  message.set_expanded_uncertainty_m(kExpansion * value.uncertainty_m);
+  message.set_interval_lower_m(value.interval.lower_m);
+  message.set_interval_upper_m(value.interval.upper_m);
+  if (zone.lower_m) message.set_lower_limit_m(*zone.lower_m);
+  if (zone.upper_m) message.set_upper_limit_m(*zone.upper_m);
+  if (value.bias_m > 0) message.set_bias_m(value.bias_m);
+  if (!value.deviations) return;
+  message.set_smallest_deviation_m(value.deviations->lower_m);
+  message.set_largest_deviation_m(value.deviations->upper_m);
+  if (value.worst_target < 0) return;
+  *message.mutable_worst_place_m() =
+      VectorToProto(feature.targets[static_cast<size_t>(value.worst_target)].position_m);
+}
+
+void SetUndecided(absl::string_view reason, v1::InspectedFeature& message) {
+  message.set_decision(v1::InspectedFeature::UNDECIDED);
+  message.set_because(absl::StrCat("undecided: ", reason));
+}
+
+void SetNoEvaluation(absl::string_view reason, v1::InspectedFeature& message) {
+  message.set_decision(v1::InspectedFeature::NOT_EVALUATED);
+  message.set_because(absl::StrCat("not evaluated: ", reason));
+}
+
+// Most targets of a feature that are evaluated. Errors of profiles without datums need not be known
+// jointly, since nothing is fitted: all targets count, and no defect falls between them.
+size_t MostTargets(const MeasuredState& state, const TolerancedFeature& feature) {
+  const bool profile =
+      feature.kind == ToleranceKind::kSurfaceProfile || feature.kind == ToleranceKind::kLineProfile;
+  if (!profile || (!feature.id.empty() && state.inspection.uncertainty->HasCalibrationErrors())) {
+    return kMostDenseTargets;
+  }
+  return std::min(kMostFeatureTargets,
+                  kMostFeatureSensitivities / std::max<size_t>(1, state.scans.size()));
+}
+
+// Values and decision of a feature whose surfaces are known.
+void JudgeBoundFeature(const MeasuredState& state, const TolerancedFeature& toleranced,
+                       const BoundCharacteristic& bound, ConformanceOptions options,
+                       v1::InspectedFeature& message) {
+  Feature feature = MakeFeature(state.inspection, state.scans, state.centre_m, state.knowledge,
+                                bound.targets, *options.known_uncertainty_m);
+  if (bound.characteristic.exact_datum && feature.targets.size() > kMostDenseTargets) {
+    feature.correlation_length_m = 0;
+  }
+  feature.common_deviations_m.resize(static_cast<Eigen::Index>(bound.targets.size()), 6);
+  for (size_t i = 0; i < bound.targets.size(); ++i) {
+    feature.common_deviations_m.row(static_cast<Eigen::Index>(i)) =
+        state.surface.pose_deviations_m.row(bound.targets[i]);
+  }
+  const auto fit = FitCharacteristic(feature, bound.characteristic);
+  if (absl::IsFailedPrecondition(fit.status()))
+    return SetUndecided(fit.status().message(), message);
+  if (!fit.ok()) return SetNoEvaluation(fit.status().message(), message);
+  MeasuredZone zone;
+  zone.width_m = toleranced.zone_width_m;
+  if (toleranced.zone_width_rad > 0) {
+    zone.width_m = toleranced.zone_width_rad * fit->reference_length_m;
+    message.set_reference_length_m(fit->reference_length_m);
+  }
+  message.set_zone_width_m(zone.width_m);
+  const Tolerance* tolerance = ToleranceOf(state.requirements, toleranced);
+  if (absl::Status s = SetLimits(tolerance, *fit, zone); !s.ok()) {
+    return SetNoEvaluation(s.message(), message);
+  }
+  const double bonus_m = MaterialBonus(toleranced, bound, feature);
+  if (bonus_m > 0) message.set_material_bonus_m(bonus_m);
+  zone.width_m += bonus_m;
+  const auto value =
+      EvaluateMeasured(feature, *fit, DeviationsOf(state, bound, feature), zone, options);
+  if (absl::IsFailedPrecondition(value.status())) {
+    return SetUndecided(value.status().message(), message);
+  }
+  if (!value.ok()) return SetNoEvaluation(value.status().message(), message);
+  SetValue(*value, zone, feature, message);
+}
+
+// Uncertainty at the targets of an undecided feature with which it may be decided.
+double NeededUncertainty(const MeasuredState& state, const TolerancedFeature& feature,
+                         const std::vector<uint32_t>& targets) {
+  const double admissible_m =
+      feature.zone_width_m > 0
+          ? AdmissibleUncertainty(feature.zone_width_m, state.requirements.rule)
+          : state.requirements.relaxed_uncertainty_m;
+  std::vector<double> known;
+  for (const uint32_t t : targets) {
+    if (state.knowledge.points[t] > 0) known.push_back(state.knowledge.uncertainty[t].total_m);
+  }
+  if (known.empty()) return admissible_m;
+  const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
+  std::nth_element(known.begin(), middle, known.end());
+  const bool all_measured =
+      static_cast<double>(known.size()) >=
+      ConformanceOptions{}.required_share * static_cast<double>(targets.size());
+  return all_measured ? std::min(admissible_m, 0.5 * *middle) : admissible_m;
+}
+
+v1::InspectedFeature Describe(const std::string& id, const std::string& name, ToleranceKind kind,
+                              const std::string& text, double zone_width_m) {
+  v1::InspectedFeature message;
+  message.set_id(id.empty() ? name : id);
+  message.set_name(name);
+  message.set_kind(ToleranceKindName(kind));
+  message.set_text(text);
+  if (zone_width_m > 0) message.set_zone_width_m(zone_width_m);
+  return message;
+}
+
+v1::InspectedFeature JudgeToleranced(const MeasuredState& state,
+                                     const TolerancedFeature& toleranced, double* needed_m) {
+  v1::InspectedFeature message = Describe(toleranced.id, toleranced.name, toleranced.kind,
+                                          toleranced.text, toleranced.zone_width_m);
+  const std::vector<uint32_t> all = state.requirements.TargetsOf(toleranced, state.surface.targets);
+  ConformanceOptions options;
+  options.rule = state.requirements.rule;
+  const double known_m = KnownUncertainty(state.inspection, state.requirements, toleranced);
+  options.known_uncertainty_m = known_m;
+  TargetCounts& counts = options.counts.emplace();
+  for (const uint32_t t : all) {
+    const bool measured = state.knowledge.points[t] > 0;
+    ++counts.all;
+    counts.measured += measured;
+    counts.used += measured && state.knowledge.uncertainty[t].total_m <= known_m;
+  }
+  message.set_targets(counts.all);
+  message.set_measured_targets(counts.measured);
+  const auto bound = BindCharacteristic(toleranced, state.requirements, state.surface.targets,
+                                        MostTargets(state, toleranced));
+  if (!bound.ok()) {
+    SetNoEvaluation(bound.status().message(), message);
+  } else {
+    JudgeBoundFeature(state, toleranced, *bound, options, message);
+  }
+  *needed_m = message.decision() == v1::InspectedFeature::UNDECIDED
+                  ? NeededUncertainty(state, toleranced, all)
+                  : 0;
+  return message;
+}
+
+void DescribeScans(const MeasuredPart& part, v1::InspectionResult& result) {
+  for (size_t f = 0; f < part.files.size(); ++f) {
+    const MeasuredPart::PointCounts& counts = part.counts[f];
+    v1::InspectedScan& scan = *result.add_scans();
+    scan.set_name(part.message.scans(static_cast<int>(f)).file());
+    scan.set_scan(part.files[f].scan + 1);
+    scan.set_points(counts.read);
+    scan.set_outliers(counts.among_neighbours + counts.off_model);
+    scan.set_outliers_among_neighbours(counts.among_neighbours);
+    scan.set_outliers_off_the_model(counts.off_model);
+    scan.set_duplicates(counts.duplicates);
+    scan.set_without_value(counts.without_value);
+    scan.set_registration_rms_m(counts.rms_m);
+    if (100 * scan.outliers() > 5 * counts.read) {
+      result.add_warnings(absl::StrFormat("%s: %d of %d points are outliers and are not used.",
+                                          scan.name(), scan.outliers(), counts.read));
+    }
+  }
+}
+
+}  // namespace
+
+JudgedInspection JudgeMeasured(const Inspection& inspection, const Requirements& requirements,
+                               const MeasuredPart& part, std::span<const Measurement> scans,
+                               const MeasuredSurface& surface) {
+  Inspection placed = inspection;
+  placed.rig.part_placement = part.placement;
+  MeasuredState state{placed,  requirements,       {}, part.placement.centre_m,
+                      surface, surface.Knowledge()};
+  for (const MeasuredFile& file : part.files) {
+    state.scans.push_back(scans[static_cast<size_t>(file.scan)]);
+  }
+  JudgedInspection judged;
+  v1::InspectionResult& result = judged.result;
+  result.set_expansion_factor(kExpansion);
+  result.set_guard_factor(requirements.rule.guard_factor);
+  *result.mutable_as_measured() = part.message;
+  DescribeScans(part, result);
+  for (const TolerancedFeature& feature : requirements.features) {
+    *result.add_features() =
+        JudgeToleranced(state, feature, &judged.needed_uncertainty_m.emplace_back());
+  }
+  for (const UnboundTolerance& unbound : requirements.unbound) {
+    const Tolerance& t = unbound.tolerance;
+    v1::InspectedFeature& message = *result.add_features();
+    message = Describe(t.id, t.name, t.kind, t.text, t.zone_width_m);
+    SetNoEvaluation(unbound.reason, message);
+  }
+  result.mutable_surface()->set_targets(static_cast<int64_t>(surface.targets.size()));
+  result.mutable_surface()->set_measured_targets(
+      std::count_if(surface.estimates.begin(), surface.estimates.end(),
+                    [](const DeviationEstimate& estimate) { return estimate.points > 0; }));
+  if (part.message.not_fixed_size() > 0) {
+    result.add_warnings(absl::StrFormat(
+        "The points do not fix %d of the 6 degrees of freedom of the part. Features without datums "
+        "are as uncertain as its place before the measurement.",
+        part.message.not_fixed_size()));
+  }
+  return judged;
+}
+
+}  // namespace sightline

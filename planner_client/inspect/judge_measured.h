@@ -1,0 +1,37 @@
+// SPDX-License-Identifier: Apache-2.0
+// Verdicts on toleranced features from measured points (ISO 14253-1): value, expanded uncertainty,
+// decision and the reason for it.
+//
+//   auto surface = EstimateSurface(mesh, inspection, part);
+//   JudgedInspection judged = JudgeMeasured(inspection, requirements, part, scans, *surface);
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/inspection/inspection.h"
+#include "planner_client/inspect/measured_surface.h"
+#include "planner_client/replanning/measured_part.h"
+#include "planner_client/requirements/requirements.h"
+#include "sightline/v1/measured_result.pb.h"
+
+namespace sightline {
+
+struct JudgedInspection {
+  // Without version and next_scan.
+  v1::InspectionResult result;
+  // For every feature of the requirements, the uncertainty [m] at its targets with which it may be
+  // decided; 0 if it is decided or cannot be evaluated. Where too little is measured it is the
+  // admissible one, else half of what it is now: the distance from a limit is not known beforehand.
+  std::vector<double> needed_uncertainty_m;
+};
+
+// `inspection` is that of the model; its uncertainty must be set. `scans` are those of the plan
+// that the part's files refer to. Values refer to the nominal surfaces of faces, not to the facets
+// that stand for them. Where the drawing states no datum the registered model is the datum, and the
+// covariance of its pose counts.
+JudgedInspection JudgeMeasured(const Inspection& inspection, const Requirements& requirements,
+                               const MeasuredPart& part, std::span<const Measurement> scans,
+                               const MeasuredSurface& surface);
+
+}  // namespace sightline

@@ -1,0 +1,162 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner_client/report/calibration/calibration_report.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "planner_client/report/document/report_parts.h"
+#include "planner_client/report/document/report_series.h"
+#include "planner_client/report/page/number_text.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
+
+std::string RatioText(const ScatterRatio& ratio) {
+  return absl::StrCat(FixedNumber(ratio.value, 2), " (", FixedNumber(ratio.low, 2), " to ",
+                      FixedNumber(ratio.high, 2), ")");
+}
+
+v1::ReportCell FixedCell(double number, int decimals) {
+  return NumberCell(number, FixedNumber(number, decimals));
+}
+
+ReportBlocks FrameBlocks(const CalibrationResult& result) {
+  std::vector<ReportCells> rows;
+  for (const CalibrationFrameResult& frame : result.frames) {
+    ReportCells row = {TextCell(frame.name)};
+    if (frame.used) {
+      const LeftOutFrame& left_out = frame.left_out;
+      row.push_back(FixedCell(1e3 * left_out.rms_m, 3));
+      row.push_back(FixedCell(1e3 * left_out.predicted_rms_m, 3));
+      row.push_back(FixedCell(left_out.rms_m / left_out.predicted_rms_m, 2));
+      row.push_back(FixedCell(frame.corner_rms_px, 2));
+      row.push_back(frame.hand_eye_position_m ? FixedCell(1e3 * *frame.hand_eye_position_m, 2)
+                                              : TextCell(kNoValue));
+      row.push_back(TextCell(""));
+    } else {
+      row.resize(6, TextCell(kNoValue));
+      row.push_back(TextCell("not used: " + frame.because));
+    }
+    rows.push_back(std::move(row));
+  }
+  return {TableBlock(
+      "Frames, predicted against real",
+      {WordsColumn("frame"), NumberColumn("real rms", "mm"), NumberColumn("predicted rms", "mm"),
+       NumberColumn("real / predicted"), NumberColumn("corners", "px"),
+       NumberColumn("hand-eye", "mm"), WordsColumn("remark")},
+      rows)};
+}
+
+v1::ReportChart FrameChart(const CalibrationFrameResult& frame) {
+  const LeftOutFrame& left_out = frame.left_out;
+  v1::ReportChart chart;
+  chart.set_title(frame.name);
+  *chart.mutable_x() = AxisOf("along the line", "px");
+  *chart.mutable_y() = AxisOf("distance from the target", "mm");
+  v1::ReportSeries predicted = EmptySeries("", v1::REPORT_COLOUR_MODEL, v1::ReportSeries::LINE);
+  v1::ReportSeries real =
+      EmptySeries("triangulated points", v1::REPORT_COLOUR_OBSERVED, v1::ReportSeries::DOTS);
+  std::vector<double> half_widths;
+  for (size_t i = 0; i < left_out.along_px.size(); ++i) {
+    AddPoint(left_out.along_px[i], 1e3 * left_out.distance_m[i], &real);
+    AddPoint(left_out.along_px[i], 0, &predicted);
+    half_widths.push_back(2e3 * left_out.predicted_sd_m[i]);
+  }
+  AddBand("predicted, two standard deviations", half_widths, &predicted);
+  *chart.add_series() = std::move(predicted);
+  *chart.add_series() = std::move(real);
+  AddLineAtY(0, &chart);
+  return chart;
+}
+
+ReportBlocks LineBlocks(const CalibrationResult& result) {
+  ReportBlocks charts;
+  for (const CalibrationFrameResult& frame : result.frames) {
+    if (frame.used) charts.push_back(ChartBlock(FrameChart(frame)));
+  }
+  if (charts.empty()) return {};
+  return {GroupBlock(v1::ReportGroup::TWO_COLUMNS, std::move(charts))};
+}
+
+ReportBlocks ScannerBlocks(const CalibrationResult& result) {
+  const AdjustedRig& rig = result.rig;
+  std::vector<ReportCells> rows;
+  const auto adjusted = [&](const std::string& name, int i, int decimals, const char* unit) {
+    const double error = std::sqrt(rig.covariance(i, i));
+    rows.push_back({TextCell(name), FixedCell(rig.shared[i], decimals), FixedCell(error, decimals),
+                    TextCell(unit)});
+  };
+  const auto computed = [&](const std::string& name, double value, int decimals, const char* unit) {
+    rows.push_back(
+        {TextCell(name), FixedCell(value, decimals), TextCell(kNoValue), TextCell(unit)});
+  };
+  adjusted("focal length, x", kFocalX, 1, "px");
+  adjusted("focal length, y", kFocalY, 1, "px");
+  adjusted("principal point, x", kCentreX, 1, "px");
+  adjusted("principal point, y", kCentreY, 1, "px");
+  adjusted("laser plane, normal over distance, x", kPlaneX, 3, "1/m");
+  adjusted("laser plane, normal over distance, y", kPlaneY, 3, "1/m");
+  adjusted("laser plane, normal over distance, z", kPlaneZ, 3, "1/m");
+  computed("camera to laser plane along the axis", 1e3 * result.planning.camera_distance_m, 1,
+           "mm");
+  computed("triangulation angle", kDegreesPerRadian * result.planning.triangulation_angle_rad, 2,
+           "\u00b0");
+  if (result.hand_eye) {
+    const Eigen::VectorXd& six = result.hand_eye->camera_in_flange;
+    computed("camera in the flange, x", 1e3 * six[3], 2, "mm");
+    computed("camera in the flange, y", 1e3 * six[4], 2, "mm");
+    computed("camera in the flange, z", 1e3 * six[5], 2, "mm");
+    computed("hand-eye closure, rms", 1e3 * result.hand_eye->closure_m, 2, "mm");
+    computed("hand-eye closure, rms", kDegreesPerRadian * result.hand_eye->closure_rad, 2,
+             "\u00b0");
+  }
+  if (result.reference) {
+    computed("laser plane against the reference, between the normals",
+             kDegreesPerRadian * result.reference->angle_rad, 2, "\u00b0");
+    computed("distance of the laser plane from the camera", 1e3 * result.reference->distance_m, 1,
+             "mm");
+    computed("the same of the reference", 1e3 * result.reference->reference_distance_m, 1, "mm");
+  }
+  return {TableBlock("The scanner",
+                     {WordsColumn("quantity"), NumberColumn("value"),
+                      NumberColumn("standard error"), WordsColumn("unit")},
+                     rows)};
+}
+
+}  // namespace
+
+v1::Report CalibrationReport(const CalibrationResult& result) {
+  const auto used = std::count_if(result.frames.begin(), result.frames.end(),
+                                  [](const auto& frame) { return frame.used; });
+  v1::Report report;
+  report.set_title("Calibration: " + result.name);
+  report.set_kind("calibration");
+  report.set_subject("Sightline \u00b7 calibration");
+  report.set_heading(result.name);
+  *report.add_finding() = PlainRun(
+      "Each frame was left out in turn and predicted from the others. Its points scatter ");
+  *report.add_finding() = StrongRun(RatioText(result.ratio));
+  *report.add_finding() = PlainRun(" times as much as predicted (95 % interval over frames).");
+  *report.add_figures() = NumberFact(
+      "real / predicted", result.ratio.value, "", FixedNumber(result.ratio.value, 2),
+      absl::StrCat(FixedNumber(result.ratio.low, 2), " to ", FixedNumber(result.ratio.high, 2)));
+  *report.add_figures() = NumberFact("frames used", static_cast<double>(used), "",
+                                     absl::StrCat(used, " of ", result.frames.size()));
+  *report.add_figures() = NumberFact("scatter of the line's centre", result.crossing_sd_px, "px",
+                                     FixedNumber(result.crossing_sd_px, 2) + "\u202fpx");
+  *report.add_figures() = NumberFact("corners", result.rig.corner_sd_px, "px",
+                                     FixedNumber(result.rig.corner_sd_px, 2) + "\u202fpx");
+  report.mutable_warnings()->Assign(result.warnings.begin(), result.warnings.end());
+  AddSection(&report, "frames", "Predicted against real", FrameBlocks(result));
+  AddSection(&report, "rig", "The scanner", ScannerBlocks(result));
+  AddSection(&report, "line", "Along the line", LineBlocks(result));
+  return report;
+}
+
+}  // namespace sightline

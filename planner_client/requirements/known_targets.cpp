@@ -1,0 +1,117 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner_client/requirements/known_targets.h"
+
+#include <algorithm>
+
+#include "core/rig/scan_geometry.h"
+#include "core/surface_inference/surface_inference.h"
+
+namespace sightline {
+namespace {
+
+// Errors of the lens are common to all scans, those of camera and laser each scan has its own.
+void AddCalibration(const Inspection& inspection, std::span<const Measurement> scans,
+                    const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,
+                    const std::vector<uint32_t>& chosen, Feature& feature) {
+  constexpr int kOwn = kFocalLengthError - kCameraAlpha;  // variables of camera and laser
+  const CalibrationCovariance covariance =
+      inspection.uncertainty->calibration
+          .bottomRightCorner<kCalibrationVariables, kCalibrationVariables>();
+  CalibrationCovariance own = CalibrationCovariance::Zero();
+  own.topLeftCorner<kOwn, kOwn>() = covariance.topLeftCorner<kOwn, kOwn>();
+  constexpr int kLens = kCalibrationVariables - kOwn;
+  feature.common_covariance.bottomRightCorner<kLens, kLens>() =
+      covariance.bottomRightCorner<kLens, kLens>();
+  for (size_t s = 0; s < scans.size(); ++s) {
+    ScanSensitivity sensitivity;
+    const auto count = static_cast<Eigen::Index>(chosen.size());
+    sensitivity.derivatives.resize(count, kCalibrationVariables);
+    sensitivity.weights = Eigen::VectorXd::Zero(count);
+    sensitivity.covariance = own;
+    const ScanGeometry geometry = MakeScanGeometry(inspection.rig, scans[s]);
+    for (Eigen::Index i = 0; i < count; ++i) {
+      const uint32_t t = chosen[static_cast<size_t>(i)];
+      double sum = 0;
+      for (const auto& scan : knowledge.density) sum += scan[t];
+      const Eigen::Vector3d position = knowledge.targets->positions_m[t].cast<double>();
+      const double stage_m =
+          geometry.LitStagePosition(PartToWorld(geometry, part_centre_m, position, 0));
+      const TriangulationSetup setup = MakeTriangulationSetup(
+          inspection.rig.camera, WorldToPart(geometry, part_centre_m, geometry.camera, stage_m),
+          WorldToPart(geometry, part_centre_m, geometry.laser, stage_m));
+      const CalibrationRow row =
+          CalibrationDerivatives(setup, position, knowledge.targets->normals[t].cast<double>());
+      // Scans count by the information they bring.
+      const bool usable = sum > 0 && row.allFinite();
+      sensitivity.weights(i) = usable ? knowledge.density[s][t] / sum : 0;
+      sensitivity.derivatives.row(i) = usable ? row : CalibrationRow::Zero().eval();
+    }
+    feature.scans.push_back(std::move(sensitivity));
+  }
+}
+
+Eigen::Vector3d CentreOf(const FeatureElement& element, const Feature& feature) {
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  for (const int t : element.targets) sum += feature.targets[static_cast<size_t>(t)].position_m;
+  return sum / static_cast<double>(element.targets.size());
+}
+
+}  // namespace
+
+Feature MakeFeature(const Inspection& inspection, std::span<const Measurement> scans,
+                    const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,
+                    const std::vector<uint32_t>& targets, double known_m) {
+  Feature feature;
+  for (const uint32_t t : targets) {
+    FeatureTarget target;
+    target.position_m = knowledge.targets->positions_m[t].cast<double>();
+    target.normal = knowledge.targets->normals[t].cast<double>().normalized();
+    target.uncertainty = knowledge.uncertainty[t];
+    target.measured = knowledge.points[t] > 0;
+    target.known = knowledge.uncertainty[t].total_m <= known_m;
+    feature.targets.push_back(target);
+  }
+  if (inspection.uncertainty->HasCalibrationErrors()) {
+    AddCalibration(inspection, scans, part_centre_m, knowledge, targets, feature);
+    // See Feature::correlation_length_m.
+    feature.correlation_length_m = 2 * CovarianceLengthScale(inspection.uncertainty->resolution_m);
+  }
+  return feature;
+}
+
+double KnownUncertainty(const Inspection& inspection, const Requirements& requirements,
+                        const TolerancedFeature& feature) {
+  const double single_m = AdmissibleUncertainty(feature.zone_width_m, requirements.rule);
+  switch (feature.kind) {
+    case ToleranceKind::kSurfaceProfile:
+    case ToleranceKind::kLineProfile:
+      return inspection.uncertainty->prior_standard_deviation_m;
+    case ToleranceKind::kFlatness:
+    case ToleranceKind::kStraightness:
+    case ToleranceKind::kRoundness:
+    case ToleranceKind::kCylindricity:
+    case ToleranceKind::kCircularRunout:
+    case ToleranceKind::kTotalRunout:
+      return single_m;
+    default:
+      return std::max(single_m, requirements.relaxed_uncertainty_m);
+  }
+}
+
+double MaterialBonus(const TolerancedFeature& feature, const BoundCharacteristic& bound,
+                     const Feature& targets) {
+  const Characteristic& c = bound.characteristic;
+  if (c.material == MaterialRequirement::kNone) return 0;
+  const FeatureElement& element = c.elements.front();
+  const FeatureTarget& target = targets.targets[static_cast<size_t>(element.targets.front())];
+  const Eigen::Vector3d outward =
+      element.width ? Eigen::Vector3d(target.position_m - CentreOf(element, targets))
+                    : DistanceGradient(element.surface, target.position_m, target.normal);
+  const bool hole = outward.dot(target.normal) < 0;
+  const bool from_smallest = hole == (c.material == MaterialRequirement::kMaximum);
+  const double gain_m = from_smallest ? *feature.nominal_size_m - *feature.smallest_size_m
+                                      : *feature.largest_size_m - *feature.nominal_size_m;
+  return std::clamp(gain_m, 0.0, *feature.largest_size_m - *feature.smallest_size_m);
+}
+
+}  // namespace sightline

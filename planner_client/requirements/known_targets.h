@@ -1,0 +1,48 @@
+// SPDX-License-Identifier: Apache-2.0
+// The targets of a characteristic with the information of a plan or of a measurement.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "core/conformance/feature.h"
+#include "core/inspection/inspection.h"
+#include "core/surface_inference/surface_inference.h"
+#include "core/targets/target_set.h"
+#include "planner_client/requirements/characteristic_of.h"
+#include "planner_client/requirements/requirements.h"
+
+namespace sightline {
+
+// Knowledge that the scans of a plan, simulated or measured, give of the targets of one sampling.
+struct PlanKnowledge {
+  const TargetSet* targets;
+  const TargetBits* measurable;
+  std::vector<SurfaceUncertainty> uncertainty;  // exact, of every target after all scans
+  std::vector<int32_t> points;                  // that inform about every target
+  // For every scan, the equivalent information density of every target, or else its weight in the
+  // estimate there: only the proportions of the scans count. Needed with calibration errors.
+  std::vector<std::vector<float>> density;
+};
+
+// `targets` are those of a BoundCharacteristic. Targets less certain than `known_m` [m] are not
+// known. Each scan has the calibration errors of camera and laser as its own, and those of the lens
+// in common with the others. `scans` are those of `knowledge.density`.
+Feature MakeFeature(const Inspection& inspection, std::span<const Measurement> scans,
+                    const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,
+                    const std::vector<uint32_t>& targets, double known_m);
+
+// Largest uncertainty [m] of a target that is evaluated. Targets with only a few points at the
+// border of the measured surface are hardly known, and would be left out of an evaluation: for form
+// each has to be known admissibly, fitted parameters average over many, and deviations are judged
+// one by one.
+double KnownUncertainty(const Inspection& inspection, const Requirements& requirements,
+                        const TolerancedFeature& feature);
+
+// Gain [m] of the zone at the nominal size: its distance from the limit of maximum or least
+// material, between 0 and the whole tolerance of the size. 0 without a material requirement.
+double MaterialBonus(const TolerancedFeature& feature, const BoundCharacteristic& bound,
+                     const Feature& targets);
+
+}  // namespace sightline

@@ -1,0 +1,143 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/scanner_calibration/rig_adjustment.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <string>
+
+#include "core/scanner_calibration/left_out_frames.h"
+#include "core/scanner_calibration/planning_rig.h"
+#include "tests/core/scanner_calibration/synthetic_scanner.h"
+
+namespace sightline {
+namespace {
+
+using testing::HasSubstr;
+
+// chi^2 per degree of freedom of the laser plane and of both focal lengths about the truth, mean
+// over seeds.
+struct MeanChiSquare {
+  double plane = 0, focal = 0;
+};
+
+MeanChiSquare ChiSquareOver(int seeds, int frames, const SyntheticErrors& errors) {
+  MeanChiSquare mean;
+  for (int seed = 1; seed <= seeds; ++seed) {
+    const SyntheticScanner scanner =
+        MakeSyntheticScanner(frames, errors, static_cast<uint32_t>(seed));
+    const auto rig = AdjustRig(scanner.board, scanner.frames, scanner.open, false);
+    EXPECT_TRUE(rig.ok()) << rig.status();
+    if (!rig.ok()) return mean;
+    const Eigen::VectorXd off = rig->shared - scanner.shared;
+    const Eigen::Matrix3d plane = rig->covariance.block<3, 3>(kPlaneX, kPlaneX);
+    const Eigen::Matrix2d focal = rig->covariance.topLeftCorner<2, 2>();
+    const Eigen::Vector3d plane_off = off.segment<3>(kPlaneX);
+    const Eigen::Vector2d focal_off = off.head<2>();
+    mean.plane += plane_off.dot(plane.ldlt().solve(plane_off)) / 3 / seeds;
+    mean.focal += focal_off.dot(focal.ldlt().solve(focal_off)) / 2 / seeds;
+  }
+  return mean;
+}
+
+// With 30 seeds the mean of chi^2 / 3 has a standard deviation of 0.15, of chi^2 / 2 of 0.18.
+TEST(RigAdjustment, ErrsAsItsCovarianceSaysWhereErrorsAreIndependent) {
+  const MeanChiSquare mean = ChiSquareOver(30, 12, {});
+  RecordProperty("plane", std::to_string(mean.plane));
+  EXPECT_GT(mean.plane, 0.4) << "plane " << mean.plane << " focal " << mean.focal;
+  EXPECT_LT(mean.plane, 1.6);
+  EXPECT_GT(mean.focal, 0.4);
+  EXPECT_LT(mean.focal, 1.6);
+}
+
+// Samples along a line that are shifted together, 60 of them: a covariance that took them as
+// independent would be far too small.
+TEST(RigAdjustment, ErrsAsItsCovarianceSaysWhereAFrameHasACommonError) {
+  const MeanChiSquare mean = ChiSquareOver(30, 12, {.line_shift_px = 0.4, .line_turn_px = 0.4});
+  EXPECT_GT(mean.plane, 0.4) << "plane " << mean.plane << " focal " << mean.focal;
+  EXPECT_LT(mean.plane, 1.8);
+  EXPECT_GT(mean.focal, 0.3);
+  EXPECT_LT(mean.focal, 1.8);
+}
+
+TEST(RigAdjustment, DoesNotDependOnTheOrderOfFrames) {
+  SyntheticScanner scanner = MakeSyntheticScanner(8, {.line_shift_px = 0.2}, 3);
+  const auto rig = AdjustRig(scanner.board, scanner.frames, scanner.open, false);
+  std::reverse(scanner.frames.begin(), scanner.frames.end());
+  const auto reversed = AdjustRig(scanner.board, scanner.frames, scanner.open, false);
+  ASSERT_TRUE(rig.ok() && reversed.ok());
+  for (int i = 0; i < kSharedParameters; ++i) {
+    const double sd = std::sqrt(rig->covariance(i, i));
+    EXPECT_NEAR(rig->shared[i], reversed->shared[i], 0.01 * sd) << i;
+    EXPECT_NEAR(std::sqrt(reversed->covariance(i, i)), sd, 0.01 * sd) << i;
+  }
+}
+
+// A board of other size: the camera stays, the plane moves in proportion.
+TEST(RigAdjustment, LengthsFollowTheSquares) {
+  SyntheticScanner scanner = MakeSyntheticScanner(8, {}, 4);
+  const auto rig = AdjustRig(scanner.board, scanner.frames, scanner.open, false);
+  scanner.board.square_m *= 2;
+  for (CalibrationFrame& frame : scanner.frames) frame.pose.tail<3>() *= 2;
+  const auto twice = AdjustRig(scanner.board, scanner.frames, scanner.open, false);
+  ASSERT_TRUE(rig.ok() && twice.ok());
+  EXPECT_NEAR(rig->shared[kFocalX], twice->shared[kFocalX],
+              0.02 * std::sqrt(rig->covariance(kFocalX, kFocalX)));
+  const Eigen::Vector3d plane = rig->shared.segment<3>(kPlaneX);
+  EXPECT_LT((2 * twice->shared.segment<3>(kPlaneX) - plane).norm(),
+            0.02 * std::sqrt(rig->covariance.block<3, 3>(kPlaneX, kPlaneX).trace()));
+}
+
+TEST(RigAdjustment, SaysThatFramesAreTooFew) {
+  SyntheticScanner scanner = MakeSyntheticScanner(2, {}, 1);
+  const auto two = AdjustRig(scanner.board, scanner.frames, scanner.open, false);
+  EXPECT_EQ(two.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(two.status().message()), HasSubstr("three frames"));
+}
+
+// Real and predicted scatter of frames that were left out agree, with independent and with common
+// errors.
+TEST(LeftOutFrames, ScatterAsPredicted) {
+  for (const SyntheticErrors& errors :
+       {SyntheticErrors{}, SyntheticErrors{.line_shift_px = 0.4, .line_turn_px = 0.4}}) {
+    double real = 0, predicted = 0;
+    for (uint32_t seed = 1; seed <= 3; ++seed) {
+      const SyntheticScanner scanner = MakeSyntheticScanner(10, errors, seed);
+      std::vector<LeftOutFrame> left_out;
+      for (size_t i = 0; i < scanner.frames.size(); ++i) {
+        const auto frame = PredictLeftOut(scanner.board, scanner.frames, i, scanner.open, false);
+        ASSERT_TRUE(frame.ok()) << frame.status();
+        real += frame->rms_m * frame->rms_m;
+        predicted += frame->predicted_rms_m * frame->predicted_rms_m;
+        left_out.push_back(*frame);
+      }
+      const ScatterRatio ratio = RealOverPredicted(left_out);
+      EXPECT_LT(ratio.low, ratio.value);
+      EXPECT_LT(ratio.value, ratio.high);
+    }
+    EXPECT_GT(std::sqrt(real / predicted), 0.7) << errors.line_shift_px;
+    EXPECT_LT(std::sqrt(real / predicted), 1.4) << errors.line_shift_px;
+  }
+}
+
+TEST(PlanningRig, PointsHaveTheCovarianceOfTheCalibration) {
+  SyntheticScanner scanner = MakeSyntheticScanner(10, {}, 2);
+  // The variables have no distortion and one focal length: with a camera known to that extent,
+  // nothing is missed.
+  scanner.open.camera = CameraOf(scanner.shared);
+  for (size_t i = 4; i < 9; ++i) scanner.open.standard_deviation[i] = 0;
+  const auto rig = AdjustRig(scanner.board, scanner.frames, scanner.open, false);
+  ASSERT_TRUE(rig.ok());
+  const auto described = DescribeForPlanning(*rig, 1280, 1024);
+  ASSERT_TRUE(described.ok()) << described.status();
+  EXPECT_NEAR(described->triangulation_angle_rad, 37 * 3.14159 / 180, 0.05);
+  EXPECT_NEAR(described->camera_distance_m, 0.3, 0.03);
+  EXPECT_LT(described->covariance_misfit, 0.1);
+  EXPECT_EQ(described->covariance.rows(), 12);
+}
+
+}  // namespace
+}  // namespace sightline

@@ -1,0 +1,142 @@
+// SPDX-License-Identifier: Apache-2.0
+// Verdicts on two boxes whose points are made by hand.
+#include "planner_client/inspect/judge_measured.h"
+
+#include <gtest/gtest.h>
+#include <unistd.h>
+
+#include <cmath>
+#include <filesystem>
+#include <functional>
+
+#include "absl/strings/str_cat.h"
+#include "core/part/load_part.h"
+#include "core/physics/angle.h"
+#include "planner_client/inspect/measured_csv.h"
+#include "tests/core/registration/measured_shapes.h"
+
+namespace sightline {
+namespace {
+
+using Decision = v1::InspectedFeature;
+
+class JudgeMeasuredTest : public testing::Test {
+ protected:
+  JudgeMeasuredTest()
+      : folder_(std::filesystem::temp_directory_path() /
+                absl::StrCat("judge_measured_", getpid(), "_",
+                             testing::UnitTest::GetInstance()->current_test_info()->name())),
+        model_(StepPart()) {
+    std::filesystem::create_directories(folder_);
+    inspection_.targets.spacing_m = 0.004;
+    inspection_.uncertainty.emplace();
+    inspection_.uncertainty->detection.standard_deviations_px = {0.1};
+    inspection_.uncertainty->prior_standard_deviation_m = 0.001;
+    inspection_.uncertainty->resolution_m = 0.006;
+    inspection_.tolerances.emplace();
+    inspection_.tolerances->zone_width_m = std::nullopt;
+    AddRegion("large top", {0.034, 0.004, 0.029}, {0.076, 0.056, 0.031}, 4e-4);
+    AddRegion("small top", {0.004, 0.004, 0.049}, {0.026, 0.041, 0.051}, 4e-4);
+    pose_.centre_m = model_.BoundingBox().center();
+    pose_.parameters << 0.5 * kRadPerDeg, 0.3 * kRadPerDeg, -0.4 * kRadPerDeg, 1e-3, -8e-4, 5e-4;
+    scan_.camera_distance_m = 0.3;
+    scan_.triangulation_angle_rad = 0.5;
+  }
+  ~JudgeMeasuredTest() override { std::filesystem::remove_all(folder_); }
+
+  void AddRegion(const char* name, const Eigen::Vector3d& low, const Eigen::Vector3d& high,
+                 double width_m) {
+    TolerancedRegion region;
+    region.name = name;
+    region.zone_width_m = width_m;
+    region.box_m = Eigen::AlignedBox3d(low, high);
+    inspection_.tolerances->regions.push_back(region);
+  }
+  // `deviation`: of the true surface along the model's normal.
+  std::string Scan(const std::function<double(const Eigen::Vector3d&)>& deviation,
+                   const std::function<bool(const Eigen::Vector3d&)>& kept) {
+    CounterRandom random(7, 0);
+    const SurfaceSample sample = SampleSurface(model_, 150'000, random);
+    std::vector<Eigen::Vector3f> positions, normals;
+    for (size_t i = 0; i < sample.positions_m.size(); ++i) {
+      const Eigen::Vector3d& p = sample.positions_m[i];
+      if (!kept(p)) continue;
+      const double off_m = deviation(p) + 1e-5 * random.Normal();
+      positions.push_back((pose_.Matrix() * (p + off_m * sample.normals[i])).cast<float>());
+      normals.push_back((pose_.Rotation() * sample.normals[i]).cast<float>());
+    }
+    const std::string path = (folder_ / "scan_01.ply").string();
+    EXPECT_TRUE(WritePlyPoints(path, positions, normals).ok());
+    return path;
+  }
+  JudgedInspection Judge(const std::string& path) {
+    const auto part = FindMeasuredPart(model_, inspection_, {{path, 0}}, {scan_}, {});
+    EXPECT_TRUE(part.ok()) << part.status();
+    if (!part.ok()) return {};
+    const auto requirements = MakeRequirements(inspection_, model_, std::nullopt, {});
+    EXPECT_TRUE(requirements.ok()) << requirements.status();
+    const auto surface = EstimateSurface(model_, inspection_, *part);
+    EXPECT_TRUE(surface.ok()) << surface.status();
+    if (!surface.ok() || !requirements.ok()) return {};
+    const std::vector<Measurement> scans = {scan_};
+    return JudgeMeasured(inspection_, *requirements, *part, scans, *surface);
+  }
+  static double Nothing(const Eigen::Vector3d&) { return 0; }
+  static bool All(const Eigen::Vector3d&) { return true; }
+
+  std::filesystem::path folder_;
+  TriangleMesh model_;
+  Inspection inspection_;
+  PartPose pose_;
+  Measurement scan_;
+};
+
+TEST_F(JudgeMeasuredTest, AGoodPartConforms) {
+  const JudgedInspection judged = Judge(Scan(Nothing, All));
+  ASSERT_EQ(judged.result.features_size(), 2);
+  for (const v1::InspectedFeature& feature : judged.result.features()) {
+    EXPECT_EQ(feature.decision(), Decision::CONFORMS) << feature.because();
+    EXPECT_EQ(feature.id(), feature.name());
+    EXPECT_LT(feature.value_m(), 2e-4);
+    EXPECT_GT(feature.expanded_uncertainty_m(), 0);
+    EXPECT_EQ(feature.measured_targets(), feature.targets());
+  }
+  EXPECT_EQ(judged.needed_uncertainty_m, (std::vector<double>{0, 0}));
+  ASSERT_EQ(judged.result.scans_size(), 1);
+  EXPECT_EQ(judged.result.scans(0).name(), "scan_01.ply");
+  EXPECT_GT(judged.result.scans(0).registration_rms_m(), 0);
+}
+
+TEST_F(JudgeMeasuredTest, ADentIsFoundWhereItIs) {
+  const JudgedInspection judged = Judge(Scan(
+      [](const Eigen::Vector3d& p) {
+        if (std::abs(p.z() - 0.03) > 1e-6) return 0.0;
+        const double r = std::hypot(p.x() - 0.055, p.y() - 0.03) / 0.006;
+        return -5e-4 * std::exp(-0.5 * r * r);
+      },
+      All));
+  ASSERT_EQ(judged.result.features_size(), 2);
+  const v1::InspectedFeature& dented = judged.result.features(0);
+  EXPECT_EQ(dented.decision(), Decision::DOES_NOT_CONFORM) << dented.because();
+  EXPECT_NEAR(dented.smallest_deviation_m(), -5e-4, 1e-4);
+  EXPECT_NEAR(dented.worst_place_m().x(), 0.055, 0.005);
+  EXPECT_NEAR(dented.worst_place_m().y(), 0.03, 0.005);
+  EXPECT_EQ(judged.result.features(1).decision(), Decision::CONFORMS)
+      << judged.result.features(1).because();
+  const std::string csv = MeasuredCsv(judged.result);
+  EXPECT_NE(csv.find("DOES_NOT_CONFORM"), std::string::npos) << csv;
+}
+
+TEST_F(JudgeMeasuredTest, WhatIsNotMeasuredStaysUndecided) {
+  const JudgedInspection judged =
+      Judge(Scan(Nothing, [](const Eigen::Vector3d& p) { return p.x() < 0.05 || p.z() < 0.029; }));
+  ASSERT_EQ(judged.result.features_size(), 2);
+  const v1::InspectedFeature& half = judged.result.features(0);
+  EXPECT_EQ(half.decision(), Decision::UNDECIDED) << half.because();
+  EXPECT_LT(half.measured_targets(), half.targets());
+  EXPECT_GT(judged.needed_uncertainty_m[0], 0);
+  EXPECT_EQ(judged.needed_uncertainty_m[1], 0);
+}
+
+}  // namespace
+}  // namespace sightline
