@@ -372,8 +372,9 @@ TEST(PoissonDisk, StopsSoonWhenItIsCancelled) {
     double asked_s = 0;
     std::thread canceller([&] {
       std::this_thread::sleep_for(std::chrono::milliseconds(after_ms));
-      asked_s = CpuSeconds();
+      // The flag first: this thread may have to wait between the two while the work goes on.
       cancelled = true;
+      asked_s = CpuSeconds();
     });
     const absl::Status status = SampleTargets(box, Spacing(0.0007), &cancelled).status();
     const double ended_s = CpuSeconds();

@@ -3,6 +3,7 @@
 #include <gtest/gtest.h>
 #include <sys/resource.h>
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cmath>
@@ -47,11 +48,16 @@ double ChildrenCpuSeconds() {
 
 using Work = std::function<void(const std::atomic<bool>*)>;
 
-// Runs `work` and sets its flag after `delay_s`; returns whether it was still running then. From
-// then on it must have taken less than 100 ms of this process's processor time (on the clock it may
-// be more: other programs are running), and its processes, which work one after the other, no more
-// than they could have until then.
-bool StopsSoon(double delay_s, const Work& work) {
+// CPU time that work took after it was asked to stop.
+struct Lateness {
+  double own_s = 0;
+  // Beyond what processes, which work one after the other, could have used until then.
+  double children_s = 0;
+};
+
+// Runs `work` and sets its flag after `delay_s`; nullopt if it had ended before. CPU time is
+// compared, since on the clock it may take longer: other programs are running.
+std::optional<Lateness> StopAfter(double delay_s, const Work& work) {
   std::atomic<bool> cancelled = false, ended = false;
   std::optional<double> cpu_s;
   Clock::time_point asked;
@@ -62,20 +68,18 @@ bool StopsSoon(double delay_s, const Work& work) {
     while (Clock::now() < end && !ended) std::this_thread::sleep_for(std::chrono::milliseconds(1));
     if (ended) return;
     asked = Clock::now();
-    cpu_s = CpuSeconds();
+    // The flag first: this thread may have to wait between the two while the work goes on.
     cancelled = true;
+    cpu_s = CpuSeconds();
   });
   work(&cancelled);
   const double now_s = CpuSeconds();
   ended = true;
   other.join();
-  if (!cpu_s) return false;
-  constexpr double kLate_s = 0.1 * kSlowness;
-  EXPECT_LT(now_s - *cpu_s, kLate_s) << "asked to stop after " << delay_s << " s";
+  if (!cpu_s) return std::nullopt;
   const double until_asked_s = std::chrono::duration<double>(asked - start).count();
-  EXPECT_LT(ChildrenCpuSeconds() - children_before_s, until_asked_s + kLate_s)
-      << "asked to stop after " << delay_s << " s";
-  return true;
+  return Lateness{.own_s = now_s - *cpu_s,
+                  .children_s = ChildrenCpuSeconds() - children_before_s - until_asked_s};
 }
 
 class Stop : public ::testing::Test {
@@ -83,12 +87,25 @@ class Stop : public ::testing::Test {
   static void SetUpTestSuite() { part_ = new TriangleMesh(Sphere(1400)); }  // 3.9 million triangles
   static void TearDownTestSuite() { delete part_; }
 
-  // Asks at several moments; most of them must fall into the work, or nothing is tested.
+  // Asks at several moments; most of them must fall into the work, or nothing is tested. Less than
+  // 100 ms of CPU time may follow. A loaded machine adds to it (cold caches, page faults), so a
+  // moment that is late is tried again, and the least of three tries counts.
   static void ExpectStopsWheneverAsked(const std::function<Work()>& make_work) {
+    constexpr double kLate_s = 0.1 * kSlowness;
+    constexpr int kTries = 3;
     int stopped = 0;
     for (const double delay_s : {0.0, 0.03, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2}) {
-      const Work work = make_work();
-      stopped += StopsSoon(delay_s, work) ? 1 : 0;
+      std::optional<Lateness> least = StopAfter(delay_s, make_work());
+      if (!least) continue;
+      ++stopped;
+      for (int i = 1; i < kTries && std::max(least->own_s, least->children_s) >= kLate_s; ++i) {
+        const std::optional<Lateness> again = StopAfter(delay_s, make_work());
+        if (!again) break;
+        least->own_s = std::min(least->own_s, again->own_s);
+        least->children_s = std::min(least->children_s, again->children_s);
+      }
+      EXPECT_LT(least->own_s, kLate_s) << "asked to stop after " << delay_s << " s";
+      EXPECT_LT(least->children_s, kLate_s) << "asked to stop after " << delay_s << " s";
     }
     EXPECT_GE(stopped, 4);
   }

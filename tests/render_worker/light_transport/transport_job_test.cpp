@@ -90,8 +90,9 @@ TEST(LightTransport, CancelledWithinATenthOfASecond) {
     double asked_s = 0;
     std::jthread canceller([&] {
       std::this_thread::sleep_for(std::chrono::milliseconds(300));
-      asked_s = CpuSeconds();
+      // The flag first: this thread may have to wait between the two while the work goes on.
       cancelled = true;
+      asked_s = CpuSeconds();
     });
     absl::Status status;
     if (laser) {
