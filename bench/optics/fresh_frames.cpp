@@ -10,7 +10,7 @@
 #include <vector>
 
 #include "bench/common/measure.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
 #include "render_worker/optical_planning/detection_noise.h"

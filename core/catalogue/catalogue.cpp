@@ -10,10 +10,11 @@
 #include "absl/strings/match.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
+#include "core/field_limits/imaging_limits.h"
 #include "core/inspection/imaging.h"
-#include "core/inspection/imaging_limits.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {

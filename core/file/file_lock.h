@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "absl/status/statusor.h"
-#include "core/job/stop_check.h"
+#include "core/status/stop_check.h"
 
 namespace sightline {
 

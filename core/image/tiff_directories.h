@@ -12,7 +12,7 @@
 #include <vector>
 
 #include "absl/status/statusor.h"
-#include "core/job/stop_check.h"
+#include "core/status/stop_check.h"
 
 namespace sightline {
 

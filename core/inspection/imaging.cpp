@@ -6,11 +6,13 @@
 #include <filesystem>
 #include <set>
 
-#include "core/inspection/field_checks.h"
-#include "core/inspection/imaging_limits.h"
+#include "core/field_limits/field_checks.h"
+#include "core/field_limits/imaging_limits.h"
 #include "core/inspection/vector_proto.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
+#include "core/text/number_text.h"
 
 namespace sightline {
 namespace {

@@ -11,16 +11,18 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
+#include "core/field_limits/target_limits.h"
 #include "core/inspection/imaging.h"
 #include "core/inspection/part_holding.h"
 #include "core/inspection/read_with_files.h"
-#include "core/inspection/target_limits.h"
 #include "core/inspection/vector_proto.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
+#include "core/status/status_macros.h"
 #include "core/text/length_unit.h"
+#include "core/text/number_text.h"
 
 namespace sightline {
 namespace {

@@ -6,10 +6,12 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 #include "core/inspection/inspection.h"
 #include "core/json/error_list.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
+#include "core/text/number_text.h"
 
 namespace sightline {
 namespace {

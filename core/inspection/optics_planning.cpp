@@ -3,9 +3,11 @@
 
 #include <algorithm>
 
-#include "core/inspection/field_checks.h"
-#include "core/inspection/imaging_limits.h"
+#include "core/field_limits/field_checks.h"
+#include "core/field_limits/imaging_limits.h"
 #include "core/sensor/sensor.h"
+#include "core/status/status_macros.h"
+#include "core/text/number_text.h"
 
 namespace sightline {
 namespace {

@@ -9,10 +9,11 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 #include "core/resting/convex_hull.h"
 #include "core/resting/mesh_overlap.h"
 #include "core/rig/scan_geometry.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {

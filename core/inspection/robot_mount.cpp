@@ -2,8 +2,9 @@
 #include "core/inspection/robot_mount.h"
 
 #include "absl/strings/str_cat.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 #include "core/inspection/inspection.h"
+#include "core/status/status_macros.h"
 
 namespace sightline {
 namespace {

@@ -20,8 +20,8 @@
 #include "absl/strings/str_format.h"
 #include "core/admission/shared_limit.h"
 #include "core/job/job_store.h"
-#include "core/json/printable.h"
 #include "core/parallel/exception_status.h"
+#include "core/text/printable.h"
 #include "core/trace/trace_context.h"
 
 namespace sightline {

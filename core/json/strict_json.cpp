@@ -6,7 +6,6 @@
 #include <google/protobuf/io/zero_copy_stream_impl_lite.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <cstdint>
 #include <limits>
@@ -28,8 +27,9 @@
 #include "core/json/error_list.h"
 #include "core/json/json_text.h"
 #include "core/json/line_comments.h"
-#include "core/json/printable.h"
 #include "core/spelling/nearest_name.h"
+#include "core/text/number_text.h"
+#include "core/text/printable.h"
 #include "core/text/text_encoding.h"
 
 namespace sightline {
@@ -603,23 +603,10 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
   std::map<const Descriptor*, size_t> bytes_of_;
 };
 
-template <typename Number>
-std::string ShortestText(Number value) {
-  if (std::isnan(value)) return "NaN";
-  if (std::isinf(value)) return value > 0 ? "Infinity" : "-Infinity";
-  if (value == 0) return std::signbit(value) ? "-0.0" : "0";
-  const double magnitude = std::abs(static_cast<double>(value));
-  const auto format = magnitude >= 1e-5 && magnitude < 1e15 ? std::chars_format::fixed
-                                                            : std::chars_format::scientific;
-  char buffer[64];
-  const auto end = std::to_chars(buffer, buffer + sizeof(buffer), value, format).ptr;
-  return std::string(buffer, end);
-}
-
 // JSON has no NaN or infinity; the strings are proto3 JSON's and are refused when read back.
 template <typename Number>
 std::string JsonNumber(Number value) {
-  const std::string text = ShortestText(value);
+  const std::string text = NumberText(value);
   return std::isfinite(value) ? text : absl::StrCat("\"", text, "\"");
 }
 
@@ -792,8 +779,6 @@ absl::Status ReadStrictJsonFile(const std::string& path, Message* message) {
   if (!text.ok()) return text.status();
   return ParseStrictJson(*std::move(text), path, message);
 }
-
-std::string NumberText(double value) { return ShortestText(value); }
 
 std::string ToJson(const Message& message) {
   std::string out;

@@ -33,8 +33,4 @@ absl::Status ReadStrictJsonFile(const std::string& path, google::protobuf::Messa
 // same bytes. int64 are written as numbers, not strings.
 std::string ToJson(const google::protobuf::Message& message);
 
-// Shortest text that reads back as the same number, without an exponent where that stays readable.
-// NaN and infinity: "NaN", "Infinity", "-Infinity".
-std::string NumberText(double value);
-
 }  // namespace sightline

@@ -18,7 +18,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/job/stop_check.h"
+#include "core/status/stop_check.h"
 
 namespace sightline {
 

@@ -7,8 +7,8 @@
 #include <span>
 
 #include "absl/status/status.h"
-#include "core/job/stop_check.h"
 #include "core/part/mesh_readers.h"
+#include "core/status/stop_check.h"
 
 namespace sightline {
 

@@ -9,8 +9,8 @@
 #include "absl/status/statusor.h"
 #include "core/image/image.h"
 #include "core/image/read_raw_image.h"
-#include "core/job/stop_check.h"
 #include "core/recordings/recordings.h"
+#include "core/status/stop_check.h"
 
 namespace sightline {
 

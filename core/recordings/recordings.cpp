@@ -11,12 +11,14 @@
 #include <utility>
 
 #include "absl/strings/ascii.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 #include "core/inspection/imaging.h"
 #include "core/inspection/inspection.h"
 #include "core/json/json_text.h"
-#include "core/json/printable.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
+#include "core/text/number_text.h"
+#include "core/text/printable.h"
 
 namespace sightline {
 namespace {

@@ -11,8 +11,10 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 #include "core/recordings/expected_line.h"
+#include "core/status/status_macros.h"
+#include "core/text/number_text.h"
 
 namespace sightline {
 namespace {

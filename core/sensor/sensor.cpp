@@ -8,9 +8,11 @@
 
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
-#include "core/inspection/field_checks.h"
-#include "core/inspection/imaging_limits.h"
+#include "core/field_limits/field_checks.h"
+#include "core/field_limits/imaging_limits.h"
 #include "core/json/strict_json.h"
+#include "core/status/status_macros.h"
+#include "core/text/number_text.h"
 
 namespace sightline {
 namespace {

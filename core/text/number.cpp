@@ -8,7 +8,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/charconv.h"
 #include "absl/strings/str_cat.h"
-#include "core/json/printable.h"
+#include "core/text/printable.h"
 
 namespace sightline {
 namespace {

@@ -8,6 +8,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/text/number_text.h"
 #include "core/triangulation/triangulation.h"
 
 namespace sightline {

@@ -5,7 +5,9 @@
 #include <cmath>
 
 #include "absl/strings/str_cat.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
+#include "core/status/status_macros.h"
+#include "core/text/number_text.h"
 
 namespace sightline {
 namespace {

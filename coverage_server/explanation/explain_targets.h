@@ -29,8 +29,8 @@
 #include "core/inspection/inspection.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
-#include "coverage_server/scan/collision.h"
-#include "coverage_server/scene/coverage_scene.h"
+#include "coverage_server/answers/scene_answers.h"
+#include "coverage_server/collision/collision.h"
 
 namespace sightline {
 

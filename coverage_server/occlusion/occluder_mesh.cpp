@@ -8,7 +8,7 @@
 #include <utility>
 #include <vector>
 
-#include "core/job/stop_check.h"
+#include "core/status/stop_check.h"
 #include "coverage_server/worker_process/worker_process.h"
 
 namespace sightline {

@@ -14,9 +14,9 @@
 
 #include "core/part/mesh.h"
 #include "core/rig/scan_geometry.h"
-#include "coverage_server/scan/collision.h"
+#include "coverage_server/answers/scene_answers.h"
+#include "coverage_server/collision/collision.h"
 #include "coverage_server/scan/scan_in_part.h"
-#include "coverage_server/scene/coverage_scene.h"
 
 namespace sightline {
 

@@ -7,7 +7,7 @@
 #include <cmath>
 
 #include "core/rig/scan_geometry.h"
-#include "coverage_server/scan/collision.h"
+#include "coverage_server/collision/collision.h"
 #include "coverage_server/scan/scan_in_part.h"
 
 namespace sightline {

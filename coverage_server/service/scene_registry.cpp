@@ -4,8 +4,8 @@
 #include <spdlog/spdlog.h>
 
 #include "absl/strings/str_cat.h"
-#include "core/json/printable.h"
 #include "core/part/part_digest.h"
+#include "core/text/printable.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {

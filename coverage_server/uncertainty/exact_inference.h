@@ -13,8 +13,8 @@
 #include "core/surface_inference/surface_inference.h"
 #include "core/targets/target_set.h"
 #include "core/uncertainty/uncertainty_model.h"
+#include "coverage_server/answers/scene_answers.h"
 #include "coverage_server/scan/scan_in_part.h"
-#include "coverage_server/scene/coverage_scene.h"
 #include "coverage_server/uncertainty/calibration_variance.h"
 #include "coverage_server/uncertainty/target_priors.h"
 

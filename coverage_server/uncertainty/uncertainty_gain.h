@@ -8,7 +8,7 @@
 
 #include "core/inspection/inspection.h"
 #include "core/targets/target_set.h"
-#include "coverage_server/scene/coverage_scene.h"
+#include "coverage_server/answers/scene_answers.h"
 #include "coverage_server/uncertainty/target_priors.h"
 
 namespace sightline {

@@ -9,7 +9,7 @@
 #include "core/inspection/inspection.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
-#include "coverage_server/scan/collision.h"
+#include "coverage_server/collision/collision.h"
 #include "coverage_server/visibility/visibility_field.h"
 
 namespace sightline {

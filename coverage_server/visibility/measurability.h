@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "core/targets/target_set.h"
-#include "coverage_server/scan/collision.h"
+#include "coverage_server/collision/collision.h"
 #include "coverage_server/visibility/visibility_field.h"
 
 namespace sightline {

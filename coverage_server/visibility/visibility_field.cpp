@@ -19,9 +19,9 @@
 
 #include "absl/strings/numbers.h"
 #include "absl/strings/str_cat.h"
-#include "core/job/stop_check.h"
 #include "core/parallel/worker_threads.h"
 #include "core/process/start_process.h"
+#include "core/status/stop_check.h"
 #include "coverage_server/occlusion/occluder_mesh.h"
 #include "coverage_server/visibility/field_renderer.h"
 #include "coverage_server/visibility/field_worker.h"

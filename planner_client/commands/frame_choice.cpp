@@ -10,6 +10,7 @@
 #include "core/json/strict_json.h"
 #include "core/part/part_digest.h"
 #include "core/text/number.h"
+#include "core/text/number_text.h"
 #include "planner_client/commands/other_part.h"
 #include "planner_client/part_files/part_file.h"
 #include "planner_client/plan_file/plan_file.h"

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/inspection/inspection.h"
 #include "core/json/strict_json.h"
+#include "core/text/number_text.h"
 
 namespace sightline {
 

@@ -11,7 +11,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 #include "core/inspection/inspection.h"
 #include "proto/status/rpc_status.h"
 #include "sightline/v1/optics.pb.h"

@@ -10,6 +10,7 @@
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/json/strict_json.h"
+#include "core/text/number_text.h"
 #include "planner_client/exports/scan_frames.h"
 
 namespace sightline {

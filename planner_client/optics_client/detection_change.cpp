@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 
 namespace sightline {
 

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "core/json/strict_json.h"
+#include "core/text/number_text.h"
 #include "planner_client/plan_file/part_of_plan.h"
 
 namespace sightline {

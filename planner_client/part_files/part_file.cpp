@@ -6,8 +6,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
-#include "core/json/printable.h"
 #include "core/part/load_part.h"
+#include "core/text/printable.h"
 #include "planner_client/part_files/step_mesh.h"
 
 namespace sightline {

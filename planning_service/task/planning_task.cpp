@@ -31,6 +31,7 @@
 #include "core/recordings/assumed_values.h"
 #include "core/recordings/recordings.h"
 #include "core/text/length_unit.h"
+#include "core/text/number_text.h"
 #include "planning_service/task/option_fields.h"
 #include "proto/status/rpc_status.h"
 

@@ -7,6 +7,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "core/spelling/nearest_name.h"
+#include "core/text/number_text.h"
 #include "render_worker/effects/effect.h"
 #include "render_worker/effects/vocabulary.h"
 

@@ -1,6 +1,7 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/text/number_text.h"
 #include "render_worker/material/material.h"
 
 namespace sightline {

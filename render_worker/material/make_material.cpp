@@ -3,6 +3,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
+#include "core/text/number_text.h"
 #include "render_worker/material/directional_albedo.h"
 #include "render_worker/material/models.h"
 

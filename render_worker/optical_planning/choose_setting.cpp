@@ -9,7 +9,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 #include "core/rig/scheimpflug.h"
 #include "proto/status/rpc_status.h"
 #include "render_worker/render/part_view.h"

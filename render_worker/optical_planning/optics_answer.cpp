@@ -9,7 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 
 namespace sightline {
 namespace {

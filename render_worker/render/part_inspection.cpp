@@ -9,11 +9,13 @@
 #include <utility>
 
 #include "absl/strings/str_cat.h"
+#include "core/field_limits/field_checks.h"
 #include "core/file/read_file.h"
-#include "core/inspection/field_checks.h"
 #include "core/json/strict_json.h"
 #include "core/part/load_part.h"
 #include "core/part/part_digest.h"
+#include "core/status/status_macros.h"
+#include "core/text/number_text.h"
 #include "proto/status/rpc_status.h"
 
 namespace sightline {

@@ -13,7 +13,7 @@
 #include "absl/status/statusor.h"
 #include "core/admission/shared_limit.h"
 #include "core/job/job_store.h"
-#include "core/job/stop_check.h"
+#include "core/status/stop_check.h"
 #include "render_worker/diagnosis/diagnose.h"
 #include "render_worker/scene_diagnosis/diagnose_scene.h"
 #include "render_worker/service/answer_jobs.h"

@@ -8,6 +8,7 @@
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "core/physics/constants.h"
+#include "core/text/number_text.h"
 #include "render_worker/spectrum/illuminants.h"
 
 namespace sightline {

@@ -11,7 +11,7 @@
 #include "core/rig/measurement.h"
 #include "core/rig/rig.h"
 #include "core/targets/target_set.h"
-#include "coverage_server/scan/collision.h"
+#include "coverage_server/collision/collision.h"
 #include "coverage_server/scene/coverage_scene.h"
 
 namespace sightline {

@@ -18,9 +18,9 @@
 #include <string_view>
 
 #include "absl/status/statusor.h"
-#include "core/job/stop_check.h"
 #include "core/part/mesh.h"
 #include "core/part/mesh_readers.h"
+#include "core/status/stop_check.h"
 
 namespace sightline {
 

@@ -8,9 +8,9 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/image/image.h"
-#include "core/job/stop_check.h"
 #include "core/recordings/check/recording_checks.h"
 #include "core/recordings/recordings.h"
+#include "core/status/stop_check.h"
 
 namespace sightline {
 

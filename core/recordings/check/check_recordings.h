@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "core/image/image.h"
-#include "core/job/stop_check.h"
 #include "core/recordings/recordings.h"
+#include "core/status/stop_check.h"
 
 namespace sightline {
 

@@ -13,11 +13,11 @@
 #include <vector>
 
 #include "core/image/image.h"
-#include "core/job/stop_check.h"
 #include "core/recordings/check/check_recordings.h"
 #include "core/recordings/expected_line.h"
 #include "core/recordings/raw_numbers.h"
 #include "core/recordings/recordings.h"
+#include "core/status/stop_check.h"
 
 namespace sightline {
 

@@ -6,7 +6,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_replace.h"
-#include "core/json/printable.h"
+#include "core/text/printable.h"
 #include "planner_client/command_line/process/progress_line.h"
 
 namespace sightline {

@@ -10,12 +10,12 @@
 #include <string>
 
 #include "absl/strings/str_format.h"
-#include "core/json/printable.h"
+#include "core/text/printable.h"
 
 namespace sightline {
 
 // Writes the text that absl::StrFormat makes, with control characters as escapes
-// (core/json/printable.h).
+// (core/text/printable.h).
 template <typename... Args>
 void PrintTextTo(FILE* stream, const absl::FormatSpec<Args...>& format, const Args&... args) {
   std::fputs(Printable(absl::StrFormat(format, args...)).c_str(), stream);

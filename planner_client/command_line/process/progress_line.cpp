@@ -9,7 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "absl/strings/str_format.h"
-#include "core/json/printable.h"
+#include "core/text/printable.h"
 #include "planner_client/command_line/help/terminal.h"
 
 namespace sightline {

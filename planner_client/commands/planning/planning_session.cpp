@@ -14,6 +14,7 @@
 #include "core/json/strict_json.h"
 #include "core/random/random.h"
 #include "core/rig/sensor_bodies.h"
+#include "core/text/number_text.h"
 #include "planner_client/command_line/process/interrupt.h"
 #include "planner_client/command_line/process/print.h"
 #include "planner_client/command_line/process/progress_line.h"

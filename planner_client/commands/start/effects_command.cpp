@@ -12,6 +12,7 @@
 #include "core/command_options/option_values.h"
 #include "core/json/strict_json.h"
 #include "core/spelling/nearest_name.h"
+#include "core/text/number_text.h"
 #include "planner_client/command_line/help/terminal.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/print.h"

@@ -9,6 +9,7 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_join.h"
 #include "core/json/strict_json.h"
+#include "core/text/number_text.h"
 #include "planner_client/report/diagnosis/check_sizes.h"
 #include "planner_client/report/diagnosis/diagnosis_text.h"
 #include "planner_client/report/diagnosis/diagnosis_view.h"

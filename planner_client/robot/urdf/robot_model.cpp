@@ -19,6 +19,7 @@
 #include "core/file/no_such_file.h"
 #include "core/json/strict_json.h"
 #include "core/part/part_digest.h"
+#include "core/text/number_text.h"
 #include "planner_client/robot/urdf/robot_mesh.h"
 #include "planner_client/robot/urdf/urdf_file.h"
 

@@ -18,6 +18,7 @@
 #include "core/file/read_file.h"
 #include "core/json/strict_json.h"
 #include "core/text/number_table.h"
+#include "core/text/number_text.h"
 #include "render_worker/material/measured/tabulated_material.h"
 #include "render_worker/material/models.h"
 

@@ -16,7 +16,8 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/file/atomic_write.h"
-#include "core/json/printable.h"
+#include "core/text/number_text.h"
+#include "core/text/printable.h"
 #include "google/protobuf/util/message_differencer.h"
 #include "sightline/v1/inspection.pb.h"
 #include "sightline/v1/plan.pb.h"

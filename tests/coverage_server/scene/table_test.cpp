@@ -6,7 +6,7 @@
 #include <numbers>
 
 #include "core/physics/angle.h"
-#include "coverage_server/scan/collision.h"
+#include "coverage_server/collision/collision.h"
 #include "coverage_server/scene/coverage_scene.h"
 #include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"

@@ -9,7 +9,7 @@
 #include <set>
 
 #include "absl/status/status.h"
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 #include "core/json/strict_json.h"
 #include "core/recordings/check/check_recordings.h"
 #include "core/recordings/expected_line.h"

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "coverage_server/scan/collision.h"
+#include "coverage_server/collision/collision.h"
 
 #include "core/rig/sensor_bodies.h"
 

@@ -1,6 +1,6 @@
 // SPDX-License-Identifier: Apache-2.0
 // Hard constraints: bodies against part, fixtures and table.
-#include "coverage_server/scan/collision.h"
+#include "coverage_server/collision/collision.h"
 
 #include <gtest/gtest.h>
 

@@ -3,7 +3,7 @@
 // them.
 #pragma once
 
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 
 namespace sightline {
 

@@ -10,7 +10,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "core/json/strict_json.h"
+#include "core/text/number_text.h"
 
 namespace sightline {
 
@@ -63,10 +63,5 @@ class Checker {
  private:
   std::string context_;
 };
-
-#define SIGHTLINE_RETURN_IF_ERROR(expression)                               \
-  do {                                                                      \
-    if (absl::Status status_ = (expression); !status_.ok()) return status_; \
-  } while (false)
 
 }  // namespace sightline

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/json/printable.h"
+#include "core/text/printable.h"
 
 #include <array>
 #include <cstdio>

@@ -4,7 +4,7 @@
 // new`. Error messages print them.
 #pragma once
 
-#include "core/inspection/field_checks.h"
+#include "core/field_limits/field_checks.h"
 
 namespace sightline {
 
