@@ -12,6 +12,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "core/statistics/normal_distribution.h"
 
 namespace sightline {
 namespace {
@@ -19,7 +20,7 @@ namespace {
 // Normal distribution function of a value with standard deviation s; a step for s = 0.
 double NormalBelow(double x, double s) {
   if (s <= 0) return x >= 0 ? 1 : 0;
-  return 0.5 * std::erfc(-x / (s * std::numbers::sqrt2));
+  return NormalDistribution(x / s);
 }
 
 double NormalDensity(double x, double s) {

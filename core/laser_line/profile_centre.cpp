@@ -8,6 +8,8 @@
 #include <cmath>
 #include <vector>
 
+#include "core/statistics/order_statistics.h"
+
 namespace sightline {
 namespace {
 
@@ -130,9 +132,7 @@ double LocalBackground(std::span<const double> profile, const ProfileWindow& win
     for (int k = first; k <= last; ++k) least = std::min(least, profile[k]);
     return least;
   }
-  const auto middle = ring.begin() + ring.size() / 2;
-  std::nth_element(ring.begin(), middle, ring.end());
-  return *middle;
+  return UpperMedian(std::move(ring));
 }
 
 std::optional<ProfileCentre> CentreOfGravity(std::span<const double> profile,

@@ -10,6 +10,7 @@
 #include <optional>
 
 #include "absl/strings/str_cat.h"
+#include "core/statistics/order_statistics.h"
 
 namespace sightline {
 namespace {
@@ -23,12 +24,6 @@ constexpr size_t kFewestPoints = 6;
 constexpr double kNotFixed = 0.5;
 constexpr size_t kFewestSure = 20;  // a part of one in so many points
 constexpr double kLeastNoiseShare = 0.01;
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 Eigen::Matrix3d RotationOf(const Eigen::Vector3d& theta) {
   const double angle = theta.norm();
@@ -162,8 +157,8 @@ class Estimator {
     std::vector<double> sizes;
     sizes.reserve(residuals_.size());
     for (const Residual& r : residuals_) sizes.push_back(std::abs(r.value));
-    scale_ = std::max(kSmallestResidual, kMadToSigma * Median(std::move(sizes)));
-    raw_scale_m_ = kMadToSigma * Median(std::move(raw_m));
+    scale_ = std::max(kSmallestResidual, kMadToSigma * UpperMedian(std::move(sizes)));
+    raw_scale_m_ = kMadToSigma * UpperMedian(std::move(raw_m));
   }
 
   double Weight(double value) const {

@@ -5,12 +5,11 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/statistics/square.h"
 #include "core/surface_inference/surface_inference.h"
 
 namespace sightline {
 namespace {
-
-double Square(double x) { return x * x; }
 
 // Value of the spectrum S at frequency 0 [m^4].
 double SpectrumAtZero(const SurfacePrior& prior) {

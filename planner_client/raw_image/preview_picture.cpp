@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "core/statistics/order_statistics.h"
 
 namespace sightline {
 namespace {
@@ -15,13 +16,6 @@ namespace {
 constexpr double kBlackQuantile = 0.01, kWhiteQuantile = 0.999;
 constexpr double kGamma = 2.2;
 constexpr double kMostBalance = 4;
-
-double Quantile(std::vector<float>& values, double fraction) {
-  const auto at = values.begin() +
-                  static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), at, values.end());
-  return *at;
-}
 
 // Values of one channel for every pixel: its own number, or its cell's mean of two greens, red or
 // blue.
@@ -56,8 +50,8 @@ absl::StatusOr<std::string> PreviewPng(const RawPng& raw, bool bayer) {
   for (int c = 0; c < channels; ++c) {
     light.push_back(Channel(raw, bayer, c));
     std::vector<float> sorted = light.back();
-    const double black = Quantile(sorted, kBlackQuantile);
-    median.push_back(std::max(0.0, Quantile(sorted, 0.5) - black));
+    const double black = LowerQuantile(sorted, kBlackQuantile);
+    median.push_back(std::max(0.0, LowerQuantile(sorted, 0.5) - black));
     for (float& value : light.back()) {
       value = std::max(0.0f, value - static_cast<float>(black));
     }
@@ -71,7 +65,7 @@ absl::StatusOr<std::string> PreviewPng(const RawPng& raw, bool bayer) {
                                  : 1;
     for (float& value : light[static_cast<size_t>(c)]) value *= static_cast<float>(gain);
     std::vector<float> sorted = light[static_cast<size_t>(c)];
-    white = std::max(white, Quantile(sorted, kWhiteQuantile));
+    white = std::max(white, LowerQuantile(sorted, kWhiteQuantile));
   }
   white = std::max(white, 1.0);
   std::vector<uint8_t> values;

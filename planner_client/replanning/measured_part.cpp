@@ -20,6 +20,7 @@
 #include "core/part/mesh_readers.h"
 #include "core/registration/deformed_mesh.h"
 #include "core/rig/scan_geometry.h"
+#include "core/statistics/normal_distribution.h"
 #include "core/targets/poisson_disk.h"
 #include "planner_client/measured_points/read_points.h"
 #include "planner_client/replanning/misfit.h"
@@ -47,16 +48,6 @@ double QuantileOf(std::vector<float> values, int64_t beyond, double fraction) {
   const auto place = values.begin() + static_cast<std::ptrdiff_t>(rank);
   std::nth_element(values.begin(), place, values.end());
   return *place;
-}
-
-// z with P(|N(0, 1)| > z) = probability.
-double TwoSidedQuantile(double probability) {
-  double low = 0, high = 40;
-  for (int i = 0; i < 100; ++i) {
-    const double middle = 0.5 * (low + high);
-    (std::erfc(middle / std::numbers::sqrt2) > probability ? low : high) = middle;
-  }
-  return high;
 }
 
 // Limit on the header of a PLY file; lists of properties and comments take some thousand.
@@ -207,7 +198,7 @@ absl::Status AddDeviations(const TriangleMesh& model, const Inspection& inspecti
   const auto known = std::count_if(estimates.begin(), estimates.end(),
                                    [](const auto& estimate) { return estimate.points > 0; });
   const double level =
-      TwoSidedQuantile(kFalseAlarm / static_cast<double>(std::max<int64_t>(1, known)));
+      NormalTwoSidedQuantile(kFalseAlarm / static_cast<double>(std::max<int64_t>(1, known)));
   DeviationField field;
   field.spacing_m = inspection.targets.spacing_m;
   v1::SurfaceDeviation& message = *part.message.mutable_deviation();

@@ -8,6 +8,7 @@
 
 #include "absl/strings/str_cat.h"
 #include "core/rig/scan_geometry.h"
+#include "core/statistics/order_statistics.h"
 #include "core/triangulation/triangulation.h"
 
 namespace sightline {
@@ -29,9 +30,7 @@ double MedianDistance(const SurfaceIndex& model, std::span<const Eigen::Vector3d
     const auto on = model.Nearest(point, Eigen::Vector3d::Zero(), reach_m);
     distances_m.push_back(on ? on->distance_m : std::numeric_limits<double>::infinity());
   }
-  const auto middle = distances_m.begin() + static_cast<std::ptrdiff_t>(distances_m.size() / 2);
-  std::nth_element(distances_m.begin(), middle, distances_m.end());
-  return *middle;
+  return UpperMedian(std::move(distances_m));
 }
 
 double SizeOf(std::span<const Eigen::Vector3d> points_m) {

@@ -8,6 +8,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
+#include "core/statistics/square.h"
 
 namespace sightline {
 namespace {
@@ -19,8 +20,6 @@ constexpr double kLeastDarkVariance_dn2 = 0.24;
 absl::Status Error(const std::string& reason) {
   return absl::InvalidArgumentError(absl::StrCat("EMVA 1288: ", reason));
 }
-
-double Square(double x) { return x * x; }
 
 // Variance of a temporal variance that comes from one pair: chi-squared of `pixels` - 1.
 double VarianceOfVariance(const PairStatistics& pair) {

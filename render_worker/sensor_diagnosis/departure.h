@@ -26,10 +26,6 @@ struct Departure {
   std::vector<DepartureParameter> parameters = {};
 };
 
-// Probability that a standard normal number lies at least |z| from zero.
-double TwoSidedP(double z);
-// Probability that a standard normal number is at least z.
-double UpperTailP(double z);
 // Probability of a chi squared at least as large.
 double ChiSquaredTailP(double chi_squared, double degrees_of_freedom);
 

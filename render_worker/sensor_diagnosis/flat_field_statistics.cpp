@@ -6,7 +6,7 @@
 #include <cmath>
 #include <functional>
 
-#include "render_worker/sensor_diagnosis/square.h"
+#include "core/statistics/square.h"
 
 namespace sightline {
 namespace {

@@ -14,6 +14,7 @@
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
 #include "core/parallel/exception_status.h"
+#include "core/statistics/order_statistics.h"
 #include "render_worker/image_chain/form_image.h"
 #include "render_worker/image_file/grey_png.h"
 #include "render_worker/recordings/plate_frames.h"
@@ -51,10 +52,7 @@ absl::StatusOr<std::string> ScaledPng(const Image<float>& image, double black_dn
 
 // Value that all but a thousandth stay below: single bright speckles may burn out.
 double Brightest(const Image<float>& image) {
-  std::vector<float> values = image.values;
-  const auto place = values.begin() + static_cast<std::ptrdiff_t>(values.size() * 999 / 1000);
-  std::nth_element(values.begin(), place, values.end());
-  return *place;
+  return OrderStatistic(image.values, image.values.size() * 999 / 1000);
 }
 
 absl::Status AddCrops(const Image<uint16_t>& recorded, const Image<uint16_t>& simulated,

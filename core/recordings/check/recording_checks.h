@@ -17,16 +17,14 @@
 #include "core/recordings/expected_line.h"
 #include "core/recordings/raw_numbers.h"
 #include "core/recordings/recordings.h"
+#include "core/statistics/order_statistics.h"
 #include "core/status/stop_check.h"
 
 namespace sightline {
 
-// The middle one of the values, the upper of two; 0 without any.
+// The upper median of the values; 0 without any.
 inline double MedianOf(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
+  return values.empty() ? 0 : UpperMedian(std::move(values));
 }
 
 // The line as it is seen in the rows' means of the brightest channel.

@@ -16,6 +16,7 @@
 #include "core/recordings/check/recording_checks.h"
 #include "core/recordings/linearity.h"
 #include "core/recordings/raw_numbers.h"
+#include "core/statistics/order_statistics.h"
 
 namespace sightline {
 namespace {
@@ -35,10 +36,7 @@ std::optional<ColumnRatios> MeasureColumnRatios(const Image<uint16_t>& image, do
     means[static_cast<size_t>(row)] =
         std::accumulate(values, values + image.columns_px, 0.0) / image.columns_px;
   }
-  std::vector<double> sorted = means;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
-  const double beside_dn = std::max(dark_dn, *middle);
+  const double beside_dn = std::max(dark_dn, UpperMedian(means));
   std::array<std::array<double, 2>, 2> sums{}, background{};
   std::array<double, 2> rows{}, background_rows{};
   for (int row = 0; row < image.rows_px; ++row) {

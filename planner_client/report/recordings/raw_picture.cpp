@@ -7,6 +7,7 @@
 #include <filesystem>
 #include <vector>
 
+#include "core/statistics/order_statistics.h"
 #include "planner_client/raw_image/raw_png.h"
 
 namespace sightline {
@@ -14,12 +15,6 @@ namespace {
 
 constexpr uint32_t kMaxColumns = 640;
 constexpr uint64_t kMaxPixels = uint64_t{1} << 27;  // a damaged header shall not take all memory
-
-double Quantile(std::vector<float> values, double fraction) {
-  const auto at = static_cast<size_t>(fraction * static_cast<double>(values.size() - 1));
-  std::nth_element(values.begin(), values.begin() + static_cast<std::ptrdiff_t>(at), values.end());
-  return values[at];
-}
 
 bool StaysInside(const std::string& file) {
   const std::filesystem::path path(file);
@@ -52,8 +47,8 @@ std::string RawPicturePng(const std::string& folder, const std::string& file) {
       means[static_cast<size_t>(row) * shown_columns + column] = static_cast<float>(sum / count);
     }
   }
-  const double black = Quantile(means, 0.05);
-  const double white = std::max(Quantile(means, 0.998), black + 1);
+  const double black = LowerQuantile(means, 0.05);
+  const double white = std::max(LowerQuantile(means, 0.998), black + 1);
   std::vector<uint8_t> grey(means.size());
   for (size_t i = 0; i < means.size(); ++i) {
     const double signal = std::clamp((means[i] - black) / (white - black), 0.0, 1.0);

@@ -6,6 +6,7 @@
 #include <map>
 
 #include "absl/strings/str_format.h"
+#include "core/statistics/order_statistics.h"
 
 namespace sightline {
 namespace {
@@ -14,12 +15,6 @@ namespace {
 struct Usual {
   double points = 0, point_variance_m2 = 0, admissible_m = 0;
 };
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Variance of single points whose number gives the noise at a target.
 double PointVariance(const TargetUncertainties& u, std::span<const int32_t> points, size_t t) {
@@ -34,7 +29,8 @@ Usual UsualOf(const TargetUncertainties& u, std::span<const int32_t> points,
     variances.push_back(PointVariance(u, points, t));
     admissible.push_back(u.admissible_m[t]);
   }
-  return {Median(std::move(counts)), Median(std::move(variances)), Median(std::move(admissible))};
+  return {UpperMedian(std::move(counts)), UpperMedian(std::move(variances)),
+          UpperMedian(std::move(admissible))};
 }
 
 // The reason why the noise is larger than usual.
@@ -106,7 +102,7 @@ std::vector<v1::InadmissibleCount> CountInadmissible(const TargetUncertainties& 
     v1::InadmissibleCount& count = counts.emplace_back();
     count.set_limit(limit);
     count.set_targets(static_cast<int64_t>(of_limit.size()));
-    count.set_median_uncertainty_over_admissible(Median(of_limit));
+    count.set_median_uncertainty_over_admissible(UpperMedian(of_limit));
   }
   std::stable_sort(counts.begin(), counts.end(),
                    [](const auto& a, const auto& b) { return a.targets() > b.targets(); });

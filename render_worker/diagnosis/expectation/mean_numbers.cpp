@@ -9,7 +9,7 @@
 #include <numeric>
 #include <set>
 
-#include "render_worker/diagnosis/expectation/normal_distribution.h"
+#include "core/statistics/normal_distribution.h"
 #include "render_worker/diagnosis/expectation/rounded_normal.h"
 
 namespace sightline {

@@ -4,7 +4,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "render_worker/diagnosis/expectation/normal_distribution.h"
+#include "core/statistics/normal_distribution.h"
 
 namespace sightline {
 namespace {

@@ -10,6 +10,7 @@
 #include <numbers>
 #include <utility>
 
+#include "core/statistics/order_statistics.h"
 #include "render_worker/diagnosis/statistic/line_displacement.h"
 
 namespace sightline {
@@ -51,8 +52,7 @@ std::vector<double> OverMedian(std::vector<double> scales) {
   std::copy_if(scales.begin(), scales.end(), std::back_inserter(sorted),
                [](double scale) { return !std::isnan(scale); });
   if (sorted.empty()) return std::vector<double>(scales.size(), 0);
-  std::nth_element(sorted.begin(), sorted.begin() + sorted.size() / 2, sorted.end());
-  const double median = sorted[sorted.size() / 2];
+  const double median = UpperMedian(std::move(sorted));
   for (double& scale : scales) scale = std::isnan(scale) ? 0 : scale - median;
   return scales;
 }

@@ -8,6 +8,8 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/statistics/square.h"
+
 namespace sightline {
 
 namespace {
@@ -22,8 +24,6 @@ constexpr double kShiftError_px = 0.05, kBlurError_px2 = 0.03, kBlurErrorRelativ
 // Squared distance from which on exp(-distance / 2) is 0 in double precision (below e^-745.2), as
 // in most of the grid. exp() is slowest there.
 constexpr double kVanishes = 1500;
-
-double Square(double x) { return x * x; }
 
 // Evenly spaced phases, which have sin(phase) from one end to the other.
 struct PhaseGrid {

@@ -6,6 +6,7 @@
 #include <functional>
 #include <numbers>
 
+#include "core/statistics/normal_distribution.h"
 #include "render_worker/sensor/expose.h"
 
 namespace sightline {
@@ -127,8 +128,7 @@ double BlackShare(const FrameSetup& frame, std::span<const ActiveEffect> effects
   double share = 0;
   for (double mean : electrons.values) {
     const double below = (edge_dn - gain * mean - sensor.black_level_dn) / noise_dn;
-    share += 0.5 * std::erfc(-below / std::numbers::sqrt2) /
-             static_cast<double>(electrons.values.size());
+    share += NormalDistribution(below) / static_cast<double>(electrons.values.size());
   }
   return share;
 }

@@ -2,21 +2,15 @@
 #include "render_worker/light_transport/laser/laser_beam.h"
 
 #include <algorithm>
-#include <boost/math/special_functions/erf.hpp>
 #include <cmath>
 #include <numbers>
+
+#include "core/statistics/normal_distribution.h"
 
 namespace sightline {
 namespace {
 
 constexpr double kRootTwo = std::numbers::sqrt2;
-
-// Quantile function of the standard normal distribution.
-double NormalQuantile(double p) {
-  // In double precision throughout: Boost would go through long double, ten times slower.
-  using Policy = boost::math::policies::policy<boost::math::policies::promote_double<false>>;
-  return -kRootTwo * boost::math::erfc_inv(2 * std::clamp(p, 1e-12, 1 - 1e-12), Policy());
-}
 
 // Antiderivatives of the profile g(q) = sqrt(2/pi)/w exp(-2 q^2/w^2), whose integral is 1.
 double FirstIntegral(double q, double w) { return 0.5 * std::erf(kRootTwo * q / w); }

@@ -8,6 +8,7 @@
 #include <limits>
 #include <utility>
 
+#include "core/statistics/normal_distribution.h"
 #include "render_worker/scene_diagnosis/fit/student_t.h"
 
 namespace sightline {
@@ -131,8 +132,8 @@ void AddLogPrior(const PathChoice& paths, const FactorPrior& prior, PathFit* fit
         -0.5 * deviation * deviation * prior.precision[k] + 0.5 * std::log(prior.precision[k]);
     if (paths[static_cast<size_t>(k)]->may_be_negative) continue;
     // Prior and posterior are both truncated at 0.
-    log_prior += LogNormalDistribution(fit->factors[k] / std::sqrt(fit->covariance(k, k))) -
-                 LogNormalDistribution(prior.mean[k] * std::sqrt(prior.precision[k]));
+    log_prior += LogOfNormalDistribution(fit->factors[k] / std::sqrt(fit->covariance(k, k))) -
+                 LogOfNormalDistribution(prior.mean[k] * std::sqrt(prior.precision[k]));
   }
   log_prior += LogSpecklePrior(fit->speckle_factor);
 }
@@ -176,7 +177,7 @@ PathFit WithZeroFactor(PathFit fit, PathChoice paths, Eigen::Index k, double err
   const LightPath& path = *paths[static_cast<size_t>(k)];
   const double z = path.prior_mean / path.prior_standard_deviation;
   fit.evidence.parameter_prior += std::log(error / (2 * path.prior_standard_deviation)) -
-                                  0.5 * z * z - LogNormalDistribution(z);
+                                  0.5 * z * z - LogOfNormalDistribution(z);
   const auto count = static_cast<Eigen::Index>(paths.size());
   Eigen::VectorXd factors = Eigen::VectorXd::Zero(count);
   Eigen::MatrixXd covariance = Eigen::MatrixXd::Zero(count, count);

@@ -16,9 +16,4 @@ double StudentWeight(double z_squared) {
   return (kStudentFreedom + 1) / (kStudentFreedom - 2 + z_squared);
 }
 
-double LogNormalDistribution(double x) {
-  if (x < -30) return -0.5 * x * x - std::log(-x) - 0.5 * std::log(2 * std::numbers::pi);
-  return std::log(0.5 * std::erfc(-x / std::numbers::sqrt2));
-}
-
 }  // namespace sightline

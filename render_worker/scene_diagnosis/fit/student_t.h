@@ -19,7 +19,4 @@ double LogStudentDensity(double z);
 // given z^2.
 double StudentWeight(double z_squared);
 
-// Logarithm of the standard normal distribution function; asymptotic below -30.
-double LogNormalDistribution(double x);
-
 }  // namespace sightline

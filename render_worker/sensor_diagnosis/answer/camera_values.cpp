@@ -8,7 +8,7 @@
 
 #include "absl/strings/str_format.h"
 #include "core/sensor/sensor.h"
-#include "render_worker/sensor_diagnosis/square.h"
+#include "core/statistics/square.h"
 
 namespace sightline {
 namespace {

@@ -4,7 +4,7 @@
 #include <cstddef>
 #include <optional>
 
-#include "render_worker/sensor_diagnosis/square.h"
+#include "core/statistics/square.h"
 
 namespace sightline {
 namespace {

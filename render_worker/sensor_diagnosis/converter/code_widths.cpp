@@ -10,9 +10,11 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "core/statistics/normal_distribution.h"
+#include "core/statistics/order_statistics.h"
+#include "core/statistics/square.h"
 #include "render_worker/sensor_diagnosis/departure_names.h"
 #include "render_worker/sensor_diagnosis/frames/temporal_variance.h"
-#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 namespace {
@@ -70,12 +72,6 @@ std::vector<BlockWidth> WidthsOfBlocks(const Histogram& histogram, int largest) 
   return blocks;
 }
 
-double MedianOf(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
-
 // Blocks that agree with the median within `kOutlyingBlock` standard errors of block and median. If
 // all blocks differ by more than chance, the bound is wider in proportion. A few blocks deviate
 // for other reasons (clipping at several levels, a peak narrower than a code); the odd codes of a
@@ -83,15 +79,15 @@ double MedianOf(std::vector<double> values) {
 std::vector<BlockWidth> AgreeingBlocks(const std::vector<BlockWidth>& blocks) {
   std::vector<double> widths, deviations;
   for (const BlockWidth& block : blocks) widths.push_back(block.width);
-  const double median = MedianOf(widths);
+  const double median = UpperMedian(widths);
   for (const double width : widths) deviations.push_back(std::abs(width - median));
-  const double median_error = kMedianOverMean * kDeviationOfMedian * MedianOf(deviations) /
+  const double median_error = kMedianOverMean * kDeviationOfMedian * UpperMedian(deviations) /
                               std::sqrt(static_cast<double>(blocks.size()));
   std::vector<double> in_errors;
   for (const BlockWidth& block : blocks) {
     in_errors.push_back(std::abs(block.width - median) / std::hypot(block.error, median_error));
   }
-  const double bound = kOutlyingBlock * std::max(1.0, kDeviationOfMedian * MedianOf(in_errors));
+  const double bound = kOutlyingBlock * std::max(1.0, kDeviationOfMedian * UpperMedian(in_errors));
   std::vector<BlockWidth> agreeing;
   for (const BlockWidth& block : blocks) {
     if (std::abs(block.width - median) <= bound * std::hypot(block.error, median_error)) {
@@ -135,7 +131,7 @@ Departure OddEvenWidth(const Histogram& histogram, int largest) {
   departure.description = absl::StrFormat(
       "odd numbers are wider than even ones by %.3g of a step (differential nonlinearity)",
       difference);
-  departure.p_value = TwoSidedP(difference / error);
+  departure.p_value = NormalTwoSidedTail(difference / error);
   departure.material = std::abs(difference) > kMaterialCodeWidth;
   departure.parameters.push_back({"odd_minus_even_width", "DN", difference, error});
   return departure;

@@ -5,8 +5,8 @@
 #include <cmath>
 #include <cstddef>
 
+#include "core/statistics/square.h"
 #include "render_worker/sensor_diagnosis/fixed_pattern/smooth_course.h"
-#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 namespace {

@@ -10,8 +10,10 @@
 #include <unsupported/Eigen/FFT>
 
 #include "absl/strings/str_format.h"
+#include "core/statistics/normal_distribution.h"
+#include "core/statistics/order_statistics.h"
+#include "core/statistics/square.h"
 #include "render_worker/sensor_diagnosis/departure_names.h"
-#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 namespace {
@@ -99,9 +101,7 @@ SpectralLine LargestLine(const std::vector<double>& high_passed) {
   const int first = n / kNeighbours + 1, last = n / 2;
   std::vector<double> power;
   for (int k = first; k <= last; ++k) power.push_back(std::norm(spectrum[k]));
-  std::vector<double> sorted = power;
-  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
-  std::nth_element(sorted.begin(), middle, sorted.end());
+  const double median = UpperMedian(power);
   const double largest = *std::max_element(power.begin(), power.end());
   const auto peak = std::find_if(power.begin(), power.end(),
                                  [largest](double value) { return value >= 0.5 * largest; });
@@ -109,7 +109,7 @@ SpectralLine LargestLine(const std::vector<double>& high_passed) {
   // Independent values of all columns are white, too, and raise no false alarm.
   return {.frequency = first + static_cast<int>(peak - power.begin()),
           .power = *peak,
-          .mean = std::max(*middle / std::numbers::ln2, 1e-300),
+          .mean = std::max(median / std::numbers::ln2, 1e-300),
           .searched = power.size()};
 }
 
@@ -121,7 +121,7 @@ Departure PeriodOfLines(const FixedPattern& pattern, const LineMeans& line) {
   const bool highest = 2 * k == n;
   const double amplitude = (highest ? 1 : 2) * std::sqrt(peak.power) / n;
   const double ratio = peak.power / peak.mean;
-  const double p = highest ? TwoSidedP(std::sqrt(ratio)) : std::exp(-ratio);
+  const double p = highest ? NormalTwoSidedTail(std::sqrt(ratio)) : std::exp(-ratio);
   const double period_px = static_cast<double>(n) / k;
   Departure departure{
       .effect = absl::StrFormat("%s_%s_period", IlluminationWord(pattern), line.Word()),

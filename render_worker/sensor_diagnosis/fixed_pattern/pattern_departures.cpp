@@ -7,10 +7,11 @@
 #include <string_view>
 
 #include "absl/strings/str_format.h"
+#include "core/statistics/normal_distribution.h"
+#include "core/statistics/square.h"
 #include "render_worker/sensor_diagnosis/departure_names.h"
 #include "render_worker/sensor_diagnosis/fixed_pattern/line_patterns.h"
 #include "render_worker/sensor_diagnosis/fixed_pattern/smooth_course.h"
-#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 namespace {
@@ -61,7 +62,7 @@ Departure CellPattern(const FixedPattern& pattern) {
 // The number of outliers against that of a normal distribution, which is a Poisson number.
 Departure OutlierPixels(const FixedPattern& pattern) {
   const double pixels = static_cast<double>(pattern.deviation.values.size());
-  const double expected = pixels * TwoSidedP(kOutlierDeviations);
+  const double expected = pixels * NormalTwoSidedTail(kOutlierDeviations);
   const double count = static_cast<double>(pattern.outliers.size());
   Departure departure{
       .effect = pattern.dark ? NamesInVocabulary().hot_pixels : std::string(kDefectivePixels),
@@ -86,7 +87,7 @@ Departure LightFallOff(const FixedPattern& bright) {
                       .description = absl::StrFormat(
                           "the light is not uniform: it varies smoothly by %.3g %% over the sensor",
                           100 * bright.smooth_range),
-                      .p_value = UpperTailP(bright.smooth_range / error - 2),
+                      .p_value = NormalUpperTail(bright.smooth_range / error - 2),
                       .material = bright.smooth_range > kMaterialFallOff};
   departure.parameters.push_back({"range", "", bright.smooth_range, error});
   return departure;

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "core/statistics/normal_distribution.h"
 #include "render_worker/sensor_diagnosis/departure_names.h"
 #include "render_worker/sensor_diagnosis/frames/temporal_variance.h"
 
@@ -108,7 +109,7 @@ Departure DriftOfLevel(const FlatFieldStatistics& longest, const FrameLevel& lev
   const double scale = level.relative ? mean : 1;
   drift.description = absl::StrFormat("the %s drifts by %.3g %s over %.0f frames", level.level,
                                       slope / scale, level.shown_unit, n);
-  drift.p_value = TwoSidedP(slope / error);
+  drift.p_value = NormalTwoSidedTail(slope / error);
   drift.material = std::abs(slope / scale) > level.material;
   drift.parameters.push_back({"drift_over_series", level.unit, slope / scale, error / scale});
   return drift;

@@ -6,6 +6,7 @@
 #include <string>
 
 #include "absl/strings/str_format.h"
+#include "core/statistics/normal_distribution.h"
 #include "render_worker/sensor_diagnosis/departure_names.h"
 #include "render_worker/sensor_diagnosis/frames/temporal_variance.h"
 
@@ -47,7 +48,7 @@ Departure FrameCorrelation(std::span<const FlatFieldStatistics* const> steps) {
       "noise of consecutive frames is correlated by %.3g: the camera averages frames, or a part of "
       "the signal is carried over after the electrons are counted",
       value);
-  departure.p_value = UpperTailP(value / carried.Error());
+  departure.p_value = NormalUpperTail(value / carried.Error());
   departure.material = value > kMaterialCarriedOver;
   departure.parameters.push_back({"correlation", "", value, carried.Error()});
   return departure;
@@ -75,7 +76,7 @@ Departure FirstFrameDeficit(std::span<const FlatFieldStatistics* const> steps) {
       "second frames are brighter than first ones by %.3g (relative, mean over the steps): charge "
       "of the frame before is left, or the light settles",
       mean);
-  departure.p_value = TwoSidedP(mean / error);
+  departure.p_value = NormalTwoSidedTail(mean / error);
   departure.material = std::abs(mean) > kMaterialDeficit;
   departure.parameters.push_back({"difference", "", mean, error});
   return departure;

@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "absl/strings/str_format.h"
+#include "core/statistics/normal_distribution.h"
 #include "render_worker/sensor_diagnosis/departure_names.h"
 #include "render_worker/sensor_diagnosis/frames/temporal_variance.h"
 
@@ -63,7 +64,7 @@ Departure CouplingOfOrder(const CovarianceCurve& curve, int k, double variance, 
   const double error = std::sqrt(curve.covariance(k, k)) / variance;
   departure.description = absl::StrFormat("noise of neighbours %s is correlated by %.3g %s",
                                           in_row ? "in a row" : "in a column", correlation, detail);
-  departure.p_value = TwoSidedP(correlation / error);
+  departure.p_value = NormalTwoSidedTail(correlation / error);
   departure.material = std::abs(correlation) > kMaterialCorrelation;
   departure.parameters.push_back(
       {in_row ? "correlation_in_row" : "correlation_in_column", "", correlation, error});
@@ -91,7 +92,7 @@ std::vector<Departure> LineNoiseDepartures(std::span<const FlatFieldStatistics* 
             "all pixels of a %s share noise of %.3g DN (standard deviation) that changes from "
             "frame to frame",
             rows ? "row" : "column", strength),
-        .p_value = UpperTailP(value / variance.Error()),
+        .p_value = NormalUpperTail(value / variance.Error()),
         .material = value > kMaterialLineNoise * pixel.Mean()};
     departure.parameters.push_back(
         {"standard_deviation", "DN", strength,

@@ -5,8 +5,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "core/statistics/square.h"
 #include "render_worker/sensor_diagnosis/flat_field_statistics.h"
-#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 

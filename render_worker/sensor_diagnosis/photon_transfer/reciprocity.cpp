@@ -7,9 +7,10 @@
 #include <vector>
 
 #include "absl/strings/str_format.h"
+#include "core/statistics/normal_distribution.h"
+#include "core/statistics/square.h"
 #include "render_worker/sensor_diagnosis/departure_names.h"
 #include "render_worker/sensor_diagnosis/photon_transfer/material_response.h"
-#include "render_worker/sensor_diagnosis/square.h"
 
 namespace sightline {
 namespace {
@@ -71,7 +72,7 @@ Departure ReciprocityFailure(std::span<const FlatFieldStatistics> steps, const T
   const double error = std::sqrt(rest / (n - 2) / (n * variance));
   departure.description = absl::StrFormat(
       "signal of the same light grows with the exposure time to the power of %.3g", slope);
-  departure.p_value = TwoSidedP(slope / error);
+  departure.p_value = NormalTwoSidedTail(slope / error);
   departure.material = std::abs(slope) > kMaterialResponse;
   departure.parameters.push_back({"exponent", "", slope, error});
   return departure;

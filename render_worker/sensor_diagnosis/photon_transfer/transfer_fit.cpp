@@ -12,7 +12,7 @@
 #include <utility>
 
 #include "absl/status/status.h"
-#include "render_worker/sensor_diagnosis/square.h"
+#include "core/statistics/square.h"
 
 namespace sightline {
 namespace {

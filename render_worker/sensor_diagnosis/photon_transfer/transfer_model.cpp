@@ -3,7 +3,7 @@
 
 #include <cmath>
 
-#include "render_worker/sensor_diagnosis/square.h"
+#include "core/statistics/square.h"
 
 namespace sightline {
 namespace {

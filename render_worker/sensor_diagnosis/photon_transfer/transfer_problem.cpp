@@ -9,7 +9,7 @@
 
 #include "absl/status/status.h"
 #include "absl/strings/str_cat.h"
-#include "render_worker/sensor_diagnosis/square.h"
+#include "core/statistics/square.h"
 
 namespace sightline {
 namespace {

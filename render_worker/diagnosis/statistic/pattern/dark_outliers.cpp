@@ -5,6 +5,8 @@
 #include <cmath>
 #include <utility>
 
+#include "core/statistics/normal_distribution.h"
+
 namespace sightline {
 
 namespace {
@@ -16,9 +18,7 @@ constexpr double kImpossible = 0.5;
 constexpr double kNegligibleProbability = 1e-12;
 
 // Probability that noise of unit variance makes a pixel an outlier.
-double OutlierProbability(double residual) {
-  return 0.5 * std::erfc((kDarkOutlier - residual) / std::sqrt(2.0));
-}
+double OutlierProbability(double residual) { return NormalUpperTail(kDarkOutlier - residual); }
 
 // A pixel that may be an outlier of the longest exposure.
 struct Outlier {

@@ -6,19 +6,13 @@
 #include <cmath>
 #include <utility>
 
+#include "core/statistics/order_statistics.h"
 #include "render_worker/diagnosis/statistic/pattern/dark_outliers.h"
 #include "render_worker/sensor/expose.h"
 
 namespace sightline {
 
 namespace {
-
-template <typename Value>
-double Median(std::vector<Value> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 // Offsets of rows may change from frame to frame; they are no fixed pattern.
 void SubtractRowMeans(Image<double>& image) {
@@ -111,7 +105,7 @@ RandomDarkPattern RealiseDarkPattern(const ExpectedSet& expected, const PatternG
     const auto [least, most] =
         std::minmax_element(electrons.values.begin(), electrons.values.end());
     pattern.uniform = pattern.uniform && *least == *most;
-    const double median = *least == *most ? *least : Median(electrons.values);
+    const double median = *least == *most ? *least : UpperMedian(electrons.values);
     for (double& e : electrons.values) {
       e = patch.sensor.gain_dn_per_electron * (e - median) / group.noise_dn;
     }
@@ -128,7 +122,7 @@ std::vector<Image<double>> DarkResiduals(const RecordedSet& set, const PatternGr
     const Image<uint16_t>& raw = set.frames[f].raw_dn;
     if (raw.empty()) return {};
     // Hot pixels do not change the median.
-    const double median = Median(raw.values);
+    const double median = UpperMedian(raw.values);
     Image<double> residual(raw.columns_px, raw.rows_px);
     for (size_t i = 0; i < raw.values.size(); ++i) {
       residual.values[i] = (raw.values[i] - median) / group.noise_dn;

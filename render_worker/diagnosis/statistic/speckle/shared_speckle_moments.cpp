@@ -5,7 +5,7 @@
 #include <cmath>
 #include <utility>
 
-#include "render_worker/diagnosis/expectation/normal_distribution.h"
+#include "core/statistics/normal_distribution.h"
 #include "render_worker/diagnosis/statistic/speckle/speckle_decorrelation.h"
 #include "render_worker/sensor/expose.h"
 
