@@ -604,9 +604,13 @@ class MessageReader : public nlohmann::json_sax<nlohmann::json> {
 };
 
 // JSON has no NaN or infinity; the strings are proto3 JSON's and are refused when read back.
-template <typename Number>
-std::string JsonNumber(Number value) {
+std::string JsonNumber(double value) {
   const std::string text = NumberText(value);
+  return std::isfinite(value) ? text : absl::StrCat("\"", text, "\"");
+}
+
+std::string JsonNumber(float value) {
+  const std::string text = FloatText(value);
   return std::isfinite(value) ? text : absl::StrCat("\"", text, "\"");
 }
 

@@ -12,7 +12,7 @@ using InDouble = boost::math::policies::policy<boost::math::policies::promote_do
 
 }  // namespace
 
-double LogNormalDistribution(double x) {
+double LogOfNormalDistribution(double x) {
   // Phi(x) = phi(x) / -x for x -> -infinity; at -30 the relative error is 1/900.
   if (x < -30) return -0.5 * x * x - std::log(-x) - 0.5 * std::log(2 * std::numbers::pi);
   return std::log(NormalDistribution(x));

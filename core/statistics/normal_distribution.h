@@ -22,7 +22,7 @@ inline double NormalUpperTail(double x) { return 0.5 * std::erfc(x / std::number
 inline double NormalTwoSidedTail(double z) { return std::erfc(std::abs(z) / std::numbers::sqrt2); }
 
 // The logarithm of P(X <= x), also where that is below the least double.
-double LogNormalDistribution(double x);
+double LogOfNormalDistribution(double x);
 
 // The x with P(X <= x) = p; p in (0, 1), clamped to [1e-12, 1 - 1e-12].
 double NormalQuantile(double p);

@@ -24,6 +24,6 @@ std::string ShortestText(Number value) {
 
 std::string NumberText(double value) { return ShortestText(value); }
 
-std::string NumberText(float value) { return ShortestText(value); }
+std::string FloatText(float value) { return ShortestText(value); }
 
 }  // namespace sightline

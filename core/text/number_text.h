@@ -9,6 +9,7 @@ namespace sightline {
 // Shortest text that reads back as the same number, without an exponent from 1e-5 to 1e15.
 // NaN and infinity: "NaN", "Infinity", "-Infinity".
 std::string NumberText(double value);
-std::string NumberText(float value);
+// The same for single precision: 0.1f is "0.1".
+std::string FloatText(float value);
 
 }  // namespace sightline

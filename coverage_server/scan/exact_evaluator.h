@@ -16,6 +16,7 @@
 #include "core/rig/scan_geometry.h"
 #include "coverage_server/answers/scene_answers.h"
 #include "coverage_server/collision/collision.h"
+#include "coverage_server/scan/measured_scans.h"
 #include "coverage_server/scan/scan_in_part.h"
 
 namespace sightline {

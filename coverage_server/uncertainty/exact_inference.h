@@ -14,6 +14,7 @@
 #include "core/targets/target_set.h"
 #include "core/uncertainty/uncertainty_model.h"
 #include "coverage_server/answers/scene_answers.h"
+#include "coverage_server/scan/measured_scans.h"
 #include "coverage_server/scan/scan_in_part.h"
 #include "coverage_server/uncertainty/calibration_variance.h"
 #include "coverage_server/uncertainty/target_priors.h"

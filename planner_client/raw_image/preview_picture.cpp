@@ -64,8 +64,8 @@ absl::StatusOr<std::string> PreviewPng(const RawPng& raw, bool bayer) {
                                               1 / kMostBalance, kMostBalance)
                                  : 1;
     for (float& value : light[static_cast<size_t>(c)]) value *= static_cast<float>(gain);
-    std::vector<float> sorted = light[static_cast<size_t>(c)];
-    white = std::max(white, LowerQuantile(sorted, kWhiteQuantile));
+    const double bright = LowerQuantile(light[static_cast<size_t>(c)], kWhiteQuantile);
+    white = std::max(white, bright);
   }
   white = std::max(white, 1.0);
   std::vector<uint8_t> values;

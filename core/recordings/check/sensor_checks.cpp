@@ -36,13 +36,14 @@ std::optional<ColumnRatios> MeasureColumnRatios(const Image<uint16_t>& image, do
     means[static_cast<size_t>(row)] =
         std::accumulate(values, values + image.columns_px, 0.0) / image.columns_px;
   }
-  const double beside_dn = std::max(dark_dn, UpperMedian(means));
+  const double median_dn = UpperMedian(means);
+  const double beside_dn = std::max(dark_dn, median_dn);
   std::array<std::array<double, 2>, 2> sums{}, background{};
   std::array<double, 2> rows{}, background_rows{};
   for (int row = 0; row < image.rows_px; ++row) {
     const uint16_t* values = image.Row(row);
     const bool on_line = means[static_cast<size_t>(row)] - beside_dn >= 0.25 * dark_dn + 10;
-    const bool beside = means[static_cast<size_t>(row)] <= *middle;
+    const bool beside = means[static_cast<size_t>(row)] <= median_dn;
     if (!on_line && !beside) continue;
     (on_line ? rows : background_rows)[row % 2] += 1;
     for (int column = 0; column < image.columns_px; ++column) {
