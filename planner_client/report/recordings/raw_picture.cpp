@@ -48,7 +48,7 @@ std::string RawPicturePng(const std::string& folder, const std::string& file) {
     }
   }
   const double black = LowerQuantile(means, 0.05);
-  const double white = std::max(LowerQuantile(means, 0.998), black + 1);
+  const double white = std::max<double>(LowerQuantile(means, 0.998), black + 1);
   std::vector<uint8_t> grey(means.size());
   for (size_t i = 0; i < means.size(); ++i) {
     const double signal = std::clamp((means[i] - black) / (white - black), 0.0, 1.0);
