@@ -6,6 +6,9 @@ import opcua from 'node-opcua';
 import {readConfiguration} from './configuration.js';
 import {FileTransfers} from './nodes/file_transfer.js';
 import {bindJobMethods} from './nodes/job_methods.js';
+import {addMachinery} from './nodes/machinery.js';
+import {addJobManagement} from './nodes/machinery_jobs.js';
+import {addResultManagement} from './nodes/machinery_results.js';
 import {Ledger} from './orders/ledger.js';
 import {bindRecipeMethods} from './nodes/recipe_methods.js';
 import {bindResultMethods} from './nodes/result_methods.js';
@@ -71,6 +74,9 @@ function makeSystem(configuration, client, address_space, users) {
   bindJobMethods(system);
   bindRecipeMethods(system, system.transfers, path.join(folder, 'recipes'));
   bindResultMethods(system, system.transfers);
+  const blocks = addMachinery(system);
+  addJobManagement(system, blocks);
+  addResultManagement(system, blocks, system.transfers);
   return system;
 }
 

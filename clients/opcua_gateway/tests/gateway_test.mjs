@@ -298,3 +298,97 @@ test('sessions and subscriptions have limits, and the next client is served afte
   for (const connection of opened) await logout(connection);
   await logout(await login(user('mes')));
 });
+
+const BLOCKS = ['MachineryBuildingBlocks'];
+const CONTROL = [...BLOCKS, 'JobManagement', 'JobOrderControl'];
+const RESPONSES = [...BLOCKS, 'JobManagement', 'JobOrderResults'];
+const MACHINERY_RESULTS = [...BLOCKS, 'ResultManagement'];
+const valueOf = async ({session, vision}, names) => session.read({nodeId: await vision.node(names), attributeId: AttributeIds.Value});
+const textOf = (value) => ({dataType: DataType.String, value});
+const COMMENT = {dataType: DataType.LocalizedText, arrayType: 1, value: []};
+const PREFIX = {jobs: 'http://opcfoundation.org/UA/ISA95-JOBCONTROL_V2/', results: 'http://opcfoundation.org/UA/Machinery/Result/'};
+
+// A structure of OPC 10031-4 or OPC 40001-101, by the number of its data type in the NodeSet.
+async function structureOf(uri, number, fields) {
+  const namespaces = (await mes.session.read({nodeId: 'i=2255', attributeId: AttributeIds.Value})).value.value;
+  const type = opcua.resolveNodeId(`ns=${namespaces.indexOf(uri)};i=${number}`);
+  return {dataType: DataType.ExtensionObject, value: await mes.session.constructExtensionObject(type, fields)};
+}
+
+const jobOrder = (jobOrderID, ...recipes) => structureOf(PREFIX.jobs, 3008, {jobOrderID, workMasterID: recipes.map((ID) => ({ID}))});
+const storeAndStart = async (...order) => mes.vision.call([...CONTROL, 'StoreAndStart'], [await jobOrder(...order), COMMENT]);
+const responseTo = async (id) => (await mes.vision.call([...RESPONSES, 'RequestJobResponseByJobOrderID'], [textOf(id)]))[0];
+
+test('a system is one of the machines, with a nameplate that stays the same', async () => {
+  const names = async (nodeId, mask = 0) => (await mes.session.browse({nodeId, referenceTypeId: 'HierarchicalReferences',
+    includeSubtypes: true, nodeClassMask: mask, resultMask: 63})).references.map((reference) => reference.browseName.name);
+  const index = (await mes.session.read({nodeId: 'i=2255', attributeId: AttributeIds.Value})).value.value
+      .indexOf('http://opcfoundation.org/UA/Machinery/');
+  assert.deepEqual((await names(`ns=${index};i=1001`)).sort(), ['line', 'mes']);
+  const nameplate = {};
+  for (const name of await names(await mes.vision.node(['Identification']))) {
+    nameplate[name] = (await valueOf(mes, ['Identification', name])).value.value;
+  }
+  const [first] = readFileSync(path.join(work, 'data/clients/mes/ledger.jsonl'), 'utf8').split('\n');
+  assert.equal(nameplate.SerialNumber, JSON.parse(first).ledger);
+  assert.equal(nameplate.ProductInstanceUri, `urn:sightline:opcua-gateway:${nameplate.SerialNumber}`);
+  assert.equal(nameplate.Manufacturer.text, 'Sightline');
+});
+
+test('a job order of OPC 40001-3 is a single job: its states, its response and its result', async () => {
+  const state = async () => (await valueOf(mes, [...BLOCKS, 'MachineryItemState', 'CurrentState'])).value.value.text;
+  const listed = async () => (await valueOf(mes, [...CONTROL, 'JobOrderList'])).value.value
+      .find((entry) => entry.jobOrder.jobOrderID === 'job order')?.state[0].stateText.text;
+  await becomes('Ready');
+  assert.equal(await state(), 'NotExecuting');
+  assert.deepEqual((await valueOf(mes, [...CONTROL, 'WorkMaster'])).value.value.map(({ID}) => ID), ['plan']);
+  assert.deepEqual(await storeAndStart('job order', 'plan'), [[0, 1]]);
+  assert.equal(await state(), 'Executing');
+  assert.equal(await listed(), 'AllowedToStart');
+  const job = service.jobs.get('job order');
+  job.state = 'RUNNING';
+  await until(async () => await listed() === 'Running', 'the order runs');
+  assert.equal((await responseTo('job order')).jobState[0].stateNumber, 3);
+  service.end(job);
+  await until(async () => await listed() === 'Ended', 'the order ends');
+  const response = await responseTo('job order');
+  assert.equal(response.jobResponseID, job.job_id);
+  assert.deepEqual(response.jobResponseData.map(({ID, value}) => [ID, value.value]), [['JobResult', 1]]);
+  const latest = await mes.vision.call([...MACHINERY_RESULTS, 'GetLatestResult'], [CAUSE[0]]);
+  const byId = await mes.vision.call([...MACHINERY_RESULTS, 'GetResultById'], [textOf(job.job_id), CAUSE[0]]);
+  for (const [, result] of [latest, byId]) {
+    assert.equal(result.resultMetaData.jobId, 'job order');
+    assert.equal(result.resultMetaData.resultState, 1);
+    assert.equal(JSON.parse(result.resultContent[0].value).files[0].name, 'plan.json');
+  }
+  await becomes('Ready');
+  assert.ok(typesOf('job order').length <= 3);
+  await until(() => typesOf('job order').includes('ReadyEventType'), 'the event Ready');
+  assert.deepEqual(typesOf('job order'), ENDED);
+});
+
+test('job orders that are wrong, aborted and of others', async () => {
+  const abort = (id) => statusOf(mes.vision.call([...CONTROL, 'Abort'], [textOf(id), COMMENT]));
+  assert.equal(await statusOf(storeAndStart('', 'plan')), 'BadInvalidArgument');
+  assert.equal(await statusOf(storeAndStart('two', 'plan', 'plan')), 'BadInvalidArgument');
+  assert.equal(await statusOf(storeAndStart('x'.repeat(129), 'plan')), 'BadInvalidArgument');
+  assert.equal(await statusOf(storeAndStart('new', 'nobody')), 'BadNotFound');
+  assert.equal(await statusOf(storeAndStart('job order', 'nobody')), 'BadEntryExists');
+  assert.equal(await statusOf(storeAndStart('job order', 'plan')), 'Good');
+  assert.equal(await statusOf(responseTo('new')), 'BadNotFound');
+  assert.equal(await abort('new'), 'BadNotFound');
+  assert.equal(await abort('job order'), 'BadInvalidState');
+  await storeAndStart('aborted', 'plan');
+  assert.equal(await statusOf(storeAndStart('second', 'plan')), 'BadInvalidState');
+  assert.equal(await abort('aborted'), 'Good');
+  assert.equal((await responseTo('aborted')).jobState[0].stateText.text, 'Aborted');
+  const inState = await structureOf(PREFIX.jobs, 3006, {stateNumber: 6});
+  const [responses] = await mes.vision.call([...RESPONSES, 'RequestJobResponseByJobOrderState'],
+      [{dataType: DataType.ExtensionObject, arrayType: 1, value: [inState.value]}]);
+  assert.ok(responses.some(({jobOrderID}) => jobOrderID === 'aborted'));
+  assert.ok(!responses.some(({jobOrderID}) => jobOrderID === 'job order'));
+  const other = await login(user('line'));
+  assert.notEqual((await valueOf(other, [...CONTROL, 'JobOrderList'])).statusCode.name, 'Good');
+  await logout(other);
+  await becomes('Ready');
+});

@@ -19,6 +19,9 @@ export function idOf(structure, name = 'Id', max_bytes = MAX_ID_BYTES) {
   return id;
 }
 
+// The service's Timestamp as a Date; undefined where there is none.
+export const dateOf = (stamp) => stamp ? new Date(Number(stamp.seconds) * 1000 + stamp.nanos / 1e6) : undefined;
+
 // The prepared recipe of that external id; its newest one, as the service has one of a name.
 export function preparedRecipe(system, external_id) {
   const found = [...system.ledger.recipes.values()].filter((r) => r.prepared && (external_id === '' || r.external_id === external_id));
@@ -31,20 +34,16 @@ export function preparedRecipe(system, external_id) {
   return found.at(-1);
 }
 
-// The JobId is the MeasId where there is one: the same MeasId again is the same job.
-async function startSingleJob(system, [meas, part, recipe_id, product]) {
-  const meas_id = idOf(meas, 'MeasId');
-  const part_id = idOf(part, 'PartId');
-  const product_id = idOf(product, 'ProductId');
-  const external_id = idOf(recipe_id, 'RecipeId');
+// Orders a job and returns its id, which is `meas_id` where there is one: the same again is the same job.
+// `name` is what the caller calls that id.
+export async function order(system, {meas_id, part_id, product_id, external_id}, name = 'MeasId') {
   const request_id = meas_id || randomUUID();
-  const answer = () => [{dataType: DataType.ExtensionObject, value: system.structure('JobIdDataType', {id: request_id})}, NO_ERROR];
   const known = system.ledger.orders.get(request_id);
   if (known && !known.refusal) {
     const same = external_id === '' || known.external_recipe_id === external_id;
-    if (!same) throw new MethodRefusal(StatusCodes.BadEntryExists, `MeasId ${request_id}: was used with another recipe`);
+    if (!same) throw new MethodRefusal(StatusCodes.BadEntryExists, `${name} ${request_id}: was used with another recipe`);
     await system.jobs.undecided.get(request_id);  // throws where the service refuses
-    return answer();
+    return request_id;
   }
   const recipe = preparedRecipe(system, external_id);
   if (system.state === 'Ready' && system.jobs.openOrders().length > 0) {
@@ -56,7 +55,13 @@ async function startSingleJob(system, [meas, part, recipe_id, product]) {
   await system.jobs.start({request_id, meas_id, part_id, product_id,
     external_recipe_id: recipe.external_id, internal_recipe_id: recipe.internal_id});
   if (system.state === 'Ready') system.observe('SINGLE_EXECUTION', 'StartSingleJob');
-  return answer();
+  return request_id;
+}
+
+async function startSingleJob(system, [meas, part, recipe, product]) {
+  const request_id = await order(system, {meas_id: idOf(meas, 'MeasId'), part_id: idOf(part, 'PartId'),
+    product_id: idOf(product, 'ProductId'), external_id: idOf(recipe, 'RecipeId')});
+  return [{dataType: DataType.ExtensionObject, value: system.structure('JobIdDataType', {id: request_id})}, NO_ERROR];
 }
 
 async function cancel(system, cause) {

@@ -4,7 +4,7 @@ import path from 'node:path';
 import {mkdtempSync, rmSync} from 'node:fs';
 import opcua from 'node-opcua';
 import {RESULT_STATES} from '../orders/client_jobs.js';
-import {idOf, NO_ERROR} from './job_methods.js';
+import {dateOf, idOf, NO_ERROR} from './job_methods.js';
 import {pack} from './recipe_archive.js';
 import {structureArray, structureValue} from './recipe_methods.js';
 import {MethodRefusal} from './vision_system.js';
@@ -15,7 +15,7 @@ const TRANSFER = ['ResultManagement', 'ResultTransfer'];
 const MAX_LIST = 1000;
 const MAX_FILE_ID_BYTES = 1000;
 
-class Results {
+export class Results {
   constructor(system, transfers) {
     Object.assign(this, {system, transfers});
   }
@@ -31,7 +31,7 @@ class Results {
 
   fields(order) {
     const {job} = order;
-    const time = (stamp) => stamp ? new Date(Number(stamp.seconds) * 1000 + stamp.nanos / 1e6) : new Date(0);
+    const time = (stamp) => dateOf(stamp) ?? new Date(0);
     return {resultId: {id: order.job_id}, hasTransferableDataOnFile: job.results.length > 0, isPartial: false, isSimulated: false,
       resultState: RESULT_STATES[job.state], measId: {id: order.meas_id}, partId: {id: order.part_id},
       externalRecipeId: {id: order.external_recipe_id}, internalRecipeId: {id: order.internal_recipe_id},

@@ -54,11 +54,11 @@ export class VisionSystem {
     this.last_refusal = own.addVariable({propertyOf: this.node, browseName: 'LastRefusal', dataType: 'String', accessLevel: 'CurrentRead',
       userAccessLevel: 'CurrentRead', nodeId: `ns=${own.index};s=${name}.LastRefusal`, value: {dataType: DataType.String, value: ''}});
     // Reasons name recipes and jobs, which are the client's own.
-    const isUserReadable = this.last_refusal.isUserReadable.bind(this.last_refusal);
-    this.last_refusal.isUserReadable = (context) => isUserReadable(context) && (!context?.session || this.isOwn(context.session));
+    this.keepPrivate(this.last_refusal);
     this.state = 'Preoperational';
     this.has_new_error = false;
     this.raised_number = ledger.raised_number;
+    this.observers = [];  // functions that show state and orders at other nodes
     this.showState();
     this.jobs = new ClientJobs(service, ledger, {
       on_state: (observed) => this.observe(observed), on_events: () => this.raiseWaiting()});
@@ -78,6 +78,12 @@ export class VisionSystem {
 
   isOwn(session) {
     return this.users.clientOf(session) === this.name;
+  }
+
+  // Sessions of this client alone can read the variable.
+  keepPrivate(variable) {
+    const isUserReadable = variable.isUserReadable.bind(variable);
+    variable.isUserReadable = (context) => isUserReadable(context) && (!context?.session || this.isOwn(context.session));
   }
 
   // `action(inputs, session)` gives the output values, in order, or throws; a value is a Variant's
@@ -108,6 +114,12 @@ export class VisionSystem {
     });
   }
 
+  // `show()` is called now, and whenever state or orders may have changed.
+  onObserved(show) {
+    this.observers.push(show);
+    show();
+  }
+
   // Follows what the service says; `cause` is the method that made the change.
   observe(observed, cause) {
     const is_operational = ['INITIALIZED', 'READY'].includes(observed);
@@ -121,6 +133,7 @@ export class VisionSystem {
       if (this.has_new_error) this.ledger.write({events: [{type: 'Error', message: 'DISK_FULL: the service takes no jobs'}]});
       this.has_new_error = false;
     });
+    for (const show of this.observers) show();
     this.raiseWaiting();
   }
 
