@@ -6,14 +6,18 @@
 //   node order_plan.mjs ENDPOINT SYSTEM RECIPE.tar OUT_FOLDER [MEAS_ID]
 //
 // MES_USER, MES_PASSWORD: the user. MES_PKI: folder of this client's certificate. MES_PACKAGES: folder
-// with node_modules/node-opcua; default: beside this script. The same MEAS_ID again is the same job.
-// OUT_FOLDER gets report.html, plan.json, plan.qif if there is one, and order.json, what happened.
+// with node_modules/node-opcua; default: beside this script. MES_TRACE: file that gets the session, decoded.
+// The same MEAS_ID again is the same job.
+// OUT_FOLDER gets report.html, plan.json, plan.qif if there is one, order.json, what happened, and
+// index.html, the page of the order.
 import {randomUUID} from 'node:crypto';
+import {appendFileSync} from 'node:fs';
 import {mkdir, readFile, writeFile} from 'node:fs/promises';
 import {createRequire} from 'node:module';
 import path from 'node:path';
+import {mesPage} from './mes_page.mjs';
 
-const {MES_PACKAGES, MES_PASSWORD, MES_PKI, MES_USER} = process.env;
+const {MES_PACKAGES, MES_PASSWORD, MES_PKI, MES_TRACE, MES_USER} = process.env;
 const require = createRequire(MES_PACKAGES ? path.join(path.resolve(MES_PACKAGES), 'x.js') : import.meta.url);
 const {AttributeIds, constructEventFilter, DataType, MessageSecurityMode, OPCUACertificateManager, OPCUAClient,
   resolveNodeId, SecurityPolicy, UserTokenType} = require('node-opcua');
@@ -21,7 +25,8 @@ const {AttributeIds, constructEventFilter, DataType, MessageSecurityMode, OPCUAC
 const MACHINE_VISION = 'http://opcfoundation.org/UA/MachineVision';
 const SYSTEMS = 'urn:sightline:opcua-gateway';
 const BLOCK_BYTES = 1 << 18;
-const TIMEOUT_MS = 240_000;
+const TIMEOUT_MS = 1_800_000;  // of the whole order
+const CALL_TIMEOUT_MS = 120_000;  // of one call, also on a busy machine
 const EVENT_FIELDS = ['EventId', 'EventType', 'Message', 'Severity', 'Time', 'JobId', 'ResultId', 'ResultState'];
 
 // Numbers of the data types in the companion specification's NodeSet.
@@ -30,6 +35,22 @@ const DATA_TYPES = {RecipeIdExternalDataType: 3002, ProductIdDataType: 3003, Par
 
 const text = (dataType, value) => ({dataType, value});
 const structure = (value) => ({dataType: DataType.ExtensionObject, value});
+
+// What a value of an argument looks like in the trace: structures by their fields, files by their size.
+function decoded(value) {
+  if (Buffer.isBuffer(value)) return `${value.length} bytes`;
+  if (value instanceof Date) return value.toISOString();
+  if (Array.isArray(value)) return `[${value.map(decoded).join(', ')}]`;
+  if (value?.namespace !== undefined && value.identifierType !== undefined) return value.toString();
+  if (typeof value !== 'object' || value === null) return JSON.stringify(value) ?? 'null';
+  if (value.dataType !== undefined && value.arrayType !== undefined) return decoded(value.value);
+  const fields = Object.entries(value.toJSON?.() ?? value).filter(([, field]) => field !== null && field !== undefined);
+  return `{${fields.map(([name, field]) => `${name}: ${decoded(field)}`).join(', ')}}`;
+}
+
+function trace(line) {
+  if (MES_TRACE) appendFileSync(MES_TRACE, `${line}\n`);
+}
 
 class VisionClient {
   constructor(session, root, index) {
@@ -52,6 +73,15 @@ class VisionClient {
     return at;
   }
 
+  // Writes names, classes and types of the nodes down to `depth` below to the trace.
+  async traceTree(nodeId = this.root, depth = 2, indent = '') {
+    const {references} = await this.session.browse({nodeId, referenceTypeId: 'HierarchicalReferences', includeSubtypes: true, resultMask: 63});
+    for (const {browseName, nodeClass, nodeId: child} of references) {
+      trace(`${indent}  ${['', 'object', 'variable', '', 'method'][nodeClass] ?? ''} ${browseName.toString()}`);
+      if (depth > 1 && nodeClass === 1) await this.traceTree(child, depth - 1, `${indent}  `);
+    }
+  }
+
   // A structure such as RecipeIdExternalDataType.
   async structure(name, fields) {
     return structure(await this.session.constructExtensionObject(resolveNodeId(`ns=${this.index};i=${DATA_TYPES[name]}`), fields));
@@ -62,6 +92,8 @@ class VisionClient {
     const objectId = parent ?? await this.node(names.slice(0, -1));
     const methodId = parent ? await this.childOf(parent, names.at(-1)) : await this.node(names);
     const result = await this.session.call({objectId, methodId, inputArguments});
+    const list = (values) => (values ?? []).map(({value}) => decoded(value)).join(', ');
+    trace(`call ${names.join('/')}(${list(inputArguments)})\n  ${result.statusCode.name} ${list(result.outputArguments)}`);
     if (result.statusCode.isNotGood()) {
       const error = new Error(`${names.at(-1)}: ${result.statusCode.name}`);
       error.status = result.statusCode;
@@ -140,6 +172,7 @@ class VisionClient {
       seen.add(id);
       const type = event.EventType.toString();
       if (!names.has(type)) names.set(type, (await this.session.read({nodeId: type, attributeId: AttributeIds.BrowseName})).value.value.name);
+      trace(`event ${names.get(type)} ${decoded(Object.fromEntries(EVENT_FIELDS.slice(2).map((name) => [name, event[name]])))}`);
       on_event({id, type: names.get(type), time: event.Time, message: event.Message?.text ?? '', job_id: event.JobId?.id,
         result_id: event.ResultId?.id, result_state: event.ResultState});
     });
@@ -156,6 +189,7 @@ export async function connect(endpoint, system, user = userOfEnvironment()) {
   await clientCertificateManager.initialize();
   const client = OPCUAClient.create({applicationName: 'Simulated MES', clientCertificateManager, endpointMustExist: false,
     securityMode: MessageSecurityMode.SignAndEncrypt, securityPolicy: SecurityPolicy.Basic256Sha256,
+    transportTimeout: CALL_TIMEOUT_MS, defaultTransactionTimeout: CALL_TIMEOUT_MS,
     connectionStrategy: {initialDelay: 200, maxDelay: 2000, maxRetry: 30}});
   client.on('backoff', () => console.log('waiting for the gateway'));
   await client.connect(endpoint);
@@ -171,6 +205,10 @@ export async function connect(endpoint, system, user = userOfEnvironment()) {
 async function main([endpoint, system, recipe_file, folder, meas_id = randomUUID()]) {
   if (!folder) throw new Error('usage: order_plan.mjs ENDPOINT SYSTEM RECIPE.tar OUT_FOLDER [MEAS_ID]');
   const {client, session, vision} = await connect(endpoint, system);
+  if (MES_TRACE) {
+    trace(`browse ${vision.root}`);
+    await vision.traceTree();
+  }
   const events = [];
   let finish;
   const finished = new Promise((resolve) => {
@@ -197,13 +235,15 @@ async function main([endpoint, system, recipe_file, folder, meas_id = randomUUID
   const result = await vision.result(ready.result_id);
   const {files} = JSON.parse(result.resultContent[0].value);
   await mkdir(folder, {recursive: true});
-  for (const name of ['report.html', 'plan.json', 'plan.qif']) {
-    if (!files.some((file) => file.name === name)) continue;
+  const saved = ['report.html', 'plan.json', 'plan.qif'].filter((name) => files.some((file) => file.name === name));
+  for (const name of saved) {
     await writeFile(path.join(folder, name), await vision.fetch(`${ready.result_id}/${name}`));
     console.log(`saved ${path.join(folder, name)}`);
   }
   const plan = JSON.parse(await readFile(path.join(folder, 'plan.json'), 'utf8'));
-  await writeFile(path.join(folder, 'order.json'), JSON.stringify({job_id, result_id: ready.result_id, files, events}, null, 1));
+  const order = {job_id, result_id: ready.result_id, files, events};
+  await writeFile(path.join(folder, 'order.json'), JSON.stringify(order, null, 1));
+  await writeFile(path.join(folder, 'index.html'), mesPage({order, plan, saved: [...saved, 'order.json']}));
   await session.close();
   await client.disconnect();
   console.log(`plan fetched: ${plan.scans.length} scans`);
