@@ -45,6 +45,8 @@ bool IsDimension(ToleranceKind kind);
 struct Tolerance {
   std::string id;    // in its file: "#57" (STEP), "12" (QIF)
   std::string name;  // as the file calls it; never empty
+  // UUID that the characteristic has in every document about the part (QIF); empty: none is known.
+  std::string persistent_id;
   ToleranceKind kind = ToleranceKind::kFlatness;
   // Full width s_t of the zone [m]; of a dimension upper - lower limit. 0 for angles.
   double zone_width_m = 0;

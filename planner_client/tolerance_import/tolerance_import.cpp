@@ -7,7 +7,7 @@
 #include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
-#include "core/tolerance/qif_reader.h"
+#include "core/tolerance/qif/qif_reader.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "planner_client/part_files/step_program.h"
 

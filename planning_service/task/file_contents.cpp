@@ -16,8 +16,8 @@
 #include "core/part/load_part.h"
 #include "core/process_folder/process_folder.h"
 #include "core/text/step_length_unit.h"
-#include "core/tolerance/qif_reader.h"
-#include "core/tolerance/qif_units.h"
+#include "core/tolerance/qif/qif_reader.h"
+#include "core/tolerance/qif/qif_units.h"
 #include "planning_service/task/option_fields.h"
 #include "proto/status/rpc_status.h"
 

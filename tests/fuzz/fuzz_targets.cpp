@@ -12,7 +12,7 @@
 #include "core/recordings/recordings.h"
 #include "core/sensor/emva1288_data.h"
 #include "core/sensor/sensor.h"
-#include "core/tolerance/qif_reader.h"
+#include "core/tolerance/qif/qif_reader.h"
 #include "render_worker/material/height_field.h"
 #include "render_worker/material/material.h"
 #include "render_worker/material/models.h"

@@ -8,11 +8,15 @@
 #include <cmath>
 #include <cstdint>
 #include <optional>
+#include <set>
+#include <string_view>
 #include <utility>
 #include <vector>
 
+#include "absl/strings/ascii.h"
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/digest/sha256.h"
 
 namespace sightline {
 namespace {
@@ -109,6 +113,19 @@ std::string MillimetreText(double length_m) {
   return text == "-0" ? "0" : text;
 }
 
+// The first 128 bits of the SHA-256 digest as a UUID of version 8 (RFC 9562: made from data in a
+// way of one's own).
+std::string QpidOf(std::string_view text) {
+  Sha256 digest;
+  digest.Update(text);
+  std::string id = digest.Hex().substr(0, 32);
+  id[12] = '8';
+  id[16] = "89ab"[absl::ascii_isdigit(static_cast<unsigned char>(id[16])) ? (id[16] - '0') % 4
+                                                                          : (id[16] - 'a') % 4];
+  for (const size_t at : {20, 16, 12, 8}) id.insert(at, "-");
+  return id;
+}
+
 // Elements, indented; every one opened is closed.
 class XmlWriter {
  public:
@@ -142,6 +159,15 @@ class XmlWriter {
   void Empty(absl::string_view name, absl::string_view attributes = "") {
     Indent();
     absl::StrAppend(&text_, "<", name, attributes.empty() ? "" : " ", attributes, "/>\n");
+  }
+  // Whole elements that another writer made.
+  void Append(absl::string_view elements) {
+    for (absl::string_view rest = elements; !rest.empty();) {
+      const size_t end = rest.find('\n') + 1;
+      Indent();
+      absl::StrAppend(&text_, rest.substr(0, end));
+      rest.remove_prefix(end);
+    }
   }
   std::string Take() {
     assert(open_.empty());
@@ -254,6 +280,37 @@ struct Characteristic {
   const Tolerance* tolerance = nullptr;  // null: the drawing's is not known
   QifKind kind;
   int64_t definition = 0, nominal = 0, item = 0, feature_item = 0;
+  std::string persistent_id;
+};
+
+bool IsUuid(const std::string& text) {
+  constexpr absl::string_view kForm = "xxxxxxxx-xxxx-xxxx-xxxx-xxxxxxxxxxxx";
+  return std::equal(text.begin(), text.end(), kForm.begin(), kForm.end(), [](char c, char form) {
+    return form == '-' ? c == '-' : absl::ascii_isxdigit(static_cast<unsigned char>(c));
+  });
+}
+
+// Persistent ids of the characteristics of one part, in the order of the plan: the same in every
+// document about it. A drawing in QIF brings its own. Others follow from the part, the tolerance's
+// id in its file, its name and kind; the zone may change.
+class CharacteristicIds {
+ public:
+  explicit CharacteristicIds(const v1::Plan& plan) : part_(plan.part_digest()) {}
+
+  std::string Next(const v1::FeatureVerdict& feature, const Tolerance* tolerance) {
+    std::string id = tolerance != nullptr ? tolerance->persistent_id : "";
+    if (IsUuid(id) && used_.insert(id).second) return id;
+    const std::string key = absl::StrCat("characteristic\n", part_, "\n", feature.id(), "\n",
+                                         feature.name(), "\n", feature.kind(), "\n");
+    for (int repeated = 0;; ++repeated) {
+      id = QpidOf(absl::StrCat(key, repeated));
+      if (used_.insert(id).second) return id;
+    }
+  }
+
+ private:
+  std::string part_;
+  std::set<std::string> used_;
 };
 
 const char* MaterialCondition(const Tolerance* tolerance) {
@@ -378,11 +435,10 @@ void WriteItem(const Characteristic& c, XmlWriter& xml) {
   if (c.tolerance != nullptr && !c.tolerance->text.empty())
     xml.Leaf("Description", c.tolerance->text);
   xml.Leaf("Name", NameOf(feature));
-  if (!feature.id().empty()) {
-    xml.Open("CharacteristicDesignator");
-    xml.Leaf("Designator", feature.id());
-    xml.Close();
-  }
+  xml.Open("CharacteristicDesignator");
+  xml.Leaf("Designator", feature.id().empty() ? NameOf(feature) : feature.id());
+  xml.Leaf("UUID", c.persistent_id);
+  xml.Close();
   xml.OpenList("FeatureItemIds", 1);
   xml.Leaf("Id", c.feature_item);
   xml.Close();
@@ -393,6 +449,7 @@ void WriteItem(const Characteristic& c, XmlWriter& xml) {
 struct QifFeature {
   std::string name;
   int64_t definition = 0, nominal = 0, item = 0;
+  std::string persistent_id;
 };
 
 void WriteFeatures(const std::vector<QifFeature>& features, XmlWriter& xml) {
@@ -413,6 +470,7 @@ void WriteFeatures(const std::vector<QifFeature>& features, XmlWriter& xml) {
     xml.OpenWithId("OtherSurfaceFeatureItem", feature.item);
     xml.Leaf("FeatureNominalId", feature.nominal);
     xml.Leaf("FeatureName", feature.name);
+    xml.Leaf("UUID", feature.persistent_id);
     xml.Open("DeterminationMode");
     xml.Open("Checked");
     xml.Open("CheckDetails");
@@ -503,20 +561,6 @@ void WriteIds(absl::string_view name, const std::vector<int64_t>& ids, XmlWriter
   xml.OpenList(name, ids.size());
   for (const int64_t id : ids) xml.Leaf("Id", id);
   xml.Close();
-}
-
-// 128 bits as a UUID of version 8 (RFC 9562: made from data in a way of one's own): FNV-1a, twice
-// with different starts. It tells documents apart and protects nothing.
-std::string QpidOf(absl::string_view text) {
-  std::array<uint64_t, 2> hashes = {0xcbf29ce484222325u, 0x9ae16a3b2f90404fu};
-  for (const char c : text) {
-    for (uint64_t& hash : hashes) hash = (hash ^ static_cast<uint8_t>(c)) * 0x100000001b3u;
-  }
-  hashes[0] = (hashes[0] & ~uint64_t{0xf000}) | 0x8000u;
-  hashes[1] = (hashes[1] & ~(uint64_t{3} << 62)) | (uint64_t{2} << 62);
-  return absl::StrFormat("%08x-%04x-%04x-%04x-%012x", hashes[0] >> 32, (hashes[0] >> 16) & 0xffffu,
-                         hashes[0] & 0xffffu, hashes[1] >> 48,
-                         hashes[1] & ((uint64_t{1} << 48) - 1));
 }
 
 void WriteDocumentAttributes(const v1::Plan& plan, const std::string& part_name, XmlWriter& xml) {
@@ -612,18 +656,31 @@ const char* WholeStatus(const v1::InspectionResult& measured) {
   return all_pass ? "PASS" : "UNKNOWN";
 }
 
-// The results have the id `first_id`, their measurements those that follow.
+// The results have the id `first_id`, their measurements those that follow. They name the plan by
+// its persistent id.
 void WriteResults(const std::vector<Characteristic>& characteristics,
-                  const v1::InspectionResult& measured, int64_t first_id, XmlWriter& xml) {
+                  const v1::InspectionResult& measured, int64_t first_id,
+                  const std::string& plan_id, XmlWriter& xml) {
+  XmlWriter values;
+  for (size_t i = 0; i < characteristics.size(); ++i) {
+    WriteMeasurement(characteristics[i], measured.features(static_cast<int>(i)),
+                     first_id + 1 + static_cast<int64_t>(i), values);
+  }
+  const std::string measurements = values.Take();
   xml.Open("Results");
   xml.OpenList("MeasurementResultsSet", 1);
   xml.OpenWithId("MeasurementResults", first_id);
+  if (!plan_id.empty()) {
+    xml.Open("InspectionTraceability");
+    xml.Open("ReferencedQIFPlanInstance");
+    xml.Leaf("ItemQPId", plan_id);
+    xml.Close();
+    xml.Close();
+  }
+  xml.Leaf("ThisResultsInstanceQPId", QpidOf(plan_id + measurements));
   xml.Open("MeasuredCharacteristics");
   xml.OpenList("CharacteristicMeasurements", characteristics.size());
-  for (size_t i = 0; i < characteristics.size(); ++i) {
-    WriteMeasurement(characteristics[i], measured.features(static_cast<int>(i)),
-                     first_id + 1 + static_cast<int64_t>(i), xml);
-  }
+  xml.Append(measurements);
   xml.Close();
   xml.Close();
   xml.Open("InspectionStatus");
@@ -665,6 +722,7 @@ absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string&
   int64_t last_id = 0;
   std::vector<QifFeature> features;
   std::vector<Characteristic> characteristics;
+  CharacteristicIds ids(plan);
   for (const v1::FeatureVerdict& verdict : verdicts) {
     QifFeature feature;
     feature.name = NameOf(verdict);
@@ -677,13 +735,16 @@ absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string&
         });
     if (found != tolerances.end()) c.tolerance = &*found;
     c.kind = KindOf(verdict, c.tolerance);
+    c.persistent_id = ids.Next(verdict, c.tolerance);
+    feature.persistent_id = QpidOf("feature\n" + c.persistent_id);
     c.feature_item = feature.item;
     for (int64_t* id : {&c.definition, &c.nominal, &c.item}) *id = ++last_id;
     features.push_back(std::move(feature));
     characteristics.push_back(c);
   }
   if (features.empty()) {
-    features.push_back({"measurable surface of the part", last_id + 1, last_id + 2, last_id + 3});
+    features.push_back({"measurable surface of the part", last_id + 1, last_id + 2, last_id + 3,
+                        QpidOf("surface\n" + plan.part_digest())});
     last_id += 3;
   }
   const int64_t standard = characteristics.empty() ? 0 : ++last_id;
@@ -703,6 +764,14 @@ absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string&
   for (const QifFeature& feature : features) feature_items.push_back(feature.item);
   for (const Characteristic& c : characteristics) characteristic_items.push_back(c.item);
 
+  XmlWriter scan_writer;
+  for (int i = 0; i < plan.scans_size(); ++i)
+    WriteScan(plan.scans(i), instructions[i], scan_writer);
+  const std::string scans = scan_writer.Take();
+  // The same scans of the same part are the same plan.
+  const std::string plan_id =
+      scans.empty() ? "" : QpidOf(absl::StrCat("plan\n", plan.part_digest(), "\n", scans));
+
   // All but the frame and the document's own identifier, which depends on it.
   XmlWriter xml;
   WriteDocumentAttributes(plan, part_name, xml);
@@ -717,8 +786,11 @@ absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string&
   if (!characteristics.empty()) WriteCharacteristics(characteristics, standard, xml);
   if (!plan.scans().empty()) {
     xml.Open("Plan");
+    xml.Open("Version");
+    xml.Leaf("ThisInstanceQPId", plan_id);
+    xml.Close();
     xml.OpenList("WorkInstructions", instructions.size());
-    for (int i = 0; i < plan.scans_size(); ++i) WriteScan(plan.scans(i), instructions[i], xml);
+    xml.Append(scans);
     xml.Close();
     xml.OpenList("ActionMethods", methods.size());
     for (size_t i = 0; i < methods.size(); ++i) {
@@ -754,7 +826,7 @@ absl::StatusOr<std::string> QifDocument(const v1::Plan& plan, const std::string&
     xml.Close();
     xml.Close();
   }
-  if (with_results) WriteResults(characteristics, *measured, results, xml);
+  if (with_results) WriteResults(characteristics, *measured, results, plan_id, xml);
   const std::string body = xml.Take();
   return absl::StrCat(
       "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n"

@@ -15,9 +15,13 @@
 //                   triangulation), OrderedPlanRoot: a step MeasureSpecifiedFeatures per scan, then
 //                   EvaluateSpecifiedCharacteristics
 //   Results         with measured values: one measurement per characteristic, with its value,
-//   combined
-//                   uncertainty (U over its coverage factor) and status; PASS, FAIL, INDETERMINATE
-//                   or NOT_ANALYZED. Profiles have their worst deviations too.
+//                   combined uncertainty (U over its coverage factor) and status; PASS, FAIL,
+//                   INDETERMINATE or NOT_ANALYZED. Profiles have their worst deviations too.
+// Persistent ids, UUIDs that stay the same from document to document: of a characteristic the UUID
+// of its designator (the drawing's own if it has one), of a feature its UUID, of the plan
+// Version/ThisInstanceQPId, of results ThisResultsInstanceQPId. Results name the plan by
+// ReferencedQIFPlanInstance. Sightline writes no QIF rules. core/tolerance/qif/qif_results.h reads
+// results of others back.
 // Not written: datums and datum reference frames (their letters are an Attribute), Product,
 // MeasurementResources. Where the schema demands what a plan does not know (the material
 // condition and the zone's shape of position, orientation, straightness), the tolerance says it;

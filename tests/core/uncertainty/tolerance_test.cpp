@@ -17,7 +17,7 @@
 #include "absl/strings/str_replace.h"
 #include "core/json/strict_json.h"
 #include "core/tolerance/face_surface.h"
-#include "core/tolerance/qif_reader.h"
+#include "core/tolerance/qif/qif_reader.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "tests/limits/within_limits.h"
 

@@ -18,8 +18,9 @@
 #include "absl/strings/str_cat.h"
 #include "core/file/atomic_write.h"
 #include "core/json/strict_json.h"
-#include "core/tolerance/qif_reader.h"
-#include "core/tolerance/qif_xml.h"
+#include "core/tolerance/qif/qif_reader.h"
+#include "core/tolerance/qif/qif_results.h"
+#include "core/tolerance/qif/qif_xml.h"
 #include "tests/planner_client/report/uncertainty/sample_uncertainty.h"
 #include "tests/planner_client/report/well_formed.h"
 
@@ -51,6 +52,14 @@ ToleranceReport Read(const std::string& document) {
   std::filesystem::remove(path);
   EXPECT_TRUE(report.ok()) << report.status();
   return report.value_or(ToleranceReport());
+}
+
+std::vector<QifMeasurementResults> ReadResults(const std::string& document) {
+  const std::string path = WriteTemporary(document);
+  auto results = ReadQifResults(path);
+  std::filesystem::remove(path);
+  EXPECT_TRUE(results.ok()) << results.status();
+  return results.ok() ? *std::move(results) : std::vector<QifMeasurementResults>();
 }
 
 // Elements of a document of ours: one tag or one leaf a line.
@@ -383,6 +392,105 @@ TEST(QifExport, SamePlanSameBytesAndAnotherPlanAnotherIdentifier) {
       id, std::regex("[0-9a-f]{8}-[0-9a-f]{4}-8[0-9a-f]{3}-[89ab][0-9a-f]{3}-[0-9a-f]{12}")))
       << id;
   EXPECT_NE(id, Child(Tree(Document(other)), "QPId").text);
+}
+
+// Persistent ids of the tolerances by name.
+std::map<std::string, std::string> PersistentIds(const std::string& document) {
+  std::map<std::string, std::string> ids;
+  for (const Tolerance& tolerance : Read(document).read)
+    ids[tolerance.name] = tolerance.persistent_id;
+  return ids;
+}
+
+v1::InspectionResult MeasuredAll(const v1::Plan& plan) {
+  v1::InspectionResult measured;
+  for (int i = 0; i < plan.uncertainty().features_size(); ++i) {
+    v1::InspectedFeature& feature = *measured.add_features();
+    feature.set_decision(v1::InspectedFeature::CONFORMS);
+    feature.set_value_m(1e-5 * (i + 1));
+    feature.set_expanded_uncertainty_m(4e-6);
+  }
+  return measured;
+}
+
+TEST(QifExport, ResultsComeBackToThePlansCharacteristics) {
+  const v1::Plan plan = SampleUncertaintyPlan().plan;
+  const std::map<std::string, std::string> planned = PersistentIds(Document(plan));
+  const v1::InspectionResult measured = MeasuredAll(plan);
+  const auto document = QifDocument(plan, "plate.glb", {}, &measured);
+  ASSERT_TRUE(document.ok());
+  EXPECT_EQ(PersistentIds(*document), planned);
+  const std::vector<QifMeasurementResults> results = ReadResults(*document);
+  ASSERT_EQ(results.size(), 1u);
+  const Element root = Tree(Document(plan));
+  EXPECT_EQ(results[0].plan_persistent_id,
+            Child(Child(Child(root, "Plan"), "Version"), "ThisInstanceQPId").text);
+  EXPECT_EQ(results[0].persistent_id.size(), 36u);
+  ASSERT_EQ(results[0].characteristics.size(), plan.uncertainty().features_size());
+  int found = 0;
+  for (int i = 0; i < plan.uncertainty().features_size(); ++i) {
+    const MeasuredCharacteristic& back = results[0].characteristics[i];
+    EXPECT_EQ(back.name, plan.uncertainty().features(i).name());
+    EXPECT_EQ(back.status, "PASS");
+    const auto id = planned.find(back.name);
+    if (id == planned.end()) continue;  // of a kind that is no QIF tolerance
+    ++found;
+    EXPECT_EQ(back.persistent_id, id->second);
+    EXPECT_NEAR(back.value_m.value_or(0), 1e-5 * (i + 1), 1e-15);
+    EXPECT_NEAR(back.standard_uncertainty_m.value_or(0), 2e-6, 1e-15);
+  }
+  EXPECT_EQ(found, planned.size());
+  EXPECT_GT(found, 0);
+}
+
+TEST(QifExport, PersistentIdsFollowTheDrawingAndThePart) {
+  const v1::Plan plan = SampleUncertaintyPlan().plan;
+  const std::map<std::string, std::string> first = PersistentIds(Document(plan));
+  std::set<std::string> different;
+  for (const auto& [name, id] : first) different.insert(id);
+  EXPECT_EQ(different.size(), first.size());
+  // More scans and another zone: the same characteristics.
+  v1::Plan longer = plan;
+  *longer.add_scans() = plan.scans(0);
+  longer.mutable_uncertainty()->mutable_features(0)->set_zone_width_m(9e-4);
+  EXPECT_EQ(PersistentIds(Document(longer)), first);
+  v1::Plan other = plan;
+  other.set_part_digest("another part");
+  for (const auto& [name, id] : PersistentIds(Document(other))) EXPECT_NE(id, first.at(name));
+  // The drawing's own id, unless it is none.
+  const v1::FeatureVerdict& feature = plan.uncertainty().features(0);
+  Tolerance drawn;
+  drawn.id = feature.id();
+  drawn.persistent_id = "fd43400a-29bf-4ec6-b96c-e2f846eb6ff6";
+  ASSERT_FALSE(drawn.id.empty());
+  EXPECT_EQ(PersistentIds(Document(plan, {&drawn, 1})).at(feature.name()), drawn.persistent_id);
+  drawn.persistent_id = "no uuid";
+  EXPECT_EQ(PersistentIds(Document(plan, {&drawn, 1})), first);
+}
+
+TEST(QifExport, ResultsOfOthersThatAreWrongAreRefused) {
+  const v1::Plan plan = SampleUncertaintyPlan().plan;
+  const v1::InspectionResult measured = MeasuredAll(plan);
+  const std::string document = *QifDocument(plan, "plate.glb", {}, &measured);
+  const auto refused = [&](const std::string& from, const std::string& to) {
+    std::string changed = document;
+    const size_t at = changed.find(from);
+    EXPECT_NE(at, std::string::npos) << from;
+    changed.replace(at, from.size(), to);
+    const std::string path = WriteTemporary(changed);
+    const auto results = ReadQifResults(path);
+    std::filesystem::remove(path);
+    EXPECT_EQ(results.status().code(), absl::StatusCode::kInvalidArgument) << to;
+    return std::string(results.status().message());
+  };
+  EXPECT_THAT(refused("<CharacteristicItemId>", "<CharacteristicItemId>9"),
+              HasSubstr("is no characteristic item of the file"));
+  EXPECT_THAT(refused("combinedUncertainty=\"", "combinedUncertainty=\"-"),
+              HasSubstr("must be >= 0"));
+  EXPECT_THAT(refused("combinedUncertainty=\"", "combinedUncertainty=\"x"), HasSubstr("<Value>"));
+  const std::string path = WriteTemporary(Document(plan));
+  EXPECT_THAT(ReadQifResults(path).status().message(), HasSubstr("has no <Results>"));
+  std::filesystem::remove(path);
 }
 
 TEST(QifExport, APlanForCoverageMeasuresTheWholeSurface) {

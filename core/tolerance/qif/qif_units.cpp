@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/tolerance/qif_units.h"
+#include "core/tolerance/qif/qif_units.h"
 
 #include <algorithm>
 #include <array>

@@ -14,7 +14,7 @@
 
 #include "absl/status/status.h"
 #include "absl/status/statusor.h"
-#include "core/tolerance/qif_xml.h"
+#include "core/tolerance/qif/qif_xml.h"
 
 namespace sightline {
 

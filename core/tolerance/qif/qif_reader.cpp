@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/tolerance/qif_reader.h"
+#include "core/tolerance/qif/qif_reader.h"
 
 #include <algorithm>
 #include <array>
@@ -18,8 +18,8 @@
 #include "absl/strings/str_cat.h"
 #include "absl/strings/strip.h"
 #include "core/text/number.h"
-#include "core/tolerance/qif_units.h"
-#include "core/tolerance/qif_xml.h"
+#include "core/tolerance/qif/qif_units.h"
+#include "core/tolerance/qif/qif_xml.h"
 
 namespace sightline {
 namespace {
@@ -71,6 +71,10 @@ constexpr std::array<CharacteristicName, 18> kDimensional = {{
     {"AngleFrom", ToleranceKind::kAngularDistance, "angle"},
     {"AngularCoordinate", ToleranceKind::kAngularDistance, "angular coordinate"},
 }};
+
+constexpr std::array<const char*, 6> kKept = {
+    "FileUnits", "DatumDefinitions", "DatumTargetDefinitions", "DatumReferenceFrames",
+    "Features",  "Characteristics"};
 
 constexpr const char* kDefinition = "CharacteristicDefinition";
 
@@ -366,6 +370,7 @@ class QifReader {
     Tolerance tolerance;
     tolerance.id = Id(nominal);
     tolerance.name = NameOf(nominal);
+    tolerance.persistent_id = QifPersistentId(nominal);
     std::set<std::string> features;
     for (const std::string& id : Ids(nominal, "FeatureNominalIds")) {
       const QifElement& feature = Follow(feature_nominals_, nominal, id, "feature nominal");
@@ -373,6 +378,7 @@ class QifReader {
     }
     for (const QifElement* item : items) {
       if (tolerance.name.empty()) tolerance.name = NameOf(*item);
+      if (tolerance.persistent_id.empty()) tolerance.persistent_id = QifPersistentId(*item);
       for (const std::string& id : Ids(*item, "FeatureItemIds")) {
         const QifElement& feature_item = Follow(feature_items_, *item, id, "feature item");
         const std::string& of = feature_item.ChildText("FeatureNominalId");
@@ -534,7 +540,7 @@ class QifReader {
 
 absl::StatusOr<ToleranceReport> ReadQif(const std::string& file, const std::string& schema_folder,
                                         const std::string& length_unit) {
-  const auto root = ReadQifXml(file, schema_folder);
+  const auto root = ReadQifXml(file, schema_folder, kKept);
   if (!root.ok()) return root.status();
   try {
     auto units = QifUnits::Read(*root, file, length_unit);

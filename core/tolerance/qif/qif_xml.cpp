@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/tolerance/qif_xml.h"
+#include "core/tolerance/qif/qif_xml.h"
 
 #include <algorithm>
 #include <array>
@@ -42,10 +42,6 @@ constexpr size_t kMaxDepth = 100;
 // Names and numbers are short; polylines of features are not needed.
 constexpr size_t kMaxTextBytes = 4096;
 
-constexpr std::array<const char*, 6> kKept = {
-    "FileUnits", "DatumDefinitions", "DatumTargetDefinitions", "DatumReferenceFrames",
-    "Features",  "Characteristics"};
-
 std::string Utf8(const XMLCh* text) {
   if (text == nullptr) return {};
   const xc::TranscodeToStr utf8(text, "UTF-8");
@@ -69,8 +65,8 @@ struct Stop {
 
 class Handler final : public xc::DefaultHandler, public xc::XMLEntityResolver {
  public:
-  Handler(std::string file, fs::path schema_folder)
-      : file_(std::move(file)), schema_folder_(std::move(schema_folder)) {}
+  Handler(std::string file, fs::path schema_folder, std::span<const char* const> kept)
+      : file_(std::move(file)), schema_folder_(std::move(schema_folder)), kept_(kept) {}
 
   void set_loading_schema(bool loading) { loading_schema_ = loading; }
   QifElement Take() { return std::move(root_); }
@@ -85,7 +81,7 @@ class Handler final : public xc::DefaultHandler, public xc::XMLEntityResolver {
     }
     const bool keep =
         depth_ == 1 ||
-        (depth_ == 2 && std::find(kKept.begin(), kKept.end(), Utf8(local_name)) != kKept.end()) ||
+        (depth_ == 2 && std::find(kept_.begin(), kept_.end(), Utf8(local_name)) != kept_.end()) ||
         (depth_ > 2 && open_.size() + 1 == depth_);
     if (!keep) return;
     if (++elements_ > kMaxElements) {
@@ -193,6 +189,7 @@ class Handler final : public xc::DefaultHandler, public xc::XMLEntityResolver {
 
   std::string file_;
   fs::path schema_folder_;
+  std::span<const char* const> kept_;
   bool loading_schema_ = false;
   const xc::Locator* locator_ = nullptr;
   size_t depth_ = 0, elements_ = 0;
@@ -266,7 +263,21 @@ const std::string& QifElement::ChildText(const std::string& child) const {
   return element == nullptr ? kEmpty : element->text;
 }
 
-absl::StatusOr<QifElement> ReadQifXml(const std::string& file, const std::string& schema_folder) {
+std::string QifPersistentId(const QifElement& characteristic) {
+  const QifElement* designator = characteristic.Child("CharacteristicDesignator");
+  if (designator != nullptr && !designator->ChildText("UUID").empty())
+    return absl::AsciiStrToLower(designator->ChildText("UUID"));
+  const QifElement* attributes = characteristic.Child("Attributes");
+  if (attributes == nullptr) return "";
+  for (const QifElement& attribute : attributes->children) {
+    if (attribute.name == "AttributeQPId")
+      return absl::AsciiStrToLower(attribute.ChildText("Value"));
+  }
+  return "";
+}
+
+absl::StatusOr<QifElement> ReadQifXml(const std::string& file, const std::string& schema_folder,
+                                      std::span<const char* const> kept) {
   std::error_code error;
   if (!fs::is_regular_file(file, error)) return absl::NotFoundError(file + ": no such file");
   const uintmax_t bytes = fs::file_size(file, error);
@@ -284,7 +295,7 @@ absl::StatusOr<QifElement> ReadQifXml(const std::string& file, const std::string
   }
   InitialiseXerces();
   try {
-    Handler handler(file, real_schema_folder);
+    Handler handler(file, real_schema_folder, kept);
     // The implementation by name: only it takes a resolver that learns who asks.
     const auto reader = std::make_unique<xc::SAX2XMLReaderImpl>();
     xc::SecurityManager limits;

@@ -4,6 +4,7 @@
 
 #include <cstdint>
 #include <map>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -34,12 +35,16 @@ struct QifRepeated {
 // Parses and checks a QIF 3.0 document: well-formed XML without a document type, root QIFDocument
 // in namespace http://qifstandards.org/xsd/qif3, versionQIF 3.0.x. With `schema_folder` (that of
 // the QIF 3.0 schema, which has QIFApplications/QIFDocument.xsd) the whole document is validated
-// as well. Kept are the root's children FileUnits, DatumDefinitions, DatumTargetDefinitions,
-// DatumReferenceFrames, Features and Characteristics; geometry is read past.
+// as well. Kept are the root's children whose names are in `kept`; the rest is read past.
 //
 // Nothing is fetched: external entities are refused, and schemas are read from `schema_folder`
 // only. NOT_FOUND: no such file or schema. INVALID_ARGUMENT names file, line and element; also for
 // files over 1 GiB, more than 4 million elements kept, or elements nested deeper than 100.
-absl::StatusOr<QifElement> ReadQifXml(const std::string& file, const std::string& schema_folder);
+absl::StatusOr<QifElement> ReadQifXml(const std::string& file, const std::string& schema_folder,
+                                      std::span<const char* const> kept);
+
+// The persistent id of a characteristic nominal or item: the UUID of its CharacteristicDesignator,
+// else its first AttributeQPId, in lower case. Empty: none.
+std::string QifPersistentId(const QifElement& characteristic);
 
 }  // namespace sightline
