@@ -22,9 +22,12 @@ function table(headings, rows, is_number = () => false) {
 const millimetres = (length_m) => (1000 * length_m).toFixed(1);
 const degrees = (angle_deg) => angle_deg.toFixed(1);
 
+const SCAN_HEADINGS = ['Scan', 'Camera distance [mm]', 'Triangulation', 'Camera azimuth', 'Camera polar', 'Part alpha', 'Part beta', 'Part gamma'];
+
 function scanRows(plan) {
   return plan.scans.map(({measurement}, i) => [i + 1, millimetres(measurement.camera_distance_m),
-    degrees(measurement.triangulation_angle_deg), degrees(measurement.camera_azimuth_deg), degrees(measurement.camera_polar_deg)]);
+    ...['triangulation_angle_deg', 'camera_azimuth_deg', 'camera_polar_deg', 'part_alpha_deg', 'part_beta_deg', 'part_gamma_deg']
+        .map((field) => degrees(measurement[field] ?? 0))]);
 }
 
 function eventRows(events) {
@@ -52,7 +55,8 @@ export function mesPage({order, plan, saved}) {
 <h2>What happened</h2>
 ${table(['UTC', 'Event', 'Message'], eventRows(order.events))}
 <h2>Scans</h2>
-${table(['Scan', 'Camera distance [mm]', 'Triangulation angle [deg]', 'Azimuth [deg]', 'Polar angle [deg]'], scanRows(plan), () => true)}
+<p>Angles are in degrees.</p>
+${table(SCAN_HEADINGS, scanRows(plan), () => true)}
 <h2>Files</h2>
 <ul>
 ${links}

@@ -17,7 +17,7 @@ if (!existsSync(executablePath)) {
 }
 const {chromium} = createRequire(join(resolve(process.argv[2]), 'package.json'))('playwright-core');
 const HOSTILE = '<script>document.title = "broken"</script>"&';
-const measurement = {camera_distance_m: 0.2, triangulation_angle_deg: 30, camera_azimuth_deg: 0, camera_polar_deg: 12.34};
+const measurement = {camera_distance_m: 0.2, triangulation_angle_deg: 30, camera_azimuth_deg: 0, camera_polar_deg: 12.34, part_gamma_deg: -7};
 const events = ['RecipePrepared', 'JobStarted', 'ResultReady', 'Ready'].map((type, i) =>
   ({type: `${type}EventType`, message: i === 2 ? HOSTILE : type, time: `2026-01-01T00:00:0${i}Z`}));
 const page_text = mesPage({order: {job_id: HOSTILE, events}, saved: ['report.html', 'plan.json'],
@@ -37,7 +37,7 @@ try {
     const rows = page.locator('tbody tr');
     assert.equal(await rows.count(), events.length + 2);
     assert.match(await rows.nth(2).innerText(), /ResultReady\s+<script>/);
-    assert.match(await rows.last().innerText(), /2\s+200\.0\s+30\.0\s+0\.0\s+12\.3/);
+    assert.match(await rows.last().innerText(), /2\s+200\.0\s+30\.0\s+0\.0\s+12\.3\s+0\.0\s+0\.0\s+-7\.0/);
     assert.ok(await page.evaluate(() => document.documentElement.scrollWidth) <= width, `wider than ${width} px`);
     await page.getByRole('link', {name: 'plan.json'}).click();
     assert.match(page.url(), /plan\.json$/);
