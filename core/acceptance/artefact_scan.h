@@ -3,6 +3,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <numbers>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -37,7 +38,7 @@ struct ArtefactScan {
 
 // Limits on the places whose points count.
 struct SightLimits {
-  double most_incidence_rad = 70 * 3.14159265358979323846 / 180;  // to camera and laser
+  double most_incidence_rad = 70 * std::numbers::pi / 180;  // to camera and laser
   double max_range_m = 1.5;
   // About as many points a surface; columns are left out evenly beyond it.
   int most_points = 5000;
