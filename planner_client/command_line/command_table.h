@@ -19,7 +19,7 @@ inline constexpr std::string_view kRenderProgram = "sightline-render";
 inline constexpr std::string_view kServeProgram = "sightline-serve";
 
 // In the order of `sightline --help`.
-inline constexpr std::array<CommandEntry, 16> kCommands = {{
+inline constexpr std::array<CommandEntry, 17> kCommands = {{
     {"new", kPlanProgram, "an inspection.json for a part, with values that suit it"},
     {"plan", kPlanProgram, "find the few scans that measure the part's surface"},
     {"evaluate", kPlanProgram, "exact coverage of a given plan"},
@@ -27,6 +27,7 @@ inline constexpr std::array<CommandEntry, 16> kCommands = {{
     {"part", kPlanProgram, "health report of a part file"},
     {"calibrate", kPlanProgram, "a real scanner from frames of its line on a checkerboard"},
     {"inspect", kPlanProgram, "whether a part conforms, from the points that its scans measured"},
+    {"accept", kRenderProgram, "acceptance test of the rig by simulated artefacts"},
     {"render", kRenderProgram, "what the camera would record"},
     {"effects", kRenderProgram, "physical effects that images can show, with their parameters"},
     {"optics", kRenderProgram, "f-number, exposure and focus with which the line is found best"},

@@ -15,6 +15,7 @@ Command AddEvaluateCommand(CLI::App& app);
 Command AddCompareCommand(CLI::App& app);
 Command AddCalibrateCommand(CLI::App& app);
 Command AddInspectCommand(CLI::App& app);
+Command AddAcceptCommand(CLI::App& app);
 Command AddPartCommand(CLI::App& app);
 Command AddRenderCommand(CLI::App& app);
 Command AddEffectsCommand(CLI::App& app);

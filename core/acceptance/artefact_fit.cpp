@@ -1,0 +1,151 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/acceptance/artefact_fit.h"
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace sightline {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+constexpr std::array<AcceptanceQuantityInfo, 7> kQuantities = {{
+    {AcceptanceQuantityKind::kProbingSize, ArtefactKind::kSphere, "probing_size_error",
+     "ISO 10360-13 P_Size.Sph.All; VDI/VDE 2634-2 P_S", "probing size error"},
+    {AcceptanceQuantityKind::kProbingForm95, ArtefactKind::kSphere, "probing_form_error_95",
+     "ISO 10360-13 P_Form.Sph.D95%", "probing form error, 95 % of the points"},
+    {AcceptanceQuantityKind::kProbingForm997, ArtefactKind::kSphere, "probing_form_error_997",
+     "VDI/VDE 2634-2 P_F", "probing form error, 99.7 % of the points"},
+    {AcceptanceQuantityKind::kSphereDistance, ArtefactKind::kBallBar, "sphere_distance_error",
+     "ISO 10360-13 D_CC; VDI/VDE 2634-2 SD", "sphere distance error"},
+    {AcceptanceQuantityKind::kFlatness95, ArtefactKind::kPlate, "flatness_error_95",
+     "ISO 10360-13 D_Form.Pla.D95%", "flatness error, 95 % of the points"},
+    {AcceptanceQuantityKind::kFlatness997, ArtefactKind::kPlate, "flatness_error_997",
+     "VDI/VDE 2634-2 F", "flatness error, 99.7 % of the points"},
+    {AcceptanceQuantityKind::kRingDiameter, ArtefactKind::kRing, "ring_diameter_error",
+     "ring gauge, no standard", "ring diameter error"},
+}};
+
+constexpr double kMost = 0.997;  // VDI/VDE 2634-2: three per mille of the points may be left out
+constexpr double k95 = 0.95;
+
+std::vector<double> Distances(const NominalSurface& fitted, const SurfacePoints& points) {
+  std::vector<double> distances;
+  distances.reserve(points.positions_m.size());
+  for (const Vector3d& p : points.positions_m) distances.push_back(SignedDistance(fitted, p));
+  return distances;
+}
+
+}  // namespace
+
+std::span<const AcceptanceQuantityInfo> AcceptanceQuantities() { return kQuantities; }
+
+bool IsForm(AcceptanceQuantityKind kind) {
+  return kind == AcceptanceQuantityKind::kProbingForm95 ||
+         kind == AcceptanceQuantityKind::kProbingForm997 ||
+         kind == AcceptanceQuantityKind::kFlatness95 ||
+         kind == AcceptanceQuantityKind::kFlatness997;
+}
+
+double NarrowestRange(std::vector<double> values, double fraction) {
+  std::sort(values.begin(), values.end());
+  const size_t held = std::clamp<size_t>(
+      static_cast<size_t>(std::ceil(fraction * static_cast<double>(values.size()))), 1,
+      values.size());
+  double narrowest = values.back() - values.front();
+  for (size_t i = 0; i + held <= values.size(); ++i) {
+    narrowest = std::min(narrowest, values[i + held - 1] - values[i]);
+  }
+  return narrowest;
+}
+
+std::vector<double> FittedErrors(const Artefact& artefact,
+                                 const std::vector<SurfacePoints>& points) {
+  std::vector<NominalSurface> fitted;
+  for (size_t s = 0; s < artefact.surfaces.size(); ++s) {
+    const auto surface =
+        FitSurface(artefact.surfaces[s].nominal.kind, points[s].positions_m, points[s].normals);
+    if (!surface) return {};
+    fitted.push_back(*surface);
+  }
+  const NominalSurface& nominal = artefact.surfaces.front().nominal;
+  const double size_m = 2 * (fitted.front().radius_m - nominal.radius_m);
+  switch (artefact.kind) {
+    case ArtefactKind::kSphere: {
+      const std::vector<double> distances = Distances(fitted.front(), points.front());
+      return {size_m, NarrowestRange(distances, k95), NarrowestRange(distances, kMost)};
+    }
+    case ArtefactKind::kBallBar:
+      return {(fitted[1].point_m - fitted[0].point_m).norm() -
+              (artefact.surfaces[1].nominal.point_m - nominal.point_m).norm()};
+    case ArtefactKind::kPlate: {
+      const std::vector<double> distances = Distances(fitted.front(), points.front());
+      return {NarrowestRange(distances, k95), NarrowestRange(distances, kMost)};
+    }
+    case ArtefactKind::kRing:
+      return {size_m};
+  }
+  return {};
+}
+
+// Deviations along the normal n at the point p of a surface that is moved by c, turned by tilts
+// t_u, t_v of its axis, and grown by r:
+//   sphere    n . c + r
+//   cylinder  n . (c_u u + c_v v) + s n . (t_u u + t_v v) + r,  s along the axis from its point
+//   plane     c + x t_x + y t_y
+LinearFit::LinearFit(const ArtefactSurface& surface, const std::vector<Vector3d>& positions_m,
+                     const std::vector<Vector3d>& normals)
+    : kind_(surface.nominal.kind) {
+  const auto n = static_cast<Eigen::Index>(positions_m.size());
+  const NominalSurface& nominal = surface.nominal;
+  const Vector3d u = nominal.axis.unitOrthogonal(), v = nominal.axis.cross(u);
+  const int parameters = kind_ == SurfaceKind::kSphere     ? 4
+                         : kind_ == SurfaceKind::kCylinder ? 5
+                                                           : 3;
+  design_.resize(n, parameters);
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const Vector3d& normal = normals[static_cast<size_t>(i)];
+    const Vector3d from_middle = positions_m[static_cast<size_t>(i)] - nominal.point_m;
+    if (kind_ == SurfaceKind::kSphere) {
+      design_.row(i) << normal.transpose(), 1;
+    } else if (kind_ == SurfaceKind::kCylinder) {
+      const double s = nominal.axis.dot(from_middle) / surface.half_length_m;
+      design_.row(i) << normal.dot(u), normal.dot(v), s * normal.dot(u), s * normal.dot(v), 1;
+    } else {
+      design_.row(i) << 1, surface.side_x.dot(from_middle) / surface.half_side_m,
+          surface.side_y.dot(from_middle) / surface.half_side_m;
+    }
+  }
+  inverse_ = (design_.transpose() * design_).ldlt().solve(design_.transpose());
+}
+
+MatrixXd LinearFit::Parameters(const MatrixXd& deviations_m) const {
+  return inverse_ * deviations_m;
+}
+
+MatrixXd LinearFit::Residuals(const MatrixXd& deviations_m) const {
+  return deviations_m - design_ * Parameters(deviations_m);
+}
+
+double LinearFit::Variance(const VectorXd& combination, const VectorXd& variances_m2) const {
+  return (combination.transpose() * inverse_).cwiseAbs2().dot(variances_m2.transpose());
+}
+
+VectorXd LinearFit::Diameter() const {
+  VectorXd combination = VectorXd::Zero(design_.cols());
+  combination[design_.cols() - 1] = 2;
+  return combination;
+}
+
+VectorXd LinearFit::Displacement(const Vector3d& direction) const {
+  VectorXd combination = VectorXd::Zero(design_.cols());
+  combination.head<3>() = direction;
+  return combination;
+}
+
+}  // namespace sightline

@@ -1,0 +1,381 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "core/acceptance/virtual_test.h"
+
+#include <Eigen/Eigenvalues>
+#include <algorithm>
+#include <cmath>
+#include <optional>
+
+#include "core/laser_line/line_quality.h"
+#include "core/parallel/for_each_index.h"
+#include "core/random/counter_random.h"
+
+namespace sightline {
+namespace {
+
+using Eigen::MatrixXd;
+using Eigen::Vector2d;
+using Eigen::Vector3d;
+using Eigen::VectorXd;
+
+// Errors that are drawn together, and how they are called.
+struct ErrorGroup {
+  const char* name;
+  int first, count;
+};
+constexpr ErrorGroup kCalibrationGroups[] = {
+    {"camera rotation", kCameraAlpha, 3},   {"camera position", kCameraX, 3},
+    {"laser sheet tilt", kSheetTiltX, 2},   {"laser sheet offset", kSheetOffset, 1},
+    {"focal length", kFocalLengthError, 1}, {"principal point", kPrincipalX, 2}};
+constexpr char kDetection[] = "line detection";
+
+// Root of a covariance with variables of different units.
+MatrixXd CovarianceRoot(const TriangulationCovariance& covariance) {
+  const TriangulationErrors deviation = covariance.diagonal().cwiseMax(0).cwiseSqrt();
+  TriangulationCovariance correlation = TriangulationCovariance::Zero();
+  for (int i = 0; i < kTriangulationVariables; ++i) {
+    for (int j = 0; j < kTriangulationVariables; ++j) {
+      const double scale = deviation[i] * deviation[j];
+      if (scale > 0) correlation(i, j) = covariance(i, j) / scale;
+    }
+  }
+  const Eigen::SelfAdjointEigenSolver<TriangulationCovariance> solver(correlation);
+  return deviation.asDiagonal() * solver.eigenvectors() *
+         solver.eigenvalues().cwiseMax(0).cwiseSqrt().asDiagonal();
+}
+
+TriangulationErrors DrawErrors(const MatrixXd& root, CounterRandom& random) {
+  TriangulationErrors standard;
+  for (int i = 0; i < kTriangulationVariables; ++i) standard[i] = random.Normal();
+  return root * standard;
+}
+
+double DetectionDeviation(const UncertaintyModel& model, const ArtefactPoint& p) {
+  return model.detection.At(p.distance_m, p.incidence_rad);
+}
+
+// Row of the column at which the true sheet and the true line of sight meet the surface, by the
+// secant method from the nominal row. NaN where they do not.
+double TrueRow(const TriangulationSetup& setup, const NominalSurface& surface,
+               const ArtefactPoint& p, const TriangulationErrors& errors) {
+  const auto height_m = [&](double row) {
+    return SignedDistance(surface, Triangulate(setup, Vector2d(p.column_px, row), errors));
+  };
+  constexpr double kEnough_m = 1e-10;
+  double row = p.row_px, height = height_m(row), slope = p.slope_m_per_px;
+  for (int i = 0; i < 12 && std::abs(height) > kEnough_m; ++i) {
+    const double step = std::clamp(-height / slope, -20.0, 20.0);
+    const double next = height_m(row + step);
+    if (next != height) slope = (next - height) / step;
+    row += step;
+    height = next;
+  }
+  return std::abs(height) <= kEnough_m ? row : std::nan("");
+}
+
+struct DetectionError {
+  double column_px = 0, row_px = 0;
+};
+
+// Detection errors of one run.
+class DetectionDraws {
+ public:
+  DetectionDraws(const ArtefactScan& scan, const Artefact& artefact, const UncertaintyModel& model,
+                 const LineDeviations* deviations, uint64_t seed, uint64_t run)
+      : scan_(scan), model_(model), deviations_(deviations), random_(seed, run, 1) {
+    if (deviations == nullptr) return;
+    for (const ArtefactSurface& surface : artefact.surfaces) {
+      references_.push_back(PlaceOfReference(scan, surface));
+    }
+    for (size_t f = 0; f < scan.frames.size(); ++f) {
+      line_.push_back(static_cast<int>(random_.Uniform() * deviations->realisations()));
+    }
+  }
+
+  // Error of the next point; points come in their order. Empty: not detected.
+  std::optional<DetectionError> Next(const ArtefactPoint& p) {
+    if (deviations_ == nullptr) {
+      const double deviation = DetectionDeviation(model_, p);
+      const auto pair = random_.NormalPair();
+      return DetectionError{deviation * pair[0], deviation * pair[1]};
+    }
+    const auto frame = static_cast<size_t>(p.frame);
+    const ReferencePlace& place = references_[static_cast<size_t>(p.surface)];
+    const auto row = deviations_->At(scan_.frames[frame].stage_m - place.stage_m,
+                                     p.column_px - place.column_px, line_[frame]);
+    if (!row) return std::nullopt;
+    return DetectionError{0, *row};
+  }
+
+ private:
+  const ArtefactScan& scan_;
+  const UncertaintyModel& model_;
+  const LineDeviations* deviations_;
+  CounterRandom random_;
+  std::vector<ReferencePlace> references_;
+  std::vector<int> line_;  // realisation of every frame
+};
+
+// The points of every surface as they are measured in one run.
+std::vector<SurfacePoints> MeasuredPoints(const ArtefactScan& scan, const Artefact& artefact,
+                                          const TriangulationErrors& errors,
+                                          DetectionDraws* draws) {
+  std::vector<SurfacePoints> measured(artefact.surfaces.size());
+  for (const ArtefactPoint& p : scan.points) {
+    const auto detection = draws->Next(p);
+    if (!detection) continue;
+    const TriangulationSetup& setup = scan.frames[static_cast<size_t>(p.frame)].setup;
+    const auto surface = static_cast<size_t>(p.surface);
+    const double row = TrueRow(setup, artefact.surfaces[surface].nominal, p, errors);
+    const Vector3d position_m =
+        Triangulate(setup, Vector2d(p.column_px + detection->column_px, row + detection->row_px));
+    if (!position_m.allFinite()) continue;
+    measured[surface].positions_m.push_back(position_m);
+    measured[surface].normals.push_back(p.normal);
+  }
+  return measured;
+}
+
+std::vector<AcceptanceQuantityInfo> QuantitiesOf(const Artefact& artefact) {
+  std::vector<AcceptanceQuantityInfo> quantities;
+  for (const AcceptanceQuantityInfo& info : AcceptanceQuantities()) {
+    if (info.artefact == artefact.kind) quantities.push_back(info);
+  }
+  return quantities;
+}
+
+// The scan's points of one surface, their linear fit, and what errors do to them.
+struct LinearSurface {
+  LinearFit fit;
+  MatrixXd calibration;          // [point][variable], m per unit
+  VectorXd detection_variances;  // m^2
+  std::vector<size_t> points;    // of the scan
+};
+
+LinearSurface Linearise(const ArtefactScan& scan, const Artefact& artefact,
+                        const UncertaintyModel& model, int surface) {
+  std::vector<Vector3d> positions_m, normals;
+  std::vector<size_t> points;
+  for (size_t i = 0; i < scan.points.size(); ++i) {
+    if (scan.points[i].surface != surface) continue;
+    positions_m.push_back(scan.points[i].position_m);
+    normals.push_back(scan.points[i].normal);
+    points.push_back(i);
+  }
+  const auto n = static_cast<Eigen::Index>(points.size());
+  LinearSurface linear{
+      LinearFit(artefact.surfaces[static_cast<size_t>(surface)], positions_m, normals),
+      MatrixXd(n, kTriangulationVariables), VectorXd(n), std::move(points)};
+  for (Eigen::Index i = 0; i < n; ++i) {
+    const ArtefactPoint& p = scan.points[linear.points[static_cast<size_t>(i)]];
+    const TriangulationSetup& setup = scan.frames[static_cast<size_t>(p.frame)].setup;
+    linear.calibration.row(i) =
+        p.normal.transpose() * PointDerivatives(setup, Vector2d(p.column_px, p.row_px));
+    const double deviation = DetectionDeviation(model, p);
+    linear.detection_variances[i] =
+        deviation * deviation * linear.calibration.row(i).head<2>().squaredNorm();
+    linear.calibration.row(i).head<2>().setZero();
+  }
+  return linear;
+}
+
+double CombinedVariance(const Eigen::RowVectorXd& sensitivities,
+                        const TriangulationCovariance& covariance, int first, int count) {
+  const auto part = sensitivities.segment(first, count);
+  return part * covariance.block(first, first, count, count) * part.transpose();
+}
+
+// Sensitivity of a size or distance to the calibration, and its variance by detection.
+struct SizeSensitivity {
+  Eigen::RowVectorXd calibration = Eigen::RowVectorXd::Zero(kTriangulationVariables);
+  double detection_variance_m2 = 0;
+
+  void Add(const LinearSurface& linear, const VectorXd& combination) {
+    calibration += combination.transpose() * linear.fit.Parameters(linear.calibration);
+    detection_variance_m2 += linear.fit.Variance(combination, linear.detection_variances);
+  }
+};
+
+// Combinations of the parameters of each surface that are a size or a distance.
+std::vector<VectorXd> SizeCombinations(const Artefact& artefact,
+                                       const std::vector<LinearSurface>& surfaces) {
+  if (artefact.kind != ArtefactKind::kBallBar) return {surfaces[0].fit.Diameter()};
+  const Vector3d along =
+      (artefact.surfaces[1].nominal.point_m - artefact.surfaces[0].nominal.point_m).normalized();
+  return {surfaces[0].fit.Displacement(-along), surfaces[1].fit.Displacement(along)};
+}
+
+QuantityPrediction PredictSize(const Artefact& artefact, const UncertaintyModel& model,
+                               const std::vector<LinearSurface>& surfaces) {
+  SizeSensitivity sensitivity;
+  const std::vector<VectorXd> combinations = SizeCombinations(artefact, surfaces);
+  for (size_t s = 0; s < surfaces.size(); ++s) sensitivity.Add(surfaces[s], combinations[s]);
+  QuantityPrediction prediction;
+  prediction.terms.push_back({kDetection, std::sqrt(sensitivity.detection_variance_m2)});
+  for (const ErrorGroup& group : kCalibrationGroups) {
+    prediction.terms.push_back(
+        {group.name,
+         std::sqrt(std::max(0.0, CombinedVariance(sensitivity.calibration, model.calibration,
+                                                  group.first, group.count)))});
+  }
+  const double variance_m2 =
+      sensitivity.detection_variance_m2 +
+      std::max(0.0, CombinedVariance(sensitivity.calibration, model.calibration, 0,
+                                     kTriangulationVariables));
+  prediction.magnitude_m = kNormal95 * std::sqrt(variance_m2);
+  return prediction;
+}
+
+std::vector<ErrorTerm> FormTerms(const UncertaintyModel& model, const LinearSurface& linear,
+                                 const MatrixXd& residuals) {
+  const auto n = static_cast<double>(linear.points.size());
+  std::vector<ErrorTerm> terms = {{kDetection, std::sqrt(linear.detection_variances.mean())}};
+  const MatrixXd moments = residuals.transpose() * residuals / n;
+  for (const ErrorGroup& group : kCalibrationGroups) {
+    const auto block = [&](const MatrixXd& m) {
+      return MatrixXd(m.block(group.first, group.first, group.count, group.count));
+    };
+    terms.push_back({group.name, std::sqrt(std::max(
+                                     0.0, (block(model.calibration) * block(moments)).trace()))});
+  }
+  return terms;
+}
+
+// Ranges of 95 % and 99.7 % of the residuals.
+std::vector<QuantityPrediction> PredictForm(const UncertaintyModel& model,
+                                            const LinearSurface& linear, int draws, uint64_t seed) {
+  const MatrixXd residuals = linear.fit.Residuals(linear.calibration);
+  const MatrixXd root = CovarianceRoot(model.calibration);
+  const VectorXd deviations = linear.detection_variances.cwiseSqrt();
+  std::vector<std::vector<double>> ranges(2, std::vector<double>(static_cast<size_t>(draws)));
+  (void)ForEachIndex(static_cast<size_t>(draws), [&](size_t draw) {
+    CounterRandom random(seed, draw, 2);
+    VectorXd residual = residuals * DrawErrors(root, random);
+    // The fit takes so little of independent noise that it is left out here.
+    for (Eigen::Index i = 0; i < residual.size(); ++i)
+      residual[i] += deviations[i] * random.Normal();
+    const std::vector<double> values(residual.begin(), residual.end());
+    ranges[0][draw] = NarrowestRange(values, 0.95);
+    ranges[1][draw] = NarrowestRange(values, 0.997);
+    return absl::OkStatus();
+  });
+  const std::vector<ErrorTerm> terms = FormTerms(model, linear, residuals);
+  return {{Magnitude95(ranges[0]), terms}, {Magnitude95(ranges[1]), terms}};
+}
+
+std::vector<LinearSurface> LineariseAll(const ArtefactScan& scan, const Artefact& artefact,
+                                        const UncertaintyModel& model) {
+  std::vector<LinearSurface> surfaces;
+  for (size_t s = 0; s < artefact.surfaces.size(); ++s) {
+    surfaces.push_back(Linearise(scan, artefact, model, static_cast<int>(s)));
+  }
+  return surfaces;
+}
+
+}  // namespace
+
+double Magnitude95(std::vector<double> errors_m) {
+  for (double& error : errors_m) error = std::abs(error);
+  std::sort(errors_m.begin(), errors_m.end());
+  const auto n = static_cast<double>(errors_m.size());
+  const double place = 0.95 * (n - 1);
+  const auto below = static_cast<size_t>(place);
+  const size_t above = std::min(below + 1, errors_m.size() - 1);
+  const double weight = place - static_cast<double>(below);
+  return (1 - weight) * errors_m[below] + weight * errors_m[above];
+}
+
+ReferencePlace PlaceOfReference(const ArtefactScan& scan, const ArtefactSurface& surface) {
+  // The setup travels with the stage: at the stage position s the sheet passes through the place
+  // x if n . (x - source at 0) + s n_x = 0.
+  const ArtefactFrame& frame = scan.frames.front();
+  const Vector3d& normal = frame.setup.laser.y_axis;
+  const double beyond_m =
+      -normal.dot(surface.reference_m - frame.setup.laser.origin_m) / normal.x();
+  TriangulationSetup lit = frame.setup;
+  lit.camera.origin_m.x() -= beyond_m;
+  return {frame.stage_m + beyond_m,
+          static_cast<int>(std::lround(ProjectPoint(lit, surface.reference_m).x()))};
+}
+
+SimulatedErrors SimulateTests(const ArtefactScan& scan, const Artefact& artefact,
+                              const UncertaintyModel& model, const LineDeviations* deviations,
+                              int runs, uint64_t seed) {
+  const MatrixXd root = CovarianceRoot(model.calibration);
+  std::vector<std::vector<double>> by_run(static_cast<size_t>(runs));
+  (void)ForEachIndex(by_run.size(), [&](size_t run) {
+    CounterRandom random(seed, run);
+    const TriangulationErrors errors = DrawErrors(root, random);
+    DetectionDraws draws(scan, artefact, model, deviations, seed, run);
+    by_run[run] = FittedErrors(artefact, MeasuredPoints(scan, artefact, errors, &draws));
+    return absl::OkStatus();
+  });
+  SimulatedErrors errors(QuantitiesOf(artefact).size());
+  for (const std::vector<double>& run : by_run) {
+    for (size_t q = 0; q < run.size(); ++q) errors[q].push_back(run[q]);
+  }
+  return errors;
+}
+
+std::vector<QuantityPrediction> PredictTests(const ArtefactScan& scan, const Artefact& artefact,
+                                             const UncertaintyModel& model, int draws,
+                                             uint64_t seed) {
+  const std::vector<LinearSurface> surfaces = LineariseAll(scan, artefact, model);
+  std::vector<QuantityPrediction> predictions;
+  if (artefact.kind != ArtefactKind::kPlate) {
+    predictions.push_back(PredictSize(artefact, model, surfaces));
+  }
+  if (artefact.kind == ArtefactKind::kSphere || artefact.kind == ArtefactKind::kPlate) {
+    for (QuantityPrediction& form : PredictForm(model, surfaces[0], draws, seed)) {
+      predictions.push_back(std::move(form));
+    }
+  }
+  return predictions;
+}
+
+std::vector<double> SystematicContributions(const ArtefactScan& scan, const Artefact& artefact,
+                                            const LineDeviations& deviations) {
+  const std::vector<LinearSurface> surfaces = LineariseAll(scan, artefact, UncertaintyModel());
+  std::vector<VectorXd> shifts;
+  double chance_m2 = 0;  // of the mean over the realisations
+  for (size_t s = 0; s < surfaces.size(); ++s) {
+    const ReferencePlace place = PlaceOfReference(scan, artefact.surfaces[s]);
+    VectorXd shift(static_cast<Eigen::Index>(surfaces[s].points.size()));
+    double chance = 0, count = 0;
+    for (size_t i = 0; i < surfaces[s].points.size(); ++i) {
+      const ArtefactPoint& p = scan.points[surfaces[s].points[i]];
+      const double stage_m = scan.frames[static_cast<size_t>(p.frame)].stage_m - place.stage_m;
+      const int column = p.column_px - place.column_px;
+      const LineDeviations::Mean mean = deviations.MeanAt(stage_m, column);
+      shift[static_cast<Eigen::Index>(i)] = p.slope_m_per_px * mean.deviation_px;
+      if (mean.count < 2) continue;
+      double squares = 0;
+      for (int r = 0; r < deviations.realisations(); ++r) {
+        const auto one = deviations.At(stage_m, column, r);
+        if (one) squares += (*one - mean.deviation_px) * (*one - mean.deviation_px);
+      }
+      chance += p.slope_m_per_px * p.slope_m_per_px * squares / (mean.count - 1) / mean.count;
+      ++count;
+    }
+    chance_m2 = count > 0 ? chance / count : 0;
+    shifts.push_back(std::move(shift));
+  }
+  std::vector<double> contributions;
+  if (artefact.kind != ArtefactKind::kPlate) {
+    const std::vector<VectorXd> combinations = SizeCombinations(artefact, surfaces);
+    double size_m = 0;
+    for (size_t s = 0; s < surfaces.size(); ++s) {
+      size_m += combinations[s].dot(surfaces[s].fit.Parameters(shifts[s]).col(0));
+    }
+    contributions.push_back(std::abs(size_m));
+  }
+  if (artefact.kind == ArtefactKind::kSphere || artefact.kind == ArtefactKind::kPlate) {
+    const VectorXd residual = surfaces[0].fit.Residuals(shifts[0]);
+    const double rms_m = std::sqrt(
+        std::max(0.0, residual.squaredNorm() / static_cast<double>(residual.size()) - chance_m2));
+    contributions.insert(contributions.end(), 2, rms_m);
+  }
+  return contributions;
+}
+
+}  // namespace sightline

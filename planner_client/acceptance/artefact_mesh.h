@@ -1,0 +1,21 @@
+// SPDX-License-Identifier: Apache-2.0
+// Meshes of virtual artefacts, for the renderer.
+#pragma once
+
+#include <Eigen/Geometry>
+#include <string>
+
+#include "core/acceptance/artefact.h"
+
+namespace sightline {
+
+struct ArtefactMesh {
+  std::string stl;            // binary, metres
+  Eigen::AlignedBox3d box_m;  // the renderer places the middle of this box
+};
+
+// Facets are half a degree wide on spheres and bores: they leave the surface by a
+// hundred-thousandth of its radius. A sphere has the half that points towards camera and laser.
+ArtefactMesh MeshOfArtefact(const Artefact& artefact);
+
+}  // namespace sightline

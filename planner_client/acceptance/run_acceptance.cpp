@@ -1,0 +1,257 @@
+// SPDX-License-Identifier: Apache-2.0
+#include "planner_client/acceptance/run_acceptance.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <map>
+#include <numbers>
+#include <utility>
+#include <vector>
+
+#include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
+#include "core/acceptance/virtual_test.h"
+#include "core/random/seed.h"
+#include "core/uncertainty/uncertainty_model.h"
+
+namespace sightline {
+namespace {
+
+constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kBin_rad = 10 * kDegree;
+// Samples that a bin of incidence needs for a standard deviation within about 10 %.
+constexpr int64_t kLeastOfBin = 50;
+constexpr int kRealisations = 4;
+constexpr char kSystematic[] = "systematic error of line detection";
+
+// Frames that are rendered of an artefact.
+int FramesOf(ArtefactKind kind) {
+  switch (kind) {
+    case ArtefactKind::kSphere:
+      return 24;
+    case ArtefactKind::kRing:
+      return 8;
+    default:
+      return 3;
+  }
+}
+
+struct Moments {
+  double sum = 0, squares = 0;
+  int64_t count = 0;
+
+  void Add(double value) {
+    sum += value;
+    squares += value * value;
+    ++count;
+  }
+  double Mean() const { return count > 0 ? sum / static_cast<double>(count) : 0; }
+  double Deviation() const {
+    if (count < 2) return 0;
+    const auto n = static_cast<double>(count);
+    return std::sqrt(std::max(0.0, (squares - sum * sum / n) / (n - 1)));
+  }
+};
+
+using ByIncidence = std::map<int, Moments>;  // by number of the bin
+
+ByIncidence Binned(const std::map<ArtefactKind, RenderedLine>& lines) {
+  ByIncidence bins;
+  for (const auto& [kind, line] : lines) {
+    for (const RenderedLine::Sample& sample : line.samples) {
+      bins[static_cast<int>(sample.incidence_rad / kBin_rad)].Add(sample.deviation_px);
+    }
+  }
+  std::erase_if(bins, [](const auto& bin) { return bin.second.count < kLeastOfBin; });
+  return bins;
+}
+
+LineDetectionNoise NoiseOf(const ByIncidence& bins) {
+  LineDetectionNoise noise;
+  noise.incidence_angles_rad.clear();
+  noise.standard_deviations_px.clear();
+  for (const auto& [bin, moments] : bins) {
+    noise.incidence_angles_rad.push_back((bin + 0.5) * kBin_rad);
+    noise.standard_deviations_px.push_back(moments.Deviation());
+  }
+  return noise;
+}
+
+double PredictedDetection(const ArtefactScan& sphere, const UncertaintyModel& model) {
+  double squares = 0;
+  for (const ArtefactPoint& p : sphere.points) {
+    squares += std::pow(model.detection.At(p.distance_m, p.incidence_rad), 2);
+  }
+  return sphere.points.empty() ? 0 : std::sqrt(squares / static_cast<double>(sphere.points.size()));
+}
+
+// Ball bars have the spheres' deviations.
+const RenderedLine* LineFor(const std::map<ArtefactKind, RenderedLine>& lines, ArtefactKind kind) {
+  const auto found = lines.find(kind == ArtefactKind::kBallBar ? ArtefactKind::kSphere : kind);
+  return found == lines.end() ? nullptr : &found->second;
+}
+
+struct Test {
+  const Artefact* artefact;
+  ArtefactScan scan;
+};
+
+void AddQuantity(const AcceptanceTask& task, const Test& test, const AcceptanceQuantityInfo& info,
+                 const std::vector<double>& simulated, QuantityPrediction prediction,
+                 const double* systematic_m, v1::AcceptanceResult* result) {
+  v1::AcceptanceQuantity* quantity = result->add_quantities();
+  quantity->set_standard(info.standard);
+  quantity->set_artefact(test.artefact->name);
+  quantity->set_quantity(info.name);
+  quantity->set_simulated_m(Magnitude95(simulated));
+  quantity->set_predicted_m(prediction.magnitude_m);
+  double sum = 0;
+  for (const double error : simulated) sum += error;
+  quantity->set_mean_m(sum / static_cast<double>(simulated.size()));
+  quantity->set_points(static_cast<int>(test.scan.points.size()));
+  if (systematic_m != nullptr) prediction.terms.push_back({kSystematic, *systematic_m});
+  const ErrorTerm* largest = nullptr;
+  for (const ErrorTerm& term : prediction.terms) {
+    v1::AcceptanceTerm* added = quantity->add_terms();
+    added->set_name(term.name);
+    added->set_contribution_m(term.contribution_m);
+    if (largest == nullptr || term.contribution_m > largest->contribution_m) largest = &term;
+  }
+  if (largest != nullptr) quantity->set_dominating_term(largest->name);
+  for (const PermittedError& limit : task.settings.limits) {
+    if (limit.kind != info.kind) continue;
+    quantity->set_permitted_m(limit.permitted_m);
+    quantity->set_passed(quantity->simulated_m() <= limit.permitted_m);
+  }
+}
+
+absl::Status AddTest(const AcceptanceTask& task, const UncertaintyModel& model, const Test& test,
+                     const RenderedLine* line, v1::AcceptanceResult* result) {
+  const uint64_t seed = DeriveSeed(task.settings.seed, test.artefact->name.c_str());
+  const SimulatedErrors simulated =
+      SimulateTests(test.scan, *test.artefact, model, line == nullptr ? nullptr : &line->deviations,
+                    task.settings.runs, seed);
+  std::vector<QuantityPrediction> predicted =
+      PredictTests(test.scan, *test.artefact, model, task.settings.runs, seed);
+  const std::vector<double> systematic =
+      line == nullptr ? std::vector<double>()
+                      : SystematicContributions(test.scan, *test.artefact, line->deviations);
+  size_t q = 0;
+  for (const AcceptanceQuantityInfo& info : AcceptanceQuantities()) {
+    if (info.artefact != test.artefact->kind) continue;
+    if (simulated[q].empty()) {
+      return absl::FailedPreconditionError(absl::StrCat(
+          task.context, ": points measured of the ", test.artefact->name, " do not determine it"));
+    }
+    AddQuantity(task, test, info, simulated[q], std::move(predicted[q]),
+                line == nullptr ? nullptr : &systematic[q], result);
+    ++q;
+  }
+  return absl::OkStatus();
+}
+
+void AddDetection(const std::map<ArtefactKind, RenderedLine>& lines, const ByIncidence& bins,
+                  double predicted_px, double exposure_time_s, v1::AcceptanceResult* result) {
+  v1::AcceptanceDetection* detection = result->mutable_detection();
+  detection->set_predicted_px(predicted_px);
+  const RenderedLine* sphere = LineFor(lines, ArtefactKind::kSphere);
+  if (sphere == nullptr) {
+    detection->set_standard_deviation_px(predicted_px);
+    return;
+  }
+  detection->set_rendered(true);
+  detection->set_exposure_time_s(exposure_time_s);
+  detection->set_found_fraction(sphere->found_fraction);
+  Moments all;
+  for (const RenderedLine::Sample& sample : sphere->samples) all.Add(sample.deviation_px);
+  detection->set_standard_deviation_px(all.Deviation());
+  detection->set_mean_px(all.Mean());
+  int images = 0;
+  for (const auto& [kind, line] : lines) images += line.images;
+  detection->set_images(images);
+  for (const auto& [bin, moments] : bins) {
+    v1::AcceptanceDetection::Bin* added = detection->add_by_incidence();
+    added->set_incidence_deg((bin + 0.5) * kBin_rad / kDegree);
+    added->set_standard_deviation_px(moments.Deviation());
+    added->set_mean_px(moments.Mean());
+    added->set_points(moments.count);
+  }
+}
+
+void AddVerdict(v1::AcceptanceResult* result) {
+  for (const v1::AcceptanceQuantity& quantity : result->quantities()) {
+    if (!quantity.has_passed()) continue;
+    result->set_passed(quantity.passed() && (!result->has_passed() || result->passed()));
+  }
+}
+
+}  // namespace
+
+absl::StatusOr<v1::AcceptanceResult> RunAcceptance(const AcceptanceTask& task,
+                                                   const RenderClientOptions& client) {
+  const Rig& rig = task.inspection.rig;
+  const Measurement place = PlaceOfSensors(task.settings, task.inspection.domain);
+  const ScanGeometry geometry = MakeScanGeometry(rig, place);
+  SightLimits limits;
+  limits.max_range_m = rig.max_range_m;
+  if (task.inspection.targets.max_incidence_rad) {
+    limits.most_incidence_rad = *task.inspection.targets.max_incidence_rad;
+  }
+  const auto choice = ChooseArtefacts(task.settings, rig, geometry, limits, task.context);
+  if (!choice.ok()) return choice.status();
+
+  v1::AcceptanceResult result;
+  result.set_inspection_name(task.inspection.name);
+  *result.mutable_place() = MeasurementToProto(place);
+  result.set_field_width_m(FieldWidth(rig, place));
+  result.set_runs(task.settings.runs);
+  result.set_seed(static_cast<int64_t>(task.settings.seed));
+  for (const std::string& warning : choice->warnings) result.add_warnings(warning);
+
+  // Images of every kind of artefact.
+  std::map<ArtefactKind, RenderedLine> lines;
+  double exposure_time_s = task.settings.exposure_time_s.value_or(0);
+  for (const Artefact& artefact : choice->artefacts) {
+    if (!task.imaging || artefact.kind == ArtefactKind::kBallBar) continue;
+    SightLimits all_columns = limits;
+    all_columns.most_points = std::numeric_limits<int>::max();
+    const ArtefactScan scan = ScanArtefact(rig, geometry, artefact, all_columns);
+    if (!(exposure_time_s > 0)) {
+      const auto exposure = ExposureOf(client, *task.imaging, artefact, scan);
+      if (!exposure.ok()) return exposure.status();
+      exposure_time_s = *exposure;
+    }
+    auto line = RenderLine(client, *task.imaging, artefact, scan, exposure_time_s,
+                           FramesOf(artefact.kind), kRealisations);
+    if (!line.ok()) return line.status();
+    if (line->found_fraction < 0.9) {
+      result.add_warnings(absl::StrFormat(
+          "the laser line is found in %.0f %% of the columns that see the %s: the exposure time of "
+          "%.3g ms may not suit it",
+          100 * line->found_fraction, artefact.name, 1e3 * exposure_time_s));
+    }
+    lines.emplace(artefact.kind, *std::move(line));
+  }
+
+  const ByIncidence bins = Binned(lines);
+  UncertaintyModel model = task.inspection.uncertainty.value_or(UncertaintyModel());
+  if (!task.detection_stated && !bins.empty()) model.detection = NoiseOf(bins);
+  if (!model.HasCalibrationErrors()) {
+    result.add_warnings(
+        "uncertainty.calibration is not stated: errors of the calibration are taken as zero, sizes "
+        "and distances come out too good");
+  }
+  for (const Artefact& artefact : choice->artefacts) {
+    const Test test{&artefact, ScanArtefact(rig, geometry, artefact, limits)};
+    if (artefact.kind == ArtefactKind::kSphere) {
+      AddDetection(lines, bins, PredictedDetection(test.scan, model), exposure_time_s, &result);
+    }
+    absl::Status added = AddTest(task, model, test, LineFor(lines, artefact.kind), &result);
+    if (!added.ok()) return added;
+  }
+  AddVerdict(&result);
+  return result;
+}
+
+}  // namespace sightline
