@@ -205,6 +205,26 @@ class ClientTest(unittest.TestCase):
         path = job.download(self.folder)[[r.name for r in job.results].index("plan.json")]
         self.assertEqual(by_value.plan, self.task(self.client.evaluate(HEAD, path)).task.plan)
 
+    def test_measured_points_are_judged(self):
+        plan = {"scans": [{}, {}]}
+        scans = [self.write("real/scan_01.ply", "ply"), self.write("real/scan_02.tif", "tif")]
+        self.write("real/scan_02.json", "{}")
+        request = self.task(self.client.inspect(HEAD, plan, scans, measured_unit="mm",
+                                                tolerated_distance_m=0.003))
+        options = request.task.inspect_options
+        self.assertEqual(("inspect", "mm", 0.003), (
+            request.task.kind, options.measured_unit, options.tolerated_distance_m))
+        self.assertEqual(["measured/scan_01.ply", "measured/scan_02.tif"],
+                         [scan.file for scan in options.measured])
+        names = [f.name for f in request.files]
+        self.assertIn("measured/scan_02.json", names)
+        self.assertIn("measured/scan_01.ply", names)
+        self.assertEqual(2, len(request.task.plan.scans))
+        with self.assertRaisesRegex(sightline.TaskError, "a list of files"):
+            self.client.inspect(HEAD, plan, scans[0])
+        with self.assertRaisesRegex(sightline.TaskError, "gone.ply: cannot be read"):
+            self.client.inspect(HEAD, plan, ["gone.ply"])
+
     def test_recordings_and_their_images(self):
         self.write("set/images/000.png", "png")
         self.write("set/recordings.json", json.dumps({

@@ -2,7 +2,7 @@
 #include "core/conformance/characteristic.h"
 
 #include "core/conformance/measurands/measurands.h"
-#include "core/conformance/rigid_motion.h"
+#include "core/conformance/measurands/rigid_motion.h"
 
 namespace sightline {
 

@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <cmath>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "absl/status/status.h"
@@ -161,12 +162,15 @@ void Decide(const ToleranceZone& zone, const ConformanceOptions& options,
             const std::string& too_few, FeatureConformance& result) {
   const double least_m = options.rule.least_acceptance_zone * zone.width_m;
   const bool zone_left = result.acceptance_zone_m > 0 && result.acceptance_zone_m >= least_m;
-  result.can_be_proven = too_few.empty() && zone_left;
+  const bool accepted = result.acceptance_probability >= kProvableAcceptance;
+  result.can_be_proven = too_few.empty() && zone_left && accepted;
   const std::string figures = absl::StrCat(
       "u is ", Length(result.u.total_m), ", ", Dominating(result.u),
       result.bias_m > 0 ? absl::StrCat("; errors alone make a form of ", Length(result.bias_m))
                         : "");
   const std::string limit = absl::StrCat("u must be below ", Length(result.admissible_u_m));
+  const std::string good_part = absl::StrCat("a good part is accepted with a probability of ",
+                                             Percent(result.acceptance_probability));
   if (!too_few.empty()) {
     result.because = absl::StrCat("cannot be proven: ", too_few);
   } else if (result.acceptance_zone_m <= 0) {
@@ -177,17 +181,37 @@ void Decide(const ToleranceZone& zone, const ConformanceOptions& options,
     result.because =
         absl::StrCat("cannot be proven: the acceptance zone of ", Length(result.acceptance_zone_m),
                      " is below the least one of ", Length(least_m), "; ", figures, "; ", limit);
-  } else {
+  } else if (!accepted) {
     result.because =
-        absl::StrCat("can be proven: an acceptance zone of ", Length(result.acceptance_zone_m),
-                     " is left of ", Length(zone.width_m), "; ", figures);
+        absl::StrCat("cannot be proven: ", good_part, ", less than ", Percent(kProvableAcceptance),
+                     "; an acceptance zone of ", Length(result.acceptance_zone_m), " is left of ",
+                     Length(zone.width_m), "; ", figures, "; ", limit);
+  } else {
+    result.because = absl::StrCat("can be proven: ", good_part, "; an acceptance zone of ",
+                                  Length(result.acceptance_zone_m), " is left of ",
+                                  Length(zone.width_m), "; ", figures);
   }
+}
+
+// Predicts how often a good part is accepted, and by how much u would have to fall for it.
+absl::Status AddAcceptance(const Feature& feature, const CharacteristicFit& fit,
+                           const MeasurandUncertainty& predicted, const ToleranceZone& zone,
+                           const ConformanceOptions& options, FeatureConformance& result) {
+  const auto acceptance = PredictAcceptance(feature, fit, predicted, zone.width_m, options.rule,
+                                            result.counts, options.required_share, options.seed);
+  if (!acceptance.ok()) return acceptance.status();
+  result.acceptance_probability = acceptance->probability;
+  if (std::isfinite(acceptance->median_share) && acceptance->median_share > 0) {
+    result.admissible_u_m =
+        std::min(result.admissible_u_m, result.u.total_m / acceptance->median_share);
+  }
+  return absl::OkStatus();
 }
 
 // The one function that decides and explains.
 absl::StatusOr<FeatureConformance> JudgeFit(const Feature& feature,
-                                            const absl::StatusOr<FeatureFit>& fit,
-                                            const std::vector<int>& toleranced, Measurand measurand,
+                                            const absl::StatusOr<CharacteristicFit>& fit,
+                                            const std::vector<int>& toleranced,
                                             const ToleranceZone& zone,
                                             const ConformanceOptions& options) {
   FeatureConformance result;
@@ -206,7 +230,8 @@ absl::StatusOr<FeatureConformance> JudgeFit(const Feature& feature,
   if (held.used == 0) {
     return undetermined(absl::FailedPreconditionError("no target is known well enough"));
   }
-  const auto predicted = PredictUncertainty(feature, *fit, measurand, options.seed);
+  const Measurand measurand = fit->measurand;
+  const auto predicted = PredictUncertainty(feature, fit->fit, measurand, options.seed);
   if (!predicted.ok()) return predicted.status();
 
   result.predicted = true;
@@ -223,6 +248,9 @@ absl::StatusOr<FeatureConformance> JudgeFit(const Feature& feature,
       AcceptanceInterval(zone, result.u.total_m, options.rule.guard_factor).width_m() -
       (zone.kind == ZoneKind::kOneSided ? result.bias_m : 0);
   if (absl::Status s = AddProbabilities(zone, options, result); !s.ok()) return s;
+  if (absl::Status s = AddAcceptance(feature, *fit, *predicted, zone, options, result); !s.ok()) {
+    return s;
+  }
   Decide(zone, options, too_few, result);
   if (measurand != Measurand::kDeviation && result.u.total_m <= result.admissible_u_m) {
     result.admissible_share =
@@ -237,7 +265,13 @@ absl::StatusOr<FeatureConformance> JudgeFeature(const Feature& feature, Measuran
                                                 const ToleranceZone& zone,
                                                 const ConformanceOptions& options) {
   if (absl::Status s = CheckQuestion(feature, zone, options); !s.ok()) return s;
-  return JudgeFit(feature, FitFeature(feature, measurand), {}, measurand, zone, options);
+  auto fit = FitFeature(feature, measurand);
+  if (!fit.ok()) return JudgeFit(feature, fit.status(), {}, zone, options);
+  CharacteristicFit characteristic;
+  characteristic.fit = *std::move(fit);
+  characteristic.measurand = measurand;
+  characteristic.zone = zone.kind;
+  return JudgeFit(feature, characteristic, {}, zone, options);
 }
 
 absl::StatusOr<FeatureConformance> JudgeCharacteristic(const Feature& feature,
@@ -252,8 +286,7 @@ absl::StatusOr<FeatureConformance> JudgeCharacteristic(const Feature& feature,
   for (const FeatureElement& element : characteristic.elements) {
     toleranced.insert(toleranced.end(), element.targets.begin(), element.targets.end());
   }
-  if (!fit.ok()) return JudgeFit(feature, fit.status(), toleranced, {}, zone, options);
-  return JudgeFit(feature, fit->fit, toleranced, fit->measurand, zone, options);
+  return JudgeFit(feature, fit, toleranced, zone, options);
 }
 
 }  // namespace sightline

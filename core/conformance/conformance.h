@@ -8,6 +8,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "core/conformance/acceptance.h"
 #include "core/conformance/characteristic.h"
 #include "core/conformance/decision.h"
 #include "core/conformance/feature.h"
@@ -23,11 +24,6 @@ struct ToleranceMeasurand {
   ZoneKind zone;
 };
 std::optional<ToleranceMeasurand> MeasurandOf(ToleranceKind kind);
-
-// Toleranced targets: all, measured by any scan, and of these known well enough to be used.
-struct TargetCounts {
-  int64_t all = 0, measured = 0, used = 0;
-};
 
 struct ConformanceOptions {
   DecisionRule rule;
@@ -59,7 +55,10 @@ struct FeatureConformance {
   // it vanishes on parts of large form.
   double probability_wrong_acceptance = 0;
   double probability_wrong_rejection = 0;
-  // Largest u at which the acceptance zone is as wide as the rule asks, and not empty.
+  // Probability that the rule accepts a good part, measured so (PredictAcceptance).
+  double acceptance_probability = 0;
+  // Largest u at which the acceptance zone is as wide as the rule asks, and at which a good part is
+  // accepted as often as not.
   double admissible_u_m = 0;
   double admissible_share = 0;  // profiles: measured and u admissible; else share used, or 0
   bool can_be_proven = false;
@@ -67,8 +66,13 @@ struct FeatureConformance {
   std::string because;
 };
 
+// Conformity can be proven if a good part, which has no deviations, is accepted with at least this
+// probability.
+inline constexpr double kProvableAcceptance = 0.5;
+
 // Judges the feature by the tolerance zone. The acceptance zone must be at least the rule's share
-// of the zone and not empty. InvalidArgument where the feature, zone or options are outside their
+// of the zone and not empty, and a good part must be accepted (kProvableAcceptance).
+// InvalidArgument where the feature, zone or options are outside their
 // ranges; a feature that cannot be fitted to what is measured is a verdict, not an error.
 absl::StatusOr<FeatureConformance> JudgeFeature(const Feature& feature, Measurand measurand,
                                                 const ToleranceZone& zone,

@@ -319,6 +319,9 @@ struct JointErrors {
   MatrixXd correlation;          // of either between targets; empty: the identity
   MatrixXd calibration;          // F
 
+  VectorXd Independent() const {
+    return (noise_m.array().square() + sampling_m.array().square()).sqrt();
+  }
   // Uncertainty of the deviations' sum with weights w.
   SurfaceUncertainty Of(const VectorXd& w) const {
     const auto part = [&](const VectorXd& s) {
@@ -407,28 +410,24 @@ double LargestRange(const ResidualRows& rows, const VectorXd& r) {
   return largest;
 }
 
-MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& errors, uint64_t seed) {
-  const auto n = static_cast<Eigen::Index>(fit.used.size());
+// Lower root of a correlation; a ridge far below any number used keeps it definite.
+MatrixXd RootOfCorrelation(const MatrixXd& correlation) {
+  if (correlation.size() == 0) return {};
+  const Eigen::Index n = correlation.rows();
+  return (correlation + 1e-10 * MatrixXd::Identity(n, n)).llt().matrixL();
+}
+
+MeasurandUncertainty PredictForm(const FeatureFit& fit, const JointErrors& errors,
+                                 const ErrorDraws& draws, uint64_t seed) {
   const ResidualRows rows = RowsOf(fit);
   const auto m = static_cast<Eigen::Index>(rows.column.size());
   const MatrixXd calibration =
       AtRows(errors.calibration, rows.column) - rows.design * (fit.estimator * errors.calibration);
-  const VectorXd independent =
-      (errors.noise_m.array().square() + errors.sampling_m.array().square()).sqrt();
-  MatrixXd root;  // of the correlation; a ridge far below any number used keeps it definite
-  if (errors.correlation.size() > 0) {
-    root = (errors.correlation + 1e-10 * MatrixXd::Identity(n, n)).llt().matrixL();
-  }
-
+  const VectorXd independent = errors.Independent();
   double sum = 0, squares = 0;
-  VectorXd draw(n), common(calibration.cols());
   for (int d = 0; d < kFormDraws; ++d) {
-    CounterRandom random(seed, static_cast<uint64_t>(d));
-    for (double& x : draw) x = random.Normal();
-    for (double& x : common) x = random.Normal();
-    if (root.size() > 0) draw = root * draw;
-    draw = draw.cwiseProduct(independent);
-    const double range = LargestRange(rows, Residuals(fit, rows, draw) + calibration * common);
+    const double range =
+        LargestRange(rows, Residuals(fit, rows, draws.Draw(seed, static_cast<uint64_t>(d))));
     sum += range;
     squares += range * range;
   }
@@ -705,9 +704,56 @@ absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& f, const 
   }
   auto errors = MakeJointErrors(f, fit.used);
   if (!errors.ok()) return errors.status();
-  if (measurand == Measurand::kForm) return PredictForm(fit, *errors, seed);
+  if (measurand == Measurand::kForm) {
+    const auto draws = ErrorDraws::OfDeviations(f, fit);
+    if (!draws.ok()) return draws.status();
+    return PredictForm(fit, *errors, *draws, seed);
+  }
   if (measurand == Measurand::kDeviation) return PredictDeviations(fit, *errors);
   return PredictFunctionals(fit, *errors);
+}
+
+absl::StatusOr<ErrorDraws> ErrorDraws::OfDeviations(const Feature& feature, const FeatureFit& fit) {
+  auto errors = MakeJointErrors(feature, fit.used);
+  if (!errors.ok()) return errors.status();
+  ErrorDraws draws;
+  draws.independent_m_ = errors->Independent();
+  draws.root_ = RootOfCorrelation(errors->correlation);
+  draws.common_m_ = std::move(errors->calibration);
+  return draws;
+}
+
+absl::StatusOr<ErrorDraws> ErrorDraws::OfParameters(const Feature& feature, const FeatureFit& fit) {
+  const auto errors = MakeJointErrors(feature, fit.used);
+  if (!errors.ok()) return errors.status();
+  const MatrixXd scaled = fit.estimator * errors->Independent().asDiagonal();
+  const MatrixXd common = fit.estimator * errors->calibration;
+  const MatrixXd covariance =
+      (errors->correlation.size() > 0 ? MatrixXd(scaled * errors->correlation * scaled.transpose())
+                                      : MatrixXd(scaled * scaled.transpose())) +
+      common * common.transpose();
+  const VectorXd deviation = covariance.diagonal().cwiseMax(0).cwiseSqrt();
+  const VectorXd inverse = deviation.unaryExpr([](double s) { return s > 0 ? 1 / s : 0; });
+  MatrixXd correlation = inverse.asDiagonal() * covariance * inverse.asDiagonal();
+  correlation.diagonal().setOnes();
+  ErrorDraws draws;
+  draws.independent_m_ = VectorXd::Zero(covariance.rows());
+  draws.common_m_ = deviation.asDiagonal() * RootOfCorrelation(correlation);
+  return draws;
+}
+
+Eigen::VectorXd ErrorDraws::Draw(uint64_t seed, uint64_t number) const {
+  CounterRandom random(seed, number);
+  VectorXd own(independent_m_.size()), common(common_m_.cols());
+  for (double& x : own) x = random.Normal();
+  for (double& x : common) x = random.Normal();
+  if (root_.size() > 0) own = root_.triangularView<Eigen::Lower>() * own;
+  return own.cwiseProduct(independent_m_) + common_m_ * common;
+}
+
+int64_t ErrorDraws::Cost() const {
+  constexpr int64_t kOfANormal = 20;
+  return independent_m_.size() * (kOfANormal + common_m_.cols()) + root_.size();
 }
 
 }  // namespace sightline

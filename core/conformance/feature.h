@@ -171,4 +171,23 @@ absl::StatusOr<MeasurandUncertainty> PredictUncertainty(const Feature& feature,
                                                         const FeatureFit& fit, Measurand measurand,
                                                         uint64_t seed = 1);
 
+// Joint errors of what is estimated of a checked feature, as PredictUncertainty takes them, in
+// reproducible draws (JCGM 101).
+class ErrorDraws {
+ public:
+  // Errors of the deviations of the used targets, or of the parameters of the fit [m].
+  static absl::StatusOr<ErrorDraws> OfDeviations(const Feature& feature, const FeatureFit& fit);
+  static absl::StatusOr<ErrorDraws> OfParameters(const Feature& feature, const FeatureFit& fit);
+
+  // Same seed and number, same errors.
+  Eigen::VectorXd Draw(uint64_t seed, uint64_t number) const;
+  // Multiplications of one draw, for limits of work.
+  int64_t Cost() const;
+
+ private:
+  Eigen::VectorXd independent_m_;  // standard deviations
+  Eigen::MatrixXd root_;           // of the correlation of these; empty: the identity
+  Eigen::MatrixXd common_m_;       // columns: effects of common errors of one standard deviation
+};
+
 }  // namespace sightline

@@ -11,12 +11,7 @@
 //   size         size of the model plus the change c . p
 //   angle        change of the arc at the reference length
 //
-// Guard bands are one-sided. Conformity is proven if every functional keeps g u from its limit: the
-// worst one of a part that does not conform passes with the probability alpha = Q(g) at most, Q the
-// upper tail of the normal distribution. Non-conformity is claimed of the largest of many
-// functionals, which errors alone make large. It is proven beyond g_n u, with g_n the smaller of
-// Bonferroni's Q^-1(alpha / n) for n functionals and Scheffe's sqrt(chi^2_r(1 - alpha)) for r
-// dimensions. A form is also reduced by the range that errors make of a perfect feature.
+// The decision is that of core/conformance/acceptance.h, where its guard bands are described.
 //
 //   auto fit = FitCharacteristic(feature, characteristic);
 //   auto value = EvaluateMeasured(feature, *fit, deviations_m, {.width_m = 1e-4});
@@ -28,6 +23,7 @@
 #include <string>
 
 #include "absl/status/statusor.h"
+#include "core/conformance/acceptance.h"
 #include "core/conformance/characteristic.h"
 #include "core/conformance/conformance.h"
 #include "core/conformance/decision.h"
@@ -35,16 +31,8 @@
 
 namespace sightline {
 
-enum class Conformity { kConforms, kDoesNotConform, kUndecided };
-
-struct MeasuredZone {
-  double width_m = 0;  // > 0; with the bonus of a material requirement; of an angle the arc
-  // Limits of a size as the drawing states them. Unset: half the width to either side of the
-  // model's.
-  std::optional<double> lower_m = std::nullopt, upper_m = std::nullopt;
-};
-
 struct MeasuredValue {
+  // The targets that are known well enough make it, and the one that rejects the part.
   double value_m = 0;
   double uncertainty_m = 0;  // standard uncertainty of the value
   double bias_m = 0;  // of form: range that errors make of a perfect feature; part of the value
@@ -54,15 +42,12 @@ struct MeasuredValue {
   std::string because;  // a sentence that begins with the decision, with figures
   TargetCounts counts;
   int worst_target = -1;  // profiles: index into Feature::targets
-  // Profiles: the smallest and the largest deviation, with their signs.
+  // Profiles: the smallest and the largest deviation of these, with their signs.
   std::optional<Interval> deviations;
 };
 
-// Factors by which uncertainties are expanded (JCGM 100, 6.2) and guard bands are widened.
+// Factor by which uncertainties are expanded (JCGM 100, 6.2).
 inline constexpr double kExpansion = 2;
-
-// g_n, see above. `count` >= 1 functionals that span `rank` >= 1 dimensions; guard factor > 0.
-double SimultaneousGuardFactor(double guard_factor, int64_t count, int64_t rank);
 
 // `deviations_m`: one per target of the feature [m] along its normal; those of targets that are not
 // used are not looked at. Uncertainties of targets, scans and pose are those of the measurement.

@@ -3,11 +3,14 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
+#include <limits>
 #include <optional>
 #include <string>
 
 #include "absl/strings/str_cat.h"
 #include "absl/strings/str_format.h"
+#include "core/conformance/acceptance.h"
 #include "core/conformance/measured_value.h"
 #include "core/inspection/vector_proto.h"
 #include "planner_client/requirements/characteristic_of.h"
@@ -127,27 +130,13 @@ void SetNoEvaluation(absl::string_view reason, v1::InspectedFeature& message) {
   message.set_because(absl::StrCat("not evaluated: ", reason));
 }
 
-// Most targets of a feature that are evaluated. Errors of profiles without datums need not be known
-// jointly, since nothing is fitted: all targets count, and no defect falls between them.
-size_t MostTargets(const MeasuredState& state, const TolerancedFeature& feature) {
-  const bool profile =
-      feature.kind == ToleranceKind::kSurfaceProfile || feature.kind == ToleranceKind::kLineProfile;
-  if (!profile || (!feature.id.empty() && state.inspection.uncertainty->HasCalibrationErrors())) {
-    return kMostDenseTargets;
-  }
-  return std::min(kMostFeatureTargets,
-                  kMostFeatureSensitivities / std::max<size_t>(1, state.scans.size()));
-}
-
 // Values and decision of a feature whose surfaces are known.
 void JudgeBoundFeature(const MeasuredState& state, const TolerancedFeature& toleranced,
                        const BoundCharacteristic& bound, ConformanceOptions options,
                        v1::InspectedFeature& message) {
   Feature feature = MakeFeature(state.inspection, state.scans, state.centre_m, state.knowledge,
                                 bound.targets, *options.known_uncertainty_m);
-  if (bound.characteristic.exact_datum && feature.targets.size() > kMostDenseTargets) {
-    feature.correlation_length_m = 0;
-  }
+  LeaveOutCorrelation(bound, feature);
   feature.common_deviations_m.resize(static_cast<Eigen::Index>(bound.targets.size()), 6);
   for (size_t i = 0; i < bound.targets.size(); ++i) {
     feature.common_deviations_m.row(static_cast<Eigen::Index>(i)) =
@@ -183,21 +172,29 @@ void JudgeBoundFeature(const MeasuredState& state, const TolerancedFeature& tole
 // Uncertainty at the targets of an undecided feature with which it may be decided.
 double NeededUncertainty(const MeasuredState& state, const TolerancedFeature& feature,
                          const std::vector<uint32_t>& targets) {
+  const bool profile =
+      feature.kind == ToleranceKind::kSurfaceProfile || feature.kind == ToleranceKind::kLineProfile;
+  const int64_t largest_of = profile ? std::max<int64_t>(1, std::ssize(targets)) : 1;
   const double admissible_m =
       feature.zone_width_m > 0
-          ? AdmissibleUncertainty(feature.zone_width_m, state.requirements.rule)
+          ? ProvableUncertainty(feature.zone_width_m, state.requirements.rule, largest_of)
           : state.requirements.relaxed_uncertainty_m;
+  const double least_known_m =
+      feature.zone_width_m > 0
+          ? AdmissibleUncertainty(feature.zone_width_m, state.requirements.rule)
+          : std::numeric_limits<double>::infinity();
   std::vector<double> known;
   for (const uint32_t t : targets) {
-    if (state.knowledge.points[t] > 0) known.push_back(state.knowledge.uncertainty[t].total_m);
+    const double u = state.knowledge.uncertainty[t].total_m;
+    if (state.knowledge.points[t] > 0 && u <= least_known_m) known.push_back(u);
   }
   if (known.empty()) return admissible_m;
   const auto middle = known.begin() + static_cast<std::ptrdiff_t>(known.size() / 2);
   std::nth_element(known.begin(), middle, known.end());
-  const bool all_measured =
+  const bool enough_known =
       static_cast<double>(known.size()) >=
       ConformanceOptions{}.required_share * static_cast<double>(targets.size());
-  return all_measured ? std::min(admissible_m, 0.5 * *middle) : admissible_m;
+  return enough_known ? std::min(admissible_m, 0.5 * *middle) : admissible_m;
 }
 
 v1::InspectedFeature Describe(const std::string& id, const std::string& name, ToleranceKind kind,
@@ -229,8 +226,9 @@ v1::InspectedFeature JudgeToleranced(const MeasuredState& state,
   }
   message.set_targets(counts.all);
   message.set_measured_targets(counts.measured);
-  const auto bound = BindCharacteristic(toleranced, state.requirements, state.surface.targets,
-                                        MostTargets(state, toleranced));
+  const auto bound =
+      BindCharacteristic(toleranced, state.requirements, state.surface.targets,
+                         MostEvaluatedTargets(state.inspection, toleranced, state.scans.size()));
   if (!bound.ok()) {
     SetNoEvaluation(bound.status().message(), message);
   } else {

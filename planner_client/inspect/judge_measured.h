@@ -21,8 +21,9 @@ struct JudgedInspection {
   // Without version and next_scan.
   v1::InspectionResult result;
   // For every feature of the requirements, the uncertainty [m] at its targets with which it may be
-  // decided; 0 if it is decided or cannot be evaluated. Where too little is measured it is the
-  // admissible one, else half of what it is now: the distance from a limit is not known beforehand.
+  // decided; 0 if it is decided or cannot be evaluated. Where too little is known it is that with
+  // which a good part is accepted as often as not, else at most half of what it is now: the
+  // distance from a limit is not known beforehand.
   std::vector<double> needed_uncertainty_m;
 };
 

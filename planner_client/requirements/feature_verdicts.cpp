@@ -30,6 +30,7 @@ void SetJudged(const FeatureConformance& judged, v1::FeatureVerdict* verdict) {
   verdict->set_sampling_m(judged.u.sampling_m);
   verdict->set_calibration_m(judged.u.calibration_m);
   verdict->set_admissible_uncertainty_m(judged.admissible_u_m);
+  verdict->set_acceptance_probability(judged.acceptance_probability);
   verdict->set_acceptance_zone_m(std::max(0.0, judged.acceptance_zone_m));
   verdict->set_probability_wrong_acceptance(judged.probability_wrong_acceptance);
   verdict->set_probability_wrong_rejection(judged.probability_wrong_rejection);
@@ -54,8 +55,9 @@ absl::Status JudgeBound(const Inspection& inspection, const Requirements& requir
     counts.measured += measured;
     counts.used += measured && knowledge.uncertainty[t].total_m <= known_m;
   }
-  const Feature feature =
+  Feature feature =
       MakeFeature(inspection, scans, part_centre_m, knowledge, bound.targets, known_m);
+  LeaveOutCorrelation(bound, feature);
   const auto fit = FitCharacteristic(feature, bound.characteristic);
   if (absl::IsUnimplemented(fit.status())) return fit.status();
   double width_m = toleranced.zone_width_m;
@@ -104,7 +106,8 @@ absl::StatusOr<std::vector<v1::FeatureVerdict>> JudgeFeatures(const Inspection& 
       verdict.set_measured_targets(verdict.measured_targets() + (knowledge.points[t] > 0));
     }
     const auto bound =
-        BindCharacteristic(toleranced, requirements, *knowledge.targets, kMostDenseTargets);
+        BindCharacteristic(toleranced, requirements, *knowledge.targets,
+                           MostEvaluatedTargets(inspection, toleranced, scans.size()));
     absl::Status judged = bound.status();
     if (judged.ok()) {
       judged = JudgeBound(inspection, requirements, scans, part_centre_m, knowledge, toleranced,

@@ -79,6 +79,22 @@ Feature MakeFeature(const Inspection& inspection, std::span<const Measurement> s
   return feature;
 }
 
+size_t MostEvaluatedTargets(const Inspection& inspection, const TolerancedFeature& feature,
+                            size_t scan_count) {
+  const bool profile =
+      feature.kind == ToleranceKind::kSurfaceProfile || feature.kind == ToleranceKind::kLineProfile;
+  if (!profile || (!feature.id.empty() && inspection.uncertainty->HasCalibrationErrors())) {
+    return kMostDenseTargets;
+  }
+  return std::min(kMostFeatureTargets, kMostFeatureSensitivities / std::max<size_t>(1, scan_count));
+}
+
+void LeaveOutCorrelation(const BoundCharacteristic& bound, Feature& feature) {
+  if (bound.characteristic.exact_datum && feature.targets.size() > kMostDenseTargets) {
+    feature.correlation_length_m = 0;
+  }
+}
+
 double KnownUncertainty(const Inspection& inspection, const Requirements& requirements,
                         const TolerancedFeature& feature) {
   const double single_m = AdmissibleUncertainty(feature.zone_width_m, requirements.rule);

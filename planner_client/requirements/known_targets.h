@@ -33,6 +33,14 @@ Feature MakeFeature(const Inspection& inspection, std::span<const Measurement> s
                     const Eigen::Vector3d& part_centre_m, const PlanKnowledge& knowledge,
                     const std::vector<uint32_t>& targets, double known_m);
 
+// Most targets of a feature that are evaluated. Errors of profiles without datums need not be known
+// jointly, since nothing is fitted: all targets count, and no defect falls between them.
+size_t MostEvaluatedTargets(const Inspection& inspection, const TolerancedFeature& feature,
+                            size_t scan_count);
+
+// Takes the correlation of neighbours from a feature with more targets than may have one.
+void LeaveOutCorrelation(const BoundCharacteristic& bound, Feature& feature);
+
 // Largest uncertainty [m] of a target that is evaluated. Targets with only a few points at the
 // border of the measured surface are hardly known, and would be left out of an evaluation: for form
 // each has to be known admissibly, fitted parameters average over many, and deviations are judged

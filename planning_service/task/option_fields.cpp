@@ -21,6 +21,17 @@ constexpr OptionField kPlan[] = {
     {"--no-pictures", "plan_options.no_pictures"},
     {"--no-point-clouds", "plan_options.no_point_clouds"},
 };
+// Lengths of fields are metres, those of options millimetres.
+constexpr OptionField kInspect[] = {
+    {"--measured", "inspect_options.measured"},
+    {"--measured-unit", "inspect_options.measured_unit"},
+    {"--pose", "inspect_options.pose_file"},
+    {"--pose-prior-mm", "inspect_options.pose_prior_m"},
+    {"--pose-prior-deg", "inspect_options.pose_prior_deg"},
+    {"--tolerated-distance-mm", "inspect_options.tolerated_distance_m"},
+    {"--no-next-scan", "inspect_options.no_next_scan"},
+    {"--evaluations-per-scan", "inspect_options.evaluations_per_scan"},
+};
 constexpr OptionField kOptics[] = {
     {"--scan", "optics_options.scan"},
     {"--frame", "optics_options.frame"},
@@ -86,6 +97,7 @@ std::string WithoutOtherCommands(std::string_view message) {
 
 std::span<const OptionField> OptionFields(std::string_view kind) {
   if (kind == "plan") return kPlan;
+  if (kind == "inspect") return kInspect;
   if (kind == "optics") return kOptics;
   if (kind == "render") return kRender;
   if (kind == "diagnose") return kDiagnose;

@@ -158,6 +158,7 @@ const std::map<std::string, KindRules>& Rules() {
   static const std::map<std::string, KindRules> rules = {
       {"plan", {Need::kRequired, Need::kNo, Need::kNo, "plan_options", true}},
       {"evaluate", {Need::kRequired, Need::kRequired, Need::kNo, "", false}},
+      {"inspect", {Need::kRequired, Need::kRequired, Need::kNo, "inspect_options", true}},
       {"optics", {Need::kRequired, Need::kOptional, Need::kNo, "optics_options", true}},
       {"render", {Need::kOptional, Need::kOptional, Need::kOptional, "render_options", true}},
       {"verify", {Need::kNo, Need::kNo, Need::kRequired, "", true}},
@@ -205,7 +206,8 @@ absl::Status CheckKind(const v1::PlanningTask& task) {
   for (const auto& [field, given] : {std::pair("plan_options", task.has_plan_options()),
                                      std::pair("optics_options", task.has_optics_options()),
                                      std::pair("render_options", task.has_render_options()),
-                                     std::pair("diagnose_options", task.has_diagnose_options())}) {
+                                     std::pair("diagnose_options", task.has_diagnose_options()),
+                                     std::pair("inspect_options", task.has_inspect_options())}) {
     if (given && rule.options != field) {
       return Invalid(field, absl::StrCat("does not belong to a task of kind ", task.kind()));
     }
@@ -260,8 +262,39 @@ absl::Status CheckFrameOptions(const std::string& in, const v1::FrameJobOptions&
   return s;
 }
 
+absl::Status CheckInspectOptions(const v1::InspectJobOptions& options) {
+  const std::string in = "inspect_options.";
+  absl::Status s = InRange(in + "measured", options.measured_size(), 1, 1000);
+  for (int i = 0; i < options.measured_size(); ++i) {
+    if (options.measured(i).file().empty()) {
+      s.Update(Invalid(absl::StrCat(in, "measured[", i, "].file"), "is missing"));
+    }
+  }
+  if (!options.measured_unit().empty()) {
+    const auto unit = LengthUnitNamed(options.measured_unit());
+    if (!unit.ok()) {
+      s.Update(Invalid(in + "measured_unit", std::string(unit.status().message())));
+    }
+  }
+  if (options.has_pose_prior_m()) {
+    s.Update(InRange(in + "pose_prior_m", options.pose_prior_m(), 1e-6, 0.1));
+  }
+  if (options.has_pose_prior_deg()) {
+    s.Update(InRange(in + "pose_prior_deg", options.pose_prior_deg(), 1e-3, 30.0));
+  }
+  if (options.has_tolerated_distance_m()) {
+    s.Update(InRange(in + "tolerated_distance_m", options.tolerated_distance_m(), 1e-6, 5e-3));
+  }
+  if (options.has_evaluations_per_scan()) {
+    s.Update(InRange<int64_t>(in + "evaluations_per_scan", options.evaluations_per_scan(), 1,
+                              100000000));
+  }
+  return s;
+}
+
 absl::Status CheckOptions(const v1::PlanningTask& task) {
   absl::Status s;
+  if (task.kind() == "inspect") s.Update(CheckInspectOptions(task.inspect_options()));
   if (task.has_plan_options()) s.Update(CheckPlanOptions(task.plan_options()));
   if (task.has_optics_options()) {
     s.Update(CheckFrameOptions("optics_options", task.optics_options()));
@@ -396,7 +429,7 @@ absl::Status CheckInspection(const v1::Inspection& message, const std::set<std::
 }  // namespace
 
 const std::vector<std::string>& TaskKinds() {
-  static const std::vector<std::string> kinds = {"plan",   "evaluate", "optics",
+  static const std::vector<std::string> kinds = {"plan",   "evaluate", "inspect", "optics",
                                                  "render", "verify",   "diagnose"};
   return kinds;
 }
@@ -553,6 +586,33 @@ void AddFrames(const std::string& field, const v1::FrameJobOptions& options, Arg
   }
 }
 
+void AddInspect(const v1::InspectJobOptions& options, Arguments* arguments) {
+  arguments->Add("plan", std::string(kPlanFile));
+  for (const v1::MeasuredScanFile& measured : options.measured()) {
+    arguments->Add("inspect_options.measured", measured.file());
+  }
+  if (!options.measured_unit().empty()) {
+    arguments->Add("inspect_options.measured_unit",
+                   LengthUnitNamed(options.measured_unit()).value_or(""));
+  }
+  if (!options.pose_file().empty()) {
+    arguments->Add("inspect_options.pose_file", options.pose_file());
+  }
+  if (options.has_pose_prior_m()) {
+    arguments->Add("inspect_options.pose_prior_m", 1e3 * options.pose_prior_m());
+  }
+  if (options.has_pose_prior_deg()) {
+    arguments->Add("inspect_options.pose_prior_deg", options.pose_prior_deg());
+  }
+  if (options.has_tolerated_distance_m()) {
+    arguments->Add("inspect_options.tolerated_distance_m", 1e3 * options.tolerated_distance_m());
+  }
+  arguments->Flag("inspect_options.no_next_scan", options.no_next_scan());
+  if (options.has_evaluations_per_scan()) {
+    arguments->Add("inspect_options.evaluations_per_scan", options.evaluations_per_scan());
+  }
+}
+
 // Arguments that run the whole task in one process.
 std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::string& out_folder,
                                        const std::string& checkpoint_folder) {
@@ -579,6 +639,8 @@ std::vector<std::string> TaskArguments(const v1::PlanningTask& task, const std::
     if (options.has_starts()) arguments.Add("plan_options.starts", options.starts());
     arguments.Flag("plan_options.no_pictures", options.no_pictures());
     arguments.Flag("plan_options.no_point_clouds", options.no_point_clouds());
+  } else if (task.kind() == "inspect") {
+    AddInspect(task.inspect_options(), &arguments);
   } else if (task.kind() == "optics") {
     if (has_plan) arguments.Add("plan", std::string(kPlanFile));
     AddFrames("optics_options", task.optics_options(), &arguments);

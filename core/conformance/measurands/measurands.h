@@ -8,7 +8,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/conformance/characteristic.h"
-#include "core/conformance/rigid_motion.h"
+#include "core/conformance/measurands/rigid_motion.h"
 
 namespace sightline {
 

@@ -294,8 +294,9 @@ std::string FeatureSection(const v1::Plan& plan, bool selectable) {
     return excess(a) > excess(b);
   });
   std::string body =
-      "<p class=\"soft\">A tolerance can be proven if the zone left for acceptance by the guard "
-      "bands is wide enough (ISO 14253-1). u is the standard uncertainty of what the tolerance is "
+      "<p class=\"soft\">A tolerance can be proven if the guard bands leave a zone to accept in "
+      "(ISO 14253-1) and a part without deviations is accepted as often as not. u is the standard "
+      "uncertainty of what the tolerance is "
       "about; its parts add up as squares. Probabilities of deciding wrongly are those of a part "
       "taken from production (JCGM 106). What is not evaluated has no figures: "
       "its reason says what is missing.";

@@ -21,7 +21,7 @@ const domain = (path, label, unit, fallback, more = {}) =>
   ({type: 'domain', path: `inspection.measurement.${path}`, label, ...unit, fallback, ...more});
 const flag = (path, label, more = {}) => ({type: 'flag', path, label, ...NONE, ...more});
 
-const PLANNING = ['plan', 'evaluate', 'optics', 'render'];
+const PLANNING = ['plan', 'evaluate', 'inspect', 'optics', 'render'];
 
 export const SECTIONS = [
   {
@@ -96,7 +96,7 @@ export const SECTIONS = [
     ],
   },
   {
-    id: 'tolerances', title: 'Tolerances', kinds: ['plan', 'evaluate'], closed: true,
+    id: 'tolerances', title: 'Tolerances', kinds: ['plan', 'evaluate', 'inspect'], closed: true,
     intro: 'To plan until the surface is known well enough, give a share here and leave the coverage empty.',
     fields: [
       number('inspection.goal.admissible', 'Share known well enough', PERCENT, 'not asked for'),
@@ -132,6 +132,18 @@ export const SECTIONS = [
       whole('plan_options.starts', 'Starts', NONE, '1', {help: 'With so many seeds; the best plan is kept.'}),
       flag('plan_options.no_pictures', 'Leave the pictures out of the report'),
       flag('plan_options.no_point_clouds', 'Leave the point clouds out'),
+    ],
+  },
+  {
+    id: 'measured', title: 'Measured points', kinds: ['inspect'],
+    fields: [
+      {type: 'choice', path: 'inspect_options.measured_unit', label: 'Unit of PLY and PCD points', ...NONE,
+       fallback: 'm', choices: ['m', 'cm', 'mm', 'um', 'inch']},
+      number('inspect_options.tolerated_distance_m', 'Farthest from the part', MM, '2',
+             {help: 'Of three quarters of the points of each file.'}),
+      number('inspect_options.pose_prior_m', 'Place of the part, std. dev.', MM, '5'),
+      number('inspect_options.pose_prior_deg', 'Turn of the part, std. dev.', DEG, '3'),
+      flag('inspect_options.no_next_scan', 'Do not look for the next scan'),
     ],
   },
   {
@@ -175,7 +187,7 @@ export const SECTIONS = [
       {type: 'text', path: 'inspection.name', label: 'Name of the inspection', ...NONE,
        fallback: 'none', kinds: PLANNING, wide: true},
       whole('seed', 'Seed', NONE, '1', {help: 'Same task, same seed, same results.'}),
-      flag('other_part', 'Take a plan that states another part', {kinds: ['evaluate', 'optics', 'render']}),
+      flag('other_part', 'Take a plan that states another part', {kinds: ['evaluate', 'inspect', 'optics', 'render']}),
     ],
   },
 ];

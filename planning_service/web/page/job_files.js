@@ -7,6 +7,9 @@ export function isMeshName(name) { return MESH.test(name); }
 // STEP says its unit itself, glTF is in metres by its standard; the others carry no unit.
 export function carriesUnit(name) { return /\.(step|stp|p21|glb|gltf)$/i.test(name); }
 
+// Files of measured points; a PLY file may also be a part.
+export function isMeasuredName(name) { return /\.(ply|pcd|csv|png|tiff?)$/i.test(name); }
+
 // Name under which a file is sent: the path in the task without what leads out of the job's folder.
 export function sentName(reference) {
   const parts = [];
@@ -74,6 +77,10 @@ export function neededFiles(task, chosen) {
     open.push(entry);
   };
   visitFileFields(task, '', (reference, path) => add(reference, path, ''));
+  // A depth raster is described by the JSON file beside it.
+  for (const {file} of task.inspect_options?.measured ?? []) {
+    if (/\.(png|tiff?)$/i.test(file)) add(file.replace(/\.[^.]*$/, '.json'), 'inspect_options.measured', '');
+  }
   for (let i = 0; i < open.length && i < 10000; ++i) {
     const {name, path, file} = open[i];
     if (file?.json) {

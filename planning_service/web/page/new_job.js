@@ -6,7 +6,7 @@ import {h, timeText} from './dom.js';
 import {FIELD_BY_PATH} from './fields.js';
 import {humanDescription, locateErrors} from './field_errors.js';
 import {FormView} from './form_view.js';
-import {carriesUnit, isMeshName, neededFiles, roleOfJson, sentName, withSentNames} from './job_files.js';
+import {carriesUnit, isMeasuredName, isMeshName, neededFiles, roleOfJson, sentName, withSentNames} from './job_files.js';
 import {PartPanel, refusedSize, sizeText} from './part_panel.js';
 import {
   angleOfViewDeg, domainBounds, fieldOfView, getPath, KINDS, parseJsonObject, takesInspection, takesPlan,
@@ -17,7 +17,8 @@ import {bytesText, METRES_PER_UNIT, roundedText, UNIT_NAMES} from './units.js';
 const MAX_JSON_BYTES = 64e6;
 const RETRY_WAITS_S = [1, 3];
 // Places outside the form where errors can be shown.
-const PLACES = ['kind', 'files', 'inspection', 'inspection.part.file', 'inspection.part.unit', 'plan', 'plan_job_id', 'recordings'];
+const PLACES = ['kind', 'files', 'inspection', 'inspection.part.file', 'inspection.part.unit', 'plan', 'plan_job_id', 'recordings',
+                'inspect_options.measured'];
 const KNOWN_PATHS = new Set([...FIELD_BY_PATH.keys(), ...PLACES]);
 const ANGLE_INPUTS = new Set(['inspection.camera.rows_px', 'inspection.camera.pixel_pitch_m',
                               'inspection.lens.focal_length_m', 'inspection.lens.focus_distance_m']);
@@ -242,7 +243,7 @@ export class NewJobView {
           news.push(`${path} belongs to the kinds Verify, Diagnose and Render.`);
         }
         if (role === 'plan' && !takesPlan(this.kind)) {
-          news.push(`${path} belongs to the kinds Evaluate, Optics and Render.`);
+          news.push(`${path} belongs to the kinds Evaluate, Inspect, Optics and Render.`);
         }
       } else {
         chosen.push({path, blob, json});
@@ -251,6 +252,7 @@ export class NewJobView {
     for (const file of chosen) {
       this.files = [...this.files.filter(({path}) => path !== file.path), file];
     }
+    if (this.kind === 'inspect') this.addMeasured(chosen);
     // A mesh that nothing names is the part.
     for (const file of chosen) {
       const isNamed = this.needed().some((needed) => needed.file === file);
@@ -266,8 +268,23 @@ export class NewJobView {
     this.refresh();
   }
 
+  // Files of points that nothing names are measured, one for each scan, in the order of their names.
+  addMeasured(chosen) {
+    const news = chosen.filter((file) => isMeasuredName(file.path) && !this.needed().some((needed) => needed.file === file));
+    const names = new Set((getPath(this.task, 'inspect_options.measured') ?? []).map(({file}) => file));
+    for (const {path} of news) names.add(sentName(path));
+    if (news.length) this.setMeasured([...names].sort());
+  }
+
+  setMeasured(names) {
+    this.markPlace('inspect_options.measured', '');
+    this.change(withPath(this.task, 'inspect_options.measured', names.length ? names.map((file) => ({file})) : undefined));
+  }
+
   remove(file) {
     this.files = this.files.filter((other) => other !== file);
+    const measured = (getPath(this.task, 'inspect_options.measured') ?? []).map((entry) => entry.file);
+    if (measured.includes(sentName(file.path))) this.setMeasured(measured.filter((name) => name !== sentName(file.path)));
     if (sentName(getPath(this.task, 'inspection.part.file') ?? '') === sentName(file.path)) {
       this.change(withPath(this.task, 'inspection.part', undefined));
     }
@@ -296,10 +313,12 @@ export class NewJobView {
       verify: [h('strong', {}, 'Drop recordings.json and its images here')],
       diagnose: [h('strong', {}, 'Drop recordings.json and its images here'),
                  ', for recordings of a part also its mesh and inspection.json'],
+      inspect: [h('strong', {}, 'Drop inspection.json, the part and the measured points here'),
+                ' (scan_NN.ply, PCD, CSV of profiles or depth rasters)'],
     }[this.kind] ?? [h('strong', {}, 'Drop the part here'),
                      ' (GLB, STL, PLY, OBJ), or an inspection.json and the files it names']));
     if (this.planInput.value.trim() !== (this.task.plan_job_id ?? '')) this.planInput.value = this.task.plan_job_id ?? '';
-    this.planNote.textContent = this.task.plan && !this.task.plan_job_id ? '' : this.kind === 'evaluate' ?
+    this.planNote.textContent = this.task.plan && !this.task.plan_job_id ? '' : ['evaluate', 'inspect'].includes(this.kind) ?
         'Or choose a plan.json above.' : 'Or choose a plan.json above. Empty: the inspection’s own arrangement.';
     this.element.classList.toggle('without-part', this.kind === 'verify' || this.kind === 'diagnose');
     this.drawFiles();
@@ -330,7 +349,7 @@ export class NewJobView {
     const files = [...this.files.filter((file) => !unused(file)), ...this.files.filter(unused)];
     for (const file of files.slice(0, MAX_ROWS)) {
       const path = roleOf.get(file);
-      const use = path === 'inspection.part.file' ? 'part' : path ? 'named by the task' : 'not named by the task, not sent';
+      const use = path === 'inspection.part.file' ? 'part' : path?.startsWith('inspect_options.measured') ? 'measured points' : path ? 'named by the task' : 'not named by the task, not sent';
       rows.push(row(file.path, `${use} · ${bytesText(file.blob.size)}`, () => this.remove(file)));
     }
     const more = Math.max(0, missing.length - MAX_ROWS) + Math.max(0, this.files.length - MAX_ROWS);
@@ -466,7 +485,7 @@ export class NewJobView {
       errors.push({path: 'inspection', field: '', description: this.jsonError});
     }
     const task = this.sentTask();
-    if (['plan', 'evaluate', 'optics'].includes(this.kind) && !getPath(task, 'inspection.part.file')) {
+    if (['plan', 'evaluate', 'inspect', 'optics'].includes(this.kind) && !getPath(task, 'inspection.part.file')) {
       errors.push({path: 'inspection.part.file', field: '', description: 'Choose the part.'});
     }
     if (takesRecordings(this.kind) && !task.recordings && !getPath(task, 'inspection.part.file')) {
@@ -475,7 +494,10 @@ export class NewJobView {
     } else if (this.kind === 'diagnose' && !task.recordings) {
       errors.push({path: 'recordings', field: '', description: 'Choose a recordings.json.'});
     }
-    if (this.kind === 'evaluate' && !task.plan && !task.plan_job_id) {
+    if (this.kind === 'inspect' && !getPath(task, 'inspect_options.measured')) {
+      errors.push({path: 'inspect_options.measured', field: '', description: 'Choose the measured points, a file for each scan.'});
+    }
+    if (['evaluate', 'inspect'].includes(this.kind) && !task.plan && !task.plan_job_id) {
       errors.push({path: 'plan_job_id', field: '', description: 'Give the job that made the plan, or choose a plan.json.'});
     }
     const part = getPath(task, 'inspection.part.file');

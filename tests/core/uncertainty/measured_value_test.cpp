@@ -205,6 +205,34 @@ TEST(MeasuredValue, TooFewTargetsLeaveItOpenUnlessADefectIsProven) {
   EXPECT_EQ(part.Value(h, {.width_m = 1e-4}).decision, Conformity::kConforms);
 }
 
+// Two percent of the targets are known to 0.5 mm only, five times the zone.
+TEST(MeasuredValue, HardlyKnownTargetsNeitherAccuseNorCount) {
+  HandMade part;
+  part.characteristic.exact_datum = true;
+  part.characteristic.elements = {part.Plate(0.04, 10, 0)};
+  for (const size_t i : {size_t{3}, size_t{4}})
+    part.feature.targets[i].uncertainty = {5e-4, 5e-4, 0, 0};
+  VectorXd h = part.Deviations([](const auto&) { return 2e-6; });
+  h[3] = 4e-4;  // 0.8 of its uncertainty
+  const MeasuredValue good = part.Value(h, {.width_m = 1e-4});
+  EXPECT_EQ(good.decision, Conformity::kConforms) << good.because;
+  EXPECT_NEAR(good.value_m, 4e-6, 1e-12);
+  EXPECT_NEAR(good.deviations->upper_m, 2e-6, 1e-12);
+  // A deviation that noise does not explain holds acceptance back. At such uncertainty it rejects
+  // nothing.
+  h[3] = 3e-3;
+  const MeasuredValue doubtful = part.Value(h, {.width_m = 1e-4});
+  EXPECT_EQ(doubtful.decision, Conformity::kUndecided) << doubtful.because;
+  EXPECT_NEAR(doubtful.value_m, 4e-6, 1e-12);
+  // A defect elsewhere has its own value.
+  h[50] = 8e-5;
+  const MeasuredValue dented = part.Value(h, {.width_m = 1e-4});
+  EXPECT_EQ(dented.decision, Conformity::kDoesNotConform) << dented.because;
+  EXPECT_NEAR(dented.value_m, 1.6e-4, 1e-9);
+  EXPECT_LT(dented.uncertainty_m, 3e-6);
+  EXPECT_EQ(dented.worst_target, 50);
+}
+
 TEST(MeasuredValue, WrongInputIsNamed) {
   HandMade part;
   part.characteristic.exact_datum = true;
@@ -227,6 +255,12 @@ TEST(SimultaneousGuardFactor, OneFunctionalHasTheRulesOwn) {
   EXPECT_NEAR(SimultaneousGuardFactor(1.65, 1000, 2), std::sqrt(-2 * std::log(0.049471)), 1e-4);
   // Bonferroni for ten: Q^-1(0.0049471).
   EXPECT_NEAR(SimultaneousGuardFactor(1.65, 10, 10), 2.5796, 1e-3);
+}
+
+// (2 Phi(z) - 1)^25 = 0.5 at z = 2.203.
+TEST(ProvableUncertainty, LeavesRoomForTheLargestError) {
+  EXPECT_NEAR(ProvableUncertainty(1e-4, {2, 0}, 25), 5e-5 / (2 + 2.203), 1e-8);
+  EXPECT_NEAR(ProvableUncertainty(1e-4, {2, 0}, 1), 5e-5 / (2 + 0.6745), 1e-8);
 }
 
 // Bounds of a binomial count of 400 draws beyond which one test in a million falls, for a
@@ -285,6 +319,51 @@ TEST(MeasuredValue, IntervalsHoldAsOftenAsTheySay) {
   EXPECT_GE(HeldBy(plate, flat, 0, {.width_m = 2e-4}, 4).held, kFewestHeld);
   plate.characteristic.kind = ToleranceKind::kFlatness;
   EXPECT_GE(HeldBy(plate, flat, 0, {.width_m = 2e-4}, 5).held, kFewestHeld);
+}
+
+// How often a good part is accepted, as predicted before the measurement and as it then comes out.
+struct GoodPart {
+  double predicted = 0, observed = 0;
+};
+GoodPart AcceptedGoodParts(HandMade& part, double width_m, uint64_t seed) {
+  const auto fit = FitCharacteristic(part.feature, part.characteristic);
+  EXPECT_TRUE(fit.ok()) << fit.status();
+  if (!fit.ok()) return {};
+  const auto verdict = JudgeCharacteristic(part.feature, fit, part.characteristic, width_m);
+  EXPECT_TRUE(verdict.ok()) << verdict.status();
+  if (!verdict.ok()) return {};
+  EXPECT_EQ(verdict->can_be_proven, verdict->acceptance_probability >= kProvableAcceptance &&
+                                        verdict->acceptance_zone_m > 0);
+  const VectorXd none = VectorXd::Zero(static_cast<Eigen::Index>(part.feature.targets.size()));
+  const Held held = HeldBy(part, none, 0, {.width_m = width_m}, seed);
+  return {verdict->acceptance_probability, held.accepted / static_cast<double>(kDraws)};
+}
+
+// 2000 predicted and 400 observed draws: differences beyond 0.13 are one in 1e6.
+TEST(MeasuredValue, APlanPredictsHowOftenAGoodPartIsAccepted) {
+  HandMade plate;
+  plate.noise_m = 1e-5;
+  plate.characteristic.exact_datum = true;
+  plate.characteristic.elements = {plate.Plate(0.04, 5, 0)};
+  // Each of 25 targets keeps 20 um from the limit of 50 um: (2 Phi(3) - 1)^25 = 0.9346.
+  const GoodPart profile = AcceptedGoodParts(plate, 1e-4, 11);
+  EXPECT_NEAR(profile.predicted, 0.9346, 0.03);
+  EXPECT_NEAR(profile.observed, profile.predicted, 0.13);
+  // A zone of 60 um leaves 10 um: 0.6827^25 = 7e-5, though an acceptance zone of 20 um is left.
+  EXPECT_LT(AcceptedGoodParts(plate, 6e-5, 12).predicted, 0.005);
+  // Form and functionals, with zones for which acceptance is a matter of chance.
+  plate.characteristic.kind = ToleranceKind::kFlatness;
+  const GoodPart form = AcceptedGoodParts(plate, 7e-5, 13);
+  EXPECT_NEAR(form.observed, form.predicted, 0.13);
+  HandMade bore;
+  bore.noise_m = 1e-5;
+  bore.characteristic.kind = ToleranceKind::kPosition;
+  bore.characteristic.exact_datum = true;
+  bore.characteristic.elements = {bore.BoreOf(0.01, 0.02)};
+  const GoodPart position = AcceptedGoodParts(bore, 1.6e-5, 14);
+  EXPECT_GT(position.predicted, 0.02);
+  EXPECT_LT(position.predicted, 0.98);
+  EXPECT_NEAR(position.observed, position.predicted, 0.13);
 }
 
 // At the limit itself a part is accepted, or rejected, by chance: in no more than Q(2) = 2.3 % of

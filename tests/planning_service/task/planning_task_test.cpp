@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <map>
 
+#include "absl/strings/str_cat.h"
 #include "core/json/strict_json.h"
 #include "planning_service/task/option_fields.h"
 #include "proto/status/rpc_status.h"
@@ -94,6 +95,52 @@ TEST(PlanningTask, KindsSayWhatTheyTake) {
                           {{"p.glb", ""}})),
             "render_options");
   EXPECT_EQ(FieldOf(Check(R"({"kind": "render"})", {})), "inspection");
+}
+
+// A task of kind inspect with these fields of inspect_options.
+std::string InspectTask(const std::string& options) {
+  return absl::StrCat(R"({"kind": "inspect", "inspection": {"part": {"file": "p.glb"}},
+                          "plan": {"scans": [{}]}, "inspect_options": {)",
+                      options, "}}");
+}
+
+TEST(PlanningTask, MeasuredPointsAreJudged) {
+  const Files files = {{"p.glb", ""}, {"scans/scan_01.ply", ""}, {"pose.txt", ""}};
+  const std::string measured = R"("measured": [{"file": "scans/scan_01.ply"}])";
+  EXPECT_TRUE(Check(InspectTask(measured), files).ok()) << Check(InspectTask(measured), files);
+  const auto field_of = [&](const std::string& options) {
+    return FieldOf(Check(InspectTask(options), files));
+  };
+  EXPECT_EQ(field_of(""), "inspect_options.measured");
+  EXPECT_EQ(field_of(R"("measured": [{}])"), "inspect_options.measured[0].file");
+  EXPECT_EQ(field_of(R"("measured": [{"file": "../x.ply"}])"), "inspect_options.measured[0].file");
+  EXPECT_EQ(ErrorReason(Check(InspectTask(R"("measured": [{"file": "gone.ply"}])"), files)),
+            "FILE_UNKNOWN");
+  EXPECT_EQ(ErrorReason(Check(InspectTask(measured + R"(, "pose_file": "gone.txt")"), files)),
+            "FILE_UNKNOWN");
+  EXPECT_EQ(field_of(measured + R"(, "measured_unit": "miles")"), "inspect_options.measured_unit");
+  EXPECT_EQ(field_of(measured + R"(, "pose_prior_m": 5)"), "inspect_options.pose_prior_m");
+  EXPECT_EQ(field_of(measured + R"(, "tolerated_distance_m": 2)"),
+            "inspect_options.tolerated_distance_m");
+  EXPECT_EQ(FieldOf(Check(R"({"kind": "inspect", "inspection": {"part": {"file": "p.glb"}},
+                              "inspect_options": {"measured": [{"file": "pose.txt"}]}})",
+                          files)),
+            "plan");
+}
+
+TEST(PlanningTask, LengthsOfInspectOptionsAreMillimetresOfTheCommand) {
+  const v1::PlanningTask task = Task(InspectTask(
+      R"("measured": [{"file": "a/scan_01.ply"}, {"file": "a/scan_02.ply"}], "pose_file": "-p.txt",
+         "measured_unit": "millimetre", "pose_prior_m": 0.004, "pose_prior_deg": 2,
+         "tolerated_distance_m": 0.0015, "no_next_scan": true, "evaluations_per_scan": 70)"));
+  const TaskCommands commands = SplitTask(task, "out", "checkpoint", 8);
+  EXPECT_TRUE(commands.parts.empty());
+  EXPECT_THAT(
+      commands.conclusion,
+      ElementsAre("inspect", "inspection.json", "--out=out", "--plan=plan.json",
+                  "--measured=a/scan_01.ply", "--measured=a/scan_02.ply", "--measured-unit=mm",
+                  "--pose=-p.txt", "--pose-prior-mm=4", "--pose-prior-deg=2",
+                  "--tolerated-distance-mm=1.5", "--no-next-scan", "--evaluations-per-scan=70"));
 }
 
 TEST(PlanningTask, ValuesAreCheckedWhereTheyStand) {

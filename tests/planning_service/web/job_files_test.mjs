@@ -43,6 +43,11 @@ test('files of the same name in several folders are not mixed up', () => {
   assert.equal(third.file, null);
 });
 
+test('a raster of measured points comes with its description', () => {
+  const needed = neededFiles({inspect_options: {measured: [{file: 'scan_01.ply'}, {file: 'scan_02.tif'}]}}, []);
+  assert.deepEqual(needed.map(({name}) => name), ['scan_01.ply', 'scan_02.tif', 'scan_02.json']);
+});
+
 test('what a JSON file is', () => {
   assert.equal(roleOfJson({part: {file: 'a'}}), 'inspection');
   assert.equal(roleOfJson({format: 'laser-line-recordings', part: {file: 'a'}}), 'recordings');

@@ -298,6 +298,34 @@ test('an inspection.json is loaded with its files', async () => {
   noTroubles();
 });
 
+test('measured points are judged', needsMock, async () => {
+  await open();
+  await page.getByRole('radio', {name: /Inspect/}).check();
+  const inspection = {name: 'judged', part: {file: 'block.glb'}, uncertainty: {}, tolerances: {zone_width_m: 1e-4}};
+  await page.locator('#file-input').setInputFiles([
+    {name: 'inspection.json', mimeType: 'application/json', buffer: Buffer.from(JSON.stringify(inspection))},
+    {name: 'block.glb', mimeType: 'model/gltf-binary', buffer: tetrahedronGlb()},
+  ]);
+  await page.getByLabel('On the plan of job').fill('7');
+  await submit();
+  await page.locator('.summary', {hasText: 'Choose the measured points'}).waitFor();
+  await page.locator('#file-input').setInputFiles([
+    {name: 'scan_02.png', mimeType: 'image/png', buffer: Buffer.from('not looked at')},
+    {name: 'scan_01.ply', mimeType: 'text/plain', buffer: tetrahedronPly()},
+  ]);
+  await page.locator('.files .missing', {hasText: 'scan_02.json'}).waitFor();
+  await choose('scan_02.json', Buffer.from('{"column_pitch_m": 1e-4}'));
+  await field('Farthest from the part').fill('3');
+  await submit();
+  await page.waitForURL(/#\/jobs\/.+/);
+  const {task, files} = mock.posts.at(-1);
+  assert.deepEqual(files.sort(), ['block.glb', 'scan_01.ply', 'scan_02.json', 'scan_02.png']);
+  assert.deepEqual(task.inspect_options,
+      {measured: [{file: 'scan_01.ply'}, {file: 'scan_02.png'}], tolerated_distance_m: 0.003});
+  assert.equal(task.plan_job_id, '7');
+  noTroubles();
+});
+
 test('recordings are verified', needsMock, async () => {
   await open();
   await page.getByRole('radio', {name: /Verify/}).check();

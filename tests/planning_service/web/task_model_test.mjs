@@ -36,6 +36,9 @@ test('only what a kind takes is sent', () => {
       {kind: 'optics', inspection: task.inspection, plan_job_id: '7', other_part: true, seed: 2});
   assert.deepEqual(taskOfKind('plan', {...task, other_part: true}), taskOfKind('plan', task));
   assert.deepEqual(taskOfKind('verify', task), {kind: 'verify', recordings: task.recordings, seed: 2});
+  const inspect_options = {measured: [{file: 'scan_01.ply'}]};
+  assert.deepEqual(taskOfKind('inspect', {...task, inspect_options}),
+      {kind: 'inspect', inspection: task.inspection, plan_job_id: '7', inspect_options, seed: 2});
   // A flat plate instead of a part.
   assert.deepEqual(taskOfKind('render', {inspection: {}, recordings: task.recordings}),
       {kind: 'render', recordings: task.recordings});

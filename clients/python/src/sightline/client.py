@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import pathlib
 import uuid
 from typing import Any, Dict, Iterator, Optional, Sequence, Tuple, Union
@@ -77,6 +78,30 @@ class Client:
         task, found = self._inspection_task("evaluate", inspection, part, files, folder)
         _set_plan(task, plan, folder, other_part)
         return self._start(task, found, None, request_id, priority)
+
+    def inspect(self, inspection: Document, plan: PlanSource, measured: Sequence[PathLike], *,
+                part: Optional[Mesh] = None, files: Files = None, folder: PathLike = ".",
+                other_part: bool = False, seed: Optional[int] = None,
+                request_id: Optional[str] = None, priority: int = 0, **options: Any) -> Job:
+        """Whether a measured part conforms, feature by feature. `measured`: a file of points for
+        each scan of the plan, named scan_NN.ply (PCD, CSV, PNG, TIFF) or in their order; a depth
+        raster has its description beside it. `other_part`: as of evaluate. Options: those of
+        v1.InspectJobOptions, e.g. measured_unit, no_next_scan; pose_file is a path."""
+        task, found = self._inspection_task("inspect", inspection, part, files, folder)
+        _set_plan(task, plan, folder, other_part)
+        if isinstance(measured, (str, os.PathLike)):
+            raise errors.TaskError("inspect: measured must be a list of files, one for each scan")
+        for path in map(pathlib.Path, measured):
+            name = found.give(f"measured/{path.name}", path)
+            task.inspect_options.measured.add(file=name)
+            if path.suffix.lower() in (".png", ".tif", ".tiff"):
+                description = path.with_suffix(".json")
+                found.give(f"measured/{description.name}", description)
+        if options.get("pose_file"):
+            pose = pathlib.Path(options["pose_file"])
+            options["pose_file"] = found.give(f"measured/{pose.name}", pose)
+        _set_options(task.inspect_options, options, also=("measured",))
+        return self._start(task, found, seed, request_id, priority)
 
     def optics(self, inspection: Document, plan: Optional[PlanSource] = None, *,
                part: Optional[Mesh] = None, files: Files = None, folder: PathLike = ".",

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "core/conformance/rigid_motion.h"
+#include "core/conformance/measurands/rigid_motion.h"
 
 #include <Eigen/Geometry>
 #include <Eigen/QR>
