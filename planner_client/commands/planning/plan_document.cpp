@@ -342,7 +342,7 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
 
 namespace {
 
-// Of plans that satisfy the goal, or as much as this one if that is less.
+// Bounds for plans that satisfy the goal, or as much as this one if that is less.
 ExecutionBounds BoundsOnExecution(const PlanningSession& session, const ScanCountBoundResult& bound,
                                   const v1::Plan& plan) {
   const double satisfied = plan.has_uncertainty() ? plan.uncertainty().admissible_fraction()
@@ -428,7 +428,7 @@ std::string SummariseReach(const v1::Plan& plan) {
   return text;
 }
 
-// What was shown about any plan, a line each; nothing without a bound.
+// The bounds in words, a line each; nothing without a bound.
 std::string SummariseBound(const v1::ScanCountBound& bound) {
   std::string text;
   for (const std::string* statement :

@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-// What counts as measurable with a rig, against closed forms and against scans.
+// Targets that are measurable with a rig, against closed forms and against scans.
 #include <gtest/gtest.h>
 
 #include <algorithm>
