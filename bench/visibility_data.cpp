@@ -17,9 +17,9 @@
 #include "bench/common/measure.h"
 #include "bench/common/parts.h"
 #include "core/targets/poisson_disk.h"
+#include "coverage_server/measurability/measurability.h"
 #include "coverage_server/scan/fast_evaluator.h"
 #include "coverage_server/scan/target_lookup.h"
-#include "coverage_server/visibility/measurability.h"
 #include "coverage_server/visibility/surface_probes.h"
 #include "coverage_server/visibility/visibility_field.h"
 

@@ -21,6 +21,11 @@ namespace {
 
 constexpr size_t kMaxFiles = 1000;
 
+constexpr Limits kSensorDistance{0, 10, " m", true};
+constexpr Limits kLineWidth{0, 10, " m", true};
+constexpr Limits kPointsPerProfile{16, 16384, ""};
+constexpr Limits kProfileWavelength{200e-9, 2000e-9, " m"};
+constexpr Limits kProfileAngle{10, 80, " degrees"};
 constexpr Limits kImageCircle{1e-3, 0.2, " m"};
 constexpr Limits kFrameRate{0, 1e6, " Hz", true};
 // A price of 0 would read as "not known" in a device choice.
@@ -161,9 +166,57 @@ absl::StatusOr<DeviceLaser> ReadDevice(const v1::CatalogueLaser& message, const 
   return device;
 }
 
+absl::StatusOr<DeviceProfileSensor> ReadDevice(const v1::CatalogueProfileSensor& message,
+                                               const std::string& file) {
+  const Checker check(file);
+  DeviceProfileSensor device;
+  device.name = message.name();
+  for (const auto& [given, name] :
+       {std::pair(message.has_near_distance_m(), "near_distance_m"),
+        std::pair(message.has_far_distance_m(), "far_distance_m"),
+        std::pair(message.has_near_width_m(), "near_width_m"),
+        std::pair(message.has_far_width_m(), "far_width_m"),
+        std::pair(message.has_points_per_profile(), "points_per_profile")}) {
+    if (!given) return check.Error(name, "is missing");
+  }
+  device.near_distance_m = message.near_distance_m();
+  device.far_distance_m = message.far_distance_m();
+  device.near_width_m = message.near_width_m();
+  device.far_width_m = message.far_width_m();
+  device.points_per_profile = message.points_per_profile();
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("near_distance_m", device.near_distance_m, kSensorDistance));
+  Limits beyond = kSensorDistance;
+  beyond.min = device.near_distance_m;
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("far_distance_m", device.far_distance_m, beyond));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("near_width_m", device.near_width_m, kLineWidth));
+  SIGHTLINE_RETURN_IF_ERROR(check.Range("far_width_m", device.far_width_m, kLineWidth));
+  SIGHTLINE_RETURN_IF_ERROR(
+      check.Range("points_per_profile", device.points_per_profile, kPointsPerProfile));
+  if (message.has_wavelength_m()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("wavelength_m", message.wavelength_m(), kProfileWavelength));
+    device.wavelength_m = message.wavelength_m();
+  }
+  if (message.has_triangulation_angle_deg()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        check.Range("triangulation_angle_deg", message.triangulation_angle_deg(), kProfileAngle));
+    device.triangulation_angle_rad = Radians(message.triangulation_angle_deg());
+  }
+  device.safety_class = message.safety_class();
+  if (!device.safety_class.empty()) {
+    SIGHTLINE_RETURN_IF_ERROR(
+        CheckOneOf(check, "safety_class", device.safety_class, SafetyClasses()));
+  }
+  const auto price = ParsePrice(message, check);
+  if (!price.ok()) return price.status();
+  device.price_eur = *price;
+  return device;
+}
+
 // The files of one kind, sorted by name. `what`: as in "cameras/ holds no camera file".
 absl::StatusOr<std::vector<std::string>> FilesOf(const std::string& folder, const char* kind,
-                                                 const char* what) {
+                                                 const char* what, bool may_be_none) {
   namespace fs = std::filesystem;
   const fs::path path = fs::path(folder) / kind;
   std::vector<std::string> names;
@@ -183,7 +236,8 @@ absl::StatusOr<std::vector<std::string>> FilesOf(const std::string& folder, cons
   }
   const Checker check(folder);
   const std::string subfolder = absl::StrCat(kind, "/");
-  if (names.empty()) return check.Error(subfolder, absl::StrCat("holds no ", what, " file"));
+  if (names.empty() && !may_be_none)
+    return check.Error(subfolder, absl::StrCat("holds no ", what, " file"));
   if (names.size() > kMaxFiles) {
     return check.Error(
         subfolder, absl::StrCat("holds ", names.size(), " ", what, " files, at most ", kMaxFiles));
@@ -195,8 +249,8 @@ absl::StatusOr<std::vector<std::string>> FilesOf(const std::string& folder, cons
 
 template <typename Message, typename Device>
 absl::Status ReadKind(const std::string& folder, const char* kind, const char* what,
-                      std::vector<Device>* devices) {
-  const auto files = FilesOf(folder, kind, what);
+                      std::vector<Device>* devices, bool may_be_none = false) {
+  const auto files = FilesOf(folder, kind, what, may_be_none);
   if (!files.ok()) return files.status();
   std::map<std::string, std::string> file_of_name;
   for (const std::string& file : *files) {
@@ -237,6 +291,8 @@ absl::StatusOr<Catalogue> ReadCatalogue(const std::string& folder) {
       ReadKind<v1::CatalogueLens>(folder, "lenses", "lens", &catalogue.lenses));
   SIGHTLINE_RETURN_IF_ERROR(
       ReadKind<v1::CatalogueLaser>(folder, "lasers", "laser", &catalogue.lasers));
+  SIGHTLINE_RETURN_IF_ERROR(ReadKind<v1::CatalogueProfileSensor>(
+      folder, "profile_sensors", "profile sensor", &catalogue.profile_sensors, true));
   return catalogue;
 }
 

@@ -47,21 +47,41 @@ struct DeviceLaser {
   v1::CatalogueLaser message;
 };
 
+// Camera and laser in one housing. Distances are from the front of the housing along the laser.
+struct DeviceProfileSensor {
+  std::string name;
+  double near_distance_m = 0, far_distance_m = 0;
+  double near_width_m = 0, far_width_m = 0;  // of the laser line that is measured there
+  int points_per_profile = 0;
+  std::optional<double> wavelength_m;
+  std::optional<double> triangulation_angle_rad;  // in the middle of the range
+  std::string safety_class;
+  std::optional<double> price_eur;
+  std::string file;
+  v1::CatalogueProfileSensor message;
+
+  double MiddleDistance() const { return 0.5 * (near_distance_m + far_distance_m); }
+  double MiddleWidth() const { return 0.5 * (near_width_m + far_width_m); }
+};
+
 // Each kind in the order of its file names, so that results do not depend on the file system; names
-// differ within a kind; none is empty.
+// differ within a kind; only profile_sensors may be empty.
 struct Catalogue {
   std::vector<DeviceCamera> cameras;
   std::vector<DeviceLens> lenses;
   std::vector<DeviceLaser> lasers;
+  std::vector<DeviceProfileSensor> profile_sensors;
 };
 
 // The mounts that a camera or a lens can name.
 const std::vector<std::string>& KnownMounts();
 
-// Reads cameras/*.json (v1.Sensor), lenses/*.json (v1.CatalogueLens) and lasers/*.json
-// (v1.CatalogueLaser) of a folder. Other files, hidden files and folders below are passed over.
-// NOT_FOUND: no such folder. INVALID_ARGUMENT names file, field, value and allowed range; also for
-// a kind without any file or with more than 1000, and for two devices of one kind and name.
+// Reads cameras/*.json (v1.Sensor), lenses/*.json (v1.CatalogueLens), lasers/*.json
+// (v1.CatalogueLaser) and profile_sensors/*.json (v1.CatalogueProfileSensor) of a folder. Other
+// files, hidden files and folders below are passed over. NOT_FOUND: no such folder.
+// INVALID_ARGUMENT names file, field, value and allowed range. It also stands for two devices of
+// one kind and name, for a kind with more than 1000 files, and for cameras, lenses or lasers
+// without any.
 absl::StatusOr<Catalogue> ReadCatalogue(const std::string& folder);
 
 }  // namespace sightline

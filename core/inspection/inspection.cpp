@@ -34,6 +34,8 @@ constexpr double kLargest = 1e9;  // stands for "no upper limit" where only the 
 constexpr Limits kScanStep{1e-5, 0.1, " m"};
 constexpr Limits kStageTravel{0, 20, " m", true};
 constexpr Limits kMaxRange{0, 100, " m", true};
+constexpr Limits kClearance{0, 1, " m"};
+constexpr double kDefaultClearance_m = 0.005;
 constexpr Limits kBodyLength{0, 10, " m", true};
 constexpr Limits kBodyCentre{-10, 10, " m"};
 
@@ -319,6 +321,8 @@ absl::StatusOr<Rig> ParseRig(const v1::Rig& message, const v1::Camera& camera, c
   errors.Add(check.Range("rig.stage_travel_m", rig.stage_travel_m, kStageTravel));
   if (message.has_max_range_m()) rig.max_range_m = message.max_range_m();
   errors.Add(check.Range("rig.max_range_m", rig.max_range_m, kMaxRange));
+  rig.clearance_m = message.clearance_m();
+  errors.Add(check.Range("rig.clearance_m", rig.clearance_m, kClearance));
   errors.Add(ParseBodies(message.camera_bodies(), "rig.camera_bodies", check, &rig.camera_bodies));
   errors.Add(ParseBodies(message.laser_bodies(), "rig.laser_bodies", check, &rig.laser_bodies));
   if (!errors.empty()) return errors.Status();
@@ -625,6 +629,9 @@ absl::StatusOr<Inspection> ParseInspection(const v1::Inspection& given, const st
     errors.Add(ParseUncertaintyGoal(message, check, context, &inspection));
   }
   take(ParseDefaults(message, check), &inspection.defaults);
+  if (inspection.defaults != DefaultsVersion::k0_1 && !message.rig().has_clearance_m()) {
+    inspection.rig.clearance_m = kDefaultClearance_m;
+  }
   if (take(ParseCosts(message.costs(), check), &inspection.stated_costs)) {
     inspection.costs = inspection.stated_costs;
     if (inspection.defaults != DefaultsVersion::k0_1) {
@@ -746,6 +753,7 @@ v1::Rig RigToProto(const Rig& rig) {
   message.set_scan_step_m(rig.scan_step_m);
   message.set_stage_travel_m(rig.stage_travel_m);
   message.set_max_range_m(rig.max_range_m);
+  message.set_clearance_m(rig.clearance_m);
   for (const Body& body : rig.camera_bodies) *message.add_camera_bodies() = BodyToProto(body);
   for (const Body& body : rig.laser_bodies) *message.add_laser_bodies() = BodyToProto(body);
   return message;

@@ -101,6 +101,8 @@ struct Rig {
   double max_range_m = 1.5;
   std::vector<Body> camera_bodies = {BoxBody{{0, 0, -0.06}, {0.06, 0.06, 0.12}}};
   std::vector<Body> laser_bodies = {BoxBody{{0, 0, -0.06}, {0.04, 0.04, 0.12}}};
+  // Least gap between these bodies and part, table and obstacles.
+  double clearance_m = 0;
   // Unset: not turned, about the centre of its bounding box.
   std::optional<PartPlacement> part_placement;
   // Points of the part among which its lowest one is however it is turned, from the centre that

@@ -60,6 +60,15 @@ Zonotope BodyAt(const Body& body, const SensorPose& pose) {
   return solid;
 }
 
+Body WithMargin(const Body& body, double margin_m) {
+  if (const auto* box = std::get_if<BoxBody>(&body)) {
+    return BoxBody{box->centre_m, box->size_m + Eigen::Vector3d::Constant(2 * margin_m)};
+  }
+  const auto& cylinder = std::get<CylinderBody>(body);
+  return CylinderBody{cylinder.centre_m, cylinder.radius_m + margin_m,
+                      cylinder.length_m + 2 * margin_m};
+}
+
 double SensorBodyOverlap(const Rig& rig, const ScanGeometry& geometry) {
   double deepest_m = 0;
   for (const Body& camera : rig.camera_bodies) {

@@ -12,6 +12,10 @@ namespace sightline {
 // of eight sides.
 Zonotope BodyAt(const Body& body, const SensorPose& pose);
 
+// The body with a margin on every side: it covers all that is nearer to the body than the margin,
+// and up to sqrt(3) times as much at its corners.
+Body WithMargin(const Body& body, double margin_m);
+
 // How far [m] the bodies of camera and laser reach into one another: of the pair that does so most,
 // the shortest way that takes it apart; 0: none do. Exact for the solids of BodyAt (separating
 // axes). Depends on camera distance, laser distance and triangulation angle alone.

@@ -33,7 +33,7 @@ bool Collides(const Rig& rig, const ScanGeometry& geometry, const Eigen::Vector3
               const std::vector<Occluder>& occluders, double stage_start_m, double stage_end_m) {
   if (SensorBodiesCollide(rig, geometry)) return true;
   const auto body_hits = [&](const Body& body, const SensorPose& pose) {
-    const Zonotope still = BodyAt(body, pose);
+    const Zonotope still = BodyAt(WithMargin(body, rig.clearance_m), pose);
     for (const Occluder& occluder : occluders) {
       Zonotope solid = still;
       if (occluder.frame != ObstacleFrame::kWorld) {

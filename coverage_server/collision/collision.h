@@ -20,7 +20,8 @@ struct Occluder {
 };
 
 // True if the bodies of camera and laser stand in the same place, or if, while the stage moves over
-// [stage_start_m, stage_end_m], one of them touches an occluder, or the part (`occluders[0]`) or a
+// [stage_start_m, stage_end_m], one of them touches an occluder or comes nearer to it than
+// Rig::clearance_m, or the part (`occluders[0]`) or a
 // fixture that moves with it touches one that stands still. Obstacles that travel with the stage
 // without turning carry the part: they may touch it, but not cut into it by more than 0.2 % of its
 // size. Exact for boxes: the body swept along the travel is a zonotope, and zonotope against

@@ -14,6 +14,8 @@
 #include "core/targets/target_regions.h"
 #include "coverage_server/collision/collision.h"
 #include "coverage_server/explanation/explain_targets.h"
+#include "coverage_server/measurability/domain_measurability.h"
+#include "coverage_server/measurability/measurability.h"
 #include "coverage_server/scan/exact_evaluator.h"
 #include "coverage_server/scan/fast_evaluator.h"
 #include "coverage_server/scan/target_lookup.h"
@@ -22,8 +24,6 @@
 #include "coverage_server/uncertainty/information_estimator.h"
 #include "coverage_server/uncertainty/target_priors.h"
 #include "coverage_server/uncertainty/uncertainty_gain.h"
-#include "coverage_server/visibility/domain_measurability.h"
-#include "coverage_server/visibility/measurability.h"
 #include "coverage_server/visibility/surface_probes.h"
 #include "coverage_server/visibility/visibility_field.h"
 
@@ -149,6 +149,9 @@ class CoverageSceneImpl final : public CoverageScene {
   const TargetSet& targets() const override { return targets_; }
   const TargetBits& measurable() const override { return measurable_; }
   const TargetBits& measurable_in_free_space() const override { return measurable_in_free_space_; }
+  std::span<const uint64_t> measurable_orientations() const override {
+    return measurable_orientations_;
+  }
   Eigen::Vector3d part_centre_m() const override { return part_centre_m_; }
   int64_t field_bytes() const override { return static_cast<int64_t>(field_->bytes()); }
   const SceneTimings& timings() const override { return timings_; }
@@ -419,9 +422,14 @@ class CoverageSceneImpl final : public CoverageScene {
     if (definition_.domain) {
       const DomainMeasurability by_domain(definition_.rig, definition_.sampling,
                                           *definition_.domain, part_centre_m_, *field_, occluders_);
+      const size_t orientations = definition_.domain->resting_orientations.size();
+      if (orientations > 0 && orientations <= 64) {
+        measurable_orientations_.assign(targets_.size(), 0);
+      }
       if (!by_domain.any_orientation()) {
         ForTargetShares(options.threads, [&](size_t begin, size_t end) {
-          by_domain.Keep(targets_, begin, end, options.cancelled, measurable_);
+          by_domain.Keep(targets_, begin, end, options.cancelled, measurable_,
+                         measurable_orientations_);
         });
         return;
       }
@@ -513,6 +521,7 @@ class CoverageSceneImpl final : public CoverageScene {
   MeasurementDomain domain_;
   TargetSet targets_;
   TargetBits measurable_, measurable_in_free_space_;
+  std::vector<uint64_t> measurable_orientations_;
   // Obstacles that travel with the stage and are boxes: those the fast estimate knows.
   struct Box {
     ObstacleFrame frame;

@@ -65,11 +65,14 @@ class CoverageScene {
   virtual const std::vector<SceneObstacle>& obstacles() const = 0;
   virtual const TargetSet& targets() const = 0;
   // The targets that are measurable in free space, within the limit on incidence and in the domain
-  // (visibility/domain_measurability.h).
+  // (measurability/domain_measurability.h).
   virtual const TargetBits& measurable() const = 0;
   // Thesis section 6.1: some pair of unoccluded directions 10 to 80 degrees apart, whatever the
   // limits on the surface are.
   virtual const TargetBits& measurable_in_free_space() const { return measurable(); }
+  // Bit r of a target: it is measurable with the part in resting orientation r of the domain.
+  // Empty: the domain has none, or more than 64.
+  virtual std::span<const uint64_t> measurable_orientations() const { return {}; }
   virtual Eigen::Vector3d part_centre_m() const = 0;
   virtual int64_t field_bytes() const = 0;
   virtual const SceneTimings& timings() const = 0;

@@ -169,6 +169,7 @@ grpc::Status CoverageServiceImpl::StreamTargets(
     const TargetSet& targets = (*stored)->scene->targets();
     const TargetBits& measurable = (*stored)->scene->measurable();
     const TargetBits& in_free_space = (*stored)->scene->measurable_in_free_space();
+    const std::span<const uint64_t> orientations = (*stored)->scene->measurable_orientations();
     for (size_t begin = 0; begin < targets.size(); begin += kPointsPerMessage) {
       if (absl::Status stop = p_.calls->CheckStop(context); !stop.ok()) return stop;
       v1::StreamTargetsResponse response;
@@ -177,6 +178,7 @@ grpc::Status CoverageServiceImpl::StreamTargets(
         AddVector(targets.normals[i], response.mutable_normals());
         response.add_measurable(measurable.Test(i));
         response.add_measurable_in_free_space(in_free_space.Test(i));
+        if (!orientations.empty()) response.add_measurable_orientations(orientations[i]);
         response.add_regions(targets.regions[i]);
       }
       absl::Status sent = p_.calls->Write(context, [&] { return writer->Write(response); });

@@ -36,7 +36,7 @@ const DATA_TYPES = {RecipeIdExternalDataType: 3002, ProductIdDataType: 3003, Par
 const text = (dataType, value) => ({dataType, value});
 const structure = (value) => ({dataType: DataType.ExtensionObject, value});
 
-// What a value of an argument looks like in the trace: structures by their fields, files by their size.
+// Shows a value of an argument in the trace: structures by their fields, files by their size.
 function decoded(value) {
   if (Buffer.isBuffer(value)) return `${value.length} bytes`;
   if (value instanceof Date) return value.toISOString();

@@ -62,6 +62,9 @@ class CoverageClientImpl final : public CoverageClient {
   const SceneInfo& scene() const override { return scene_.info(); }
   const TargetSet& targets() const override { return scene_.targets(); }
   const TargetBits& measurable() const override { return scene_.measurable(); }
+  std::span<const uint64_t> measurable_orientations() const override {
+    return scene_.measurable_orientations();
+  }
   int64_t evaluations() const override { return evaluations_; }
   int recoveries() const override { return scene_.recoveries(); }
 

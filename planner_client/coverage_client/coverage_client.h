@@ -115,6 +115,9 @@ class CoverageClient : public GainOracle {
   virtual const SceneInfo& scene() const = 0;
   // TargetSet::triangles stays empty.
   virtual const TargetSet& targets() const = 0;
+  // Bit r of a target: it is measurable with the part in resting orientation r of the task's
+  // domain. Empty: the domain has none, or more than 64, or the server does not say.
+  virtual std::span<const uint64_t> measurable_orientations() const { return {}; }
   // All measured points of one scan, exact. FAILED_PRECONDITION: the scan is not feasible.
   virtual absl::StatusOr<std::vector<ScanPoint>> MeasurementPoints(
       const Measurement& measurement) = 0;

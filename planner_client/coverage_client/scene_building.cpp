@@ -156,6 +156,7 @@ absl::Status SceneConnection::FetchScene(CoverageConnection& connection) {
 
 absl::Status SceneConnection::FetchTargets(CoverageConnection& connection) {
   targets_ = {};
+  measurable_orientations_.clear();
   measurable_ = TargetBits(static_cast<size_t>(info_.target_count));
   grpc::ClientContext context;
   v1::StreamTargetsRequest request;
@@ -166,6 +167,8 @@ absl::Status SceneConnection::FetchTargets(CoverageConnection& connection) {
     const int count = response.regions_size();
     if (response.positions_m_size() != 3 * count || response.normals_size() != 3 * count ||
         response.measurable_size() != count ||
+        (response.measurable_orientations_size() != 0 &&
+         response.measurable_orientations_size() != count) ||
         static_cast<int64_t>(targets_.size()) + count > info_.target_count) {
       context.TryCancel();
       return absl::InternalError("server answered targets of unequal length");
@@ -176,6 +179,9 @@ absl::Status SceneConnection::FetchTargets(CoverageConnection& connection) {
       targets_.normals.push_back(VectorAt(response.normals(), i));
       targets_.regions.push_back(response.regions(i));
     }
+    measurable_orientations_.insert(measurable_orientations_.end(),
+                                    response.measurable_orientations().begin(),
+                                    response.measurable_orientations().end());
   }
   absl::Status status = FromGrpcStatus(reader->Finish());
   if (status.ok() && static_cast<int64_t>(targets_.size()) != info_.target_count) {

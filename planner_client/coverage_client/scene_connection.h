@@ -55,6 +55,7 @@ class SceneConnection {
   const SceneInfo& info() const { return info_; }
   const TargetSet& targets() const { return targets_; }
   const TargetBits& measurable() const { return measurable_; }
+  const std::vector<uint64_t>& measurable_orientations() const { return measurable_orientations_; }
   // How often the scene was made again because the server had lost it.
   int recoveries() const { return recoveries_; }
 
@@ -177,6 +178,7 @@ class SceneConnection {
   SceneInfo info_;
   TargetSet targets_;
   TargetBits measurable_;
+  std::vector<uint64_t> measurable_orientations_;
   bool created_ = false;
 
   std::mutex recovery_mutex_;

@@ -62,7 +62,39 @@ absl::StatusOr<DeviceLens> ChooseLens(const DraftRequest& request, double diamet
                       request.camera->sensor.name, 1e3 * z_m));
 }
 
+// Whether the options fit the profile sensor, which has a camera and a laser of its own.
+absl::Status CheckProfileSensor(const DraftRequest& request) {
+  for (const auto& [given, option] :
+       {std::pair(request.camera.has_value(), "--camera"),
+        std::pair(request.lens.has_value(), "--lens"),
+        std::pair(request.laser.has_value(), "--laser"),
+        std::pair(request.columns_px.has_value(), "--columns"),
+        std::pair(request.rows_px.has_value(), "--rows"),
+        std::pair(request.pixel_pitch_m.has_value(), "--pixel-pitch-um"),
+        std::pair(request.vertical_fov_deg.has_value(), "--fov-deg"),
+        std::pair(request.focal_length_m.has_value(), "--focal-length-mm"),
+        std::pair(request.f_number.has_value(), "--f-number")}) {
+    if (!given) continue;
+    return absl::InvalidArgumentError(
+        absl::StrCat(option, " and --sensor exclude each other: ", request.profile_sensor->name,
+                     " has a camera and a laser of its own"));
+  }
+  if (request.rig.kind != RigKind::kRigid && request.rig.kind != RigKind::kRobot) {
+    return absl::InvalidArgumentError("--sensor is for --rig rigid and --rig robot");
+  }
+  if (request.rig.triangulation_angles_deg.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--triangulation-angle-deg is missing: the catalogue does not have that of ",
+                     request.profile_sensor->name, "; ask its maker or measure it on a drawing"));
+  }
+  if (request.rig.triangulation_angles_deg.size() > 1) {
+    return absl::InvalidArgumentError("--sensor takes one --triangulation-angle-deg");
+  }
+  return absl::OkStatus();
+}
+
 absl::Status CheckDevices(const DraftRequest& request) {
+  if (request.profile_sensor) return CheckProfileSensor(request);
   const auto refuse = [](const char* option, const char* device) {
     return absl::InvalidArgumentError(
         absl::StrCat(option, " is that of the ", device, " already: give one of the two"));
@@ -150,6 +182,44 @@ absl::Status DraftOptics(const DraftRequest& request, double diameter_m, Inspect
     draft->comments["laser"] = "Full angle of the laser's fan.";
   }
   return absl::OkStatus();
+}
+
+// The camera and laser that measure what the profile sensor measures. Line of sight and laser plane
+// meet in the middle of the range, at the distance d = middle / cos(tau) from the camera. A point
+// of the laser's axis that is s nearer to the laser than that is seen off the camera's axis by
+//   tan = s sin(tau) / (d - s cos(tau)),
+// and the image has as many rows as the ends of the range need.
+void DraftProfileSensor(const DeviceProfileSensor& sensor, double tau_rad, InspectionDraft* draft) {
+  v1::Inspection& inspection = draft->inspection;
+  const double distance_m = sensor.MiddleDistance() / std::cos(tau_rad);
+  const double half_range_m = 0.5 * (sensor.far_distance_m - sensor.near_distance_m);
+  const double focal_length_px = sensor.points_per_profile * distance_m / sensor.MiddleWidth();
+  const auto tangent = [&](double s_m) {
+    return std::abs(s_m) * std::sin(tau_rad) / (distance_m - s_m * std::cos(tau_rad));
+  };
+  const double half_rows_px =
+      std::ceil(focal_length_px * std::max(tangent(half_range_m), tangent(-half_range_m)));
+  v1::Camera& camera = *inspection.mutable_camera();
+  camera.set_columns_px(sensor.points_per_profile);
+  camera.set_rows_px(std::max(16, static_cast<int>(2 * half_rows_px)));
+  camera.set_vertical_fov_deg(Round2(
+      2 * std::atan(0.5 * camera.rows_px() / focal_length_px) * 180 / std::numbers::pi, 1e-6));
+  draft->comments["camera"] =
+      absl::StrCat(sensor.name, ", range ", Round2(1e3 * sensor.near_distance_m, 1e-3), " to ",
+                   Round2(1e3 * sensor.far_distance_m, 1e-3),
+                   " mm: a camera that measures the same. Its bodies are not in the catalogue: "
+                   "rig.camera_bodies and laser_bodies have their defaults.");
+  v1::Laser& laser = *inspection.mutable_laser();
+  laser.set_fan_angle_deg(Round2(
+      2 * std::atan(0.5 * sensor.far_width_m / sensor.far_distance_m) * 180 / std::numbers::pi,
+      1e-3));
+  if (sensor.wavelength_m) laser.set_wavelength_m(*sensor.wavelength_m);
+  draft->comments["laser"] = "Fan that is as wide as the line at the end of the range.";
+  // The far corner of the range.
+  inspection.mutable_rig()->set_max_range_m(
+      Round2(std::hypot(half_range_m * std::sin(tau_rad),
+                        distance_m + half_range_m * std::cos(tau_rad), 0.5 * sensor.far_width_m),
+             1e-4));
 }
 
 void DraftGoal(const DraftRequest& request, InspectionDraft* draft) {
@@ -271,7 +341,14 @@ absl::StatusOr<InspectionDraft> DraftInspection(const DraftRequest& request) {
   rig.set_stage_travel_m(std::clamp(std::ceil(20 * diameter_m) / 10, 1.0, 20.0));
 
   DraftDomain(diameter_m, &draft);
-  absl::Status status = DraftOptics(request, diameter_m, &draft);
+  absl::Status status;
+  if (request.profile_sensor) {
+    DraftProfileSensor(*request.profile_sensor,
+                       request.rig.triangulation_angles_deg.front() * std::numbers::pi / 180,
+                       &draft);
+  } else {
+    status = DraftOptics(request, diameter_m, &draft);
+  }
   if (!status.ok()) return status;
   status = DraftRig(request.rig, request.health, &inspection, &comments);
   if (!status.ok()) return status;

@@ -32,6 +32,8 @@ struct DraftRequest {
   std::optional<DeviceLens> lens;
   std::optional<DeviceLaser> laser;
   std::vector<DeviceLens> lenses;  // to choose from
+  // Camera and laser in one housing, instead of these three; `rig` has its stand-off and angle.
+  std::optional<DeviceProfileSensor> profile_sensor;
 
   // Instead of these, single numbers.
   std::optional<int> columns_px, rows_px;

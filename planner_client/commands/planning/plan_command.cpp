@@ -219,7 +219,7 @@ class Planning {
     if (options_.optics && GoesOn()) {
       if (auto status = PlanOptically(); !status.ok()) return status;
     }
-    if (bound_) SetBound(*bound_, document_.plan);
+    if (bound_) SetBound(session_, *bound_, document_.plan);
     return WritePlanOutputs(session_, document_, options_.output);
   }
 

@@ -25,6 +25,7 @@
 #include "planner_client/report/uncertainty/inadmissible.h"
 #include "planner_client/report/uncertainty/uncertainty_report.h"
 #include "planner_client/requirements/feature_verdicts.h"
+#include "planner_client/strategy/execution/execution_bound.h"
 #include "planner_client/strategy/scan_order.h"
 
 namespace sightline {
@@ -339,13 +340,45 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
   return document;
 }
 
-void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan) {
+namespace {
+
+// Bounds for plans that satisfy the goal, or as much as this one if that is less.
+ExecutionBounds BoundsOnExecution(const PlanningSession& session, const ScanCountBoundResult& bound,
+                                  const v1::Plan& plan) {
+  const double satisfied = plan.has_uncertainty() ? plan.uncertainty().admissible_fraction()
+                                                  : plan.coverage().coverage();
+  const TargetBits& wanted = session.oracle->measurable();
+  const double fraction = std::min(GoalFraction(session.inspection.goal), satisfied);
+  const auto goal_targets =
+      static_cast<int64_t>(std::ceil(fraction * static_cast<double>(wanted.Count()) - 1e-9));
+  return BoundExecution(ExecutionModelOf(session.inspection),
+                        BoundFaces(session.client->measurable_orientations(), wanted, goal_targets),
+                        bound.scans, bound.converged);
+}
+
+v1::ExecutionBound BoundToProto(double value, bool converged, const std::string& statement) {
+  v1::ExecutionBound message;
+  message.set_value(value);
+  message.set_converged(converged);
+  message.set_statement(statement);
+  return message;
+}
+
+}  // namespace
+
+void SetBound(const PlanningSession& session, const ScanCountBoundResult& bound, v1::Plan& plan) {
   v1::ScanCountBound& message = *(
       plan.has_uncertainty() ? plan.mutable_uncertainty()->mutable_bound() : plan.mutable_bound());
   message.set_scans(bound.bound);
   message.set_converged(bound.converged);
   message.set_pricing_evaluations(bound.evaluations);
   message.set_statement(bound.statement);
+  if (session.inspection.costs.IsUnit()) return;
+  const ExecutionBounds execution = BoundsOnExecution(session, bound, plan);
+  *message.mutable_setups() =
+      BoundToProto(execution.setups, execution.setups_converged, execution.setups_statement);
+  *message.mutable_time_s() =
+      BoundToProto(execution.time_s, execution.time_converged, execution.time_statement);
 }
 
 namespace {
@@ -391,6 +424,16 @@ std::string SummariseReach(const v1::Plan& plan) {
     for (const std::string& remark : scan.remarks()) {
       absl::StrAppendFormat(&text, "scan %d: %s.\n", scan.index(), remark);
     }
+  }
+  return text;
+}
+
+// The bounds in words, a line each; nothing without a bound.
+std::string SummariseBound(const v1::ScanCountBound& bound) {
+  std::string text;
+  for (const std::string* statement :
+       {&bound.statement(), &bound.setups().statement(), &bound.time_s().statement()}) {
+    if (!statement->empty()) absl::StrAppend(&text, *statement, "\n");
   }
   return text;
 }
@@ -466,10 +509,10 @@ std::string SummarisePlan(const v1::Plan& plan) {
     }
     text += SummariseInadmissible(u);
     text += SummariseVerdicts(u);
-    if (!u.bound().statement().empty()) absl::StrAppend(&text, u.bound().statement(), "\n");
+    text += SummariseBound(u.bound());
   }
   text += SummariseUncovered(plan.coverage());
-  if (!plan.bound().statement().empty()) absl::StrAppend(&text, plan.bound().statement(), "\n");
+  text += SummariseBound(plan.bound());
   if (!plan.cost().unit_costs()) {
     text += SummariseSetups(plan);
   }

@@ -50,8 +50,8 @@ absl::StatusOr<PlanDocument> MakePlanDocument(const PlanningSession& session,
                                               std::vector<ChosenScan> scans,
                                               const PlanSource& source);
 
-// Adds the lower bound to the coverage or uncertainty of the plan.
-void SetBound(const ScanCountBoundResult& bound, v1::Plan& plan);
+// Adds the lower bounds on scans, set-ups and time to the coverage or uncertainty of the plan.
+void SetBound(const PlanningSession& session, const ScanCountBoundResult& bound, v1::Plan& plan);
 
 // One paragraph for the terminal.
 std::string SummarisePlan(const v1::Plan& plan);

@@ -61,7 +61,7 @@ constexpr Limits kDistanceStep{1, 500, " mm"};
 
 struct NewInspectionOptions {
   std::string part, out = "inspection.json", unit, name, holding = "resting";
-  std::string catalogue, camera, lens, laser, tolerances, tolerances_unit;
+  std::string catalogue, camera, lens, laser, sensor, tolerances, tolerances_unit;
   std::optional<int> columns_px, rows_px;
   std::optional<double> pixel_pitch_um, fov_deg, focal_length_mm, f_number;
   std::optional<double> goal, spacing_mm, tolerance_mm;
@@ -202,7 +202,7 @@ absl::Status AskRig(NewInspectionOptions* options) {
         });
     if (!asked.ok()) return asked;
   }
-  if (housing && options->stand_offs_mm.empty()) {
+  if (housing && options->stand_offs_mm.empty() && options->sensor.empty()) {
     absl::Status asked =
         Ask("Stand-off of the housing in mm", "250", [&](const std::string& answer) {
           return TakeNumbers(answer, kStandOff, &options->stand_offs_mm);
@@ -250,7 +250,8 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
     if (!asked.ok()) return asked;
   }
   const bool has_lens = options->focal_length_mm || !options->lens.empty();
-  if (options->camera.empty() && !options->fov_deg && !has_lens) {
+  const bool has_camera = !options->camera.empty() || !options->sensor.empty();
+  if (!has_camera && !options->fov_deg && !has_lens) {
     absl::Status asked = Ask("Vertical field of view of the camera in degrees", "45",
                              [&](const std::string& answer) {
                                return TakeNumber(answer, kFieldOfView, &options->fov_deg);
@@ -258,7 +259,7 @@ absl::Status AskWhatIsMissing(NewInspectionOptions* options) {
     if (!asked.ok()) return asked;
   }
   // With a lens the field of view follows from the camera's pixels; no usual size stands for them.
-  if (options->camera.empty() && !options->fov_deg && has_lens && !options->pixel_pitch_um) {
+  if (!has_camera && !options->fov_deg && has_lens && !options->pixel_pitch_um) {
     absl::Status asked = Ask("Pixel pitch of the camera in um", "", [&](const std::string& answer) {
       if (answer.empty()) return absl::InvalidArgumentError("must be given");
       return TakeNumber(answer, kPixelPitch.In(" um", 1e6), &options->pixel_pitch_um);
@@ -315,8 +316,25 @@ std::string FromFolderOf(const std::string& out, const std::string& file) {
   return fs::absolute(file).lexically_normal().lexically_proximate(folder).string();
 }
 
+// The sensor's stand-off, and its triangulation angle unless an option gives it.
+absl::Status TakeProfileSensor(DeviceProfileSensor sensor, DraftRequest* request) {
+  if (!request->rig.stand_offs_m.empty()) {
+    return absl::InvalidArgumentError(
+        absl::StrCat("--stand-off-mm and --sensor exclude each other: that of ", sensor.name,
+                     " is the middle of its range"));
+  }
+  request->rig.stand_offs_m = {sensor.MiddleDistance()};
+  std::vector<double>& angles_deg = request->rig.triangulation_angles_deg;
+  if (angles_deg.empty() && sensor.triangulation_angle_rad) {
+    angles_deg = {sensor.message.triangulation_angle_deg()};
+  }
+  request->profile_sensor = std::move(sensor);
+  return absl::OkStatus();
+}
+
 absl::Status TakeDevices(const NewInspectionOptions& options, DraftRequest* request) {
-  const bool named = !options.camera.empty() || !options.lens.empty() || !options.laser.empty();
+  const bool named = !options.camera.empty() || !options.lens.empty() || !options.laser.empty() ||
+                     !options.sensor.empty();
   if (!named) return absl::OkStatus();
   std::string folder = options.catalogue;
   if (folder.empty()) {
@@ -324,8 +342,8 @@ absl::Status TakeDevices(const NewInspectionOptions& options, DraftRequest* requ
     folder = (InstalledDataFolder() / "examples/catalogue").string();
     if (!fs::is_directory(folder, error)) {
       return absl::InvalidArgumentError(
-          "--catalogue is missing: the folder in which cameras, lenses and lasers are found by "
-          "name, such as examples/catalogue");
+          "--catalogue is missing: the folder in which cameras, lenses, lasers and profile "
+          "sensors are found by name, such as examples/catalogue");
     }
   }
   const auto catalogue = ReadCatalogue(folder);
@@ -348,6 +366,10 @@ absl::Status TakeDevices(const NewInspectionOptions& options, DraftRequest* requ
   if (!options.laser.empty()) {
     auto laser = FindDevice(catalogue->lasers, "laser", options.laser, folder, name_of);
     if (errors.Add(laser.status())) request->laser = *std::move(laser);
+  }
+  if (!options.sensor.empty()) {
+    auto sensor = FindDevice(catalogue->profile_sensors, "sensor", options.sensor, folder, name_of);
+    if (errors.Add(sensor.status())) errors.Add(TakeProfileSensor(*std::move(sensor), request));
   }
   return errors.Status();
 }
@@ -543,12 +565,16 @@ Command AddNewCommand(CLI::App& app) {
   app.add_option("--urdf", options->urdf, "of the turntable or robot");
   app.add_option("--tip-link", options->tip_link,
                  "link of --urdf that holds the part or the housing");
-  app.add_option("--catalogue", options->catalogue,
-                 "folder with cameras/, lenses/ and lasers/, for the names below");
+  app.add_option(
+      "--catalogue", options->catalogue,
+      "folder with cameras/, lenses/, lasers/ and profile_sensors/, for the names below");
   app.add_option("--camera", options->camera,
                  "camera of the catalogue; without --lens with the lens that suits the part best");
   app.add_option("--lens", options->lens, "lens of the catalogue");
   app.add_option("--laser", options->laser, "laser of the catalogue");
+  app.add_option("--sensor", options->sensor,
+                 "profile sensor of the catalogue, camera and laser in one housing; for --rig "
+                 "rigid, which is then the default, and --rig robot");
   app.add_option("--columns", options->columns_px, "of the camera's image")
       ->check(Within(kImageSize));
   app.add_option("--rows", options->rows_px, "of the camera's image")->check(Within(kImageSize));
@@ -587,6 +613,10 @@ Command AddNewCommand(CLI::App& app) {
   return [options, holding, rig]() -> int {
     options->holding_given = holding->count() > 0;
     options->rig_given = rig->count() > 0;
+    if (!options->rig_given && !options->sensor.empty()) {
+      options->rig = "rigid";
+      options->rig_given = true;
+    }
     const absl::Status status = New(*options);
     return status.ok() ? kExitDone : ReportError(status);
   };

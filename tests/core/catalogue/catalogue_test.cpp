@@ -39,6 +39,10 @@ constexpr char kLaser[] = R"({"name": "Laser", "safety_class": "3R", "price_eur"
   "fan_angle_deg": 30, "wavelength_m": 660e-9, "power_w": 0.05, "divergence_rad": 0.002,
   "beam_focus_distance_m": 0.4}})";
 
+constexpr char kProfileSensor[] = R"({"name": "Head", "near_distance_m": 0.2, "far_distance_m": 0.4,
+  "near_width_m": 0.1, "far_width_m": 0.2, "points_per_profile": 1280, "wavelength_m": 660e-9,
+  "triangulation_angle_deg": 30, "safety_class": "2M", "price_eur": 9000})";
+
 void WriteText(const fs::path& file, const std::string& text) {
   fs::create_directories(file.parent_path());
   std::ofstream(file) << text;
@@ -108,6 +112,50 @@ TEST_F(CatalogueFolder, ReadsEveryField) {
   EXPECT_EQ(laser.safety_class, "3R");
   EXPECT_EQ(laser.price_eur, 700);
   EXPECT_EQ(laser.message.laser().power_w(), 0.05);
+}
+
+TEST_F(CatalogueFolder, ReadsProfileSensorsIfThereAreAny) {
+  EXPECT_THAT(Read()->profile_sensors, IsEmpty());
+  Write("profile_sensors/a.json", kProfileSensor);
+  Write("profile_sensors/b.json",
+        R"({"name": "Other", "near_distance_m": 0.1, "far_distance_m": 0.2, "near_width_m": 0.05,
+            "far_width_m": 0.06, "points_per_profile": 640})");
+  const auto catalogue = Read();
+  ASSERT_TRUE(catalogue.ok()) << catalogue.status();
+  ASSERT_EQ(catalogue->profile_sensors.size(), 2u);
+  const DeviceProfileSensor& head = catalogue->profile_sensors[0];
+  EXPECT_EQ(head.name, "Head");
+  EXPECT_NEAR(head.MiddleDistance(), 0.3, 1e-15);
+  EXPECT_NEAR(head.MiddleWidth(), 0.15, 1e-15);
+  EXPECT_EQ(head.points_per_profile, 1280);
+  EXPECT_EQ(head.wavelength_m, 660e-9);
+  EXPECT_NEAR(*head.triangulation_angle_rad, std::numbers::pi / 6, 1e-15);
+  EXPECT_EQ(head.safety_class, "2M");
+  EXPECT_EQ(head.price_eur, 9000);
+  const DeviceProfileSensor& other = catalogue->profile_sensors[1];
+  EXPECT_FALSE(other.triangulation_angle_rad || other.wavelength_m || other.price_eur);
+}
+
+TEST_F(CatalogueFolder, RefusesWrongProfileSensors) {
+  struct Case {
+    const char *from, *to, *message;
+  };
+  const Case cases[] = {
+      {R"("near_distance_m": 0.2, )", "", "near_distance_m is missing"},
+      {R"("far_distance_m": 0.4)", R"("far_distance_m": 0.2)",
+       "far_distance_m is 0.2, must be in (0.2, 10] m"},
+      {R"("near_width_m": 0.1)", R"("near_width_m": 0)", "near_width_m is 0"},
+      {R"("points_per_profile": 1280)", R"("points_per_profile": 8)",
+       "points_per_profile is 8, must be in [16, 16384]"},
+      {R"("triangulation_angle_deg": 30)", R"("triangulation_angle_deg": 90)",
+       "triangulation_angle_deg is 90, must be in [10, 80] degrees"},
+      {"2M", "II", "safety_class is \"II\""},
+      {"660e-9", "660", "wavelength_m is 660"},
+  };
+  for (const Case& c : cases) {
+    Write("profile_sensors/a.json", Replaced(kProfileSensor, c.from, c.to));
+    EXPECT_THAT(Error(), AllOf(HasSubstr("profile_sensors/a.json"), HasSubstr(c.message)));
+  }
 }
 
 TEST_F(CatalogueFolder, LeavesWhatADataSheetDoesNotGive) {
@@ -284,9 +332,13 @@ TEST_F(ExampleCatalogue, LoadsEveryFileAndEachNamesItsSource) {
   EXPECT_EQ(catalogue_.cameras.size(), FileCount("cameras"));
   EXPECT_EQ(catalogue_.lenses.size(), FileCount("lenses"));
   EXPECT_EQ(catalogue_.lasers.size(), FileCount("lasers"));
+  EXPECT_EQ(catalogue_.profile_sensors.size(), FileCount("profile_sensors"));
   for (const DeviceCamera& d : catalogue_.cameras) EXPECT_NE(d.message.source(), "") << d.file;
   for (const DeviceLens& d : catalogue_.lenses) EXPECT_NE(d.message.source(), "") << d.file;
   for (const DeviceLaser& d : catalogue_.lasers) EXPECT_NE(d.message.source(), "") << d.file;
+  for (const DeviceProfileSensor& d : catalogue_.profile_sensors) {
+    EXPECT_NE(d.message.source(), "") << d.file;
+  }
 }
 
 // The page lists what is there.
@@ -296,6 +348,9 @@ TEST_F(ExampleCatalogue, IsListedInItsReadme) {
   for (const DeviceCamera& d : catalogue_.cameras) EXPECT_THAT(text, HasSubstr(d.sensor.name));
   for (const DeviceLens& d : catalogue_.lenses) EXPECT_THAT(text, HasSubstr(d.name));
   for (const DeviceLaser& d : catalogue_.lasers) EXPECT_THAT(text, HasSubstr(d.name));
+  for (const DeviceProfileSensor& d : catalogue_.profile_sensors) {
+    EXPECT_THAT(text, HasSubstr(d.name));
+  }
 }
 
 // Otherwise there would be nothing to plan: a part of 5 cm, seen from 0.4 m with 50 um a pixel.

@@ -33,6 +33,7 @@ TEST(Inspection, DefaultsAreThoseOfTheSchema) {
   EXPECT_EQ(i.rig.scan_step_m, 0.001);
   EXPECT_EQ(i.rig.stage_travel_m, 1);
   EXPECT_EQ(i.rig.max_range_m, 1.5);
+  EXPECT_EQ(i.rig.clearance_m, 0.005);
   EXPECT_EQ(i.rig.camera_bodies.size(), 1u);
   EXPECT_EQ(i.targets.spacing_m, 0.005);
   EXPECT_EQ(i.targets.coverage_radius_m, 0.003);
@@ -45,6 +46,13 @@ TEST(Inspection, DefaultsAreThoseOfTheSchema) {
   EXPECT_EQ(i.costs.turn_time_s, 60);
   EXPECT_EQ(i.costs.move_sensors_time_s, 900);
   EXPECT_TRUE(i.domain.resting_orientations.empty());
+}
+
+TEST(Inspection, ClearanceIsNoneByTheOldDefaults) {
+  EXPECT_EQ(ParseFields(R"("defaults": "0.1")")->rig.clearance_m, 0);
+  EXPECT_EQ(ParseFields(R"("defaults": "0.1", "rig": {"clearance_m": 0.02})")->rig.clearance_m,
+            0.02);
+  EXPECT_EQ(ParseFields(R"("rig": {"clearance_m": 0})")->rig.clearance_m, 0);
 }
 
 TEST(Inspection, ValuesArriveInRadians) {
@@ -104,6 +112,8 @@ INSTANTIATE_TEST_SUITE_P(
         BadField{R"("rig": {"stage_travel_m": 0})", "rig.stage_travel_m", "0", "(0, 20] m"},
         BadField{R"("rig": {"stage_travel_m": 21})", "rig.stage_travel_m", "21", "(0, 20] m"},
         BadField{R"("rig": {"max_range_m": 0})", "rig.max_range_m", "0", "(0, "},
+        BadField{R"("rig": {"clearance_m": -0.001})", "rig.clearance_m", "-0.001", "[0, 1] m"},
+        BadField{R"("rig": {"clearance_m": 2})", "rig.clearance_m", "2", "[0, 1] m"},
         BadField{R"("rig": {"laser_bodies": [{"box": {}}]})", "rig.laser_bodies[0].centre_m",
                  "missing", ""},
         BadField{R"("rig": {"laser_bodies": [{"centre_m": {}}]})", "rig.laser_bodies[0]", "shape",

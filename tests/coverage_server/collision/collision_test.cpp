@@ -68,6 +68,33 @@ TEST(Collision, AHairDecidesInEveryFrame) {
   }
 }
 
+// With a clearance the body is as much larger on every side, against part, table and what stands
+// still; the bodies of camera and laser may still touch one another.
+TEST(Collision, KeepsTheClearance) {
+  OverheadRig s;
+  s.rig.clearance_m = 0.005;
+  const ScanGeometry g = MakeScanGeometry(s.rig, s.measurement);
+  const Eigen::Vector3d centre(0, 0, 0);
+  for (const auto frame : {ObstacleFrame::kPart, ObstacleFrame::kStage, ObstacleFrame::kTable,
+                           ObstacleFrame::kWorld}) {
+    for (const double gap_m : {s.rig.clearance_m + kHair, s.rig.clearance_m - kHair}) {
+      const auto hits = [&](const Eigen::Vector3d& low, const Eigen::Vector3d& high) {
+        return Collides(s.rig, g, centre, WorldBox(low, high, frame, g, centre), 0, 0);
+      };
+      const bool too_near = gap_m < s.rig.clearance_m;
+      EXPECT_EQ(hits({-0.1, -0.1, 0.38}, {0.1, 0.1, 0.4 - gap_m}), too_near);
+      EXPECT_EQ(hits({0.03 + gap_m, -0.1, 0.42}, {0.1, 0.1, 0.44}), too_near);
+      EXPECT_EQ(hits({-0.1, -0.1, 0.52 + gap_m}, {0.1, 0.1, 0.6}), too_near);
+    }
+  }
+  s.rig.camera_bodies = {CylinderBody{{0, 0, -0.06}, 0.03, 0.12}};
+  for (const double gap_m : {s.rig.clearance_m + kHair, s.rig.clearance_m - kHair}) {
+    const auto below =
+        WorldBox({-0.1, -0.1, 0.38}, {0.1, 0.1, 0.4 - gap_m}, ObstacleFrame::kWorld, g, centre);
+    EXPECT_EQ(Collides(s.rig, g, centre, below, 0, 0), gap_m < s.rig.clearance_m);
+  }
+}
+
 TEST(Collision, TravelIsSwept) {
   OverheadRig s;
   const ScanGeometry g = MakeScanGeometry(s.rig, s.measurement);

@@ -10,9 +10,9 @@
 
 #include "core/physics/angle.h"
 #include "core/targets/poisson_disk.h"
+#include "coverage_server/measurability/measurability.h"
 #include "coverage_server/scan/exact_evaluator.h"
 #include "coverage_server/scan/target_lookup.h"
-#include "coverage_server/visibility/measurability.h"
 #include "coverage_server/visibility/visibility_field.h"
 #include "tests/core/part/test_meshes.h"
 #include "tests/coverage_server/test_parts.h"

@@ -86,6 +86,64 @@ TEST_F(NewCommandTest, WritesAnInspectionThatCanBeRead) {
   EXPECT_THAT(Text(out_), HasSubstr("\"part_holding\": \"PART_HOLDING_FREE\""));
 }
 
+// A camera and a laser that measure the range of the data sheet: 190 to 400 mm, 96 to 194 mm wide.
+TEST_F(NewCommandTest, TakesAProfileSensorOfTheCatalogue) {
+  out_ = folder_ + "/sensor.json";
+  const CommandResult no_angle =
+      New({"--unit", "mm", "--catalogue", Catalogue(), "--sensor", "gocator_2340"});
+  EXPECT_EQ(no_angle.exit_code, kExitWrongInput);
+  EXPECT_THAT(no_angle.errors, AllOf(HasSubstr("--triangulation-angle-deg is missing"),
+                                     HasSubstr("LMI Gocator 2340")));
+  const CommandResult made = New({"--unit", "mm", "--catalogue", Catalogue(), "--sensor",
+                                  "gocator_2340", "--triangulation-angle-deg", "30"});
+  ASSERT_EQ(made.exit_code, kExitDone) << made.errors;
+  const auto inspection = ReadInspectionWithFiles(out_);
+  ASSERT_TRUE(inspection.ok()) << inspection.status();
+  EXPECT_EQ(inspection->sensor_mount, SensorMount::kRigid);
+  const Rig& rig = inspection->rig;
+  EXPECT_EQ(rig.laser.distance_m, 0.295);
+  EXPECT_EQ(rig.camera.columns_px, 1280);
+  ASSERT_EQ(inspection->domain.parameters[kCameraDistance].values.size(), 1u);
+  const double distance_m = inspection->domain.parameters[kCameraDistance].values[0];
+  EXPECT_NEAR(distance_m, 0.295 / std::cos(30 * kRadPerDeg), 1e-6);
+  // In the middle the line is 145 mm long, over all columns.
+  EXPECT_NEAR(rig.camera.columns_px / rig.camera.FocalLengthPx() * distance_m, 0.145, 1e-4);
+  // Both ends of the laser's axis are in the image, and the near one is at its edge.
+  const auto row_of = [&](double s_m) {
+    return rig.camera.FocalLengthPx() * s_m * std::sin(30 * kRadPerDeg) /
+           (distance_m - s_m * std::cos(30 * kRadPerDeg));
+  };
+  EXPECT_LE(row_of(0.105), 0.5 * rig.camera.rows_px);
+  EXPECT_GT(row_of(0.105), 0.5 * rig.camera.rows_px - 2);
+  EXPECT_LE(-row_of(-0.105), 0.5 * rig.camera.rows_px);
+  EXPECT_NEAR(std::tan(0.5 * rig.laser.fan_angle_rad) * 0.4, 0.097, 1e-4);
+  // The far corner of the range is in range, 5 mm beyond is not.
+  EXPECT_NEAR(rig.max_range_m, std::hypot(0.0525, distance_m + 0.0909, 0.097), 1e-3);
+}
+
+TEST_F(NewCommandTest, RefusesWhatDoesNotGoWithAProfileSensor) {
+  out_ = folder_ + "/sensor.json";
+  const std::vector<std::pair<std::vector<std::string>, std::string>> cases = {
+      {{"--camera", "bfly_pge_13e4m"}, "--camera and --sensor exclude each other"},
+      {{"--stand-off-mm", "250"}, "--stand-off-mm and --sensor exclude each other"},
+      {{"--rig", "free"}, "--sensor is for --rig rigid and --rig robot"},
+      {{"--fov-deg", "30"}, "--fov-deg and --sensor exclude each other"},
+  };
+  for (const auto& [options, message] : cases) {
+    std::vector<std::string> arguments = {"--unit",    "mm",       "--catalogue",
+                                          Catalogue(), "--sensor", "gocator_2350"};
+    arguments.insert(arguments.end(), options.begin(), options.end());
+    if (options[0] != "--rig") {
+      arguments.insert(arguments.end(), {"--triangulation-angle-deg", "30"});
+    }
+    const CommandResult made = New(arguments);
+    EXPECT_EQ(made.exit_code, kExitWrongInput);
+    EXPECT_THAT(made.errors, HasSubstr(message));
+  }
+  const CommandResult unknown = New({"--unit", "mm", "--catalogue", Catalogue(), "--sensor", "x"});
+  EXPECT_THAT(unknown.errors, HasSubstr("no sensor of that name"));
+}
+
 TEST_F(NewCommandTest, WritesTheRigAsItIsBought) {
   out_ = folder_ + "/rigid.json";
   const CommandResult made = New({"--unit", "mm", "--rig", "rigid", "--triangulation-angle-deg",

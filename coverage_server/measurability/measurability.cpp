@@ -1,5 +1,5 @@
 // SPDX-License-Identifier: Apache-2.0
-#include "coverage_server/visibility/measurability.h"
+#include "coverage_server/measurability/measurability.h"
 
 #include <algorithm>
 #include <cmath>
