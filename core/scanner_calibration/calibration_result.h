@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "core/frame_light/frame_light.h"
 #include "core/scanner_calibration/hand_eye.h"
 #include "core/scanner_calibration/left_out_frames.h"
 #include "core/scanner_calibration/planning_rig.h"
@@ -25,6 +26,19 @@ struct CalibrationFrameResult {
 struct PlaneComparison {
   double angle_rad = 0;                             // between the normals
   double distance_m = 0, reference_distance_m = 0;  // from the camera
+  double line_rms_m = 0;  // of the line's points off the target, triangulated with the reference
+};
+
+// How well frames that are left out are predicted with a target of one shape.
+struct ShapeTrial {
+  TargetShape shape = TargetShape::kFlat;
+  double left_out_rms_m = 0, corner_sd_px = 0;
+};
+
+// A target that may be bent: terms of its shape fitted with everything else.
+struct TargetBend {
+  double largest_m = 0;   // height of a corner over a plane
+  double chi_square = 0;  // of the three terms about 0
 };
 
 struct CalibrationResult {
@@ -38,7 +52,12 @@ struct CalibrationResult {
   double crossing_sd_px = 0;  // of the line's centre in one row or column, over all used frames
   double clipped_fraction = 0;
   std::optional<HandEye> hand_eye;
+  std::optional<RobotScale> robot_scale;
+  TargetShape shape = TargetShape::kFlat;
+  std::vector<ShapeTrial> shape_trials;  // flat, and others if the target seems to be bent
+  std::optional<TargetBend> bend;
   std::optional<PlaneComparison> reference;
+  FrameLight light;  // frame_count 0: not measured
   std::vector<std::string> warnings;
 };
 

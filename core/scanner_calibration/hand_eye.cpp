@@ -56,11 +56,17 @@ absl::StatusOr<Eigen::Isometry3d> StartHandEye(const Motions& flange, const Moti
   return start;
 }
 
+// Parameters of the adjustment: camera in flange, target in base (both MotionOf), and the factor
+// of the target's positions in the camera.
+constexpr int kTargetInBase = 6, kScale = 12, kHandEyeParameters = 13;
+
 // Residuals of one frame: turn [rad] and position [m] of the target in the base.
 Eigen::VectorXd Closure(const Eigen::Isometry3d& flange, const Eigen::Isometry3d& target,
-                        const Eigen::VectorXd& both) {
-  const Eigen::Isometry3d seen = flange * MotionOf(both.head<6>()) * target;
-  const Eigen::Isometry3d there = MotionOf(both.tail<6>());
+                        const Eigen::VectorXd& parameters) {
+  Eigen::Isometry3d scaled = target;
+  scaled.translation() *= parameters[kScale];
+  const Eigen::Isometry3d seen = flange * MotionOf(parameters.head<6>()) * scaled;
+  const Eigen::Isometry3d there = MotionOf(parameters.segment<6>(kTargetInBase));
   Eigen::VectorXd r(6);
   r << RotationVector(there.linear().transpose() * seen.linear()),
       seen.translation() - there.translation();
@@ -83,36 +89,44 @@ Motions Mirrored(Motions target) {
   return target;
 }
 
-}  // namespace
+struct AdjustedHandEye {
+  HandEye hand_eye;
+  RobotScale scale;
+};
 
-absl::StatusOr<HandEye> FindHandEye(const Motions& flange, const Motions& target) {
+// `scale_sd`: prior standard deviation of the scale about 1; 0 holds it.
+absl::StatusOr<AdjustedHandEye> Adjust(const Motions& flange, const Motions& target,
+                                       double scale_sd) {
   if (flange.size() != target.size() || flange.size() < 3) {
     return absl::InvalidArgumentError("at least three frames with poses are needed");
   }
   const auto start = StartHandEye(flange, target);
   if (!start.ok()) return start.status();
   BlockProblem problem;
-  problem.shared.resize(12);
-  problem.shared << SixOf(*start), SixOf(flange[0] * *start * target[0]);
-  problem.shared_step = Eigen::VectorXd::Constant(12, 1e-6);
+  problem.shared.resize(kHandEyeParameters);
+  problem.shared << SixOf(*start), SixOf(flange[0] * *start * target[0]), 1;
+  problem.shared_step = Eigen::VectorXd::Constant(kHandEyeParameters, 1e-6);
   problem.prior_standard_deviation =
-      Eigen::VectorXd::Constant(12, std::numeric_limits<double>::infinity());
+      Eigen::VectorXd::Constant(kHandEyeParameters, std::numeric_limits<double>::infinity());
+  problem.prior_standard_deviation[kScale] = scale_sd;
   problem.own.assign(flange.size(), Eigen::VectorXd(0));
   double turn_sd = 1e-3, position_sd = 1e-3;
-  HandEye result;
+  AdjustedHandEye adjusted;
   for (int pass = 0; pass < 3; ++pass) {
-    problem.residuals = [&](int k, const Eigen::VectorXd& both,
+    problem.residuals = [&](int k, const Eigen::VectorXd& parameters,
                             const Eigen::VectorXd&) -> Eigen::VectorXd {
       Eigen::VectorXd r =
-          Closure(flange[static_cast<size_t>(k)], target[static_cast<size_t>(k)], both);
+          Closure(flange[static_cast<size_t>(k)], target[static_cast<size_t>(k)], parameters);
       r.head<3>() /= turn_sd;
       r.tail<3>() /= position_sd;
       return r;
     };
     const auto solution = AdjustBlocks(problem);
     if (!solution.ok()) return solution.status();
+    // A prior is about its start: the scale starts at 1 again.
     problem.shared = solution->shared;
-    result = HandEye();
+    problem.shared[kScale] = 1;
+    HandEye result;
     result.camera_in_flange = solution->shared.head<6>();
     result.covariance = solution->shared_covariance.topLeftCorner<6, 6>();
     for (size_t k = 0; k < flange.size(); ++k) {
@@ -127,8 +141,25 @@ absl::StatusOr<HandEye> FindHandEye(const Motions& flange, const Motions& target
     const double freedom = 3 - 6.0 / static_cast<double>(flange.size());
     turn_sd = std::max(1e-9, result.closure_rad / std::sqrt(freedom));
     position_sd = std::max(1e-9, result.closure_m / std::sqrt(freedom));
+    adjusted.hand_eye = std::move(result);
+    adjusted.scale = {.value = solution->shared[kScale],
+                      .standard_error = std::sqrt(solution->shared_covariance(kScale, kScale))};
   }
-  return result;
+  return adjusted;
+}
+
+}  // namespace
+
+absl::StatusOr<HandEye> FindHandEye(const Motions& flange, const Motions& target) {
+  auto adjusted = Adjust(flange, target, 0);
+  if (!adjusted.ok()) return adjusted.status();
+  return std::move(adjusted->hand_eye);
+}
+
+absl::StatusOr<RobotScale> ScaleByRobot(const Motions& flange, const Motions& target) {
+  const auto adjusted = Adjust(flange, target, std::numeric_limits<double>::infinity());
+  if (!adjusted.ok()) return adjusted.status();
+  return adjusted->scale;
 }
 
 std::string WhyPosesDoNotFit(const Motions& flange, const Motions& target,

@@ -30,6 +30,16 @@ struct HandEye {
 absl::StatusOr<HandEye> FindHandEye(const std::vector<Eigen::Isometry3d>& flange_in_base,
                                     const std::vector<Eigen::Isometry3d>& target_in_camera);
 
+// Length of the target's squares by the robot's movements, over the stated length. A calibration
+// without poses cannot see a wrong length: it only makes all distances wrong in proportion.
+struct RobotScale {
+  double value = 1, standard_error = 0;
+};
+
+// Least squares as FindHandEye, with the scale of all target positions free. Errors as FindHandEye.
+absl::StatusOr<RobotScale> ScaleByRobot(const std::vector<Eigen::Isometry3d>& flange_in_base,
+                                        const std::vector<Eigen::Isometry3d>& target_in_camera);
+
 // A reason why poses do not fit the frames: other poses, made of the given ones by a usual mistake,
 // leave less than a third of the closure. Tried: shifted by one frame, backwards, two of them
 // exchanged, inverse (base in flange), images mirrored, squares of another size. Empty: none.

@@ -10,14 +10,15 @@ namespace {
 
 // Distances of all samples for given shared parameters: the pose is found anew from the corners, as
 // it depends on the camera.
-absl::StatusOr<Eigen::VectorXd> DistancesAt(const TargetBoard& board, const CalibrationFrame& frame,
+absl::StatusOr<Eigen::VectorXd> DistancesAt(const TargetBoard& board, TargetShape shape,
+                                            const CalibrationFrame& frame,
                                             const Eigen::VectorXd& shared, double corner_sd_px) {
   const auto pose = PoseOfTarget(board, frame, shared, corner_sd_px);
   if (!pose.ok()) return pose.status();
   Eigen::VectorXd distances(static_cast<Eigen::Index>(frame.line.samples.size()));
   for (Eigen::Index i = 0; i < distances.size(); ++i) {
     distances[i] =
-        HeightOverTarget(shared, pose->pose,
+        HeightOverTarget(shape, shared, pose->pose,
                          PointOnPlane(shared, frame.line.samples[static_cast<size_t>(i)].image_px));
   }
   return distances;
@@ -27,13 +28,14 @@ absl::StatusOr<Eigen::VectorXd> DistancesAt(const TargetBoard& board, const Cali
 
 absl::StatusOr<LeftOutFrame> PredictLeftOut(const TargetBoard& board,
                                             const std::vector<CalibrationFrame>& frames,
-                                            size_t left_out, const CameraPrior& prior, bool bend) {
+                                            size_t left_out, const CameraPrior& prior,
+                                            TargetShape shape) {
   std::vector<CalibrationFrame> others = frames;
   others.erase(others.begin() + static_cast<std::ptrdiff_t>(left_out));
   const CalibrationFrame& frame = frames[left_out];
-  const auto rig = AdjustRig(board, others, prior, bend);
+  const auto rig = AdjustRig(board, others, prior, shape);
   if (!rig.ok()) return rig.status();
-  const auto distances = DistancesAt(board, frame, rig->shared, rig->corner_sd_px);
+  const auto distances = DistancesAt(board, shape, frame, rig->shared, rig->corner_sd_px);
   if (!distances.ok()) return distances.status();
 
   // Camera, plane and shape: derivatives by differences of a thousandth of a standard deviation.
@@ -43,7 +45,7 @@ absl::StatusOr<LeftOutFrame> PredictLeftOut(const TargetBoard& board,
     if (!(step > 0)) continue;
     Eigen::VectorXd moved = rig->shared;
     moved[i] += step;
-    const auto there = DistancesAt(board, frame, moved, rig->corner_sd_px);
+    const auto there = DistancesAt(board, shape, frame, moved, rig->corner_sd_px);
     if (!there.ok()) return there.status();
     by_shared.col(i) = (*there - *distances) / step;
   }
@@ -59,10 +61,10 @@ absl::StatusOr<LeftOutFrame> PredictLeftOut(const TargetBoard& board,
     for (int j = 0; j < 6; ++j) {
       Eigen::VectorXd moved = pose->pose;
       moved[j] += 1e-6;
-      by_pose[j] = (HeightOverTarget(rig->shared, moved, point) - (*distances)[i]) / 1e-6;
+      by_pose[j] = (HeightOverTarget(shape, rig->shared, moved, point) - (*distances)[i]) / 1e-6;
     }
     const double by_px =
-        HeightOverTarget(rig->shared, pose->pose,
+        HeightOverTarget(shape, rig->shared, pose->pose,
                          PointOnPlane(rig->shared, sample.image_px + frame.line.across)) -
         (*distances)[i];
     const double variance = by_shared.row(i) * rig->covariance * by_shared.row(i).transpose() +

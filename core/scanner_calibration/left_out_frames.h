@@ -23,7 +23,8 @@ struct LeftOutFrame {
 
 absl::StatusOr<LeftOutFrame> PredictLeftOut(const TargetBoard& board,
                                             const std::vector<CalibrationFrame>& frames,
-                                            size_t left_out, const CameraPrior& prior, bool bend);
+                                            size_t left_out, const CameraPrior& prior,
+                                            TargetShape shape);
 
 // Ratio of real to predicted scatter over all frames, root mean square over root mean square, with
 // a 95 % interval by resampling the frames (bootstrap, 2000 times, fixed seed).

@@ -32,23 +32,29 @@ Eigen::VectorXd CornerResiduals(const TargetBoard& board, const CalibrationFrame
   return residuals;
 }
 
-// Meets the ray with the target's surface: a plane at the height of the last point, a few times.
-Eigen::Vector3d PointOnTarget(const Eigen::VectorXd& shared, const Eigen::Isometry3d& motion,
-                              const Eigen::Vector3d& ray) {
+// Height of the surface under the line.
+double LineHeight(TargetShape shape, const Eigen::VectorXd& shared, double x, double y) {
+  return shape == TargetShape::kBent ? SurfaceHeight(shared, x, y) : 0;
+}
+
+// Meets the ray with the surface under the line: a plane at the height of the last point, a few
+// times.
+Eigen::Vector3d PointOnTarget(TargetShape shape, const Eigen::VectorXd& shared,
+                              const Eigen::Isometry3d& motion, const Eigen::Vector3d& ray) {
   const Eigen::Vector3d normal = motion.linear().col(2);
   double height = 0;
   Eigen::Vector3d point = Eigen::Vector3d::Zero();
   for (int i = 0; i < 4; ++i) {
     point = ray * (normal.dot(motion.translation()) + height) / normal.dot(ray);
     const Eigen::Vector3d on_target = motion.inverse() * point;
-    height = SurfaceHeight(shared, on_target.x(), on_target.y());
+    height = LineHeight(shape, shared, on_target.x(), on_target.y());
   }
   return point;
 }
 
 // Distances of line samples on the target from the laser plane [m], and those that a shift of 1 px
 // across the line makes.
-void LineDistances(const CalibrationFrame& frame, const Eigen::VectorXd& shared,
+void LineDistances(TargetShape shape, const CalibrationFrame& frame, const Eigen::VectorXd& shared,
                    const Eigen::VectorXd& pose, Eigen::VectorXd* distance_m,
                    Eigen::VectorXd* per_px) {
   const TargetCamera camera = CameraOf(shared);
@@ -58,7 +64,7 @@ void LineDistances(const CalibrationFrame& frame, const Eigen::VectorXd& shared,
   distance_m->resize(count);
   per_px->resize(count);
   const auto distance = [&](const Eigen::Vector2d& image_px) {
-    const Eigen::Vector3d point = PointOnTarget(shared, motion, camera.Ray(image_px));
+    const Eigen::Vector3d point = PointOnTarget(shape, shared, motion, camera.Ray(image_px));
     return (plane.dot(point) - 1) / plane.norm();
   };
   for (Eigen::Index i = 0; i < count; ++i) {
@@ -78,7 +84,8 @@ Eigen::Vector3d StartPlane(const std::vector<CalibrationFrame>& frames,
   for (const CalibrationFrame& frame : frames) {
     const Eigen::Isometry3d motion = MotionOf(frame.pose);
     for (const LineSample& sample : frame.line.samples) {
-      points.push_back(PointOnTarget(shared, motion, camera.Ray(sample.image_px)));
+      points.push_back(
+          PointOnTarget(TargetShape::kFlat, shared, motion, camera.Ray(sample.image_px)));
     }
   }
   Eigen::Vector3d mean = Eigen::Vector3d::Zero();
@@ -97,7 +104,7 @@ struct Scales {
 };
 
 BlockProblem MakeProblem(const TargetBoard& board, const std::vector<CalibrationFrame>& frames,
-                         const CameraPrior& prior, bool bend, const Scales& scales) {
+                         const CameraPrior& prior, TargetShape shape, const Scales& scales) {
   BlockProblem problem;
   problem.shared = Eigen::VectorXd::Zero(kSharedParameters);
   problem.shared.head<4>() << prior.camera.fx, prior.camera.fy, prior.camera.cx, prior.camera.cy;
@@ -109,16 +116,17 @@ BlockProblem MakeProblem(const TargetBoard& board, const std::vector<Calibration
     if (i >= 4) problem.shared[i] = prior.camera.distortion[static_cast<size_t>(i - 4)];
     problem.prior_standard_deviation[i] = prior.standard_deviation[static_cast<size_t>(i)];
   }
-  if (!bend) problem.prior_standard_deviation.segment<3>(kBendXx).setZero();
+  if (shape == TargetShape::kFlat) problem.prior_standard_deviation.segment<3>(kBendXx).setZero();
   problem.shared_step.segment<3>(kBendXx).setConstant(1e-3);
   problem.shared.segment<3>(kPlaneX) = StartPlane(frames, problem.shared);
   for (const CalibrationFrame& frame : frames) problem.own.push_back(frame.pose);
-  problem.residuals = [&board, &frames, scales](int k, const Eigen::VectorXd& shared,
-                                                const Eigen::VectorXd& pose) -> Eigen::VectorXd {
+  problem.residuals = [&board, &frames, shape, scales](
+                          int k, const Eigen::VectorXd& shared,
+                          const Eigen::VectorXd& pose) -> Eigen::VectorXd {
     const CalibrationFrame& frame = frames[static_cast<size_t>(k)];
     const Eigen::VectorXd corners = CornerResiduals(board, frame, shared, pose) / scales.corners;
     Eigen::VectorXd distance, per_px;
-    LineDistances(frame, shared, pose, &distance, &per_px);
+    LineDistances(shape, frame, shared, pose, &distance, &per_px);
     Eigen::VectorXd all(corners.size() + distance.size());
     all << corners, distance.cwiseQuotient(per_px * (LineSd(frame) * scales.line));
     return all;
@@ -128,14 +136,14 @@ BlockProblem MakeProblem(const TargetBoard& board, const std::vector<Calibration
 
 // Root of chi^2 per observation of corners and of line samples at a solution, as scales.
 Scales ScalesAt(const TargetBoard& board, const std::vector<CalibrationFrame>& frames,
-                const BlockSolution& solution) {
+                TargetShape shape, const BlockSolution& solution) {
   double corners = 0, line = 0, corner_count = 0, line_count = 0;
   for (size_t k = 0; k < frames.size(); ++k) {
     const Eigen::VectorXd r = CornerResiduals(board, frames[k], solution.shared, solution.own[k]);
     corners += r.squaredNorm();
     corner_count += static_cast<double>(r.size());
     Eigen::VectorXd distance, per_px;
-    LineDistances(frames[k], solution.shared, solution.own[k], &distance, &per_px);
+    LineDistances(shape, frames[k], solution.shared, solution.own[k], &distance, &per_px);
     line += distance.cwiseQuotient(per_px * LineSd(frames[k])).squaredNorm();
     line_count += static_cast<double>(distance.size());
   }
@@ -149,18 +157,18 @@ Scales ScalesAt(const TargetBoard& board, const std::vector<CalibrationFrame>& f
 
 absl::StatusOr<AdjustedRig> AdjustRig(const TargetBoard& board,
                                       const std::vector<CalibrationFrame>& frames,
-                                      const CameraPrior& prior, bool bend) {
+                                      const CameraPrior& prior, TargetShape shape) {
   if (frames.size() < 3) {
     return absl::InvalidArgumentError("at least three frames determine a laser plane");
   }
   Scales scales;
   absl::StatusOr<BlockSolution> solution;
   for (int pass = 0; pass < 3; ++pass) {
-    BlockProblem problem = MakeProblem(board, frames, prior, bend, scales);
+    BlockProblem problem = MakeProblem(board, frames, prior, shape, scales);
     if (pass > 0) problem.own = solution->own;
     solution = AdjustBlocks(problem);
     if (!solution.ok()) return solution.status();
-    if (pass < 2) scales = ScalesAt(board, frames, *solution);
+    if (pass < 2) scales = ScalesAt(board, frames, shape, *solution);
   }
   return AdjustedRig{.shared = solution->shared,
                      .covariance = CovarianceBetweenBlocks(*solution),
@@ -194,10 +202,10 @@ Eigen::Vector3d PointOnPlane(const Eigen::VectorXd& shared, const Eigen::Vector2
   return ray / shared.segment<3>(kPlaneX).dot(ray);
 }
 
-double HeightOverTarget(const Eigen::VectorXd& shared, const Eigen::VectorXd& pose,
-                        const Eigen::Vector3d& point_m) {
+double HeightOverTarget(TargetShape shape, const Eigen::VectorXd& shared,
+                        const Eigen::VectorXd& pose, const Eigen::Vector3d& point_m) {
   const Eigen::Vector3d p = MotionOf(pose).inverse() * point_m;
-  return p.z() - SurfaceHeight(shared, p.x(), p.y());
+  return p.z() - LineHeight(shape, shared, p.x(), p.y());
 }
 
 }  // namespace sightline

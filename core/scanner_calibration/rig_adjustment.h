@@ -31,6 +31,14 @@ struct TargetBoard {
   int corner_count() const { return inner_corners_x * inner_corners_y; }
 };
 
+// Surfaces that corners and line lie on. A bent sheet on a flat plate, or a plate that is bent
+// itself, moves all poses alike, which changes focal length and laser plane.
+enum class TargetShape {
+  kFlat,
+  kBentBoard,  // corners on z = xx x^2 + xy x y + yy y^2, the line on the plane z = 0
+  kBent        // both on the bent surface
+};
+
 struct CalibrationFrame {
   std::string name;
   std::vector<Eigen::Vector2d> corners_px;  // row by row
@@ -53,12 +61,12 @@ struct AdjustedRig {
   double line_scale = 1;    // real scatter of the line samples over that of short pieces
 };
 
-// Nine or more corners and one frame determine nothing: at least three frames. `bend`: whether the
-// target may be bent. INVALID_ARGUMENT: the frames do not determine the rig, for instance because
-// all show the target in the same position.
+// Nine or more corners and one frame determine nothing: at least three frames. INVALID_ARGUMENT:
+// the frames do not determine the rig, for instance because all show the target in the same
+// position.
 absl::StatusOr<AdjustedRig> AdjustRig(const TargetBoard& board,
                                       const std::vector<CalibrationFrame>& frames,
-                                      const CameraPrior& prior, bool bend);
+                                      const CameraPrior& prior, TargetShape shape);
 
 // Pose of the target in one frame from its corners alone, for given shared parameters, and its
 // covariance for corners of this standard deviation.
@@ -73,8 +81,8 @@ absl::StatusOr<TargetPose> PoseOfTarget(const TargetBoard& board, const Calibrat
 // Point where the ray of an image position meets the laser plane [m].
 Eigen::Vector3d PointOnPlane(const Eigen::VectorXd& shared, const Eigen::Vector2d& image_px);
 
-// Height of a point over the target's surface [m].
-double HeightOverTarget(const Eigen::VectorXd& shared, const Eigen::VectorXd& pose,
-                        const Eigen::Vector3d& point_m);
+// Height of a point over the surface that the line lies on [m].
+double HeightOverTarget(TargetShape shape, const Eigen::VectorXd& shared,
+                        const Eigen::VectorXd& pose, const Eigen::Vector3d& point_m);
 
 }  // namespace sightline

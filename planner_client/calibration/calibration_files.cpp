@@ -31,6 +31,18 @@ Json Vector(const Eigen::VectorXd& vector) {
   return numbers;
 }
 
+const char* NameOfShape(TargetShape shape) {
+  switch (shape) {
+    case TargetShape::kBentBoard:
+      return "bent board on a flat plate";
+    case TargetShape::kBent:
+      return "bent";
+    case TargetShape::kFlat:
+      break;
+  }
+  return "flat";
+}
+
 Json PlaneJson(const CalibrationResult& result) {
   const Eigen::Vector3d plane = result.rig.shared.segment<3>(kPlaneX);
   Json json = {{"normal", Vector(plane.normalized())},
@@ -39,7 +51,8 @@ Json PlaneJson(const CalibrationResult& result) {
                {"covariance", Rows(result.rig.covariance.block<3, 3>(kPlaneX, kPlaneX))}};
   if (result.reference) {
     json["reference"] = {{"angle_deg", kDegrees * result.reference->angle_rad},
-                         {"distance_m", result.reference->reference_distance_m}};
+                         {"distance_m", result.reference->reference_distance_m},
+                         {"line_rms_m", result.reference->line_rms_m}};
   }
   return json;
 }
@@ -56,6 +69,20 @@ Json FrameJson(const CalibrationFrameResult& frame) {
     json["because"] = frame.because;
   }
   if (frame.hand_eye_position_m) json["hand_eye_position_m"] = *frame.hand_eye_position_m;
+  return json;
+}
+
+Json LightJson(const FrameLight& light) {
+  Json json = {{"findings", LightFindings(light)}, {"not_determined", NotDetermined(light)}};
+  if (light.frame_count == 0) return json;
+  json["print_over_paper"] = {{"value", light.print_over_paper},
+                              {"standard_error", light.print_over_paper_error}};
+  json["left_out_rms_dn"] = {{"without_halo", light.even_rms_dn},
+                             {"halo_in_lens", light.lens_rms_dn},
+                             {"halo_on_board", light.board_rms_dn}};
+  json["along_line_correlation"] = light.along_line_correlation;
+  json["noise_exponent"] = {{"value", light.noise_exponent},
+                            {"standard_error", light.noise_exponent_error}};
   return json;
 }
 
@@ -106,6 +133,21 @@ std::string CalibrationJson(const CalibrationResult& result) {
                         {"closure_m", hand.closure_m},
                         {"closure_rad", hand.closure_rad}};
   }
+  if (result.robot_scale) {
+    json["squares_by_robot_over_stated"] = {{"value", result.robot_scale->value},
+                                            {"standard_error", result.robot_scale->standard_error}};
+  }
+  if (result.bend) {
+    json["target_bend"] = {{"largest_m", result.bend->largest_m},
+                           {"chi_square", result.bend->chi_square}};
+  }
+  json["target_shape"] = NameOfShape(result.shape);
+  json["target_shapes_tried"] = Json::array();
+  for (const ShapeTrial& trial : result.shape_trials) {
+    json["target_shapes_tried"].push_back({{"shape", NameOfShape(trial.shape)},
+                                           {"left_out_rms_m", trial.left_out_rms_m},
+                                           {"corner_standard_deviation_px", trial.corner_sd_px}});
+  }
   json["corner_standard_deviation_px"] = result.rig.corner_sd_px;
   json["line_standard_deviation_px"] = result.crossing_sd_px;
   json["line_scatter_over_that_of_short_pieces"] = result.rig.line_scale;
@@ -116,6 +158,7 @@ std::string CalibrationJson(const CalibrationResult& result) {
   }
   json["real_over_predicted"] = {
       {"value", result.ratio.value}, {"low", result.ratio.low}, {"high", result.ratio.high}};
+  json["light"] = LightJson(result.light);
   json["warnings"] = result.warnings;
   return json.dump(2) + "\n";
 }

@@ -75,6 +75,9 @@ absl::StatusOr<int> Calibrate(const CalibrateOptions& options) {
   if (result->hand_eye) {
     std::printf("hand-eye closure      %.2f mm\n", 1e3 * result->hand_eye->closure_m);
   }
+  for (const std::string& finding : LightFindings(result->light)) {
+    std::printf("light: %s\n", finding.c_str());
+  }
   for (const std::string& warning : result->warnings) {
     std::printf("warning: %s\n", warning.c_str());
   }

@@ -84,6 +84,87 @@ ReportBlocks LineBlocks(const CalibrationResult& result) {
   return {GroupBlock(v1::ReportGroup::TWO_COLUMNS, std::move(charts))};
 }
 
+// Targets that were tried; empty if only a flat one was.
+ReportBlocks ShapeBlocks(const CalibrationResult& result) {
+  if (result.shape_trials.size() < 2) return {};
+  std::vector<ReportCells> rows;
+  for (const ShapeTrial& trial : result.shape_trials) {
+    std::string name = "flat";
+    if (trial.shape == TargetShape::kBentBoard) name = "bent board, line on a flat plate";
+    if (trial.shape == TargetShape::kBent) name = "bent board and plate";
+    rows.push_back({trial.shape == result.shape ? StrongCell(name) : TextCell(name),
+                    FixedCell(1e3 * trial.left_out_rms_m, 3), FixedCell(trial.corner_sd_px, 2)});
+  }
+  return {
+      RemarkBlock("The target seems to be bent. The shape in bold best predicts frames that are "
+                  "left out, and is used."),
+      TableBlock("Shapes of the target",
+                 {WordsColumn("target"), NumberColumn("line of left-out frames, rms", "mm"),
+                  NumberColumn("corners", "px")},
+                 rows)};
+}
+
+v1::ReportChart HaloChart(const FrameLight& light) {
+  v1::ReportChart chart;
+  chart.set_title("Light beside the line");
+  *chart.mutable_x() = AxisOf("distance from the line on the board", "mm", true);
+  *chart.mutable_y() = AxisOf("mean raw number", "DN");
+  v1::ReportSeries paper =
+      EmptySeries("light squares", v1::REPORT_COLOUR_OBSERVED, v1::ReportSeries::LINE_AND_DOTS);
+  v1::ReportSeries print =
+      EmptySeries("dark squares", v1::REPORT_COLOUR_MODEL, v1::ReportSeries::LINE_AND_DOTS);
+  for (const HaloBin& bin : light.halo) {
+    AddPoint(1e3 * bin.from_line_m, bin.paper_dn, &paper);
+    AddPoint(1e3 * bin.from_line_m, bin.print_dn, &print);
+  }
+  *chart.add_series() = std::move(paper);
+  *chart.add_series() = std::move(print);
+  return chart;
+}
+
+v1::ReportChart AlongLineChart(const FrameLight& light) {
+  v1::ReportChart chart;
+  chart.set_title("The same along the line");
+  *chart.mutable_x() = AxisOf("place in the image", "px");
+  *chart.mutable_y() = AxisOf("over the frame's median", "");
+  v1::ReportSeries series = EmptySeries("2 to 5 mm from the line", v1::REPORT_COLOUR_OBSERVED,
+                                        v1::ReportSeries::LINE_AND_DOTS);
+  std::vector<double> half_widths;
+  for (const AlongLineBin& bin : light.along_line) {
+    AddPoint(bin.along_px, bin.relative, &series);
+    half_widths.push_back(bin.relative_sd);
+  }
+  AddBand("one standard deviation of the frames", half_widths, &series);
+  *chart.add_series() = std::move(series);
+  return chart;
+}
+
+ReportBlocks SentenceBlocks(const std::string& title, const std::vector<std::string>& sentences) {
+  std::vector<std::vector<v1::ReportRun>> items;
+  for (const std::string& sentence : sentences) items.push_back({PlainRun(sentence)});
+  if (items.empty()) return {};
+  return {TitledBlock(title, {ListBlock(items)})};
+}
+
+ReportBlocks LightBlocks(const CalibrationResult& result) {
+  const FrameLight& light = result.light;
+  if (light.frame_count == 0) return {};
+  ReportBlocks blocks = SentenceBlocks("Found", LightFindings(light));
+  blocks.push_back(
+      TableBlock("Light of frames that are left out",
+                 {WordsColumn("model"), NumberColumn("error of tiles, rms", "DN")},
+                 {{TextCell("constants of paper and print"), FixedCell(light.even_rms_dn, 2)},
+                  {TextCell("halo in lens or sensor"), FixedCell(light.lens_rms_dn, 2)},
+                  {TextCell("halo on the board"), FixedCell(light.board_rms_dn, 2)}}));
+  blocks.push_back(GroupBlock(v1::ReportGroup::TWO_COLUMNS,
+                              {ChartBlock(HaloChart(light)), ChartBlock(AlongLineChart(light))}));
+  for (v1::ReportBlock& block :
+       SentenceBlocks("Not determined by these frames", NotDetermined(light))) {
+    blocks.push_back(std::move(block));
+  }
+  return blocks;
+}
+
 ReportBlocks ScannerBlocks(const CalibrationResult& result) {
   const AdjustedRig& rig = result.rig;
   std::vector<ReportCells> rows;
@@ -116,12 +197,23 @@ ReportBlocks ScannerBlocks(const CalibrationResult& result) {
     computed("hand-eye closure, rms", kDegreesPerRadian * result.hand_eye->closure_rad, 2,
              "\u00b0");
   }
+  if (result.robot_scale) {
+    rows.push_back({TextCell("squares by the robot's movements, over the stated length"),
+                    FixedCell(result.robot_scale->value, 4),
+                    FixedCell(result.robot_scale->standard_error, 4), TextCell("")});
+  }
+  if (result.bend) {
+    computed("bend of the target: largest height of a corner", 1e3 * result.bend->largest_m, 3,
+             "mm");
+  }
   if (result.reference) {
     computed("laser plane against the reference, between the normals",
              kDegreesPerRadian * result.reference->angle_rad, 2, "\u00b0");
     computed("distance of the laser plane from the camera", 1e3 * result.reference->distance_m, 1,
              "mm");
     computed("the same of the reference", 1e3 * result.reference->reference_distance_m, 1, "mm");
+    computed("line off the target with the reference plane, rms",
+             1e3 * result.reference->line_rms_m, 2, "mm");
   }
   return {TableBlock("The scanner",
                      {WordsColumn("quantity"), NumberColumn("value"),
@@ -155,6 +247,8 @@ v1::Report CalibrationReport(const CalibrationResult& result) {
   report.mutable_warnings()->Assign(result.warnings.begin(), result.warnings.end());
   AddSection(&report, "frames", "Predicted against real", FrameBlocks(result));
   AddSection(&report, "rig", "The scanner", ScannerBlocks(result));
+  AddSection(&report, "shape", "Shape of the target", ShapeBlocks(result));
+  AddSection(&report, "light", "Light beside the line", LightBlocks(result));
   AddSection(&report, "line", "Along the line", LineBlocks(result));
   return report;
 }

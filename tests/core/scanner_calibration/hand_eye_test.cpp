@@ -6,6 +6,7 @@
 
 #include <Eigen/Cholesky>
 #include <algorithm>
+#include <cmath>
 #include <random>
 
 #include "core/scanner_calibration/target_camera.h"
@@ -69,6 +70,22 @@ TEST(HandEye, ErrsAsItsCovarianceSays) {
   }
   EXPECT_GT(mean, 0.6);
   EXPECT_LT(mean, 1.5);
+}
+
+// (s - 1) / standard error over 40 seeds: its mean square has a standard deviation of 0.22.
+TEST(ScaleByRobot, FindsSquaresThatAreOnePerCentTooLong) {
+  double mean = 0;
+  constexpr int kSeeds = 40;
+  for (int seed = 1; seed <= kSeeds; ++seed) {
+    RobotPoses poses = MakeRobotPoses(static_cast<uint32_t>(seed), 16);
+    for (Eigen::Isometry3d& motion : poses.target) motion.translation() *= 1.01;
+    const auto scale = ScaleByRobot(poses.flange, poses.target);
+    ASSERT_TRUE(scale.ok()) << scale.status();
+    mean += std::pow((scale->value - 1 / 1.01) / scale->standard_error, 2) / kSeeds;
+    EXPECT_LT(scale->standard_error, 0.005);
+  }
+  EXPECT_GT(mean, 0.4);
+  EXPECT_LT(mean, 1.8);
 }
 
 TEST(HandEye, NeedsThreeFramesAndTwoAxes) {

@@ -63,7 +63,8 @@ SyntheticScanner MakeSyntheticScanner(int frames, const SyntheticErrors& errors,
     const double far = scanner.board.Corner(0).squaredNorm();
     for (int i = 0; i < scanner.board.corner_count(); ++i) {
       const Eigen::Vector2d at = scanner.board.Corner(i);
-      const Eigen::Vector3d on_board(at.x(), at.y(), bend * at.squaredNorm() / far);
+      const double height = bend * at.squaredNorm() / far + errors.twist_per_m * at.x() * at.y();
+      const Eigen::Vector3d on_board(at.x(), at.y(), height);
       frame.corners_px.push_back(camera.Project(motion * on_board) +
                                  errors.corner_px *
                                      Eigen::Vector2d(normal(random), normal(random)));

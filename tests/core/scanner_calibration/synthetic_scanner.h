@@ -15,6 +15,8 @@ struct SyntheticErrors {
   // Common to a frame: the line's shift and the shift of either end by its turn [px], and the
   // height of the target's corners over a plane [m].
   double line_shift_px = 0, line_turn_px = 0, bend_m = 0;
+  // Common to all frames: the board is twisted, z = twist x y, on a flat plate under the line.
+  double twist_per_m = 0;
 };
 
 struct SyntheticScanner {

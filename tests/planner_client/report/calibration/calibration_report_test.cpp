@@ -73,7 +73,7 @@ TEST(CalibrationReport, DescribesTheScanner) {
             400);
   const int without = table_of(result).rows_size();
   result.reference = PlaneComparison{0.01, 0.3, 0.31};
-  EXPECT_EQ(table_of(result).rows_size(), without + 3);
+  EXPECT_EQ(table_of(result).rows_size(), without + 4);
 }
 
 }  // namespace
