@@ -4,7 +4,7 @@
 
 #include "absl/status/statusor.h"
 #include "core/calibration_set/calibration_set.h"
-#include "core/scanner_calibration/calibration_result.h"
+#include "planner_client/calibration/calibration_result.h"
 
 namespace sightline {
 
@@ -12,8 +12,10 @@ namespace sightline {
 // times as far as in the median frame, or a line that is off the plane of the others four times as
 // far as that of the median frame. A given camera with which corners are off more than 1 px and
 // more than twice as far as with an estimated one is not used, which a warning says.
-// INVALID_ARGUMENT: fewer than four frames are left, images differ in size, or the poses do not fit
-// the frames; the message says which mistake would explain it. Others as FindTargets.
+// A board that seems to be bent is tried in three shapes; the one that best predicts left-out
+// frames is used. Its squares are compared with the robot's movements, a given laser plane with the
+// lines. INVALID_ARGUMENT: fewer than four frames are left, images differ in size, or the poses do
+// not fit the frames; the message says which mistake would explain it. Others as FindTargets.
 absl::StatusOr<CalibrationResult> CalibrateScanner(const CalibrationSet& set);
 
 }  // namespace sightline

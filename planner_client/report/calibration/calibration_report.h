@@ -2,7 +2,7 @@
 // The report of a calibration: predicted against real, frame by frame and along the line.
 #pragma once
 
-#include "core/scanner_calibration/calibration_result.h"
+#include "planner_client/calibration/calibration_result.h"
 #include "sightline/v1/report.pb.h"
 
 namespace sightline {
