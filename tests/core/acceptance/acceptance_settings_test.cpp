@@ -7,12 +7,12 @@
 #include <cmath>
 #include <numbers>
 
+#include "core/physics/angle.h"
+
 namespace sightline {
 namespace {
 
 using testing::HasSubstr;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 std::string ErrorOf(const v1::Acceptance& message) {
   return std::string(ParseAcceptance(message, "rig.json").status().message());
@@ -29,15 +29,15 @@ Rig SmallRig() {
   Rig rig;
   rig.camera.columns_px = 640;
   rig.camera.rows_px = 480;
-  rig.camera.vertical_fov_rad = 18 * kDegree;
+  rig.camera.vertical_fov_rad = 18 * kRadPerDeg;
   return rig;
 }
 
 Measurement SymmetricPlace() {
   Measurement place;
   place.camera_distance_m = 0.4;
-  place.triangulation_angle_rad = 30 * kDegree;
-  place.camera_polar_rad = 15 * kDegree;
+  place.triangulation_angle_rad = 30 * kRadPerDeg;
+  place.camera_polar_rad = 15 * kRadPerDeg;
   return place;
 }
 
@@ -76,13 +76,13 @@ TEST(PlaceOfSensors, IsTheNearestThatTheDomainHas) {
   MeasurementDomain domain = ThesisDomain();
   const Measurement free = PlaceOfSensors({}, domain);
   EXPECT_NEAR(free.camera_distance_m, 0.4, 1e-12);
-  EXPECT_NEAR(free.triangulation_angle_rad, 30 * kDegree, 1e-12);
-  EXPECT_NEAR(free.camera_polar_rad, 15 * kDegree, 1e-12);
+  EXPECT_NEAR(free.triangulation_angle_rad, 30 * kRadPerDeg, 1e-12);
+  EXPECT_NEAR(free.camera_polar_rad, 15 * kRadPerDeg, 1e-12);
   domain.parameters[kCameraDistance] = {.ranges = {{0.5, 0.7}}, .values = {}};
-  domain.parameters[kCameraPolar] = {.ranges = {}, .values = {20 * kDegree}};
+  domain.parameters[kCameraPolar] = {.ranges = {}, .values = {20 * kRadPerDeg}};
   const Measurement bound = PlaceOfSensors({}, domain);
   EXPECT_NEAR(bound.camera_distance_m, 0.5, 1e-12);
-  EXPECT_NEAR(bound.camera_polar_rad, 20 * kDegree, 1e-12);
+  EXPECT_NEAR(bound.camera_polar_rad, 20 * kRadPerDeg, 1e-12);
 }
 
 TEST(ChooseArtefacts, FitsDefaultSizesIntoTheField) {
@@ -111,7 +111,7 @@ TEST(ChooseArtefacts, NamesAnArtefactThatIsTooLarge) {
 TEST(ChooseArtefacts, RefusesASheetAlongTheStage) {
   const Rig rig = SmallRig();
   Measurement place = SymmetricPlace();
-  place.camera_azimuth_rad = 90 * kDegree;
+  place.camera_azimuth_rad = 90 * kRadPerDeg;
   const auto choice = ChooseArtefacts({}, rig, MakeScanGeometry(rig, place), {}, "rig.json");
   EXPECT_THAT(std::string(choice.status().message()), HasSubstr("camera_azimuth_deg"));
 }

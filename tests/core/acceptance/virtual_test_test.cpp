@@ -9,13 +9,12 @@
 #include <utility>
 
 #include "core/laser_line/line_quality.h"
+#include "core/physics/angle.h"
 
 namespace sightline {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double kDegree = std::numbers::pi / 180;
 
 struct Setting {
   Rig rig;
@@ -27,11 +26,11 @@ Setting MakeSetting() {
   Setting s;
   s.rig.camera.columns_px = 640;
   s.rig.camera.rows_px = 512;
-  s.rig.camera.vertical_fov_rad = 19 * kDegree;
+  s.rig.camera.vertical_fov_rad = 19 * kRadPerDeg;
   Measurement place;
   place.camera_distance_m = 0.4;
-  place.triangulation_angle_rad = 30 * kDegree;
-  place.camera_polar_rad = 15 * kDegree;
+  place.triangulation_angle_rad = 30 * kRadPerDeg;
+  place.camera_polar_rad = 15 * kRadPerDeg;
   s.geometry = MakeScanGeometry(s.rig, place);
   s.limits.most_points = 1000;
   return s;
@@ -73,10 +72,10 @@ TEST(ArtefactScan, SeesNoWallBehindTheRimOfABore) {
   const Artefact ring = MakeRing(s.geometry, 0.04);
   const ArtefactSurface& bore = ring.surfaces.front();
   const Vector3d middle = bore.reference_m;  // of the wall that faces the sensors
-  EXPECT_TRUE(IsSeen(bore, middle, s.geometry.camera.origin_m, 80 * kDegree));
+  EXPECT_TRUE(IsSeen(bore, middle, s.geometry.camera.origin_m, 80 * kRadPerDeg));
   // Along the wall's normal the line of sight ends on the opposite wall.
   EXPECT_FALSE(
-      IsSeen(bore, middle, bore.nominal.point_m + 0.5 * AirNormal(bore, middle), 80 * kDegree));
+      IsSeen(bore, middle, bore.nominal.point_m + 0.5 * AirNormal(bore, middle), 80 * kRadPerDeg));
 }
 
 TEST(SimulateTests, MeasuresExactlyWithoutErrors) {
