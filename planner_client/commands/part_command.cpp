@@ -98,7 +98,8 @@ std::string ValueText(const MeasuredCharacteristic& measured) {
                       uncertainty, measured.status.empty() ? "" : ", ", measured.status);
 }
 
-// What a measuring program found for the characteristics of the report, by their persistent ids.
+// The results of a measuring program for the characteristics of the report, by their persistent
+// ids.
 void PrintResults(const ToleranceReport& report, const QifMeasurementResults& results) {
   std::map<std::string, const Tolerance*> by_id;
   for (const Tolerance& tolerance : report.read) {
