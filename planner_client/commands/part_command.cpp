@@ -131,6 +131,9 @@ void PrintResults(const ToleranceReport& report, const QifMeasurementResults& re
 
 int ReportTolerances(const std::string& file, const std::string& unit,
                      const std::string& qif_schema, bool json, const std::string& results_file) {
+  if (json && !results_file.empty()) {
+    return ReportError(absl::InvalidArgumentError("--json and --results exclude each other"));
+  }
   ToleranceImportOptions options;
   options.length_unit = unit;
   options.qif_schema_folder = qif_schema;
@@ -173,12 +176,11 @@ Command AddPartCommand(CLI::App& app) {
   app.add_option("--qif-schema", options->qif_schema,
                  "folder of the QIF 3.0 schema to validate a QIF file against")
       ->needs(tolerances);
-  CLI::Option* json = app.add_flag("--json", options->json, "print the report as JSON");
+  app.add_flag("--json", options->json, "print the report as JSON");
   app.add_option("--results", options->results,
                  "QIF 3.0 file with results for these tolerances, such as a measuring program "
                  "writes for plan.qif: print the value of each, by persistent ids")
-      ->needs(tolerances)
-      ->excludes(json);
+      ->needs(tolerances);
   return [options]() -> int {
     if (options->tolerances) {
       return ReportTolerances(options->file, options->unit, options->qif_schema, options->json,
