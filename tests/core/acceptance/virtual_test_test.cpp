@@ -7,6 +7,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <set>
 #include <utility>
 
 #include "core/laser_line/line_quality.h"
@@ -160,10 +161,18 @@ TEST(SimulateTests, TakesTheDeviationsOfImages) {
   const Artefact plate = MakePlate(0.05);
   const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, plate, s.limits);
   const LineDeviations shift({{0, 0, {{{0.5F, 0.5F}}}}}, true);
-  // Eleven columns, so that no stride of the scan meets one sign alone.
+  // The columns that the scan uses have one sign and the other in turn, so that no tilt fits them.
+  std::set<int> columns;
+  for (const ArtefactPoint& point : scan.points) columns.insert(point.column_px);
+  const int first = *columns.begin();
   LineDeviations::Realisation signs;
-  for (int i = 0; i < 11; ++i) signs.rows_px.push_back(i % 2 == 0 ? 0.5F : -0.5F);
-  const LineDeviations ripple({{0, 0, {signs}}}, true);
+  float sign = 0.5F;
+  for (int column = first; column <= *columns.rbegin(); ++column) {
+    if (columns.contains(column)) sign = -sign;
+    signs.rows_px.push_back(sign);
+  }
+  const int reference = PlaceOfReference(scan, plate.surfaces[0]).column_px;
+  const LineDeviations ripple({{0, first - reference, {signs}}}, true);
   const UncertaintyModel model = ModelOf({.focal_length_px = 0}, 0);
   const double shifted_m = SimulateTests(scan, plate, model, &shift, 2, 1)[0].at(0);
   const double rippled_m = SimulateTests(scan, plate, model, &ripple, 2, 1)[0].at(0);
