@@ -27,6 +27,8 @@ const SYSTEMS = 'urn:sightline:opcua-gateway';
 const BLOCK_BYTES = 1 << 18;
 const TIMEOUT_MS = 1_800_000;  // of the whole order
 const CALL_TIMEOUT_MS = 120_000;  // of one call, also on a busy machine
+const MAX_CONNECT_TRIES = 20;
+const TOO_LATE = /premature disconnection|timed out|timeout/i;
 const EVENT_FIELDS = ['EventId', 'EventType', 'Message', 'Severity', 'Time', 'JobId', 'ResultId', 'ResultState'];
 
 // Numbers of the data types in the companion specification's NodeSet.
@@ -43,6 +45,7 @@ function decoded(value) {
   if (Array.isArray(value)) return `[${value.map(decoded).join(', ')}]`;
   if (value?.namespace !== undefined && value.identifierType !== undefined) return value.toString();
   if (typeof value !== 'object' || value === null) return JSON.stringify(value) ?? 'null';
+  if (value.type === 'Buffer') return `${value.data.length} bytes`;
   if (value.dataType !== undefined && value.arrayType !== undefined) return decoded(value.value);
   const fields = Object.entries(value.toJSON?.() ?? value).filter(([, field]) => field !== null && field !== undefined);
   return `{${fields.map(([name, field]) => `${name}: ${decoded(field)}`).join(', ')}}`;
@@ -182,8 +185,7 @@ class VisionClient {
 
 const userOfEnvironment = () => ({type: UserTokenType.UserName, userName: MES_USER, password: MES_PASSWORD});
 
-// A session of the user, and the vision system of that name.
-export async function connect(endpoint, system, user = userOfEnvironment()) {
+async function connectOnce(endpoint, user) {
   const clientCertificateManager = new OPCUACertificateManager({rootFolder: path.resolve(MES_PKI ?? 'mes_pki'),
     automaticallyAcceptUnknownCertificate: true});
   await clientCertificateManager.initialize();
@@ -192,11 +194,25 @@ export async function connect(endpoint, system, user = userOfEnvironment()) {
     transportTimeout: CALL_TIMEOUT_MS, defaultTransactionTimeout: CALL_TIMEOUT_MS,
     connectionStrategy: {initialDelay: 200, maxDelay: 2000, maxRetry: 30}});
   client.on('backoff', () => console.log('waiting for the gateway'));
-  await client.connect(endpoint);
-  const session = await client.createSession(user).catch(async (error) => {
+  try {
+    await client.connect(endpoint);
+    return {client, session: await client.createSession(user)};
+  } catch (error) {
     await client.disconnect();
     throw error;
-  });
+  }
+}
+
+// A session of the user, and the vision system of that name. A gateway that answers too late is asked again.
+export async function connect(endpoint, system, user = userOfEnvironment()) {
+  let connection;
+  for (let tries = 1; connection === undefined; tries++) {
+    connection = await connectOnce(endpoint, user).catch((error) => {
+      if (tries === MAX_CONNECT_TRIES || !TOO_LATE.test(error.message)) throw error;
+      return undefined;
+    });
+  }
+  const {client, session} = connection;
   const namespaces = (await session.read({nodeId: 'i=2255', attributeId: AttributeIds.Value})).value.value;
   const vision = new VisionClient(session, `ns=${namespaces.indexOf(SYSTEMS)};s=${system}`, namespaces.indexOf(MACHINE_VISION));
   return {client, session, vision};

@@ -2,16 +2,22 @@
 #include <algorithm>
 #include <cstdint>
 #include <cstdio>
+#include <map>
 #include <memory>
+#include <numbers>
+#include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
 #include "absl/strings/str_cat.h"
+#include "absl/strings/str_format.h"
 #include "absl/strings/str_join.h"
 #include "core/command_options/option_values.h"
 #include "core/json/strict_json.h"
 #include "core/part/part_health.h"
 #include "core/part/part_health_proto.h"
+#include "core/tolerance/qif/qif_results.h"
 #include "core/tolerance/tolerance_proto.h"
 #include "planner_client/command_line/process/exit_code.h"
 #include "planner_client/command_line/process/print.h"
@@ -78,8 +84,56 @@ void PrintTolerances(const ToleranceReport& report) {
   for (const std::string& note : report.notes) PrintText("  %s\n", note.c_str());
 }
 
+// "0.012 mm, u 0.002 mm, PASS"
+std::string ValueText(const MeasuredCharacteristic& measured) {
+  constexpr double kDegreesOfRadian = 180 / std::numbers::pi;
+  const auto text = [](const std::optional<double>& length_m, const std::optional<double>& angle) {
+    if (length_m) return absl::StrFormat("%.6g mm", 1e3 * *length_m);
+    return angle ? absl::StrFormat("%.6g deg", kDegreesOfRadian * *angle) : std::string();
+  };
+  const std::string value = text(measured.value_m, measured.value_rad);
+  const std::string uncertainty =
+      text(measured.standard_uncertainty_m, measured.standard_uncertainty_rad);
+  return absl::StrCat(value.empty() ? "no value" : value, uncertainty.empty() ? "" : ", u ",
+                      uncertainty, measured.status.empty() ? "" : ", ", measured.status);
+}
+
+// The results of a measuring program for the characteristics of the report, by their persistent
+// ids.
+void PrintResults(const ToleranceReport& report, const QifMeasurementResults& results) {
+  std::map<std::string, const Tolerance*> by_id;
+  for (const Tolerance& tolerance : report.read) {
+    if (!tolerance.persistent_id.empty()) by_id.emplace(tolerance.persistent_id, &tolerance);
+  }
+  PrintText("\nresults%s%s:\n", results.plan_persistent_id.empty() ? "" : " of the plan ",
+            results.plan_persistent_id.c_str());
+  std::set<std::string> measured_ids;
+  for (const MeasuredCharacteristic& measured : results.characteristics) {
+    const auto found = by_id.find(measured.persistent_id);
+    if (found == by_id.end()) continue;
+    measured_ids.insert(measured.persistent_id);
+    PrintText("  %-50s  %s: %s\n", found->second->text.c_str(), found->second->name.c_str(),
+              ValueText(measured).c_str());
+  }
+  for (const auto& [id, tolerance] : by_id) {
+    if (!measured_ids.contains(id)) {
+      PrintText("  %-50s  %s: not measured\n", tolerance->text.c_str(), tolerance->name.c_str());
+    }
+  }
+  for (const MeasuredCharacteristic& measured : results.characteristics) {
+    if (by_id.contains(measured.persistent_id)) continue;
+    PrintText("  %s (item %s): %s; %s\n", measured.name.c_str(), measured.item_id.c_str(),
+              ValueText(measured).c_str(),
+              measured.persistent_id.empty() ? "has no persistent id"
+                                             : "is none of these characteristics");
+  }
+}
+
 int ReportTolerances(const std::string& file, const std::string& unit,
-                     const std::string& qif_schema, bool json) {
+                     const std::string& qif_schema, bool json, const std::string& results_file) {
+  if (json && !results_file.empty()) {
+    return ReportError(absl::InvalidArgumentError("--json and --results exclude each other"));
+  }
   ToleranceImportOptions options;
   options.length_unit = unit;
   options.qif_schema_folder = qif_schema;
@@ -91,6 +145,10 @@ int ReportTolerances(const std::string& file, const std::string& unit,
   } else {
     PrintTolerances(imported->report);
   }
+  if (results_file.empty()) return kExitDone;
+  const auto results = ReadQifResults(results_file, qif_schema);
+  if (!results.ok()) return ReportError(results.status());
+  for (const QifMeasurementResults& set : *results) PrintResults(imported->report, set);
   return kExitDone;
 }
 
@@ -98,7 +156,7 @@ int ReportTolerances(const std::string& file, const std::string& unit,
 
 Command AddPartCommand(CLI::App& app) {
   struct Options {
-    std::string file, unit, qif_schema;
+    std::string file, unit, qif_schema, results;
     bool construction_geometry = false, tolerances = false, json = false;
   };
   auto options = std::make_shared<Options>();
@@ -119,9 +177,14 @@ Command AddPartCommand(CLI::App& app) {
                  "folder of the QIF 3.0 schema to validate a QIF file against")
       ->needs(tolerances);
   app.add_flag("--json", options->json, "print the report as JSON");
+  app.add_option("--results", options->results,
+                 "QIF 3.0 file with results for these tolerances, such as a measuring program "
+                 "writes for plan.qif: print the value of each, by persistent ids")
+      ->needs(tolerances);
   return [options]() -> int {
     if (options->tolerances) {
-      return ReportTolerances(options->file, options->unit, options->qif_schema, options->json);
+      return ReportTolerances(options->file, options->unit, options->qif_schema, options->json,
+                              options->results);
     }
     PartFileOptions part_options;
     part_options.construction_geometry = options->construction_geometry;

@@ -159,7 +159,10 @@ TEST(SimulateTests, TakesTheDeviationsOfImages) {
   const Artefact plate = MakePlate(0.05);
   const ArtefactScan scan = ScanArtefact(s.rig, s.geometry, plate, s.limits);
   const LineDeviations shift({{0, 0, {{{0.5F, 0.5F}}}}}, true);
-  const LineDeviations ripple({{0, 0, {{{0.5F, -0.5F, 0.5F, -0.5F, 0.5F}}}}}, true);
+  // Eleven columns, so that no stride of the scan meets one sign alone.
+  LineDeviations::Realisation signs;
+  for (int i = 0; i < 11; ++i) signs.rows_px.push_back(i % 2 == 0 ? 0.5F : -0.5F);
+  const LineDeviations ripple({{0, 0, {signs}}}, true);
   const UncertaintyModel model = ModelOf({.focal_length_px = 0}, 0);
   const double shifted_m = SimulateTests(scan, plate, model, &shift, 2, 1)[0].at(0);
   const double rippled_m = SimulateTests(scan, plate, model, &ripple, 2, 1)[0].at(0);
