@@ -6,6 +6,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 #include <map>
 #include <optional>
 
@@ -24,6 +25,10 @@ constexpr size_t kFewestPoints = 6;
 constexpr double kNotFixed = 0.5;
 constexpr size_t kFewestSure = 20;  // a part of one in so many points
 constexpr double kLeastNoiseShare = 0.01;
+// The reach of the biweight shrinks by this factor a step, from all points down to the scale of the
+// residuals (graduated non-convexity: Yang et al., IEEE Robotics and Automation Letters 5(2),
+// 2020).
+constexpr double kNarrowing = 0.7;
 
 Eigen::Matrix3d RotationOf(const Eigen::Vector3d& theta) {
   const double angle = theta.norm();
@@ -54,8 +59,14 @@ class Estimator {
     const size_t stride = (points_.size() + most_points - 1) / most_points;
     if (choose_faces) ChooseSurePoints(stride);
     result_.converged = false;
+    // Only the first pass starts far off.
+    double widened = choose_faces ? 0 : std::numeric_limits<double>::infinity();
     for (int i = 0; i < options_.max_iterations && !result_.converged; ++i) {
       Measure(stride);
+      if (std::isinf(widened)) widened = LargestResidual() / kTukey;
+      const bool is_narrow = widened <= scale_;
+      scale_ = std::max(scale_, widened);
+      widened *= kNarrowing;
       if (residuals_.size() < kFewestPoints) {
         return absl::FailedPreconditionError(
             absl::StrCat("only ", residuals_.size(), " of ", points_.size() / stride,
@@ -73,7 +84,7 @@ class Estimator {
       Move(step);
       ++result_.iterations;
       const double moved_m = step.head<3>().norm() * size_m_ + step.tail<3>().norm();
-      result_.converged = moved_m <= std::max(1e-3 * raw_scale_m_, 1e-9);
+      result_.converged = is_narrow && moved_m <= std::max(1e-3 * raw_scale_m_, 1e-9);
     }
     return absl::OkStatus();
   }
@@ -159,6 +170,12 @@ class Estimator {
     for (const Residual& r : residuals_) sizes.push_back(std::abs(r.value));
     scale_ = std::max(kSmallestResidual, kMadToSigma * UpperMedian(std::move(sizes)));
     raw_scale_m_ = kMadToSigma * UpperMedian(std::move(raw_m));
+  }
+
+  double LargestResidual() const {
+    double largest = 0;
+    for (const Residual& r : residuals_) largest = std::max(largest, std::abs(r.value));
+    return largest;
   }
 
   double Weight(double value) const {

@@ -191,7 +191,7 @@ async function connectOnce(endpoint, user) {
   await clientCertificateManager.initialize();
   const client = OPCUAClient.create({applicationName: 'Simulated MES', clientCertificateManager, endpointMustExist: false,
     securityMode: MessageSecurityMode.SignAndEncrypt, securityPolicy: SecurityPolicy.Basic256Sha256,
-    transportTimeout: CALL_TIMEOUT_MS, defaultTransactionTimeout: CALL_TIMEOUT_MS,
+    transportTimeout: CALL_TIMEOUT_MS, defaultTransactionTimeout: CALL_TIMEOUT_MS, keepSessionAlive: true,
     connectionStrategy: {initialDelay: 200, maxDelay: 2000, maxRetry: 30}});
   client.on('backoff', () => console.log('waiting for the gateway'));
   try {

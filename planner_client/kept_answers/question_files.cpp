@@ -55,6 +55,7 @@ constexpr FileField kFileFields[] = {
 
 // Every other text of an inspection.
 constexpr std::string_view kTextFields[] = {
+    "AcceptanceLimit.quantity",
     "AreaLight.name",
     "Effect.effect",
     "Inspection.defaults",

@@ -376,8 +376,33 @@ test('job orders that are wrong, aborted and of others', async () => {
       [{dataType: DataType.ExtensionObject, arrayType: 1, value: [inState.value]}]);
   assert.ok(responses.some(({jobOrderID}) => jobOrderID === 'aborted'));
   assert.ok(!responses.some(({jobOrderID}) => jobOrderID === 'job order'));
-  const other = await login(user('line'));
-  assert.notEqual((await valueOf(other, [...CONTROL, 'JobOrderList'])).statusCode.name, 'Good');
-  await logout(other);
   await becomes('Ready');
+});
+
+test('another client can neither read nor monitor orders and reasons', async () => {
+  const other = await login(user('line'));
+  const subscription = await other.session.createSubscription2({requestedPublishingInterval: 50, requestedLifetimeCount: 600,
+    requestedMaxKeepAliveCount: 5, publishingEnabled: true});
+  const seen = [];
+  for (const names of [['LastRefusal'], [...CONTROL, 'JobOrderList'], [...CONTROL, 'WorkMaster']]) {
+    assert.equal((await valueOf(other, names)).statusCode.name, 'BadNotReadable', names.at(-1));
+    for (const samplingInterval of [0, 50]) {
+      const item = await subscription.monitor({nodeId: await mes.vision.node(names), attributeId: AttributeIds.Value},
+          {samplingInterval, queueSize: 10, discardOldest: true}, 0).catch(() => null);
+      item?.on('changed', (value) => seen.push([names.at(-1), value.statusCode.name, value.value.value]));
+    }
+  }
+  // The state is public: its change says that later notifications would have come, too.
+  const states = [];
+  const state = await subscription.monitor({nodeId: await other.vision.node([...AUTOMATIC, 'CurrentState']), attributeId: AttributeIds.Value},
+      {samplingInterval: 0, queueSize: 10, discardOldest: true}, 0);
+  state.on('changed', (value) => states.push(value.value.value?.text));
+  assert.equal(await statusOf(storeAndStart('secret', 'nobody')), 'BadNotFound');
+  await storeAndStart('secret', 'plan');
+  await until(() => states.includes('SingleExecution'));
+  service.end(service.jobs.get('secret'));
+  await until(() => states.at(-1) === 'Ready');
+  assert.deepEqual(seen.filter(([, status]) => status === 'Good'), []);
+  await subscription.terminate();
+  await logout(other);
 });

@@ -94,6 +94,27 @@ TEST(RigidRegistration, CovarianceIsThatOfManyMeasurements) {
   }
 }
 
+// Most points lie on faces that fix other directions, and lie right after a few steps.
+TEST(RigidRegistration, FewPointsThatAloneFixADirectionKeepTheirWeight) {
+  const TriangleMesh mesh = StepPart();
+  const SurfaceIndex index(mesh);
+  PartPose truth;
+  truth.centre_m = mesh.BoundingBox().center();
+  truth.parameters << 0.2 * kRadPerDeg, -0.1 * kRadPerDeg, 0.2 * kRadPerDeg, 1e-3, 2e-4, -3e-4;
+  CounterRandom random(11, 0);
+  const SurfaceSample sample = Measure(SampleSurface(mesh, 20'000, random), truth, 5e-6, random);
+  SurfaceSample chosen;
+  int along_x = 0;
+  for (size_t i = 0; i < sample.positions_m.size(); ++i) {
+    if (std::abs(sample.normals[i].x()) > 0.5 && ++along_x % 50 != 0) continue;
+    chosen.positions_m.push_back(sample.positions_m[i]);
+    chosen.normals.push_back(sample.normals[i]);
+  }
+  const Registration found = Found(index, chosen);
+  EXPECT_TRUE(found.converged);
+  EXPECT_LT(std::abs(found.pose.parameters[3] - truth.parameters[3]), 1e-5);
+}
+
 TEST(RigidRegistration, PlaneLeavesThreeDegreesOfFreedomAtThePrior) {
   const TriangleMesh plate = PlateMesh(0.1, 0.08, 4, 4);
   const SurfaceIndex index(plate);

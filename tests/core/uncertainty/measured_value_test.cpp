@@ -257,10 +257,10 @@ TEST(SimultaneousGuardFactor, OneFunctionalHasTheRulesOwn) {
   EXPECT_NEAR(SimultaneousGuardFactor(1.65, 10, 10), 2.5796, 1e-3);
 }
 
-// (2 Phi(z) - 1)^25 = 0.5 at z = 2.203.
+// (2 Phi(z) - 1)^25 = 0.5 at z = 2.2066.
 TEST(ProvableUncertainty, LeavesRoomForTheLargestError) {
-  EXPECT_NEAR(ProvableUncertainty(1e-4, {2, 0}, 25), 5e-5 / (2 + 2.203), 1e-8);
-  EXPECT_NEAR(ProvableUncertainty(1e-4, {2, 0}, 1), 5e-5 / (2 + 0.6745), 1e-8);
+  EXPECT_NEAR(ProvableUncertainty(1e-4, {2, 0}, 25), 5e-5 / (2 + 2.2066), 1e-9);
+  EXPECT_NEAR(ProvableUncertainty(1e-4, {2, 0}, 1), 5e-5 / (2 + 0.67449), 1e-9);
 }
 
 // Bounds of a binomial count of 400 draws beyond which one test in a million falls, for a

@@ -49,6 +49,7 @@ export class VisionSystem {
       browseName: {name, namespaceIndex: own.index}, displayName: name, nodeId: `ns=${own.index};s=${name}`, namespace: own,
       organizedBy: address_space.rootFolder.objects, optionals: OPTIONALS});
     this.node.setEventNotifier(1);
+    this.private_nodes = new Set([this.node]);
     this.machine = this.child('VisionStateMachine');
     this.automatic = this.child('VisionStateMachine', 'AutomaticModeStateMachine');
     this.last_refusal = own.addVariable({propertyOf: this.node, browseName: 'LastRefusal', dataType: 'String', accessLevel: 'CurrentRead',
@@ -80,8 +81,9 @@ export class VisionSystem {
     return this.users.clientOf(session) === this.name;
   }
 
-  // Sessions of this client alone can read the variable.
+  // Sessions of this client alone can read the variable, and monitor it (see guard).
   keepPrivate(variable) {
+    this.private_nodes.add(variable);
     const isUserReadable = variable.isUserReadable.bind(variable);
     variable.isUserReadable = (context) => isUserReadable(context) && (!context?.session || this.isOwn(context.session));
   }
@@ -217,9 +219,10 @@ export class VisionSystem {
     return fields;
   }
 
-  // Closes the monitored items of other clients' sessions on this system's events.
+  // Closes the monitored items of other clients' sessions on this system's events and private variables. The
+  // library asks for the right to read only when it samples, not when a value changes.
   guard(session, subscription, item) {
-    if (item.node !== this.node || this.isOwn(session)) return;
+    if (!this.private_nodes.has(item.node) || this.isOwn(session)) return;
     setImmediate(() => subscription.removeMonitoredItem(item.monitoredItemId));
   }
 }
