@@ -101,7 +101,7 @@ TEST_F(NewCommandTest, TakesAProfileSensorOfTheCatalogue) {
   ASSERT_TRUE(inspection.ok()) << inspection.status();
   EXPECT_EQ(inspection->sensor_mount, SensorMount::kRigid);
   const Rig& rig = inspection->rig;
-  EXPECT_NEAR(rig.laser.distance_m, 0.295, 1e-12);
+  EXPECT_NEAR(rig.laser.distance_m.value_or(0), 0.295, 1e-12);
   EXPECT_EQ(rig.camera.columns_px, 1280);
   ASSERT_EQ(inspection->domain.parameters[kCameraDistance].values.size(), 1u);
   const double distance_m = inspection->domain.parameters[kCameraDistance].values[0];
