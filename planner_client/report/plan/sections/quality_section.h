@@ -2,12 +2,13 @@
 // How finely and under which angles each scan measures.
 #pragma once
 
-#include "planner_client/report/document/report_parts.h"
+#include <string>
+
 #include "sightline/v1/plan.pb.h"
 
 namespace sightline {
 
-// Empty if no scan of the plan has a quality.
-ReportBlocks QualityBlocks(const v1::Plan& plan);
+// A section of the report; empty if no scan of the plan has a quality.
+std::string QualitySection(const v1::Plan& plan);
 
 }  // namespace sightline

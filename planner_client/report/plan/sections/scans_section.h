@@ -2,12 +2,13 @@
 // The table of a plan's scans.
 #pragma once
 
-#include "planner_client/report/document/report_parts.h"
+#include <string>
+
 #include "planner_client/report/plan/sections/report_data.h"
 
 namespace sightline {
 
-// A row per scan: picture, nine parameters, travel, and what it measures.
-ReportBlocks ScansBlocks(const ReportData& data);
+// A section with a row per scan: picture, nine parameters, travel, and what it measures.
+std::string ScansSection(const ReportData& data);
 
 }  // namespace sightline
