@@ -70,7 +70,10 @@ PredictiveCheck CheckPredictions(const SetModel& model, const FitResult& fit, co
       prediction.Add(data, &all);
       for (const std::string& name : groups_of[e]) {
         prediction.Add(data, &sums[name]);
-        groups[name].model_error += kEffectError * kEffectError * squared_change;
+        // The covariance of a corrected model contains this error.
+        if (!model.is_corrected()) {
+          groups[name].model_error += kEffectError * kEffectError * squared_change;
+        }
       }
     };
     for (int e = 0; e < model.blocks(); ++e) {

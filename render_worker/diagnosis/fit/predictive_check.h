@@ -37,7 +37,8 @@ struct PredictiveCheck {
 // of `fit` has a relative error of kEffectError. Chi squared of a group of n components is
 // therefore compared with a noncentral chi squared distribution of n degrees of freedom and
 // noncentrality kEffectError^2 |d|^2, in Patnaik's approximation (Biometrika 36 (1949) 202). The
-// covariances are model values too, so chi squared is first multiplied by kEvidenceWeight.
+// covariances are model values too, so chi squared is first multiplied by kEvidenceWeight. The
+// covariance of a corrected model contains the error of the change: its noncentrality is 0.
 PredictiveCheck CheckPredictions(const SetModel& model, const FitResult& fit, const FitResult& null,
                                  uint64_t seed);
 

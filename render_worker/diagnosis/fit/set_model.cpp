@@ -3,6 +3,8 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cassert>
+#include <memory>
 #include <span>
 #include <utility>
 
@@ -129,6 +131,25 @@ void ExpectBurst(const std::vector<FrameSetup>& setups, std::pair<int, int> burs
   }
 }
 
+std::vector<std::shared_ptr<const SetStatistic>> StatisticsFor(const RecordedSet& set,
+                                                               const SetModelSettings& settings) {
+  return {std::make_shared<ProfileStatistic>(set, settings.blocks_along_line),
+          std::make_shared<TextureStatistic>(set, settings.blocks_along_line),
+          std::make_shared<RepeatStatistic>(set),
+          std::make_shared<DarkStatistic>(set),
+          std::make_shared<SharedSpeckleStatistic>(set),
+          std::make_shared<HistogramStatistic>(set),
+          std::make_shared<FixedPatternStatistic>(set),
+          std::make_shared<BurstStatistic>(set),
+          std::make_shared<ColumnParityStatistic>(set)};
+}
+
+// Hot pixels are part of the fixed pattern; they would dominate every other statistic.
+const RecordedSet& ImagesFor(const SetStatistic& statistic, const RecordedSet& images,
+                             const RecordedSet& cleaned) {
+  return statistic.kind() == StatisticKind::kFixedPattern ? images : cleaned;
+}
+
 }  // namespace
 
 SetModel::SetModel(const RecordedSet& set, const SetModelSettings& settings)
@@ -145,28 +166,40 @@ SetModel::SetModel(const RecordedSet& set, const SetModelSettings& settings)
       position_ids_.push_back(id);
     }
   }
-  statistics_.push_back(std::make_unique<ProfileStatistic>(set, settings.blocks_along_line));
-  statistics_.push_back(std::make_unique<TextureStatistic>(set, settings.blocks_along_line));
-  statistics_.push_back(std::make_unique<RepeatStatistic>(set));
-  statistics_.push_back(std::make_unique<DarkStatistic>(set));
-  statistics_.push_back(std::make_unique<SharedSpeckleStatistic>(set));
-  statistics_.push_back(std::make_unique<HistogramStatistic>(set));
-  statistics_.push_back(std::make_unique<FixedPatternStatistic>(set));
-  statistics_.push_back(std::make_unique<BurstStatistic>(set));
-  statistics_.push_back(std::make_unique<ColumnParityStatistic>(set));
-  const bool recorded = !set.frames.empty() && !set.frames.front().raw_dn.values.empty();
-  const RecordedSet cleaned = recorded ? WithoutHotPixels(set) : RecordedSet{};
+  statistics_ = StatisticsFor(set, settings);
   for (size_t s = 0; s < statistics_.size(); ++s) {
-    // Hot pixels are part of the fixed pattern; they would dominate every other statistic.
-    const RecordedSet& seen =
-        statistics_[s]->kind() == StatisticKind::kFixedPattern ? set : cleaned;
     for (int block = 0; block < statistics_[s]->blocks(); ++block) {
       places_.emplace_back(static_cast<int>(s), block);
-      observed_.push_back(recorded ? statistics_[s]->Observed(seen, block) : Eigen::VectorXd());
-      observed_parts_.push_back(recorded ? statistics_[s]->ObservedOfParts(seen, block)
-                                         : BlockVectors());
     }
   }
+  const bool recorded = !set.frames.empty() && !set.frames.front().raw_dn.values.empty();
+  if (!recorded) {
+    observed_.resize(places_.size());
+    observed_parts_.resize(places_.size());
+    return;
+  }
+  const RecordedSet cleaned = WithoutHotPixels(set);
+  for (const auto& [s, block] : places_) {
+    const RecordedSet& seen = ImagesFor(*statistics_[s], set, cleaned);
+    observed_.push_back(statistics_[s]->Observed(seen, block));
+    observed_parts_.push_back(statistics_[s]->ObservedOfParts(seen, block));
+  }
+}
+
+SetModel::SetModel(const SetModel& model, ExpectationCorrection correction) : SetModel(model) {
+  assert(correction.mean.size() == observed_.size());
+  assert(correction.covariance.size() == observed_.size());
+  correction_ = std::move(correction);
+}
+
+BlockVectors SetModel::StatisticsOf(const RecordedSet& images) const {
+  const RecordedSet cleaned = WithoutHotPixels(images);
+  BlockVectors observed(places_.size());
+  ForAll(blocks(), settings_.threads, [&](int e) {
+    const auto& [s, block] = places_[e];
+    observed[e] = statistics_[s]->Observed(ImagesFor(*statistics_[s], images, cleaned), block);
+  });
+  return observed;
 }
 
 ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_only,
@@ -203,8 +236,14 @@ ExpectedSet SetModel::ExpectStrips(const SetParameters& parameters, bool middle_
 BlockVectors SetModel::MeanOf(const ExpectedSet& expected, const std::vector<bool>& use) const {
   BlockVectors mean(blocks());
   ForAll(blocks(), settings_.threads, [&](int e) {
-    if (use.empty() || use[e]) mean[e] = StatisticOf(e).Expected(expected, places_[e].second);
+    if (use.empty() || use[e]) mean[e] = MeanOfBlock(expected, e);
   });
+  return mean;
+}
+
+Eigen::VectorXd SetModel::MeanOfBlock(const ExpectedSet& expected, int block) const {
+  Eigen::VectorXd mean = StatisticOf(block).Expected(expected, places_[block].second);
+  if (is_corrected()) mean += correction_.mean[block];
   return mean;
 }
 
@@ -215,11 +254,10 @@ SetModel::Expectation SetModel::Expect(const SetParameters& parameters, bool wit
   expectation.mean.resize(blocks());
   if (with_covariance) expectation.covariance.resize(blocks());
   ForAll(blocks(), settings_.threads, [&](int e) {
-    const int block = places_[e].second;
-    expectation.mean[e] = StatisticOf(e).Expected(expected, block);
-    if (with_covariance) {
-      expectation.covariance[e] = StatisticOf(e).Covariance(expected, block);
-    }
+    expectation.mean[e] = MeanOfBlock(expected, e);
+    if (!with_covariance) return;
+    expectation.covariance[e] = StatisticOf(e).Covariance(expected, places_[e].second);
+    if (is_corrected()) expectation.covariance[e] += correction_.covariance[e];
   });
   return expectation;
 }

@@ -39,17 +39,31 @@ struct SetModelSettings {
 // One vector per observation block, of all statistics one after the other.
 using BlockVectors = std::vector<Eigen::VectorXd>;
 
+// What is added to every expectation of a model, and the covariance of its error, which is added to
+// every covariance. One vector and one matrix per observation block.
+struct ExpectationCorrection {
+  BlockVectors mean;
+  std::vector<Eigen::MatrixXd> covariance;
+};
+
 class SetModel {
  public:
   // Computes the statistics of the recordings, if the set has any; a planned set has none, and its
   // observed() are empty vectors. `set` must outlive the model.
   SetModel(const RecordedSet& set, const SetModelSettings& settings);
+  // `model` with a correction, which must have its sizes. Both share the statistics.
+  SetModel(const SetModel& model, ExpectationCorrection correction);
 
   const RecordedSet& set() const { return set_; }
   const std::vector<int>& position_ids() const { return position_ids_; }
 
   int blocks() const { return static_cast<int>(observed_.size()); }
   const BlockVectors& observed() const { return observed_; }
+  // True: the expectation has a correction, and the covariance contains the model's own errors.
+  bool is_corrected() const { return !correction_.mean.empty(); }
+  // Statistics of other images of the same recordings, such as renderings of them. Bins, pixels and
+  // sizes are those chosen from the recordings of set(), so that they compare with observed().
+  BlockVectors StatisticsOf(const RecordedSet& images) const;
   // SetStatistic::ObservedOfParts of a block.
   const BlockVectors& ObservedParts(int block) const { return observed_parts_[block]; }
   // The statistic that a block belongs to.
@@ -86,16 +100,21 @@ class SetModel {
   // Expected components of the blocks in `use` (empty: all); the others are empty vectors.
   BlockVectors MeanOf(const ExpectedSet& expected, const std::vector<bool>& use) const;
   int blocks_along_line() const { return settings_.blocks_along_line; }
+  int threads() const { return settings_.threads; }
 
  private:
+  // Expected components of a block, with the correction.
+  Eigen::VectorXd MeanOfBlock(const ExpectedSet& expected, int block) const;
+
   const RecordedSet& set_;
   SetModelSettings settings_;
-  std::vector<std::unique_ptr<SetStatistic>> statistics_;
+  std::vector<std::shared_ptr<const SetStatistic>> statistics_;
   std::vector<std::pair<int, int>> places_;  // of every block: statistic, block of it
   BlockVectors observed_;
   std::vector<BlockVectors> observed_parts_;  // of every block
   std::vector<int> position_ids_;
   std::vector<std::pair<int, int>> bursts_;  // first frame, one past the last
+  ExpectationCorrection correction_;         // empty: none
 };
 
 // Plate position of all laser recordings of a block; -1: none or several.

@@ -26,6 +26,11 @@ class Whitening {
   Eigen::VectorXd operator()(int block, const Eigen::VectorXd& difference) const {
     return factors_[block].matrixL().solve(difference);
   }
+  // The inverse of it, L w, column by column.
+  Eigen::MatrixXd Coloured(int block, const Eigen::MatrixXd& whitened) const {
+    return factors_[block].matrixL() * whitened;
+  }
+  Eigen::MatrixXd Covariance(int block) const { return factors_[block].reconstructedMatrix(); }
 
  private:
   std::vector<Eigen::LLT<Eigen::MatrixXd>> factors_;
