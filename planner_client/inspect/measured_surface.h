@@ -26,9 +26,9 @@ struct MeasuredSurface {
   PlanKnowledge Knowledge() const;
 };
 
-// By Gaussian-process regression with the prior of inspection.uncertainty, which must be set. Its
-// mean is the model: a prior far wider than the deviations leaves them as they are. Errors of
-// SampleTargets.
+// Estimates the surface by Gaussian-process regression. inspection.uncertainty states the prior and
+// must be set; its mean is the model. A prior far wider than the deviations leaves them as they
+// are. Errors of SampleTargets.
 absl::StatusOr<MeasuredSurface> EstimateSurface(const TriangleMesh& model,
                                                 const Inspection& inspection,
                                                 const MeasuredPart& part, int threads = 0);

@@ -218,7 +218,8 @@ double SpeckleOfAlternation(const ExpectedFrame& sample, const ParityBlock& bloc
   const int max_lag = sample.speckle->max_lag();
   const bool colour = sample.frame.sensor.colour_filter != ColourFilter::kMono;
   const AlternatingSpeckle alternating(window, max_lag, colour);
-  // By row and distance; the covariance of two rows is the mean of what the speckle at each gives.
+  // Indexed by row and distance; the covariance of two rows is the mean of what the speckle at each
+  // gives.
   std::vector<std::vector<double>> sums;
   for (int i = 0; i < block.rows; ++i) {
     const SpecklePixelCovariance& speckle = sample.SpeckleAt(block.first_row + i, rows[i].column);
