@@ -146,6 +146,15 @@ def stage_of(entry):
     return entry["effect"].split(".")[0] if "." in entry["effect"] else entry["effect"]
 
 
+def stages_said(answer):
+    """Stages named by the answer, at most two; of older answers that of the first explanation."""
+    said = (answer or {}).get("located_stages") or []
+    top = first(answer)
+    if not said and top is not None and top["effect"] != "none":
+        said = [stage_of(top)]
+    return said[:2]
+
+
 def stages_accepted(effect):
     """Stages of all ids that count as right."""
     stages = {effect["stage"]}
@@ -312,13 +321,14 @@ def score_without_module(cases):
     result = {}
     for level in (*LEVELS, "all"):
         chosen = [c for c in cases if level == "all" or c[0]["gain_level"] == level]
-        found = named = named_near = improved = both = half_of = named_wrong = 0
+        found = named = named_near = improved = both = half_of = named_wrong = said = 0
         for effect, answer, removed in chosen:
             good = right_without_module(effect, answer, removed)
             part = excess_removed(effect, answer)
             top = first(answer)
             named_near += right_without_module(effect, answer, removed, near=True)
             found += is_accusation(answer)
+            said += bool(stages_accepted(effect) & set(stages_said(answer)))
             named += good
             named_wrong += top is not None and top["effect"] not in ("none", "unknown") and not good
             half_of += part is not None
@@ -328,6 +338,7 @@ def score_without_module(cases):
         result[str(level)] = {"found": share(found, n), "answered_right": share(named, n),
                               "answered_right_or_near": share(named_near, n),
                               "wrong_name": share(named_wrong, n),
+                              "stages_said": share(said, n),
                               "half_of_excess_removed": share(improved, half_of),
                               "right_and_improved": share(both, n)}
     return result
@@ -595,11 +606,13 @@ def report(result):
                        ("leave_one_out", "Leave-one-out")):
         lines += ["", f"## {title}", ""]
         lines += table(["gain", "found", "unknown or equivalent at the right stage",
-                        "or not to be told apart", "a wrong effect named", "half of held-out excess removed (where said)",
+                        "or not to be told apart", "right stage among at most two said",
+                        "a wrong effect named", "half of held-out excess removed (where said)",
                         "both"],
                        [[level] + [share_text(g[k]) for k in
-                                   ("found", "answered_right", "answered_right_or_near", "wrong_name",
-                                    "half_of_excess_removed", "right_and_improved")]
+                                   ("found", "answered_right", "answered_right_or_near",
+                                    "stages_said", "wrong_name", "half_of_excess_removed",
+                                    "right_and_improved")]
                         for level, g in result[key].items()])
     fit = result["fit"]
     lines += ["", "## Fit after the model is added", "",

@@ -176,6 +176,19 @@ class Scores(unittest.TestCase):
         sealed = result["sealed"]["all"]["answered_right"]
         self.assertEqual((sealed["hits"], sealed["of"]), (0, 1))
 
+    def test_stages_said(self):
+        law = effect("outside.column_slew", 20, "sensor", ["unknown"])
+        said = (["sensor"], ["optics", "sensor"], ["optics", "time", "sensor"], None)
+        for k, stages in enumerate(said):
+            given = answer(("unknown", "optics" if stages else "sensor", 0.9))
+            if stages:
+                given["located_stages"] = stages
+            self.add(f"set_{k}", "outside", [law], given)
+        self.add("set_4", "outside", [law], answer(("none", "none", 0.9)))
+        row = self.score()["outside"]["all"]["stages_said"]
+        # A third stage does not count; without the field the stage of the first explanation does.
+        self.assertEqual((row["hits"], row["of"]), (3, 5))
+
     def test_proven_equivalents(self):
         linear = effect("variant.linear_power_drift", 20, "illumination", ["unknown"])
         for k in range(3):

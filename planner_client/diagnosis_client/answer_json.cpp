@@ -100,6 +100,9 @@ std::string AnswerJson(const v1::Diagnosis& diagnosis) {
                  {"verdict", diagnosis.verdict()},
                  {"ranked", Ranked(diagnosis)},
                  {"also_present", AlsoPresent(diagnosis)}};
+  for (const std::string& stage : diagnosis.located_stages()) {
+    answer["located_stages"].push_back(stage);
+  }
   if (diagnosis.has_remainder()) answer["remainder"] = RemainderJson(diagnosis.remainder());
   if (diagnosis.has_held_out_improvement()) {
     const v1::HeldOutImprovement& held_out = diagnosis.held_out_improvement();

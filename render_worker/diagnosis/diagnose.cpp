@@ -139,6 +139,7 @@ v1::Diagnosis DescribeFinished(const SetModel& model, const ModelComparison& com
   diagnosis.set_seed(static_cast<int64_t>(seed));
   AddExplanations(model, comparison, seed, &diagnosis);
   diagnosis.set_verdict(diagnosis.ranked(0).effect() == "none" ? "none" : "effect");
+  diagnosis.set_corrected_by_renderings(comparison.rendered);
   *diagnosis.mutable_held_out_improvement() =
       DescribeImprovement(model, comparison.null, best.fit, seed);
   *diagnosis.mutable_null_check() = DescribeCheck(comparison.null_check, comparison.null_check);

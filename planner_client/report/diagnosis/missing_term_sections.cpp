@@ -77,21 +77,47 @@ v1::ReportBlock FreeFormChart(const v1::FreeFormTerm& term) {
   return ChartBlock(std::move(chart));
 }
 
+// The gain where the stage's functions predict settings that they were not fitted to.
+v1::ReportCell TransferCell(const v1::StageEvidence& stage) {
+  if (!stage.has_transfer_gain()) return TextCell("not asked");
+  return NumberCell(stage.transfer_gain(), GainText(stage.transfer_gain()), "",
+                    absl::StrCat(FixedNumber(stage.transfer_behind(), 1), " \u00b1 ",
+                                 FixedNumber(stage.transfer_behind_standard_error(), 1),
+                                 " nats behind the best stage"));
+}
+
+std::string StageRemark(const v1::Diagnosis& diagnosis, bool transfer) {
+  std::string remark = "How well a free term at one stage absorbs what is left.";
+  if (!transfer) return remark;
+  absl::StrAppend(&remark,
+                  " Last column: functions of the stage are fitted at half of the values of each "
+                  "setting and predict the other half.");
+  if (diagnosis.located_stages_size() > 1) {
+    absl::StrAppend(&remark, " Located: ", QuantityName(diagnosis.located_stages(0)), " or ",
+                    QuantityName(diagnosis.located_stages(1)), ".");
+  }
+  return remark;
+}
+
 }  // namespace
 
 ReportBlocks StageBlocks(const DiagnosisView& view) {
-  if (view.diagnosis.stages().empty()) return {};
+  const auto& stages = view.diagnosis.stages();
+  if (stages.empty()) return {};
+  const bool transfer = std::any_of(stages.begin(), stages.end(), [](const v1::StageEvidence& s) {
+    return s.has_transfer_gain();
+  });
   std::vector<ReportCells> rows;
-  for (const v1::StageEvidence& stage : view.diagnosis.stages()) {
+  for (const v1::StageEvidence& stage : stages) {
     rows.push_back({StrongCell(QuantityName(stage.stage())),
                     ShareCell(stage.probability(), ProbabilityText(stage.probability())),
                     NumberCell(stage.log_evidence_gain(), GainText(stage.log_evidence_gain()))});
+    if (transfer) rows.back().push_back(TransferCell(stage));
   }
-  return {RemarkBlock("How well a free term at one stage absorbs what is left."),
-          TableBlock("Stages",
-                     {WordsColumn("stage"), ShareColumn("probability"),
-                      NumberColumn("gain in log evidence", "nats")},
-                     rows)};
+  std::vector<v1::ReportColumn> columns = {WordsColumn("stage"), ShareColumn("probability"),
+                                           NumberColumn("gain in log evidence", "nats")};
+  if (transfer) columns.push_back(NumberColumn("gain at settings held out", "nats"));
+  return {RemarkBlock(StageRemark(view.diagnosis, transfer)), TableBlock("Stages", columns, rows)};
 }
 
 ReportBlocks LawBlocks(const DiagnosisView& view) {

@@ -14,6 +14,8 @@
 #include "render_worker/diagnosis/fit/model_error.h"
 #include "render_worker/diagnosis/free_form/free_form.h"
 #include "render_worker/diagnosis/random_effect/compare_random_effects.h"
+#include "render_worker/diagnosis/selection/stages/stages.h"
+#include "render_worker/diagnosis/selection/thresholds.h"
 #include "render_worker/evidence/answer_text.h"
 #include "render_worker/evidence/evidence.h"
 #include "render_worker/evidence/judgement.h"
@@ -116,6 +118,17 @@ std::string ReasonFor(const SetModel& model, const ModelComparison& comparison,
                 hypothesis.effects.front().effect) != comparison.same_class.end();
   if (same_class) return "changes these recordings in the same way";
   return ReasonByEvidence(comparison, hypothesis);
+}
+
+// The stage of the answer; of unknown physics also the stage that predicts other settings best.
+void AddLocatedStages(const ModelComparison& comparison, v1::Diagnosis* diagnosis) {
+  if (diagnosis->ranked(0).effect() == "none") return;
+  diagnosis->add_located_stages(diagnosis->ranked(0).stage());
+  for (const Stage stage : StagesByTransfer(comparison.transfer)) {
+    if (diagnosis->located_stages_size() == static_cast<int>(thresholds::kStagesSaid)) break;
+    const std::string name = Text(StageName(stage));
+    if (name != diagnosis->located_stages(0)) diagnosis->add_located_stages(name);
+  }
 }
 
 void AddRemainder(const ModelComparison& comparison, v1::Diagnosis* diagnosis) {
@@ -306,7 +319,14 @@ void AddStages(const ModelComparison& comparison, v1::Diagnosis* diagnosis) {
     added->set_stage(stage);
     added->set_log_evidence_gain(evidence.first);
     added->set_probability(evidence.second);
+    for (const StageTransfer& transfer : comparison.transfer) {
+      if (StageName(transfer.stage) != stage) continue;
+      added->set_transfer_gain(transfer.gain);
+      added->set_transfer_behind(transfer.behind);
+      added->set_transfer_behind_standard_error(transfer.behind_standard_error);
+    }
   }
+  AddLocatedStages(comparison, diagnosis);
 }
 
 void AddPower(const ModelComparison& comparison, v1::Diagnosis* diagnosis) {

@@ -1,13 +1,20 @@
 // SPDX-License-Identifier: Apache-2.0
 #include "render_worker/diagnosis/selection/compare_models.h"
 
+#include <algorithm>
 #include <optional>
 #include <utility>
 #include <vector>
 
+#include "absl/status/status.h"
+#include "absl/status/statusor.h"
+#include "render_worker/diagnosis/correction/rendered_correction.h"
+#include "render_worker/diagnosis/random_effect/compare_random_effects.h"
 #include "render_worker/diagnosis/selection/context.h"
 #include "render_worker/diagnosis/selection/stages/screen.h"
 #include "render_worker/diagnosis/selection/stages/stages.h"
+#include "render_worker/diagnosis/selection/thresholds.h"
+#include "render_worker/evidence/judgement.h"
 
 namespace sightline {
 namespace {
@@ -23,6 +30,87 @@ ModelComparison Unfinished(Context context, std::vector<Hypothesis> hypotheses) 
   result.finished = false;
   result.ranked = Rank(context, SortedByEvidence(std::move(hypotheses)));
   return Finish(std::move(context), std::move(result));
+}
+
+// Adds to the best what it may lack: a random effect, a second effect, a model-discrepancy term.
+// Keeps few coefficients of the terms.
+StageResult AddBesideBest(const Context& context, std::vector<Hypothesis> hypotheses) {
+  StageResult found = AddRandomEffectsBeside(context, std::move(hypotheses));
+  if (!found.stopped) found = AddSecondEffect(context, std::move(found.hypotheses));
+  if (!found.stopped) found = AddTermsBeside(context, std::move(found.hypotheses));
+  if (found.stopped) return found;
+  return {DropCoefficients(context, std::move(found.hypotheses))};
+}
+
+// Chi squared that the relative error kEffectError of the change by a hypothesis may cause.
+double ErrorOfChange(const Context& context, const Hypothesis& hypothesis) {
+  double squares = 0;
+  for (size_t e = 0; e < hypothesis.fit.mean.size(); ++e) {
+    squares += (*hypothesis.fit.whitening)(static_cast<int>(e),
+                                           hypothesis.fit.mean[e] - context.null.mean[e])
+                   .squaredNorm();
+  }
+  return kEffectError * kEffectError * squares;
+}
+
+// True if a named model is about to be rejected where errors of the fast model may be the reason,
+// and it can be rendered: random effects have values of their own in every rendering.
+bool NeedsRenderings(const Context& context, const ModelComparison& comparison) {
+  const Hypothesis& named = comparison.named;
+  const bool rejected =
+      comparison.named_check.p_value < kRejectedBelow || IsFreeForm(comparison.ranked.front());
+  const auto is_random = [](const ActiveEffect& active) { return HasRandomLaw(*active.effect); };
+  return rejected && !named.effects.empty() &&
+         std::none_of(named.effects.begin(), named.effects.end(), is_random) &&
+         ErrorOfChange(context, named) > thresholds::kErrorWorthRendering;
+}
+
+// The model with the correction at the parameters of `named`. Errors of RenderStatistics.
+absl::StatusOr<SetModel> Corrected(const Context& context, const Hypothesis& named) {
+  const RenderingSettings settings = {.seed = context.settings.seed};
+  const absl::StatusOr<std::vector<BlockVectors>> rendered =
+      RenderStatistics(context.model, named.fit.parameters, settings,
+                       [&] { return context.proceed(thresholds::kRenderingDone); });
+  if (!rendered.ok()) return rendered.status();
+  return SetModel(context.model, CorrectionOf(context.model, named.fit, context.null, *rendered));
+}
+
+// The hypotheses to be compared again about `named`, which comes first. What is added to the best
+// is looked for again.
+std::vector<Hypothesis> WithoutAdditions(const Hypothesis& named,
+                                         const std::vector<Hypothesis>& hypotheses) {
+  std::vector<Hypothesis> kept = {named};
+  for (const Hypothesis& hypothesis : hypotheses) {
+    const bool is_named =
+        hypothesis.effects.size() == named.effects.size() &&
+        std::all_of(named.effects.begin(), named.effects.end(),
+                    [&](const auto& active) { return Has(hypothesis, active.effect); });
+    const bool has_random =
+        std::any_of(hypothesis.effects.begin(), hypothesis.effects.end(),
+                    [](const ActiveEffect& active) { return HasRandomLaw(*active.effect); });
+    const bool term_beside = IsFreeForm(hypothesis) && hypothesis.effects.size() > 1;
+    if (!is_named && !has_random && !term_beside) kept.push_back(hypothesis);
+  }
+  return kept;
+}
+
+// The comparison under the expectation corrected at the named model; unset: stopped.
+std::optional<ModelComparison> CompareCorrected(Context context, const SetModel& corrected,
+                                                std::vector<Hypothesis> hypotheses) {
+  Context again = MakeContext(corrected, context.null, context.settings, context.proceed);
+  again.screened = std::move(context.screened);
+  ReferenceResult reference = ReferenceOfBest(again, hypotheses, std::nullopt);
+  if (reference.stopped) return std::nullopt;
+  again.null = std::move(reference.null);
+  again.linearisation = std::move(reference.linearisation);
+  StageResult found = FitUnderOneCovariance(again, std::move(hypotheses));
+  if (found.stopped) return std::nullopt;
+  found.hypotheses = AddRandomEffects(again, std::move(found.hypotheses), nullptr);
+  found = AddBesideBest(again, std::move(found.hypotheses));
+  if (found.stopped) return std::nullopt;
+  ModelComparison result = HoldToPredictions(again, Rank(again, std::move(found.hypotheses)));
+  if (IsFreeForm(result.ranked.front())) result.transfer = TransferOfStages(again);
+  return Finish(std::move(again), std::move(result));
 }
 
 }  // namespace
@@ -67,14 +155,32 @@ ModelComparison CompareModels(const SetModel& model, const FitResult& null,
     found.hypotheses = AddRandomEffects(context, std::move(found.hypotheses), nullptr);
   }
 
-  // 5. Add random effects, then model-discrepancy terms, to the best; keep few coefficients.
-  found = AddRandomEffectsBeside(context, std::move(found.hypotheses));
-  if (!found.stopped) found = AddTermsBeside(context, std::move(found.hypotheses));
+  // 5. Add random effects, a second effect and model-discrepancy terms to the best.
+  found = AddBesideBest(context, std::move(found.hypotheses));
   if (found.stopped) return Unfinished(std::move(context), std::move(found.hypotheses));
-  found.hypotheses = DropCoefficients(context, std::move(found.hypotheses));
 
-  // 6. Rank, hold to predictions, and find what these recordings cannot tell apart.
-  ModelComparison result = HoldToPredictions(context, Rank(context, std::move(found.hypotheses)));
+  // 6. Rank and hold to predictions.
+  ModelComparison result = HoldToPredictions(context, Rank(context, found.hypotheses));
+
+  // 7. Before a named model is rejected, compare again with the expectation corrected by
+  // renderings.
+  if (NeedsRenderings(context, result)) {
+    const absl::StatusOr<SetModel> corrected = Corrected(context, result.named);
+    if (absl::IsCancelled(corrected.status())) {
+      return Unfinished(std::move(context), std::move(found.hypotheses));
+    }
+    if (corrected.ok()) {
+      std::optional<ModelComparison> again =
+          CompareCorrected(context, *corrected, WithoutAdditions(result.named, found.hypotheses));
+      if (!again) return Unfinished(std::move(context), std::move(found.hypotheses));
+      again->rendered = true;
+      again->same_class = EquivalenceClass(context, about_null, again->ranked);
+      return *std::move(again);
+    }
+  }
+
+  // 8. Locate unknown physics, and find what these recordings cannot tell apart.
+  if (IsFreeForm(result.ranked.front())) result.transfer = TransferOfStages(context);
   result.same_class = EquivalenceClass(context, about_null, result.ranked);
   return Finish(std::move(context), std::move(result));
 }

@@ -34,10 +34,21 @@ struct RemainderOfAnswer {
   double probability = 0;        // that it is physics which the vocabulary lacks, in [0, 1]
 };
 
+// Prediction of settings that were held out, by functions of one stage.
+struct StageTransfer {
+  Stage stage = Stage::kIllumination;
+  double gain = 0;    // of the log predictive density over the null model [nats]
+  double behind = 0;  // the best stage [nats]
+  double behind_standard_error = 0;
+};
+
 struct ModelComparison {
   // False: `progress` stopped it. `null`, `screened` and `ranked` hold what was found until then,
   // ranked by evidence; no predictive check was made.
   bool finished = true;
+  // True: the expectation of all fits is corrected by renderings at the parameters of the model
+  // that was the best named one before (correction/rendered_correction.h).
+  bool rendered = false;
   FitResult null;                  // the null model, under the covariance of all hypotheses
   std::vector<Hypothesis> ranked;  // most probable first; the null model is one of them
   std::vector<ScreenedEffect> screened;
@@ -48,6 +59,8 @@ struct ModelComparison {
   // the predictive checks of the null model and of it.
   Hypothesis named;
   PredictiveCheck null_check, named_check;
+  // Of all stages, largest gain first. Empty: no hypothesis with a model-discrepancy term leads.
+  std::vector<StageTransfer> transfer;
   // Unset: nothing speaks for it, or ranked.front() has a model-discrepancy term.
   std::optional<RemainderOfAnswer> remainder;
 };

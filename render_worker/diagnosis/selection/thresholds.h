@@ -72,6 +72,17 @@ inline constexpr size_t kPairs = 4;
 // Effects beside which random effects are looked for, or effects beside a random effect. Chosen: by
 // time, a search over the parameters of every random effect each.
 inline constexpr size_t kRandomEffectBases = 2;
+// Second effects that are fitted together with a rejected single one. Chosen: by time, a fit with
+// derivatives each.
+inline constexpr size_t kSecondEffects = 3;
+// Fraction of the comparison that is reported as done meanwhile. Chosen: late, since time is not
+// known in advance.
+inline constexpr double kSecondEffectDone = 0.98;
+// Chi squared by the error of the modelled change, above which a set is rendered before a named
+// model is rejected. Chosen: 1 of many hundreds rejects no model.
+inline constexpr double kErrorWorthRendering = 1;
+// Fraction done that is reported while a set is rendered.
+inline constexpr double kRenderingDone = 0.99;
 // Amplitude of an added effect over that at which it was screened. Chosen: beyond, the linear model
 // is wrong for most effects.
 inline constexpr double kMostAmplitude = 3;
@@ -88,6 +99,11 @@ inline constexpr int kSelected = 4;
 // Terms are not fitted again if they stay farther than this behind the best hypothesis [nats].
 // Chosen: a probability of e^-(15 kEvidenceWeight) = 6e-6 changes no answer.
 inline constexpr double kSelectedBehind_nats = 15;
+// Stages that are said at most, and standard errors of the transfer score within which two stages
+// are alike. Derived: the two-sided 95 % interval of a normal distribution. Chosen: two, since a
+// third says too little.
+inline constexpr size_t kStagesSaid = 2;
+inline constexpr double kAlikeStages_standard_errors = 2;
 // Step of the derivative with respect to a coefficient [prior scales]. Chosen: half a scale is far
 // above rounding, and terms are nearly linear in it.
 inline constexpr double kTermProbe = 0.5;

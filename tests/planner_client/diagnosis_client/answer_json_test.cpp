@@ -123,6 +123,16 @@ TEST(AnswerJson, RemainderStandsOnlyWhereThereIsOne) {
   EXPECT_FALSE(Json::parse(AnswerJson(diagnosis))["remainder"].contains("share"));
 }
 
+TEST(AnswerJson, LocatedStagesStandInTheirOrder) {
+  v1::Diagnosis diagnosis;
+  AddExplanation(&diagnosis, "unknown", "sensor", 1);
+  EXPECT_FALSE(Json::parse(AnswerJson(diagnosis)).contains("located_stages"));
+  diagnosis.add_located_stages("sensor");
+  diagnosis.add_located_stages("optics");
+  EXPECT_EQ(Json::parse(AnswerJson(diagnosis))["located_stages"],
+            Json::parse(R"(["sensor", "optics"])"));
+}
+
 TEST(AnswerJson, NumbersThatAreNoneAreLeftOut) {
   v1::Diagnosis diagnosis;
   v1::FittedEffect* effect = AddEffectTo(AddExplanation(&diagnosis, "sensor.smear", "sensor", 1),

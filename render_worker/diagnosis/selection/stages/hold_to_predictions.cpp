@@ -23,8 +23,9 @@ bool IsPartOf(const Hypothesis& part, const Hypothesis& hypothesis) {
 }
 
 // All but the excess on recordings left out.
-std::vector<ComparedModel> Compared(const std::vector<Hypothesis>& hypotheses) {
-  const std::vector<double> trusted = TrustedEvidence(hypotheses);
+std::vector<ComparedModel> Compared(const Context& context,
+                                    const std::vector<Hypothesis>& hypotheses) {
+  const std::vector<double> trusted = TrustedEvidence(hypotheses, EffectErrorOf(context.model));
   std::vector<ComparedModel> models;
   for (size_t h = 0; h < hypotheses.size(); ++h) {
     ComparedModel model = {.kind = KindOf(hypotheses[h]),
@@ -42,12 +43,12 @@ std::vector<ComparedModel> Compared(const std::vector<Hypothesis>& hypotheses) {
 
 std::vector<Hypothesis> ThoseThatPredict(const Context& context,
                                          const std::vector<Hypothesis>& hypotheses) {
-  const std::vector<bool> predicting = Predicting(Compared(hypotheses));
+  const std::vector<bool> predicting = Predicting(Compared(context, hypotheses));
   std::vector<Hypothesis> kept;
   for (size_t h = 0; h < hypotheses.size(); ++h) {
     if (predicting[h]) kept.push_back(hypotheses[h]);
   }
-  return RankHypotheses(CountsOf(context.settings), std::move(kept));
+  return RankHypotheses(CountsOf(context.settings), std::move(kept), EffectErrorOf(context.model));
 }
 
 // Chi squared over its degrees of freedom on recordings left out, minus 1.
@@ -63,7 +64,7 @@ ModelComparison HoldToPredictions(const Context& context, std::vector<Hypothesis
     hypothesis.held_out_score = CheckHypothesis(context, hypothesis).log_score;
   }
   ranked = ThoseThatPredict(context, ranked);
-  std::vector<ComparedModel> models = Compared(ranked);
+  std::vector<ComparedModel> models = Compared(context, ranked);
   const int named = BestNamed(models);
   const auto none =
       std::find_if(ranked.begin(), ranked.end(), [](const auto& h) { return h.effects.empty(); }) -

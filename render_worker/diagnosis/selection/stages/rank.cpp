@@ -22,14 +22,17 @@ double LogModelPrior(const HypothesisCounts& counts, const Hypothesis& hypothesi
 
 }  // namespace
 
-std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses) {
-  double best = 0, single = 0, effect_error = kEffectError;
+double EffectErrorOf(const SetModel& model) { return model.is_corrected() ? 0 : kEffectError; }
+
+std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses,
+                                    double effect_error_of_all) {
+  double best = 0, single = 0, effect_error = effect_error_of_all;
   for (const Hypothesis& hypothesis : hypotheses) {
     best = std::max(best, hypothesis.log_evidence);
     if (hypothesis.effects.size() != 1 || hypothesis.log_evidence < single) continue;
     single = hypothesis.log_evidence;
     // A vibration with fitted phases is not an approximation of the recordings' changes.
-    effect_error = hypothesis.phases_rad.empty() ? kEffectError : 0;
+    effect_error = hypothesis.phases_rad.empty() ? effect_error_of_all : 0;
   }
   const double weight = kEvidenceWeight / (1 + effect_error * effect_error * best);
   const double error = 2 * effect_error * effect_error * single;
@@ -46,9 +49,9 @@ std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses) {
 }
 
 std::vector<Hypothesis> RankHypotheses(const HypothesisCounts& counts,
-                                       std::vector<Hypothesis> hypotheses) {
+                                       std::vector<Hypothesis> hypotheses, double effect_error) {
   assert(!hypotheses.empty());
-  const std::vector<double> trusted_evidence = TrustedEvidence(hypotheses);
+  const std::vector<double> trusted_evidence = TrustedEvidence(hypotheses, effect_error);
   double largest = -1e300;
   for (size_t h = 0; h < hypotheses.size(); ++h) {
     Hypothesis& hypothesis = hypotheses[h];
@@ -74,7 +77,8 @@ std::vector<Hypothesis> Rank(const Context& context, std::vector<Hypothesis> hyp
   Hypothesis none;
   none.fit = context.null;
   hypotheses.push_back(std::move(none));
-  return RankHypotheses(CountsOf(context.settings), std::move(hypotheses));
+  return RankHypotheses(CountsOf(context.settings), std::move(hypotheses),
+                        EffectErrorOf(context.model));
 }
 
 HypothesisCounts CountsOf(const ComparisonSettings& settings) {

@@ -7,6 +7,7 @@
 #include <optional>
 #include <vector>
 
+#include "render_worker/diagnosis/fit/model_error.h"
 #include "render_worker/diagnosis/selection/context.h"
 #include "render_worker/diagnosis/selection/stages/screen.h"
 
@@ -70,6 +71,12 @@ StageResult AddRandomEffectsBeside(const Context& context, std::vector<Hypothesi
 // effect might seem to explain the rest: observation blocks about speckle are left out.
 StageResult AddEffectsBesideVibration(const Context& context, std::vector<Hypothesis> hypotheses);
 
+// Only if the null model is rejected and predictions reject the best named model: looks for a
+// second effect in what the best single one leaves, under the covariance of all hypotheses, and
+// fits both together. FitPairs does so earlier under the null model's covariance, which strong
+// effects make meaningless. Sorted.
+StageResult AddSecondEffect(const Context& context, std::vector<Hypothesis> hypotheses);
+
 // Adds pairs of the best single effect and a model-discrepancy term: an effect that is only near
 // the truth needs such a term, the true one does not. Terms of the effect's own stage, and of all
 // stages if predictions reject the best hypothesis. Sorted.
@@ -90,10 +97,15 @@ HypothesisCounts CountsOf(const ComparisonSettings& settings);
 // and errors of the best effect's modelled change can look like another effect in its place. One
 // more effect, which changes something else, counts in full beyond the gain that such errors could
 // give it.
-std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses);
+// `effect_error_of_all`: relative error of modelled changes that the covariance does not contain.
+std::vector<double> TrustedEvidence(const std::vector<Hypothesis>& hypotheses,
+                                    double effect_error_of_all);
+// kEffectError, or 0 for a corrected model.
+double EffectErrorOf(const SetModel& model);
 // Sets `log_prior` and `probability`, most probable first. `hypotheses`: at least one.
 std::vector<Hypothesis> RankHypotheses(const HypothesisCounts& counts,
-                                       std::vector<Hypothesis> hypotheses);
+                                       std::vector<Hypothesis> hypotheses,
+                                       double effect_error = kEffectError);
 // Adds the null model, drops hypotheses with an effect that is not detected, and ranks the rest.
 std::vector<Hypothesis> Rank(const Context& context, std::vector<Hypothesis> hypotheses);
 
@@ -101,6 +113,13 @@ std::vector<Hypothesis> Rank(const Context& context, std::vector<Hypothesis> hyp
 // effects or terms, and judges the rest (render_worker/evidence/judgement.h). Returns `ranked`,
 // `named`, both checks and the remainder.
 ModelComparison HoldToPredictions(const Context& context, std::vector<Hypothesis> ranked);
+
+// How well the functions of every stage predict the difference from the null model at settings that
+// they were not fitted to (transfer/transfer_score.h). Largest gain first.
+std::vector<StageTransfer> TransferOfStages(const Context& context);
+// The stage of largest gain and the next one, if that is within two standard errors; no stage that
+// predicts worse than the null model.
+std::vector<Stage> StagesByTransfer(const std::vector<StageTransfer>& transfer);
 
 // Effects whose whitened change is parallel to that of the first hypothesis' first effect after the
 // set-up's parameters have absorbed what they can: squared cosine above kSameChange.
